@@ -1,0 +1,168 @@
+"""Rounds of labelling and re-interpolation: from clusters and silhouette to normals (METHOD 4, 6 and "Sheets").
+
+Each round labels sheets against the present field, then interpolates the field afresh from the accepted normals and
+the rim. The first field knows the rim alone; the rounds end when the labels stand still.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tasks.algorithms.confidence import field_confidence, field_growth, observed_confidence
+from tasks.algorithms.field import field_spread, inradius, rim_normals, rim_trust, smooth_field
+from tasks.algorithms.sheets import CERTAIN, evidence, label_sheets, one_per_pixel
+
+if TYPE_CHECKING:
+    from tasks.algorithms.clusters import Clusters
+
+PROVENANCE = ("outside", "observed", "marked", "silhouette", "filled")
+"""Names of the codes in `Reconstruction.provenance`."""
+OUTSIDE, OBSERVED, MARKED, SILHOUETTE, FILLED = range(len(PROVENANCE))
+
+
+@dataclass(frozen=True, slots=True)
+class Marks:
+    """Highlights marked or tracked: pixels (N, 2) int (row, column), half_vectors (N, 3), kind (N,) 1 true, 0 false."""
+
+    pixels: np.ndarray
+    half_vectors: np.ndarray
+    kind: np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class Round:
+    """What one round did: exterior pixels, pixels whose label changed, and the rim's mean trust."""
+
+    exterior: int
+    changed: int
+    rim_trust: float
+
+
+@dataclass(frozen=True, slots=True)
+class Reconstruction:
+    """Labels and normals of one view.
+
+    labels (K, H, W) uint8, 1 = exterior; normals and initial (the silhouette's field) (H, W, 3) float32, unit, NaN
+    outside the mask; provenance (H, W) uint8, codes of PROVENANCE; confidence (H, W) float32, the probability that the
+    angular error is below 5 degrees, NaN outside.
+    """
+
+    labels: np.ndarray
+    normals: np.ndarray
+    initial: np.ndarray
+    provenance: np.ndarray
+    confidence: np.ndarray
+    rounds: tuple[Round, ...]
+
+
+def reconstruct_normals(
+    clusters: "Clusters",
+    mask: np.ndarray,
+    *,
+    marks: Marks | None = None,
+    rounds: int = 10,
+    settled: float = 0.002,
+    strength: float = 8.0,
+    contrast: float = 0.1,
+    prior: float = 0.5,
+    rim_weight: float = 1.0,
+    normal_weight: float = 0.1,
+    tension_length: float = 0.12,
+    near: float = 4.0,
+    growth: float = 25.0,
+    most: float = 30.0,
+    release: float = np.inf,
+    bend: float = 150.0,
+) -> Reconstruction:
+    """Exterior normals of one view from its clusters (region's H, W) and mask (H, W) bool.
+
+    rounds: at most so many; settled: share of the mask whose labels may still change at the end; strength, contrast,
+    prior: see `sheets`; rim_weight, normal_weight: pull of a rim pixel and of an accepted normal on the field;
+    tension_length, near, growth, most (degrees), release (spreads; inf keeps every rim): see `field`.
+    """
+    normals = np.asarray(clusters.normals, dtype=np.float32)
+    if normals.shape[1:3] != mask.shape:
+        raise ValueError(f"clusters of {normals.shape[1:3]} pixels do not fit a mask of {mask.shape}")
+    normals = np.where(mask[None, :, :, None], normals, np.nan)
+    scale = inradius(mask)
+    surface = smooth_field(mask, tension_length)
+    rim, outward = rim_normals(mask)
+    marked, marked_normals, pins = _marks(marks, normals, mask)
+
+    def field_of(known: np.ndarray, values: np.ndarray, trust: np.ndarray) -> np.ndarray:
+        targets = np.where(known[..., None], values, outward)
+        return surface.solve(targets, np.where(known, normal_weight, np.where(rim, rim_weight * trust, 0.0)))
+
+    trust = rim.astype(np.float32)
+    known, values = marked, marked_normals
+    initial = field = field_of(known, values, trust)
+    labels = np.zeros(normals.shape[:3], dtype=bool)
+    ratios = np.full(normals.shape[:3], np.nan, np.float32)
+    spread = field_spread(rim | known, scale, near, growth, most)
+    history: list[Round] = []
+    while len(history) < rounds:
+        spread = field_spread((trust > 0.5) | known, scale, near, growth, most)
+        ratios = np.where(pins != 0, pins * CERTAIN, evidence(normals, field, spread, prior))
+        previous, labels = labels, one_per_pixel(label_sheets(normals, ratios, strength, contrast), ratios)
+        observed = labels.any(axis=0)
+        values = np.where(observed[..., None], _chosen(normals, labels), marked_normals)
+        known = observed | marked
+        if np.isfinite(release) and known.any():
+            alone = field_of(known, values, np.zeros_like(trust))
+            trust = rim_trust(rim & ~known, outward, alone, field_spread(known, scale, near, bend, 90.0), release)
+        field = field_of(known, values, trust)
+        changed = int((previous != labels).any(axis=0).sum())
+        history.append(Round(int(observed.sum()), changed, float(trust[rim].mean()) if rim.any() else 0.0))
+        if changed <= settled * mask.sum():
+            break
+
+    observed = labels.any(axis=0)
+    result = np.where(known[..., None], values, field).astype(np.float32)
+    provenance = np.select(
+        [~mask, marked, observed, rim & (trust > 0.5)], [OUTSIDE, MARKED, OBSERVED, SILHOUETTE], FILLED
+    )
+    growth_here = field_growth(
+        lambda kept: field_of(kept, values, trust), np.where(known[..., None], values, np.nan), scale
+    )
+    sure = observed_confidence(np.where(known[..., None], values, np.nan), scale)
+    believed = known & (np.nan_to_num(sure) >= 0.5)
+    confidence = np.where(known, sure, field_confidence(believed, rim & (trust > 0.5), growth_here, scale))
+    confidence = np.where(marked, 1.0, confidence)
+    return Reconstruction(
+        labels=labels.astype(np.uint8),
+        normals=result,
+        initial=initial,
+        provenance=provenance.astype(np.uint8),
+        confidence=np.where(mask, confidence, np.nan).astype(np.float32),
+        rounds=tuple(history),
+    )
+
+
+def _chosen(normals: np.ndarray, labels: np.ndarray) -> np.ndarray:
+    """The exterior normal of each pixel (H, W, 3), NaN where no node is exterior."""
+    chosen = np.take_along_axis(normals, labels.argmax(axis=0)[None, :, :, None], axis=0)[0]
+    return np.where(labels.any(axis=0)[..., None], chosen, np.nan)
+
+
+def _marks(
+    marks: Marks | None, normals: np.ndarray, mask: np.ndarray, reach: float = 4.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Marked pixels (H, W), their normals (H, W, 3), and the nodes pinned (K, H, W): +1 exterior, -1 false, 0 free.
+
+    A mark pins the clusters of its pixel within `reach` degrees; a true one also rules out the pixel's others.
+    """
+    marked, values = np.zeros(mask.shape, dtype=bool), np.full((*mask.shape, 3), np.nan, np.float32)
+    pins = np.zeros(normals.shape[:3], dtype=np.int8)
+    if marks is None:
+        return marked, values, pins
+    for (row, column), half_vector, kind in zip(marks.pixels, marks.half_vectors, marks.kind, strict=True):
+        if not mask[row, column]:
+            continue
+        near = normals[:, row, column] @ half_vector > np.cos(np.radians(reach))
+        if kind == 1:
+            marked[row, column], values[row, column] = True, half_vector
+            pins[:, row, column] = np.where(near, 1, -1)
+        else:
+            pins[near, row, column] = -1
+    return marked, values, pins
