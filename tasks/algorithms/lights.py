@@ -23,6 +23,9 @@ ACCEPTED, NO_LIGHT, BEHIND, TWO_LIGHTS, AMBIGUOUS, OUTSIDE = range(len(REASONS))
 CANDIDATES = 4
 """Bright blobs kept per frame, those of lights before the object first, larger ones first."""
 
+BROAD, CORE_LOW = 150.0, 0.8
+"""Highlights of more pixels than `BROAD` need no grey outline: their core above `CORE_LOW` is the freest of glare."""
+
 BEHIND_NZ = float(np.cos(np.radians(45.0)))
 """n_z of the ball's normal below which the light is more than 90 degrees from the view vector."""
 
@@ -91,7 +94,7 @@ def static_level(sample: np.ndarray, sphere: Sphere, *, percentile: float = 30.0
 
 
 def measure_highlights(
-    frames: np.ndarray, sphere: Sphere, static: StaticLevel, *, seed: float = 0.6, low: float = 0.25, high: float = 0.75
+    frames: np.ndarray, sphere: Sphere, static: StaticLevel, *, seed: float = 0.6, low: float = 0.25, high: float = 0.75, reach: float = 1.3
 ) -> Highlights:
     """Bright blobs on the ball in a block of frames (T, h, w) uint8 or uint16.
 
@@ -112,7 +115,7 @@ def measure_highlights(
     gain = np.where(unseen, 0.0, 1.0 / np.maximum(room, 1e-6)).astype(np.float32)
     least = np.where(unseen, never, static.level + seed * room).astype(np.float32)
     result = _measure(
-        frames, static.level, gain, least, blind & (slope <= 1.05), _mirrored(sphere, frames.shape[1:]), low, high
+        frames, static.level, gain, least, blind & (slope <= 1.05), _mirrored(sphere, frames.shape[1:]), low, high, reach
     )
     total, extent, bad = result
     return Highlights(unit(total).astype(np.float32), extent, bad / np.maximum(extent, 1.0))
@@ -160,7 +163,7 @@ def find_lights(
     """
     steps = np.unique(np.linspace(0, len(frames) - 1, min(sample, len(frames))).round().astype(int))
     static = static_level(frames[steps], sphere, **_only(parameters, "percentile"))
-    measuring = _only(parameters, "seed", "low", "high")
+    measuring = _only(parameters, "seed", "low", "high", "reach")
     blocks = [
         measure_highlights(frames[start : start + block], sphere, static, **measuring)
         for start in range(0, len(frames), block)
@@ -198,6 +201,39 @@ def _mirrored(sphere: Sphere, shape: tuple[int, ...]) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
+def _trimmed(
+    pixels: np.ndarray, values: np.ndarray, mirrored: np.ndarray, width: int, low: float, high: float, reach: float
+) -> tuple[float, float, float, float]:
+    """Weighted sum of mirrored directions and area, over the pixels within `reach` radii of the blob's own centre.
+
+    The radius is that of a disc of the blob's area: glare streaks lie outside and drop out step by step.
+    """
+    limit = np.inf
+    column = row = x = y = z = area = 0.0
+    for _ in range(20):
+        before = area
+        x = y = z = area = u = v = 0.0
+        for k in range(pixels.size):
+            i, j = pixels[k] // width, pixels[k] % width
+            if (i - row) ** 2 + (j - column) ** 2 > limit:
+                continue
+            weight = min(max((values[k] - low) / (high - low), 0.0), 1.0)
+            x += weight * mirrored[i, j, 0]
+            y += weight * mirrored[i, j, 1]
+            z += weight * mirrored[i, j, 2]
+            u += weight * j
+            v += weight * i
+            area += weight
+        if area <= 0.0:
+            break
+        column, row = u / area, v / area
+        limit = (reach**2 * area) / np.pi + 1.0
+        if abs(area - before) < 1e-6 * area:
+            break
+    return x, y, z, area
+
+
+@njit(cache=True, nogil=True)
 def _measure(
     frames: np.ndarray,
     level: np.ndarray,
@@ -207,6 +243,7 @@ def _measure(
     mirrored: np.ndarray,
     low: float,
     high: float,
+    reach: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     count, height, width = frames.shape
     total = np.zeros((count, CANDIDATES, 3))
@@ -214,24 +251,20 @@ def _measure(
     bad = np.zeros((count, CANDIDATES))
     seen = np.full((height, width), -1, np.int64)
     stack = np.empty(height * width, np.int64)
+    values = np.empty(height * width)
     for t in range(count):
         for row in range(height):
             for column in range(width):
                 if frames[t, row, column] <= least[row, column] or seen[row, column] == t:
                     continue
-                x = y = z = area = unread = 0.0
+                unread = 0.0
                 stack[0] = row * width + column
+                values[0] = (frames[t, row, column] - level[row, column]) * gain[row, column]
                 seen[row, column] = t
-                size = 1
-                while size > 0:
-                    size -= 1
-                    i, j = stack[size] // width, stack[size] % width
-                    value = (frames[t, i, j] - level[i, j]) * gain[i, j]
-                    weight = min(max((value - low) / (high - low), 0.0), 1.0)
-                    x += weight * mirrored[i, j, 0]
-                    y += weight * mirrored[i, j, 1]
-                    z += weight * mirrored[i, j, 2]
-                    area += weight
+                size, done = 1, 0
+                while done < size:
+                    i, j = stack[done] // width, stack[done] % width
+                    done += 1
                     if i == 0 or j == 0 or i == height - 1 or j == width - 1:
                         unread += 1.0
                     for a in range(max(i - 1, 0), min(i + 2, height)):
@@ -241,10 +274,16 @@ def _measure(
                             if blind[a, b]:
                                 seen[a, b] = t
                                 unread += 1.0
-                            elif (frames[t, a, b] - level[a, b]) * gain[a, b] > low:
-                                seen[a, b] = t
-                                stack[size] = a * width + b
-                                size += 1
+                            else:
+                                value = (frames[t, a, b] - level[a, b]) * gain[a, b]
+                                if value > low:
+                                    seen[a, b] = t
+                                    stack[size] = a * width + b
+                                    values[size] = value
+                                    size += 1
+                x, y, z, area = _trimmed(stack[:size], values[:size], mirrored, width, low, high, reach)
+                if area > BROAD:
+                    x, y, z, area = _trimmed(stack[:size], values[:size], mirrored, width, CORE_LOW, 1.0, reach)
                 ahead = z >= 0.0
                 for slot in range(CANDIDATES):
                     kept = total[t, slot, 2] >= 0.0 and extent[t, slot] > 0.0
