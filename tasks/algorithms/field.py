@@ -134,19 +134,3 @@ def field_spread(
         return np.full(known.shape, np.radians(most))
     distance = ndimage.distance_transform_edt(~known)
     return np.radians(np.minimum(near + growth * distance / max(scale, 1.0), most))
-
-
-def rim_trust(
-    rim: np.ndarray, normals: np.ndarray, extrapolated: np.ndarray, spread: np.ndarray, limit: float = 3.0
-) -> np.ndarray:
-    """How far each rim pixel is believed to be an occluding contour, 0 to 1 (H, W) float32.
-
-    A crease or a cut-off (the flat end of a cylinder, a lip, a foot) ends the silhouette while the surface still faces
-    the camera. There the field `extrapolated` (H, W, 3) from accepted highlights alone contradicts the rim's `normals`
-    by more than `limit` of its own `spread` (H, W) in radians; the contradiction is averaged along the rim.
-    """
-    cosine = np.clip((normals * extrapolated).sum(axis=-1), -1.0, 1.0)
-    surprise = np.where(rim, np.arccos(cosine) / spread, 0.0)
-    share = ndimage.gaussian_filter(rim.astype(np.float32), 3.0)
-    average = ndimage.gaussian_filter(surprise.astype(np.float32), 3.0) / np.maximum(share, 1e-6)
-    return np.where(rim, 1.0 / (1.0 + (average / limit) ** 8), 0.0).astype(np.float32)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tasks.algorithms.confidence import field_confidence, field_growth, observed_confidence
-from tasks.algorithms.field import field_spread, inradius, rim_normals, rim_trust, smooth_field
+from tasks.algorithms.curvature import shape_evidence
+from tasks.algorithms.field import field_spread, inradius, rim_normals, smooth_field
 from tasks.algorithms.sheets import CERTAIN, evidence, label_sheets, one_per_pixel
 
 if TYPE_CHECKING:
@@ -32,11 +33,10 @@ class Marks:
 
 @dataclass(frozen=True, slots=True)
 class Round:
-    """What one round did: exterior pixels, pixels whose label changed, and the rim's mean trust."""
+    """What one round did: how many pixels have an exterior node, and how many changed their labels."""
 
     exterior: int
     changed: int
-    rim_trust: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,23 +63,22 @@ def reconstruct_normals(
     marks: Marks | None = None,
     rounds: int = 10,
     settled: float = 0.002,
-    strength: float = 8.0,
+    strength: float = 10.0,
     contrast: float = 0.1,
     prior: float = 0.5,
+    shape_weight: float = 1.0,
     rim_weight: float = 1.0,
     normal_weight: float = 0.1,
     tension_length: float = 0.12,
     near: float = 4.0,
     growth: float = 25.0,
     most: float = 30.0,
-    release: float = np.inf,
-    bend: float = 150.0,
 ) -> Reconstruction:
     """Exterior normals of one view from its clusters (region's H, W) and mask (H, W) bool.
 
     rounds: at most so many; settled: share of the mask whose labels may still change at the end; strength, contrast,
-    prior: see `sheets`; rim_weight, normal_weight: pull of a rim pixel and of an accepted normal on the field;
-    tension_length, near, growth, most (degrees), release (spreads; inf keeps every rim): see `field`.
+    prior: see `sheets`; shape_weight: of `shape_evidence`; rim_weight, normal_weight: pull of a rim pixel and of an accepted normal on the field;
+    tension_length, near, growth, most (degrees): see `field`.
     """
     normals = np.asarray(clusters.normals, dtype=np.float32)
     if normals.shape[1:3] != mask.shape:
@@ -88,47 +87,36 @@ def reconstruct_normals(
     scale = inradius(mask)
     surface = smooth_field(mask, tension_length)
     rim, outward = rim_normals(mask)
+    shape = shape_weight * shape_evidence(normals, scale)
     marked, marked_normals, pins = _marks(marks, normals, mask)
 
-    def field_of(known: np.ndarray, values: np.ndarray, trust: np.ndarray) -> np.ndarray:
+    def field_of(known: np.ndarray, values: np.ndarray) -> np.ndarray:
         targets = np.where(known[..., None], values, outward)
-        return surface.solve(targets, np.where(known, normal_weight, np.where(rim, rim_weight * trust, 0.0)))
+        return surface.solve(targets, np.where(known, normal_weight, np.where(rim, rim_weight, 0.0)))
 
-    trust = rim.astype(np.float32)
     known, values = marked, marked_normals
-    initial = field = field_of(known, values, trust)
+    initial = field = field_of(known, values)
     labels = np.zeros(normals.shape[:3], dtype=bool)
-    ratios = np.full(normals.shape[:3], np.nan, np.float32)
-    spread = field_spread(rim | known, scale, near, growth, most)
     history: list[Round] = []
     while len(history) < rounds:
-        spread = field_spread((trust > 0.5) | known, scale, near, growth, most)
-        ratios = np.where(pins != 0, pins * CERTAIN, evidence(normals, field, spread, prior))
+        spread = field_spread(rim | known, scale, near, growth, most)
+        ratios = np.where(pins != 0, pins * CERTAIN, evidence(normals, field, spread, prior) + shape)
         previous, labels = labels, one_per_pixel(label_sheets(normals, ratios, strength, contrast), ratios)
         observed = labels.any(axis=0)
-        values = np.where(observed[..., None], _chosen(normals, labels), marked_normals)
-        known = observed | marked
-        if np.isfinite(release) and known.any():
-            alone = field_of(known, values, np.zeros_like(trust))
-            trust = rim_trust(rim & ~known, outward, alone, field_spread(known, scale, near, bend, 90.0), release)
-        field = field_of(known, values, trust)
+        known, values = observed | marked, np.where(observed[..., None], _chosen(normals, labels), marked_normals)
+        field = field_of(known, values)
         changed = int((previous != labels).any(axis=0).sum())
-        history.append(Round(int(observed.sum()), changed, float(trust[rim].mean()) if rim.any() else 0.0))
+        history.append(Round(int(observed.sum()), changed))
         if changed <= settled * mask.sum():
             break
 
-    observed = labels.any(axis=0)
     result = np.where(known[..., None], values, field).astype(np.float32)
-    provenance = np.select(
-        [~mask, marked, observed, rim & (trust > 0.5)], [OUTSIDE, MARKED, OBSERVED, SILHOUETTE], FILLED
-    )
-    growth_here = field_growth(
-        lambda kept: field_of(kept, values, trust), np.where(known[..., None], values, np.nan), scale
-    )
-    sure = observed_confidence(np.where(known[..., None], values, np.nan), scale)
-    believed = known & (np.nan_to_num(sure) >= 0.5)
-    confidence = np.where(known, sure, field_confidence(believed, rim & (trust > 0.5), growth_here, scale))
-    confidence = np.where(marked, 1.0, confidence)
+    provenance = np.select([~mask, marked, known, rim], [OUTSIDE, MARKED, OBSERVED, SILHOUETTE], FILLED)
+    accepted = np.where(known[..., None], values, np.nan)
+    sure = observed_confidence(accepted, scale)
+    growing = field_growth(lambda kept: field_of(kept, values), accepted, scale)
+    between = field_confidence(known & (np.nan_to_num(sure) >= 0.5), rim, growing, scale)
+    confidence = np.where(marked, 1.0, np.where(known, sure, between))
     return Reconstruction(
         labels=labels.astype(np.uint8),
         normals=result,

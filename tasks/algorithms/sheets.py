@@ -73,7 +73,7 @@ def _ties(
     return first[:size], second[:size], weight[:size]
 
 
-def label_sheets(normals: np.ndarray, ratios: np.ndarray, strength: float = 8.0, contrast: float = 0.1) -> np.ndarray:
+def label_sheets(normals: np.ndarray, ratios: np.ndarray, strength: float = 10.0, contrast: float = 0.1) -> np.ndarray:
     """Labels (K, H, W) bool of least energy: true = exterior surface.
 
     normals (K, H, W, 3) unit, NaN where a pixel has no such cluster; ratios (K, H, W) log likelihood ratios. Two

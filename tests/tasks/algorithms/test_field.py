@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tasks.algorithms.field import field_spread, inradius, rim_normals, rim_trust, smooth_field
+from tasks.algorithms.field import field_spread, inradius, rim_normals, smooth_field
 from tasks.algorithms.geometry import angles
 
 
@@ -81,15 +81,6 @@ def test_spread_grows_with_the_distance_and_stops() -> None:
     spread = np.degrees(field_spread(known, scale=50.0, near=4.0, growth=25.0, most=30.0))
     assert np.allclose(spread[:, 0], 4.0) and np.allclose(spread[:, 50], 29.0) and np.allclose(spread[:, 150], 30.0)
     assert np.allclose(np.degrees(field_spread(np.zeros((3, 3), dtype=bool), 10.0, most=30.0)), 30.0)
-
-
-def test_a_crease_loses_trust_and_a_contour_keeps_it() -> None:
-    mask, truth = disc()
-    rim, normals = rim_normals(mask)
-    spread = np.full(mask.shape, np.radians(10.0))
-    assert rim_trust(rim, normals, normals, spread)[rim].min() > 0.99
-    facing = np.broadcast_to(np.array([0.0, 0.0, 1.0], np.float32), truth.shape)
-    assert rim_trust(rim, normals, facing, spread)[rim].max() < 0.05
 
 
 def test_inradius_of_a_disc_is_its_radius() -> None:
