@@ -21,10 +21,11 @@ from tasks.algorithms.integration_solver import solve
 
 FLOOR = 0.01
 """Least cosine between a normal and the line of sight in slopes: a steep rim may rise by a hundred pixels per pixel."""
-SHARPNESS = 16.0
+SHARPNESS = 5.0
 """Slope of the sigmoid between a pixel's two sides, per square pixel of misfit along the normal."""
-WEIGHT_POWER, RISE_POWER = 2.0, 2.0
-"""Powers of that cosine with which a pixel weighs an edge, and with which the two ends' predictions are averaged."""
+WEIGHT_POWER, RISE_POWER = 2.0, 1.0
+"""Powers of that cosine with which a pixel weighs an edge, and with which the two ends' predictions are averaged: at 1
+the average is the rise by the mean of the two normals, which is exact on circular arcs."""
 BLIND = 1e-4
 """Weight of a pixel without a normal or of no confidence: it follows its neighbours and hardly pulls them."""
 KEEP = 1e-10
@@ -70,7 +71,7 @@ def integrate(
     camera: np.ndarray | None = None,
     sharpness: float = SHARPNESS,
     floor: float = FLOOR,
-    rounds: int = 12,
+    rounds: int = 10,
     tolerance: float = 1e-3,
 ) -> Depth:
     """Integrate normals (H, W, 3; camera frame: x right, y up, z to the camera) over the mask (H, W).
