@@ -69,6 +69,7 @@ def reconstruct_normals(
     shape_weight: float = 1.0,
     rim_weight: float = 1.0,
     normal_weight: float = 0.1,
+    mark_weight: float = 10.0,
     tension_length: float = 0.12,
     near: float = 4.0,
     growth: float = 25.0,
@@ -77,7 +78,8 @@ def reconstruct_normals(
     """Exterior normals of one view from its clusters (region's H, W) and mask (H, W) bool.
 
     rounds: at most so many; settled: share of the mask whose labels may still change at the end; strength, contrast,
-    prior: see `sheets`; shape_weight: of `shape_evidence`; rim_weight, normal_weight: pull of a rim pixel and of an accepted normal on the field;
+    prior: see `sheets`; shape_weight: of `shape_evidence`; rim_weight, normal_weight, mark_weight: pull of a rim
+    pixel, an accepted and a marked normal on the field;
     tension_length, near, growth, most (degrees): see `field`.
     """
     normals = np.asarray(clusters.normals, dtype=np.float32)
@@ -92,7 +94,8 @@ def reconstruct_normals(
 
     def field_of(known: np.ndarray, values: np.ndarray) -> np.ndarray:
         targets = np.where(known[..., None], values, outward)
-        return surface.solve(targets, np.where(known, normal_weight, np.where(rim, rim_weight, 0.0)))
+        weights = np.where(known, normal_weight, np.where(rim, rim_weight, 0.0))
+        return surface.solve(targets, np.where(marked, mark_weight, weights))
 
     known, values = marked, marked_normals
     initial = field = field_of(known, values)
@@ -134,7 +137,7 @@ def _chosen(normals: np.ndarray, labels: np.ndarray) -> np.ndarray:
 
 
 def _marks(
-    marks: Marks | None, normals: np.ndarray, mask: np.ndarray, reach: float = 4.0
+    marks: Marks | None, normals: np.ndarray, mask: np.ndarray, reach: float = 6.0
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Marked pixels (H, W), their normals (H, W, 3), and the nodes pinned (K, H, W): +1 exterior, -1 false, 0 free.
 
