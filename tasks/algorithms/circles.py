@@ -1,0 +1,178 @@
+"""Circles in pictures: seeds by voting along gradients, and an outline score that is fitted below a pixel."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numba import njit
+
+ARC = 3
+"""Pixels per arc of an outline: each arc counts by how coherent its edge is, not by how strong."""
+
+SIDE = 2.0
+"""Pixels to either side of the outline where the radial gradient must be weaker: shading has no edge there."""
+
+
+HORIZON, HORIZON_WEIGHT = float(np.sin(np.radians(45.0))), 0.25
+"""On a mirror ball the plane through it across the view (lamps before the object, the table's far parts) shows here."""
+
+
+@dataclass(frozen=True, slots=True)
+class EdgePicture:
+    """Gradient of the logarithm of a picture: `gradient` (2, H, W) float32 (x, y) and its usual magnitude."""
+
+    gradient: np.ndarray
+    floor: float
+
+
+def edge_picture(picture: np.ndarray, *, sigma: float = 0.8, dark: float = 4.0) -> EdgePicture:
+    """Gradient of log(picture + dark), so that an edge in the dark counts as much as one in the light."""
+    smooth = cv2.GaussianBlur(np.log(picture.astype(np.float32) + np.float32(dark)), (0, 0), sigma)
+    gradient = np.stack([cv2.Sobel(smooth, cv2.CV_32F, *axes, scale=0.125) for axes in ((1, 0), (0, 1))])
+    return EdgePicture(gradient, max(float(np.median(np.hypot(*gradient))), 0.004))
+
+
+def votes(edges: EdgePicture, radii: np.ndarray) -> np.ndarray:
+    """Votes (R, H, W) float32 of the edge pixels for circles of each radius: the share of the outline that is seen."""
+    gx, gy = edges.gradient
+    strength = np.hypot(gx, gy)
+    nx, ny = gx / (strength + 1e-9), gy / (strength + 1e-9)
+    rows, columns = np.mgrid[: strength.shape[0], : strength.shape[1]].astype(np.float32)
+    ahead = cv2.remap(strength, columns + nx, rows + ny, cv2.INTER_LINEAR)
+    behind = cv2.remap(strength, columns - nx, rows - ny, cv2.INTER_LINEAR)
+    ridge = (strength >= ahead) & (strength > behind) & (strength > 1.5 * edges.floor)
+    ridge[:2] = ridge[-2:] = ridge[:, :2] = ridge[:, -2:] = False
+    y, x = np.nonzero(ridge)
+    result = np.zeros((len(radii), *strength.shape), np.float32)
+    weight = strength[ridge] / (strength[ridge] + 4.0 * edges.floor)
+    for accumulator, radius in zip(result, radii, strict=True):
+        _vote(x, y, nx[ridge], ny[ridge], weight, float(radius), accumulator)
+        cv2.GaussianBlur(accumulator, (0, 0), 1.2, dst=accumulator)
+        accumulator /= 2.0 * np.pi * radius / 9.0
+    return result
+
+
+def peaks(accumulator: np.ndarray, radii: np.ndarray, most: int) -> list[tuple[float, float, float]]:
+    """The strongest circles (x, y, radius) of an accumulator (R, H, W), one per neighbourhood of position and radius."""
+    spread = cv2.dilate(accumulator.max(axis=0), np.ones((7, 7), np.uint8))
+    best = accumulator.max(axis=0)
+    y, x = np.nonzero((best == spread) & (best > 0))
+    order = np.argsort(-best[y, x])[:most]
+    found = []
+    for row, column in zip(y[order], x[order], strict=True):
+        line = accumulator[:, max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2].max(axis=(1, 2))
+        tops = [k for k in range(len(line)) if line[k] == line[max(k - 2, 0) : k + 3].max()]
+        tops.sort(key=lambda k: -line[k])
+        found += [(float(column), float(row), float(radii[k])) for k in tops[:3]]
+    return found
+
+
+def outline(edges: list[EdgePicture], x: float, y: float, radius: float) -> float:
+    """Share 0..1 of the circle's arcs along which the pictures have a coherent edge."""
+    return max(float(_outline(*_stack(edges), x, y, radius)), 0.0)
+
+
+def fit_outline(
+    edges: list[EdgePicture], x: float, y: float, least: float, largest: float, *, reach: float, step: float
+) -> tuple[float, float, float, float]:
+    """Circle (x, y, radius, score) of the best outline within `reach` of a centre and between two radii."""
+    return _search(*_stack(edges), x, y, least, largest, reach, step)
+
+
+def _stack(edges: list[EdgePicture]) -> tuple[np.ndarray, np.ndarray]:
+    return np.stack([picture.gradient for picture in edges]), np.array([picture.floor for picture in edges], np.float32)
+
+
+@njit(cache=True, nogil=True)
+def _vote(
+    x: np.ndarray, y: np.ndarray, nx: np.ndarray, ny: np.ndarray, weight: np.ndarray, radius: float, into: np.ndarray
+) -> None:
+    height, width = into.shape
+    for k in range(x.size):
+        for side in (-radius, radius):
+            column, row = int(np.rint(x[k] + side * nx[k])), int(np.rint(y[k] + side * ny[k]))
+            if 0 <= row < height and 0 <= column < width:
+                into[row, column] += weight[k]
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _outline(gradient: np.ndarray, floor: np.ndarray, x: float, y: float, radius: float) -> float:
+    pictures, _, height, width = gradient.shape
+    arcs = max(12, int(2.0 * np.pi * radius / ARC))
+    score = 0.0
+    for arc in range(arcs):
+        best = 0.0
+        for p in range(pictures):
+            along = np.zeros(3)
+            whole = 0.0
+            seen = 0
+            for k in range(ARC):
+                angle = 2.0 * np.pi * (arc + (k + 0.5) / ARC) / arcs
+                c, s = np.cos(angle), np.sin(angle)
+                for side in range(3):
+                    distance = radius + (side - 1) * SIDE
+                    u, v = x + distance * c, y + distance * s
+                    i, j = int(np.floor(v)), int(np.floor(u))
+                    if i < 0 or j < 0 or i >= height - 1 or j >= width - 1:
+                        continue
+                    fy, fx = v - i, u - j
+                    a, b = (1 - fx) * (1 - fy), fx * (1 - fy)
+                    d, e = (1 - fx) * fy, fx * fy
+                    gx = a * gradient[p, 0, i, j] + b * gradient[p, 0, i, j + 1]
+                    gx += d * gradient[p, 0, i + 1, j] + e * gradient[p, 0, i + 1, j + 1]
+                    gy = a * gradient[p, 1, i, j] + b * gradient[p, 1, i, j + 1]
+                    gy += d * gradient[p, 1, i + 1, j] + e * gradient[p, 1, i + 1, j + 1]
+                    along[side] += gx * c + gy * s
+                    if side == 1:
+                        whole += np.hypot(gx, gy)
+                        seen += 1
+            if seen == 0:
+                continue
+            sharp = abs(along[1]) - 0.5 * (abs(along[0]) + abs(along[2]))
+            best += max(sharp, 0.0) / (whole + 3.0 * seen * floor[p]) / pictures
+        score += best
+    return score / arcs
+
+
+@njit(cache=True, nogil=True)
+def _ball(gradient: np.ndarray, floor: np.ndarray, x: float, y: float, radius: float) -> float:
+    horizon = _outline(gradient, floor, x, y, HORIZON * radius)
+    return _outline(gradient, floor, x, y, radius) + HORIZON_WEIGHT * horizon
+
+
+@njit(cache=True, nogil=True)
+def _search(
+    gradient: np.ndarray,
+    floor: np.ndarray,
+    x: float,
+    y: float,
+    least: float,
+    largest: float,
+    reach: float,
+    step: float,
+) -> tuple[float, float, float, float]:
+    best = (x, y, 0.5 * (least + largest), -1.0)
+    side = int(np.ceil(reach / step))
+    radii = int(np.ceil((largest - least) / step))
+    for k in range(radii + 1):
+        radius = least + k * step
+        for i in range(-side, side + 1):
+            for j in range(-side, side + 1):
+                score = _ball(gradient, floor, x + j * step, y + i * step, radius)
+                if score > best[3]:
+                    best = (x + j * step, y + i * step, radius, score)
+    finer = step
+    while finer > 0.02:
+        finer *= 0.5
+        for _ in range(3):
+            centre = best
+            for k in range(-1, 2):
+                for i in range(-1, 2):
+                    for j in range(-1, 2):
+                        u, v, r = centre[0] + j * finer, centre[1] + i * finer, centre[2] + k * finer
+                        score = _ball(gradient, floor, u, v, r)
+                        if score > best[3]:
+                            best = (u, v, r, score)
+            if best == centre:
+                break
+    return best
