@@ -1,7 +1,7 @@
 """Rounds of labelling and re-interpolation: from clusters and silhouette to normals (METHOD 4, 6 and "Sheets").
 
-Each round labels sheets against the present field, then interpolates the field afresh from the accepted normals and
-the rim. The first field knows the rim alone; the rounds end when the labels stand still.
+Each round labels sheets against the present field, then interpolates the field afresh from the accepted normals that
+can be believed and the rim. The first field knows the rim alone; the rounds end when the labels stand still.
 """
 
 from dataclasses import dataclass
@@ -74,13 +74,14 @@ def reconstruct_normals(
     near: float = 4.0,
     growth: float = 25.0,
     most: float = 30.0,
+    believed: float = 0.5,
 ) -> Reconstruction:
     """Exterior normals of one view from its clusters (region's H, W) and mask (H, W) bool.
 
     rounds: at most so many; settled: share of the mask whose labels may still change at the end; strength, contrast,
-    prior: see `sheets`; shape_weight: of `shape_evidence`; rim_weight, normal_weight, mark_weight: pull of a rim
-    pixel, an accepted and a marked normal on the field;
-    tension_length, near, growth, most (degrees): see `field`.
+    prior: see `sheets`; shape_weight: of `shape_evidence`; rim_weight, normal_weight, mark_weight: pull on the
+    field of a rim pixel, an accepted normal, and a mark without a cluster; tension_length, near, growth, most (degrees):
+    see `field`; believed: least confidence of an accepted normal that may pull on the field.
     """
     normals = np.asarray(clusters.normals, dtype=np.float32)
     if normals.shape[1:3] != mask.shape:
@@ -91,38 +92,37 @@ def reconstruct_normals(
     rim, outward = rim_normals(mask)
     shape = shape_weight * shape_evidence(normals, scale)
     marked, marked_normals, pins = _marks(marks, normals, mask)
+    labels = np.zeros(normals.shape[:3], dtype=bool)
 
     def field_of(known: np.ndarray, values: np.ndarray) -> np.ndarray:
         targets = np.where(known[..., None], values, outward)
         weights = np.where(known, normal_weight, np.where(rim, rim_weight, 0.0))
-        return surface.solve(targets, np.where(marked, mark_weight, weights))
+        return surface.solve(targets, np.where(marked & ~labels.any(axis=0), mark_weight, weights))
 
-    known, values = marked, marked_normals
+    known, values, sure = marked, marked_normals, np.where(marked, 1.0, np.nan)
     initial = field = field_of(known, values)
-    labels = np.zeros(normals.shape[:3], dtype=bool)
     history: list[Round] = []
     while len(history) < rounds:
         spread = field_spread(rim | known, scale, near, growth, most)
         ratios = np.where(pins != 0, pins * CERTAIN, evidence(normals, field, spread, prior) + shape)
         previous, labels = labels, one_per_pixel(label_sheets(normals, ratios, strength, contrast), ratios)
         observed = labels.any(axis=0)
-        known, values = observed | marked, np.where(observed[..., None], _chosen(normals, labels), marked_normals)
+        values = np.where(observed[..., None], _chosen(normals, labels), marked_normals)
+        sure = np.where(marked, 1.0, observed_confidence(values, scale))
+        known = sure >= believed
         field = field_of(known, values)
         changed = int((previous != labels).any(axis=0).sum())
         history.append(Round(int(observed.sum()), changed))
         if changed <= settled * mask.sum():
             break
 
-    result = np.where(known[..., None], values, field).astype(np.float32)
-    provenance = np.select([~mask, marked, known, rim], [OUTSIDE, MARKED, OBSERVED, SILHOUETTE], FILLED)
-    accepted = np.where(known[..., None], values, np.nan)
-    sure = observed_confidence(accepted, scale)
-    growing = field_growth(lambda kept: field_of(kept, values), accepted, scale)
-    between = field_confidence(known & (np.nan_to_num(sure) >= 0.5), rim, growing, scale)
-    confidence = np.where(marked, 1.0, np.where(known, sure, between))
+    accepted = np.isfinite(sure)
+    growing = field_growth(lambda kept: field_of(kept, values), np.where(known[..., None], values, np.nan), scale)
+    confidence = np.where(accepted, sure, field_confidence(known, rim, growing, scale))
+    provenance = np.select([~mask, marked, accepted, rim], [OUTSIDE, MARKED, OBSERVED, SILHOUETTE], FILLED)
     return Reconstruction(
         labels=labels.astype(np.uint8),
-        normals=result,
+        normals=np.where(accepted[..., None], values, field).astype(np.float32),
         initial=initial,
         provenance=provenance.astype(np.uint8),
         confidence=np.where(mask, confidence, np.nan).astype(np.float32),

@@ -29,6 +29,7 @@ ABLATIONS: dict[str, dict[str, Any]] = {
     "default": {},
     "no shape evidence": {"shape_weight": 0.0},
     "no ties between neighbours": {"strength": 0.0},
+    "every accepted normal pulls": {"believed": 0.0},
     "one round": {"rounds": 1},
     "no tension": {"tension_length": 100.0},
     "spread that does not grow": {"growth": 0.0},
