@@ -80,7 +80,7 @@ def reconstruct_normals(
 
     rounds: at most so many; settled: share of the mask whose labels may still change at the end; strength, contrast,
     prior: see `sheets`; shape_weight: of `shape_evidence`; rim_weight, normal_weight, mark_weight: pull on the
-    field of a rim pixel, an accepted normal, and a mark without a cluster; tension_length, near, growth, most (degrees):
+    field of a rim pixel, an accepted normal and a mark without cluster; tension_length, near, growth, most (degrees):
     see `field`; believed: least confidence of an accepted normal that may pull on the field.
     """
     normals = np.asarray(clusters.normals, dtype=np.float32)
@@ -103,7 +103,7 @@ def reconstruct_normals(
     initial = field = field_of(known, values)
     history: list[Round] = []
     while len(history) < rounds:
-        spread = field_spread(rim | known, scale, near, growth, most)
+        spread = field_spread(rim | (known & labels.any(axis=0)), scale, near, growth, most)
         ratios = np.where(pins != 0, pins * CERTAIN, evidence(normals, field, spread, prior) + shape)
         previous, labels = labels, one_per_pixel(label_sheets(normals, ratios, strength, contrast), ratios)
         observed = labels.any(axis=0)
