@@ -1,0 +1,100 @@
+"""Meshes and pictures, named by their content: STORE/blobs/sha256/<two digits>/<sha256>.
+
+A blob is written before the commit that names it and never changed, so a reader of a version finds what it names.
+"""
+
+import hashlib
+import os
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import obstore
+from obstore.exceptions import AlreadyExistsError
+
+from storage.errors import StoreError
+from storage.faults import store_faults
+
+if TYPE_CHECKING:
+    from storage.location import Location
+
+
+@dataclass(frozen=True, slots=True)
+class BlobReference:
+    """Where a blob is (`key`, from the store's root), what its bytes must be, and their media type."""
+
+    key: str
+    sha256: str
+    size: int
+    media_type: str
+
+
+def put(location: "Location", data: bytes, media_type: str) -> BlobReference:
+    """Store `data`; storing the same bytes again, or from two processes at once, is harmless.
+
+    Raises:
+        StoreError: the store cannot be written.
+    """
+    digest = hashlib.sha256(data).hexdigest()
+    reference = BlobReference(_key(digest), digest, len(data), media_type)
+    with store_faults(location.uri, f"writing a blob of {len(data):,} bytes"):
+        store = location.obstore()
+        try:
+            obstore.put(store, reference.key, data, mode="create", use_multipart=False)
+        except AlreadyExistsError:
+            if obstore.head(store, reference.key)["size"] != len(data):
+                obstore.put(store, reference.key, data, use_multipart=False)
+        _flush(location, reference.key)
+    return reference
+
+
+def get(location: "Location", reference: BlobReference) -> bytes:
+    """The blob's bytes, verified.
+
+    Raises:
+        StoreError: it is missing, or its bytes are not those that were stored.
+    """
+    with store_faults(location.uri, f"reading blob {reference.sha256[:12]}"):
+        try:
+            data = bytes(obstore.get(location.obstore(), _checked_key(reference)).bytes())
+        except FileNotFoundError as error:
+            raise StoreError(f"blob {reference.key} is missing from {location.uri}", _LOST) from error
+    if len(data) != reference.size or hashlib.sha256(data).hexdigest() != reference.sha256:
+        raise StoreError(f"blob {reference.key} at {location.uri} does not hold the bytes that were stored", _LOST)
+    return data
+
+
+def exists(location: "Location", reference: BlobReference) -> bool:
+    """Whether the blob is there with its size."""
+    with store_faults(location.uri, f"looking for blob {reference.sha256[:12]}"):
+        try:
+            return bool(obstore.head(location.obstore(), _checked_key(reference))["size"] == reference.size)
+        except FileNotFoundError:
+            return False
+
+
+_LOST = "restore the store's blobs from a backup, or delete the file and run the object again"
+
+
+def _key(digest: str) -> str:
+    return f"blobs/sha256/{digest[:2]}/{digest}"
+
+
+def _checked_key(reference: BlobReference) -> str:
+    """The reference's key, unless what was read from the store names another place than its digest does."""
+    if not re.fullmatch(r"[0-9a-f]{64}", reference.sha256) or reference.key != _key(reference.sha256):
+        raise StoreError(f"blob reference {reference.key!r} does not follow from its digest", _LOST)
+    return reference.key
+
+
+def _flush(location: "Location", key: str) -> None:
+    """Bytes and name on the disk itself before the blob is acknowledged, on a local store."""
+    if location.local is None:
+        return
+    path = location.local / key
+    for part in (path, path.parent):
+        handle = os.open(part, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)

@@ -1,0 +1,136 @@
+"""Locks beside an object's repository in a local store: around every mutation, and around a whole run of the object.
+
+They are held by the operating system on behalf of the process, so a killed process leaves none behind.
+"""
+
+import fcntl
+import json
+import os
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from storage.errors import StoreError
+from storage.faults import store_faults
+
+if TYPE_CHECKING:
+    from storage.location import Location
+
+
+@dataclass(frozen=True, slots=True)
+class Holder:
+    """Who works on an object: process, machine, since when (ISO 8601, UTC) and the run's name."""
+
+    pid: int
+    host: str
+    since: str
+    run: str = ""
+
+    def __str__(self) -> str:
+        return f"process {self.pid} on {self.host} since {self.since}" + (f", run {self.run}" if self.run else "")
+
+
+class ObjectBusy(StoreError):  # noqa: N818 - a state of the object, told as such
+    """Another run works on the object."""
+
+
+@contextmanager
+def mutation_lock(location: "Location", object_id: str) -> Iterator[None]:
+    """Wait for, then hold, the right to change an object's repository.
+
+    A local file system lets two committers overwrite each other silently. Object stores refuse the second one
+    themselves, so there nothing is locked.
+    """
+    if location.local is None:
+        yield
+        return
+    with _open(location, object_id, "repo.lock") as handle:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+
+
+@contextmanager
+def run_lock(
+    location: "Location",
+    object_id: str,
+    run: str = "",
+    wait_seconds: float = 0.0,
+    on_wait: Callable[[Holder | None], None] | None = None,
+) -> Iterator[None]:
+    """Hold an object for one run; another run waits up to `wait_seconds` (`on_wait` is told once who holds it).
+
+    Raises:
+        ObjectBusy: the other run did not end in time.
+    """
+    if location.local is None:
+        yield
+        return
+    with _open(location, object_id, "run.lock") as handle:
+        _wait_for(handle, object_id, time.monotonic() + wait_seconds, on_wait)
+        holder = Holder(os.getpid(), socket.gethostname(), datetime.now(UTC).isoformat(timespec="seconds"), run)
+        os.ftruncate(handle, 0)
+        os.pwrite(handle, json.dumps(asdict(holder)).encode(), 0)
+        try:
+            yield
+        finally:
+            os.ftruncate(handle, 0)
+
+
+def run_holder(location: "Location", object_id: str) -> Holder | None:
+    """Who runs the object now, or None."""
+    if location.local is None or not _path(location.local, object_id, "run.lock").exists():
+        return None
+    with _open(location, object_id, "run.lock") as handle:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return _holder(handle)
+        return None
+
+
+def _wait_for(handle: int, object_id: str, deadline: float, on_wait: Callable[[Holder | None], None] | None) -> None:
+    told = False
+    while True:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return
+        except BlockingIOError as error:
+            holder = _holder(handle)
+            if time.monotonic() >= deadline:
+                raise ObjectBusy(
+                    f"object {object_id} is being worked on by {holder or 'another process'}",
+                    "wait for that run to end, or stop it",
+                ) from error
+            if on_wait is not None and not told:
+                on_wait(holder)
+                told = True
+            time.sleep(min(0.2, max(0.01, deadline - time.monotonic())))
+
+
+def _holder(handle: int) -> Holder | None:
+    try:
+        return Holder(**json.loads(os.pread(handle, 4096, 0)))
+    except (ValueError, TypeError):
+        return None
+
+
+def _path(root: Path, object_id: str, name: str) -> Path:
+    return root / "objects" / object_id / name
+
+
+@contextmanager
+def _open(location: "Location", object_id: str, name: str) -> Iterator[int]:
+    assert location.local is not None
+    path = _path(location.local, object_id, name)
+    with store_faults(location.uri, f"locking object {object_id}"):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    try:
+        yield handle
+    finally:
+        os.close(handle)
