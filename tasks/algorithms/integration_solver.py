@@ -14,26 +14,17 @@ from scipy.sparse.linalg import LinearOperator, cg
 
 COARSEST = 6
 """Longest side of the coarsest level, which is swept until solved."""
-OVERCORRECTION = 1.8
+OVERCORRECTION = np.float32(1.8)
 """Blocks are constant inside, which makes the coarse graph too stiff: its corrections are scaled up by this."""
 
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """One level of the hierarchy: the graph's weights and the Laplacian's diagonal, each (H, W) float64."""
+    """A level of the hierarchy, with a border of zeros: weights and inverse diagonal, each (H + 2, W + 2) float32."""
 
-    across: np.ndarray
     down: np.ndarray
-    diagonal: np.ndarray
-
-
-def hierarchy(across: np.ndarray, down: np.ndarray) -> list[Level]:
-    """Levels of the grid graph, the finest first."""
-    levels = [Level(across, down, _diagonal(across, down))]
-    while max(levels[-1].across.shape) > COARSEST:
-        coarse_across, coarse_down = _coarsen(levels[-1].across, levels[-1].down)
-        levels.append(Level(coarse_across, coarse_down, _diagonal(coarse_across, coarse_down)))
-    return levels
+    across: np.ndarray
+    inverse: np.ndarray
 
 
 def solve(
@@ -51,16 +42,18 @@ def solve(
     it. `tolerance` bounds the residual relative to the source.
     """
     down, across = weights
-    levels = hierarchy(across, down)
+    levels = _hierarchy(down, across)
     shape, size, taken = source.shape, source.size, 0
 
     def laplacian(x: np.ndarray) -> np.ndarray:
-        out = np.empty(shape)
-        _apply(across, down, x.reshape(shape), out)
-        return out.ravel()
+        return _laplacian(down, across, x.reshape(shape)).ravel()
 
     def precondition(residual: np.ndarray) -> np.ndarray:
-        return _cycle(levels, 0, residual.reshape(shape)).ravel()
+        # The cycle works in single precision: scaled, so that no residual is too small for it.
+        scale = float(np.abs(residual).max()) or 1.0
+        padded = np.zeros((shape[0] + 2, shape[1] + 2), np.float32)
+        padded[1:-1, 1:-1] = (residual / scale).reshape(shape)
+        return scale * _cycle(levels, 0, padded)[1:-1, 1:-1].astype(np.float64).ravel()
 
     def count(_: np.ndarray) -> None:
         nonlocal taken
@@ -82,113 +75,101 @@ def _operator(size: int, function: Callable[[np.ndarray], np.ndarray]) -> Linear
     return LinearOperator((size, size), matvec=function, dtype=np.float64)
 
 
+def _hierarchy(down: np.ndarray, across: np.ndarray) -> list[Level]:
+    """Levels of the grid graph (H, W), the finest first."""
+    levels = [_level(np.pad(down, 1).astype(np.float32), np.pad(across, 1).astype(np.float32))]
+    while max(levels[-1].down.shape) - 2 > COARSEST:
+        levels.append(_level(*_coarser(levels[-1].down, levels[-1].across)))
+    return levels
+
+
+def _level(down: np.ndarray, across: np.ndarray) -> Level:
+    diagonal = down + across
+    diagonal[1:] += down[:-1]
+    diagonal[:, 1:] += across[:, :-1]
+    return Level(down, across, np.where(diagonal > 0.0, 1.0 / np.maximum(diagonal, np.float32(1e-30)), np.float32(0.0)))
+
+
 def _cycle(levels: list[Level], depth: int, source: np.ndarray) -> np.ndarray:
-    """One symmetric W-cycle from zero: what the preconditioner makes of a residual."""
+    """One symmetric W-cycle from zero: what the preconditioner makes of a padded residual."""
     level = levels[depth]
-    x = np.zeros(source.shape)
-    last = depth == len(levels) - 1
-    for _ in range(10 if last else 1):
-        _sweep(level.across, level.down, level.diagonal, source, x, True)
-        if last:
-            _sweep(level.across, level.down, level.diagonal, source, x, False)
-    if last:
+    x = np.zeros_like(source)
+    if depth == len(levels) - 1:
+        for colour in (0, 1) * 12 + (1, 0) * 12:
+            _relax(level.down, level.across, level.inverse, source, x, colour)
         return x
+    for colour in (0, 1):
+        _relax(level.down, level.across, level.inverse, source, x, colour)
     for _ in range(1 if depth == 0 else 2):
-        correction = _cycle(levels, depth + 1, _restricted_residual(level.across, level.down, source, x))
-        _correct(x, correction, OVERCORRECTION)
-    _sweep(level.across, level.down, level.diagonal, source, x, False)
+        coarse = _restricted(level.down, level.across, source, x)
+        _correct(x, _cycle(levels, depth + 1, coarse), level.inverse, OVERCORRECTION)
+    for colour in (1, 0):
+        _relax(level.down, level.across, level.inverse, source, x, colour)
     return x
 
 
 @njit(cache=True, nogil=True)
-def _diagonal(across: np.ndarray, down: np.ndarray) -> np.ndarray:
-    height, width = across.shape
+def _coarser(down: np.ndarray, across: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    height, width = down.shape[0] - 2, down.shape[1] - 2
+    coarse_down = np.zeros(((height + 1) // 2 + 2, (width + 1) // 2 + 2), np.float32)
+    coarse_across = np.zeros_like(coarse_down)
+    for i in range(height):
+        for j in range(width):
+            if i % 2 == 1:
+                coarse_down[i // 2 + 1, j // 2 + 1] += down[i + 1, j + 1]
+            if j % 2 == 1:
+                coarse_across[i // 2 + 1, j // 2 + 1] += across[i + 1, j + 1]
+    return coarse_down, coarse_across
+
+
+@njit(cache=True, nogil=True)
+def _laplacian(down: np.ndarray, across: np.ndarray, x: np.ndarray) -> np.ndarray:
+    height, width = x.shape
     out = np.zeros((height, width))
     for i in range(height):
-        for j in range(width):
-            out[i, j] += across[i, j] + down[i, j]
-            if j + 1 < width:
-                out[i, j + 1] += across[i, j]
-            if i + 1 < height:
-                out[i + 1, j] += down[i, j]
-    return out
-
-
-@njit(cache=True, nogil=True)
-def _coarsen(across: np.ndarray, down: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    height, width = across.shape
-    coarse_across = np.zeros(((height + 1) // 2, (width + 1) // 2))
-    coarse_down = np.zeros_like(coarse_across)
-    for i in range(height):
-        for j in range(width):
-            if j % 2 == 1:
-                coarse_across[i // 2, j // 2] += across[i, j]
-            if i % 2 == 1:
-                coarse_down[i // 2, j // 2] += down[i, j]
-    return coarse_across, coarse_down
-
-
-@njit(cache=True, nogil=True)
-def _pull(across: np.ndarray, down: np.ndarray, x: np.ndarray, i: int, j: int) -> float:
-    """What the neighbours of a pixel add up to, weighted."""
-    height, width = x.shape
-    total = 0.0
-    if j + 1 < width:
-        total += across[i, j] * x[i, j + 1]
-    if j > 0:
-        total += across[i, j - 1] * x[i, j - 1]
-    if i + 1 < height:
-        total += down[i, j] * x[i + 1, j]
-    if i > 0:
-        total += down[i - 1, j] * x[i - 1, j]
-    return total
-
-
-@njit(cache=True, nogil=True)
-def _apply(across: np.ndarray, down: np.ndarray, x: np.ndarray, out: np.ndarray) -> None:
-    height, width = x.shape
-    out[:] = 0.0
-    for i in range(height):
-        for j in range(width):
-            if across[i, j] > 0.0:
-                flow = across[i, j] * (x[i, j] - x[i, j + 1])
-                out[i, j] += flow
-                out[i, j + 1] -= flow
-            if down[i, j] > 0.0:
+        for j in range(width - 1):
+            flow = across[i, j] * (x[i, j] - x[i, j + 1])
+            out[i, j] += flow
+            out[i, j + 1] -= flow
+        if i + 1 < height:
+            for j in range(width):
                 flow = down[i, j] * (x[i, j] - x[i + 1, j])
                 out[i, j] += flow
                 out[i + 1, j] -= flow
+    return out
 
 
-@njit(cache=True, nogil=True)
-def _sweep(
-    across: np.ndarray, down: np.ndarray, diagonal: np.ndarray, source: np.ndarray, x: np.ndarray, forward: bool
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _relax(
+    down: np.ndarray, across: np.ndarray, inverse: np.ndarray, source: np.ndarray, x: np.ndarray, colour: int
 ) -> None:
-    """Gauss-Seidel over the pixels in reading order, or backward."""
+    """Solve each pixel of one colour of the checkerboard for its neighbours, which all have the other."""
     height, width = x.shape
-    size = height * width
-    for step in range(size):
-        place = step if forward else size - 1 - step
-        i, j = place // width, place % width
-        if diagonal[i, j] > 0.0:
-            x[i, j] = (source[i, j] + _pull(across, down, x, i, j)) / diagonal[i, j]
+    for i in range(1, height - 1):
+        for j in range(1 + (i + colour) % 2, width - 1, 2):
+            pull = down[i, j] * x[i + 1, j] + down[i - 1, j] * x[i - 1, j]
+            pull += across[i, j] * x[i, j + 1] + across[i, j - 1] * x[i, j - 1]
+            x[i, j] = (source[i, j] + pull) * inverse[i, j]
 
 
-@njit(cache=True, nogil=True)
-def _restricted_residual(across: np.ndarray, down: np.ndarray, source: np.ndarray, x: np.ndarray) -> np.ndarray:
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _restricted(down: np.ndarray, across: np.ndarray, source: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Residual, summed over blocks of 2 x 2 pixels."""
     height, width = x.shape
-    residual = np.empty((height, width))
-    _apply(across, down, x, residual)
-    out = np.zeros(((height + 1) // 2, (width + 1) // 2))
-    for i in range(height):
-        for j in range(width):
-            out[i // 2, j // 2] += source[i, j] - residual[i, j]
+    out = np.zeros(((height - 1) // 2 + 2, (width - 1) // 2 + 2), np.float32)
+    for i in range(1, height - 1):
+        for j in range(1, width - 1):
+            here = x[i, j]
+            flow = down[i, j] * (x[i + 1, j] - here) + down[i - 1, j] * (x[i - 1, j] - here)
+            flow += across[i, j] * (x[i, j + 1] - here) + across[i, j - 1] * (x[i, j - 1] - here)
+            out[(i + 1) // 2, (j + 1) // 2] += source[i, j] + flow
     return out
 
 
 @njit(cache=True, nogil=True)
-def _correct(x: np.ndarray, correction: np.ndarray, scale: float) -> None:
+def _correct(x: np.ndarray, correction: np.ndarray, inverse: np.ndarray, scale: float) -> None:
     height, width = x.shape
-    for i in range(height):
-        for j in range(width):
-            x[i, j] += scale * correction[i // 2, j // 2]
+    for i in range(1, height - 1):
+        for j in range(1, width - 1):
+            if inverse[i, j] > 0.0:
+                x[i, j] += scale * correction[(i + 1) // 2, (j + 1) // 2]
