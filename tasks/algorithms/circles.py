@@ -13,6 +13,12 @@ SIDE = 2.0
 """Pixels to either side of the outline where the radial gradient must be weaker: shading has no edge there."""
 
 
+LATER = 0.25
+"""Weight of each picture relative to the one before it: what moves leaves edges of its own in the maximum."""
+
+OUTWARD = 5.0
+"""Power of the radius in a fit: what a ball mirrors near its rim makes false edges inside the outline, none outside."""
+
 HORIZON, HORIZON_WEIGHT = float(np.sin(np.radians(45.0))), 0.25
 """On a mirror ball the plane through it across the view (lamps before the object, the table's far parts) shows here."""
 
@@ -98,17 +104,20 @@ def _vote(
 @njit(cache=True, nogil=True, fastmath=True)
 def _outline(gradient: np.ndarray, floor: np.ndarray, x: float, y: float, radius: float) -> float:
     pictures, _, height, width = gradient.shape
+    share = LATER ** np.arange(pictures)
+    share /= share.sum()
     arcs = max(12, int(2.0 * np.pi * radius / ARC))
+    turn = 2.0 * np.pi / (arcs * ARC)
+    cos_turn, sin_turn = np.cos(turn), np.sin(turn)
     score = 0.0
-    for arc in range(arcs):
-        best = 0.0
-        for p in range(pictures):
-            along = np.zeros(3)
+    along = np.zeros(3)
+    for p in range(pictures):
+        c, s = np.cos(0.5 * turn), np.sin(0.5 * turn)
+        for _ in range(arcs):
+            along[:] = 0.0
             whole = 0.0
             seen = 0
-            for k in range(ARC):
-                angle = 2.0 * np.pi * (arc + (k + 0.5) / ARC) / arcs
-                c, s = np.cos(angle), np.sin(angle)
+            for _ in range(ARC):
                 for side in range(3):
                     distance = radius + (side - 1) * SIDE
                     u, v = x + distance * c, y + distance * s
@@ -126,18 +135,17 @@ def _outline(gradient: np.ndarray, floor: np.ndarray, x: float, y: float, radius
                     if side == 1:
                         whole += np.hypot(gx, gy)
                         seen += 1
-            if seen == 0:
-                continue
-            sharp = abs(along[1]) - 0.5 * (abs(along[0]) + abs(along[2]))
-            best += max(sharp, 0.0) / (whole + 3.0 * seen * floor[p]) / pictures
-        score += best
+                c, s = c * cos_turn - s * sin_turn, s * cos_turn + c * sin_turn
+            if seen > 0:
+                sharp = abs(along[1]) - 0.5 * (abs(along[0]) + abs(along[2]))
+                score += share[p] * max(sharp, 0.0) / (whole + 3.0 * seen * floor[p])
     return score / arcs
 
 
 @njit(cache=True, nogil=True)
 def _ball(gradient: np.ndarray, floor: np.ndarray, x: float, y: float, radius: float) -> float:
     horizon = _outline(gradient, floor, x, y, HORIZON * radius)
-    return _outline(gradient, floor, x, y, radius) + HORIZON_WEIGHT * horizon
+    return (_outline(gradient, floor, x, y, radius) + HORIZON_WEIGHT * horizon) * radius**OUTWARD
 
 
 @njit(cache=True, nogil=True)

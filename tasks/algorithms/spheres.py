@@ -19,8 +19,11 @@ MOST = 8
 SMALLEST, LARGEST = 18.0, 44.0
 """Radii looked for on a pyramid level, in its pixels; larger balls are found on coarser levels."""
 
-SEEDS = 40
+SEEDS = 25
 """Strongest circles of each picture and level that are examined as balls."""
+
+EXAMINED = 12
+"""Best candidates that are refined at the finest scale and judged again there."""
 
 LEAST_SCORE = 0.12
 """Least product of outline and highlight evidence."""
@@ -75,18 +78,14 @@ def find_spheres(
         raise ValueError(f"pictures have shapes {typical.shape} and {brightest.shape}, expected two equal (H, W)")
     found: list[Sphere] = []
     for level in pyramid(typical, brightest):
-        smallest = max(smallest_radius / level.scale, SMALLEST)
-        for sphere in _balls(level, smallest):
-            found.append(sphere)
+        found += _balls(level, max(smallest_radius / level.scale, SMALLEST))
+    found = [_judged(typical, brightest, sphere) for sphere in _distinct(found, 0.03)[:EXAMINED]]
     found.sort(key=lambda sphere: -sphere.score)
-    kept: list[Sphere] = []
-    for sphere in found:
-        if sphere.score >= least_score and not any(_overlap(sphere, other) for other in kept):
-            kept.append(sphere)
+    kept = [sphere for sphere in _distinct(found, 1.0) if sphere.score >= least_score]
     if not kept:
         best = f"; the best candidate scores {found[0].score:.2f} of {least_score:.2f}" if found else ""
         raise UnusableCapture(f"no mirror ball found in a frame of {typical.shape[1]} x {typical.shape[0]}{best}", REMEDY)
-    return [refine_sphere([typical, brightest], sphere) for sphere in kept[:MOST]]
+    return kept[:MOST]
 
 
 def refine_sphere(pictures: list[np.ndarray], sphere: Sphere, *, reach: float = 0.03) -> Sphere:
@@ -112,12 +111,16 @@ def pyramid(typical: np.ndarray, brightest: np.ndarray) -> list[Level]:
     """Levels of halved pictures, down to where a ball of the frame's size has the largest radius looked for."""
     levels, scale = [], 1
     while min(typical.shape) / scale >= 2 * SMALLEST:
-        pair = [_shrunk(picture, scale) for picture in (typical, brightest)]
-        levels.append(Level(pair[0], pair[1] - pair[0], [edge_picture(picture) for picture in pair], float(scale)))
+        levels.append(_level(typical, brightest, scale))
         if min(typical.shape) / scale < 2 * LARGEST:
             break
         scale *= 2
     return levels
+
+
+def _level(typical: np.ndarray, brightest: np.ndarray, scale: int) -> Level:
+    pair = [_shrunk(picture, scale) for picture in (typical, brightest)]
+    return Level(pair[0], pair[1] - pair[0], [edge_picture(picture) for picture in pair], float(scale))
 
 
 def highlight_evidence(excess: np.ndarray, x: float, y: float, radius: float) -> float:
@@ -133,16 +136,17 @@ def highlight_evidence(excess: np.ndarray, x: float, y: float, radius: float) ->
     if bright <= 0.0:
         return 0.0
     lit = float((ring > 0.35 * bright).mean())
-    return max(1.0 - float(np.median(ring)) / bright, 0.0) * max(1.0 - 2.0 * lit, 0.0) * min(bright / 100.0, 1.0)
+    return max(1.0 - float(np.median(ring)) / bright, 0.0) * min(max(1.8 - 2.5 * lit, 0.0), 1.0) * min(bright / 100.0, 1.0)
 
 
 def _balls(level: Level, smallest: float) -> list[Sphere]:
     radii = np.arange(0.6 * smallest, LARGEST + 1.0)
     seeds: list[tuple[float, float, float, float]] = []
-    for edges in level.edges:
+    for edges, discs in zip(level.edges, (False, True), strict=True):
         for x, y, radius in peaks(votes(edges, radii), radii, SEEDS):
             seeds.append((x, y, 0.94 * radius, 1.06 * radius))
-            seeds.append((x, y, 1.25 * radius, 1.7 * radius))
+            if discs:
+                seeds.append((x, y, 1.25 * radius, 1.7 * radius))
     balls: list[Sphere] = []
     for x, y, least, largest in seeds:
         least, largest = max(least, smallest), min(largest, 1.05 * LARGEST)
@@ -162,5 +166,25 @@ def _shrunk(picture: np.ndarray, scale: int) -> np.ndarray:
     return cv2.resize(picture[:height, :width], (width // scale, height // scale), interpolation=cv2.INTER_AREA)
 
 
-def _overlap(first: Sphere, second: Sphere) -> bool:
-    return np.hypot(first.x - second.x, first.y - second.y) < max(first.radius, second.radius)
+def _judged(typical: np.ndarray, brightest: np.ndarray, sphere: Sphere) -> Sphere:
+    refined = refine_sphere([typical, brightest], sphere)
+    scale = 2 ** max(0, int(np.floor(np.log2(refined.radius / 40.0))))
+    level = _level(typical, brightest, scale)
+    shift = 0.5 * (scale - 1)
+    circle = (refined.x - shift) / scale, (refined.y - shift) / scale, refined.radius / scale
+    return replace(refined, score=highlight_evidence(level.excess, *circle) * outline(level.edges, *circle))
+
+
+def _distinct(spheres: list[Sphere], share: float) -> list[Sphere]:
+    """The best of the spheres that lie within `share` of a radius of one another, best first."""
+    kept: list[Sphere] = []
+    for one in sorted(spheres, key=lambda sphere: -sphere.score):
+        if all(_distance(one, other) > share * max(one.radius, other.radius) for other in kept):
+            kept.append(one)
+    return kept
+
+
+def _distance(first: Sphere, second: Sphere) -> float:
+    """Between centres where circles lie apart; at least the difference of the radii where they are concentric."""
+    apart = float(np.hypot(first.x - second.x, first.y - second.y))
+    return max(apart, abs(first.radius - second.radius)) if apart < 0.1 * first.radius else apart
