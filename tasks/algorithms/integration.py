@@ -21,7 +21,7 @@ from tasks.algorithms.integration_solver import solve
 
 FLOOR = 0.01
 """Least cosine between a normal and the line of sight in slopes: a steep rim may rise by a hundred pixels per pixel."""
-SHARPNESS = 5.0
+SHARPNESS = 5.25
 """Slope of the sigmoid between a pixel's two sides, per square pixel of misfit along the normal."""
 WEIGHT_POWER, RISE_POWER = 2.0, 1.0
 """Powers of that cosine with which a pixel weighs an edge, and with which the two ends' predictions are averaged: at 1
@@ -71,7 +71,7 @@ def integrate(
     camera: np.ndarray | None = None,
     sharpness: float = SHARPNESS,
     floor: float = FLOOR,
-    rounds: int = 10,
+    rounds: int = 9,
     tolerance: float = 1e-3,
 ) -> Depth:
     """Integrate normals (H, W, 3; camera frame: x right, y up, z to the camera) over the mask (H, W).
@@ -79,7 +79,8 @@ def integrate(
     confidence (H, W) >= 0 weighs each pixel's normal; where it is zero or NaN, or the normal is NaN, the pixel follows
     its neighbours. camera (3, 3) is the intrinsic matrix in pixels of these arrays, whose pixel (0, 0) is the centre of
     the top-left one; without it the camera is orthographic. sharpness, floor: see SHARPNESS and FLOOR. At most
-    `rounds` of reweighting are done, fewer once the energy changes by less than the fraction `tolerance`.
+    `rounds` of reweighting are done, fewer once the energy changes by less than the fraction `tolerance`;
+    many more would sharpen steps that the normals do not support.
 
     Raises UnusableCapture for an empty mask or one without normals, ValueError for shapes that do not agree.
     """

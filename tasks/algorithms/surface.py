@@ -11,6 +11,8 @@ from tasks.algorithms.integration_edges import edges_of, focal_length
 
 CUT = 1.0
 """Rise between neighbours, in pixels along the normal, that neither of their normals explains: more is a step."""
+STEEPEST = 12.0
+"""Rise between neighbours, in pixels, beyond which the slope (85 degrees) is a rim's guess and not a surface seen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +42,7 @@ def surface(
     camera: np.ndarray | None = None,
     confidence: np.ndarray | None = None,
     cut: float = CUT,
+    steepest: float = STEEPEST,
 ) -> Surface:
     """Mesh of the depth (H, W) of a region: a vertex per pixel of the mask, triangles between neighbours.
 
@@ -48,7 +51,8 @@ def surface(
     pixel; 1 leaves pixels) scales all three coordinates; the frame's centre has x = y = 0. With a camera matrix (3, 3;
     pixels of the full frame) depth is the distance from the camera, pixels are projected back and the camera is at the
     origin, looking along -z; `pixel_size` is then left aside.
-    Triangles across a step of more than `cut` are left out, with the vertices that no triangle needs.
+    Triangles across a step of more than `cut` or steeper than `steepest` (see CUT, STEEPEST) are left out, with the
+    vertices that no triangle needs.
 
     Raises UnusableCapture when no triangle is left, ValueError for shapes that do not agree.
     """
@@ -56,7 +60,7 @@ def surface(
         raise ValueError(f"depth {depth.shape}, mask {mask.shape} and normals {normals.shape} do not agree")
     used = np.asarray(mask, bool) & np.isfinite(depth)
     local = None if camera is None else np.array(camera, float) - [[0, 0, origin[0]], [0, 0, origin[1]], [0, 0, 0]]
-    triangles = _triangles(used, _kept_edges(depth, used, normals, local, cut), depth)
+    triangles = _triangles(used, _kept_edges(depth, used, normals, local, cut, steepest), depth)
     if not len(triangles):
         raise UnusableCapture("the depth holds no triangle", "the mask must be at least two pixels wide somewhere")
 
@@ -99,7 +103,7 @@ def _mesh(surface: Surface) -> trimesh.Trimesh:
 
 
 def _kept_edges(
-    depth: np.ndarray, used: np.ndarray, normals: np.ndarray, camera: np.ndarray | None, cut: float
+    depth: np.ndarray, used: np.ndarray, normals: np.ndarray, camera: np.ndarray | None, cut: float, steepest: float
 ) -> np.ndarray:
     """Which edges (2, H, W; to the next row, to the next column) run along the surface instead of across a step."""
     known = np.isfinite(normals).all(axis=-1)
@@ -113,7 +117,8 @@ def _kept_edges(
         here = np.abs(rise - edges.here[axis]) * edges.facing
         there = np.abs(rise - edges.there[axis]) * np.roll(edges.facing, -1, axis)
         unknown = ~known | ~np.roll(known, -1, axis)
-        kept[axis] = edges.inside[axis] & ((np.minimum(here, there) <= cut) | unknown)
+        explained = (np.minimum(here, there) <= cut) | unknown
+        kept[axis] = edges.inside[axis] & explained & (np.abs(rise) <= steepest)
     return kept
 
 

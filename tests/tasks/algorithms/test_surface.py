@@ -55,7 +55,14 @@ def test_a_step_is_cut_and_a_steep_slope_is_not():
     mesh = surface(depth, mask, normals)
     assert len(mesh.triangles) == 2 * 9 * 18
     assert trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False).body_count == 2
-    assert len(surface(depth, mask, normals, cut=100.0).triangles) == 2 * 9 * 19
+    assert len(surface(depth, mask, normals, cut=100.0, steepest=100.0).triangles) == 2 * 9 * 19
+
+
+def test_a_slope_steeper_than_can_be_seen_is_cut():
+    depth, mask, normals = plane(6, 6, p=20.0)
+    with pytest.raises(UnusableCapture):
+        surface(depth, mask, normals)
+    assert len(surface(depth, mask, normals, steepest=25.0).triangles) == 50
 
 
 def test_no_two_triangles_overlap_at_broken_squares():
