@@ -82,8 +82,9 @@ def shares(
 ) -> tuple[np.ndarray, float]:
     """How much of its say each pixel gives to its next neighbour along each axis (2, H, W), the rest to its previous.
 
-    The side with the smaller misfit gets more, by a sigmoid over the difference of the squared misfits. Also the
-    energy: the sum of the squared misfits (square pixels), weighted by share and trust.
+    The side with the smaller misfit gets more, by a sigmoid over the difference of the squared misfits; the less a
+    normal is trusted, the less its misfits say about steps. Also the energy: the sum of the squared misfits (square
+    pixels), weighted by share and trust.
     """
     rows, columns = height.shape
     out = np.full(here.shape, 0.5)
@@ -98,7 +99,7 @@ def shares(
                 if i >= di and j >= dj and inside[axis, i - di, j - dj]:
                     rise = height[i, j] - height[i - di, j - dj]
                     back = ((rise - there[axis, i - di, j - dj]) * facing[i, j]) ** 2
-                argument = min(max(sharpness * (ahead - back), -40.0), 40.0)
+                argument = min(max(sharpness * trust[i, j] * (ahead - back), -40.0), 40.0)
                 share = 1.0 / (1.0 + math.exp(argument))
                 out[axis, i, j] = share
                 energy += trust[i, j] * (share * ahead + (1.0 - share) * back)

@@ -7,6 +7,7 @@ import pytest
 from tasks.algorithms.errors import UnusableCapture
 from tasks.algorithms.geometry import from_gradients
 from tasks.algorithms.integration import integrate
+from tasks.algorithms.integration_edges import edges_of, shares
 
 METHODS = ("bilateral", "least-squares")
 
@@ -147,6 +148,17 @@ def test_confidence_decides_between_true_and_false_normals():
         blind = np.abs(deviation(integrate(normals, mask, method=method).depth, truth, mask & ~false)).mean()
         weighed = integrate(normals, mask, confidence=np.where(false, 0.001, 0.9), method=method)
         assert np.abs(deviation(weighed.depth, truth, mask & ~false)).mean() < 0.2 * blind
+
+
+def test_pixels_of_little_trust_hardly_choose_between_their_sides():
+    mask = np.ones((1, 3), bool)
+    height = np.array([[0.0, 0.0, 2.0]])
+    chosen = []
+    for trust in (1.0, 0.01):
+        edges = edges_of(np.broadcast_to([0.0, 0.0, 1.0], (1, 3, 3)), mask, np.full((1, 3), trust), None, 0.01)
+        share, _ = shares(edges.inside, edges.here, edges.there, edges.facing, edges.trust, height, 5.0)
+        chosen.append(share[1, 0, 1])
+    assert chosen[0] < 1e-6 and 0.4 < chosen[1] < 0.5
 
 
 def test_missing_normals_and_confidences_follow_their_neighbours():
