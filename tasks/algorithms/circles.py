@@ -13,10 +13,10 @@ SIDE = 2.0
 """Pixels to either side of the outline where the radial gradient must be weaker: shading has no edge there."""
 
 
-LATER = 0.25
+LATER = 0.2
 """Weight of each picture relative to the one before it: what moves leaves edges of its own in the maximum."""
 
-OUTWARD = 5.0
+OUTWARD = 4.5
 """Power of the radius in a fit: what a ball mirrors near its rim makes false edges inside the outline, none outside."""
 
 HORIZON, HORIZON_WEIGHT = float(np.sin(np.radians(45.0))), 0.25

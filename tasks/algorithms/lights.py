@@ -24,7 +24,7 @@ CANDIDATES = 4
 """Bright blobs kept per frame, those of lights before the object first, larger ones first."""
 
 BROAD, CORE_LOW = 150.0, 0.8
-"""Highlights of more pixels than `BROAD` need no grey outline: their core above `CORE_LOW` is the freest of glare."""
+"""Blobs of more pixels than `BROAD` need no grey outline: their core above `CORE_LOW` is the freest of glare."""
 
 BEHIND_NZ = float(np.cos(np.radians(45.0)))
 """n_z of the ball's normal below which the light is more than 90 degrees from the view vector."""
@@ -144,11 +144,12 @@ def decide_lights(
     reason = np.full(len(light), ACCEPTED, np.uint8)
     usual = float(np.median(extent[:, 0][front[:, 0]])) if front[:, 0].any() else 0.0
     inner_area = 0.5 * np.pi * sphere.radius**2
-    unusual = (extent[:, 0] > odd * usual) | (extent[:, 0] < usual / odd) | (extent[:, 0] > 0.25 * inner_area)
+    unusual = (extent[:, 0] > odd * usual) | (extent[:, 0] < usual / odd)
     reason[unusual | (blind[:, 0] > 0.25)] = AMBIGUOUS
     reason[front[:, 1] & (extent[:, 1] >= second * np.maximum(extent[:, 0], usual))] = TWO_LIGHTS
     reason[~front[:, 0]] = BEHIND
     reason[~front[:, 0] & (half[:, 0, 2] < 0.2)] = OUTSIDE
+    reason[extent[:, 0] > 0.25 * inner_area] = AMBIGUOUS
     reason[extent[:, 0] <= 0] = NO_LIGHT
     return _lights(half[:, 0], reason, extent[:, 0])
 
@@ -281,9 +282,10 @@ def _measure(
                                     stack[size] = a * width + b
                                     values[size] = value
                                     size += 1
-                x, y, z, area = _trimmed(stack[:size], values[:size], mirrored, width, low, high, reach)
-                if area > BROAD:
+                if size > BROAD:
                     x, y, z, area = _trimmed(stack[:size], values[:size], mirrored, width, CORE_LOW, 1.0, reach)
+                else:
+                    x, y, z, area = _trimmed(stack[:size], values[:size], mirrored, width, low, high, reach)
                 ahead = z >= 0.0
                 for slot in range(CANDIDATES):
                     kept = total[t, slot, 2] >= 0.0 and extent[t, slot] > 0.0
