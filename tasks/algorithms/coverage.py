@@ -87,7 +87,10 @@ def coverage(
     distance = _nearest(directions, accepted)
     within = {limit: float((distance[inside] <= limit).mean()) for limit in degrees}
     return Coverage(
-        _density(directions, accepted, bandwidth), within, _gaps(directions, distance > gap_distance, least_gap), len(accepted)
+        _density(directions, accepted, bandwidth),
+        within,
+        _gaps(directions, distance > gap_distance, least_gap),
+        len(accepted),
     )
 
 
@@ -154,7 +157,9 @@ def draw_coverage(result: Coverage, half_vectors: np.ndarray, *, size: int = 640
     density = cv2.resize(np.nan_to_num(result.density), (2 * half, 2 * half), interpolation=cv2.INTER_LINEAR)
     inside = np.isfinite(cap_directions(2 * half)[..., 0])
     top = np.percentile(density[inside], 98.0) if inside.any() and density.max() > 0 else 1.0
-    shade = cv2.applyColorMap((np.clip(density / top, 0, 1) ** 0.5 * 255).astype(np.uint8), cv2.COLORMAP_VIRIDIS)[..., ::-1]
+    shade = cv2.applyColorMap((np.clip(density / top, 0, 1) ** 0.5 * 255).astype(np.uint8), cv2.COLORMAP_VIRIDIS)[
+        ..., ::-1
+    ]
     left, upper = middle[0] - half, middle[1] - half
     area = picture[upper : upper + 2 * half, left : left + 2 * half]
     area[inside] = shade[inside]
@@ -172,7 +177,14 @@ def draw_coverage(result: Coverage, half_vectors: np.ndarray, *, size: int = 640
     for x, y in flat[:: max(1, len(flat) // 3000)]:
         cv2.circle(picture, (int(middle[0] + x), int(middle[1] - y)), 1, (255, 255, 255), -1, cv2.LINE_AA)
     for text, x, y in (("top", 0, -1), ("bottom", 0, 1), ("left", -1, 0), ("right", 1, 0)):
-        _write(picture, text, (middle[0] + int(x * half * 1.11), middle[1] + int(y * half * 1.06)), (60, 60, 60), size, True)
+        _write(
+            picture,
+            text,
+            (middle[0] + int(x * half * 1.11), middle[1] + int(y * half * 1.06)),
+            (60, 60, 60),
+            size,
+            True,
+        )
     shares = ", ".join(f"{share:.0%} within {limit:g} degrees" for limit, share in result.within.items())
     _write(picture, f"{result.frames} lights; of the observable normals {shares}", (12, 22), (20, 20, 20), size)
     words = "rings: lamp's angle from the camera axis, degrees; red: no light here"
@@ -181,12 +193,15 @@ def draw_coverage(result: Coverage, half_vectors: np.ndarray, *, size: int = 640
 
 
 def _write(
-    picture: np.ndarray, text: str, place: tuple[int, int], colour: tuple[int, int, int], size: int, centred: bool = False
+    picture: np.ndarray,
+    text: str,
+    place: tuple[int, int],
+    colour: tuple[int, int, int],
+    size: int,
+    centred: bool = False,
 ) -> None:
     scale = size / 1400.0
     if centred:
         width, height = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, 1)[0]
         place = (place[0] - width // 2, place[1] + height // 2)
     cv2.putText(picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, 1, cv2.LINE_AA)
-
-

@@ -94,7 +94,14 @@ def static_level(sample: np.ndarray, sphere: Sphere, *, percentile: float = 30.0
 
 
 def measure_highlights(
-    frames: np.ndarray, sphere: Sphere, static: StaticLevel, *, seed: float = 0.6, low: float = 0.25, high: float = 0.75, reach: float = 1.3
+    frames: np.ndarray,
+    sphere: Sphere,
+    static: StaticLevel,
+    *,
+    seed: float = 0.6,
+    low: float = 0.25,
+    high: float = 0.75,
+    reach: float = 1.3,
 ) -> Highlights:
     """Bright blobs on the ball in a block of frames (T, h, w) uint8 or uint16.
 
@@ -115,7 +122,15 @@ def measure_highlights(
     gain = np.where(unseen, 0.0, 1.0 / np.maximum(room, 1e-6)).astype(np.float32)
     least = np.where(unseen, never, static.level + seed * room).astype(np.float32)
     result = _measure(
-        frames, static.level, gain, least, blind & (slope <= 1.05), _mirrored(sphere, frames.shape[1:]), low, high, reach
+        frames,
+        static.level,
+        gain,
+        least,
+        blind & (slope <= 1.05),
+        _mirrored(sphere, frames.shape[1:]),
+        low,
+        high,
+        reach,
     )
     total, extent, bad = result
     return Highlights(unit(total).astype(np.float32), extent, bad / np.maximum(extent, 1.0))
@@ -178,7 +193,11 @@ def _lights(half: np.ndarray, reason: np.ndarray, extent: np.ndarray, disagreeme
     if disagreement is None:
         disagreement = np.full(len(half), np.nan, np.float32)
     return Lights(
-        half.astype(np.float32), lights.astype(np.float32), reason.astype(np.uint8), extent.astype(np.float32), disagreement
+        half.astype(np.float32),
+        lights.astype(np.float32),
+        reason.astype(np.uint8),
+        extent.astype(np.float32),
+        disagreement,
     )
 
 

@@ -84,7 +84,9 @@ def find_spheres(
     kept = [sphere for sphere in _distinct(found, 1.0) if sphere.score >= least_score]
     if not kept:
         best = f"; the best candidate scores {found[0].score:.2f} of {least_score:.2f}" if found else ""
-        raise UnusableCapture(f"no mirror ball found in a frame of {typical.shape[1]} x {typical.shape[0]}{best}", REMEDY)
+        raise UnusableCapture(
+            f"no mirror ball found in a frame of {typical.shape[1]} x {typical.shape[0]}{best}", REMEDY
+        )
     return kept[:MOST]
 
 
@@ -101,7 +103,9 @@ def refine_sphere(pictures: list[np.ndarray], sphere: Sphere, *, reach: float = 
         edges = [edge_picture(_shrunk(picture, scale)) for picture in pictures]
         centre = ((x - shift) / scale, (y - shift) / scale)
         span = min(span, 8.0 * scale) / scale
-        x, y, radius, _ = fit_outline(edges, *centre, radius / scale - span, radius / scale + span, reach=span, step=0.5)
+        x, y, radius, _ = fit_outline(
+            edges, *centre, radius / scale - span, radius / scale + span, reach=span, step=0.5
+        )
         x, y, radius = x * scale + shift, y * scale + shift, radius * scale
         span, scale = 1.0 * scale, scale // 2
     return Sphere(x, y, radius, score)
@@ -136,7 +140,9 @@ def highlight_evidence(excess: np.ndarray, x: float, y: float, radius: float) ->
     if bright <= 0.0:
         return 0.0
     lit = float((ring > 0.35 * bright).mean())
-    return max(1.0 - float(np.median(ring)) / bright, 0.0) * min(max(1.8 - 2.5 * lit, 0.0), 1.0) * min(bright / 100.0, 1.0)
+    return (
+        max(1.0 - float(np.median(ring)) / bright, 0.0) * min(max(1.8 - 2.5 * lit, 0.0), 1.0) * min(bright / 100.0, 1.0)
+    )
 
 
 def _balls(level: Level, smallest: float) -> list[Sphere]:

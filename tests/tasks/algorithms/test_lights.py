@@ -146,7 +146,11 @@ def test_spheres_that_contradict_each_other_reject_the_frame():
 @pytest.mark.shared
 @pytest.mark.parametrize(
     ("capture", "x", "y", "radius"),
-    [("hemisphere/front", 334.0, 121.5, 38.0), ("cylinder/front", 262.5, 180.5, 45.0), ("duck/front", 322.5, 115.5, 40.0)],
+    [
+        ("hemisphere/front", 334.0, 121.5, 38.0),
+        ("cylinder/front", 262.5, 180.5, 45.0),
+        ("duck/front", 322.5, 115.5, 40.0),
+    ],
 )
 def test_lights_of_a_shared_capture(shared_data, capture, x, y, radius):
     folder = shared_data / "captures" / capture

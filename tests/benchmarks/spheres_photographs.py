@@ -1,0 +1,79 @@
+"""Spheres and lights on real photographs and on rendered captures: errors and seconds.
+
+Usage: python tests/benchmarks/spheres_photographs.py [FOLDER OF SHARED DATA]
+"""
+
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import yaml
+
+from tasks.algorithms.geometry import angles, half_vectors_of, unit
+from tasks.algorithms.lights import find_lights
+from tasks.algorithms.spheres import Sphere, find_spheres
+
+
+def report(name: str, frames: np.ndarray, truth: Sphere, lights: np.ndarray, *, half: bool) -> None:
+    """One line: errors of the found sphere in percent of the radius, of the lights in degrees with each circle."""
+    sample = frames[np.linspace(0, len(frames) - 1, min(len(frames), 100)).astype(int)]
+    start = time.perf_counter()
+    found = find_spheres(np.median(sample, axis=0), frames.max(axis=0))[0]
+    seconds = time.perf_counter() - start
+    error = np.array([found.x - truth.x, found.y - truth.y, found.radius - truth.radius]) / truth.radius * 100
+    line = (
+        f"{name:24s} circle {np.array2string(error, precision=2):22s} % in {seconds:4.1f} s (score {found.score:.2f});"
+    )
+    for label, sphere in (("given", truth), ("found", found)):
+        margin = sphere.radius + 4
+        left, top = max(int(sphere.x - margin), 0), max(int(sphere.y - margin), 0)
+        crop = frames[:, top : int(sphere.y + margin) + 1, left : int(sphere.x + margin) + 1]
+        start = time.perf_counter()
+        result = find_lights(crop, sphere.within(left, top))
+        seconds = time.perf_counter() - start
+        errors = angles(result.half_vectors, half_vectors_of(lights)) if half else angles(result.lights, lights)
+        mean, median, worst = np.nanmean(errors), np.nanmedian(errors), np.nanpercentile(errors, 95)
+        line += f" {label}: accepted {result.accepted.mean():.3f}, mean {mean:.2f} median {median:.2f} 95% {worst:.2f}"
+        line += f" degrees, {seconds:.2f} s;"
+    print(line, flush=True)
+
+
+def photographs(folder: Path, pattern: str) -> np.ndarray:
+    """Grey frames (T, H, W) in natural order."""
+    paths = sorted(folder.glob(pattern), key=lambda path: (len(path.name), path.name))
+    return np.stack([cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in paths])
+
+
+def video(path: Path) -> np.ndarray:
+    """Grey frames (T, H, W)."""
+    reader, frames = cv2.VideoCapture(str(path)), []
+    while (item := reader.read())[0]:
+        frames.append(cv2.cvtColor(item[1], cv2.COLOR_BGR2GRAY))
+    return np.stack(frames)
+
+
+def main(data: Path) -> None:
+    """All photographs (errors of light directions), then all captures (errors of half vectors)."""
+    cv2.setNumThreads(1)
+    for probe in ("LightProbe-1", "LightProbe-2"):
+        folder = data / "real" / "psbox" / probe
+        frames = photographs(folder, "Image_*.JPG")
+        x, y, radius = np.loadtxt(folder / "circle_data.txt")
+        lights = unit(np.loadtxt(folder / "light_directions.txt").T)
+        report(probe, frames, Sphere(x - 1, frames.shape[1] - y, radius), lights, half=False)
+    folder = data / "real" / "uw_chrome"
+    lights = unit(np.loadtxt(folder / "lights.txt", skiprows=1))
+    frames = photographs(folder / "chrome", "chrome.[0-9]*.png")
+    report("uw_chrome", frames, Sphere(253.5, 148.0, 119.25), lights, half=False)
+    for catalogue in ("single-views.yaml", "turntable.yaml"):
+        for item in yaml.safe_load((data / "captures" / catalogue).read_text())["objects"]:
+            for capture in item["captures"]:
+                path = data / "captures" / capture["frames"]
+                lights = np.load(path.parent / "truth" / "lights.npy")
+                report(f"{item['id']}/{capture['id']}", video(path), Sphere(**capture["spheres"][0]), lights, half=True)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[2].parent / "shared" / "data")
