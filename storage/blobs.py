@@ -4,7 +4,6 @@ A blob is written before the commit that names it and never changed, so a reader
 """
 
 import hashlib
-import os
 import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING
 import obstore
 from obstore.exceptions import AlreadyExistsError
 
+from storage.durability import flush
 from storage.errors import StoreError
 from storage.faults import store_faults
 
@@ -44,7 +44,9 @@ def put(location: "Location", data: bytes, media_type: str) -> BlobReference:
         except AlreadyExistsError:
             if obstore.head(store, reference.key)["size"] != len(data):
                 obstore.put(store, reference.key, data, use_multipart=False)
-        _flush(location, reference.key)
+        if location.local is not None:
+            flush(location.local / reference.key)
+            flush((location.local / reference.key).parent)
     return reference
 
 
@@ -85,16 +87,3 @@ def _checked_key(reference: BlobReference) -> str:
     if not re.fullmatch(r"[0-9a-f]{64}", reference.sha256) or reference.key != _key(reference.sha256):
         raise StoreError(f"blob reference {reference.key!r} does not follow from its digest", _LOST)
     return reference.key
-
-
-def _flush(location: "Location", key: str) -> None:
-    """Bytes and name on the disk itself before the blob is acknowledged, on a local store."""
-    if location.local is None:
-        return
-    path = location.local / key
-    for part in (path, path.parent):
-        handle = os.open(part, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)

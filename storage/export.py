@@ -1,8 +1,7 @@
-"""Everything of one version as files that other programs read: one folder per capture, the object's model beside them."""
+"""Everything of one version as files that other programs read: a folder per capture, the object's model beside them."""
 
 import csv
 import json
-import os
 import re
 import shutil
 import tempfile
@@ -217,7 +216,7 @@ def _move(content: Path, out: Path, object_id: str) -> None:
         target = out / entry.name
         if target.is_dir():
             target.rename(old / entry.name)
-        os.replace(entry, target)
+        entry.replace(target)
 
 
 def _exported_object(folder: Path) -> str | None:

@@ -32,6 +32,7 @@ class Holder:
     run: str = ""
 
     def __str__(self) -> str:
+        """In words, for a message."""
         return f"process {self.pid} on {self.host} since {self.since}" + (f", run {self.run}" if self.run else "")
 
 

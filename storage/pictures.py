@@ -94,7 +94,7 @@ def colour_codes(codes: np.ndarray, palette: np.ndarray) -> np.ndarray:
 
 
 def colour_values(values: np.ndarray, low: float, high: float, background: int = 255) -> np.ndarray:
-    """Values (H, W) from `low` to `high` as uint8 RGB, dark blue to yellow, with a plain background where not finite."""
+    """Values (H, W) from `low` to `high` as uint8 RGB from dark blue to yellow; `background` where not finite."""
     known = np.isfinite(values)
     scaled = np.clip((np.where(known, values, low) - low) / max(high - low, 1e-12), 0, 1)
     colours = cv2.applyColorMap(np.rint(scaled * 255).astype(np.uint8), cv2.COLORMAP_CIVIDIS)[..., ::-1]

@@ -1,9 +1,9 @@
 """A capture's report: its figures as JSON, and a page for people that needs no other file.
 
-Records of stages may say, each under its name: `parameters`, `seconds`, `counts`, `versions`, `inputs` (digests), `warnings`
-(texts or {message, remedy}), `region` {x, y, width, height}, `frame_size` [width, height], `unit` and `pixel_size` of depth,
-`coverage`, `reasons` (words of the lights' codes) and `provenance` (names of the labels' codes). All are optional; the
-whole records are kept under `stages` too.
+Records of stages may say, each under its name: `parameters`, `seconds`, `counts`, `versions`, `inputs` (digests),
+`warnings` (texts or {message, remedy}), `region` {x, y, width, height}, `frame_size` [width, height], `unit` and
+`pixel_size` of depth, `coverage`, `reasons` (words of the lights' codes) and `provenance` (names of the labels' codes).
+All are optional; the whole records are kept under `stages` too.
 """
 
 import base64
@@ -61,7 +61,7 @@ def capture_report(
     results: Mapping[str, StageResult],
     arrays: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """All figures of a capture as plain JSON. `arrays`: mask, observed, depth, reason, provenance, as they were exported."""
+    """All figures of a capture as plain JSON. `arrays`: mask, observed, depth, reason, provenance as exported."""
     records = {stage: result.record for stage, result in results.items()}
     unit = _first(records, "unit") or "pixels"
     depth, mask = arrays.get("depth"), arrays["mask"]
@@ -118,7 +118,7 @@ def report_pictures(
         )
     if "confidence" in arrays:
         ends = ((_css(_end(0)), "0"), (_css(_end(1)), "1"))
-        caption = "probability that the normal is wrong by less than 5 degrees"
+        caption = "probability that the normal's error is below 5 degrees"
         pictures.append(Picture("Confidence", caption, _png(colour_values(arrays["confidence"], 0, 1)), legend=ends))
     reach = _range(arrays.get("depth"))
     if reach is not None:
@@ -152,7 +152,11 @@ def _figures(report: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     inside = counts["pixels"]
     rows.append(("Object", f"{inside:,} pixels", "mask"))
     rows.append(
-        ("Observed", f"{counts['observed_pixels']:,} pixels, {_share(counts['observed_pixels'], inside)}", "clusters")
+        (
+            "With a highlight, true or false (M > 0)",
+            f"{counts['observed_pixels']:,} pixels, {_share(counts['observed_pixels'], inside)}",
+            "clusters",
+        )
     )
     for name, number in counts.get("provenance", {}).items():
         rows.append((f"Normals {name}", f"{number:,} pixels, {_share(number, inside)}", "labels"))
@@ -187,10 +191,10 @@ def _counts(arrays: Mapping[str, Any], records: Mapping[str, Mapping[str, Any]])
     if "reason" in arrays:
         names = code_names(records.get("lights", {}).get("reasons"))
         codes, numbers = np.unique(arrays["reason"], return_counts=True)
-        pairs = list(zip(codes.tolist(), numbers.tolist(), strict=True))
+        frames = list(zip(codes.tolist(), numbers.tolist(), strict=True))
         counts["frames"] = len(arrays["reason"])
-        counts["accepted_frames"] = sum(number for code, number in pairs if code == 0)
-        counts["rejected_frames"] = {names.get(code, f"code {code}"): number for code, number in pairs if code != 0}
+        counts["accepted_frames"] = sum(number for code, number in frames if code == 0)
+        counts["rejected_frames"] = {names.get(code, f"code {code}"): number for code, number in frames if code != 0}
     if "confidence" in arrays and np.isfinite(arrays["confidence"][mask]).any():
         counts["median_confidence"] = round(float(np.nanmedian(arrays["confidence"][mask])), 4)
     return counts

@@ -20,6 +20,9 @@ from storage.errors import StoreError
 WHOLE_OBJECT = "_object"
 """Stands in a capture's place for results of the object as a whole, such as its model; no capture can be called so."""
 
+Keys = dict[str, dict[str, str]]
+"""Stage keys by capture and stage."""
+
 CHUNK_BYTES = 4 << 20
 """Largest uncompressed chunk: bounds the memory of a save (zarr holds some ten chunks at once)."""
 
@@ -45,7 +48,7 @@ class StageResult:
         """
         if name not in self.arrays:
             raise StoreError(
-                f"{self.capture}/{self.stage} has no array {name!r} (it has {', '.join(sorted(self.arrays)) or 'none'})",
+                f"{self.capture}/{self.stage} has no array {name!r}, only {', '.join(sorted(self.arrays)) or 'none'}",
                 "run the capture again with this version of Glint",
             )
         return np.asarray(self.arrays[name][...])
@@ -71,7 +74,7 @@ def write_stage(
     record: Mapping[str, Any],
     blobs: Mapping[str, BlobReference],
 ) -> None:
-    """Replace the group `<capture>/<stage>` whole. Arrays are copied chunk by chunk; numpy and zarr arrays both serve."""
+    """Replace the group `<capture>/<stage>` whole. Arrays, numpy's or zarr's, are copied chunk by chunk."""
     root = zarr.open_group(store, mode="a", use_consolidated=False)
     parent = root.require_group(check_name(capture, "capture"))
     if check_name(stage, "stage") in parent:
@@ -87,12 +90,25 @@ def read_stage(store: Any, capture: str, stage: str) -> StageResult | None:
     group = open_group(store, f"{check_name(capture, 'capture')}/{check_name(stage, 'stage')}")
     if group is None:
         return None
-    attributes = dict(group.attrs)
+    attributes: dict[str, Any] = dict(group.attrs)
     try:
         blobs = {name: BlobReference(**reference) for name, reference in attributes["blobs"].items()}
         return StageResult(capture, stage, attributes["key"], attributes["record"], blobs, dict(group.arrays()))
     except (KeyError, TypeError) as error:
         raise StoreError(f"{capture}/{stage} holds something else than a result ({error})", "run it again") from error
+
+
+def contents(store: Any) -> Keys:
+    """Stage keys of everything in a store, WHOLE_OBJECT included."""
+    root = open_group(store, "")
+    return {} if root is None else {name: stage_keys(store, name) for name in sorted(root.group_keys())}
+
+
+def stage_keys(store: Any, capture: str) -> dict[str, str]:
+    """Key of each stage of a capture that has been saved."""
+    group = open_group(store, check_name(capture, "capture"))
+    stages = {} if group is None else dict(group.groups())
+    return {name: str(stage.attrs["key"]) for name, stage in sorted(stages.items()) if "key" in stage.attrs}
 
 
 def open_group(store: Any, path: str) -> zarr.Group | None:

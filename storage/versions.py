@@ -1,67 +1,58 @@
 """Versioned results of one object: an icechunk repository at STORE/objects/<id>/repo.
 
-Branch `work` takes every stage's result as it finishes; resuming reads from there. A version is a snapshot that has been
-checked, tagged v1, v2, ..; branch `main` is the newest one and what readers see by default. A version holds all its
-captures' results itself, so any zarr reader opens it by its tag alone.
+Branch `work` takes every stage's result as it finishes; resuming reads from there. A version is a snapshot that has
+been checked, tagged v1, v2, ..; branch `main` is the newest one and what readers see by default. A version holds all
+its captures' results itself, so any zarr reader opens it by its tag alone.
 
 A rollback is a new version with an old one's content: nothing that was ever published is taken from history. It stands
 until a key of the version it replaced changes: publishing the very results that were rolled back from makes no version.
 """
 
-import re
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from random import uniform
 from typing import TYPE_CHECKING, Any
-from uuid import uuid4
 
 import icechunk
-import zarr
+import obstore
 
 from storage import blobs as blob_store
+from storage import snapshots
 from storage.blobs import BlobReference
+from storage.durability import flush_tree
 from storage.errors import StoreError
 from storage.faults import store_faults
 from storage.layout import REQUIRED_STAGES, problems
 from storage.locks import mutation_lock
-from storage.results import WHOLE_OBJECT, StageResult, check_name, jsonable, open_group, read_stage, write_stage
+from storage.results import (
+    WHOLE_OBJECT,
+    Keys,
+    StageResult,
+    check_name,
+    contents,
+    read_stage,
+    stage_keys,
+    write_stage,
+)
+from storage.snapshots import Version
 
 if TYPE_CHECKING:
     from storage.location import Location
 
 icechunk.set_logs_filter("error")
 
-Keys = dict[str, dict[str, str]]
-"""Stage keys by capture and stage."""
-
 _ATTEMPTS = 30
 
 
 @dataclass(frozen=True, slots=True)
-class Version:
-    """A published version. `metadata` is the publisher's; `stages` the keys of its content by capture and stage;
-    `rejected` the keys it was rolled back from; `created` False when publishing found nothing new."""
-
-    name: str
-    snapshot: str
-    time: datetime
-    message: str
-    metadata: dict[str, Any] = field(default_factory=dict)
-    stages: Keys = field(default_factory=dict)
-    rejected: Keys = field(default_factory=dict)
-    created: bool = True
-
-
-@dataclass(frozen=True, slots=True)
 class Garbage:
-    """What a collection removed, or would remove: objects of the repository and their bytes."""
+    """What a collection removed, or would remove: files or objects, and their bytes."""
 
     objects: int
     bytes: int
-    snapshots: int
 
 
 class ObjectRepository:
@@ -69,6 +60,7 @@ class ObjectRepository:
 
     def __init__(self, location: "Location", object_id: str, repository: icechunk.Repository) -> None:
         self.location, self.object_id, self._repository = location, object_id, repository
+        self._place = location.child("objects", object_id, "repo")
 
     @classmethod
     def open(cls, location: "Location", object_id: str, create: bool = True) -> "ObjectRepository":
@@ -89,12 +81,12 @@ class ObjectRepository:
                         f"no object {object_id} in {location.uri}", "see `glint status` for what is there"
                     ) from None
             with mutation_lock(location, object_id):
-                return cls(location, object_id, _open_or_create(place))
+                return cls(location, object_id, snapshots.open_or_create(place.icechunk_storage()))
 
     def stage_key(self, capture: str, stage: str, ref: str = "work") -> str | None:
         """Key under which the stage was saved last, or None."""
         with self._faults(f"reading {capture}/{stage}"):
-            return _keys(self._session(ref).store, capture).get(stage)
+            return stage_keys(snapshots.session(self._repository, ref).store, capture).get(stage)
 
     def save(
         self,
@@ -125,7 +117,7 @@ class ObjectRepository:
             StoreError: it is not there.
         """
         with self._faults(f"reading {capture}/{stage}"):
-            result = read_stage(self._session(ref).store, capture, stage)
+            result = read_stage(snapshots.session(self._repository, ref).store, capture, stage)
         if result is None:
             raise StoreError(f"{self.object_id} has no {capture}/{stage} in {ref}", "run the object first")
         return result
@@ -137,7 +129,7 @@ class ObjectRepository:
     def contents(self, ref: str = "work") -> Keys:
         """Stage keys by capture and stage, WHOLE_OBJECT included."""
         with self._faults("listing"):
-            return _contents(self._session(ref).store)
+            return contents(snapshots.session(self._repository, ref).store)
 
     def publish(
         self,
@@ -157,10 +149,10 @@ class ObjectRepository:
         """
 
         def attempt() -> Version:
-            current = self._settle()
+            current = snapshots.settle(self._repository)
             base = self._repository.lookup_branch("work")
-            work = self._session(base).store
-            keys = {capture: _keys(work, capture) for capture in captures}
+            work = snapshots.session(self._repository, base).store
+            keys = {capture: stage_keys(work, capture) for capture in captures}
             old, rejected = (current.stages, current.rejected) if current else ({}, {})
             new = {
                 capture: of for capture, of in keys.items() if of != old.get(capture) and of != rejected.get(capture)
@@ -172,9 +164,14 @@ class ObjectRepository:
             kept = {capture: of for capture, of in old.items() if capture not in new and capture not in retire}
             if not new and not kept:
                 raise StoreError(f"{self.object_id} has nothing to publish", "name at least one capture")
-            return self._version(
-                base, current, kept | new, kept, {c: k for c, k in rejected.items() if c not in new}, metadata, message
+            new_version = snapshots.successor(
+                current,
+                stages=kept | new,
+                rejected={capture: of for capture, of in rejected.items() if capture not in new},
+                metadata=metadata,
+                message=message,
             )
+            return snapshots.commit_version(self._repository, base, current, new_version, kept)
 
         return self._mutate("publishing", attempt)
 
@@ -182,20 +179,27 @@ class ObjectRepository:
         """Make a new version with the content of an old one; rolling back to the current one makes none."""
 
         def attempt() -> Version:
-            current, target = self._settle(), self.version(version)
+            current, target = snapshots.settle(self._repository), self.version(version)
             if current is None or target.snapshot == current.snapshot:
                 return replace(target, created=False)
             rejected = {c: of for c, of in current.stages.items() if of != target.stages.get(c)}
-            metadata = target.metadata | {"rolled_back_to": target.name, "replaces": current.name}
-            text = message or f"roll back from {current.name} to {target.name}"
-            return self._version(target.snapshot, current, target.stages, {}, rejected, metadata, text)
+            new_version = snapshots.successor(
+                current,
+                stages=target.stages,
+                rejected=rejected,
+                metadata=target.metadata | {"rolled_back_to": target.name, "replaces": current.name},
+                message=message or f"roll back from {current.name} to {target.name}",
+            )
+            return snapshots.commit_version(self._repository, target.snapshot, current, new_version, {})
 
         return self._mutate("rolling back", attempt)
 
     def history(self) -> list[Version]:
         """All versions, oldest first."""
         with self._faults("reading the history"):
-            return [self._tagged(name) for name in self._names()]
+            return [
+                snapshots.read_version(self._repository, name) for name in snapshots.version_names(self._repository)
+            ]
 
     def version(self, name: str | None = None) -> Version:
         """The named version, or the newest one.
@@ -204,79 +208,35 @@ class ObjectRepository:
             StoreError: there is none.
         """
         with self._faults("reading the history"):
-            names = self._names()
+            names = snapshots.version_names(self._repository)
             if not names or (name is not None and name not in names):
                 what = "no version yet" if not names else f"no version {name!r} (it has {', '.join(names)})"
                 raise StoreError(f"{self.object_id} has {what}", "see `glint history` or run the object")
-            return self._tagged(name or names[-1])
+            return snapshots.read_version(self._repository, name or names[-1])
 
     def garbage_collect(self, dry_run: bool = False, keep: timedelta = timedelta(days=1)) -> Garbage:
-        """Remove what no version and no branch's tip needs and is older than `keep`, which must outlast any save."""
+        """Remove what no version and no branch's tip needs and is older than `keep`, which must outlast any save.
+
+        A dry run removes nothing and counts what nothing refers to already, without what old work would set free.
+        """
 
         def collect() -> Garbage:
             limit = datetime.now(UTC) - keep
             if not dry_run:
-                self._drop_stale_branches(limit)
+                snapshots.drop_stale_branches(self._repository, limit)
                 self._repository.expire_snapshots(limit)
             summary = self._repository.garbage_collect(limit, dry_run=dry_run)
             parts = (summary.chunks_deleted, summary.manifests_deleted, summary.snapshots_deleted)
             objects = sum(parts) + summary.attributes_deleted + summary.transaction_logs_deleted
-            return Garbage(objects, summary.bytes_deleted, summary.snapshots_deleted)
+            backups = self._old_backups(limit)
+            if not dry_run and backups:
+                obstore.delete(self._place.obstore(), list(backups))
+            return Garbage(objects + len(backups), summary.bytes_deleted + sum(backups.values()))
 
         return self._mutate("collecting garbage", collect)
 
-    def _version(
-        self,
-        base: str,
-        current: Version | None,
-        stages: Keys,
-        kept: Keys,
-        rejected: Keys,
-        metadata: Mapping[str, Any],
-        message: str,
-    ) -> Version:
-        """Commit, on a branch of its own from snapshot `base`, exactly `stages`, of which `kept` as in `current`; tag it.
-
-        The tag makes the version; `main` follows, and `_settle` moves it if this process dies in between.
-        """
-        name = f"v{int(current.name[1:]) + 1 if current else 1}"
-        branch = f"publish-{uuid4().hex}"
-        self._repository.create_branch(branch, base)
-        try:
-            session = self._repository.writable_session(branch)
-            root = zarr.open_group(session.store, mode="a", use_consolidated=False)
-            present = _contents(session.store)
-            for capture in present.keys() - stages.keys():
-                del root[capture]
-            for capture in kept:
-                if present.get(capture) != kept[capture]:
-                    self._copy(session.store, current, capture)
-            metadata = jsonable(metadata)
-            record = {"version": name, "stages": stages, "rejected": rejected, "metadata": metadata}
-            root.attrs.put({"object": self.object_id, "version": name, "metadata": metadata})
-            snapshot = session.commit(message or f"version {name}", record)
-            self._repository.create_tag(name, snapshot)
-        except icechunk.AlreadyExistsError as error:
-            raise icechunk.ConflictError() from error
-        finally:
-            self._repository.delete_branch(branch)
-        self._settle()
-        return self._tagged(name)
-
-    def _copy(self, store: Any, current: Version | None, capture: str) -> None:
-        """Write the capture as the current version has it over what `work` has."""
-        assert current is not None
-        source = self._session(current.snapshot).store
-        root = zarr.open_group(store, mode="a", use_consolidated=False)
-        if capture in root:
-            del root[capture]
-        for stage in current.stages[capture]:
-            result = read_stage(source, capture, stage)
-            assert result is not None
-            write_stage(store, capture, stage, result.key, result.arrays, result.record, result.blobs)
-
     def _check(self, store: Any, capture: str, stages: Sequence[str]) -> None:
-        results = {stage: read_stage(store, capture, stage) for stage in _keys(store, capture)}
+        results = {stage: read_stage(store, capture, stage) for stage in stage_keys(store, capture)}
         whole = {stage: result for stage, result in results.items() if result is not None}
         found = problems(whole, () if capture == WHOLE_OBJECT else stages)
         for stage, result in whole.items():
@@ -288,51 +248,21 @@ class ObjectRepository:
                 "run the capture again",
             )
 
-    def _settle(self) -> Version | None:
-        """The newest version, with `main` moved there if a publisher died before it could."""
-        names = self._names()
-        if not names:
-            return None
-        newest, main = self._tagged(names[-1]), self._repository.lookup_branch("main")
-        if main != newest.snapshot:
-            try:
-                self._repository.reset_branch("main", newest.snapshot, from_snapshot_id=main)
-            except icechunk.ConflictError:
-                return self._settle()
-        return newest
-
-    def _names(self) -> list[str]:
-        tags = [tag for tag in self._repository.list_tags() if re.fullmatch(r"v[1-9]\d*", tag)]
-        return sorted(tags, key=lambda tag: int(tag[1:]))
-
-    def _tagged(self, name: str) -> Version:
-        info = self._repository.lookup_snapshot(self._repository.lookup_tag(name))
-        of = info.metadata
-        return Version(name, info.id, info.written_at, info.message, of["metadata"], of["stages"], of["rejected"])
-
-    def _session(self, ref: str) -> icechunk.Session:
-        try:
-            if ref in ("main", "work"):
-                return self._repository.readonly_session(ref)
-            if re.fullmatch(r"v\d+", ref):
-                return self._repository.readonly_session(tag=ref)
-            return self._repository.readonly_session(snapshot_id=ref)
-        except (icechunk.NotFoundError, icechunk.InvalidInputError, ValueError) as error:
-            raise StoreError(f"{self.object_id} has no version {ref!r}", "see `glint history`") from error
-
-    def _drop_stale_branches(self, limit: datetime) -> None:
-        for branch in self._repository.list_branches():
-            if branch.startswith("publish-"):
-                written = self._repository.lookup_snapshot(self._repository.lookup_branch(branch)).written_at
-                if written < limit:
-                    self._repository.delete_branch(branch)
+    def _old_backups(self, limit: datetime) -> dict[str, int]:
+        """Bytes by key of the copies that icechunk makes of the repository's index at every commit."""
+        listed = (meta for batch in obstore.list(self._place.obstore(), prefix="overwritten") for meta in batch)
+        return {meta["path"]: meta["size"] for meta in listed if meta["last_modified"] < limit}
 
     def _mutate[T](self, doing: str, change: Callable[[], T]) -> T:
         """Run `change` alone on a local store; on an object store run it again when another writer was faster."""
         with self._faults(doing), mutation_lock(self.location, self.object_id):
             for attempt in range(_ATTEMPTS):
+                started = time.time() - 1.0
                 try:
-                    return change()
+                    outcome = change()
+                    if self._place.local is not None:
+                        flush_tree(self._place.local, started)
+                    return outcome
                 except icechunk.ConflictError:
                     time.sleep(uniform(0, min(2.0, 0.05 * 2**attempt)))
         raise StoreError(
@@ -344,29 +274,3 @@ class ObjectRepository:
     def _faults(self, doing: str) -> Iterator[None]:
         with store_faults(self.location.uri, f"{doing} of object {self.object_id}"):
             yield
-
-
-def _open_or_create(place: "Location") -> icechunk.Repository:
-    try:
-        repository = icechunk.Repository.open(place.icechunk_storage())
-    except icechunk.RepositoryNotFoundError:
-        repository = icechunk.Repository.open_or_create(place.icechunk_storage())
-    if "work" not in repository.list_branches():
-        try:
-            repository.create_branch("work", repository.lookup_branch("main"))
-        except (icechunk.AlreadyExistsError, icechunk.ConflictError):
-            if "work" not in repository.list_branches():
-                raise
-    return repository
-
-
-def _contents(store: Any) -> Keys:
-    root = open_group(store, "")
-    return {} if root is None else {name: _keys(store, name) for name in sorted(root.group_keys())}
-
-
-def _keys(store: Any, capture: str) -> dict[str, str]:
-    """Key of each stage of a capture that has one."""
-    group = open_group(store, check_name(capture, "capture"))
-    stages = {} if group is None else dict(group.groups())
-    return {name: str(stage.attrs["key"]) for name, stage in sorted(stages.items()) if "key" in stage.attrs}
