@@ -38,8 +38,12 @@ def edge_picture(picture: np.ndarray, *, sigma: float = 0.8, dark: float = 4.0) 
     return EdgePicture(gradient, max(float(np.median(np.hypot(*gradient))), 0.004))
 
 
-def votes(edges: EdgePicture, radii: np.ndarray) -> np.ndarray:
-    """Votes (R, H, W) float32 of the edge pixels for circles of each radius: the share of the outline that is seen."""
+def strongest_circles(edges: EdgePicture, radii: np.ndarray, most: int) -> list[tuple[float, float, float]]:
+    """Circles (x, y, radius) that most edge pixels point to, one per neighbourhood of centres, strongest first.
+
+    Every edge pixel votes for the two centres at each radius along its gradient; a vote counts as a share of the
+    outline, and an edge much stronger than usual counts no more than others.
+    """
     gx, gy = edges.gradient
     strength = np.hypot(gx, gy)
     nx, ny = gx / (strength + 1e-9), gy / (strength + 1e-9)
@@ -49,28 +53,17 @@ def votes(edges: EdgePicture, radii: np.ndarray) -> np.ndarray:
     ridge = (strength >= ahead) & (strength > behind) & (strength > 1.5 * edges.floor)
     ridge[:2] = ridge[-2:] = ridge[:, :2] = ridge[:, -2:] = False
     y, x = np.nonzero(ridge)
-    result = np.zeros((len(radii), *strength.shape), np.float32)
     weight = strength[ridge] / (strength[ridge] + 4.0 * edges.floor)
-    for accumulator, radius in zip(result, radii, strict=True):
-        _vote(x, y, nx[ridge], ny[ridge], weight, float(radius), accumulator)
-        cv2.GaussianBlur(accumulator, (0, 0), 1.2, dst=accumulator)
-        accumulator /= 2.0 * np.pi * radius / 9.0
-    return result
-
-
-def peaks(accumulator: np.ndarray, radii: np.ndarray, most: int) -> list[tuple[float, float, float]]:
-    """The strongest circles (x, y, radius) of an accumulator (R, H, W), one per neighbourhood of position and radius."""
-    spread = cv2.dilate(accumulator.max(axis=0), np.ones((7, 7), np.uint8))
-    best = accumulator.max(axis=0)
-    y, x = np.nonzero((best == spread) & (best > 0))
-    order = np.argsort(-best[y, x])[:most]
-    found = []
-    for row, column in zip(y[order], x[order], strict=True):
-        line = accumulator[:, max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2].max(axis=(1, 2))
-        tops = [k for k in range(len(line)) if line[k] == line[max(k - 2, 0) : k + 3].max()]
-        tops.sort(key=lambda k: -line[k])
-        found += [(float(column), float(row), float(radii[k])) for k in tops[:3]]
-    return found
+    best, of = np.zeros_like(strength), np.zeros_like(strength)
+    for radius in radii:
+        share = np.zeros_like(strength)
+        _vote(x, y, nx[ridge], ny[ridge], weight, float(radius), share)
+        share = cv2.GaussianBlur(share, (0, 0), 1.2) / np.float32(radius)
+        of[share > best] = radius
+        np.maximum(best, share, out=best)
+    row, column = np.nonzero((best == cv2.dilate(best, np.ones((7, 7), np.uint8))) & (best > 0))
+    order = np.argsort(-best[row, column])[:most]
+    return [(float(column[k]), float(row[k]), float(of[row[k], column[k]])) for k in order]
 
 
 def outline(edges: list[EdgePicture], x: float, y: float, radius: float) -> float:
@@ -79,10 +72,21 @@ def outline(edges: list[EdgePicture], x: float, y: float, radius: float) -> floa
 
 
 def fit_outline(
-    edges: list[EdgePicture], x: float, y: float, least: float, largest: float, *, reach: float, step: float
+    edges: list[EdgePicture],
+    x: float,
+    y: float,
+    least: float,
+    largest: float,
+    *,
+    reach: float,
+    step: float,
+    finest: float = 0.02,
 ) -> tuple[float, float, float, float]:
-    """Circle (x, y, radius, score) of the best outline within `reach` of a centre and between two radii."""
-    return _search(*_stack(edges), x, y, least, largest, reach, step)
+    """Circle (x, y, radius, score) of the best outline within `reach` of a centre and between two radii, in pixels.
+
+    All circles on a grid of `step`, then uphill from the best one with steps halved until `finest`.
+    """
+    return _search(*_stack(edges), x, y, least, largest, reach, step, finest)
 
 
 def _stack(edges: list[EdgePicture]) -> tuple[np.ndarray, np.ndarray]:
@@ -158,6 +162,7 @@ def _search(
     largest: float,
     reach: float,
     step: float,
+    finest: float,
 ) -> tuple[float, float, float, float]:
     best = (x, y, 0.5 * (least + largest), -1.0)
     side = int(np.ceil(reach / step))
@@ -170,7 +175,7 @@ def _search(
                 if score > best[3]:
                     best = (x + j * step, y + i * step, radius, score)
     finer = step
-    while finer > 0.02:
+    while finer > finest:
         finer *= 0.5
         for _ in range(3):
             centre = best

@@ -12,7 +12,6 @@ import numpy as np
 from scipy.ndimage import label
 from scipy.spatial import cKDTree
 
-
 CAP = 45.0
 """Degrees from the view vector within which normals can be observed."""
 
@@ -31,6 +30,7 @@ class Gap:
     share: float
 
     def __str__(self) -> str:
+        """What is missing and what to do about it."""
         where = "around the camera" if self.side == "centre" else f"from the {self.side}"
         angle = f"{self.nearest:.0f}-{self.farthest:.0f} degrees from the camera axis"
         return f"no light {where}, {angle} ({self.share:.0%} of the normals): re-shoot with the lamp there"

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from tasks.algorithms.circles import EdgePicture, edge_picture, fit_outline, outline, peaks, votes
+from tasks.algorithms.circles import EdgePicture, edge_picture, fit_outline, outline, strongest_circles
 from tasks.algorithms.errors import UnusableCapture
 
 MOST = 8
@@ -25,7 +25,7 @@ SEEDS = 25
 EXAMINED = 12
 """Best candidates that are refined at the finest scale and judged again there."""
 
-LEAST_SCORE = 0.12
+LEAST_SCORE = 0.14
 """Least product of outline and highlight evidence."""
 
 REMEDY = (
@@ -79,7 +79,8 @@ def find_spheres(
     found: list[Sphere] = []
     for level in pyramid(typical, brightest):
         found += _balls(level, max(smallest_radius / level.scale, SMALLEST))
-    found = [_judged(typical, brightest, sphere) for sphere in _distinct(found, 0.03)[:EXAMINED]]
+    found = _distinct(found, 0.03)[:EXAMINED]
+    found = [_judged(typical, brightest, sphere) for sphere in found if sphere.score > 0.25 * found[0].score]
     found.sort(key=lambda sphere: -sphere.score)
     kept = [sphere for sphere in _distinct(found, 1.0) if sphere.score >= least_score]
     if not kept:
@@ -128,7 +129,7 @@ def _level(typical: np.ndarray, brightest: np.ndarray, scale: int) -> Level:
 
 
 def highlight_evidence(excess: np.ndarray, x: float, y: float, radius: float) -> float:
-    """How far 0..1 the moving light kept to the inner disc of a ball at (x, y) in `excess` = maximum - median (H, W)."""
+    """How far, 0..1, the moving light kept to the inner disc of a ball in `excess` (H, W) = maximum - median."""
     top, left = max(int(y - radius), 0), max(int(x - radius), 0)
     window = excess[top : int(y + radius) + 2, left : int(x + radius) + 2]
     rows, columns = np.mgrid[: window.shape[0], : window.shape[1]]
@@ -139,17 +140,16 @@ def highlight_evidence(excess: np.ndarray, x: float, y: float, radius: float) ->
     bright = float(np.percentile(inner, 98.0))
     if bright <= 0.0:
         return 0.0
+    dark = max(1.0 - float(np.median(ring)) / bright, 0.0)
     lit = float((ring > 0.35 * bright).mean())
-    return (
-        max(1.0 - float(np.median(ring)) / bright, 0.0) * min(max(1.8 - 2.5 * lit, 0.0), 1.0) * min(bright / 100.0, 1.0)
-    )
+    return dark * min(max(1.8 - 2.5 * lit, 0.0), 1.0) * min(bright / 100.0, 1.0)
 
 
 def _balls(level: Level, smallest: float) -> list[Sphere]:
     radii = np.arange(0.6 * smallest, LARGEST + 1.0)
     seeds: list[tuple[float, float, float, float]] = []
     for edges, discs in zip(level.edges, (False, True), strict=True):
-        for x, y, radius in peaks(votes(edges, radii), radii, SEEDS):
+        for x, y, radius in strongest_circles(edges, radii, SEEDS):
             seeds.append((x, y, 0.94 * radius, 1.06 * radius))
             if discs:
                 seeds.append((x, y, 1.25 * radius, 1.7 * radius))
@@ -158,7 +158,7 @@ def _balls(level: Level, smallest: float) -> list[Sphere]:
         least, largest = max(least, smallest), min(largest, 1.05 * LARGEST)
         if least >= largest or highlight_evidence(level.excess, x, y, 0.5 * (least + largest)) < 0.1:
             continue
-        u, v, radius, _ = fit_outline(level.edges, x, y, least, largest, reach=3.0, step=1.0)
+        u, v, radius, _ = fit_outline(level.edges, x, y, least, largest, reach=3.0, step=1.0, finest=0.25)
         evidence = highlight_evidence(level.excess, u, v, radius)
         balls.append(level.full(u, v, radius, evidence * outline(level.edges, u, v, radius)))
     return balls

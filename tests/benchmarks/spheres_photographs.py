@@ -9,7 +9,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import yaml
+from ruamel.yaml import YAML
 
 from tasks.algorithms.geometry import angles, half_vectors_of, unit
 from tasks.algorithms.lights import find_lights
@@ -68,7 +68,7 @@ def main(data: Path) -> None:
     frames = photographs(folder / "chrome", "chrome.[0-9]*.png")
     report("uw_chrome", frames, Sphere(253.5, 148.0, 119.25), lights, half=False)
     for catalogue in ("single-views.yaml", "turntable.yaml"):
-        for item in yaml.safe_load((data / "captures" / catalogue).read_text())["objects"]:
+        for item in YAML(typ="safe").load((data / "captures" / catalogue).read_text())["objects"]:
             for capture in item["captures"]:
                 path = data / "captures" / capture["frames"]
                 lights = np.load(path.parent / "truth" / "lights.npy")

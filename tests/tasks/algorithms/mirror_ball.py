@@ -31,7 +31,7 @@ def ball_frame(
     noise: float = 1.5,
     seed: int = 0,
 ) -> np.ndarray:
-    """Frame (H, W) uint8 of the ball under lamps of `extent` degrees radius that clip; a window is a static reflection."""
+    """Frame (H, W) uint8 of the ball under clipping lamps of `extent` degrees radius; a window mirrors statically."""
     mirrored, on = directions(sphere, shape, 5)
     picture = np.where(on, 25.0, 60.0)
     if window:

@@ -1,9 +1,11 @@
 import cv2
 import numpy as np
 import pytest
+from mirror_ball import ball_frame, lamp
 
 from tasks.algorithms.errors import UnusableCapture
 from tasks.algorithms.geometry import angles, half_vectors_of
+from tasks.algorithms.highlights import measure_highlights, static_level
 from tasks.algorithms.lights import (
     ACCEPTED,
     AMBIGUOUS,
@@ -15,11 +17,8 @@ from tasks.algorithms.lights import (
     decide_lights,
     disagreement_of,
     find_lights,
-    measure_highlights,
-    static_level,
 )
 from tasks.algorithms.spheres import Sphere
-from mirror_ball import ball_frame, lamp
 
 SPHERE = Sphere(43.3, 41.8, 36.0)
 SHAPE = (86, 88)
