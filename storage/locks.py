@@ -36,6 +36,10 @@ class Holder:
         return f"process {self.pid} on {self.host} since {self.since}" + (f", run {self.run}" if self.run else "")
 
 
+_GLANCE = 1.0
+"""Seconds that looking at a lock can take at the very most."""
+
+
 class ObjectBusy(StoreError):  # noqa: N818 - a state of the object, told as such
     """Another run works on the object."""
 
@@ -61,7 +65,7 @@ def run_lock(
     object_id: str,
     run: str = "",
     wait_seconds: float = 0.0,
-    on_wait: Callable[[Holder | None], None] | None = None,
+    on_wait: Callable[[Holder], None] | None = None,
 ) -> Iterator[None]:
     """Hold an object for one run; another run waits up to `wait_seconds` (`on_wait` is told once who holds it).
 
@@ -94,23 +98,26 @@ def run_holder(location: "Location", object_id: str) -> Holder | None:
         return None
 
 
-def _wait_for(handle: int, object_id: str, deadline: float, on_wait: Callable[[Holder | None], None] | None) -> None:
-    told = False
+def _wait_for(handle: int, object_id: str, deadline: float, on_wait: Callable[[Holder], None] | None) -> None:
+    """Take the lock. Whoever only looks holds it for an instant and signs no name: that is waited for in any case."""
+    patience, told = time.monotonic() + _GLANCE, False
     while True:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             return
         except BlockingIOError as error:
             holder = _holder(handle)
-            if time.monotonic() >= deadline:
-                raise ObjectBusy(
-                    f"object {object_id} is being worked on by {holder or 'another process'}",
-                    "wait for that run to end, or stop it",
-                ) from error
-            if on_wait is not None and not told:
+            if time.monotonic() >= (deadline if holder else max(deadline, patience)):
+                raise _busy(object_id, holder) from error
+            if on_wait is not None and holder is not None and not told:
                 on_wait(holder)
                 told = True
-            time.sleep(min(0.2, max(0.01, deadline - time.monotonic())))
+            time.sleep(0.01 if holder is None else 0.2)
+
+
+def _busy(object_id: str, holder: Holder | None) -> ObjectBusy:
+    who = holder or "another process"
+    return ObjectBusy(f"object {object_id} is being worked on by {who}", "wait for that run to end, or stop it")
 
 
 def _holder(handle: int) -> Holder | None:

@@ -11,7 +11,7 @@ from storage.errors import StoreError
 from storage.faults import store_faults
 
 if TYPE_CHECKING:
-    from obstore import UpdateVersion
+    from obstore import PutResult, UpdateVersion
 
     from storage.location import Location
 
@@ -51,14 +51,30 @@ def _try_create(store: ObjectStore, key: str, uri: str) -> None:
 
 
 def _try_swap(store: ObjectStore, key: str, uri: str) -> None:
-    """Some servers compare the entity tag with its quotes and some without: either will do, ignoring it will not."""
+    """Some servers compare the entity tag with its quotes and some without: one must do, and neither may be ignored."""
+    swapped = False
     for quoted in (True, False):
-        old = obstore.put(store, key, b"old", use_multipart=False)
-        tag, version = old["e_tag"] or "", old["version"]
-        stale: "UpdateVersion" = {"e_tag": tag if quoted else tag.strip('"'), "version": version}
-        obstore.put(store, key, b"current", use_multipart=False)
-        try:
-            obstore.put(store, key, b"lost", mode=stale, use_multipart=False)
-        except PreconditionError:
-            continue
-        raise StoreError(f"{uri} lets a stale writer overwrite a newer one", _REMEDY)
+        stale = _condition(obstore.put(store, key, b"old", use_multipart=False), quoted)
+        current = _condition(obstore.put(store, key, b"current", use_multipart=False), quoted)
+        if _swap(store, key, stale):
+            raise StoreError(f"{uri} lets a stale writer overwrite a newer one", _REMEDY)
+        swapped |= _swap(store, key, current)
+    if not swapped:
+        raise StoreError(f"{uri} refuses a writer that has seen the newest state", _REMEDY)
+
+
+def _condition(written: "PutResult", quoted: bool) -> "UpdateVersion":
+    condition: UpdateVersion = {}
+    if written["e_tag"]:
+        condition["e_tag"] = written["e_tag"] if quoted else written["e_tag"].strip('"')
+    if written["version"]:
+        condition["version"] = written["version"]
+    return condition
+
+
+def _swap(store: ObjectStore, key: str, condition: "UpdateVersion") -> bool:
+    try:
+        obstore.put(store, key, b"swapped", mode=condition, use_multipart=False)
+    except PreconditionError:
+        return False
+    return True

@@ -280,7 +280,7 @@ def test_a_killed_process_leaves_whole_versions(place: LocalPlace, tmp_path: Pat
         for line in acknowledged.read_text().splitlines():
             name, round_ = line.split()
             assert history[name].metadata == {"round": int(round_)}, "what was acknowledged is there"
-        for version in list(history.values())[-3:] + [repository.version()]:
+        for version in [*list(history.values())[-3:], repository.version()]:
             expected = capture_arrays(version.metadata["round"])
             for stage, arrays in expected.items():
                 result = repository.load("front", stage, version.name)
