@@ -19,6 +19,9 @@ MOST = 8
 SMALLEST, LARGEST = 18.0, 44.0
 """Radii looked for on a pyramid level, in its pixels; larger balls are found on coarser levels."""
 
+FINE = 150.0
+"""Radius in pixels that a ball has at least where it is measured, if the frame has so many."""
+
 SEEDS = 25
 """Strongest circles of each picture and level that are examined as balls."""
 
@@ -94,12 +97,14 @@ def find_spheres(
 def refine_sphere(pictures: list[np.ndarray], sphere: Sphere, *, reach: float = 0.03) -> Sphere:
     """The sphere whose outline fits the pictures (H, W) best within `reach` of its radius, to a fraction of a pixel.
 
-    From a scale where the radius is some 40 to 80 pixels down to the full one.
+    From a scale where the radius is some 40 to 80 pixels down to the coarsest one where it is `FINE` or the full one:
+    the outline of a larger ball is out of focus or rough by more than a pixel.
     """
+    finest = 2 ** max(0, int(np.floor(np.log2(sphere.radius / FINE))))
     scale = 2 ** max(0, int(np.floor(np.log2(sphere.radius / 40.0))))
     x, y, radius, score = sphere.x, sphere.y, sphere.radius, sphere.score
     span = reach * radius
-    while scale >= 1:
+    while scale >= finest:
         shift = 0.5 * (scale - 1)
         edges = [edge_picture(_shrunk(picture, scale)) for picture in pictures]
         centre = ((x - shift) / scale, (y - shift) / scale)
