@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import obstore
-from obstore.exceptions import AlreadyExistsError
 
+from storage.conditional import create
 from storage.durability import flush
 from storage.errors import StoreError
 from storage.faults import store_faults
@@ -39,11 +39,8 @@ def put(location: "Location", data: bytes, media_type: str) -> BlobReference:
     reference = BlobReference(_key(digest), digest, len(data), media_type)
     with store_faults(location.uri, f"writing a blob of {len(data):,} bytes"):
         store = location.obstore()
-        try:
-            obstore.put(store, reference.key, data, mode="create", use_multipart=False)
-        except AlreadyExistsError:
-            if obstore.head(store, reference.key)["size"] != len(data):
-                obstore.put(store, reference.key, data, use_multipart=False)
+        if not create(store, reference.key, data) and obstore.head(store, reference.key)["size"] != len(data):
+            obstore.put(store, reference.key, data, use_multipart=False)
         if location.local is not None:
             flush(location.local / reference.key)
             flush((location.local / reference.key).parent)

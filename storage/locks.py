@@ -1,47 +1,27 @@
-"""Locks beside an object's repository in a local store: around every mutation, and around a whole run of the object.
+"""Locks beside an object's repository: around every mutation, and around a whole run of the object.
 
-They are held by the operating system on behalf of the process, so a killed process leaves none behind.
+In a local store the operating system holds them on behalf of the process, so a killed process leaves none behind. In an
+object store mutations need none, and a run holds a lease.
 """
 
 import fcntl
-import json
 import os
-import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from storage.errors import StoreError
 from storage.faults import store_faults
+from storage.holders import Holder, ObjectBusy
+from storage.leases import lease, lease_holder
 
 if TYPE_CHECKING:
     from storage.location import Location
 
 
-@dataclass(frozen=True, slots=True)
-class Holder:
-    """Who works on an object: process, machine, since when (ISO 8601, UTC) and the run's name."""
-
-    pid: int
-    host: str
-    since: str
-    run: str = ""
-
-    def __str__(self) -> str:
-        """In words, for a message."""
-        return f"process {self.pid} on {self.host} since {self.since}" + (f", run {self.run}" if self.run else "")
-
-
 _GLANCE = 1.0
 """Seconds that looking at a lock can take at the very most."""
-
-
-class ObjectBusy(StoreError):  # noqa: N818 - a state of the object, told as such
-    """Another run works on the object."""
 
 
 @contextmanager
@@ -73,13 +53,13 @@ def run_lock(
         ObjectBusy: the other run did not end in time.
     """
     if location.local is None:
-        yield
+        with lease(location, object_id, run, wait_seconds, on_wait):
+            yield
         return
     with _open(location, object_id, "run.lock") as handle:
         _wait_for(handle, object_id, time.monotonic() + wait_seconds, on_wait)
-        holder = Holder(os.getpid(), socket.gethostname(), datetime.now(UTC).isoformat(timespec="seconds"), run)
         os.ftruncate(handle, 0)
-        os.pwrite(handle, json.dumps(asdict(holder)).encode(), 0)
+        os.pwrite(handle, Holder.this_process(run).as_bytes(), 0)
         try:
             yield
         finally:
@@ -88,13 +68,15 @@ def run_lock(
 
 def run_holder(location: "Location", object_id: str) -> Holder | None:
     """Who runs the object now, or None."""
-    if location.local is None or not _path(location.local, object_id, "run.lock").exists():
+    if location.local is None:
+        return lease_holder(location, object_id)
+    if not _path(location.local, object_id, "run.lock").exists():
         return None
     with _open(location, object_id, "run.lock") as handle:
         try:
             fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError:
-            return _holder(handle)
+            return Holder.read(os.pread(handle, 4096, 0))
         return None
 
 
@@ -106,25 +88,13 @@ def _wait_for(handle: int, object_id: str, deadline: float, on_wait: Callable[[H
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             return
         except BlockingIOError as error:
-            holder = _holder(handle)
+            holder = Holder.read(os.pread(handle, 4096, 0))
             if time.monotonic() >= (deadline if holder else max(deadline, patience)):
-                raise _busy(object_id, holder) from error
+                raise ObjectBusy.by(object_id, holder) from error
             if on_wait is not None and holder is not None and not told:
                 on_wait(holder)
                 told = True
             time.sleep(0.01 if holder is None else 0.2)
-
-
-def _busy(object_id: str, holder: Holder | None) -> ObjectBusy:
-    who = holder or "another process"
-    return ObjectBusy(f"object {object_id} is being worked on by {who}", "wait for that run to end, or stop it")
-
-
-def _holder(handle: int) -> Holder | None:
-    try:
-        return Holder(**json.loads(os.pread(handle, 4096, 0)))
-    except (ValueError, TypeError):
-        return None
 
 
 def _path(root: Path, object_id: str, name: str) -> Path:

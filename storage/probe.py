@@ -4,15 +4,13 @@ from typing import TYPE_CHECKING
 from uuid import uuid4
 
 import obstore
-from obstore.exceptions import AlreadyExistsError, PreconditionError
 from obstore.store import ObjectStore
 
+from storage.conditional import create, swap
 from storage.errors import StoreError
 from storage.faults import store_faults
 
 if TYPE_CHECKING:
-    from obstore import PutResult, UpdateVersion
-
     from storage.location import Location
 
 _REMEDY = (
@@ -39,42 +37,20 @@ def probe(location: "Location") -> None:
 
 
 def _try_create(store: ObjectStore, key: str, uri: str) -> None:
-    obstore.put(store, key, b"first", mode="create", use_multipart=False)
-    try:
-        obstore.put(store, key, b"second", mode="create", use_multipart=False)
-    except AlreadyExistsError:
-        pass
-    else:
-        raise StoreError(f"{uri} writes over what it was told to create", _REMEDY)
-    if bytes(obstore.get(store, key).bytes()) != b"first":
+    if not create(store, key, b"first") or bytes(obstore.get(store, key).bytes()) != b"first":
         raise StoreError(f"{uri} does not return what was written", _REMEDY)
+    if create(store, key, b"second"):
+        raise StoreError(f"{uri} writes over what it was told to create", _REMEDY)
 
 
 def _try_swap(store: ObjectStore, key: str, uri: str) -> None:
     """Some servers compare the entity tag with its quotes and some without: one must do, and neither may be ignored."""
     swapped = False
     for quoted in (True, False):
-        stale = _condition(obstore.put(store, key, b"old", use_multipart=False), quoted)
-        current = _condition(obstore.put(store, key, b"current", use_multipart=False), quoted)
-        if _swap(store, key, stale):
+        old = obstore.put(store, key, b"old", use_multipart=False)
+        current = obstore.put(store, key, b"current", use_multipart=False)
+        if swap(store, key, b"lost", old, quoted):
             raise StoreError(f"{uri} lets a stale writer overwrite a newer one", _REMEDY)
-        swapped |= _swap(store, key, current)
+        swapped |= swap(store, key, b"swapped", current, quoted)
     if not swapped:
         raise StoreError(f"{uri} refuses a writer that has seen the newest state", _REMEDY)
-
-
-def _condition(written: "PutResult", quoted: bool) -> "UpdateVersion":
-    condition: UpdateVersion = {}
-    if written["e_tag"]:
-        condition["e_tag"] = written["e_tag"] if quoted else written["e_tag"].strip('"')
-    if written["version"]:
-        condition["version"] = written["version"]
-    return condition
-
-
-def _swap(store: ObjectStore, key: str, condition: "UpdateVersion") -> bool:
-    try:
-        obstore.put(store, key, b"swapped", mode=condition, use_multipart=False)
-    except PreconditionError:
-        return False
-    return True

@@ -2,16 +2,21 @@
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 import icechunk
+import obstore
 import zarr
 
 from storage.errors import StoreError
 from storage.results import Keys, contents, jsonable, read_stage, write_stage
+
+if TYPE_CHECKING:
+    from storage.location import Location
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,15 +34,25 @@ class Version:
     created: bool = True
 
 
-def open_or_create(storage: icechunk.Storage) -> icechunk.Repository:
-    """The repository with its branch `work`, whichever of the two is missing."""
-    repository = icechunk.Repository.open_or_create(storage)
+def open_or_create(place: "Location") -> icechunk.Repository:
+    """The repository with its branch `work`, whatever of them is missing, even after a death while they were made.
+
+    Raises:
+        StoreError: there are results but no index of them.
+    """
+    try:
+        repository = icechunk.Repository.open(place.icechunk_storage())
+    except icechunk.RepositoryNotFoundError:
+        snapshots = [meta for batch in obstore.list(place.obstore(), prefix="snapshots") for meta in batch]
+        if len(snapshots) > 1:
+            remedy = "copy the newest file of its folder overwritten/ to the name repo, or restore a backup"
+            raise StoreError(f"{place.uri} has lost the file repo, the index of its results", remedy) from None
+        with suppress(icechunk.ConflictError):
+            icechunk.Repository.create(place.icechunk_storage(), check_clean_root=False)
+        repository = icechunk.Repository.open(place.icechunk_storage())
     if "work" not in repository.list_branches():
-        try:
+        with suppress(icechunk.AlreadyExistsError, icechunk.ConflictError):
             repository.create_branch("work", repository.lookup_branch("main"))
-        except (icechunk.AlreadyExistsError, icechunk.ConflictError):
-            if "work" not in repository.list_branches():
-                raise
     return repository
 
 

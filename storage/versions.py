@@ -11,13 +11,12 @@ until a key of the version it replaced changes: publishing the very results that
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from datetime import UTC, datetime, timedelta
+from dataclasses import replace
+from datetime import timedelta
 from random import uniform
 from typing import TYPE_CHECKING, Any
 
 import icechunk
-import obstore
 
 from storage import blobs as blob_store
 from storage import snapshots
@@ -25,6 +24,7 @@ from storage.blobs import BlobReference
 from storage.durability import flush_tree
 from storage.errors import StoreError
 from storage.faults import store_faults
+from storage.garbage import Garbage, collect
 from storage.layout import REQUIRED_STAGES, problems
 from storage.locks import mutation_lock
 from storage.results import (
@@ -45,14 +45,6 @@ if TYPE_CHECKING:
 icechunk.set_logs_filter("error")
 
 _ATTEMPTS = 30
-
-
-@dataclass(frozen=True, slots=True)
-class Garbage:
-    """What a collection removed, or would remove: files or objects, and their bytes."""
-
-    objects: int
-    bytes: int
 
 
 class ObjectRepository:
@@ -81,7 +73,7 @@ class ObjectRepository:
                         f"no object {object_id} in {location.uri}", "see `glint status` for what is there"
                     ) from None
             with mutation_lock(location, object_id):
-                return cls(location, object_id, snapshots.open_or_create(place.icechunk_storage()))
+                return cls(location, object_id, snapshots.open_or_create(place))
 
     def stage_key(self, capture: str, stage: str, ref: str = "work") -> str | None:
         """Key under which the stage was saved last, or None."""
@@ -220,20 +212,7 @@ class ObjectRepository:
         A dry run removes nothing and counts what nothing refers to already, without what old work would set free.
         """
 
-        def collect() -> Garbage:
-            limit = datetime.now(UTC) - keep
-            if not dry_run:
-                snapshots.drop_stale_branches(self._repository, limit)
-                self._repository.expire_snapshots(limit)
-            summary = self._repository.garbage_collect(limit, dry_run=dry_run)
-            parts = (summary.chunks_deleted, summary.manifests_deleted, summary.snapshots_deleted)
-            objects = sum(parts) + summary.attributes_deleted + summary.transaction_logs_deleted
-            backups = self._old_backups(limit)
-            if not dry_run and backups:
-                obstore.delete(self._place.obstore(), list(backups))
-            return Garbage(objects + len(backups), summary.bytes_deleted + sum(backups.values()))
-
-        return self._mutate("collecting garbage", collect)
+        return self._mutate("collecting garbage", lambda: collect(self._repository, self._place, keep, dry_run))
 
     def _check(self, store: Any, capture: str, stages: Sequence[str]) -> None:
         results = {stage: read_stage(store, capture, stage) for stage in stage_keys(store, capture)}
@@ -247,11 +226,6 @@ class ObjectRepository:
                 f"{self.object_id}/{capture} cannot be published: {'; '.join(found) or 'it has no result'}",
                 "run the capture again",
             )
-
-    def _old_backups(self, limit: datetime) -> dict[str, int]:
-        """Bytes by key of the copies that icechunk makes of the repository's index at every commit."""
-        listed = (meta for batch in obstore.list(self._place.obstore(), prefix="overwritten") for meta in batch)
-        return {meta["path"]: meta["size"] for meta in listed if meta["last_modified"] < limit}
 
     def _mutate[T](self, doing: str, change: Callable[[], T]) -> T:
         """Run `change` alone on a local store; on an object store run it again when another writer was faster."""

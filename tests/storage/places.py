@@ -6,7 +6,7 @@ from typing import Any
 
 import icechunk
 import numpy as np
-from obstore.store import LocalStore
+from obstore.store import LocalStore, MemoryStore
 
 from storage import blobs
 from storage.versions import ObjectRepository
@@ -33,6 +33,26 @@ class LocalPlace:
 
     def icechunk_storage(self) -> icechunk.Storage:
         return icechunk.local_filesystem_storage(str(self.local))
+
+
+class MemoryPlace:
+    """A store in this process that honours conditions and has no locks, as an object store does."""
+
+    uri, local = "memory://", None
+
+    def __init__(self, root: "MemoryPlace | None" = None, path: tuple[str, ...] = ()) -> None:
+        self.root, self.path = root or self, path
+        self.store = MemoryStore() if root is None else root.store
+        self.repositories: dict[tuple[str, ...], icechunk.Storage] = {} if root is None else root.repositories
+
+    def child(self, *parts: str) -> "MemoryPlace":
+        return MemoryPlace(self.root, self.path + parts)
+
+    def obstore(self) -> MemoryStore:
+        return MemoryStore() if self.path else self.store
+
+    def icechunk_storage(self) -> icechunk.Storage:
+        return self.repositories.setdefault(self.path, icechunk.in_memory_storage())
 
 
 def capture_arrays(seed: int = 0, height: int = 12, width: int = 16, frames: int = 20) -> dict[str, dict[str, Any]]:

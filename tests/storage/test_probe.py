@@ -3,24 +3,10 @@ from typing import Any
 
 import obstore
 import pytest
-from obstore.store import MemoryStore
-from places import LocalPlace
+from places import LocalPlace, MemoryPlace
 
-from storage import probe as module
 from storage.errors import StoreError
 from storage.probe import probe
-
-
-class MemoryPlace:
-    """A store in memory that honours conditions, as an object store does."""
-
-    uri, local = "memory://", None
-
-    def __init__(self) -> None:
-        self.store = MemoryStore()
-
-    def obstore(self) -> MemoryStore:
-        return self.store
 
 
 def test_a_local_folder_passes_and_stays_clean(tmp_path: Path) -> None:
@@ -30,7 +16,7 @@ def test_a_local_folder_passes_and_stays_clean(tmp_path: Path) -> None:
 
 def test_a_store_with_conditional_writes_passes() -> None:
     place = MemoryPlace()
-    probe(place)  # type: ignore[arg-type]
+    probe(place)
     assert not list(obstore.list(place.store))
 
 
@@ -44,9 +30,9 @@ def test_a_store_that_ignores_conditions_is_refused(
         careless_here = mode == "create" if ignored == "create" else isinstance(mode, dict)
         return put(store, key, data, mode=None if careless_here else mode, **options)
 
-    monkeypatch.setattr(module.obstore, "put", careless)
+    monkeypatch.setattr(obstore, "put", careless)
     with pytest.raises(StoreError, match=message):
-        probe(MemoryPlace())  # type: ignore[arg-type]
+        probe(MemoryPlace())
 
 
 def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:

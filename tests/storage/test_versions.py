@@ -4,6 +4,7 @@ import random
 import resource
 import signal
 import subprocess
+import threading
 import time
 from datetime import timedelta
 from pathlib import Path
@@ -12,7 +13,7 @@ import icechunk
 import numpy as np
 import pytest
 import zarr
-from places import LocalPlace, capture_arrays, save_capture
+from places import LocalPlace, MemoryPlace, capture_arrays, save_capture
 
 from storage import blobs
 from storage.blobs import BlobReference
@@ -212,6 +213,21 @@ def test_main_follows_a_tag_whose_publisher_died(repository: ObjectRepository, p
     assert repository.stage_key("front", "mask", "main") == "k2"
 
 
+def test_a_death_while_the_repository_was_made_does_no_harm(place: LocalPlace) -> None:
+    folder = place.local / "objects" / "duck" / "repo"
+    ObjectRepository.open(place, "duck")
+    (folder / "repo").unlink()
+    repository = ObjectRepository.open(place, "duck")
+    repository.save("front", "mask", "k1", {}, {})
+    repository.save("front", "mask", "k2", {}, {})
+    (folder / "repo").unlink()
+    with pytest.raises(StoreError, match="overwritten"):
+        ObjectRepository.open(place, "duck")
+    newest = max((folder / "overwritten").iterdir(), key=lambda path: path.stat().st_mtime_ns)
+    newest.rename(folder / "repo")
+    assert ObjectRepository.open(place, "duck").stage_key("front", "mask") in ("k1", "k2")
+
+
 def test_collecting_garbage_keeps_versions_and_work(repository: ObjectRepository, place: LocalPlace) -> None:
     old = save_capture(repository, "front", "k1", seed=1)
     repository.publish(["front"], {})
@@ -249,6 +265,31 @@ def test_four_processes_lose_nothing(place: LocalPlace) -> None:
         for number in range(5):
             for capture, stage in ((f"capture-{worker}", f"stage-{number}"), ("shared", f"stage-{worker}-{number}")):
                 assert (repository.load(capture, stage).read("a") == worker * 100 + number).all()
+
+
+def test_writers_without_a_lock_try_again_and_lose_nothing() -> None:
+    place, failures = MemoryPlace(), []
+
+    def work(writer: int) -> None:
+        try:
+            repository = ObjectRepository.open(place, "duck")
+            for number in range(4):
+                repository.save("shared", f"stage-{writer}-{number}", "k", {"a": np.full(9, writer)}, {})
+            save_capture(repository, f"view-{writer}", "k", seed=writer)
+            repository.publish([f"view-{writer}"], {})
+        except Exception as error:
+            failures.append(error)
+
+    writers = [threading.Thread(target=work, args=(writer,)) for writer in range(4)]
+    for writer in writers:
+        writer.start()
+    for writer in writers:
+        writer.join()
+    assert not failures
+    repository = ObjectRepository.open(place, "duck", create=False)
+    assert len(repository.contents()["shared"]) == 16
+    assert [len(version.stages) for version in repository.history()] == [1, 2, 3, 4]
+    assert repository.captures("main") == [f"view-{writer}" for writer in range(4)]
 
 
 def _publish_for_ever(place: LocalPlace, acknowledged: Path, start: int) -> None:
