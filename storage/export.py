@@ -100,7 +100,7 @@ def _write_capture(
     about = {"name": version.name, "snapshot": version.snapshot, "time": version.time.isoformat(timespec="seconds")}
     report = capture_report(object_id, capture, about | {"metadata": version.metadata}, stages, arrays)
     _write_json(folder / REPORT, report)
-    pictures = report_pictures(arrays, _relit(location, stages), report["depth"]["unit"], names)
+    pictures = report_pictures(arrays, _drawn(location, stages), report["depth"]["unit"], names)
     (folder / "report.html").write_text(report_page(report, pictures), encoding="utf-8")
 
 
@@ -156,11 +156,12 @@ def _write_blobs(location: "Location", stages: Mapping[str, StageResult], folder
             path.write_bytes(blobs.get(location, reference))
 
 
-def _relit(location: "Location", stages: Mapping[str, StageResult]) -> Iterator[tuple[str, bytes]]:
+def _drawn(location: "Location", stages: Mapping[str, StageResult]) -> Iterator[tuple[str, bytes]]:
+    """Pictures that stages drew for people, the relit ones first, by their file names."""
     named: dict[str, BlobReference] = {}
     for result in stages.values():
-        named |= {name: of for name, of in result.blobs.items() if re.fullmatch(r"relit_.*\.png", name)}
-    for name, reference in sorted(named.items()):
+        named |= {name: of for name, of in result.blobs.items() if re.fullmatch(r"(relit_.*|coverage)\.png", name)}
+    for name, reference in sorted(named.items(), key=lambda item: (item[0] == "coverage.png", item[0])):
         yield name, blobs.get(location, reference)
 
 

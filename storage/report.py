@@ -28,6 +28,8 @@ PALETTE = np.array(
 )
 """Colours of the provenance codes, in order."""
 
+_RELIT = "shaded as matte white under one distant lamp (N·L)"
+_COVERAGE = ("Coverage", "where on the hemisphere the lamp has been")
 _WIDEST = 720
 
 
@@ -92,7 +94,7 @@ def capture_report(
 
 
 def report_pictures(
-    arrays: Mapping[str, Any], relit: Iterable[tuple[str, bytes]], unit: str, names: dict[int, str]
+    arrays: Mapping[str, Any], drawn: Iterable[tuple[str, bytes]], unit: str, names: dict[int, str]
 ) -> list[Picture]:
     """What a person wants to see, the normal map and the relit pictures first."""
     pictures = [
@@ -102,8 +104,9 @@ def report_pictures(
             _png(colour_normals(arrays["normals"])),
         )
     ]
-    for name, data in relit:
-        pictures.append(Picture(_title(name), "shaded as matte white under one distant lamp (N·L)", data))
+    for name, data in drawn:
+        title, caption = _COVERAGE if name == "coverage.png" else (_title(name), _RELIT)
+        pictures.append(Picture(title, caption, data))
     if "provenance" in arrays:
         present = np.unique(arrays["provenance"][arrays["mask"]])
         legend = tuple(
