@@ -6,7 +6,6 @@ A blob is written before the commit that names it and never changed, so a reader
 import hashlib
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import obstore
 
@@ -14,9 +13,7 @@ from storage.conditional import create
 from storage.durability import flush
 from storage.errors import StoreError
 from storage.faults import store_faults
-
-if TYPE_CHECKING:
-    from storage.location import Location
+from storage.location import Location
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +26,7 @@ class BlobReference:
     media_type: str
 
 
-def put(location: "Location", data: bytes, media_type: str) -> BlobReference:
+def put(location: Location, data: bytes, media_type: str) -> BlobReference:
     """Store `data`; storing the same bytes again, or from two processes at once, is harmless.
 
     Raises:
@@ -47,7 +44,7 @@ def put(location: "Location", data: bytes, media_type: str) -> BlobReference:
     return reference
 
 
-def get(location: "Location", reference: BlobReference) -> bytes:
+def get(location: Location, reference: BlobReference) -> bytes:
     """The blob's bytes, verified.
 
     Raises:
@@ -63,7 +60,7 @@ def get(location: "Location", reference: BlobReference) -> bytes:
     return data
 
 
-def exists(location: "Location", reference: BlobReference) -> bool:
+def exists(location: Location, reference: BlobReference) -> bool:
     """Whether the blob is there with its size."""
     with store_faults(location.uri, f"looking for blob {reference.sha256[:12]}"):
         try:

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,13 +18,11 @@ from storage.blobs import BlobReference
 from storage.errors import StoreError
 from storage.faults import store_faults
 from storage.layout import LAYOUT
+from storage.location import Location
 from storage.pictures import encode_normals, write_exr, write_png, write_tiff
 from storage.report import capture_report, code_names, report_page, report_pictures
 from storage.results import WHOLE_OBJECT, StageResult, check_name
 from storage.versions import ObjectRepository, Version
-
-if TYPE_CHECKING:
-    from storage.location import Location
 
 REPORT = "report.json"
 
@@ -42,7 +40,7 @@ class ExportRecord:
     size: int
 
 
-def export(location: "Location", object_id: str, out: Path, version: str | None = None) -> ExportRecord:
+def export(location: Location, object_id: str, out: Path, version: str | None = None) -> ExportRecord:
     """Write a version (the newest by default) to the folder `out`.
 
     Files appear whole or not at all. An earlier export of the same object there is replaced; anything else is left
@@ -72,7 +70,7 @@ def export(location: "Location", object_id: str, out: Path, version: str | None 
 
 
 def _write_capture(
-    location: "Location",
+    location: Location,
     object_id: str,
     capture: str,
     version: Version,
@@ -147,7 +145,7 @@ def _observed(stages: Mapping[str, StageResult], mask: np.ndarray) -> np.ndarray
     return np.asarray((stages["clusters"].read("observations") > 0) & mask)
 
 
-def _write_blobs(location: "Location", stages: Mapping[str, StageResult], folder: Path) -> None:
+def _write_blobs(location: Location, stages: Mapping[str, StageResult], folder: Path) -> None:
     for result in stages.values():
         for name, reference in result.blobs.items():
             path = folder / _file_name(name)
@@ -156,7 +154,7 @@ def _write_blobs(location: "Location", stages: Mapping[str, StageResult], folder
             path.write_bytes(blobs.get(location, reference))
 
 
-def _drawn(location: "Location", stages: Mapping[str, StageResult]) -> Iterator[tuple[str, bytes]]:
+def _drawn(location: Location, stages: Mapping[str, StageResult]) -> Iterator[tuple[str, bytes]]:
     """Pictures that stages drew for people, the relit ones first, by their file names."""
     named: dict[str, BlobReference] = {}
     for result in stages.values():

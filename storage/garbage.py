@@ -2,15 +2,12 @@
 
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
 
 import icechunk
 import obstore
 
+from storage.location import Location
 from storage.snapshots import drop_stale_branches
-
-if TYPE_CHECKING:
-    from storage.location import Location
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +18,7 @@ class Garbage:
     bytes: int
 
 
-def collect(repository: icechunk.Repository, place: "Location", keep: timedelta, dry_run: bool) -> Garbage:
+def collect(repository: icechunk.Repository, place: Location, keep: timedelta, dry_run: bool) -> Garbage:
     """Remove what no version and no branch's tip refers to and is older than `keep`."""
     limit = datetime.now(UTC) - keep
     if not dry_run:
@@ -36,7 +33,7 @@ def collect(repository: icechunk.Repository, place: "Location", keep: timedelta,
     return Garbage(objects + len(copies), summary.bytes_deleted + sum(copies.values()))
 
 
-def _old_copies(place: "Location", limit: datetime) -> dict[str, int]:
+def _old_copies(place: Location, limit: datetime) -> dict[str, int]:
     """Bytes by key of the copies that icechunk makes of its index at every commit, the newest left out."""
     listed = [meta for batch in obstore.list(place.obstore(), prefix="overwritten") for meta in batch]
     newest = max((meta["last_modified"] for meta in listed), default=limit)

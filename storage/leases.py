@@ -20,18 +20,17 @@ from obstore.store import ObjectStore
 from storage.conditional import create, swap
 from storage.faults import store_faults
 from storage.holders import Holder, ObjectBusy
+from storage.location import Location
 
 if TYPE_CHECKING:
     from obstore import GetResult
-
-    from storage.location import Location
 
 TERM = timedelta(minutes=3)
 
 
 @contextmanager
 def lease(
-    location: "Location",
+    location: Location,
     object_id: str,
     run: str = "",
     wait_seconds: float = 0.0,
@@ -65,7 +64,7 @@ def lease(
             _release(store, key, mine)
 
 
-def lease_holder(location: "Location", object_id: str, term: timedelta = TERM) -> Holder | None:
+def lease_holder(location: Location, object_id: str, term: timedelta = TERM) -> Holder | None:
     """Who runs the object now, or None."""
     with store_faults(location.uri, f"asking who works on object {object_id}"):
         store = location.obstore()

@@ -10,22 +10,18 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from storage.faults import store_faults
 from storage.holders import Holder, ObjectBusy
 from storage.leases import lease, lease_holder
-
-if TYPE_CHECKING:
-    from storage.location import Location
-
+from storage.location import Location
 
 _GLANCE = 1.0
 """Seconds that looking at a lock can take at the very most."""
 
 
 @contextmanager
-def mutation_lock(location: "Location", object_id: str) -> Iterator[None]:
+def mutation_lock(location: Location, object_id: str) -> Iterator[None]:
     """Wait for, then hold, the right to change an object's repository.
 
     A local file system lets two committers overwrite each other silently. Object stores refuse the second one
@@ -41,7 +37,7 @@ def mutation_lock(location: "Location", object_id: str) -> Iterator[None]:
 
 @contextmanager
 def run_lock(
-    location: "Location",
+    location: Location,
     object_id: str,
     run: str = "",
     wait_seconds: float = 0.0,
@@ -66,7 +62,7 @@ def run_lock(
             os.ftruncate(handle, 0)
 
 
-def run_holder(location: "Location", object_id: str) -> Holder | None:
+def run_holder(location: Location, object_id: str) -> Holder | None:
     """Who runs the object now, or None."""
     if location.local is None:
         return lease_holder(location, object_id)
@@ -102,7 +98,7 @@ def _path(root: Path, object_id: str, name: str) -> Path:
 
 
 @contextmanager
-def _open(location: "Location", object_id: str, name: str) -> Iterator[int]:
+def _open(location: Location, object_id: str, name: str) -> Iterator[int]:
     assert location.local is not None
     path = _path(location.local, object_id, name)
     with store_faults(location.uri, f"locking object {object_id}"):

@@ -1,6 +1,5 @@
 """Does a store keep the promises that versions rest on? Asked once, before anything is written there."""
 
-from typing import TYPE_CHECKING
 from uuid import uuid4
 
 import obstore
@@ -9,16 +8,14 @@ from obstore.store import ObjectStore
 from storage.conditional import create, swap
 from storage.errors import StoreError
 from storage.faults import store_faults
-
-if TYPE_CHECKING:
-    from storage.location import Location
+from storage.location import Location
 
 _REMEDY = (
     "use a store with conditional writes (If-None-Match and If-Match), such as S3, Azure or Ceph, or a local folder"
 )
 
 
-def probe(location: "Location") -> None:
+def probe(location: Location) -> None:
     """Write, read, and try two conditional writes that must fail; leaves nothing behind.
 
     On a local folder a lock does what compare-and-swap does on an object store, so only creation is tried there.

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from uuid import uuid4
 
 import icechunk
@@ -13,10 +13,8 @@ import obstore
 import zarr
 
 from storage.errors import StoreError
+from storage.location import Location
 from storage.results import Keys, contents, jsonable, read_stage, write_stage
-
-if TYPE_CHECKING:
-    from storage.location import Location
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +32,7 @@ class Version:
     created: bool = True
 
 
-def open_or_create(place: "Location") -> icechunk.Repository:
+def open_or_create(place: Location) -> icechunk.Repository:
     """The repository with its branch `work`, whatever of them is missing, even after a death while they were made.
 
     Raises:

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from datetime import timedelta
 from random import uniform
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import icechunk
 
@@ -26,6 +26,7 @@ from storage.errors import StoreError
 from storage.faults import store_faults
 from storage.garbage import Garbage, collect
 from storage.layout import REQUIRED_STAGES, problems
+from storage.location import Location
 from storage.locks import mutation_lock
 from storage.results import (
     WHOLE_OBJECT,
@@ -39,9 +40,6 @@ from storage.results import (
 )
 from storage.snapshots import Version
 
-if TYPE_CHECKING:
-    from storage.location import Location
-
 icechunk.set_logs_filter("error")
 
 _ATTEMPTS = 30
@@ -50,12 +48,12 @@ _ATTEMPTS = 30
 class ObjectRepository:
     """Results of one object; safe to use from several processes at once, each with its own instance."""
 
-    def __init__(self, location: "Location", object_id: str, repository: icechunk.Repository) -> None:
+    def __init__(self, location: Location, object_id: str, repository: icechunk.Repository) -> None:
         self.location, self.object_id, self._repository = location, object_id, repository
         self._place = location.child("objects", object_id, "repo")
 
     @classmethod
-    def open(cls, location: "Location", object_id: str, create: bool = True) -> "ObjectRepository":
+    def open(cls, location: Location, object_id: str, create: bool = True) -> "ObjectRepository":
         """The object's repository, made where it is absent if `create`.
 
         Raises:

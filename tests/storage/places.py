@@ -1,38 +1,23 @@
 """What tests of the store share: places and a capture's results."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import icechunk
 import numpy as np
-from obstore.store import LocalStore, MemoryStore
+from obstore.store import MemoryStore
 
 from storage import blobs
+from storage.location import Location
 from storage.versions import ObjectRepository
 
 REASONS = ("accepted", "no light", "two lights")
 PROVENANCE = ("outside", "observed", "marked", "silhouette", "filled")
 
 
-@dataclass(frozen=True)
-class LocalPlace:
+def local_place(folder: Path) -> Location:
     """A local store."""
-
-    local: Path
-
-    @property
-    def uri(self) -> str:
-        return str(self.local)
-
-    def child(self, *parts: str) -> "LocalPlace":
-        return LocalPlace(self.local.joinpath(*parts))
-
-    def obstore(self) -> LocalStore:
-        return LocalStore(self.local, mkdir=True)
-
-    def icechunk_storage(self) -> icechunk.Storage:
-        return icechunk.local_filesystem_storage(str(self.local))
+    return Location.parse(folder)
 
 
 class MemoryPlace:

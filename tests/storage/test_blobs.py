@@ -4,39 +4,40 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from places import LocalPlace
+from places import local_place
 
 from storage import blobs
 from storage.errors import StoreError
+from storage.location import Location
 
 
 @pytest.fixture
-def place(tmp_path: Path) -> LocalPlace:
-    return LocalPlace(tmp_path / "store")
+def place(tmp_path: Path) -> Location:
+    return local_place(tmp_path / "store")
 
 
-def test_a_blob_is_named_by_its_content(place: LocalPlace) -> None:
+def test_a_blob_is_named_by_its_content(place: Location) -> None:
     reference = blobs.put(place, b"mesh", "model/ply")
     digest = hashlib.sha256(b"mesh").hexdigest()
     assert reference == blobs.BlobReference(f"blobs/sha256/{digest[:2]}/{digest}", digest, 4, "model/ply")
     assert blobs.get(place, reference) == b"mesh" and blobs.exists(place, reference)
 
 
-def test_the_same_blob_again_is_harmless(place: LocalPlace) -> None:
+def test_the_same_blob_again_is_harmless(place: Location) -> None:
     assert blobs.put(place, b"mesh", "model/ply") == blobs.put(place, b"mesh", "model/ply")
     assert len([path for path in place.local.rglob("*") if path.is_file()]) == 1
     assert blobs.get(place, blobs.put(place, b"", "text/plain")) == b""
 
 
 @pytest.mark.parametrize("stored", [b"moss", b"mes", b"", b"meshes"])
-def test_wrong_bytes_are_refused(place: LocalPlace, stored: bytes) -> None:
+def test_wrong_bytes_are_refused(place: Location, stored: bytes) -> None:
     reference = blobs.put(place, b"mesh", "model/ply")
     (place.local / reference.key).write_bytes(stored)
     with pytest.raises(StoreError, match="does not hold the bytes"):
         blobs.get(place, reference)
 
 
-def test_a_cut_off_blob_is_mended_by_storing_it_again(place: LocalPlace) -> None:
+def test_a_cut_off_blob_is_mended_by_storing_it_again(place: Location) -> None:
     reference = blobs.put(place, b"mesh", "model/ply")
     (place.local / reference.key).write_bytes(b"me")
     assert not blobs.exists(place, reference)
@@ -44,7 +45,7 @@ def test_a_cut_off_blob_is_mended_by_storing_it_again(place: LocalPlace) -> None
     assert blobs.get(place, reference) == b"mesh"
 
 
-def test_a_missing_blob_says_so(place: LocalPlace) -> None:
+def test_a_missing_blob_says_so(place: Location) -> None:
     reference = blobs.put(place, b"mesh", "model/ply")
     (place.local / reference.key).unlink()
     assert not blobs.exists(place, reference)
@@ -53,14 +54,14 @@ def test_a_missing_blob_says_so(place: LocalPlace) -> None:
 
 
 @pytest.mark.parametrize("change", [{"key": "../../etc/passwd"}, {"key": "blobs/sha256/aa/bb"}, {"sha256": "../x"}])
-def test_a_hostile_reference_reads_nothing(place: LocalPlace, change: dict[str, str]) -> None:
+def test_a_hostile_reference_reads_nothing(place: Location, change: dict[str, str]) -> None:
     reference = replace(blobs.put(place, b"mesh", "model/ply"), **change)
     for use in (blobs.get, blobs.exists):
         with pytest.raises(StoreError, match="does not follow from its digest"):
             use(place, reference)
 
 
-def test_readers_see_a_blob_whole_or_not_at_all(place: LocalPlace) -> None:
+def test_readers_see_a_blob_whole_or_not_at_all(place: Location) -> None:
     data = bytes(range(256)) * 40_000
     path = place.local / blobs.put(place, data, "x").key
     stop, seen = threading.Event(), set()
@@ -91,4 +92,4 @@ def test_readers_see_a_blob_whole_or_not_at_all(place: LocalPlace) -> None:
 def test_an_unwritable_store_is_a_store_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(StoreError):
-        blobs.put(LocalPlace(tmp_path / "file" / "store"), b"mesh", "model/ply")
+        blobs.put(local_place(tmp_path / "file" / "store"), b"mesh", "model/ply")

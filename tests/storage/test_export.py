@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tifffile
-from places import PIXEL, PROVENANCE, REASONS, LocalPlace, capture_arrays, save_capture
+from places import PIXEL, PROVENANCE, REASONS, capture_arrays, local_place, save_capture
 
 from storage import blobs, pictures
 from storage.errors import StoreError
 from storage.export import export
+from storage.location import Location
 from storage.results import WHOLE_OBJECT
 from storage.versions import ObjectRepository
 
@@ -23,18 +24,18 @@ FILES = {
 
 
 @pytest.fixture
-def place(tmp_path: Path) -> LocalPlace:
-    return LocalPlace(tmp_path / "store")
+def place(tmp_path: Path) -> Location:
+    return local_place(tmp_path / "store")
 
 
 @pytest.fixture
-def repository(place: LocalPlace) -> ObjectRepository:
+def repository(place: Location) -> ObjectRepository:
     repository = ObjectRepository.open(place, "duck")
     save_capture(repository, "front", "k1")
     return repository
 
 
-def test_every_file_holds_what_was_stored(repository: ObjectRepository, place: LocalPlace, tmp_path: Path) -> None:
+def test_every_file_holds_what_was_stored(repository: ObjectRepository, place: Location, tmp_path: Path) -> None:
     repository.publish(["front"], {"run": "r1"})
     record = export(place, "duck", tmp_path / "out")
     folder, arrays = tmp_path / "out" / "front", capture_arrays()
@@ -67,7 +68,7 @@ def test_every_file_holds_what_was_stored(repository: ObjectRepository, place: L
     assert (folder / "surface.ply").read_bytes() == b"ply 0" and (folder / "relit_left.png").read_bytes() == PIXEL
 
 
-def test_lights_and_frames_are_told_one_by_one(repository: ObjectRepository, place: LocalPlace, tmp_path: Path) -> None:
+def test_lights_and_frames_are_told_one_by_one(repository: ObjectRepository, place: Location, tmp_path: Path) -> None:
     repository.publish(["front"], {})
     export(place, "duck", tmp_path / "out")
     lights = capture_arrays()["lights"]
@@ -102,7 +103,7 @@ class _Page(HTMLParser):
         self.text += data
 
 
-def test_the_reports_say_what_was_found(repository: ObjectRepository, place: LocalPlace, tmp_path: Path) -> None:
+def test_the_reports_say_what_was_found(repository: ObjectRepository, place: Location, tmp_path: Path) -> None:
     repository.publish(["front"], {"run": "r1", "note": "<script>alert(1)</script>"})
     export(place, "duck", tmp_path / "out")
     report = json.loads((tmp_path / "out/front/report.json").read_text())
@@ -124,7 +125,7 @@ def test_the_reports_say_what_was_found(repository: ObjectRepository, place: Loc
     assert page.tags.count("img") == 5 and all(source.startswith("data:image/png;base64,") for source in page.sources)
 
 
-def test_any_version_can_be_exported(repository: ObjectRepository, place: LocalPlace, tmp_path: Path) -> None:
+def test_any_version_can_be_exported(repository: ObjectRepository, place: Location, tmp_path: Path) -> None:
     repository.publish(["front"], {})
     save_capture(repository, "front", "k2", seed=2)
     with pytest.raises(StoreError, match="no version 'v2'"):
@@ -137,7 +138,7 @@ def test_any_version_can_be_exported(repository: ObjectRepository, place: LocalP
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out", "store"], "nothing is left beside"
 
 
-def test_the_model_lies_beside_the_captures(repository: ObjectRepository, place: LocalPlace, tmp_path: Path) -> None:
+def test_the_model_lies_beside_the_captures(repository: ObjectRepository, place: Location, tmp_path: Path) -> None:
     reference = blobs.put(place, b"model", "model/ply")
     repository.save(WHOLE_OBJECT, "model", "m", {}, {}, {"model.ply": reference})
     repository.publish(["front", WHOLE_OBJECT], {})
@@ -146,7 +147,7 @@ def test_the_model_lies_beside_the_captures(repository: ObjectRepository, place:
 
 
 def test_captures_of_an_older_export_go_and_other_files_stay(
-    repository: ObjectRepository, place: LocalPlace, tmp_path: Path
+    repository: ObjectRepository, place: Location, tmp_path: Path
 ) -> None:
     save_capture(repository, "back", "k1")
     repository.publish(["front", "back"], {})
@@ -159,7 +160,7 @@ def test_captures_of_an_older_export_go_and_other_files_stay(
 
 
 def test_a_folder_that_is_no_export_is_left_alone(
-    repository: ObjectRepository, place: LocalPlace, tmp_path: Path
+    repository: ObjectRepository, place: Location, tmp_path: Path
 ) -> None:
     repository.publish(["front"], {})
     (tmp_path / "out/front").mkdir(parents=True)
@@ -170,7 +171,7 @@ def test_a_folder_that_is_no_export_is_left_alone(
 
 
 def test_damaged_or_hostile_content_leaves_nothing(
-    repository: ObjectRepository, place: LocalPlace, tmp_path: Path
+    repository: ObjectRepository, place: Location, tmp_path: Path
 ) -> None:
     repository.publish(["front"], {})
     reference = repository.load("front", "surface").blobs["surface.ply"]
@@ -192,7 +193,7 @@ def test_damaged_or_hostile_content_leaves_nothing(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["secret", "store"]
 
 
-def test_what_is_optional_may_be_absent_and_what_is_required_may_not(place: LocalPlace, tmp_path: Path) -> None:
+def test_what_is_optional_may_be_absent_and_what_is_required_may_not(place: Location, tmp_path: Path) -> None:
     repository = ObjectRepository.open(place, "cup")
     arrays = capture_arrays()
     repository.save("front", "mask", "k", arrays["mask"], {})
@@ -208,7 +209,7 @@ def test_what_is_optional_may_be_absent_and_what_is_required_may_not(place: Loca
 
 
 def test_a_place_that_cannot_be_written_is_a_store_error(
-    repository: ObjectRepository, place: LocalPlace, tmp_path: Path
+    repository: ObjectRepository, place: Location, tmp_path: Path
 ) -> None:
     repository.publish(["front"], {})
     (tmp_path / "file").write_text("")

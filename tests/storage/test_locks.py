@@ -7,25 +7,26 @@ from multiprocessing.synchronize import Event
 from pathlib import Path
 
 import pytest
-from places import LocalPlace
+from places import local_place
 
+from storage.location import Location
 from storage.locks import Holder, ObjectBusy, mutation_lock, run_holder, run_lock
 
 SPAWN = multiprocessing.get_context("spawn")
 
 
 @pytest.fixture
-def place(tmp_path: Path) -> LocalPlace:
-    return LocalPlace(tmp_path / "store")
+def place(tmp_path: Path) -> Location:
+    return local_place(tmp_path / "store")
 
 
-def _hold(place: LocalPlace, held: Event, release: Event) -> None:
+def _hold(place: Location, held: Event, release: Event) -> None:
     with run_lock(place, "duck", run="nightly"):
         held.set()
         release.wait(60)
 
 
-def test_a_second_run_is_told_who_holds_the_object(place: LocalPlace) -> None:
+def test_a_second_run_is_told_who_holds_the_object(place: Location) -> None:
     held, release = SPAWN.Event(), SPAWN.Event()
     other = SPAWN.Process(target=_hold, args=(place, held, release))
     other.start()
@@ -59,7 +60,7 @@ def test_a_second_run_is_told_who_holds_the_object(place: LocalPlace) -> None:
     assert run_holder(place, "duck") is None
 
 
-def test_a_killed_run_leaves_no_lock(place: LocalPlace) -> None:
+def test_a_killed_run_leaves_no_lock(place: Location) -> None:
     held, release = SPAWN.Event(), SPAWN.Event()
     other = SPAWN.Process(target=_hold, args=(place, held, release))
     other.start()
@@ -71,7 +72,7 @@ def test_a_killed_run_leaves_no_lock(place: LocalPlace) -> None:
         pass
 
 
-def test_looking_who_runs_does_not_disturb_a_run(place: LocalPlace) -> None:
+def test_looking_who_runs_does_not_disturb_a_run(place: Location) -> None:
     stop = threading.Event()
 
     def look() -> None:
@@ -91,7 +92,7 @@ def test_looking_who_runs_does_not_disturb_a_run(place: LocalPlace) -> None:
         looker.join()
 
 
-def test_mutations_of_one_object_take_turns(place: LocalPlace) -> None:
+def test_mutations_of_one_object_take_turns(place: Location) -> None:
     inside, most = [0], [0]
 
     def mutate() -> None:

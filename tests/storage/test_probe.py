@@ -3,14 +3,14 @@ from typing import Any
 
 import obstore
 import pytest
-from places import LocalPlace, MemoryPlace
+from places import MemoryPlace, local_place
 
 from storage.errors import StoreError
 from storage.probe import probe
 
 
 def test_a_local_folder_passes_and_stays_clean(tmp_path: Path) -> None:
-    probe(LocalPlace(tmp_path / "store"))
+    probe(local_place(tmp_path / "store"))
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
 
@@ -38,4 +38,4 @@ def test_a_store_that_ignores_conditions_is_refused(
 def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(StoreError, match="failed at"):
-        probe(LocalPlace(tmp_path / "file"))
+        probe(local_place(tmp_path / "file"))

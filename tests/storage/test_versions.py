@@ -13,11 +13,12 @@ import icechunk
 import numpy as np
 import pytest
 import zarr
-from places import LocalPlace, MemoryPlace, capture_arrays, save_capture
+from places import MemoryPlace, capture_arrays, local_place, save_capture
 
 from storage import blobs
 from storage.blobs import BlobReference
 from storage.errors import StoreError
+from storage.location import Location
 from storage.results import WHOLE_OBJECT, chunk_shape, jsonable
 from storage.versions import ObjectRepository
 
@@ -25,16 +26,16 @@ SPAWN = multiprocessing.get_context("spawn")
 
 
 @pytest.fixture
-def place(tmp_path: Path) -> LocalPlace:
-    return LocalPlace(tmp_path / "store")
+def place(tmp_path: Path) -> Location:
+    return local_place(tmp_path / "store")
 
 
 @pytest.fixture
-def repository(place: LocalPlace) -> ObjectRepository:
+def repository(place: Location) -> ObjectRepository:
     return ObjectRepository.open(place, "duck")
 
 
-def test_a_saved_stage_is_read_back_as_it_was(repository: ObjectRepository, place: LocalPlace) -> None:
+def test_a_saved_stage_is_read_back_as_it_was(repository: ObjectRepository, place: Location) -> None:
     arrays = {
         "values": np.array([[1.0, np.nan], [np.inf, -2.0]], np.float32),
         "flags": np.array([True, False]),
@@ -60,7 +61,7 @@ def test_saving_again_replaces_the_stage_whole(repository: ObjectRepository) -> 
     assert (result.key, set(result.arrays), result.record, result.blobs) == ("k2", {"new"}, {}, {})
 
 
-def test_what_is_absent_says_so(repository: ObjectRepository, place: LocalPlace) -> None:
+def test_what_is_absent_says_so(repository: ObjectRepository, place: Location) -> None:
     assert repository.stage_key("front", "mask") is None
     assert repository.captures() == [] and repository.history() == []
     with pytest.raises(StoreError, match="no front/mask"):
@@ -74,7 +75,7 @@ def test_what_is_absent_says_so(repository: ObjectRepository, place: LocalPlace)
 
 
 @pytest.mark.parametrize("name", ["../out", "a/b", "", ".hidden", "A", "a" * 65, "a\nb"])
-def test_names_cannot_leave_their_place(repository: ObjectRepository, place: LocalPlace, name: str) -> None:
+def test_names_cannot_leave_their_place(repository: ObjectRepository, place: Location, name: str) -> None:
     before = sorted(place.local.parent.rglob("*"))
     with pytest.raises(StoreError):
         ObjectRepository.open(place, name)
@@ -87,7 +88,7 @@ def test_names_cannot_leave_their_place(repository: ObjectRepository, place: Loc
     ]
 
 
-def test_publishing_tags_and_moves_main(repository: ObjectRepository, place: LocalPlace) -> None:
+def test_publishing_tags_and_moves_main(repository: ObjectRepository, place: Location) -> None:
     arrays = save_capture(repository, "front", "k1")
     assert repository.captures("main") == []
     version = repository.publish(["front"], {"run": "r1", "loss": np.float64(2.0)})
@@ -194,7 +195,7 @@ def test_a_rollback_is_a_version_and_stands_until_something_changes(repository: 
         repository.rollback("v9")
 
 
-def test_results_of_the_whole_object_are_no_capture(repository: ObjectRepository, place: LocalPlace) -> None:
+def test_results_of_the_whole_object_are_no_capture(repository: ObjectRepository, place: Location) -> None:
     save_capture(repository, "front", "k1")
     repository.save(WHOLE_OBJECT, "model", "m", {}, {}, {"model.ply": blobs.put(place, b"ply", "model/ply")})
     version = repository.publish(["front", WHOLE_OBJECT], {})
@@ -202,7 +203,7 @@ def test_results_of_the_whole_object_are_no_capture(repository: ObjectRepository
     assert repository.load(WHOLE_OBJECT, "model", "main").blobs["model.ply"].size == 3
 
 
-def test_main_follows_a_tag_whose_publisher_died(repository: ObjectRepository, place: LocalPlace) -> None:
+def test_main_follows_a_tag_whose_publisher_died(repository: ObjectRepository, place: Location) -> None:
     save_capture(repository, "front", "k1")
     first = repository.publish(["front"], {})
     save_capture(repository, "front", "k2")
@@ -213,7 +214,7 @@ def test_main_follows_a_tag_whose_publisher_died(repository: ObjectRepository, p
     assert repository.stage_key("front", "mask", "main") == "k2"
 
 
-def test_a_death_while_the_repository_was_made_does_no_harm(place: LocalPlace) -> None:
+def test_a_death_while_the_repository_was_made_does_no_harm(place: Location) -> None:
     folder = place.local / "objects" / "duck" / "repo"
     ObjectRepository.open(place, "duck")
     (folder / "repo").unlink()
@@ -228,7 +229,7 @@ def test_a_death_while_the_repository_was_made_does_no_harm(place: LocalPlace) -
     assert ObjectRepository.open(place, "duck").stage_key("front", "mask") in ("k1", "k2")
 
 
-def test_collecting_garbage_keeps_versions_and_work(repository: ObjectRepository, place: LocalPlace) -> None:
+def test_collecting_garbage_keeps_versions_and_work(repository: ObjectRepository, place: Location) -> None:
     old = save_capture(repository, "front", "k1", seed=1)
     repository.publish(["front"], {})
     for seed in range(4):
@@ -246,14 +247,14 @@ def test_collecting_garbage_keeps_versions_and_work(repository: ObjectRepository
     assert repository.garbage_collect().objects == 0, "younger than a day"
 
 
-def _save_many(place: LocalPlace, worker: int, saves: int) -> None:
+def _save_many(place: Location, worker: int, saves: int) -> None:
     repository = ObjectRepository.open(place, "duck")
     for number in range(saves):
         repository.save(f"capture-{worker}", f"stage-{number}", "k", {"a": np.full(9, worker * 100 + number)}, {})
         repository.save("shared", f"stage-{worker}-{number}", "k", {"a": np.full(9, worker * 100 + number)}, {})
 
 
-def test_four_processes_lose_nothing(place: LocalPlace) -> None:
+def test_four_processes_lose_nothing(place: Location) -> None:
     workers = [SPAWN.Process(target=_save_many, args=(place, worker, 5)) for worker in range(4)]
     for worker in workers:
         worker.start()
@@ -292,7 +293,7 @@ def test_writers_without_a_lock_try_again_and_lose_nothing() -> None:
     assert repository.captures("main") == [f"view-{writer}" for writer in range(4)]
 
 
-def _publish_for_ever(place: LocalPlace, acknowledged: Path, start: int) -> None:
+def _publish_for_ever(place: Location, acknowledged: Path, start: int) -> None:
     repository = ObjectRepository.open(place, "duck")
     for round_ in range(start, start + 10_000):
         save_capture(repository, "front", f"k{round_}", seed=round_)
@@ -301,7 +302,7 @@ def _publish_for_ever(place: LocalPlace, acknowledged: Path, start: int) -> None
             file.write(f"{version.name} {version.metadata['round']}\n")
 
 
-def test_a_killed_process_leaves_whole_versions(place: LocalPlace, tmp_path: Path) -> None:
+def test_a_killed_process_leaves_whole_versions(place: Location, tmp_path: Path) -> None:
     acknowledged, chance = tmp_path / "acknowledged", random.Random(0)
     for attempt in range(4):
         lines = acknowledged.read_text().count("\n") if acknowledged.exists() else 0
@@ -337,10 +338,10 @@ def test_a_killed_process_leaves_whole_versions(place: LocalPlace, tmp_path: Pat
 def test_a_store_below_a_file_is_refused_with_a_remedy(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(StoreError, match="name another store"):
-        ObjectRepository.open(LocalPlace(tmp_path / "file" / "store"), "duck")
+        ObjectRepository.open(local_place(tmp_path / "file" / "store"), "duck")
 
 
-def _save_with_little_room(place: LocalPlace, outcome: Path) -> None:
+def _save_with_little_room(place: Location, outcome: Path) -> None:
     repository = ObjectRepository.open(place, "duck")
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
@@ -350,7 +351,7 @@ def _save_with_little_room(place: LocalPlace, outcome: Path) -> None:
         outcome.write_text(error.remedy)
 
 
-def test_a_file_that_cannot_grow_is_a_store_error_and_loses_nothing(place: LocalPlace, tmp_path: Path) -> None:
+def test_a_file_that_cannot_grow_is_a_store_error_and_loses_nothing(place: Location, tmp_path: Path) -> None:
     repository = ObjectRepository.open(place, "duck")
     repository.save("front", "noise", "k1", {"a": np.ones(3)}, {})
     worker = SPAWN.Process(target=_save_with_little_room, args=(place, tmp_path / "outcome"))
@@ -367,7 +368,7 @@ def test_a_full_disk_is_a_store_error_and_loses_nothing(tmp_path: Path) -> None:
     if mounted.returncode:
         pytest.skip("may not mount a small disk here")
     try:
-        place = LocalPlace(disk / "store")
+        place = local_place(disk / "store")
         repository = ObjectRepository.open(place, "duck")
         repository.save("front", "noise", "k1", {"a": np.ones(3)}, {})
         with pytest.raises(StoreError, match="free space"):
