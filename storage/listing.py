@@ -1,0 +1,102 @@
+"""The files that an input address stands for: itself, a folder's, or those that match a pattern; in natural order."""
+
+import fnmatch
+import glob
+import re
+from collections.abc import Collection
+from pathlib import Path
+
+import obstore
+
+from storage.errors import InputError
+from storage.faults import store_faults
+from storage.location import Location
+
+
+def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
+    """Sort key by which img_2 comes before img_10."""
+    parts = re.split(r"(\d+)", name, flags=re.ASCII)
+    return tuple((0, int(part), "") if part.isdigit() and part.isascii() else (1, 0, part) for part in parts)
+
+
+def expand(location: Location, suffixes: Collection[str]) -> list[Location] | None:
+    """Files of a folder (those with one of the suffixes) or of a pattern, in natural order; None for a single file.
+
+    Raises:
+        InputError: nothing is there.
+    """
+    if location.local is not None:
+        files = _local(location.local, suffixes)
+    else:
+        files = _remote(location, suffixes)
+    if files is None:
+        return None
+    if not files:
+        raise InputError(
+            f"no images at {location.uri}", f"the folder or pattern must give files like {', '.join(sorted(suffixes))}"
+        )
+    return sorted(files, key=lambda file: (natural_key(file.path), file.path))
+
+
+def read_bytes(location: Location, limit: int) -> bytes:
+    """A file's bytes.
+
+    Raises:
+        InputError: missing, unreadable, or larger than `limit` bytes.
+    """
+    try:
+        if location.local is not None:
+            size = location.local.stat().st_size
+            data = location.local.read_bytes() if size <= limit and location.local.is_file() else None
+            if data is None and not location.local.is_file():
+                raise InputError(f"{location.uri} is not a file", "name a file")
+        else:
+            with store_faults(location.uri, "reading an input"):
+                store = location.parent.obstore()
+                size = obstore.head(store, location.name)["size"]
+                data = bytes(obstore.get(store, location.name).bytes()) if size <= limit else None
+    except FileNotFoundError as error:
+        raise InputError(
+            f"{location.uri} does not exist", "check the path; relative ones count from the catalogue"
+        ) from error
+    except OSError as error:
+        raise InputError(
+            f"{location.uri} cannot be read ({error.strerror})", "check the file and its permissions"
+        ) from error
+    if data is None:
+        raise InputError(f"{location.uri} has {size:,} bytes, more than {limit:,}", "check that it is the right file")
+    return data
+
+
+def is_pattern(text: str) -> bool:
+    """Whether a path holds wildcards."""
+    return any(sign in text for sign in "*?[")
+
+
+def _local(path: Path, suffixes: Collection[str]) -> list[Location] | None:
+    try:
+        if path.is_dir():
+            names = (
+                file for file in path.iterdir() if file.suffix.lower() in suffixes and not file.name.startswith(".")
+            )
+            return [Location("file", "", str(file)) for file in names if file.is_file()]
+        if path.exists():
+            return None
+        if is_pattern(str(path)):
+            return [Location("file", "", found) for found in glob.glob(str(path)) if Path(found).is_file()]  # noqa: PTH207
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror})", "check the path and its permissions") from error
+    raise InputError(f"{path} does not exist", "check the path; relative ones count from the catalogue's folder")
+
+
+def _remote(location: Location, suffixes: Collection[str]) -> list[Location] | None:
+    pattern = location.name if is_pattern(location.name) else None
+    folder = location.parent if pattern else location
+    with store_faults(location.uri, "listing an input"):
+        if pattern is None and Path(location.name).suffix:
+            return None
+        found = obstore.list_with_delimiter(folder.obstore())["objects"]
+    names = [entry["path"].rpartition("/")[2] for entry in found]
+    if pattern is None:
+        return [folder.child(name) for name in names if Path(name).suffix.lower() in suffixes]
+    return [folder.child(name) for name in names if fnmatch.fnmatchcase(name, pattern)]
