@@ -71,6 +71,7 @@ class ImageSet:
         self.bits = 8 * first.itemsize
 
     def __enter__(self) -> "ImageSet":
+        """Itself."""
         return self
 
     def __exit__(self, *_: object) -> None:

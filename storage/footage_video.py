@@ -40,6 +40,7 @@ class Video:
         self.height, self.width = frame.shape
 
     def __enter__(self) -> "Video":
+        """Itself."""
         return self
 
     def __exit__(self, *_: object) -> None:

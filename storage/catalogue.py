@@ -1,0 +1,192 @@
+"""Catalogues: read from YAML with every error at once, written, and made from a folder of captures."""
+
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+from ruamel.yaml import YAML
+
+from storage.catalogue_models import ADDRESSES, Camera, Capture, Catalogue, Object, Pose, Region, Sphere
+from storage.catalogue_problems import problems_of
+from storage.catalogue_yaml import MAX_BYTES, LinedDict, LinedList, Problem, parse
+from storage.errors import InputError, StorageError
+
+__all__ = [
+    "Camera",
+    "Capture",
+    "Catalogue",
+    "CatalogueError",
+    "Object",
+    "Pose",
+    "Problem",
+    "Region",
+    "Sphere",
+    "load",
+    "parameters_for",
+    "write",
+]
+
+
+class CatalogueError(StorageError):
+    """A catalogue that cannot be used: all its `problems`, in the order of their lines."""
+
+    def __init__(self, problems: tuple[Problem, ...]) -> None:
+        self.problems = problems
+        super().__init__("\n".join(map(str, problems)), "mend the catalogue and run again")
+
+    def __reduce__(self) -> Any:
+        """Survive the journey between processes."""
+        return type(self), (self.problems,)
+
+
+def load(path: str | Path, parameters_model: type[BaseModel] | None = None) -> Catalogue:
+    """Read a catalogue; relative paths in it count from its folder.
+
+    parameters_model: one field per stage, each a model with a default for every field; what the catalogue's
+    `parameters` say is checked against it.
+
+    Raises:
+        CatalogueError: with everything that is wrong.
+        InputError: no such file, or it is too large.
+    """
+    path = Path(path)
+    root, problems = parse(_text(path), str(path))
+    if root is None and problems:
+        raise CatalogueError(tuple(problems))
+    if not isinstance(root, LinedDict):
+        raise CatalogueError(
+            (Problem(str(path), 1, "this is no catalogue", "begin with `schema: 1`, `name` and `objects`"),)
+        )
+    problems += _crossed(root, str(path))
+    if parameters_model is not None:
+        for holder in _holders(root):
+            problems += _wrong_parameters(holder, parameters_model, str(path))
+    _resolve(root, path.absolute().parent)
+    try:
+        catalogue = Catalogue.model_validate(root)
+    except ValidationError as error:
+        problems += problems_of(error, root, Catalogue, str(path))
+    if problems:
+        raise CatalogueError(tuple(sorted(set(problems), key=lambda problem: (problem.line, problem.message))))
+    return catalogue
+
+
+def parameters_for(catalogue: Catalogue, object_id: str, capture_id: str) -> dict[str, Any]:
+    """Overrides of step parameters of a capture: the catalogue's, overridden by the object's, by the capture's.
+
+    Raises:
+        KeyError: no such object or capture.
+    """
+    each = catalogue.object(object_id)
+    merged: dict[str, Any] = {}
+    for level in (catalogue.parameters, each.parameters, each.capture(capture_id).parameters):
+        merged = _merge(merged, level)
+    return merged
+
+
+def write(catalogue: Catalogue, path: str | Path) -> None:
+    """Write a catalogue, whole or not at all; paths below the file's folder become relative.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    path = Path(path).absolute()
+    data = catalogue.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+    for each in data["objects"]:
+        for holder in (each, *each["captures"]):
+            for key in ADDRESSES:
+                if key in holder and Path(holder[key]).is_relative_to(path.parent):
+                    holder[key] = str(Path(holder[key]).relative_to(path.parent))
+    yaml = YAML(typ="safe", pure=True)
+    yaml.default_flow_style = None
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    yaml.width = 110
+    with tempfile.NamedTemporaryFile(
+        "w", dir=path.parent, prefix=".", suffix=".yaml", encoding="utf-8", delete=False
+    ) as file:
+        try:
+            yaml.dump(data, file)
+            file.flush()
+            os.fsync(file.fileno())
+            os.chmod(file.name, 0o644)  # noqa: PTH101
+            Path(file.name).replace(path)
+        except BaseException:
+            Path(file.name).unlink(missing_ok=True)
+            raise
+
+
+def _text(path: Path) -> str:
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise InputError(
+                f"{path} has {path.stat().st_size:,} bytes", f"a catalogue has at most {MAX_BYTES:,}; split it"
+            )
+        return path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        raise InputError(f"the catalogue {path} cannot be read ({error.strerror})", "check the path") from error
+    except UnicodeDecodeError as error:
+        line = error.object[: error.start].count(b"\n") + 1
+        raise CatalogueError((Problem(str(path), line, "this is not UTF-8 text", "save the file as UTF-8"),)) from error
+
+
+def _holders(root: LinedDict) -> Iterator[LinedDict]:
+    """The catalogue, its objects and their captures, as far as they are mappings."""
+    yield root
+    for each in _mappings(root.get("objects")):
+        yield each
+        yield from _mappings(each.get("captures"))
+
+
+def _mappings(value: Any) -> list[LinedDict]:
+    return [item for item in value if isinstance(item, LinedDict)] if isinstance(value, LinedList) else []
+
+
+def _crossed(root: LinedDict, file: str) -> list[Problem]:
+    """Rules between keys, told beside whatever else is wrong."""
+    problems: list[Problem] = []
+    objects = _mappings(root.get("objects"))
+    for what, group in (("object", objects), *(("capture", _mappings(each.get("captures"))) for each in objects)):
+        seen: dict[str, int] = {}
+        for item in group:
+            name = item.get("id")
+            if isinstance(name, str) and name in seen:
+                message = f"{what} id {name!r} is taken by line {seen[name]}"
+                problems.append(Problem(file, item.lines["id"], message, "choose another id"))
+            elif isinstance(name, str):
+                seen[name] = item.lines["id"]
+            if what == "capture" and item.get("spheres") and item.get("lights"):
+                message = "a capture has either spheres or lights, not both"
+                problems.append(Problem(file, item.lines["lights"], message, "remove one of the two"))
+    return problems
+
+
+def _wrong_parameters(holder: LinedDict, model: type[BaseModel], file: str) -> list[Problem]:
+    parameters = holder.get("parameters")
+    if not isinstance(parameters, LinedDict) or not parameters:
+        return []
+    try:
+        model.model_validate(parameters)
+    except ValidationError as error:
+        return problems_of(error, parameters, model, file)
+    return []
+
+
+def _resolve(root: LinedDict, folder: Path) -> None:
+    """Make relative paths absolute."""
+    for holder in _holders(root):
+        for key in ADDRESSES:
+            value = holder.get(key)
+            if isinstance(value, str) and value and "://" not in value:
+                holder[key] = os.path.normpath(folder / value)
+
+
+def _merge(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    merged = dict(below)
+    for key, value in above.items():
+        old = merged.get(key)
+        both = isinstance(value, Mapping) and isinstance(old, Mapping)
+        merged[key] = _merge(old, value) if both else value  # type: ignore[arg-type]
+    return merged

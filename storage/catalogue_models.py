@@ -1,0 +1,149 @@
+"""What a catalogue says: objects, their captures, and where each capture's files are."""
+
+import re
+from functools import cached_property
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic_core import PydanticCustomError
+
+ID = re.compile(r"[a-z0-9][a-z0-9._-]{0,63}")
+
+Id = Annotated[str, Field(pattern=rf"^{ID.pattern}$")]
+Address = Annotated[str, Field(min_length=1, max_length=4096, pattern=r"^[^\x00]+$")]
+Positive = Annotated[float, Field(gt=0)]
+Row3 = Annotated[tuple[float, float, float], Field(strict=False)]
+Row4 = Annotated[tuple[float, float, float, float], Field(strict=False)]
+Parameters = dict[str, Any]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
+
+
+class Region(_Strict):
+    """A crop of the full frame: column and row of its top-left pixel, and its size, in pixels."""
+
+    x: Annotated[int, Field(ge=0)]
+    y: Annotated[int, Field(ge=0)]
+    width: Annotated[int, Field(ge=1)]
+    height: Annotated[int, Field(ge=1)]
+
+    @property
+    def rows(self) -> slice:
+        """Rows of the full frame."""
+        return slice(self.y, self.y + self.height)
+
+    @property
+    def columns(self) -> slice:
+        """Columns of the full frame."""
+        return slice(self.x, self.x + self.width)
+
+
+class Sphere(_Strict):
+    """A mirror ball: centre and radius in pixels of the full frame, y down; its diameter gives the scale."""
+
+    x: float
+    y: float
+    radius: Positive
+    diameter_mm: Positive | None = None
+
+
+class Camera(_Strict):
+    """Perspective camera: 3 x 3 matrix in pixels."""
+
+    matrix: Annotated[tuple[Row3, Row3, Row3], Field(strict=False)]
+
+    @model_validator(mode="after")
+    def _is_a_camera(self) -> Self:
+        if self.matrix[2] != (0, 0, 1) or self.matrix[1][0] != 0 or min(self.matrix[0][0], self.matrix[1][1]) <= 0:
+            raise PydanticCustomError(
+                "camera", "the camera matrix must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with fx and fy above 0"
+            )
+        return self
+
+
+class Pose(_Strict):
+    """Where the view is: degrees of a turntable, or a 4 x 4 matrix (columns camera x right, y up, z to the camera)."""
+
+    turntable: float | None = None
+    camera_to_world: Annotated[tuple[Row4, Row4, Row4, Row4], Field(strict=False)] | None = None
+
+    @model_validator(mode="after")
+    def _is_one(self) -> Self:
+        if (self.turntable is None) == (self.camera_to_world is None):
+            raise PydanticCustomError("pose", "a pose is either turntable or camera_to_world")
+        return self
+
+
+class Capture(_Strict):
+    """One video or set of images of an object, and what is known about it; None or empty: found or estimated."""
+
+    id: Id
+    frames: Address
+    spheres: Annotated[tuple[Sphere, ...], Field(strict=False)] = ()
+    lights: Address | None = None
+    camera: Camera | None = None
+    region: Region | None = None
+    mask: Address | None = None
+    markup: Address | None = None
+    pose: Pose | None = None
+    pixel_size: Positive | None = None
+    truth: Address | None = None
+    parameters: Parameters = {}
+
+    @model_validator(mode="after")
+    def _one_source_of_lights(self) -> Self:
+        if self.spheres and self.lights:
+            raise PydanticCustomError("spheres_and_lights", "a capture has either spheres or lights, not both")
+        return self
+
+
+class Object(_Strict):
+    """A thing that was captured, from one view or more."""
+
+    id: Id
+    captures: Annotated[tuple[Capture, ...], Field(strict=False, min_length=1)]
+    truth_model: Address | None = None
+    parameters: Parameters = {}
+
+    @cached_property
+    def _by_id(self) -> dict[str, Capture]:
+        return {capture.id: capture for capture in self.captures}
+
+    def capture(self, capture_id: str) -> Capture:
+        """The capture with this id; KeyError if there is none."""
+        return self._by_id[capture_id]
+
+    @model_validator(mode="after")
+    def _distinct(self) -> Self:
+        if len({capture.id for capture in self.captures}) < len(self.captures):
+            raise PydanticCustomError("duplicate_id", "two captures of an object have one id")
+        return self
+
+
+class Catalogue(_Strict):
+    """Objects to work through. Paths are absolute, or addresses of an object store."""
+
+    schema_: Annotated[Literal[1], Field(alias="schema")]
+    name: Annotated[str, Field(min_length=1, max_length=200)]
+    objects: Annotated[tuple[Object, ...], Field(strict=False, min_length=1)]
+    parameters: Parameters = {}
+
+    @cached_property
+    def _by_id(self) -> dict[str, Object]:
+        return {each.id: each for each in self.objects}
+
+    def object(self, object_id: str) -> Object:
+        """The object with this id; KeyError if there is none."""
+        return self._by_id[object_id]
+
+    @model_validator(mode="after")
+    def _distinct(self) -> Self:
+        if len({each.id for each in self.objects}) < len(self.objects):
+            raise PydanticCustomError("duplicate_id", "two objects have one id")
+        return self
+
+
+ADDRESSES = ("frames", "lights", "mask", "markup", "truth", "truth_model")
+"""Keys whose values are paths or addresses."""
