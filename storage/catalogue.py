@@ -11,8 +11,9 @@ from ruamel.yaml import YAML
 
 from storage.catalogue_models import ADDRESSES, Camera, Capture, Catalogue, Object, Pose, Region, Sphere
 from storage.catalogue_problems import problems_of
-from storage.catalogue_yaml import MAX_BYTES, LinedDict, LinedList, Problem, parse
+from storage.catalogue_yaml import MAX_BYTES, LinedDict, LinedList, parse
 from storage.errors import InputError, StorageError
+from storage.problems import Problem
 
 __all__ = [
     "Camera",

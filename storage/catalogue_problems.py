@@ -1,13 +1,13 @@
 """Validation errors in words: which line, what is wrong with which value, the nearest known key."""
 
 import difflib
-from collections.abc import Mapping
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from storage.catalogue_yaml import Problem, line_of
+from storage.catalogue_yaml import line_of
+from storage.problems import Problem, quoted
 
 _REMEDIES = {
     "string_type": "write text, in quotes if it looks like a number",
@@ -48,17 +48,17 @@ def _problem(detail: ErrorDetails, root: Any, model: type[BaseModel], file: str)
         known = _keys_at(model, location[:-1])
         near = difflib.get_close_matches(str(location[-1]), known, 1, 0.5)
         remedy = f"did you mean {near[0]!r}?" if near else f"known keys are {', '.join(known)}"
-        return Problem(file, line, f"unknown key {_short(location[-1])} in {_name(location[:-1])}", remedy)
+        return Problem(file, line, f"unknown key {quoted(location[-1])} in {_name(location[:-1])}", remedy)
     if kind == "missing":
         return Problem(file, line, f"{where} is missing", "add it")
     if kind == "string_pattern_mismatch" and location[-1] == "id":
         remedy = "1 to 64 of a-z, 0-9, '.', '_' and '-', the first a letter or digit"
-        return Problem(file, line, f"{where} {_short(detail['input'])} is no id", remedy)
+        return Problem(file, line, f"{where} {quoted(detail['input'])} is no id", remedy)
     if kind in ("duplicate_id", "spheres_and_lights", "pose", "camera"):
         return Problem(file, line, detail["msg"], _REMEDIES.get(kind, "mend the value"))
     message = detail["msg"][:1].lower() + detail["msg"][1:]
     return Problem(
-        file, line, f"{where} is {_short(detail['input'])}: {message}", _REMEDIES.get(kind, "mend the value")
+        file, line, f"{where} is {quoted(detail['input'])}: {message}", _REMEDIES.get(kind, "mend the value")
     )
 
 
@@ -89,8 +89,3 @@ def _model_in(annotation: Any) -> Any:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     return next((found for part in get_args(annotation) if (found := _model_in(part)) is not None), None)
-
-
-def _short(value: Any) -> str:
-    text = repr(dict(value) if isinstance(value, Mapping) else value)
-    return text if len(text) <= 60 else text[:57] + "..."

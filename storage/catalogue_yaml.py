@@ -4,7 +4,6 @@ Tags, aliases and several documents are refused; scalars are those of YAML 1.2's
 """
 
 import re
-from dataclasses import dataclass
 from typing import Any
 
 from ruamel.yaml import YAML
@@ -19,6 +18,8 @@ from ruamel.yaml.events import (
     SequenceStartEvent,
 )
 
+from storage.problems import Problem, quoted
+
 MAX_BYTES = 64_000_000
 MAX_DEPTH = 32
 _INTEGER = re.compile(r"[-+]?[0-9]{1,18}")
@@ -31,20 +32,6 @@ _SPECIAL = {
     **dict.fromkeys((".inf", "+.inf", ".Inf", "+.Inf", ".INF", "+.INF"), float("inf")),
     **dict.fromkeys(("-.inf", "-.Inf", "-.INF"), float("-inf")),
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Problem:
-    """What is wrong in which line (counted from 1) of a file, and what to do."""
-
-    file: str
-    line: int
-    message: str
-    remedy: str
-
-    def __str__(self) -> str:
-        """As compilers say it."""
-        return f"{self.file}:{self.line}: {self.message}: {self.remedy}"
 
 
 class LinedDict(dict[str, Any]):
@@ -131,7 +118,7 @@ class _Builder:
 
     def _key(self, name: str, line: int) -> None:
         if name in self._open[-1]:
-            self.report(line, f"{_short(name)} is given twice", "keep one of them")
+            self.report(line, f"{quoted(name)} is given twice", "keep one of them")
         self._keys[-1] = (name, line)
 
     def _start(self, event: Any, kind: type[LinedDict] | type[LinedList]) -> bool:
@@ -189,8 +176,3 @@ def line_of(root: Any, location: tuple[int | str, ...]) -> int:
             return line
         root = root[step]
     return line
-
-
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."

@@ -2,8 +2,8 @@
 
 import hashlib
 import json
+import time
 from collections.abc import Collection
-from pathlib import Path
 from typing import Any
 
 import obstore
@@ -11,10 +11,12 @@ import obstore
 from storage.errors import InputError
 from storage.faults import store_faults
 from storage.footage_images import SUFFIXES
-from storage.listing import expand
+from storage.listing import MISSING, Address, expand, locate
 from storage.location import Location
 
 _BLOCK = 1 << 22
+_TICK = 100_000_000
+"""Nanoseconds; file systems tell times in steps of up to 10 ms."""
 
 
 def digest_of(value: Any) -> str:
@@ -28,7 +30,7 @@ def digest_of(value: Any) -> str:
 
 
 def content_digest(
-    address: str | Path | Location, store: Location, rehash: bool = False, suffixes: Collection[str] = SUFFIXES
+    address: Address, store: Location, rehash: bool = False, suffixes: Collection[str] = SUFFIXES
 ) -> str:
     """SHA-256 (hex) of a file's bytes, or of names and bytes of a folder's or pattern's files with these suffixes.
 
@@ -38,7 +40,7 @@ def content_digest(
     Raises:
         InputError: nothing is there, or it cannot be read.
     """
-    location = address if isinstance(address, Location) else Location.parse(address)
+    location = locate(address)
     files = expand(location, suffixes)
     chosen = [location] if files is None else files
     marks = [_mark(file) for file in chosen]
@@ -51,6 +53,8 @@ def content_digest(
     digest = each[0] if files is None else digest_of(sorted(zip((f.name for f in chosen), each, strict=True)))
     if [_mark(file) for file in chosen] != marks:
         raise InputError(f"{location.uri} changed while it was read", "run again when it is written to no more")
+    if any(_is_fresh(mark) for mark in marks):
+        return digest
     record = json.dumps({"address": location.uri, "marks": marks, "digest": digest}).encode()
     with store_faults(memory.uri, "remembering a digest"):
         obstore.put(memory.obstore(), key, record, use_multipart=False)
@@ -64,14 +68,20 @@ def _mark(file: Location) -> list[Any]:
             status = file.local.stat()
             return [status.st_size, status.st_mtime_ns]
         with store_faults(file.uri, "looking at an input"):
-            found = obstore.head(file.parent.obstore(), file.name)
+            try:
+                found = obstore.head(file.parent.obstore(), file.name)
+            except FileNotFoundError as error:
+                raise InputError(f"{file.uri} does not exist", MISSING) from error
             return [found["size"], found["e_tag"] or found["last_modified"].isoformat()]
     except FileNotFoundError as error:
-        raise InputError(
-            f"{file.uri} does not exist", "check the path; relative ones count from the catalogue's folder"
-        ) from error
+        raise InputError(f"{file.uri} does not exist", MISSING) from error
     except OSError as error:
         raise InputError(f"{file.uri} cannot be read ({error.strerror})", "check its permissions") from error
+
+
+def _is_fresh(mark: list[Any]) -> bool:
+    """Whether a local file changed so lately that a further change could leave size and time as they are."""
+    return isinstance(mark[1], int) and abs(time.time_ns() - mark[1]) < _TICK
 
 
 def _recall(memory: Location, key: str, marks: list[list[Any]]) -> str | None:

@@ -12,6 +12,19 @@ from storage.errors import InputError
 from storage.faults import store_faults
 from storage.location import Location
 
+Address = str | Path | Location
+"""A path, an address of an object store, or a place."""
+
+MISSING = "check the path; relative ones count from the catalogue's folder"
+
+MAX_TEXT = 32_000_000
+"""Bytes of a text file that is read beside the frames."""
+
+
+def locate(address: Address) -> Location:
+    """The place of an address."""
+    return address if isinstance(address, Location) else Location.parse(address)
+
 
 def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
     """Sort key by which img_2 comes before img_10."""
@@ -45,27 +58,31 @@ def read_bytes(location: Location, limit: int) -> bytes:
         InputError: missing, unreadable, or larger than `limit` bytes.
     """
     try:
-        if location.local is not None:
-            size = location.local.stat().st_size
-            data = location.local.read_bytes() if size <= limit and location.local.is_file() else None
-            if data is None and not location.local.is_file():
-                raise InputError(f"{location.uri} is not a file", "name a file")
-        else:
-            with store_faults(location.uri, "reading an input"):
-                store = location.parent.obstore()
-                size = obstore.head(store, location.name)["size"]
-                data = bytes(obstore.get(store, location.name).bytes()) if size <= limit else None
+        size, data = _local_bytes(location.local, limit) if location.local else _remote_bytes(location, limit)
     except FileNotFoundError as error:
-        raise InputError(
-            f"{location.uri} does not exist", "check the path; relative ones count from the catalogue"
-        ) from error
+        raise InputError(f"{location.uri} does not exist", MISSING) from error
     except OSError as error:
-        raise InputError(
-            f"{location.uri} cannot be read ({error.strerror})", "check the file and its permissions"
-        ) from error
+        raise InputError(f"{location.uri} cannot be read ({error.strerror})", "check its permissions") from error
     if data is None:
         raise InputError(f"{location.uri} has {size:,} bytes, more than {limit:,}", "check that it is the right file")
     return data
+
+
+def _local_bytes(path: Path, limit: int) -> tuple[int, bytes | None]:
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path} is not a file", "name a file")
+    size = path.stat().st_size
+    return size, path.read_bytes() if size <= limit else None
+
+
+def _remote_bytes(location: Location, limit: int) -> tuple[int, bytes | None]:
+    with store_faults(location.uri, "reading an input"):
+        store = location.parent.obstore()
+        try:
+            size = obstore.head(store, location.name)["size"]
+            return size, bytes(obstore.get(store, location.name).bytes()) if size <= limit else None
+        except FileNotFoundError as error:
+            raise InputError(f"{location.uri} does not exist", MISSING) from error
 
 
 def is_pattern(text: str) -> bool:
@@ -86,7 +103,7 @@ def _local(path: Path, suffixes: Collection[str]) -> list[Location] | None:
             return [Location("file", "", found) for found in glob.glob(str(path)) if Path(found).is_file()]  # noqa: PTH207
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error.strerror})", "check the path and its permissions") from error
-    raise InputError(f"{path} does not exist", "check the path; relative ones count from the catalogue's folder")
+    raise InputError(f"{path} does not exist", MISSING)
 
 
 def _remote(location: Location, suffixes: Collection[str]) -> list[Location] | None:
