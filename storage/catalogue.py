@@ -9,6 +9,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 from ruamel.yaml import YAML
 
+from storage.catalogue_folder import from_folder
 from storage.catalogue_models import ADDRESSES, Camera, Capture, Catalogue, Object, Pose, Region, Sphere
 from storage.catalogue_problems import problems_of
 from storage.catalogue_yaml import MAX_BYTES, LinedDict, LinedList, parse
@@ -25,6 +26,7 @@ __all__ = [
     "Problem",
     "Region",
     "Sphere",
+    "from_folder",
     "load",
     "parameters_for",
     "write",
@@ -101,7 +103,7 @@ def write(catalogue: Catalogue, path: str | Path) -> None:
             for key in ADDRESSES:
                 if key in holder and Path(holder[key]).is_relative_to(path.parent):
                     holder[key] = str(Path(holder[key]).relative_to(path.parent))
-    yaml = YAML(typ="safe", pure=True)
+    yaml = YAML(typ="safe")
     yaml.default_flow_style = None
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
     yaml.width = 110
