@@ -4,11 +4,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from places import local_place
 
 from storage import blobs
 from storage.errors import StoreError
 from storage.location import Location
+from tests.storage.places import local_place
 
 
 @pytest.fixture

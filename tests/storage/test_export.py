@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tifffile
-from places import PIXEL, PROVENANCE, REASONS, capture_arrays, local_place, save_capture
 
 from storage import blobs, pictures
 from storage.errors import StoreError
@@ -15,6 +14,7 @@ from storage.export import export
 from storage.location import Location
 from storage.results import WHOLE_OBJECT
 from storage.versions import ObjectRepository
+from tests.storage.places import PIXEL, PROVENANCE, REASONS, capture_arrays, local_place, save_capture
 
 FILES = {
     *("normals.npy", "normals.png", "normals.exr", "initial_normals.npy", "depth.npy", "depth.tiff", "mask.png"),

@@ -7,11 +7,11 @@ from datetime import timedelta
 
 import obstore
 import pytest
-from places import MemoryPlace
 
 from storage.holders import Holder, ObjectBusy
 from storage.leases import lease
 from storage.locks import run_holder, run_lock
+from tests.storage.places import MemoryPlace
 
 KEY = "objects/duck/run.json"
 SHORT = timedelta(seconds=0.3)

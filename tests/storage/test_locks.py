@@ -7,10 +7,10 @@ from multiprocessing.synchronize import Event
 from pathlib import Path
 
 import pytest
-from places import local_place
 
 from storage.location import Location
 from storage.locks import Holder, ObjectBusy, mutation_lock, run_holder, run_lock
+from tests.storage.places import local_place
 
 SPAWN = multiprocessing.get_context("spawn")
 

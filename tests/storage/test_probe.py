@@ -3,10 +3,10 @@ from typing import Any
 
 import obstore
 import pytest
-from places import MemoryPlace, local_place
 
 from storage.errors import StoreError
 from storage.probe import probe
+from tests.storage.places import MemoryPlace, local_place
 
 
 def test_a_local_folder_passes_and_stays_clean(tmp_path: Path) -> None:

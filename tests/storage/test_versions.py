@@ -13,7 +13,6 @@ import icechunk
 import numpy as np
 import pytest
 import zarr
-from places import MemoryPlace, capture_arrays, local_place, save_capture
 
 from storage import blobs
 from storage.blobs import BlobReference
@@ -21,6 +20,7 @@ from storage.errors import StoreError
 from storage.location import Location
 from storage.results import WHOLE_OBJECT, chunk_shape, jsonable
 from storage.versions import ObjectRepository
+from tests.storage.places import MemoryPlace, capture_arrays, local_place, save_capture
 
 SPAWN = multiprocessing.get_context("spawn")
 

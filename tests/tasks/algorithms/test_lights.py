@@ -1,7 +1,6 @@
 import cv2
 import numpy as np
 import pytest
-from mirror_ball import ball_frame, lamp
 
 from tasks.algorithms.errors import UnusableCapture
 from tasks.algorithms.geometry import angles, half_vectors_of
@@ -19,6 +18,7 @@ from tasks.algorithms.lights import (
     find_lights,
 )
 from tasks.algorithms.spheres import Sphere
+from tests.tasks.algorithms.mirror_ball import ball_frame, lamp
 
 SPHERE = Sphere(43.3, 41.8, 36.0)
 SHAPE = (86, 88)

@@ -1,10 +1,10 @@
 import cv2
 import numpy as np
 import pytest
-from mirror_ball import directions, pooled
 
 from tasks.algorithms.errors import UnusableCapture
 from tasks.algorithms.spheres import Sphere, find_spheres, highlight_evidence, refine_sphere
+from tests.tasks.algorithms.mirror_ball import directions, pooled
 
 
 def scene(balls, *, shape=(260, 360), clutter=0, glass=None, seed=0):
