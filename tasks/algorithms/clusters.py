@@ -17,6 +17,8 @@ CELL = 1.1
 """Edge in degrees of the cells that are searched for dense places: half a usual lamp's disc."""
 TRIED = 4
 """Most clusters whose description length is compared."""
+
+
 @dataclass(frozen=True, slots=True)
 class Clusters:
     """Candidate normals of each pixel, heaviest first.

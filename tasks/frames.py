@@ -1,0 +1,91 @@
+"""Frames: the footage decoded once, cropped to the object and to each sphere, and cut into chunks."""
+
+import numpy as np
+
+from storage.catalogue import Region
+from storage.errors import StoreError
+from storage.footage import open_footage
+from storage.frames import FrameCache, cache_digest
+from tasks.algorithms.spheres import Sphere
+from tasks.stage import Outcome, Progress
+from tasks.workspace import Workspace
+
+OBJECT = "object"
+AROUND_SPHERE = 4
+"""Pixels beyond a sphere's outline that its crop holds."""
+
+
+def frames(work: Workspace, progress: Progress) -> Outcome:
+    """Fill the cache of frames.
+
+    Raises:
+        InputError: the footage cannot be read.
+        StoreError: the store cannot be written.
+    """
+    cache = open_frames(work, progress)
+    return Outcome(
+        record={"cache": cache.digest, "frame_size": list(cache.frame_size[::-1])},
+        counts={"frames": cache.frames},
+        warnings=cache.warnings,
+    )
+
+
+def open_frames(work: Workspace, progress: Progress | None = None) -> FrameCache:
+    """The capture's cache of frames, rebuilt from the footage where it is gone or incomplete."""
+    crops = crops_of(work)
+    digest = cache_digest(work.digest("frames") or "", crops)
+    try:
+        cache = FrameCache.open(work.location, digest)
+        if cache.complete:
+            return cache
+    except StoreError:
+        pass
+    with open_footage(work.capture.frames) as footage:
+        return FrameCache.ingest(footage, work.location, digest, crops, progress)
+
+
+def crops_of(work: Workspace) -> dict[str, Region]:
+    """Crops of the full frame by name: `object`, `sphere-0`, .."""
+    record = work.load("survey").record
+    width, height = record["frame_size"]
+    crops = {OBJECT: Region(**record["region"])}
+    for number, sphere in enumerate(spheres_of(work)):
+        left, top = max(int(sphere.x - sphere.radius) - AROUND_SPHERE, 0), 0
+        top = max(int(sphere.y - sphere.radius) - AROUND_SPHERE, 0)
+        right = min(int(sphere.x + sphere.radius) + AROUND_SPHERE + 2, width)
+        bottom = min(int(sphere.y + sphere.radius) + AROUND_SPHERE + 2, height)
+        crops[f"sphere-{number}"] = Region(x=left, y=top, width=right - left, height=bottom - top)
+    return crops
+
+
+def spheres_of(work: Workspace) -> list[Sphere]:
+    """The spheres that the survey was given or found."""
+    return [
+        Sphere(each["x"], each["y"], each["radius"], each["score"]) for each in work.load("survey").record["spheres"]
+    ]
+
+
+def region_of(work: Workspace) -> Region:
+    """The object's region of the full frame."""
+    return Region(**work.load("survey").record["region"])
+
+
+def levels(cache: FrameCache, name: str = OBJECT, shards: int = 24, every: int = 16) -> tuple[np.ndarray, np.ndarray]:
+    """Static level (temporal median) and temporal maximum (H, W) of a crop, of the frames' dtype.
+
+    Taken from at most so many whole shards spread over the capture, the median from every sixteenth frame of them:
+    neighbouring frames say the same.
+    """
+    starts = np.arange(0, cache.frames, 64)
+    chosen = starts[np.unique(np.linspace(0, len(starts) - 1, min(shards, len(starts))).round().astype(int))]
+    every = max(1, min(every, cache.frames // 64))
+    kept, brightest = [], None
+    for start in chosen.tolist():
+        block = cache.read(name, slice(start, start + 64))
+        top = block.max(axis=0)
+        brightest = top if brightest is None else np.maximum(brightest, top)
+        kept.append(block[::every])
+    assert brightest is not None
+    stack = np.concatenate(kept)
+    middle = (len(stack) - 1) // 2
+    return np.partition(stack, middle, axis=0)[middle], brightest

@@ -1,0 +1,60 @@
+"""Labels: which clusters are the exterior surface, and the normals of every pixel, by the chosen method."""
+
+import numpy as np
+
+from tasks.algorithms.clusters import Clusters
+from tasks.algorithms.dual_layer import reconstruct_dual_layer
+from tasks.algorithms.markup import Marks
+from tasks.algorithms.rounds import FILLED, MARKED, OBSERVED, PROVENANCE, Reconstruction, reconstruct_normals
+from tasks.clusters import load_clusters
+from tasks.markup import load_marks
+from tasks.parameters import Parameters
+from tasks.stage import Outcome, Progress
+from tasks.workspace import Workspace
+
+
+def labels(work: Workspace, progress: Progress) -> Outcome:
+    """Labels, normals, their provenance and confidence."""
+    found = reconstruct(
+        load_clusters(work),
+        work.load("mask").read("mask"),
+        work.load("silhouette").read("initial"),
+        load_marks(work),
+        work.parameters,
+    )
+    names = {PROVENANCE[code]: int((found.provenance == code).sum()) for code in (OBSERVED, MARKED, FILLED)}
+    sure = float(np.nanmean(found.confidence >= 0.5))
+    return Outcome(
+        arrays={
+            "labels": found.labels,
+            "normals": found.normals,
+            "provenance": found.provenance,
+            "confidence": found.confidence,
+        },
+        record={
+            "provenance": list(PROVENANCE),
+            "rounds": [{"exterior": each.exterior, "changed": each.changed} for each in found.rounds],
+        },
+        counts={f"{name} pixels": count for name, count in names.items()} | {"confident share": round(sure, 4)},
+    )
+
+
+def reconstruct(
+    clusters: Clusters, mask: np.ndarray, initial: np.ndarray, marks: Marks | None, parameters: Parameters
+) -> Reconstruction:
+    """Normals of one view by the method that `parameters.labels` names."""
+    chosen, outline = parameters.labels, parameters.silhouette
+    if chosen.method == "paper":
+        return reconstruct_dual_layer(clusters, mask, initial, marks=marks, edges=chosen.edges, weight=chosen.weight)
+    return reconstruct_normals(
+        clusters,
+        mask,
+        marks=marks,
+        rounds=chosen.rounds,
+        strength=chosen.strength,
+        contrast=chosen.contrast,
+        prior=chosen.prior,
+        shape_weight=chosen.shape_weight,
+        rim_weight=outline.rim_weight,
+        tension_length=outline.tension_length,
+    )

@@ -1,0 +1,107 @@
+"""Lights: one half vector per frame, from the spheres or from known lights."""
+
+import numpy as np
+
+from storage.footage import open_footage
+from storage.frames import FrameCache
+from storage.inputs import read_lights
+from tasks.algorithms.coverage import coverage
+from tasks.algorithms.errors import UnusableCapture
+from tasks.algorithms.geometry import half_vectors_of
+from tasks.algorithms.highlights import measure_highlights, static_level
+from tasks.algorithms.lights import (
+    ACCEPTED,
+    BEHIND,
+    REASONS,
+    Lights,
+    combine_lights,
+    decide_lights,
+    disagreement_of,
+)
+from tasks.algorithms.spheres import Sphere
+from tasks.frames import crops_of, open_frames, spheres_of
+from tasks.stage import Outcome, Progress
+from tasks.workspace import Workspace
+
+BLOCK = 1024
+SAMPLED_SHARDS = 50
+
+
+def lights(work: Workspace, progress: Progress) -> Outcome:
+    """Half vector, light and reason of every frame.
+
+    Raises:
+        InputError: the known lights are unusable.
+        UnusableCapture: no frame has a light before the object.
+    """
+    cache = open_frames(work)
+    found = _known(work, cache.frames) if work.capture.lights else _seen(work, cache, progress)
+    accepted = int(found.accepted.sum())
+    if accepted < 2:
+        raise UnusableCapture(
+            f"{accepted} of {cache.frames} frames has a light before the object",
+            "film for longer and move the lamp over the whole hemisphere before the object",
+        )
+    median, worst = disagreement_of(found)
+    swept = coverage(found.half_vectors)
+    record = {
+        "reasons": list(REASONS),
+        "coverage": {
+            "within_degrees": {f"{limit:g}": round(share, 4) for limit, share in swept.within.items()},
+            "gaps": [str(gap) for gap in swept.gaps],
+        },
+        "disagreement_degrees": None if np.isnan(median) else {"median": median, "95th percentile": worst},
+    }
+    rejected = {
+        f"rejected: {reason}": int((found.reason == code).sum())
+        for code, reason in enumerate(REASONS)
+        if code != ACCEPTED and (found.reason == code).any()
+    }
+    return Outcome(
+        arrays={"half_vectors": found.half_vectors, "lights": found.lights, "reason": found.reason},
+        record=record,
+        counts={"accepted": accepted, **rejected},
+        warnings=[str(gap) for gap in swept.gaps],
+    )
+
+
+def _known(work: Workspace, count: int) -> Lights:
+    """Lights of an `.lp` file; those behind the object are rejected."""
+    assert work.capture.lights is not None
+    with open_footage(work.capture.frames) as footage:
+        directions = read_lights(work.capture.lights, footage.names, count)
+    reason = np.where(directions[:, 2] >= 0, ACCEPTED, BEHIND).astype(np.uint8)
+    kept = np.where((reason == ACCEPTED)[:, None], directions, np.nan).astype(np.float32)
+    unknown = np.full(len(kept), np.nan, np.float32)
+    return Lights(half_vectors_of(kept).astype(np.float32), kept, reason, unknown, unknown)
+
+
+def _seen(work: Workspace, cache: FrameCache, progress: Progress) -> Lights:
+    crops, spheres = crops_of(work), spheres_of(work)
+    each = []
+    for number, sphere in enumerate(spheres):
+        crop = crops[f"sphere-{number}"]
+        each.append(_of_sphere(work, cache, f"sphere-{number}", sphere.within(crop.x, crop.y)))
+        progress(number + 1, len(spheres))
+    return combine_lights(each, tolerance=work.parameters.lights.tolerance)
+
+
+def _of_sphere(work: Workspace, cache: FrameCache, name: str, sphere: Sphere) -> Lights:
+    parameters = work.parameters.lights
+    starts = np.arange(0, cache.frames, 64)
+    chosen = starts[np.unique(np.linspace(0, len(starts) - 1, min(SAMPLED_SHARDS, len(starts))).round().astype(int))]
+    every = 16 if cache.frames > 640 else 1
+    sample = np.concatenate([cache.read(name, slice(start, start + 64))[::every] for start in chosen.tolist()])
+    static = static_level(sample, sphere)
+    blocks = [
+        measure_highlights(
+            cache.read(name, slice(start, start + BLOCK)),
+            sphere,
+            static,
+            seed=parameters.seed,
+            low=parameters.low,
+            high=parameters.high,
+        )
+        for start in range(0, cache.frames, BLOCK)
+    ]
+    return decide_lights(blocks, static, sphere, second=parameters.second, odd=parameters.odd)

@@ -1,0 +1,48 @@
+"""Markup: highlights that the user marked as true or false, tracked between keyframes."""
+
+import numpy as np
+
+from storage.frames import FrameCache
+from storage.inputs import read_markup
+from tasks.algorithms.markup import Mark, Marks, track
+from tasks.frames import OBJECT, open_frames, region_of
+from tasks.stage import Outcome, Progress
+from tasks.workspace import Workspace
+
+
+def markup(work: Workspace, progress: Progress) -> Outcome:
+    """Pixels, half vectors and kinds of the marks and their tracks; none without markup.
+
+    Raises:
+        InputError: the markup is malformed or lies outside the object.
+    """
+    if work.capture.markup is None:
+        return Outcome(arrays=_arrays(Marks.none()))
+    cache, region = open_frames(work), region_of(work)
+    mask = work.load("mask").read("mask")
+    said = read_markup(work.capture.markup, cache.frame_size, cache.frames, region, mask)
+    marks = [Mark(each.frame, each.x - region.x, each.y - region.y, each.kind == "true") for each in said]
+    tracks = track(marks, _reader(cache), cache.frames, work.load("lights").read("half_vectors"), mask)
+    return Outcome(
+        arrays=_arrays(tracks.marks),
+        counts={"marks": len(marks), "marked pixels": len(tracks.marks.kind)},
+        warnings=[*tracks.conflicts, *tracks.warnings],
+    )
+
+
+def load_marks(work: Workspace) -> Marks | None:
+    """What was saved; None where nothing is marked."""
+    saved = work.load("markup")
+    marks = Marks(saved.read("pixels"), saved.read("half_vectors"), saved.read("kind"))
+    return marks if len(marks.kind) else None
+
+
+def _reader(cache: FrameCache):  # type: ignore[no-untyped-def]
+    def read(start: int, stop: int) -> np.ndarray:
+        return cache.read(OBJECT, slice(start, stop))
+
+    return read
+
+
+def _arrays(marks: Marks) -> dict[str, np.ndarray]:
+    return {"pixels": marks.pixels, "half_vectors": marks.half_vectors, "kind": marks.kind}

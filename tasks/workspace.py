@@ -1,0 +1,87 @@
+"""What a step works on: one capture of one object in one store, with its parameters; small enough to send anywhere."""
+
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import Any
+
+import numpy as np
+
+from storage.catalogue import Capture, Catalogue, parameters_for
+from storage.fingerprints import content_digest, digest_of
+from storage.inputs import camera_matrix
+from storage.location import Location
+from storage.results import StageResult
+from storage.versions import ObjectRepository
+from tasks.parameters import Parameters
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """A capture's place of work. `store` is an address; `run` names the run; `rehash`: trust no remembered digest."""
+
+    store: str
+    object_id: str
+    capture: Capture
+    parameters: Parameters
+    run: str = ""
+    rehash: bool = False
+
+    @classmethod
+    def of(cls, catalogue: Catalogue, object_id: str, capture_id: str, store: str, run: str = "") -> "Workspace":
+        """The workspace of a catalogue's capture, its parameters merged."""
+        capture = catalogue.object(object_id).capture(capture_id)
+        parameters = Parameters.model_validate(parameters_for(catalogue, object_id, capture_id))
+        return cls(store, object_id, capture, parameters, run)
+
+    @property
+    def name(self) -> str:
+        """OBJECT/CAPTURE, as the command line says it."""
+        return f"{self.object_id}/{self.capture.id}"
+
+    @property
+    def location(self) -> Location:
+        """The store's place."""
+        return Location.parse(self.store)
+
+    @property
+    def repository(self) -> ObjectRepository:
+        """The object's results; opened once per process."""
+        return _repository(self.store, self.object_id)
+
+    @property
+    def camera_matrix(self) -> np.ndarray | None:
+        """The perspective camera's matrix (3, 3) in pixels of the full frame; None: orthographic."""
+        return camera_matrix(self.capture.camera)
+
+    def digest(self, key: str) -> str | None:
+        """Content digest of one of the capture's inputs (`frames`, `mask`, ..), None where it has none."""
+        address = getattr(self.capture, key)
+        return None if address is None else self._digests[key]
+
+    def load(self, stage: str) -> StageResult:
+        """What an earlier stage saved."""
+        return self.repository.load(self.capture.id, stage)
+
+    @cached_property
+    def _digests(self) -> dict[str, str]:
+        named = {key: getattr(self.capture, key) for key in ("frames", "lights", "mask", "markup")}
+        return {
+            key: content_digest(address, self.location, rehash=self.rehash)
+            for key, address in named.items()
+            if address is not None
+        }
+
+    def __reduce__(self) -> Any:
+        """Send the facts alone; digests are looked up again where they are needed."""
+        return type(self), (self.store, self.object_id, self.capture, self.parameters, self.run, self.rehash)
+
+
+@cache
+def _repository(store: str, object_id: str) -> ObjectRepository:
+    return ObjectRepository.open(Location.parse(store), object_id)
+
+
+def facts_of(capture: Capture, names: tuple[str, ...]) -> str:
+    """Digest of what the catalogue says of a capture under these keys."""
+    said = capture.model_dump(mode="json", include=set(names))
+    return digest_of(said)
