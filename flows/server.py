@@ -1,0 +1,239 @@
+"""The Prefect server of a run: the one at PREFECT_API_URL, else one of our own that all runs of this user share.
+
+Our own server is a detached process with its database in Glint's home. It outlives the run, so that its dashboard can
+be read afterwards. A cold start takes seconds: `start_server` returns at once, and `Server.wait` comes when the
+server is needed. Whoever starts a run calls `start_server` before anything imports prefect, which reads its settings
+at import.
+"""
+
+import fcntl
+import json
+import os
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import psutil
+
+from flows.errors import ServerError
+from flows.settings import glint_home, prepare_environment
+
+FIRST_PORT = 4200
+START_SECONDS = 120.0
+_KEEP_RUNS_SECONDS = 30 * 24 * 3600
+
+
+@dataclass(frozen=True, slots=True)
+class Server:
+    """A Prefect server that answers, or is about to.
+
+    `process` is (pid, time of creation) of our own server, None for one at PREFECT_API_URL; `log` is its output.
+    """
+
+    api_url: str
+    ui_url: str
+    started: bool
+    process: tuple[int, float] | None = None
+    log: Path | None = None
+
+    def wait(self, seconds: float = START_SECONDS) -> None:
+        """Return when the server answers.
+
+        Raises:
+            ServerError: it does not, or its process has ended.
+        """
+        if self.process is None:
+            _check_given(self.api_url)
+            return
+        deadline = time.monotonic() + seconds
+        while not _answers(self.api_url):
+            if not _alive(self.process):
+                raise ServerError(f"the Prefect server ended while it started ({_last_line(self.log)})", self._remedy())
+            if time.monotonic() > deadline:
+                raise ServerError(f"the Prefect server at {self.api_url} gave no answer", self._remedy())
+            time.sleep(0.05)
+
+    def _remedy(self) -> str:
+        return f"see {self.log}; `glint dashboard --stop` and run again, or set PREFECT_API_URL to a server of yours"
+
+
+def ensure_server(home: Path | None = None) -> Server:
+    """A Prefect server that answers now: `start_server`, then `wait`."""
+    server = start_server(home)
+    server.wait()
+    return server
+
+
+def start_server(home: Path | None = None) -> Server:
+    """Name the server of this process and start it if there is none, without waiting for it.
+
+    Sets PREFECT_API_URL and the other settings of Prefect in the environment. Two runs that start at the same time
+    share one server.
+
+    Raises:
+        ServerError: Glint's home cannot be written.
+    """
+    given = os.environ.get("PREFECT_API_URL")
+    if given:
+        prepare_environment()
+        return Server(given, _ui_url(given), started=False)
+    folder = _folder(home)
+    with _locked(folder):
+        state = _read_state(folder)
+        if state is not None and state.prefect != version("prefect"):
+            _stop(state)
+            state = None
+        started = state is None or not _alive(state.process)
+        if state is None or started:
+            state = _spawn(folder)
+    prepare_environment(state.api_url, folder / "prefect")
+    return Server(state.api_url, _ui_url(state.api_url), started, state.process, folder / "server.log")
+
+
+def stop_server(home: Path | None = None) -> bool:
+    """End our own server; False if none was running."""
+    folder = _folder(home)
+    with _locked(folder):
+        state = _read_state(folder)
+        (folder / "server.json").unlink(missing_ok=True)
+        return state is not None and _stop(state)
+
+
+@dataclass(frozen=True, slots=True)
+class _State:
+    """What Glint's home says about our own server; `prefect` is the version it runs."""
+
+    api_url: str
+    process: tuple[int, float]
+    prefect: str
+
+
+def _folder(home: Path | None) -> Path:
+    # A home can be shared by machines; a loopback server and its database cannot.
+    return (home or glint_home()) / "server" / socket.gethostname()
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        lock = (folder / "lock").open("w")
+    except OSError as error:
+        raise ServerError(
+            f"{folder} cannot be written ({error.strerror})", "set GLINT_HOME to a folder of yours"
+        ) from None
+    with lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def _read_state(folder: Path) -> _State | None:
+    try:
+        fields = json.loads((folder / "server.json").read_text())
+        pid, created = fields["process"]
+        return _State(fields["api_url"], (int(pid), float(created)), fields["prefect"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _spawn(folder: Path) -> _State:
+    port = _free_port()
+    api_url = f"http://127.0.0.1:{port}/api"
+    settings = {
+        "PREFECT_HOME": str(folder / "prefect"),
+        "PREFECT_SERVER_UI_API_URL": api_url,
+        "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
+        "PREFECT_SERVER_UI_SHOW_PROMOTIONAL_CONTENT": "false",
+        "PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED": "true",
+        "PREFECT_SERVER_SERVICES_DB_VACUUM_RETENTION_PERIOD": str(_KEEP_RUNS_SECONDS),
+        "PREFECT_CLI_PROMPT": "false",
+        "DO_NOT_TRACK": "1",
+    }
+    inherited = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT_")}
+    command = [sys.executable, "-m", "prefect", "server", "start", "--host", "127.0.0.1", "--port", str(port)]
+    with (folder / "server.log").open("w") as log:
+        child = subprocess.Popen(
+            command,
+            env=inherited | settings,
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            cwd=folder,
+            start_new_session=True,
+        )
+    state = _State(api_url, (child.pid, psutil.Process(child.pid).create_time()), version("prefect"))
+    (folder / "server.json").write_text(json.dumps(asdict(state)))
+    return state
+
+
+def _free_port() -> int:
+    """The first free loopback port from 4200; any free one if the next hundred are taken."""
+    for port in [*range(FIRST_PORT, FIRST_PORT + 100), 0]:
+        with socket.socket() as candidate:
+            candidate.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                candidate.bind(("127.0.0.1", port))
+            except OSError:
+                continue
+            return int(candidate.getsockname()[1])
+    raise ServerError("no loopback port is free", "set PREFECT_API_URL to a server of yours")
+
+
+def _alive(process: tuple[int, float]) -> bool:
+    pid, created = process
+    try:
+        found = psutil.Process(pid)
+        return found.create_time() == created and found.status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
+
+
+def _stop(state: _State) -> bool:
+    if not _alive(state.process):
+        return False
+    process = psutil.Process(state.process[0])
+    process.terminate()
+    try:
+        process.wait(10)
+    except psutil.TimeoutExpired:
+        process.kill()
+        process.wait(10)
+    return True
+
+
+def _answers(api_url: str) -> bool:
+    try:
+        with urllib.request.urlopen(f"{api_url}/health", timeout=2) as answer:
+            return bool(answer.status == 200)
+    except (OSError, urllib.error.URLError):
+        return False
+
+
+def _check_given(api_url: str) -> None:
+    from prefect.client.orchestration import get_client
+
+    with get_client(sync_client=True) as client:
+        error = client.api_healthcheck()
+    if error is not None:
+        reason = str(error) or type(error).__name__
+        raise ServerError(
+            f"the Prefect server at PREFECT_API_URL={api_url} does not answer ({reason})",
+            "start that server, correct the address, or unset PREFECT_API_URL to use Glint's own",
+        )
+
+
+def _ui_url(api_url: str) -> str:
+    return api_url.removesuffix("/").removesuffix("/api")
+
+
+def _last_line(log: Path | None) -> str:
+    lines = log.read_text(errors="replace").strip().splitlines() if log is not None else []
+    return lines[-1].strip() if lines else "it said nothing"
