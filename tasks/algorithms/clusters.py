@@ -1,8 +1,9 @@
 """From a pixel's highlights to clusters of candidate normals (paper 4.1, METHOD 3).
 
 A pixel glints in those frames whose half vector is a normal of one of its light paths. The lamp is no point, so each
-direct path lights a small disc of half vectors; false ones light discs too, or arcs. The discs are found as the
-densest places, their number by minimum description length, and each one's centre is a candidate normal.
+direct path lights a small disc of half vectors; false ones light discs too, or arcs. The paper finds them by k-means
+with K by minimum description length. Knowing the disc's size is worth more: here each cluster is the densest disc of
+what the heavier ones left: an arc beside a disc cannot pull its centre away, and a disc seen in one frame stays.
 """
 
 from dataclasses import dataclass
@@ -15,8 +16,6 @@ from tasks.algorithms.errors import UnusableCapture
 
 CELL = 1.1
 """Edge in degrees of the cells that are searched for dense places: half a usual lamp's disc."""
-TRIED = 4
-"""Most clusters whose description length is compared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,9 +92,9 @@ def cluster_pixels(
 ) -> Clusters:
     """Clusters of a tile.
 
-    frames (T, H, W) uint8 or uint16; bars (H, W), same dtype: see `thresholds` (the dtype's largest value leaves a pixel
-    out); half_vectors (T, 3) float32, NaN where the frame was rejected; shares (T,) float32 from `light_shares`; radius:
-    of a lamp's disc in degrees; apart: least distance of two clusters in radii.
+    frames (T, H, W) uint8 or uint16; bars (H, W), same dtype, from `thresholds` (the dtype's largest value leaves a
+    pixel out); half_vectors (T, 3) float32, NaN where the frame was rejected; shares (T,) float32 from `light_shares`;
+    radius: of a lamp's disc in degrees; apart: least distance in radii of another cluster's highlights.
     """
     length, height, width = frames.shape
     usable = np.flatnonzero(np.isfinite(half_vectors[:, 0]))
