@@ -20,6 +20,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import psutil
 
@@ -28,7 +29,22 @@ from flows.settings import glint_home, prepare_environment
 
 FIRST_PORT = 4200
 START_SECONDS = 120.0
-_KEEP_RUNS_SECONDS = 30 * 24 * 3600
+
+_SETTINGS = {
+    "DO_NOT_TRACK": "1",
+    "PREFECT_CLI_PROMPT": "false",
+    "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
+    "PREFECT_SERVER_UI_SHOW_PROMOTIONAL_CONTENT": "false",
+    "PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED": "true",
+    "PREFECT_SERVER_SERVICES_DB_VACUUM_RETENTION_PERIOD": str(30 * 24 * 3600),
+    # With a transaction for every event, SQLite turns away the next flow run, and its client sleeps for two seconds.
+    "PREFECT_SERVER_SERVICES_TASK_RUN_RECORDER_READ_BATCH_SIZE": "100",
+    "PREFECT_SERVER_SERVICES_TASK_RUN_RECORDER_BATCH_SIZE": "100",
+    "PREFECT_SERVER_SERVICES_TASK_RUN_RECORDER_FLUSH_INTERVAL": "0.5",
+    "PREFECT_SERVER_SERVICES_EVENT_PERSISTER_READ_BATCH_SIZE": "100",
+    "PREFECT_SERVER_SERVICES_EVENT_PERSISTER_BATCH_SIZE": "1000",
+}
+"""Our own server's settings; what the user has set in the environment goes before them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +76,19 @@ class Server:
             if time.monotonic() > deadline:
                 raise ServerError(f"the Prefect server at {self.api_url} gave no answer", self._remedy())
             time.sleep(0.05)
+
+    @contextmanager
+    def connected(self) -> Iterator[None]:
+        """Wait, then let the flows that are called inside report to this server, whenever prefect was imported."""
+        self.wait()
+        from prefect.settings import PREFECT_API_URL, PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
+
+        settings: dict[Any, Any] = {PREFECT_API_URL: self.api_url}
+        if self.process is not None:
+            # Ending the thread of heartbeats costs every flow run up to a second; `flows.zombies` does without them.
+            settings[PREFECT_FLOWS_HEARTBEAT_FREQUENCY] = None
+        with temporary_settings(settings):
+            yield
 
     def _remedy(self) -> str:
         return f"see {self.log}; `glint dashboard --stop` and run again, or set PREFECT_API_URL to a server of yours"
@@ -147,22 +176,13 @@ def _read_state(folder: Path) -> _State | None:
 def _spawn(folder: Path) -> _State:
     port = _free_port()
     api_url = f"http://127.0.0.1:{port}/api"
-    settings = {
-        "PREFECT_HOME": str(folder / "prefect"),
-        "PREFECT_SERVER_UI_API_URL": api_url,
-        "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
-        "PREFECT_SERVER_UI_SHOW_PROMOTIONAL_CONTENT": "false",
-        "PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED": "true",
-        "PREFECT_SERVER_SERVICES_DB_VACUUM_RETENTION_PERIOD": str(_KEEP_RUNS_SECONDS),
-        "PREFECT_CLI_PROMPT": "false",
-        "DO_NOT_TRACK": "1",
-    }
-    inherited = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT_")}
+    settings = _SETTINGS | {name: value for name, value in os.environ.items() if not _of_client(name)}
+    settings |= {"PREFECT_HOME": str(folder / "prefect"), "PREFECT_SERVER_UI_API_URL": api_url}
     command = [sys.executable, "-m", "prefect", "server", "start", "--host", "127.0.0.1", "--port", str(port)]
     with (folder / "server.log").open("w") as log:
         child = subprocess.Popen(
             command,
-            env=inherited | settings,
+            env=settings,
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=subprocess.STDOUT,
@@ -172,6 +192,10 @@ def _spawn(folder: Path) -> _State:
     state = _State(api_url, (child.pid, psutil.Process(child.pid).create_time()), version("prefect"))
     (folder / "server.json").write_text(json.dumps(asdict(state)))
     return state
+
+
+def _of_client(name: str) -> bool:
+    return name.startswith("PREFECT_") and not name.startswith("PREFECT_SERVER_")
 
 
 def _free_port() -> int:

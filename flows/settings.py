@@ -16,7 +16,6 @@ _PREFECT = {
     # The console is for progress; the dashboard has every line.
     "PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL": "ERROR",
     "PREFECT_LOGGING_TO_API_WHEN_MISSING_FLOW": "ignore",
-    "PREFECT_FLOWS_HEARTBEAT_FREQUENCY": "30",
 }
 
 
