@@ -1,0 +1,190 @@
+"""The Dask cluster of a run: the one at a given scheduler, else a local one of one-threaded processes.
+
+It starts in the background: `Cluster(..)` returns at once, `client` waits for it. A Dask task gets one processor and
+its libraries one thread; what it needs in memory is checked before it is sent, since nothing spills.
+"""
+
+import importlib
+import logging
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any
+
+import dask
+from dask.system import CPU_COUNT
+from dask.utils import format_bytes
+from distributed import Client, LocalCluster, Worker
+from distributed.diagnostics.plugin import WorkerPlugin
+from distributed.system import MEMORY_LIMIT
+
+from flows.errors import ClusterError
+from flows.settings import prepare_environment
+
+MEMORY_SHARE = 0.8
+"""The part of the machine's memory that the workers of a local cluster share."""
+
+CONNECT_SECONDS = 30
+WORKERS_SECONDS = 120
+
+_SETTINGS = {
+    # A task that killed two workers is the cause: it fails, and the others go on.
+    "distributed.scheduler.allowed-failures": 1,
+    # A graph cut holds the interpreter for minutes. A local worker that dies is noticed without heartbeats.
+    "distributed.scheduler.worker-ttl": None,
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.pause": False,
+    "distributed.worker.memory.terminate": 0.95,
+}
+
+
+@dataclass
+class Readiness(WorkerPlugin):
+    """Makes a worker ready before its first task: one thread for OpenCV, modules imported, their kernels loaded.
+
+    A module may have a function `warm_up()` that calls its compiled kernels once on tiny arrays.
+    """
+
+    modules: tuple[str, ...]
+    name = "glint-readiness"
+
+    def setup(self, worker: Worker) -> None:
+        """Called by Dask in each worker as it starts, and in each that replaces one."""
+        import cv2
+
+        cv2.setNumThreads(1)
+        for name in self.modules:
+            module = importlib.import_module(name)
+            if hasattr(module, "warm_up"):
+                module.warm_up()
+
+
+class Cluster:
+    """One cluster for a run; a context manager that ends what it started.
+
+    `scheduler` is the address of a running one (tcp://host:8786), None for a local cluster of `workers` processes (as
+    many as processors). `modules` are imported by every worker before its first task.
+    """
+
+    def __init__(self, scheduler: str | None = None, workers: int | None = None, modules: Sequence[str] = ()) -> None:
+        prepare_environment()
+        self._scheduler, self._workers, self._modules = scheduler, workers or CPU_COUNT, tuple(modules)
+        self._cluster: LocalCluster | None = None
+        self._client: Client | None = None
+        self._failure: BaseException | None = None
+        self._thread = threading.Thread(target=self._start, name="glint-cluster", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> "Cluster":
+        """Return the cluster, which may still be starting."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """End the cluster, whatever happened."""
+        self.close()
+
+    @property
+    def client(self) -> Client:
+        """The client of this process, for all its threads; waits for the cluster. Nobody else closes it.
+
+        Raises:
+            ClusterError: the scheduler does not answer, or no worker came.
+        """
+        self._thread.join()
+        if self._failure is not None:
+            raise self._failure
+        assert self._client is not None
+        return self._client
+
+    @property
+    def address(self) -> str:
+        """The scheduler's address, for clients in other processes."""
+        return str(self.client.scheduler.address)
+
+    @property
+    def dashboard_url(self) -> str:
+        """Dask's own dashboard, empty if it has none."""
+        return str(self.client.dashboard_link or "")
+
+    @property
+    def workers(self) -> int:
+        """Workers there are now."""
+        return len(self.client.nthreads())
+
+    @property
+    def task_bytes(self) -> int | None:
+        """Memory of the smallest worker that a task may fill; None without limit."""
+        limits = [worker["memory_limit"] for worker in self.client.scheduler_info(n_workers=-1)["workers"].values()]
+        return int(min(limits) * _SETTINGS["distributed.worker.memory.terminate"]) if limits and all(limits) else None
+
+    def check_bytes(self, projected: int, what: str) -> None:
+        """Refuse work whose largest task is projected not to fit a worker.
+
+        Raises:
+            ClusterError: it does not fit.
+        """
+        limit = self.task_bytes
+        if limit is not None and projected > limit:
+            raise ClusterError(
+                f"{what} needs {format_bytes(projected)} in one process, its workers have {format_bytes(limit)}",
+                "give a smaller region, use fewer workers, or a --scheduler whose workers have more memory",
+            )
+
+    def close(self) -> None:
+        """End the local cluster and its processes, or leave the given one. Safe to call twice."""
+        self._thread.join()
+        client, self._client = self._client, None
+        cluster, self._cluster = self._cluster, None
+        if client is not None:
+            client.close()
+        if cluster is not None:
+            cluster.close()
+
+    def _start(self) -> None:
+        try:
+            self._client = self._local() if self._scheduler is None else self._given(self._scheduler)
+        except BaseException as failure:
+            self._failure = failure
+
+    def _local(self) -> Client:
+        dask.config.set(_SETTINGS)
+        self._cluster = LocalCluster(
+            n_workers=self._workers,
+            threads_per_worker=1,
+            processes=True,
+            memory_limit=int(MEMORY_LIMIT * MEMORY_SHARE / self._workers),
+            host="127.0.0.1",
+            dashboard_address="127.0.0.1:0",
+            silence_logs=logging.ERROR,
+        )
+        client = Client(self._cluster, set_as_default=False)
+        client.register_plugin(Readiness(self._modules))
+        return client
+
+    def _given(self, address: str) -> Client:
+        try:
+            client: Any = Client(address, set_as_default=False, timeout=CONNECT_SECONDS)
+        except (OSError, ValueError) as error:
+            raise ClusterError(
+                f"the Dask scheduler at {address} does not answer ({error})",
+                "start it with `dask scheduler`, or leave out --scheduler for a local cluster",
+            ) from None
+        try:
+            client.wait_for_workers(1, timeout=WORKERS_SECONDS)
+            client.register_plugin(Readiness(self._modules))
+        except TimeoutError:
+            client.close()
+            raise ClusterError(
+                f"the Dask scheduler at {address} has no workers",
+                f"start some with `dask worker {address} --nthreads 1`",
+            ) from None
+        except Exception as error:
+            client.close()
+            raise ClusterError(
+                f"the Dask workers at {address} cannot run Glint ({error})", "install this version of Glint on each"
+            ) from error
+        return client
