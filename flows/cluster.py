@@ -10,7 +10,6 @@ import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Any
 
 import dask
 from dask.system import CPU_COUNT
@@ -40,6 +39,10 @@ _SETTINGS = {
 }
 
 
+_clients: dict[str, Client] = {}
+_lock = threading.Lock()
+
+
 @dataclass
 class Readiness(WorkerPlugin):
     """Makes a worker ready before its first task: one thread for OpenCV, modules imported, their kernels loaded.
@@ -59,6 +62,20 @@ class Readiness(WorkerPlugin):
             module = importlib.import_module(name)
             if hasattr(module, "warm_up"):
                 module.warm_up()
+
+
+def client_of(address: str) -> Client:
+    """The client of this process for a scheduler: one for all threads, opened when first asked for.
+
+    It is no default client, so that work is sent only where it is sent on purpose.
+
+    Raises:
+        ClusterError: the scheduler does not answer.
+    """
+    with _lock:
+        if address not in _clients:
+            _clients[address] = _connect(address)
+        return _clients[address]
 
 
 class Cluster:
@@ -85,6 +102,9 @@ class Cluster:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         """End the cluster, whatever happened."""
+        if error is not None:
+            # Results that are still awaited when the client closes are reported by asyncio, one by one.
+            logging.getLogger("asyncio").setLevel(logging.CRITICAL)
         self.close()
 
     @property
@@ -140,6 +160,8 @@ class Cluster:
         client, self._client = self._client, None
         cluster, self._cluster = self._cluster, None
         if client is not None:
+            with _lock:
+                _clients.pop(client.scheduler.address, None)
             client.close()
         if cluster is not None:
             cluster.close()
@@ -147,6 +169,8 @@ class Cluster:
     def _start(self) -> None:
         try:
             self._client = self._local() if self._scheduler is None else self._given(self._scheduler)
+            with _lock:
+                _clients[self._client.scheduler.address] = self._client
         except BaseException as failure:
             self._failure = failure
 
@@ -166,13 +190,7 @@ class Cluster:
         return client
 
     def _given(self, address: str) -> Client:
-        try:
-            client: Any = Client(address, set_as_default=False, timeout=CONNECT_SECONDS)
-        except (OSError, ValueError) as error:
-            raise ClusterError(
-                f"the Dask scheduler at {address} does not answer ({error})",
-                "start it with `dask scheduler`, or leave out --scheduler for a local cluster",
-            ) from None
+        client = _connect(address)
         try:
             client.wait_for_workers(1, timeout=WORKERS_SECONDS)
             client.register_plugin(Readiness(self._modules))
@@ -188,3 +206,13 @@ class Cluster:
                 f"the Dask workers at {address} cannot run Glint ({error})", "install this version of Glint on each"
             ) from error
         return client
+
+
+def _connect(address: str) -> Client:
+    try:
+        return Client(address, set_as_default=False, timeout=CONNECT_SECONDS)
+    except (OSError, ValueError) as error:
+        raise ClusterError(
+            f"the Dask scheduler at {address} does not answer ({error})",
+            "start it with `dask scheduler`, or leave out --scheduler for a local cluster",
+        ) from None
