@@ -39,10 +39,6 @@ _SETTINGS = {
 }
 
 
-_clients: dict[str, Client] = {}
-_lock = threading.Lock()
-
-
 @dataclass
 class Readiness(WorkerPlugin):
     """Makes a worker ready before its first task: one thread for OpenCV, modules imported, their kernels loaded.
@@ -62,20 +58,6 @@ class Readiness(WorkerPlugin):
             module = importlib.import_module(name)
             if hasattr(module, "warm_up"):
                 module.warm_up()
-
-
-def client_of(address: str) -> Client:
-    """The client of this process for a scheduler: one for all threads, opened when first asked for.
-
-    It is no default client, so that work is sent only where it is sent on purpose.
-
-    Raises:
-        ClusterError: the scheduler does not answer.
-    """
-    with _lock:
-        if address not in _clients:
-            _clients[address] = _connect(address)
-        return _clients[address]
 
 
 class Cluster:
@@ -160,8 +142,6 @@ class Cluster:
         client, self._client = self._client, None
         cluster, self._cluster = self._cluster, None
         if client is not None:
-            with _lock:
-                _clients.pop(client.scheduler.address, None)
             client.close()
         if cluster is not None:
             cluster.close()
@@ -169,8 +149,6 @@ class Cluster:
     def _start(self) -> None:
         try:
             self._client = self._local() if self._scheduler is None else self._given(self._scheduler)
-            with _lock:
-                _clients[self._client.scheduler.address] = self._client
         except BaseException as failure:
             self._failure = failure
 
@@ -190,7 +168,13 @@ class Cluster:
         return client
 
     def _given(self, address: str) -> Client:
-        client = _connect(address)
+        try:
+            client = Client(address, set_as_default=False, timeout=CONNECT_SECONDS)
+        except (OSError, ValueError) as error:
+            raise ClusterError(
+                f"the Dask scheduler at {address} does not answer ({error})",
+                "start it with `dask scheduler`, or leave out --scheduler for a local cluster",
+            ) from None
         try:
             client.wait_for_workers(1, timeout=WORKERS_SECONDS)
             client.register_plugin(Readiness(self._modules))
@@ -206,13 +190,3 @@ class Cluster:
                 f"the Dask workers at {address} cannot run Glint ({error})", "install this version of Glint on each"
             ) from error
         return client
-
-
-def _connect(address: str) -> Client:
-    try:
-        return Client(address, set_as_default=False, timeout=CONNECT_SECONDS)
-    except (OSError, ValueError) as error:
-        raise ClusterError(
-            f"the Dask scheduler at {address} does not answer ({error})",
-            "start it with `dask scheduler`, or leave out --scheduler for a local cluster",
-        ) from None

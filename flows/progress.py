@@ -1,22 +1,20 @@
 """What a run says while it runs: bars on a terminal, plain lines elsewhere, JSON lines for machines.
 
-Everything said is an `Event`, and the process has one `Display` that shows it. A step tells its progress through a
-callable (done, total): in this process `tell`, on a Dask worker `worker_teller`, which `listen` hears.
+Everything said is an `Event`, which a `Display` shows. A step tells its progress through a callable (done, total): in
+this process a `Reporter`, on a Dask worker a `WorkerReporter`, which `listen` hears.
 """
 
 import json
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import asdict, dataclass, field
 from typing import IO, TYPE_CHECKING, Literal, Protocol
 
 if TYPE_CHECKING:
     from distributed import Client
-
-    from tasks.stage import Record
 
 TOPIC = "glint-progress"
 UNITS = {"survey": "frames", "frames": "frames", "lights": "spheres", "clusters": "tiles"}
@@ -55,11 +53,6 @@ class Display(AbstractContextManager["Display"], Protocol):
         """Show one event."""
 
 
-_display: Display | None = None
-_reporters: dict[tuple[str, str], "Reporter"] = {}
-_lock = threading.Lock()
-
-
 class Reporter:
     """The progress callable of a stage: shows at most so many events a second, and the last one always."""
 
@@ -76,53 +69,28 @@ class Reporter:
             self._show(Event("progress", self._capture, self._stage, done=done, total=total, seconds=seconds))
 
 
-def tell(capture: str, stage: str, done: int, total: int | None, record: "Record | None" = None) -> None:
-    """Tell the display of this process, if it has one, how far a stage is; `record` says that it has ended."""
-    if record is None:
-        with _lock:
-            reporter = _reporters.setdefault((capture, stage), Reporter(show, capture, stage))
-        reporter(done, total)
-        return
-    with _lock:
-        _reporters.pop((capture, stage), None)
-    frames = int(record.counts.get("frames", 0)) or None
-    show(Event("stage", capture, stage, seconds=round(record.seconds, 3), frames=frames, cached=record.cached))
-    for warning in () if record.cached else record.warnings:
-        show(Event("warning", capture, stage, text=warning))
+@dataclass
+class WorkerReporter:
+    """A reporter that travels to a Dask worker with its step; its events go to whoever listens."""
+
+    capture: str
+    stage: str
+    _reporter: Reporter | None = field(default=None, init=False, repr=False)
+
+    def __call__(self, done: int, total: int | None) -> None:
+        """Tell that `done` of `total` parts are done."""
+        if self._reporter is None:
+            self._reporter = Reporter(_send, self.capture, self.stage)
+        self._reporter(done, total)
 
 
-def show(event: Event) -> None:
-    """Show an event on the display of this process, if it has one."""
-    if _display is not None:
-        _display.show(event)
-
-
-def worker_teller(capture: str, stage: str) -> Reporter:
-    """The progress callable of a step that runs on a Dask worker; its events go to whoever listens."""
-    from distributed import get_worker
-
-    worker = get_worker()
-    return Reporter(lambda event: worker.log_event(TOPIC, {"event": asdict(event)}), capture, stage)
-
-
-def listen(client: "Client") -> None:
+def listen(client: "Client", display: Display) -> None:
     """Show what the steps on the workers of this client's cluster tell."""
-    client.subscribe_topic(TOPIC, lambda event: show(Event(**event[1]["event"])))
+    client.subscribe_topic(TOPIC, lambda event: display.show(Event(**event[1]["event"])))
 
 
-@contextmanager
-def open_display(as_json: bool = False) -> Iterator[Display]:
-    """The display of this process: JSON lines on stdout; bars on a terminal, else plain lines, on stderr."""
-    global _display
-    with _choose(as_json) as display:
-        _display = display
-        try:
-            yield display
-        finally:
-            _display = None
-
-
-def _choose(as_json: bool) -> Display:
+def open_display(as_json: bool = False) -> Display:
+    """The display for where the output goes, to be entered: JSON lines on stdout; bars or plain lines on stderr."""
     if as_json:
         return JsonLines(sys.stdout)
     if not sys.stderr.isatty():
@@ -186,3 +154,9 @@ def sentence(event: Event) -> str:
     if event.rate is not None:
         parts.append(f"{event.rate:.0f} frames/s")
     return "  ".join(parts)
+
+
+def _send(event: Event) -> None:
+    from distributed import get_worker
+
+    get_worker().log_event(TOPIC, {"event": asdict(event)})
