@@ -1,0 +1,140 @@
+"""What the dashboard shows of a run: a page of pictures and figures for each capture, a table of the catalogue."""
+
+import base64
+import html
+import re
+from collections.abc import Mapping, Sequence
+from itertools import batched
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+from prefect.artifacts import create_markdown_artifact, create_table_artifact
+
+from storage import blobs
+from storage.pictures import colour_codes, colour_normals, colour_values, encode_png
+from storage.report import PALETTE, code_names
+from tasks.stage import Record
+from tasks.workspace import Workspace
+
+if TYPE_CHECKING:
+    from flows.catalogue import ObjectResult, RunResult
+
+LARGEST_PAGE = 300_000
+"""Characters of a page, pictures included: the dashboard fetches it whole."""
+
+_WIDEST = 320
+_SMALLEST = 40
+
+
+def capture_artifact(work: Workspace, records: Sequence[Record]) -> None:
+    """Put the page of a capture whose stages are all done beside its flow run."""
+    title, pictures = work.name, _pictures(work)
+    create_markdown_artifact(capture_page(title, pictures, records), key=artifact_key(title), description=title)
+
+
+def catalogue_artifact(name: str, result: "RunResult") -> None:
+    """Put the table of a catalogue's captures beside its flow run."""
+    table = [row for each in result.objects for row in _rows(each)]
+    create_table_artifact(table, key=artifact_key(f"catalogue {name}"), description=plain(name))
+
+
+def capture_page(title: str, pictures: Mapping[str, np.ndarray], records: Sequence[Record]) -> str:
+    """Markdown of a capture: `pictures` by caption, uint8 (H, W, 3), made smaller until the page is small enough."""
+    text = "\n".join([f"# {plain(title)}", "", *_warnings(records), *_stages(records)])
+    edge = _WIDEST
+    while True:
+        page = f"{text}\n\n{_gallery(pictures, edge)}\n"
+        if len(page) <= LARGEST_PAGE or edge <= _SMALLEST:
+            return page
+        edge = edge * 3 // 4
+
+
+def artifact_key(name: str) -> str:
+    """The key of an artifact: lower-case letters, digits and dashes."""
+    return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-") or "capture"
+
+
+def plain(text: str) -> str:
+    """Any text as one line of markdown that shows it as it is."""
+    one_line = html.escape(" ".join(text.split()), quote=False)
+    return re.sub(r"([\\`*_{}\[\]()#+!|~:-])", r"\\\1", one_line)
+
+
+def _pictures(work: Workspace) -> dict[str, np.ndarray]:
+    labels = work.load("labels")
+    names = code_names(labels.record.get("provenance"))
+    provenance = labels.read("provenance")
+    mask = work.load("mask").read("mask")
+    legend = ", ".join(
+        f"{names.get(code, code)} {_share(provenance[mask] == code)}" for code in np.unique(provenance[mask])
+    )
+    pictures = {
+        "Normals: x red, y green, z towards the camera blue": colour_normals(labels.read("normals")),
+        f"Where they come from: {legend}": colour_codes(np.where(mask, provenance, 0), PALETTE),
+        "Confidence that the error is below 5°: 0 blue, 1 yellow": colour_values(labels.read("confidence"), 0, 1),
+    }
+    coverage = work.load("surface").blobs.get("coverage.png")
+    if coverage is not None:
+        data = np.frombuffer(blobs.get(work.location, coverage), np.uint8)
+        picture = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB)
+        assert picture is not None, "the surface stage stored no picture"
+        pictures["Coverage: where on the hemisphere the lamp has been"] = picture
+    return pictures
+
+
+def _rows(result: "ObjectResult") -> list[dict[str, Any]]:
+    version = result.version.name if result.version is not None else "none"
+    return [
+        {
+            "capture": plain(each.name),
+            "state": "failed" if each.error else "unchanged" if each.cached else "done",
+            "problem": plain(f"{each.error}: {each.remedy}" if each.error else ""),
+            "version": version,
+            "seconds": round(each.seconds, 2),
+            "frames": each.count("frames", "frames"),
+            "frames with a light": each.count("lights", "accepted"),
+            "observed pixels": each.count("clusters", "observed pixels"),
+            "warnings": len(each.warnings),
+        }
+        for each in result.captures
+    ]
+
+
+def _gallery(pictures: Mapping[str, np.ndarray], edge: int) -> str:
+    """Two pictures a row, each under its caption."""
+    cells = []
+    for caption, picture in pictures.items():
+        data = base64.b64encode(encode_png(_within(picture, edge))).decode()
+        cells.append((plain(caption), f"![{plain(caption)}](data:image/png;base64,{data})"))
+    tables = []
+    for pair in batched(cells, 2):
+        captions, shown = zip(*pair, strict=True)
+        tables.append(f"| {' | '.join(captions)} |\n|{'---|' * len(pair)}\n| {' | '.join(shown)} |")
+    return "\n\n".join(tables)
+
+
+def _stages(records: Sequence[Record]) -> list[str]:
+    lines = ["| stage | seconds | counts |", "|---|---:|---|"]
+    for record in records:
+        seconds = "unchanged" if record.cached else f"{record.seconds:.2f}"
+        counts = ", ".join(f"{name} {value:,.10g}" for name, value in record.counts.items())
+        lines.append(f"| {plain(record.stage)} | {seconds} | {plain(counts)} |")
+    return [*lines, f"| all | {sum(0 if each.cached else each.seconds for each in records):.2f} | |"]
+
+
+def _warnings(records: Sequence[Record]) -> list[str]:
+    lines = [f"- **{plain(record.stage)}**: {plain(warning)}" for record in records for warning in record.warnings]
+    return ["## Warnings", "", *lines, ""] if lines else []
+
+
+def _within(picture: np.ndarray, edge: int) -> np.ndarray:
+    longest = max(picture.shape[:2])
+    if longest <= edge:
+        return picture
+    size = tuple(max(1, round(side * edge / longest)) for side in picture.shape[1::-1])
+    return cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+
+
+def _share(which: np.ndarray) -> str:
+    return f"{which.mean():.0%}" if which.size else "none"
