@@ -14,6 +14,9 @@ from storage.results import StageResult
 from storage.versions import ObjectRepository
 from tasks.parameters import Parameters
 
+INPUTS = ("frames", "lights", "mask", "markup")
+"""Keys of a capture that name files."""
+
 
 @dataclass(frozen=True)
 class Workspace:
@@ -27,11 +30,13 @@ class Workspace:
     rehash: bool = False
 
     @classmethod
-    def of(cls, catalogue: Catalogue, object_id: str, capture_id: str, store: str, run: str = "") -> "Workspace":
+    def of(
+        cls, catalogue: Catalogue, object_id: str, capture_id: str, store: str, run: str = "", rehash: bool = False
+    ) -> "Workspace":
         """The workspace of a catalogue's capture, its parameters merged."""
         capture = catalogue.object(object_id).capture(capture_id)
         parameters = Parameters.model_validate(parameters_for(catalogue, object_id, capture_id))
-        return cls(store, object_id, capture, parameters, run)
+        return cls(store, object_id, capture, parameters, run, rehash)
 
     @property
     def name(self) -> str:
@@ -64,7 +69,7 @@ class Workspace:
 
     @cached_property
     def _digests(self) -> dict[str, str]:
-        named = {key: getattr(self.capture, key) for key in ("frames", "lights", "mask", "markup")}
+        named = {key: getattr(self.capture, key) for key in INPUTS}
         return {
             key: content_digest(address, self.location, rehash=self.rehash)
             for key, address in named.items()

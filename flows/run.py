@@ -1,0 +1,71 @@
+"""A whole run: server and cluster started while the catalogue is read, the flow, and what to say at the end."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from flows.progress import Display, Event
+from flows.server import start_server
+
+if TYPE_CHECKING:
+    from flows.catalogue import RunResult
+
+WARMED = ("tasks.stages",)
+"""Modules that every worker imports before its first task."""
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """The run's result, and its page on the dashboard."""
+
+    result: "RunResult"
+    page: str
+
+
+def run(
+    catalogue: Path, store: str, display: Display, *, only: Sequence[str] = (), scheduler: str | None = None,
+    workers: int | None = None, rehash: bool = False,
+) -> Summary:  # fmt: skip
+    """Run a catalogue.
+
+    Raises:
+        CatalogueError, InputError: the catalogue is unusable; RunningError: server or cluster are.
+    """
+    server = start_server()
+    # Server and cluster start while this process imports and reads the catalogue.
+    from flows.cluster import Cluster
+
+    with Cluster(scheduler, workers, WARMED) as cluster:
+        from flows.catalogue import chosen_captures, run_catalogue
+        from flows.surroundings import share
+        from storage.location import Location
+        from tasks.references import load_catalogue
+
+        loaded = load_catalogue(catalogue)
+        chosen_captures(loaded.objects, only)
+        place = Location.parse(store)
+        server.wait()
+        share(cluster.address, cluster.client, display)
+        display.show(Event("message", text=f"dashboard {server.ui_url}, workers {cluster.workers}"))
+        result = run_catalogue(
+            str(catalogue.absolute()),
+            loaded.name,
+            place.uri,
+            cluster.address,
+            only=list(only),
+            side_by_side=side_by_side(cluster.workers),
+            rehash=rehash,
+        )
+        return Summary(result, f"{server.ui_url}/runs/flow-run/{result.run}")
+
+
+def side_by_side(workers: int) -> int:
+    """Captures to work on at once: one more than workers keeps them busy while another is between stages."""
+    return workers + 1
+
+
+def default_store() -> str:
+    """$GLINT_STORE, else ./glint-store."""
+    return os.environ.get("GLINT_STORE") or "glint-store"

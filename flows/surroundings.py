@@ -1,0 +1,49 @@
+"""What flows of this process share: the Dask client, and who is told of progress.
+
+Flow parameters are JSON and name the scheduler alone; by its address a flow finds both here. Where a worker of Prefect
+runs the flow nothing was put here before, and a client is opened.
+"""
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from distributed import Client
+
+from flows.progress import Event, Reporter, listen
+
+
+def _nobody(event: Event) -> None:
+    """No one is told."""
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """client: for all threads of this process; show: told of every event."""
+
+    client: Client
+    show: Callable[[Event], None] = _nobody
+
+    def reporter(self, capture: str, stage: str) -> Reporter:
+        """The progress callable of a stage that is performed in this process."""
+        return Reporter(self.show, capture, stage)
+
+
+_known: dict[str, Surroundings] = {}
+_lock = threading.Lock()
+
+
+def share(address: str, client: Client, display: object | None = None) -> None:
+    """Let flows that name this scheduler use this client, and tell this display (see `progress.Display`)."""
+    show: Callable[[Event], None] = getattr(display, "show", _nobody)
+    if display is not None:
+        listen(client, display)  # type: ignore[arg-type]
+    _known[address] = Surroundings(client, show)
+
+
+def surroundings(address: str) -> Surroundings:
+    """What was shared for this scheduler, else a new client of it."""
+    with _lock:
+        if address not in _known:
+            _known[address] = Surroundings(Client(address, set_as_default=False))
+        return _known[address]

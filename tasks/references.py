@@ -1,0 +1,50 @@
+"""Where a capture's workspace comes from: addresses and names alone, which is all that a flow's parameters hold."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from storage.catalogue import Catalogue, load
+from tasks.parameters import Parameters
+from tasks.workspace import Workspace
+
+
+@dataclass(frozen=True)
+class CaptureReference:
+    """A capture of a catalogue file, and the store and run that it is worked on in."""
+
+    catalogue: str
+    object_id: str
+    capture_id: str
+    store: str
+    run: str
+    rehash: bool = False
+
+    def __str__(self) -> str:
+        """OBJECT/CAPTURE."""
+        return f"{self.object_id}/{self.capture_id}"
+
+    def workspace(self) -> Workspace:
+        """The capture's workspace.
+
+        Raises:
+            CatalogueError, InputError: the catalogue is unusable; KeyError: it has no such capture.
+        """
+        catalogue = load_catalogue(self.catalogue)
+        return Workspace.of(catalogue, self.object_id, self.capture_id, self.store, self.run, self.rehash)
+
+
+def load_catalogue(path: str | Path) -> Catalogue:
+    """The catalogue, its parameters checked; read again only when the file has changed.
+
+    Raises:
+        CatalogueError: with everything that is wrong; InputError: it cannot be read.
+    """
+    place = Path(path).absolute()
+    changed = place.stat().st_mtime_ns if place.is_file() else 0
+    return _load(place, changed)
+
+
+@lru_cache(maxsize=4)
+def _load(path: Path, changed: int) -> Catalogue:
+    return load(path, Parameters)
