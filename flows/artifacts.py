@@ -18,7 +18,7 @@ from tasks.stage import Record
 from tasks.workspace import Workspace
 
 if TYPE_CHECKING:
-    from flows.catalogue import ObjectResult, RunResult
+    from flows.catalogue import CaptureResult, ObjectResult, RunResult
 
 LARGEST_PAGE = 300_000
 """Characters of a page, pictures included: the dashboard fetches it whole."""
@@ -34,9 +34,17 @@ def capture_artifact(work: Workspace, records: Sequence[Record]) -> None:
 
 
 def catalogue_artifact(name: str, result: "RunResult") -> None:
-    """Put the table of a catalogue's captures beside its flow run."""
+    """Put the table of a catalogue's captures beside its flow run, and the problems of those that failed."""
     table = [row for each in result.objects for row in _rows(each)]
     create_table_artifact(table, key=artifact_key(f"catalogue {name}"), description=plain(name))
+    if result.failed:
+        create_markdown_artifact(problems_page(result.failed), key=artifact_key(f"problems {name}"))
+
+
+def problems_page(failed: "Sequence[CaptureResult]") -> str:
+    """Markdown of what is wrong with captures and what to do about it."""
+    lines = [f"- **{plain(each.name)}**: {plain(each.error)}: {plain(each.remedy)}" for each in failed]
+    return "\n".join(["# Captures without a result", "", *lines, ""])
 
 
 def capture_page(title: str, pictures: Mapping[str, np.ndarray], records: Sequence[Record]) -> str:
@@ -87,9 +95,8 @@ def _rows(result: "ObjectResult") -> list[dict[str, Any]]:
     version = result.version.name if result.version is not None else "none"
     return [
         {
-            "capture": plain(each.name),
+            "capture": each.name,
             "state": "failed" if each.error else "unchanged" if each.cached else "done",
-            "problem": plain(f"{each.error}: {each.remedy}" if each.error else ""),
             "version": version,
             "seconds": round(each.seconds, 2),
             "frames": each.count("frames", "frames"),
