@@ -1,0 +1,37 @@
+# make demo: see it work. make test: check it as the continuous integration does.
+
+PYTHON := .venv/bin/python
+SHARE := not slow
+
+.PHONY: demo test test-all lint format setup requirements clean
+
+demo: .venv/ready
+	.venv/bin/glint demo
+
+test: lint
+	$(PYTHON) -m pytest -q -m "$(SHARE)"
+
+test-all: lint
+	$(PYTHON) -m pytest -q
+
+lint: .venv/ready
+	$(PYTHON) -m ruff check
+	$(PYTHON) -m ruff format --check
+	$(PYTHON) -m mypy
+
+format: .venv/ready
+	$(PYTHON) -m ruff check --fix
+	$(PYTHON) -m ruff format
+
+setup: .venv/ready
+
+.venv/ready: requirements.txt pyproject.toml .python-version setup.sh
+	./setup.sh
+
+# Pin anew what pyproject.toml asks for; needs uv. Addresses of package indexes stay out of the file.
+requirements:
+	uv pip compile pyproject.toml --all-extras --python $(PYTHON) --generate-hashes --no-emit-index-url --no-header \
+		-o requirements.txt
+
+clean:
+	rm -rf .venv build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
