@@ -8,9 +8,9 @@ import numpy as np
 
 from storage.frames import FrameCache
 from storage.location import Location
-from tasks.algorithms.clusters import Clusters, cluster_pixels, light_shares, thresholds, white_level
+from tasks.algorithms.clusters import Clusters, cluster_pixels, light_shares
 from tasks.algorithms.perspective import towards
-from tasks.frames import OBJECT, levels, open_frames, region_of
+from tasks.frames import OBJECT, bars_of, open_frames, region_of
 from tasks.parameters import Clusters as Parameters
 from tasks.stage import Outcome, Progress
 from tasks.workspace import Workspace
@@ -33,9 +33,7 @@ def clusters(work: Workspace, progress: Progress, mapper: Mapper = map) -> Outco
     cache, mask = open_frames(work), work.load("mask").read("mask")
     half_vectors = work.load("lights").read("half_vectors")
     parameters = work.parameters.clusters
-    static, brightest = levels(cache)
-    bars = thresholds(static, white_level(brightest[mask], static[mask]), parameters.share)
-    bars[~mask] = np.iinfo(bars.dtype).max
+    bars = bars_of(work, cache, mask)
     shares = light_shares(half_vectors, parameters.within)
     tiles = [tile for tile in tiles_of(mask.shape, cache.frames * cache.bits // 8) if mask[tile].any()]
     tasks = [(work.store, cache.digest, tile, bars[tile], half_vectors, shares, parameters) for tile in tiles]

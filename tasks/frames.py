@@ -6,6 +6,7 @@ from storage.catalogue import Region
 from storage.errors import StoreError
 from storage.footage import open_footage
 from storage.frames import FrameCache, cache_digest
+from tasks.algorithms.clusters import thresholds, white_level
 from tasks.algorithms.spheres import Sphere
 from tasks.stage import Outcome, Progress
 from tasks.workspace import Workspace
@@ -89,3 +90,15 @@ def levels(cache: FrameCache, name: str = OBJECT, shards: int = 24, every: int =
     stack = np.concatenate(kept)
     middle = (len(stack) - 1) // 2
     return np.partition(stack, middle, axis=0)[middle], brightest
+
+
+def bars_of(work: Workspace, cache: FrameCache, mask: np.ndarray) -> np.ndarray:
+    """Luma (H, W) above which each pixel of the region counts as lit; outside the mask (H, W) none does.
+
+    Raises:
+        UnusableCapture: the object never glints, or is saturated all the time.
+    """
+    static, brightest = levels(cache)
+    bars = thresholds(static, white_level(brightest[mask], static[mask]), work.parameters.clusters.share)
+    bars[~mask] = np.iinfo(bars.dtype).max
+    return bars

@@ -1,11 +1,12 @@
 """Markup: highlights that the user marked as true or false, tracked between keyframes."""
 
+from functools import partial
+
 import numpy as np
 
-from storage.frames import FrameCache
 from storage.inputs import read_markup
 from tasks.algorithms.markup import Mark, Marks, track
-from tasks.frames import OBJECT, open_frames, region_of
+from tasks.frames import OBJECT, bars_of, open_frames, region_of
 from tasks.stage import Outcome, Progress
 from tasks.workspace import Workspace
 
@@ -22,7 +23,8 @@ def markup(work: Workspace, progress: Progress) -> Outcome:
     mask = work.load("mask").read("mask")
     said = read_markup(work.capture.markup, cache.frame_size, cache.frames, region, mask)
     marks = [Mark(each.frame, each.x - region.x, each.y - region.y, each.kind == "true") for each in said]
-    tracks = track(marks, _reader(cache), cache.frames, work.load("lights").read("half_vectors"), mask)
+    bars, half_vectors = bars_of(work, cache, mask), work.load("lights").read("half_vectors")
+    tracks = track(marks, partial(cache.read, OBJECT), bars, half_vectors, mask)
     return Outcome(
         arrays=_arrays(tracks.marks),
         counts={"marks": len(marks), "marked pixels": len(tracks.marks.kind)},
@@ -35,13 +37,6 @@ def load_marks(work: Workspace) -> Marks | None:
     saved = work.load("markup")
     marks = Marks(saved.read("pixels"), saved.read("half_vectors"), saved.read("kind"))
     return marks if len(marks.kind) else None
-
-
-def _reader(cache: FrameCache):  # type: ignore[no-untyped-def]
-    def read(start: int, stop: int) -> np.ndarray:
-        return cache.read(OBJECT, slice(start, stop))
-
-    return read
 
 
 def _arrays(marks: Marks) -> dict[str, np.ndarray]:

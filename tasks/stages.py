@@ -18,7 +18,7 @@ STAGES = (
     Stage("lights", lights, needs=("frames",), inputs=("lights",)),
     Stage("mask", mask, needs=("frames",), inputs=("mask",)),
     Stage("clusters", clusters, needs=("lights", "mask"), facts=("camera",)),
-    Stage("markup", markup, needs=("lights", "mask"), inputs=("markup",)),
+    Stage("markup", markup, needs=("clusters",), inputs=("markup",)),
     Stage("silhouette", silhouette, needs=("mask", "markup")),
     Stage("labels", labels, needs=("clusters", "silhouette", "markup")),
     Stage("depth", depth, needs=("labels", "mask"), facts=("camera", "pixel_size")),

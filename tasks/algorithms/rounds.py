@@ -12,6 +12,7 @@ import numpy as np
 from tasks.algorithms.confidence import field_confidence, field_growth, observed_confidence
 from tasks.algorithms.curvature import shape_evidence
 from tasks.algorithms.field import field_spread, inradius, rim_normals, smooth_field
+from tasks.algorithms.markup import Marks, pinned
 from tasks.algorithms.sheets import CERTAIN, evidence, label_sheets, one_per_pixel
 
 if TYPE_CHECKING:
@@ -20,15 +21,6 @@ if TYPE_CHECKING:
 PROVENANCE = ("outside", "observed", "marked", "silhouette", "filled")
 """Names of the codes in `Reconstruction.provenance`."""
 OUTSIDE, OBSERVED, MARKED, SILHOUETTE, FILLED = range(len(PROVENANCE))
-
-
-@dataclass(frozen=True, slots=True)
-class Marks:
-    """Highlights marked or tracked: pixels (N, 2) int (row, column), half_vectors (N, 3), kind (N,) 1 true, 0 false."""
-
-    pixels: np.ndarray
-    half_vectors: np.ndarray
-    kind: np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +83,7 @@ def reconstruct_normals(
     surface = smooth_field(mask, tension_length)
     rim, outward = rim_normals(mask)
     shape = shape_weight * shape_evidence(normals, scale)
-    marked, marked_normals, pins = _marks(marks, normals, mask)
+    marked, marked_normals, pins = pinned(marks, normals, mask)
     labels = np.zeros(normals.shape[:3], dtype=bool)
 
     def field_of(known: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -134,26 +126,3 @@ def _chosen(normals: np.ndarray, labels: np.ndarray) -> np.ndarray:
     """The exterior normal of each pixel (H, W, 3), NaN where no node is exterior."""
     chosen = np.take_along_axis(normals, labels.argmax(axis=0)[None, :, :, None], axis=0)[0]
     return np.where(labels.any(axis=0)[..., None], chosen, np.nan)
-
-
-def _marks(
-    marks: Marks | None, normals: np.ndarray, mask: np.ndarray, reach: float = 6.0
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Marked pixels (H, W), their normals (H, W, 3), and the nodes pinned (K, H, W): +1 exterior, -1 false, 0 free.
-
-    A mark pins the clusters of its pixel within `reach` degrees; a true one also rules out the pixel's others.
-    """
-    marked, values = np.zeros(mask.shape, dtype=bool), np.full((*mask.shape, 3), np.nan, np.float32)
-    pins = np.zeros(normals.shape[:3], dtype=np.int8)
-    if marks is None:
-        return marked, values, pins
-    for (row, column), half_vector, kind in zip(marks.pixels, marks.half_vectors, marks.kind, strict=True):
-        if not mask[row, column]:
-            continue
-        near = normals[:, row, column] @ half_vector > np.cos(np.radians(reach))
-        if kind == 1:
-            marked[row, column], values[row, column] = True, half_vector
-            pins[:, row, column] = np.where(near, 1, -1)
-        else:
-            pins[near, row, column] = -1
-    return marked, values, pins

@@ -21,7 +21,8 @@ import numpy as np
 from numba import njit
 
 from tasks.algorithms.geometry import angles, half_vectors_of
-from tasks.algorithms.rounds import Marks, Reconstruction, reconstruct_normals
+from tasks.algorithms.markup import Marks
+from tasks.algorithms.rounds import Reconstruction, reconstruct_normals
 
 REGION_ORIGIN = 16
 BRIGHT = 225

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from tasks.algorithms.geometry import angles, unit
-from tasks.algorithms.rounds import PROVENANCE, Marks, Reconstruction, reconstruct_normals
+from tasks.algorithms.markup import Marks
+from tasks.algorithms.rounds import PROVENANCE, Reconstruction, reconstruct_normals
 
 Scene = tuple[SimpleNamespace, np.ndarray, np.ndarray]
 

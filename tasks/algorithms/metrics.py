@@ -1,0 +1,78 @@
+"""Errors against the truth: normals as the paper has them and in degrees, and depth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from tasks.algorithms.geometry import angles
+
+WITHIN = (5.0, 11.25, 22.5)
+"""Degrees below which shares are counted, as the photometric stereo literature does."""
+
+
+@dataclass(frozen=True, slots=True)
+class NormalErrors:
+    """Errors over one region of `pixels` pixels: `squared` mean |n - truth|^2 of unit normals (paper, Tables 2 and 3);
+    mean and median angle in degrees; `within` shares below WITHIN; `missing` pixels without a result, left out."""
+
+    pixels: int
+    squared: float
+    mean: float
+    median: float
+    within: tuple[float, ...]
+    missing: int
+
+
+@dataclass(frozen=True, slots=True)
+class DepthErrors:
+    """Depth against truth, each component shifted to fit: mean absolute and RMS error in the truth's unit, and the mean
+    as a share of the diagonal of the object's bounding box."""
+
+    mean: float
+    rms: float
+    relative: float
+
+
+def normal_errors(normals: np.ndarray, truth: np.ndarray, region: np.ndarray) -> NormalErrors:
+    """Errors of normals (H, W, 3) against truth (H, W, 3) over a region (H, W) bool; truth that is NaN is left out.
+
+    Raises ValueError where shapes differ or nothing can be compared.
+    """
+    if normals.shape != truth.shape or region.shape != truth.shape[:2]:
+        raise ValueError(f"normals {normals.shape}, truth {truth.shape} and region {region.shape} do not fit")
+    judged = region & np.isfinite(truth).all(axis=-1)
+    there = judged & np.isfinite(normals).all(axis=-1)
+    if not there.any():
+        raise ValueError("no pixel of the region has both a normal and a truth")
+    found, true = normals[there].astype(np.float64), truth[there].astype(np.float64)
+    degrees = angles(found, true)
+    return NormalErrors(
+        pixels=int(judged.sum()),
+        squared=float(((found - true) ** 2).sum(axis=-1).mean()),
+        mean=float(degrees.mean()),
+        median=float(np.median(degrees)),
+        within=tuple(float((degrees < limit).mean()) for limit in WITHIN),
+        missing=int((judged & ~there).sum()),
+    )
+
+
+def depth_errors(depth: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> DepthErrors:
+    """Errors of depth (H, W) against truth (H, W), both towards the camera in one unit, inside a mask (H, W) bool.
+
+    One view does not show offsets, so each 4-connected component is shifted by the median difference.
+    """
+    known = mask & np.isfinite(depth) & np.isfinite(truth)
+    if not known.any():
+        raise ValueError("no pixel of the mask has both a depth and a truth")
+    components, count = ndimage.label(mask)
+    error = np.where(known, depth - truth, np.nan).astype(np.float64)
+    for number in range(1, count + 1):
+        here = known & (components == number)
+        if here.any():
+            error[here] -= np.median(error[here])
+    rows, columns = np.nonzero(known)
+    extent = (np.ptp(rows) + 1.0, np.ptp(columns) + 1.0, float(np.ptp(truth[known])))
+    off = error[known]
+    mean = float(np.abs(off).mean())
+    return DepthErrors(mean, float(np.sqrt((off**2).mean())), mean / float(np.linalg.norm(extent)))
