@@ -179,10 +179,9 @@ def _spawn(folder: Path) -> _State:
     api_url = f"http://127.0.0.1:{port}/api"
     settings = _SETTINGS | {name: value for name, value in os.environ.items() if not _of_client(name)}
     settings |= {"PREFECT_HOME": str(folder / "prefect"), "PREFECT_SERVER_UI_API_URL": api_url}
-    command = [sys.executable, "-m", "prefect", "server", "start", "--host", "127.0.0.1", "--port", str(port)]
     with (folder / "server.log").open("w") as log:
         child = subprocess.Popen(
-            command,
+            _command(port),
             env=settings,
             stdin=subprocess.DEVNULL,
             stdout=log,
@@ -193,6 +192,10 @@ def _spawn(folder: Path) -> _State:
     state = _State(api_url, (child.pid, psutil.Process(child.pid).create_time()), version("prefect"))
     (folder / "server.json").write_text(json.dumps(asdict(state)))
     return state
+
+
+def _command(port: int) -> list[str]:
+    return [sys.executable, "-m", "prefect", "server", "start", "--host", "127.0.0.1", "--port", str(port)]
 
 
 def _of_client(name: str) -> bool:
@@ -244,11 +247,16 @@ def _answers(api_url: str) -> bool:
 
 def _check_given(api_url: str) -> None:
     from prefect.client.orchestration import get_client
+    from prefect.settings import PREFECT_API_URL, temporary_settings
 
-    with get_client(sync_client=True) as client:
-        error = client.api_healthcheck()
+    error: Exception | None
+    try:
+        with temporary_settings({PREFECT_API_URL: api_url}), get_client(sync_client=True) as client:
+            error = client.api_healthcheck()
+    except ValueError as unusable:
+        error = unusable
     if error is not None:
-        reason = str(error) or type(error).__name__
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise ServerError(
             f"the Prefect server at PREFECT_API_URL={api_url} does not answer ({reason})",
             "start that server, correct the address, or unset PREFECT_API_URL to use Glint's own",
