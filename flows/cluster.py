@@ -6,8 +6,10 @@ its libraries one thread; what it needs in memory is checked before it is sent, 
 
 import importlib
 import logging
+import signal
 import threading
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from types import TracebackType
 
@@ -43,16 +45,20 @@ _SETTINGS = {
 class Readiness(WorkerPlugin):
     """Makes a worker ready before its first task: one thread for OpenCV, modules imported, their kernels loaded.
 
-    A module may have a function `warm_up()` that calls its compiled kernels once on tiny arrays.
+    A module may have a function `warm_up()` that calls its compiled kernels once on tiny arrays. Workers of a local
+    cluster leave an interrupt at the terminal to the run that owns them.
     """
 
     modules: tuple[str, ...]
+    owned: bool
     name = "glint-readiness"
 
     def setup(self, worker: Worker) -> None:
         """Called by Dask in each worker as it starts, and in each that replaces one."""
         import cv2
 
+        if self.owned:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
         cv2.setNumThreads(1)
         for name in self.modules:
             module = importlib.import_module(name)
@@ -164,7 +170,7 @@ class Cluster:
             silence_logs=logging.ERROR,
         )
         client = Client(self._cluster, set_as_default=False)
-        client.register_plugin(Readiness(self._modules))
+        client.register_plugin(Readiness(self._modules, owned=True))
         return client
 
     def _given(self, address: str) -> Client:
@@ -177,7 +183,7 @@ class Cluster:
             ) from None
         try:
             client.wait_for_workers(1, timeout=WORKERS_SECONDS)
-            client.register_plugin(Readiness(self._modules))
+            client.register_plugin(Readiness(self._modules, owned=False))
         except TimeoutError:
             client.close()
             raise ClusterError(
@@ -185,6 +191,8 @@ class Cluster:
                 f"start some with `dask worker {address} --nthreads 1`",
             ) from None
         except Exception as error:
+            with suppress(Exception):
+                client.unregister_worker_plugin(Readiness.name)
             client.close()
             raise ClusterError(
                 f"the Dask workers at {address} cannot run Glint ({error})", "install this version of Glint on each"
