@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import partial
 from importlib.metadata import version
 from threading import Semaphore
 
@@ -13,22 +14,18 @@ from prefect import flow, runtime
 
 from flows.artifacts import catalogue_artifact
 from flows.capture import capture
-from flows.errors import RunningError
+from flows.errors import REFUSALS
 from flows.progress import Event
 from flows.surroundings import surroundings
 from storage.catalogue import Object
-from storage.errors import InputError, StorageError
+from storage.errors import InputError
 from storage.fingerprints import digest_of
 from storage.location import Location
 from storage.locks import run_lock
 from storage.versions import Version
-from tasks.algorithms.errors import UnusableCapture
 from tasks.references import CaptureReference, load_catalogue
 from tasks.stage import Record
 from tasks.workspace import INPUTS
-
-REFUSALS = (StorageError, UnusableCapture, RunningError)
-"""Errors that say what is wrong with a capture and what to do; others are defects, and their traces are logged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,4 +208,4 @@ def publish(references: Sequence[CaptureReference], done: Sequence[CaptureResult
 
 def _submit[**P, R](pool: ThreadPoolExecutor, function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> Future[R]:
     """Run in a thread that knows the flow run around it."""
-    return pool.submit(contextvars.copy_context().run, function, *args, **kwargs)
+    return pool.submit(contextvars.copy_context().run, partial(function, *args, **kwargs))

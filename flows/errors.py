@@ -1,5 +1,8 @@
 """What running refuses before it starts: every error names the offending value and the remedy."""
 
+from storage.errors import StorageError
+from tasks.algorithms.errors import UnusableCapture
+
 
 class RunningError(Exception):
     """Base of the errors of this package: `message` names the offending value, `remedy` says what to do about it."""
@@ -20,3 +23,7 @@ class ServerError(RunningError):
 
 class ClusterError(RunningError):
     """The Dask cluster does not answer, could not be started, or is too small for the work."""
+
+
+REFUSALS = (StorageError, UnusableCapture, RunningError)
+"""Errors that say what is wrong and what to do; any other is a defect, and its trace is logged."""

@@ -1,7 +1,7 @@
 """What a run says while it runs: bars on a terminal, plain lines elsewhere, JSON lines for machines.
 
 Everything said is an `Event`, which a `Display` shows. A step tells its progress through a callable (done, total): in
-this process a `Reporter`, on a Dask worker a `WorkerReporter`, which `listen` hears.
+this process a `Reporter`, on a Dask worker a `worker_reporter`, which `listen` hears.
 """
 
 import json
@@ -10,7 +10,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import IO, TYPE_CHECKING, Literal, Protocol
 
 if TYPE_CHECKING:
@@ -69,19 +69,12 @@ class Reporter:
             self._show(Event("progress", self._capture, self._stage, done=done, total=total, seconds=seconds))
 
 
-@dataclass
-class WorkerReporter:
-    """A reporter that travels to a Dask worker with its step; its events go to whoever listens."""
+def worker_reporter(capture: str, stage: str) -> Reporter:
+    """A reporter for a step on a Dask worker, made in the task's own thread; its events go to whoever listens."""
+    from distributed import get_worker
 
-    capture: str
-    stage: str
-    _reporter: Reporter | None = field(default=None, init=False, repr=False)
-
-    def __call__(self, done: int, total: int | None) -> None:
-        """Tell that `done` of `total` parts are done."""
-        if self._reporter is None:
-            self._reporter = Reporter(_send, self.capture, self.stage)
-        self._reporter(done, total)
+    worker = get_worker()
+    return Reporter(lambda event: worker.log_event(TOPIC, {"event": asdict(event)}), capture, stage)
 
 
 def listen(client: "Client", display: Display) -> None:
@@ -154,9 +147,3 @@ def sentence(event: Event) -> str:
     if event.rate is not None:
         parts.append(f"{event.rate:.0f} frames/s")
     return "  ".join(parts)
-
-
-def _send(event: Event) -> None:
-    from distributed import get_worker
-
-    get_worker().log_event(TOPIC, {"event": asdict(event)})

@@ -1,0 +1,262 @@
+"""The `glint` command. Commands import what they need when they run: `glint --help` answers at once."""
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+app = typer.Typer(
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Surfaces of transparent objects from videos of their highlights.",
+    epilog="Exit status: 0 done, 1 some captures failed, 2 wrong use, an unusable catalogue or store.",
+)
+
+STORE_HELP = "The store: a folder, s3://bucket/key or az://container/key (default: $GLINT_STORE, else ./glint-store)."
+EVALUATE_HELP = "Captures with truth (default: the paper's six, simulated)."
+SHAPE_HELP = "hemisphere, cylinder, jug, fish, wine-glass, water-glass, bird; `all`: the paper's six."
+Store = Annotated[str | None, typer.Option("--store", metavar="URI", help=STORE_HELP)]
+Json = Annotated[bool, typer.Option("--json", help="For machines: JSON lines on standard output.")]
+CatalogueFile = Annotated[Path, typer.Argument(metavar="CATALOGUE", help="The catalogue's YAML file.")]
+ObjectId = Annotated[str, typer.Argument(metavar="OBJECT", help="The object's id in the catalogue.")]
+Only = Annotated[
+    list[str] | None, typer.Option("--only", metavar="OBJECT[/CAPTURE]", help="Only this one; may be repeated.")
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(metavar="ADDRESS", help="A running Dask scheduler, tcp://host:8786 (default: a local cluster)."),
+]
+Workers = Annotated[
+    int | None, typer.Option(min=1, help="Processes of the local cluster (default: one per processor).")
+]
+
+
+def main() -> None:
+    """Run the command line; errors that name their remedy are told in two lines, without a trace."""
+    try:
+        app()
+    except Exception as error:
+        remedy = getattr(error, "remedy", None)
+        if remedy is None:
+            raise
+        typer.secho(f"glint: {getattr(error, 'message', error)}", fg="red", err=True)
+        typer.secho(f"  -> {remedy}", err=True)
+        sys.exit(2)
+
+
+@app.command()
+def demo(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where to put catalogue, store and export.")] = Path(
+        "glint-demo"
+    ),
+    as_json: Json = False,
+) -> None:
+    """Simulate a small catalogue, run it, and show where to look."""
+    from flows.demo import run_demo
+
+    sys.exit(run_demo(folder, as_json))
+
+
+@app.command()
+def simulate(
+    shape: Annotated[
+        str,
+        typer.Argument(
+            metavar="SHAPE",
+            help="hemisphere, cylinder, jug, fish, wine-glass, water-glass, bird; `all` for the paper's six.",
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder of the catalogue; shapes that are there stay.")
+    ],
+    frames: Annotated[int | None, typer.Option(min=2, help="Frames (default: as many as in the paper).")] = None,
+    seed: Annotated[int, typer.Option(help="Of the lamp's path, the noise and the room.")] = 0,
+    views: Annotated[int, typer.Option(min=1, max=360, help="Views round a turntable.")] = 1,
+    scale: Annotated[float, typer.Option(min=0.1, max=8.0, help="Size relative to the paper's.")] = 1.0,
+) -> None:
+    """Render captures of transparent objects with their truth, as a catalogue that `glint run` takes."""
+    from flows.simulation import simulate_shapes
+
+    simulate_shapes(shape, out, frames=frames, seed=seed, views=views, scale=scale)
+
+
+@app.command()
+def catalogue(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="One sub-folder per object, with its footage.")],
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Default: FOLDER/catalogue.yaml.")] = None,
+) -> None:
+    """Write the catalogue of a folder of captures."""
+    from storage.catalogue import from_folder, write
+    from storage.errors import InputError
+
+    target = out or folder / "catalogue.yaml"
+    if target.exists():
+        raise InputError(f"{target} exists already", "name another file with --out, or remove it")
+    made = from_folder(folder)
+    write(made, target)
+    typer.echo(f"{target}: {len(made.objects)} objects, {sum(len(each.captures) for each in made.objects)} captures")
+    typer.echo(f"next: glint check {target}")
+
+
+@app.command()
+def check(
+    file: CatalogueFile,
+    only: Only = None,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the pictures.")] = Path("glint-check"),
+    store: Store = None,
+    as_json: Json = False,
+) -> None:
+    """Is each capture usable: spheres, lights, coverage, what to film again; before anything expensive."""
+    from flows.checking import check_catalogue
+
+    sys.exit(check_catalogue(file, chosen_store(store), out, only or [], as_json))
+
+
+@app.command()
+def run(
+    file: CatalogueFile,
+    store: Store = None,
+    only: Only = None,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
+    rehash: Annotated[
+        bool, typer.Option("--rehash", help="Read all inputs again, whatever their time of change.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Work through a catalogue: every capture to a surface, every object to a version; goes on where it stopped."""
+    from flows.progress import open_display
+    from flows.run import run as run_all
+
+    place = chosen_store(store)
+    with open_display(as_json) as display:
+        summary = run_all(file, place, display, only=only or [], scheduler=scheduler, workers=workers, rehash=rehash)
+    from flows.tables import run_table, show, summary_json
+
+    if as_json:
+        typer.echo(json.dumps(summary_json(summary)))
+    else:
+        show(run_table(summary))
+        for failure in summary.result.failed:
+            typer.secho(f"{failure.name} failed: {failure.error}", fg="red")
+            typer.echo(f"  -> {failure.remedy}")
+        done = next((each for each in summary.result.objects if each.version is not None), None)
+        typer.echo(f"dashboard: {summary.page}")
+        if done is not None:
+            typer.echo(f"next: glint export {done.object_id} --out {done.object_id}{_store_option(store)}")
+    sys.exit(1 if summary.result.failed else 0)
+
+
+@app.command()
+def status(store: Store = None, as_json: Json = False) -> None:
+    """Objects of the store, their newest versions, and which are being worked on."""
+    from flows.tables import show, status_rows, table_of
+
+    rows = status_rows(chosen_store(store))
+    if as_json:
+        _lines(rows)
+    else:
+        show(table_of(rows, "no objects yet: glint run CATALOGUE"))
+
+
+@app.command()
+def history(object_id: ObjectId, store: Store = None, as_json: Json = False) -> None:
+    """Versions of an object, oldest first."""
+    from flows.tables import history_rows, show, table_of
+
+    rows = history_rows(chosen_store(store), object_id)
+    if as_json:
+        _lines(rows)
+    else:
+        show(table_of(rows, "no versions yet"))
+
+
+@app.command()
+def rollback(
+    object_id: ObjectId,
+    version: Annotated[str, typer.Argument(metavar="VERSION", help="v1, v2, ..")],
+    store: Store = None,
+) -> None:
+    """Make an old version the newest one again; nothing is lost."""
+    from storage.location import Location
+    from storage.versions import ObjectRepository
+
+    made = ObjectRepository.open(Location.parse(chosen_store(store)), object_id, create=False).rollback(version)
+    typer.echo(
+        f"{object_id} is {made.name} with the content of {version}" if made.created else f"{object_id} is {made.name}"
+    )
+
+
+@app.command()
+def export(
+    object_id: ObjectId,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder to write to; an older export there is replaced.")
+    ],
+    version: Annotated[str | None, typer.Option(metavar="V", help="v1, v2, .. (default: the newest).")] = None,
+    store: Store = None,
+    as_json: Json = False,
+) -> None:
+    """Write a version as files: normals, depth, confidence, lights, meshes, pictures, reports."""
+    from dataclasses import asdict
+
+    from storage.export import export as write
+    from storage.location import Location
+
+    made = write(Location.parse(chosen_store(store)), object_id, out, version)
+    if as_json:
+        _lines([asdict(made)])
+        return
+    typer.echo(f"{made.object_id} {made.version}: {made.files} files, {made.size / 1e6:.1f} MB in {made.out}")
+    for capture in made.captures:
+        typer.echo(f"look at {Path(made.out) / capture / 'report.html'}")
+
+
+@app.command()
+def evaluate(
+    file: Annotated[
+        Path | None,
+        typer.Argument(metavar="[CATALOGUE]", help="Captures with truth (default: the six presets, simulated)."),
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Small, short presets: about a minute.")] = False,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder for the table, the JSON and the pictures.")
+    ] = Path("glint-evaluation"),
+    store: Store = None,
+    only: Only = None,
+    as_json: Json = False,
+) -> None:
+    """Errors against truth, baselines beside ours, times: the paper's Tables 2 and 3."""
+    from flows.evaluation import evaluate_catalogue
+
+    sys.exit(evaluate_catalogue(file, quick, out, store, only or [], as_json))
+
+
+@app.command()
+def dashboard(
+    stop: Annotated[bool, typer.Option("--stop", help="End the embedded server.")] = False,
+) -> None:
+    """The address of the dashboard; starts the embedded server if none runs."""
+    from flows.server import ensure_server, stop_server
+
+    if stop:
+        typer.echo("the embedded server has ended" if stop_server() else "no embedded server was running")
+    else:
+        typer.echo(ensure_server().ui_url)
+
+
+def chosen_store(given: str | None) -> str:
+    """--store, else $GLINT_STORE, else ./glint-store."""
+    return given or os.environ.get("GLINT_STORE") or "glint-store"
+
+
+def _store_option(given: str | None) -> str:
+    return f" --store {given}" if given else ""
+
+
+def _lines(rows: list[dict[str, Any]]) -> None:
+    for row in rows:
+        typer.echo(json.dumps(row, default=str))

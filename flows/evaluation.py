@@ -1,0 +1,62 @@
+"""`glint evaluate`: run the captures, judge them against their truth, write the table, the JSON and the pictures."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import typer
+
+from flows.progress import Event, open_display
+from flows.run import run
+from storage.location import Location
+from storage.pictures import write_png
+
+QUICK_SCALE, QUICK_FRAMES = 0.5, 500
+"""Size and length of the presets with --quick."""
+
+
+def evaluate_catalogue(
+    file: Path | None, quick: bool, out: Path, store: str | None, only: Sequence[str], as_json: bool
+) -> int:
+    """Evaluate a catalogue's captures that have truth; the command's exit status."""
+    out.mkdir(parents=True, exist_ok=True)
+    if file is None:
+        from flows.simulation import simulate_presets
+
+        file = simulate_presets(
+            out / ("quick" if quick else "presets"), QUICK_SCALE if quick else 1.0, QUICK_FRAMES if quick else None
+        )
+    place = Location.parse(store or str(out / "store")).uri
+    with open_display(as_json) as display:
+        summary = run(file, place, display, only=only)
+        from tasks import evaluation_report
+        from tasks.evaluate import evaluate
+        from tasks.references import CaptureReference
+        from tasks.stages import STAGES
+
+        evaluations = []
+        for each in summary.result.captures:
+            if each.error:
+                continue
+            reference = CaptureReference(
+                str(file.absolute()), each.object_id, each.capture_id, place, summary.result.run
+            )
+            found = evaluate(reference.workspace(), tuple(stage.name for stage in STAGES))
+            if found is None:
+                display.show(Event("message", each.name, text="no true normals: not judged"))
+            else:
+                evaluations.append(found)
+    if evaluations:
+        table = evaluation_report.markdown(evaluations)
+        (out / "evaluation.md").write_text(table, encoding="utf-8")
+        facts = evaluation_report.as_json(evaluations)
+        (out / "evaluation.json").write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
+        write_png(out / "evaluation.png", evaluation_report.picture_sheet(evaluations))
+        if as_json:
+            typer.echo(json.dumps({"kind": "evaluation", "captures": facts}))
+        else:
+            typer.echo(table)
+            typer.echo(f"written: {out / 'evaluation.md'}, evaluation.json, evaluation.png")
+    for failure in summary.result.failed:
+        typer.secho(f"{failure.name} failed: {failure.error}\n  -> {failure.remedy}", fg="red", err=True)
+    return 1 if summary.result.failed else 0

@@ -1,0 +1,111 @@
+"""Evaluate: errors of a capture's result against its truth, beside those of the baselines and of the literal paper."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from storage.inputs import read_truth
+from tasks.algorithms.geometry import angles
+from tasks.algorithms.metrics import DepthErrors, NormalErrors, depth_errors, normal_errors
+from tasks.clusters import load_clusters
+from tasks.labels import reconstruct
+from tasks.markup import load_marks
+from tasks.parameters import Labels, Parameters
+from tasks.workspace import Workspace
+
+METHODS = ("winner takes all", "silhouette only", "paper", "glint")
+CONFIDENT = 0.95
+"""Confidence from which a pixel is counted as trusted."""
+SEEN_BEST = 42.0
+"""Degrees from the view axis within which a highlight can tell a normal; beyond, everything is extrapolated."""
+
+
+@dataclass(frozen=True, slots=True)
+class MethodErrors:
+    """Errors of one method over the data region (M > 0) and over the whole mask."""
+
+    method: str
+    data: NormalErrors
+    whole: NormalErrors
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """A capture against its truth: all methods; depth, confidence and stages of the stored result.
+
+    trusted: share of the mask with confidence >= 0.95, and the share of that within 5 degrees; near, far: squared error
+    within and beyond 42 degrees of the view axis; normals: by method, (H, W, 3); truth likewise.
+    """
+
+    name: str
+    frames: int
+    size: tuple[int, int]
+    methods: tuple[MethodErrors, ...]
+    depth: DepthErrors | None
+    trusted: tuple[float, float]
+    near: float
+    far: float
+    seconds: dict[str, float]
+    normals: dict[str, np.ndarray]
+    truth: np.ndarray
+
+    def method(self, name: str) -> MethodErrors:
+        """Errors of a method."""
+        return next(each for each in self.methods if each.method == name)
+
+
+def evaluate(work: Workspace, stages: tuple[str, ...]) -> Evaluation | None:
+    """Judge what is stored of a capture; None where it has no true normals.
+
+    Raises:
+        InputError: the truth is unusable; StoreError: the capture was not run.
+    """
+    if work.capture.truth is None:
+        return None
+    mask = work.load("mask").read("mask")
+    truth = read_truth(work.capture.truth, (mask.shape[0], mask.shape[1]))
+    if truth.normals is None:
+        return None
+    clusters, initial = load_clusters(work), work.load("silhouette").read("initial")
+    labels = work.load("labels")
+    literal = Parameters(silhouette=work.parameters.silhouette, labels=Labels(method="paper"))
+    winner = np.where(np.isfinite(clusters.winner), clusters.winner, initial)
+    normals = {
+        "winner takes all": winner,
+        "silhouette only": initial,
+        "paper": reconstruct(clusters, mask, initial, load_marks(work), literal).normals,
+        "glint": labels.read("normals"),
+    }
+    data = mask & (clusters.observations > 0)
+    records = {stage: work.load(stage).record for stage in stages}
+    error = angles(normals["glint"], truth.normals)
+    known = mask & np.isfinite(error)
+    trusted = known & (labels.read("confidence") >= CONFIDENT)
+    steep = np.degrees(np.arccos(np.clip(truth.normals[..., 2], -1, 1))) > SEEN_BEST
+    squared = ((normals["glint"] - truth.normals) ** 2).sum(axis=-1)
+    return Evaluation(
+        name=work.name,
+        frames=int(records["frames"]["counts"]["frames"]),
+        size=(mask.shape[1], mask.shape[0]),
+        methods=tuple(
+            MethodErrors(method, normal_errors(found, truth.normals, data), normal_errors(found, truth.normals, mask))
+            for method, found in normals.items()
+        ),
+        depth=None if truth.depth is None else _depth(work, truth.depth, mask),
+        trusted=(_mean(trusted[known]), _mean(error[trusted] < 5.0)),
+        near=_mean(squared[known & ~steep]),
+        far=_mean(squared[known & steep]),
+        seconds={stage: float(record["seconds"]) for stage, record in records.items()},
+        normals=normals,
+        truth=truth.normals,
+    )
+
+
+def _depth(work: Workspace, truth: np.ndarray, mask: np.ndarray) -> DepthErrors:
+    """The truth's depth is in pixels; the result's may be in millimetres."""
+    saved = work.load("depth")
+    return depth_errors(saved.read("depth") / (saved.record["pixel_size"] or 1.0), truth, mask)
+
+
+def _mean(values: np.ndarray) -> float:
+    return float(values.mean()) if values.size else float("nan")
