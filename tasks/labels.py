@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from tasks.algorithms.baselines import reconstruct_winner
 from tasks.algorithms.clusters import Clusters
 from tasks.algorithms.dual_layer import reconstruct_dual_layer
 from tasks.algorithms.markup import Marks
@@ -46,6 +47,8 @@ def reconstruct(
     chosen, outline = parameters.labels, parameters.silhouette
     if chosen.method == "paper":
         return reconstruct_dual_layer(clusters, mask, initial, marks=marks, edges=chosen.edges, weight=chosen.weight)
+    if chosen.method == "winner":
+        return reconstruct_winner(clusters, mask, initial, marks=marks, tension_length=outline.tension_length)
     return reconstruct_normals(
         clusters,
         mask,

@@ -18,6 +18,8 @@ def mask(work: Workspace, progress: Progress) -> Outcome:
     if work.capture.mask is not None:
         width, height = work.load("survey").record["frame_size"]
         found = read_mask(work.capture.mask, (height, width), region)
+    elif "mask" in work.load("survey").arrays:
+        found = work.load("survey").read("mask")
     else:
         typical, brightest = levels(open_frames(work))
         spheres = [sphere.within(region.x, region.y) for sphere in spheres_of(work)]

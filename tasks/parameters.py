@@ -67,9 +67,9 @@ class Silhouette(_Stage):
 
 
 class Labels(_Stage):
-    """method: `sheets` or the literal `paper`; edges, weight: of the paper's graph; the others belong to `sheets`."""
+    """method: `sheets`, the literal `paper`, or `winner` takes all (for opaque shiny objects); edges, weight: of the paper's graph; the others belong to `sheets`."""
 
-    method: Literal["sheets", "paper"] = "sheets"
+    method: Literal["sheets", "paper", "winner"] = "sheets"
     edges: Literal["layers", "surface"] = "layers"
     weight: Positive = 0.1
     rounds: Count = 10

@@ -26,7 +26,7 @@ class Sample:
 
 
 def survey(work: Workspace, progress: Progress) -> Outcome:
-    """Frame size and count, spheres and region, found where the catalogue does not give them.
+    """Frame size and count, spheres and region, found where the catalogue does not give them; a mask found on the way.
 
     Raises:
         InputError: footage or mask unusable; a sphere or region outside the frame.
@@ -43,11 +43,12 @@ def survey(work: Workspace, progress: Progress) -> Outcome:
         if sample is not None and seek_spheres:
             spheres = find_spheres(sample.typical, sample.brightest)
         _check_spheres(spheres, size)
-        region = capture.region or mask_region
+        region, arrays = capture.region or mask_region, {}
         if region is None:
             assert sample is not None
             found = estimate_mask(sample.typical, sample.brightest, spheres=spheres)
             region = around(found, 2 * parameters.margin)
+            arrays = {"mask": found[region.rows, region.columns]}
         _check_region(region, size)
         scales = [each.diameter_mm / (2.0 * each.radius) for each in capture.spheres if each.diameter_mm]
         pixel_size = capture.pixel_size or (float(np.mean(scales)) if scales else None)
@@ -61,7 +62,7 @@ def survey(work: Workspace, progress: Progress) -> Outcome:
             "pixel_size": pixel_size,
             "unit": "pixels" if pixel_size is None else "mm",
         }
-        return Outcome(record=record, counts={"spheres": len(spheres)})
+        return Outcome(arrays=arrays, record=record, counts={"spheres": len(spheres)})
 
 
 def take_sample(footage: Footage, count: int, progress: Progress) -> Sample:

@@ -52,7 +52,7 @@ def estimate_mask(
     top = float(np.percentile(excess, 99.5))
     if top < 0.1 * max(float(high.max()), 1.0):
         raise UnusableCapture(f"nothing in {width} x {height} pixels glints (by {top:.0f} levels at most)", REMEDY)
-    seed = _pieces(ndimage.binary_closing(np.pad(excess > rise * top, 8), iterations=4)[8:-8, 8:-8] & free, least)
+    seed = _pieces(_closed(excess > rise * top) & free, least)
     if seed.mean() > 0.9:
         raise UnusableCapture(f"{seed.mean():.0%} of {width} x {height} pixels glint", REMEDY)
     inside = ndimage.distance_transform_edt(seed)
@@ -73,6 +73,14 @@ def estimate_mask(
     return cv2.GaussianBlur(smooth, (0, 0), max(0.8, 0.5 / scale)) > 0.5
 
 
+def _closed(lit: np.ndarray, share: float = 0.08) -> np.ndarray:
+    """What was lit with the gaps between closed, up to a share of the edge of a square of that area."""
+    radius = max(2, round(share * float(np.sqrt(lit.sum()))))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    padded = np.pad(lit.astype(np.uint8), 2 * radius)
+    return cv2.morphologyEx(padded, cv2.MORPH_CLOSE, disc)[2 * radius : -2 * radius, 2 * radius : -2 * radius] > 0
+
+
 def _pieces(mask: np.ndarray, least: float) -> np.ndarray:
     """The largest component and those of at least so much of its area."""
     names, count = ndimage.label(mask)
@@ -82,7 +90,7 @@ def _pieces(mask: np.ndarray, least: float) -> np.ndarray:
     return np.isin(names, 1 + np.flatnonzero(areas >= least * areas.max()))
 
 
-def _without_pinholes(mask: np.ndarray, largest: float = 0.004) -> np.ndarray:
+def _without_pinholes(mask: np.ndarray, largest: float = 0.015) -> np.ndarray:
     """Close holes that are small beside the object; a handle's stays."""
     names, count = ndimage.label(~mask)
     areas = np.bincount(names.ravel(), minlength=count + 1)
