@@ -1,0 +1,60 @@
+"""What is installed is pinned, all of it, and says nothing about where it comes from."""
+
+import re
+import subprocess
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PINNED = (ROOT / "requirements.txt").read_text()
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+
+
+def normal(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def pins() -> dict[str, str]:
+    return {normal(name): version for name, version in re.findall(r"^([A-Za-z0-9._-]+)==(\S+)", PINNED, re.MULTILINE)}
+
+
+def test_every_requirement_is_pinned() -> None:
+    project = PROJECT["project"]
+    asked = [*project["dependencies"], *(each for extra in project["optional-dependencies"].values() for each in extra)]
+    names = {normal(re.match(r"[A-Za-z0-9._-]+", each)[0]) for each in asked}  # type: ignore[index]
+    assert names - set(pins()) == set()
+
+
+def test_every_pin_has_hashes() -> None:
+    entries = re.split(r"^(?=[A-Za-z0-9])", PINNED, flags=re.MULTILINE)
+    unpinned = [entry.split()[0] for entry in entries if entry.strip() and "--hash=sha256:" not in entry]
+    assert [entry for entry in unpinned if not entry.startswith("#")] == []
+    assert len(pins()) > 100
+
+
+def test_no_address_is_written_down() -> None:
+    assert re.findall(r"https?://|file:|--(?:extra-)?index-url|--find-links|--trusted-host", PINNED) == []
+
+
+def test_the_build_needs_nothing_but_pins() -> None:
+    needed = [re.match(r"[A-Za-z0-9._-]+", each)[0] for each in PROJECT["build-system"]["requires"]]  # type: ignore[index]
+    assert set(map(normal, needed)) <= set(pins())
+
+
+@pytest.mark.parametrize("script", ["setup.sh", ".ci/run"])
+def test_scripts_are_executable_and_parse(script: str) -> None:
+    path = ROOT / script
+    assert path.stat().st_mode & 0o111 == 0o111
+    assert subprocess.run(["bash", "-n", str(path)], capture_output=True).returncode == 0
+
+
+def test_a_missing_python_is_said_in_one_line(tmp_path: Path) -> None:
+    for name in ("setup.sh", "requirements.txt", "pyproject.toml"):
+        (tmp_path / name).write_bytes((ROOT / name).read_bytes())
+    (tmp_path / ".python-version").write_text("3.99\n")
+    done = subprocess.run(["bash", "setup.sh"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert re.fullmatch(r"setup: no Python 3\.99 with venv: install it \(.*\)\n", done.stderr)
+    assert not (tmp_path / ".venv").exists()
