@@ -40,6 +40,7 @@ def run(
     with Cluster(scheduler, workers, WARMED) as cluster:
         from flows.catalogue import chosen_captures, run_catalogue
         from flows.surroundings import share
+        from flows.zombies import close_runs_of_the_dead, tagged
         from storage.location import Location
         from tasks.references import load_catalogue
 
@@ -49,15 +50,17 @@ def run(
         server.wait()
         share(cluster.address, cluster.client, display)
         display.show(Event("message", text=f"dashboard {server.ui_url}, workers {cluster.workers}"))
-        result = run_catalogue(
-            str(catalogue.absolute()),
-            loaded.name,
-            place.uri,
-            cluster.address,
-            only=list(only),
-            side_by_side=side_by_side(cluster.workers),
-            rehash=rehash,
-        )
+        with server.connected(), tagged():
+            close_runs_of_the_dead()
+            result = run_catalogue(
+                str(catalogue.absolute()),
+                loaded.name,
+                place.uri,
+                cluster.address,
+                only=list(only),
+                side_by_side=side_by_side(cluster.workers),
+                rehash=rehash,
+            )
         return Summary(result, f"{server.ui_url}/runs/flow-run/{result.run}")
 
 
