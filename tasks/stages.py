@@ -1,5 +1,15 @@
 """The stages of a capture, in the order in which they run (METHOD 1-7)."""
 
+import numpy as np
+
+from tasks.algorithms.clusters import cluster_pixels, light_shares
+from tasks.algorithms.geometry import half_vectors_of, unit
+from tasks.algorithms.integration import integrate
+from tasks.algorithms.lights import find_lights
+from tasks.algorithms.relight import draw_surface
+from tasks.algorithms.rounds import reconstruct_normals
+from tasks.algorithms.spheres import Sphere
+from tasks.algorithms.surface import surface as mesh_of
 from tasks.clusters import clusters
 from tasks.depth import depth
 from tasks.frames import frames
@@ -26,3 +36,24 @@ STAGES = (
 )
 """Survey comes first because everything is cropped by it; the object is published after its last capture."""
 BY_NAME = {stage.name: stage for stage in STAGES}
+
+
+def warm_up() -> None:
+    """Load the compiled kernels and the libraries of all stages by a capture of a few pixels.
+
+    A worker does it while it waits for its first task.
+    """
+    generator = np.random.default_rng(0)
+    half_vectors = half_vectors_of(unit(np.array([0, 0, 1]) + generator.normal(0, 0.4, (40, 3)))).astype(np.float32)
+    rows, columns = np.mgrid[-12:13, -12:13] / 11.0
+    mask = np.hypot(rows, columns) < 1.0
+    flat = np.clip(np.stack([columns, -rows], axis=-1), -0.7, 0.7)
+    normals = np.concatenate([flat, np.sqrt(1.0 - (flat**2).sum(axis=-1, keepdims=True))], axis=-1)
+    lit = np.linalg.norm(normals[None] - half_vectors[:, None, None], axis=-1) < 0.3
+    frames = np.where(lit & mask, 250, 20).astype(np.uint8)
+    find_lights(frames, Sphere(12.0, 12.0, 11.0))
+    bars = np.full(mask.shape, 200, np.uint8)
+    clusters = cluster_pixels(frames, bars, half_vectors, light_shares(half_vectors))
+    found = reconstruct_normals(clusters, mask)
+    depth = integrate(found.normals, mask, confidence=found.confidence).depth
+    draw_surface(mesh_of(depth, mask, found.normals, steepest=1e3), size=16)

@@ -1,0 +1,84 @@
+"""From an opened video to exported depth, as a ratio to reading the same video with OpenCV and doing nothing else.
+
+    python -m tests.benchmarks.pipeline_speed [CATALOGUE]
+
+CATALOGUE: a catalogue whose first capture is a video (default: the hemisphere preset with its 8,000 frames, simulated
+into a temporary folder). Server and cluster are up before the clock starts; the store is empty. Prints the codec, the
+bit-rate, both times in seconds, their ratio, and the seconds of each stage.
+"""
+
+import argparse
+import tempfile
+from pathlib import Path
+from time import perf_counter
+
+import av
+import cv2
+
+from flows.cluster import Cluster
+from flows.server import ensure_server
+
+
+def read_seconds(video: str) -> tuple[float, int]:
+    """Time of cv2.VideoCapture.read over the whole file, and its frames."""
+    capture, frames, started = cv2.VideoCapture(video), 0, perf_counter()
+    while capture.read()[0]:
+        frames += 1
+    return perf_counter() - started, frames
+
+
+def bit_rate(video: str) -> str:
+    """Codec and bit-rate, as the file says."""
+    with av.open(video) as container:
+        stream = container.streams.video[0]
+        rate = Path(video).stat().st_size * 8 / max(float(stream.frames) / float(stream.average_rate or 25), 1e-9)
+        return f"{stream.codec_context.name}, {stream.width} x {stream.height}, {rate / 1e6:.1f} Mbit/s"
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("catalogue", type=Path, nargs="?")
+    parser.add_argument("--only", help="OBJECT of the catalogue (default: its first)")
+    parser.add_argument("--repeat", type=int, default=3)
+    arguments = parser.parse_args()
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        ensure_server().connected(),
+        Cluster(modules=("tasks.stages",)) as cluster,
+    ):
+        from flows.catalogue import run_catalogue
+        from flows.surroundings import share
+        from storage.export import export
+        from storage.location import Location
+        from tasks.references import load_catalogue
+
+        catalogue = arguments.catalogue
+        if catalogue is None:
+            from tasks.simulate import CaptureOptions, simulate
+
+            simulate("hemisphere", Path(folder) / "captures", CaptureOptions())
+            catalogue = Path(folder) / "captures" / "catalogue.yaml"
+        loaded = load_catalogue(catalogue)
+        chosen = arguments.only or loaded.objects[0].id
+        video = loaded.object(chosen).captures[0].frames
+        share(cluster.address, cluster.client)
+        print(bit_rate(video))
+        for number in range(arguments.repeat):
+            store = str(Path(folder) / f"store-{number}")
+            reading, frames = read_seconds(video)
+            started = perf_counter()
+            result = run_catalogue(str(catalogue), "speed", store, cluster.address, only=[chosen])
+            assert not result.failed, result.failed
+            export(Location.parse(store), chosen, Path(folder) / f"export-{number}")
+            whole = perf_counter() - started
+            stages = ", ".join(f"{record.stage} {record.seconds:.2f}" for record in result.captures[0].records)
+            print(
+                f"{frames} frames: read {reading:.2f} s, video to exported depth {whole:.2f} s,"
+                f" ratio {whole / reading:.2f} ({stages})",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()
