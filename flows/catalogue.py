@@ -109,7 +109,12 @@ def run_catalogue(
         for each, captures in chosen.items():
             references = [CaptureReference(catalogue, each, one, store, run, rehash) for one in captures]
             futures.append(_submit(pool, work_on_object, references, scheduler, free))
-        objects = [future.result() for future in futures]
+        try:
+            objects = [future.result() for future in futures]
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            surroundings(scheduler).abandon()
+            raise
     result = RunResult(run, tuple(objects), time.monotonic() - started)
     catalogue_artifact(name, result)
     return result
@@ -163,6 +168,7 @@ def work_on_capture(reference: CaptureReference, scheduler: str, free: Semaphore
     """Run the flow of one capture when it is its turn; what goes wrong stays with this capture."""
     show = surroundings(scheduler).show
     with free:
+        surroundings(scheduler).check()
         started = time.monotonic()
         records: list[Record] = []
         error = remedy = ""
@@ -171,6 +177,7 @@ def work_on_capture(reference: CaptureReference, scheduler: str, free: Semaphore
         except REFUSALS as refusal:
             error, remedy = refusal.message, refusal.remedy
         except Exception as defect:
+            surroundings(scheduler).check()
             error, remedy = (
                 f"{type(defect).__name__}: {defect}",
                 "this is a defect of Glint; its trace is in the run's log",

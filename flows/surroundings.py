@@ -6,7 +6,8 @@ runs the flow nothing was put here before, and a client is opened.
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from concurrent.futures import CancelledError
+from dataclasses import dataclass, field
 
 from distributed import Client
 
@@ -23,6 +24,21 @@ class Surroundings:
 
     client: Client
     show: Callable[[Event], None] = _nobody
+    ended: threading.Event = field(default_factory=threading.Event)
+
+    def abandon(self) -> None:
+        """End the run: what waits for a worker fails at once, and nothing more is begun."""
+        self.ended.set()
+        self.client.close()
+
+    def check(self) -> None:
+        """Go on only if the run has not been abandoned.
+
+        Raises:
+            CancelledError: it has.
+        """
+        if self.ended.is_set():
+            raise CancelledError("the run was interrupted")
 
     def reporter(self, capture: str, stage: str) -> Reporter:
         """The progress callable of a stage that is performed in this process."""

@@ -1,0 +1,42 @@
+import threading
+import time
+from concurrent.futures import CancelledError
+
+import pytest
+from distributed import Client
+
+from flows.cluster import Cluster
+from flows.surroundings import Surroundings, share, surroundings
+
+pytestmark = pytest.mark.server
+
+
+def test_flows_find_what_was_shared_and_else_a_client_of_their_own(cluster: Cluster) -> None:
+    share("tcp://shared", cluster.client)
+    assert surroundings("tcp://shared").client is cluster.client
+    opened = surroundings(cluster.address).client
+    assert opened is not cluster.client
+    assert surroundings(cluster.address).client is opened
+    opened.close()
+
+
+def test_what_waits_for_a_worker_fails_when_the_run_is_abandoned(cluster: Cluster) -> None:
+    here = Surroundings(Client(cluster.address, set_as_default=False))
+    here.check()
+    raised: list[BaseException] = []
+
+    def wait() -> None:
+        try:
+            here.client.submit(time.sleep, 30, pure=False).result()
+        except BaseException as error:
+            raised.append(error)
+
+    waiting = threading.Thread(target=wait)
+    waiting.start()
+    time.sleep(0.5)
+    here.abandon()
+    waiting.join(15)
+    assert not waiting.is_alive()
+    assert isinstance(raised[0], CancelledError)
+    with pytest.raises(CancelledError):
+        here.check()
