@@ -1,92 +1,84 @@
-"""What a simulated capture is like: one frozen record, every field with its unit."""
+"""What a simulated capture is like: one frozen record, every field with its unit; and the paper's presets."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Preset:
+    """Region (width, height) in pixels and frames of one of the paper's captures, and the shape it simulates."""
+
+    width: int
+    height: int
+    frames: int
+
+
+PRESETS = {
+    "hemisphere": Preset(251, 221, 8000),
+    "cylinder": Preset(146, 384, 4226),
+    "jug": Preset(279, 419, 3870),
+    "fish": Preset(259, 252, 1512),
+    "wine-glass": Preset(153, 324, 3133),
+    "water-glass": Preset(153, 279, 3383),
+}
+"""Sizes and lengths of the paper's Tables 2 and 3."""
+SHAPES = (*PRESETS, "bird")
+"""Everything that can be simulated; the bird is a second figurine that the paper has not."""
+OTHER = Preset(240, 220, 2000)
+"""Size and length of the shapes that are no preset."""
 
 
 @dataclass(frozen=True, slots=True)
 class CaptureOptions:
-    """A capture to simulate. The defaults give a careful capture; the fields below `frames per second` degrade it."""
+    """How to simulate a shape. The defaults give a careful capture; the later fields degrade it."""
 
-    width: int = 160
-    """Region's width in pixels; the object is scaled to fill the region."""
-    height: int = 140
-    """Region's height in pixels."""
-    frames: int = 600
-    """Frames per view."""
+    frames: int | None = None
+    """Frames of each view; None: as the preset."""
+    scale: float = 1.0
+    """Size relative to the preset's pixels."""
     seed: int = 0
-    """Of the hand, the noise, the jitter and the textures."""
+    """Of the hand, the noise, the jitter, the room and the background."""
     views: int = 1
-    """Turntable angles, evenly spaced over 360 degrees. More than one: the camera looks level at the object."""
-    balls: int = 1
-    """Chrome balls in the frame: 1 (right of the object) or 2 (one on either side)."""
-    ball_radius: float = 26.0
-    """Radius of a chrome ball in pixels."""
+    """Turntable angles, evenly spaced over 360 degrees; more than one: the camera looks level at the object."""
+    ball_radius: float = 30.0
+    """Radius of the chrome ball in pixels."""
     ball_diameter: float = 25.0
-    """Diameter of a chrome ball in millimetres: the scale of all lengths in millimetres."""
-    lamp_radius: float = 6.0
-    """Angular radius of the lamp in degrees, where it is at half its brightness."""
-    rays: int = 3
+    """Diameter of the chrome ball in millimetres, which gives the scale."""
+    lamp_radius: float = 5.4
+    """Angular radius of the lamp in degrees, where its glow has fallen to 1/e."""
+    rays: int = 2
     """Rays per pixel are rays x rays, each jittered in its cell."""
-    fps: int = 25
-    """Frames per second of the video."""
-
-    sweep_gap: float = 0.0
-    """Azimuth in degrees that the hand leaves out, starting at a seeded angle."""
+    missing_quarter: bool = False
+    """Whether the hand never sweeps one seeded quarter of the hemisphere."""
     lamp_distance: float | None = None
-    """Distance of the lamp from the object in millimetres; None: so far that its light is parallel."""
-    camera_distance: float | None = None
-    """Distance of a pinhole camera in millimetres; None: orthographic."""
+    """Distance of the lamp from the object's centre in frame widths; None: far away."""
     exposure_drift: float = 0.0
-    """Relative amplitude of a slow drift of the exposure: 0.3 is +-30%."""
-    colour_drift: float = 0.0
-    """Relative amplitude of a slow drift of the white balance."""
+    """Relative amplitude of a slow drift of the exposure."""
     shake: float = 0.0
-    """Standard deviation of the camera's position in the image, pixels."""
+    """Standard deviation of a slow wander of the camera, pixels."""
     noise: float = 1.2
     """Standard deviation of the sensor's noise in 8-bit levels."""
     crf: int = 20
     """Constant rate factor of H.264: 18 looks lossless, 35 is poor."""
-    bitrate: int | None = None
-    """Kilobits per second, instead of `crf`."""
+    mask_error: int = 0
+    """Pixels by which the mask that is written is too large (negative: too small)."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be simulated."""
         checks = {
-            "width": self.width >= 24,
-            "height": self.height >= 24,
-            "frames": self.frames >= 1,
-            "views": self.views >= 1,
-            "balls": self.balls in (1, 2),
-            "ball_radius": self.ball_radius >= 4,
+            "frames": self.frames is None or self.frames >= 2,
+            "scale": 0.1 <= self.scale <= 16,
+            "views": 1 <= self.views <= 360,
+            "ball_radius": self.ball_radius >= 10,
             "ball_diameter": self.ball_diameter > 0,
-            "lamp_radius": 0 < self.lamp_radius <= 30,
+            "lamp_radius": 0.5 <= self.lamp_radius <= 30,
             "rays": 1 <= self.rays <= 8,
-            "fps": self.fps >= 1,
-            "sweep_gap": 0 <= self.sweep_gap < 360,
-            "lamp_distance": self.lamp_distance is None or self.lamp_distance > 0,
-            "camera_distance": self.camera_distance is None or self.camera_distance > 0,
+            "lamp_distance": self.lamp_distance is None or self.lamp_distance >= 1,
             "exposure_drift": 0 <= self.exposure_drift < 1,
-            "colour_drift": 0 <= self.colour_drift < 1,
-            "shake": self.shake >= 0,
+            "shake": 0 <= self.shake <= 5,
             "noise": self.noise >= 0,
             "crf": 0 <= self.crf <= 51,
-            "bitrate": self.bitrate is None or self.bitrate > 0,
+            "mask_error": abs(self.mask_error) <= 20,
         }
         for name, good in checks.items():
             if not good:
                 raise ValueError(f"{name}={getattr(self, name)!r} cannot be simulated")
-
-    @property
-    def pixel_size(self) -> float:
-        """Millimetres per pixel."""
-        return self.ball_diameter / (2.0 * self.ball_radius)
-
-    def quick(self) -> "CaptureOptions":
-        """The same capture at about a third of its size and at most 500 frames."""
-        return replace(
-            self,
-            width=round(self.width / 3) + 8,
-            height=round(self.height / 3) + 8,
-            frames=min(self.frames, 500),
-            ball_radius=max(22.0, self.ball_radius / 2),
-        )

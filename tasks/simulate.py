@@ -1,0 +1,258 @@
+"""Simulate: physical captures of transparent objects with their truth, written as a catalogue."""
+
+import json
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+from scipy import ndimage
+
+from storage.catalogue import Capture, Catalogue, Object, Pose, Region, Sphere, load, write
+from storage.pictures import write_png
+from tasks.algorithms.geometry import half_vectors_of, to_camera
+from tasks.algorithms.keyframes import keyframes
+from tasks.algorithms.simulation.options import OTHER, PRESETS, SHAPES, CaptureOptions
+from tasks.algorithms.simulation.rendering import expose, prepare
+from tasks.algorithms.simulation.room import Room
+from tasks.algorithms.simulation.shapes import build
+from tasks.algorithms.simulation.solids import CHROME, ball
+from tasks.algorithms.simulation.sweep import sweep
+from tasks.algorithms.simulation.tracing import Scene, Truth
+
+__all__ = ["PRESETS", "SHAPES", "CaptureOptions", "SimulationRecord", "simulate"]
+
+MARGIN = 16
+"""Pixels round the object's region, and round the ball."""
+FPS = 25
+NOISES = 24
+"""Pictures of noise that are drawn; each frame takes one of them, rolled."""
+
+
+@dataclass(frozen=True, slots=True)
+class SimulationRecord:
+    """What was written: the catalogue, and the captures' ids."""
+
+    catalogue: Path
+    object_id: str
+    captures: tuple[str, ...]
+    frames: int
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """The frame: its size, the object's region and the ball in pixels."""
+
+    width: int
+    height: int
+    region: Region
+    x: float
+    y: float
+    radius: float
+
+
+def simulate(
+    shape: str, out: Path, options: CaptureOptions, progress: Callable[[int, int | None], None] | None = None
+) -> SimulationRecord:
+    """Write OUT/<shape>/<capture>/ and enter it in OUT/catalogue.yaml; a shape that is there already is replaced.
+
+    A capture appears whole or not at all. progress: frames done, of all views together.
+
+    Raises:
+        ValueError: no such shape; OSError: the folder cannot be written.
+    """
+    if shape not in SHAPES:
+        raise ValueError(f"no shape {shape!r}; there are {', '.join(SHAPES)}")
+    out.mkdir(parents=True, exist_ok=True)
+    preset = PRESETS.get(shape, OTHER)
+    frames = options.frames or preset.frames
+    stage = _stage(round(preset.width * options.scale), round(preset.height * options.scale), options)
+    captures = []
+    with tempfile.TemporaryDirectory(dir=out, prefix=f".{shape}-") as temporary:
+        for view in range(options.views):
+            name = "front" if options.views == 1 else f"view-{view:02d}"
+            turn = 360.0 * view / options.views
+            folder = Path(temporary) / shape / name
+            folder.mkdir(parents=True)
+
+            def tell(done: int, before: int = view * frames) -> None:
+                if progress is not None:
+                    progress(before + done, frames * options.views)
+
+            _write_view(shape, stage, options, frames, view, turn, folder, tell)
+            captures.append(_capture(out / shape / name, name, stage, options, turn if options.views > 1 else None))
+        if options.views > 1:
+            _write_model(shape, stage, options, Path(temporary) / shape / "truth_model.ply")
+        if (out / shape).exists():
+            (out / shape).rename(Path(temporary) / "replaced")
+        (Path(temporary) / shape).rename(out / shape)
+    model = str(out / shape / "truth_model.ply") if options.views > 1 else None
+    _enter(out / "catalogue.yaml", Object(id=shape, captures=tuple(captures), truth_model=model))
+    return SimulationRecord(out / "catalogue.yaml", shape, tuple(each.id for each in captures), frames)
+
+
+def _stage(width: int, height: int, options: CaptureOptions) -> Stage:
+    radius = options.ball_radius
+    full_height = max(height + 2 * MARGIN, int(2 * radius) + 2 * MARGIN)
+    full_height += full_height % 2
+    full_width = width + 3 * MARGIN + int(2 * radius) + MARGIN
+    full_width += full_width % 2
+    top = (full_height - height) // 2
+    x = MARGIN + width + MARGIN + radius + 0.37
+    return Stage(
+        full_width,
+        full_height,
+        Region(x=MARGIN, y=top, width=width, height=height),
+        x=float(x),
+        y=float(full_height * 0.55 + 0.21),
+        radius=radius,
+    )
+
+
+def _write_view(
+    shape: str,
+    stage: Stage,
+    options: CaptureOptions,
+    frames: int,
+    view: int,
+    turn: float,
+    folder: Path,
+    tell: Callable[[int], None],
+) -> None:
+    generator = np.random.default_rng([options.seed, view])
+    region = stage.region
+    columns, rows = np.meshgrid(np.arange(stage.width), np.arange(stage.height))
+    x, y = to_camera(columns.astype(float), rows.astype(float), stage.width, stage.height)
+    place = np.array(
+        [
+            *to_camera(
+                np.array(region.x + (region.width - 1) / 2), np.array(region.y + (region.height - 1) / 2),
+                stage.width, stage.height,
+            ),
+            0.0,
+        ],
+        float,
+    )  # fmt: skip
+    solids = [
+        each.moved(np.eye(3), place)
+        for each in build(shape, region.width, region.height, turn, level=options.views > 1)
+    ]
+    at = [float(v) for v in to_camera(np.array(stage.x), np.array(stage.y), stage.width, stage.height)]
+    behind = min(float(solid.vertices[:, 2].min()) for solid in solids)
+    solids.append(ball(np.array([*at, 0.0]), stage.radius, CHROME))
+    scene = Scene(solids)
+    truth = scene.truth(x, y)
+    paths = scene.trace(x, y, options.rays, generator)
+    room = Room.furnished(behind - 40.0, np.random.default_rng(options.seed))
+    renderer = prepare(paths, room, (stage.height, stage.width), np.radians(options.lamp_radius))
+    lights = sweep(frames, generator, options.missing_quarter)
+    distance = None if options.lamp_distance is None else options.lamp_distance * stage.width
+
+    def exposed() -> Iterator[np.ndarray]:
+        noises = generator.normal(0.0, options.noise, (NOISES, stage.height, stage.width)).astype(np.float32)
+        drift = 1.0 + options.exposure_drift * np.sin(np.linspace(0, 9.0, frames))
+        wander = options.shake * np.cumsum(generator.normal(0, 0.1, (frames, 2)), axis=0) if options.shake else None
+        for number in range(frames):
+            noise = np.roll(noises[number % NOISES], int(generator.integers(0, stage.height)), axis=0)
+            shift = (0.0, 0.0) if wander is None else (float(wander[number, 0]), float(wander[number, 1]))
+            yield expose(renderer.render(lights[number], distance), noise, float(drift[number]), shift)
+            tell(number + 1)
+
+    lit = _write_video(folder / "video.mp4", exposed(), stage, options.crf)
+    _write_truth(folder, truth, lights, stage, options)
+    _write_markup(folder / "markup.json", truth, lights, lit, stage)
+    (folder / "meta.json").write_text(
+        json.dumps({"shape": shape, "view": view, "turn": turn} | asdict(options), indent=1)
+    )
+
+
+def _write_video(path: Path, pictures: Iterator[np.ndarray], stage: Stage, crf: int) -> np.ndarray:
+    """Encode as H.264; lit pixels (T,) of the region in each frame."""
+    lit = []
+    rows, columns = stage.region.rows, stage.region.columns
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=FPS, options={"crf": str(crf), "preset": "veryfast"})
+        stream.width, stream.height, stream.pix_fmt = stage.width, stage.height, "yuv420p"
+        stream.time_base = Fraction(1, FPS)
+        grey = np.full((stage.height // 2, stage.width), 128, np.uint8)
+        for picture in pictures:
+            lit.append(int((picture[rows, columns] > 225).sum()))
+            luma = cv2.LUT(picture, _LIMITED)
+            frame = av.VideoFrame.from_ndarray(np.concatenate([luma, grey]), format="yuv420p")
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    return np.array(lit)
+
+
+_LIMITED = np.round(16 + 219 * np.arange(256) / 255).astype(np.uint8)
+"""A video's luma runs from 16 to 235."""
+
+
+def _write_truth(folder: Path, truth: Truth, lights: np.ndarray, stage: Stage, options: CaptureOptions) -> None:
+    (folder / "truth").mkdir()
+    normals, depth = (values[stage.region.rows, stage.region.columns] for values in (truth.normals, truth.depth))
+    mask = np.isfinite(depth)
+    np.save(folder / "truth" / "normals.npy", normals)
+    np.save(folder / "truth" / "depth.npy", depth - np.float32(np.nanmean(depth)))
+    np.save(folder / "truth" / "lights.npy", lights)
+    if options.mask_error > 0:
+        mask = ndimage.binary_dilation(mask, iterations=options.mask_error)
+    elif options.mask_error < 0:
+        mask = ndimage.binary_erosion(mask, iterations=-options.mask_error)
+    write_png(folder / "mask.png", mask)
+
+
+def _write_markup(path: Path, truth: Truth, lights: np.ndarray, lit: np.ndarray, stage: Stage, each: int = 3) -> None:
+    """A careful user's marks on some keyframes: true highlights where the lamp's half vector is the normal."""
+    half_vectors = half_vectors_of(lights)
+    half_vectors[~(lights[:, 2] > 0)] = np.nan
+    marks = []
+    rows, columns = stage.region.rows, stage.region.columns
+    normals = truth.normals[rows, columns]
+    for frame in keyframes(half_vectors, lit):
+        error = np.linalg.norm(np.nan_to_num(normals, nan=9.0) - half_vectors[frame], axis=-1)
+        for _ in range(each):
+            row, column = np.unravel_index(int(error.argmin()), error.shape)
+            if error[row, column] > np.radians(1.0):
+                break
+            marks.append(
+                {"frame": frame, "x": float(column + columns.start), "y": float(row + rows.start), "kind": "true"}
+            )
+            error[max(0, row - 8) : row + 9, max(0, column - 8) : column + 9] = 9.0
+    path.write_text(json.dumps(marks, indent=0) + "\n")
+
+
+def _capture(folder: Path, name: str, stage: Stage, options: CaptureOptions, turn: float | None) -> Capture:
+    ball_mm = Sphere(x=stage.x, y=stage.y, radius=stage.radius, diameter_mm=options.ball_diameter)
+    return Capture(
+        id=name,
+        frames=str((folder / "video.mp4").absolute()),
+        spheres=(ball_mm,),
+        region=stage.region,
+        mask=str((folder / "mask.png").absolute()),
+        pose=None if turn is None else Pose(turntable=turn),
+        truth=str((folder / "truth").absolute()),
+    )
+
+
+def _write_model(shape: str, stage: Stage, options: CaptureOptions, path: Path) -> None:
+    """The outer surface in world coordinates, millimetres: the turntable's axis is the y axis, y = 0 the frame's middle."""
+    import trimesh
+
+    outer = [s for s in build(shape, stage.region.width, stage.region.height, 0.0, level=True) if not s.inner]
+    scale = options.ball_diameter / (2.0 * stage.radius)
+    row = (stage.height - 1) / 2 - (stage.region.y + (stage.region.height - 1) / 2)
+    shift = np.array([0.0, row, 0.0])
+    meshes = [trimesh.Trimesh((s.vertices + shift) * scale, s.triangles, process=False) for s in outer]
+    path.write_bytes(bytes(trimesh.util.concatenate(meshes).export(file_type="ply")))
+
+
+def _enter(path: Path, entry: Object) -> None:
+    """Put an object into the catalogue, or in the place of the one that has its id."""
+    others = [each for each in load(path).objects if each.id != entry.id] if path.exists() else []
+    name = path.parent.name or "simulated"
+    write(Catalogue(schema=1, name=name, objects=(*others, entry)), path)
