@@ -65,9 +65,12 @@ def perform_there(work: Workspace, stage: str, key: str) -> Record:
     return perform(work, BY_NAME[stage], key, worker_reporter(work.name, stage))
 
 
-def spread[In, Out](client: Client, function: Callable[[In], Out], tasks: Iterable[In]) -> Iterator[Out]:
-    """Apply a function to tasks on all workers; results in the tasks' order."""
-    futures = client.map(function, list(tasks), pure=False)
+def spread[Task, Shared, Result](
+    client: Client, function: Callable[[Task, Shared], Result], tasks: Iterable[Task], common: Shared
+) -> Iterator[Result]:
+    """Apply a function to tasks on all workers, which get once what is common; results in the tasks' order."""
+    shared = client.scatter(common, broadcast=True, hash=False)
+    futures = client.map(function, list(tasks), common=shared, pure=False)
     while futures:
         future = futures.pop(0)
         yield future.result()

@@ -20,14 +20,14 @@ def evaluate_catalogue(
 ) -> int:
     """Evaluate a catalogue's captures that have truth; the command's exit status."""
     out.mkdir(parents=True, exist_ok=True)
-    if file is None:
-        from flows.simulation import simulate_presets
-
-        file = simulate_presets(
-            out / ("quick" if quick else "presets"), QUICK_SCALE if quick else 1.0, QUICK_FRAMES if quick else None
-        )
     place = Location.parse(store or str(out / "store")).uri
     with open_display(as_json) as display:
+        if file is None:
+            from flows.simulation import simulate_presets
+
+            folder = out / ("quick" if quick else "presets")
+            scale, frames = (QUICK_SCALE, QUICK_FRAMES) if quick else (1.0, None)
+            file = simulate_presets(folder, scale, frames, display)
         summary = run(file, place, display, only=only)
         from tasks import evaluation_report
         from tasks.evaluate import evaluate

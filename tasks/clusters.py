@@ -1,7 +1,7 @@
 """Clusters: candidate normals of every pixel, by tiles that any worker can take."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,8 @@ from tasks.parameters import Clusters as Parameters
 from tasks.stage import Outcome, Progress
 from tasks.workspace import Workspace
 
-Mapper = Callable[[Callable[..., Any], Iterable[Any]], Iterable[Any]]
-"""Applies a function to each task, anywhere, in any order of execution, and gives the results in the tasks' order."""
+Mapper = Callable[[Callable[[Any, Any], Any], Iterable[Any], Any], Iterable[Any]]
+"""Applies a function to each of the tasks and to what they have in common, anywhere; gives results in their order."""
 TILE = 64
 TILE_BYTES = 96 << 20
 """Most bytes of frames that one tile holds."""
@@ -24,7 +24,23 @@ TILE_BYTES = 96 << 20
 Tile = tuple[slice, slice]
 
 
-def clusters(work: Workspace, progress: Progress, mapper: Mapper = map) -> Outcome:
+@dataclass(frozen=True, slots=True)
+class Common:
+    """What all tiles share: where the frames are, half_vectors (T, 3) and shares (T,) of the lights."""
+
+    store: str
+    digest: str
+    half_vectors: np.ndarray
+    shares: np.ndarray
+    parameters: Parameters
+
+
+def one_by_one(function: Callable[[Any, Any], Any], tasks: Iterable[Any], common: Any) -> Iterator[Any]:
+    """The mapper of this process alone."""
+    return (function(task, common) for task in tasks)
+
+
+def clusters(work: Workspace, progress: Progress, mapper: Mapper = one_by_one) -> Outcome:
     """Cluster every pixel of the mask, tile by tile.
 
     Raises:
@@ -36,9 +52,10 @@ def clusters(work: Workspace, progress: Progress, mapper: Mapper = map) -> Outco
     bars = bars_of(work, cache, mask)
     shares = light_shares(half_vectors, parameters.within)
     tiles = [tile for tile in tiles_of(mask.shape, cache.frames * cache.bits // 8) if mask[tile].any()]
-    tasks = [(work.store, cache.digest, tile, bars[tile], half_vectors, shares, parameters) for tile in tiles]
+    common = Common(work.store, cache.digest, half_vectors, shares, parameters)
+    tasks = [(tile, bars[tile]) for tile in tiles]
     result = empty(parameters.clusters, mask.shape)
-    for done, (tile, found) in enumerate(zip(tiles, mapper(cluster_tile, tasks), strict=True), 1):
+    for done, (tile, found) in enumerate(zip(tiles, mapper(cluster_tile, tasks, common), strict=True), 1):
         place(result, tile, found)
         progress(done, len(tiles))
     normals = towards(result.normals, work.camera_matrix, region_of(work).x, region_of(work).y)
@@ -51,18 +68,18 @@ def clusters(work: Workspace, progress: Progress, mapper: Mapper = map) -> Outco
     )
 
 
-def cluster_tile(task: tuple[str, str, Tile, np.ndarray, np.ndarray, np.ndarray, Parameters]) -> Clusters:
-    """Clusters of one tile, read from the cache of frames."""
-    store, digest, (rows, columns), bars, half_vectors, shares, parameters = task
-    frames = FrameCache.open(Location.parse(store), digest).read(OBJECT, rows=rows, columns=columns)
+def cluster_tile(task: tuple[Tile, np.ndarray], common: Common) -> Clusters:
+    """Clusters of one tile, read from the cache of frames; the task names its place and bars."""
+    (rows, columns), bars = task
+    cache = FrameCache.open(Location.parse(common.store), common.digest)
     return cluster_pixels(
-        frames,
+        cache.read(OBJECT, rows=rows, columns=columns),
         bars,
-        half_vectors,
-        shares,
-        clusters=parameters.clusters,
-        radius=parameters.radius,
-        apart=parameters.apart,
+        common.half_vectors,
+        common.shares,
+        clusters=common.parameters.clusters,
+        radius=common.parameters.radius,
+        apart=common.parameters.apart,
     )
 
 

@@ -67,7 +67,8 @@ class Silhouette(_Stage):
 
 
 class Labels(_Stage):
-    """method: `sheets`, the literal `paper`, or `winner` takes all (for opaque shiny objects); edges, weight: of the paper's graph; the others belong to `sheets`."""
+    """method: `sheets`, the literal `paper`, or `winner` takes all (for opaque shiny objects); edges, weight: of the
+    paper's graph; the others belong to `sheets`."""
 
     method: Literal["sheets", "paper", "winner"] = "sheets"
     edges: Literal["layers", "surface"] = "layers"

@@ -10,6 +10,7 @@ from pathlib import Path
 import av
 import cv2
 import numpy as np
+import trimesh
 from scipy import ndimage
 
 from storage.catalogue import Capture, Catalogue, Object, Pose, Region, Sphere, load, write
@@ -165,9 +166,8 @@ def _write_view(
     lit = _write_video(folder / "video.mp4", exposed(), stage, options.crf)
     _write_truth(folder, truth, lights, stage, options)
     _write_markup(folder / "markup.json", truth, lights, lit, stage)
-    (folder / "meta.json").write_text(
-        json.dumps({"shape": shape, "view": view, "turn": turn} | asdict(options), indent=1)
-    )
+    about = {"shape": shape, "view": view, "turn": turn} | asdict(options)
+    (folder / "meta.json").write_text(json.dumps(about, indent=1) + "\n")
 
 
 def _write_video(path: Path, pictures: Iterator[np.ndarray], stage: Stage, crf: int) -> np.ndarray:
@@ -240,9 +240,7 @@ def _capture(folder: Path, name: str, stage: Stage, options: CaptureOptions, tur
 
 
 def _write_model(shape: str, stage: Stage, options: CaptureOptions, path: Path) -> None:
-    """The outer surface in world coordinates, millimetres: the turntable's axis is the y axis, y = 0 the frame's middle."""
-    import trimesh
-
+    """The outer surface in world coordinates, millimetres: the turntable's axis is y, y = 0 the frame's middle row."""
     outer = [s for s in build(shape, stage.region.width, stage.region.height, 0.0, level=True) if not s.inner]
     scale = options.ball_diameter / (2.0 * stage.radius)
     row = (stage.height - 1) / 2 - (stage.region.y + (stage.region.height - 1) / 2)
@@ -255,4 +253,4 @@ def _enter(path: Path, entry: Object) -> None:
     """Put an object into the catalogue, or in the place of the one that has its id."""
     others = [each for each in load(path).objects if each.id != entry.id] if path.exists() else []
     name = path.parent.name or "simulated"
-    write(Catalogue(schema=1, name=name, objects=(*others, entry)), path)
+    write(Catalogue.model_validate({"schema": 1, "name": name, "objects": (*others, entry)}), path)

@@ -1,12 +1,12 @@
-"""Pictures of a result: N.L shading as in the paper's figures, normals, depth, confidence, and the surface turned."""
+"""Pictures of a result: N.L shading as in the paper's figures, normals, depth, confidence, and the surface turned.
+
+The drawing libraries are imported where they draw: they are slow to import, and most steps never draw.
+"""
 
 import math
 from typing import Any
 
 import numpy as np
-import open3d as o3d
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from tasks.algorithms.geometry import unit
 from tasks.algorithms.surface import Surface
@@ -63,6 +63,8 @@ def draw_surface(surface: Surface, azimuth: float = 0.0, elevation: float = 0.0,
     origins = middle + 2.0 * radius * back + steps[None, :, None] * right - steps[:, None, None] * up
     rays = np.concatenate([origins, np.broadcast_to(-back, origins.shape)], axis=-1).astype(np.float32)
 
+    import open3d as o3d
+
     tensor: Any = o3d.core.Tensor
     scene = o3d.t.geometry.RaycastingScene(nthreads=1)
     scene.add_triangles(tensor(surface.vertices), tensor(surface.triangles.astype(np.uint32)))
@@ -89,6 +91,9 @@ def _viewer(azimuth: float, elevation: float) -> tuple[np.ndarray, np.ndarray, n
 
 
 def _mapped(values: np.ndarray, colours: str, limits: tuple[float, float] | None, label: str) -> np.ndarray:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     height, width = values.shape
     figure = Figure(figsize=(6.0, max(2.5, 4.6 * height / width)), dpi=100, layout="constrained")
     canvas = FigureCanvasAgg(figure)

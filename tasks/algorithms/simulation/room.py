@@ -11,7 +11,7 @@ TEXTURE = 512
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """texture (N, N) of the plane's reflectances at z = `plane`; windows (M, 4): direction and half width in radians."""
+    """texture (N, N): reflectances of the plane at z = `plane`; windows (M, 4): direction and half width in radians."""
 
     texture: np.ndarray
     plane: float
@@ -24,18 +24,12 @@ class Room:
         """A room with three windows before the object."""
         noise = generator.normal(size=(TEXTURE, TEXTURE))
         streaks = gaussian_filter(noise, (3, 18), mode="wrap") * 30.0 + gaussian_filter(noise, 5, mode="wrap") * 6.0
-        texture = np.clip(0.35 + 0.10 * streaks, 0.08, 0.7)
+        texture = np.clip(0.35 + 0.2 * streaks, 0.08, 0.7)
         windows = []
         for centre in (0.6, 2.4, 4.6):
             around, polar = centre + generator.uniform(-0.4, 0.4), generator.uniform(0.9, 1.4)
-            windows.append(
-                [
-                    np.sin(polar) * np.cos(around),
-                    np.sin(polar) * np.sin(around),
-                    np.cos(polar),
-                    generator.uniform(0.12, 0.22),
-                ]
-            )
+            flat, half = np.sin(polar), generator.uniform(0.12, 0.22)
+            windows.append([flat * np.cos(around), flat * np.sin(around), np.cos(polar), half])
         return cls(texture.astype(np.float32), plane, np.array(windows))
 
     def radiance(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

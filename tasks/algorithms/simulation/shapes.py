@@ -1,6 +1,8 @@
 """The objects: closed glass surfaces in their own frame, y up, scaled to fill a region seen by the camera."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -10,7 +12,7 @@ from tasks.algorithms.simulation.solids import MATTE, Solid, bubble, moulded, tu
 
 MARGIN = 8.0
 """Pixels between the object and the region's border."""
-TILTS = {"hemisphere": 28.0, "cylinder": 6.0, "wine-glass": 14.0, "water-glass": 14.0}
+TILTS = {"hemisphere": 62.0, "cylinder": 6.0, "wine-glass": 14.0, "water-glass": 14.0}
 """Degrees by which the camera looks down on an object that stands; level where none is given."""
 
 
@@ -84,11 +86,11 @@ def _jug() -> list[Solid]:
     body: list[Field] = [
         ellipsoid((0, -35, 0), (78, 85, 78)),
         capsule((0, 20, 0), (0, 118, 0), 46.0, 50.0),
-        capsule((0, -118, 0), (0, -112, 0), 52.0, 50.0),
+        ellipsoid((0, -116, 0), (60, 11, 60)),
     ]
     angle = np.linspace(-0.42 * np.pi, 0.42 * np.pi, 12)
     bow = np.column_stack([34 + 74 * np.cos(angle), 22 + 72 * np.sin(angle), 0 * angle])
-    handle = [capsule(tuple(a), tuple(b), 10.0, 10.0) for a, b in zip(bow[:-1], bow[1:], strict=True)]
+    handle = [capsule(tuple(a), tuple(b), 10.0, 10.0) for a, b in pairwise(bow)]
     return [moulded(union(body + handle, 4.0), np.array([-82, -175, -82]), np.array([125, 175, 82]), 1.6)]
 
 
@@ -123,8 +125,6 @@ def _bird() -> list[Solid]:
 
 
 def _inner(solid: Solid) -> Solid:
-    from dataclasses import replace
-
     return replace(solid, inner=True, colour=(0.75, 0.35, 0.2))
 
 

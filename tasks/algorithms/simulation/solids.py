@@ -1,6 +1,7 @@
 """Solids that rays meet: a fine mesh to find the place, and the exact normal there."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -83,13 +84,14 @@ def turned(profile: np.ndarray, corners: tuple[int, ...] = (), step: float = 1.0
     """
     stops = [0, *corners, len(profile) - 1]
     points, normals = [], []
-    for first, last in zip(stops[:-1], stops[1:], strict=True):
+    for first, last in pairwise(stops):
         piece = profile[first : last + 1]
         length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(piece, axis=0).T))])
         fine = np.linspace(0.0, length[-1], max(2, int(np.ceil(length[-1] / step)) + 1))
         if smooth and len(piece) > 2:
             on_axis = piece[[0, -1], 0] < 1e-9
-            ends = tuple((1, np.array([np.sign(s), 0.0])) if a else (2, np.zeros(2)) for a, s in zip(on_axis, (1, -1)))
+            flat = [(1, np.array([sign, 0.0])) for sign in (1.0, -1.0)]
+            ends = tuple(slope if on else (2, np.zeros(2)) for on, slope in zip(on_axis, flat, strict=True))
             spline = CubicSpline(length, piece, bc_type=ends)
             place, tangent = spline(fine), spline(fine, 1)
         else:
@@ -108,7 +110,10 @@ def _revolved(pieces: list[np.ndarray], normals: list[np.ndarray]) -> Solid:
     around = int(np.clip(2.0 * np.pi * reach / 1.2, 96, 720))
     angle = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
     s, c = np.sin(angle), np.cos(angle)
-    vertices, directions, triangles, base = [], [], [], 0
+    vertices: list[np.ndarray] = []
+    directions: list[np.ndarray] = []
+    triangles: list[np.ndarray] = []
+    base = 0
     for piece, normal in zip(pieces, normals, strict=True):
         for target, source in ((vertices, piece), (directions, normal)):
             r, y = source[:, :1], source[:, 1:]

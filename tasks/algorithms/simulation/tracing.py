@@ -54,15 +54,15 @@ class Scene:
         self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
         tensor: Any = o3d.core.Tensor
         for solid in self.solids:
-            self._scene.add_triangles(
-                tensor(solid.vertices.astype(np.float32)), tensor(solid.triangles.astype(np.uint32))
-            )
+            vertices, triangles = solid.vertices.astype(np.float32), solid.triangles.astype(np.uint32)
+            self._scene.add_triangles(tensor(vertices), tensor(triangles))
         self._materials = np.array([solid.material for solid in self.solids])
 
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Distance (N,), inf where nothing is met; number of the solid (N,); its outward normal there (N, 3)."""
         rays = np.concatenate([origins, directions], axis=1).astype(np.float32)
-        found = self._scene.cast_rays(o3d.core.Tensor(rays))  # type: ignore[attr-defined]
+        tensor: Any = o3d.core.Tensor
+        found = self._scene.cast_rays(tensor(rays))
         distance = found["t_hit"].numpy().astype(np.float64)
         hit = np.isfinite(distance)
         which = np.where(hit, found["geometry_ids"].numpy(), 0).astype(np.int64)
@@ -95,7 +95,7 @@ class Scene:
         )
 
     def trace(self, columns: np.ndarray, rows: np.ndarray, rays: int, generator: np.random.Generator) -> Paths:
-        """Follow rays x rays jittered rays of each pixel (columns, rows: (H, W) of the camera frame) through the scene."""
+        """Follow rays x rays jittered rays of each pixel (columns, rows: (H, W), camera frame) through the scene."""
         height, width = columns.shape
         cells = (np.arange(rays) + 0.5) / rays - 0.5
         parts: list[tuple[np.ndarray, ...]] = []
@@ -120,7 +120,7 @@ class Scene:
     def _follow(self, origins: np.ndarray, share: float, matte: np.ndarray) -> list[tuple[np.ndarray, ...]]:
         directions = np.tile([0.0, 0.0, -1.0], (len(origins), 1))
         pixel, weight = np.arange(len(origins)), np.full(len(origins), share)
-        left = []
+        left: list[tuple[np.ndarray, ...]] = []
         for bounce in range(BOUNCES):
             distance, which, normals = self.cast(origins, directions)
             met = np.isfinite(distance)
