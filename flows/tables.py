@@ -15,10 +15,16 @@ if TYPE_CHECKING:
     from flows.catalogue import CaptureResult
     from flows.run import Summary
 
+WIDE = 200
+"""Columns of a table that goes to a file or a pipe."""
+
 
 def show(table: Table | str) -> None:
     """Print a table on standard output."""
-    Console(soft_wrap=False).print(table)
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=WIDE)
+    console.print(table)
 
 
 def table_of(rows: Sequence[dict[str, Any]], empty: str) -> Table | str:

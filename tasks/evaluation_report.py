@@ -21,12 +21,12 @@ def markdown(evaluations: Sequence[Evaluation]) -> str:
     """Tables: squared errors (the paper's Table 2), degrees, depth and confidence, seconds (the paper's Table 3)."""
     parts = ["# Errors against truth", ""]
     parts += ["Mean squared difference of unit normals, data region (M > 0) / whole mask.", ""]
-    rows: list[list[object]] = [
-        [each.name, each.frames, f"{each.size[0]} x {each.size[1]}"]
-        + [f"{each.method(name).data.squared:.4f} / {each.method(name).whole.squared:.4f}" for name in METHODS]
-        + [f"{each.near:.4f} / {each.far:.4f}"]
-        for each in evaluations
-    ]
+    rows = []
+    for each in evaluations:
+        methods = [each.method(name) for name in METHODS]
+        row = [each.name, f"{each.frames}", f"{each.size[0]} x {each.size[1]}"]
+        row += [f"{method.data.squared:.4f} / {method.whole.squared:.4f}" for method in methods]
+        rows.append([*row, f"{each.near:.4f} / {each.far:.4f}"])
     parts += _table(["capture", "frames", "pixels", *METHODS, "glint within / beyond 42°"], rows)
     parts += ["", "Degrees over the whole mask: mean, median, share within 5 / 11.25 / 22.5.", ""]
     rows = [
