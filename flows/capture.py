@@ -27,9 +27,7 @@ def capture(reference: CaptureReference, scheduler: str) -> list[Record]:
     """
     work = reference.workspace()
     keys = stage_keys(work, STAGES)
-    records = [
-        run_stage.with_options(name=stage.name)(work, stage.name, keys[stage.name], scheduler) for stage in STAGES
-    ]
+    records = [TASKS[stage.name](work, stage.name, keys[stage.name], scheduler) for stage in STAGES]
     capture_artifact(work, records)
     return records
 
@@ -58,6 +56,10 @@ def run_stage(work: Workspace, stage: str, key: str, scheduler: str) -> Record:
         logger.warning("%s: %s", work.name, warning)
         here.show(Event("warning", work.name, stage, text=warning))
     return record
+
+
+TASKS = {stage.name: run_stage.with_options(name=stage.name) for stage in STAGES}
+"""The tasks by the names that the dashboard shows."""
 
 
 def perform_there(work: Workspace, stage: str, key: str) -> Record:
