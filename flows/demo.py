@@ -19,7 +19,7 @@ def run_demo(folder: Path, as_json: bool) -> int:
     start_server()
     from storage.export import export
     from storage.location import Location
-    from tasks.simulate import CaptureOptions, simulate
+    from tasks.simulation import CaptureOptions, simulate
 
     captures, store = folder / "captures", Location.parse(folder / "store")
     with open_display(as_json) as display:

@@ -7,7 +7,7 @@ import typer
 
 from flows.errors import RunningError
 from flows.progress import Display, Reporter, open_display
-from tasks.simulate import PRESETS, SHAPES, CaptureOptions, simulate
+from tasks.simulation import PRESETS, SHAPES, CaptureOptions, simulate
 
 
 class SimulationError(RunningError):

@@ -55,7 +55,7 @@ def main() -> None:
 
         catalogue = arguments.catalogue
         if catalogue is None:
-            from tasks.simulate import CaptureOptions, simulate
+            from tasks.simulation import CaptureOptions, simulate
 
             simulate("hemisphere", Path(folder) / "captures", CaptureOptions())
             catalogue = Path(folder) / "captures" / "catalogue.yaml"

@@ -13,6 +13,7 @@ from storage.footage import open_footage
 from storage.inputs import write_lights
 from tasks.algorithms.geometry import angles
 from tasks.evaluate import evaluate
+from tasks.simulation import CaptureOptions, simulate
 from tasks.stage import stage_keys
 from tasks.stages import STAGES
 from tests.tasks.bench import bench, perform_all
@@ -125,7 +126,9 @@ def test_known_lights_stand_in_for_the_sphere(simulated: Path, store: Path, tmp_
     assert with_file.load("depth").record["unit"] == "pixels"
 
 
-def test_sphere_region_and_mask_are_found(simulated: Path, tmp_path: Path) -> None:
+def test_sphere_region_and_mask_are_found(tmp_path: Path) -> None:
+    options = CaptureOptions(frames=400, scale=0.5)
+    simulated = simulate("hemisphere", tmp_path / "captures", options).catalogue
     given = load(simulated).objects[0].captures[0]
     work = bench(simulated, tmp_path / "store", spheres=[], region=None, mask=None, truth=None)
     perform_all(work)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from tasks.algorithms.simulation.room import Room
-from tasks.algorithms.simulation.tracing import Paths
+from tasks.algorithms.rendering.room import Room
+from tasks.algorithms.rendering.tracing import Paths
 
 GAIN = 40.0
 """Radiance of the lamp's centre relative to white: a direct highlight on glass (4%) clips inside its disc."""

@@ -17,13 +17,13 @@ from storage.catalogue import Capture, Catalogue, Object, Pose, Region, Sphere, 
 from storage.pictures import write_png
 from tasks.algorithms.geometry import half_vectors_of, to_camera
 from tasks.algorithms.keyframes import keyframes
-from tasks.algorithms.simulation.options import OTHER, PRESETS, SHAPES, CaptureOptions
-from tasks.algorithms.simulation.rendering import expose, prepare
-from tasks.algorithms.simulation.room import Room
-from tasks.algorithms.simulation.shapes import build
-from tasks.algorithms.simulation.solids import CHROME, ball
-from tasks.algorithms.simulation.sweep import sweep
-from tasks.algorithms.simulation.tracing import Scene, Truth
+from tasks.algorithms.rendering.camera import expose, prepare
+from tasks.algorithms.rendering.options import OTHER, PRESETS, SHAPES, CaptureOptions
+from tasks.algorithms.rendering.room import Room
+from tasks.algorithms.rendering.shapes import build
+from tasks.algorithms.rendering.solids import CHROME, ball
+from tasks.algorithms.rendering.sweep import sweep
+from tasks.algorithms.rendering.tracing import Scene, Truth
 
 __all__ = ["PRESETS", "SHAPES", "CaptureOptions", "SimulationRecord", "simulate"]
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import open3d as o3d
 
-from tasks.algorithms.simulation.solids import CHROME, GLASS, MATTE, Solid
+from tasks.algorithms.rendering.solids import CHROME, GLASS, MATTE, Solid
 
 INDEX = 1.5
 """Refractive index of the glass."""

@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from tasks.algorithms.simulation.implicit import Field, capsule, ellipsoid, union
-from tasks.algorithms.simulation.solids import MATTE, Solid, bubble, moulded, turned
+from tasks.algorithms.rendering.implicit import Field, capsule, ellipsoid, union
+from tasks.algorithms.rendering.solids import MATTE, Solid, bubble, moulded, turned
 
 MARGIN = 8.0
 """Pixels between the object and the region's border."""
