@@ -30,6 +30,8 @@ __all__ = ["PRESETS", "SHAPES", "CaptureOptions", "SimulationRecord", "simulate"
 MARGIN = 16
 """Pixels round the object's region, and round the ball."""
 FPS = 25
+BLOCK = 16
+"""Pixels: frames are whole blocks of the codec, which makes the encoder's choices repeatable."""
 NOISES = 24
 """Pictures of noise that are drawn; each frame takes one of them, rolled."""
 
@@ -99,9 +101,9 @@ def simulate(
 def _stage(width: int, height: int, options: CaptureOptions) -> Stage:
     radius = options.ball_radius
     full_height = max(height + 2 * MARGIN, int(2 * radius) + 2 * MARGIN)
-    full_height += full_height % 2
+    full_height += -full_height % BLOCK
     full_width = width + 3 * MARGIN + int(2 * radius) + MARGIN
-    full_width += full_width % 2
+    full_width += -full_width % BLOCK
     top = (full_height - height) // 2
     x = MARGIN + width + MARGIN + radius + 0.37
     return Stage(
@@ -178,14 +180,25 @@ def _write_video(path: Path, pictures: Iterator[np.ndarray], stage: Stage, crf: 
         stream = container.add_stream("libx264", rate=FPS, options={"crf": str(crf), "preset": "veryfast"})
         stream.width, stream.height, stream.pix_fmt = stage.width, stage.height, "yuv420p"
         stream.time_base = Fraction(1, FPS)
-        grey = np.full((stage.height // 2, stage.width), 128, np.uint8)
-        for picture in pictures:
+        for number, picture in enumerate(pictures):
             lit.append(int((picture[rows, columns] > 225).sum()))
-            luma = cv2.LUT(picture, _LIMITED)
-            frame = av.VideoFrame.from_ndarray(np.concatenate([luma, grey]), format="yuv420p")
+            frame = _grey_frame(picture)
+            frame.pts, frame.time_base = number, stream.time_base
             container.mux(stream.encode(frame))
         container.mux(stream.encode())
     return np.array(lit)
+
+
+def _grey_frame(picture: np.ndarray) -> av.VideoFrame:
+    """A frame that owns its pixels, its lines' padding too: the encoder looks at it and is in no hurry."""
+    frame = av.VideoFrame(picture.shape[1], picture.shape[0], "yuv420p")
+    luma, *chroma = frame.planes
+    lines = np.full((luma.height, luma.line_size), 16, np.uint8)
+    lines[:, : picture.shape[1]] = cv2.LUT(picture, _LIMITED)
+    luma.update(lines.tobytes())
+    for plane in chroma:
+        plane.update(np.full((plane.height, plane.line_size), 128, np.uint8).tobytes())
+    return frame
 
 
 _LIMITED = np.round(16 + 219 * np.arange(256) / 255).astype(np.uint8)

@@ -1,0 +1,36 @@
+"""Errors whose size is known."""
+
+import numpy as np
+import pytest
+
+from tasks.algorithms.metrics import depth_errors, normal_errors
+
+
+def test_a_tilt_is_measured() -> None:
+    truth = np.tile([0.0, 0.0, 1.0], (6, 5, 1))
+    tilt = np.radians(10.0)
+    found = np.tile([np.sin(tilt), 0.0, np.cos(tilt)], (6, 5, 1))
+    found[0, 0] = truth[0, 1] = np.nan
+    errors = normal_errors(found, truth, np.ones((6, 5), bool))
+    assert errors.mean == errors.median == pytest.approx(10.0)
+    assert errors.squared == pytest.approx(2 - 2 * np.cos(tilt))
+    assert errors.within == (0.0, 1.0, 1.0) and (errors.pixels, errors.missing) == (29, 1)
+
+
+def test_nothing_to_compare_is_refused() -> None:
+    with pytest.raises(ValueError, match="no pixel"):
+        normal_errors(np.ones((2, 2, 3)), np.full((2, 2, 3), np.nan), np.ones((2, 2), bool))
+    with pytest.raises(ValueError, match="fit"):
+        normal_errors(np.ones((2, 2, 3)), np.ones((2, 3, 3)), np.ones((2, 2), bool))
+
+
+def test_each_component_of_depth_has_its_own_offset() -> None:
+    mask = np.ones((8, 9), bool)
+    mask[:, 4] = False
+    truth = np.fromfunction(lambda y, x: 0.5 * x + y, (8, 9))
+    found = truth.copy()
+    found[:, :4] += 100.0
+    assert depth_errors(found, truth, mask).mean == pytest.approx(0.0)
+    found[0, 0] += 3.0
+    errors = depth_errors(found, truth, mask)
+    assert errors.mean == pytest.approx(3.0 / 64) and errors.rms == pytest.approx(np.sqrt(9 / 64))

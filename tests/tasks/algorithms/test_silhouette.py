@@ -1,0 +1,52 @@
+"""Initial normals of outlines whose surfaces are known."""
+
+import numpy as np
+import pytest
+
+from tasks.algorithms.geometry import angles, unit
+from tasks.algorithms.markup import Marks
+from tasks.algorithms.silhouette import initial_normals
+
+
+def disc(size: int, radius: float, hole: float = 0.0) -> np.ndarray:
+    rows, columns = np.mgrid[:size, :size] - (size - 1) / 2
+    distance = np.hypot(rows, columns)
+    return (distance < radius) & (distance >= hole)
+
+
+def test_a_circle_is_inflated_to_a_sphere() -> None:
+    mask = disc(81, 36.0)
+    rows, columns = np.mgrid[:81, :81] - 40.0
+    flat = np.stack([columns, -rows], axis=-1) / 36.0
+    height = np.sqrt(np.maximum(1 - (flat**2).sum(axis=-1, keepdims=True), 0))
+    found = initial_normals(mask)
+    inner = disc(81, 30.0)
+    assert angles(found.initial, np.concatenate([flat, height], axis=-1))[inner].mean() < 3.0
+    assert (found.initial[found.rim][:, 2] < 0.35).all()
+    assert np.isnan(found.initial[~mask]).all()
+
+
+def test_holes_have_rims_that_point_into_them() -> None:
+    found = initial_normals(disc(101, 46.0, 20.0))
+    rows, columns = np.mgrid[:101, :101] - 50.0
+    outward = unit(np.stack([columns, -rows], axis=-1))
+    inner = found.rim & (np.hypot(rows, columns) < 30)
+    assert inner.any()
+    assert ((found.initial[..., :2] * outward).sum(axis=-1)[inner] < -0.8).all()
+
+
+def test_components_do_not_touch_one_another() -> None:
+    one = disc(41, 17.0)
+    both = initial_normals(np.hstack([one, one])).initial
+    np.testing.assert_allclose(both[:, :41], both[:, 41:], atol=2e-2)
+
+
+def test_marks_are_hard_constraints() -> None:
+    mask, marked = disc(61, 27.0), unit(np.array([0.4, -0.2, 1.0]))
+    marks = Marks(np.array([[30, 30], [0, 0]]), np.stack([marked, marked]), np.array([1, 1]))
+    assert angles(initial_normals(mask, marks=marks).initial[30, 30], marked) < 0.5
+
+
+def test_an_empty_mask_is_refused() -> None:
+    with pytest.raises(ValueError, match="empty"):
+        initial_normals(np.zeros((5, 5), bool))
