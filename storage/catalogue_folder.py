@@ -1,9 +1,9 @@
 """A catalogue made from folders that follow the usual names.
 
 FOLDER/<object>/ holds one capture, or one sub-folder per view. A capture is a video, or images that share a pattern
-(img_1.png, img_2.png, ..), directly or in `frames/` or `images/`; beside it may lie mask.png or one other
-*mask.png, lights.lp or one other *.lp, markup.json, truth/, and beside the views truth_model.ply. Several videos in one folder are several captures;
-then <video>.mask.png, <video>.lp and <video>.markup.json belong to <video>.mp4.
+(img_1.png, img_2.png, ..), directly or in `frames/` or `images/`; beside it may lie mask.png or one other *mask.png,
+lights.lp or one other *.lp, markup.json, truth/, and beside the views truth_model.ply. Several videos in one folder are
+several captures; then <video>.mask.png, <video>.lp and <video>.markup.json belong to <video>.mp4.
 """
 
 import re

@@ -53,7 +53,7 @@ class Holder:
         return f"process {self.pid} on {self.host} since {since} UTC" + (f", run {self.run}" if self.run else "")
 
 
-class ObjectBusy(StoreError):  # noqa: N818 - a state of the object, told as such
+class ObjectBusy(StoreError):
     """Another run works on the object."""
 
     @classmethod

@@ -180,11 +180,9 @@ def _write_video(path: Path, pictures: Iterator[np.ndarray], stage: Stage, crf: 
         stream = container.add_stream("libx264", rate=FPS, options={"crf": str(crf), "preset": "veryfast"})
         stream.width, stream.height, stream.pix_fmt = stage.width, stage.height, "yuv420p"
         stream.time_base = Fraction(1, FPS)
-        for number, picture in enumerate(pictures):
+        for picture in pictures:
             lit.append(int((picture[rows, columns] > 225).sum()))
-            frame = _grey_frame(picture)
-            frame.pts, frame.time_base = number, stream.time_base
-            container.mux(stream.encode(frame))
+            container.mux(stream.encode(_grey_frame(picture)))
         container.mux(stream.encode())
     return np.array(lit)
 
