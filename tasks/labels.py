@@ -6,7 +6,7 @@ from tasks.algorithms.baselines import reconstruct_winner
 from tasks.algorithms.clusters import Clusters
 from tasks.algorithms.dual_layer import reconstruct_dual_layer
 from tasks.algorithms.markup import Marks
-from tasks.algorithms.rounds import FILLED, MARKED, OBSERVED, PROVENANCE, Reconstruction, reconstruct_normals
+from tasks.algorithms.rounds import FILLED, MARKED, OBSERVED, OUTSIDE, PROVENANCE, Reconstruction, reconstruct_normals
 from tasks.clusters import load_clusters
 from tasks.markup import load_marks
 from tasks.parameters import Parameters
@@ -24,7 +24,7 @@ def labels(work: Workspace, progress: Progress) -> Outcome:
         work.parameters,
     )
     names = {PROVENANCE[code]: int((found.provenance == code).sum()) for code in (OBSERVED, MARKED, FILLED)}
-    sure = float(np.nanmean(found.confidence >= 0.5))
+    sure = float((found.confidence[found.provenance != OUTSIDE] >= 0.5).mean())
     return Outcome(
         arrays={
             "labels": found.labels,
