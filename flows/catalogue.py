@@ -5,7 +5,6 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import partial
 from importlib.metadata import version
 from threading import Semaphore
@@ -17,13 +16,11 @@ from flows.capture import capture
 from flows.errors import REFUSALS
 from flows.progress import Event
 from flows.surroundings import surroundings
-from storage.catalogue import Object
-from storage.errors import InputError
 from storage.fingerprints import digest_of
 from storage.location import Location
 from storage.locks import run_lock
 from storage.versions import Version
-from tasks.references import CaptureReference, load_catalogue
+from tasks.references import CaptureReference, chosen_captures, load_catalogue
 from tasks.stage import Record
 from tasks.workspace import INPUTS
 
@@ -118,30 +115,6 @@ def run_catalogue(
     result = RunResult(run, tuple(objects), time.monotonic() - started)
     catalogue_artifact(name, result)
     return result
-
-
-def chosen_captures(objects: Sequence[Object], only: Sequence[str] = ()) -> dict[str, list[str]]:
-    """Ids of the captures to work on by object, in the catalogue's order.
-
-    Raises:
-        InputError: `only` names something that the catalogue has not.
-    """
-    every = {each.id: [capture.id for capture in each.captures] for each in objects}
-    if not only:
-        return every
-    names = {f"{each}/{one}": (each, one) for each, captures in every.items() for one in captures}
-    unknown = [name for name in only if name not in names and name not in every]
-    if unknown:
-        close = get_close_matches(unknown[0], [*every, *names], 1)
-        raise InputError(
-            f"the catalogue has no {', '.join(unknown)}",
-            f"did you mean {close[0]}?" if close else "name OBJECT or OBJECT/CAPTURE as in the catalogue",
-        )
-    return {
-        each: kept
-        for each, captures in every.items()
-        if (kept := [one for one in captures if each in only or f"{each}/{one}" in only])
-    }
 
 
 def work_on_object(references: Sequence[CaptureReference], scheduler: str, free: Semaphore) -> ObjectResult:

@@ -7,13 +7,12 @@ from pathlib import Path
 
 import typer
 
-from flows.catalogue import chosen_captures
 from flows.errors import REFUSALS
 from flows.progress import Event, Reporter, open_display
 from flows.tables import show, table_of
 from storage.location import Location
 from tasks.check import Check, check
-from tasks.references import CaptureReference, load_catalogue
+from tasks.references import CaptureReference, chosen_captures, load_catalogue
 
 
 def check_catalogue(file: Path, store: str, out: Path, only: Sequence[str], as_json: bool) -> int:

@@ -33,20 +33,20 @@ def run(
     Raises:
         CatalogueError, InputError: the catalogue is unusable; RunningError: server or cluster are.
     """
+    from storage.location import Location
+    from tasks.references import chosen_captures, load_catalogue
+
+    loaded, place = load_catalogue(catalogue), Location.parse(store)
+    chosen_captures(loaded.objects, only)
     server = start_server()
-    # Server and cluster start while this process imports and reads the catalogue.
+    # Server and cluster start side by side while this process imports the rest.
     from flows.cluster import Cluster
 
     with Cluster(scheduler, workers, WARMED) as cluster:
-        from flows.catalogue import chosen_captures, run_catalogue
+        from flows.catalogue import run_catalogue
         from flows.surroundings import share
         from flows.zombies import close_runs_of_the_dead, tagged
-        from storage.location import Location
-        from tasks.references import load_catalogue
 
-        loaded = load_catalogue(catalogue)
-        chosen_captures(loaded.objects, only)
-        place = Location.parse(store)
         server.wait()
         share(cluster.address, cluster.client, display)
         display.show(Event("message", text=f"dashboard {server.ui_url}, workers {cluster.workers}"))

@@ -1,10 +1,13 @@
 """Where a capture's workspace comes from: addresses and names alone, which is all that a flow's parameters hold."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import lru_cache
 from pathlib import Path
 
-from storage.catalogue import Catalogue, load
+from storage.catalogue import Catalogue, Object, load
+from storage.errors import InputError
 from tasks.parameters import Parameters
 from tasks.workspace import Workspace
 
@@ -48,3 +51,27 @@ def load_catalogue(path: str | Path) -> Catalogue:
 @lru_cache(maxsize=4)
 def _load(path: Path, changed: int) -> Catalogue:
     return load(path, Parameters)
+
+
+def chosen_captures(objects: Sequence[Object], only: Sequence[str] = ()) -> dict[str, list[str]]:
+    """Ids of the captures to work on by object, in the catalogue's order.
+
+    Raises:
+        InputError: `only` names something that the catalogue has not.
+    """
+    every = {each.id: [capture.id for capture in each.captures] for each in objects}
+    if not only:
+        return every
+    names = {f"{each}/{one}": (each, one) for each, captures in every.items() for one in captures}
+    unknown = [name for name in only if name not in names and name not in every]
+    if unknown:
+        close = get_close_matches(unknown[0], [*every, *names], 1)
+        raise InputError(
+            f"the catalogue has no {', '.join(unknown)}",
+            f"did you mean {close[0]}?" if close else "name OBJECT or OBJECT/CAPTURE as in the catalogue",
+        )
+    return {
+        each: kept
+        for each, captures in every.items()
+        if (kept := [one for one in captures if each in only or f"{each}/{one}" in only])
+    }

@@ -16,6 +16,7 @@ from storage.errors import InputError, StorageError, StoreError
 from storage.footage import open_footage
 from tasks.algorithms.errors import UnusableCapture
 from tasks.references import load_catalogue
+from tasks.simulation import CaptureOptions, simulate
 from tests.storage.films import write_video
 from tests.tasks.bench import bench, perform_all
 
@@ -69,10 +70,12 @@ def test_sphere_out_of_frame(refused: Refused) -> None:
     assert "400.0" in str(error) and "leaves the frame" in str(error)
 
 
-def test_no_sphere_to_be_found(refused: Refused, frames: list[np.ndarray], simulated: Path, tmp_path: Path) -> None:
-    sphere = load(simulated).objects[0].captures[0].spheres[0]
-    left = int(sphere.x - sphere.radius) - 3
-    cut = [np.ascontiguousarray(frame[:, : left - left % 2]) for frame in frames]
+def test_no_sphere_to_be_found(refused: Refused, tmp_path: Path) -> None:
+    fish = simulate("fish", tmp_path / "fish", CaptureOptions(frames=80, scale=0.4)).catalogue
+    capture = load(fish).objects[0].captures[0]
+    left = int(capture.spheres[0].x - capture.spheres[0].radius) - 3
+    with open_footage(capture.frames) as footage:
+        cut = [np.ascontiguousarray(frame[:, : left - left % 2]) for frame in footage.frames()]
     path = write_video(tmp_path / "cut.mp4", cut)
     assert "no mirror ball" in str(refused(frames=str(path), spheres=[]))
 
