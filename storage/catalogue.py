@@ -8,11 +8,12 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 from ruamel.yaml import YAML
+from ruamel.yaml.representer import SafeRepresenter
 
 from storage.catalogue_folder import from_folder
 from storage.catalogue_models import ADDRESSES, Camera, Capture, Catalogue, Object, Pose, Region, Sphere
 from storage.catalogue_problems import problems_of
-from storage.catalogue_yaml import MAX_BYTES, LinedDict, LinedList, parse
+from storage.catalogue_yaml import MAX_BYTES, LinedDict, LinedList, parse, plain_value
 from storage.errors import InputError, StorageError
 from storage.problems import Problem
 
@@ -103,7 +104,8 @@ def write(catalogue: Catalogue, path: str | Path) -> None:
             for key in ADDRESSES:
                 if key in holder and Path(holder[key]).is_relative_to(path.parent):
                     holder[key] = str(Path(holder[key]).relative_to(path.parent))
-    yaml = YAML(typ="safe")
+    yaml = YAML(typ="safe", pure=True)
+    yaml.Representer = _Representer
     yaml.default_flow_style = None
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
     yaml.width = 110
@@ -119,6 +121,17 @@ def write(catalogue: Catalogue, path: str | Path) -> None:
         except BaseException:
             Path(file.name).unlink(missing_ok=True)
             raise
+
+
+class _Representer(SafeRepresenter):
+    """Quotes every text that would be read as another value."""
+
+    def represent_str(self, data: str) -> Any:
+        style = None if plain_value(data) == data else '"'
+        return self.represent_scalar("tag:yaml.org,2002:str", data, style)
+
+
+_Representer.add_representer(str, _Representer.represent_str)
 
 
 def _text(path: Path) -> str:

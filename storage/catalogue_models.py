@@ -2,9 +2,9 @@
 
 import re
 from functools import cached_property
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 ID = re.compile(r"[a-z0-9][a-z0-9._-]{0,63}")
@@ -125,7 +125,7 @@ class Object(_Strict):
 class Catalogue(_Strict):
     """Objects to work through. Paths are absolute, or addresses of an object store."""
 
-    schema_: Annotated[Literal[1], Field(alias="schema")]
+    schema_: Annotated[int, Field(alias="schema")]
     name: Annotated[str, Field(min_length=1, max_length=200)]
     objects: Annotated[tuple[Object, ...], Field(strict=False, min_length=1)]
     parameters: Parameters = {}
@@ -137,6 +137,13 @@ class Catalogue(_Strict):
     def object(self, object_id: str) -> Object:
         """The object with this id; KeyError if there is none."""
         return self._by_id[object_id]
+
+    @field_validator("schema_")
+    @classmethod
+    def _is_known(cls, schema: int) -> int:
+        if schema != 1:
+            raise PydanticCustomError("schema", "schema {schema} is not known", {"schema": schema})
+        return schema
 
     @model_validator(mode="after")
     def _distinct(self) -> Self:

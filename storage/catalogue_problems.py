@@ -20,9 +20,8 @@ _REMEDIES = {
     "model_type": "write keys and values",
     "dict_type": "write keys and values",
     "finite_number": "write a finite number",
-    "duplicate_id": "choose another id",
-    "spheres_and_lights": "remove one of the two",
     "pose": "give exactly one of the two",
+    "schema": "write `schema: 1`",
 }
 """By pydantic's name of the error."""
 
@@ -34,7 +33,10 @@ def problems_of(error: ValidationError, root: Any, model: type[BaseModel], file:
 
 
 def _echoes(detail: ErrorDetails) -> bool:
-    """Whether a sequence is called too short only because its items were found wrong."""
+    """Whether it says again what is told better: a list is too short only because its items were found wrong; rules
+    between keys, which the reader of the file tells with both lines."""
+    if detail["type"] in ("duplicate_id", "spheres_and_lights"):
+        return True
     context = detail.get("ctx", {})
     return detail["type"] == "too_short" and len(detail["input"]) >= context.get("min_length", 1)
 
@@ -54,7 +56,7 @@ def _problem(detail: ErrorDetails, root: Any, model: type[BaseModel], file: str)
     if kind == "string_pattern_mismatch" and location[-1] == "id":
         remedy = "1 to 64 of a-z, 0-9, '.', '_' and '-', the first a letter or digit"
         return Problem(file, line, f"{where} {quoted(detail['input'])} is no id", remedy)
-    if kind in ("duplicate_id", "spheres_and_lights", "pose", "camera"):
+    if kind in ("pose", "camera", "schema"):
         return Problem(file, line, detail["msg"], _REMEDIES.get(kind, "mend the value"))
     message = detail["msg"][:1].lower() + detail["msg"][1:]
     return Problem(

@@ -114,7 +114,7 @@ class _Builder:
         if awaits_key:
             self._key(event.value, line)
         else:
-            self._add(_value(event.value) if event.implicit[0] and not event.style else event.value, line)
+            self._add(plain_value(event.value) if event.implicit[0] and not event.style else event.value, line)
 
     def _key(self, name: str, line: int) -> None:
         if name in self._open[-1]:
@@ -153,7 +153,7 @@ class _Builder:
         self._keys[-1] = None
 
 
-def _value(text: str) -> Any:
+def plain_value(text: str) -> Any:
     """A plain scalar's value."""
     if text in _SPECIAL:
         return _SPECIAL[text]
