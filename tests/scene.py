@@ -39,15 +39,15 @@ class Scene:
     mask: np.ndarray
 
 
-def draw_scene(folder: Path, *, frames: int = 360, balls: int = 1, seed: int = 0, noise: float = 1.5) -> Scene:
-    """Draw the video `ellipsoid/front` with mask, truth and catalogue; takes about a second."""
+def draw_scene(folder: Path, *, frames: int = 500, balls: int = 1, seed: int = 0, noise: float = 1.5) -> Scene:
+    """Draw the video `ellipsoid/front` with mask, truth and catalogue; takes about two seconds."""
     generator = np.random.default_rng(seed)
     normals, depth, mask = ellipsoid()
     false = false_directions(normals, mask)
     lights = spiral(frames)
     half_vectors = half_vectors_of(lights)
     texture = cv2.GaussianBlur(generator.normal(0, 1, (HEIGHT, WIDTH)).astype(np.float32), (0, 0), 2)
-    ground = np.clip(45 + 30 * texture / texture.std(), 8, 110)
+    ground = np.clip(70 + 12 * texture / texture.std(), 35, 110)
     spheres = [(slice(int(each.y) - 26, int(each.y) + 27), slice(int(each.x) - 26, int(each.x) + 27)) for each in BALLS]
     mirrors = [
         directions(each.within(columns.start, rows.start), (53, 53), 4)
@@ -79,7 +79,8 @@ def draw_scene(folder: Path, *, frames: int = 360, balls: int = 1, seed: int = 0
         mask=str(folder / "mask.png"),
         truth=str(truth),
     )
-    catalogue = Catalogue(schema=1, name="scene", objects=(Object(id="ellipsoid", captures=(capture,)),))
+    entry = Object(id="ellipsoid", captures=(capture,))
+    catalogue = Catalogue.model_validate({"schema": 1, "name": "scene", "objects": (entry,)})
     write(catalogue, folder / "catalogue.yaml")
     return Scene(folder / "catalogue.yaml", normals, depth, false, lights, mask)
 
@@ -104,7 +105,7 @@ def false_directions(normals: np.ndarray, mask: np.ndarray) -> np.ndarray:
     return np.where((mask & (columns[..., 0] > REGION.width / 3))[..., None], unit(bent), np.nan)
 
 
-def spiral(frames: int, turns: float = 14.0, widest: float = 84.0) -> np.ndarray:
+def spiral(frames: int, turns: float = 13.0, widest: float = 84.0) -> np.ndarray:
     """Light directions (T, 3) that wind outwards from the view axis to `widest` degrees, at an even pace."""
     share = np.sqrt((np.arange(frames) + 0.5) / frames)
     polar, azimuth = np.radians(widest) * share, 2 * np.pi * turns * share
