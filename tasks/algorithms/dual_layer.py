@@ -12,9 +12,9 @@ import maxflow
 import numpy as np
 
 from tasks.algorithms.clusters import Clusters
-from tasks.algorithms.confidence import field_confidence, observed_confidence
-from tasks.algorithms.field import inradius, rim_normals
-from tasks.algorithms.geometry import NZ_FLOOR, gradients
+from tasks.algorithms.confidence import RIM_TRUST, field_confidence, field_growth, observed_confidence
+from tasks.algorithms.field import inradius, rim_normals, smooth_field
+from tasks.algorithms.geometry import NZ_FLOOR, angles, gradients
 from tasks.algorithms.markup import Marks, pinned
 from tasks.algorithms.rounds import FILLED, MARKED, OBSERVED, OUTSIDE, SILHOUETTE, Reconstruction, Round
 
@@ -23,8 +23,8 @@ Edges = Literal["layers", "surface"]
 pixel's other node."""
 FORBIDDEN = 1e6
 """Stands for the infinite cost that a mark sets on the other label."""
-FIELD_GROWTH = np.radians(150.0)
-"""Radians per inradius by which the initial normals are taken to go wrong away from what is known."""
+LABEL_TRUST = 0.9
+"""Share of accepted normals in good sheets that are right: the cut takes whole false sheets for exterior ones too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +66,8 @@ def label_dual_layer(nodes: Nodes, mask: np.ndarray, *, edges: Edges = "layers",
 
     mask (H, W) bool; weight: of the neighbours' terms, which the paper leaves at 1.
     """
+    if weight < 0:
+        raise ValueError(f"weight {weight} is negative: a graph cut needs ties that cost")
     count = int(mask.sum())
     numbers = np.full(nodes.p.shape, -1)
     numbers[:, mask] = np.arange(2 * count).reshape(2, count)
@@ -111,33 +113,71 @@ def reconstruct_dual_layer(
     marks: Marks | None = None,
     edges: Edges = "layers",
     weight: float = 0.1,
+    rounds: int = 0,
+    rim_weight: float = 1.0,
+    normal_weight: float = 0.1,
+    tension_length: float = 0.12,
 ) -> Reconstruction:
     """Normals as the paper has them: the cluster labelled 1 (of two, the one that fits better), else the initial one.
 
-    clusters of the region's (H, W); mask (H, W) bool; initial (H, W, 3).
+    clusters of the region's (H, W); mask (H, W) bool; initial (H, W, 3). rounds: how often the rejected and unobserved
+    pixels are filled afresh from the accepted normals and the rim, and between two fillings labelled anew against
+    them; none is the paper's method. The last three are those of `rounds` and shape that filling.
     """
+    if clusters.normals.shape[1:3] != mask.shape:
+        raise ValueError(f"clusters of {clusters.normals.shape[1:3]} pixels do not fit a mask of {mask.shape}")
     normals = np.where(mask[None, :, :, None], clusters.normals[:2], np.nan)
     marked, marked_normals, pins = pinned(marks, normals, mask)
-    nodes = nodes_of(normals, initial, mask, pins)
-    labels = label_dual_layer(nodes, mask, edges=edges, weight=weight)
-    labels[~np.isfinite(normals[..., 0])] = 0
-    fit = np.where(labels == 1, nodes.one, np.inf)
-    chosen = np.take_along_axis(normals, fit.argmin(axis=0)[None, :, :, None], axis=0)[0]
-    chosen = np.where(labels.any(axis=0)[..., None], chosen, marked_normals)
+    rim, outward = rim_normals(mask)
+    scale, surface = inradius(mask), smooth_field(mask, tension_length) if rounds else None
+
+    def labelled(field: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        nodes = nodes_of(normals, field, mask, pins)
+        labels = label_dual_layer(nodes, mask, edges=edges, weight=weight)
+        labels[~np.isfinite(normals[..., 0])] = 0
+        best = np.where(labels == 1, nodes.one, np.inf).argmin(axis=0)
+        chosen = np.take_along_axis(normals, best[None, :, :, None], axis=0)[0]
+        return labels, np.where(labels.any(axis=0)[..., None], chosen, marked_normals)
+
+    def filled(known: np.ndarray) -> np.ndarray:
+        assert surface is not None
+        weights = np.where(known, normal_weight, np.where(rim, rim_weight, 0.0))
+        return surface.solve(np.where(known[..., None], chosen, outward), weights)
+
+    field, changes = initial, []
+    labels, chosen = labelled(field)
+    for number in range(rounds):
+        if number:
+            previous, (labels, chosen) = labels, labelled(field)
+            changes.append(int((previous != labels).any(axis=0).sum()))
+        field = filled(np.isfinite(chosen[..., 0]))
     accepted = np.isfinite(chosen[..., 0])
-    rim, _ = rim_normals(mask)
-    scale = inradius(mask)
-    sure = np.where(marked, 1.0, observed_confidence(chosen, scale))
-    field = field_confidence(accepted, rim, FIELD_GROWTH / scale, scale)
+    if rounds:
+        expected = field_confidence(accepted, rim, field_growth(filled, chosen, scale), scale)
+    else:
+        expected = np.full(mask.shape, _agreement(initial, chosen))
+    sure = np.where(marked, 1.0, LABEL_TRUST * observed_confidence(chosen, scale))
     kept = np.zeros(clusters.normals.shape[:3], np.uint8)
     kept[:2] = labels
+    elsewhere = np.where(rim, SILHOUETTE, FILLED) if rounds else SILHOUETTE
+    provenance = np.select([~mask, marked, accepted], [OUTSIDE, MARKED, OBSERVED], elsewhere)
     return Reconstruction(
         labels=kept,
-        normals=np.where(accepted[..., None], chosen, initial).astype(np.float32),
+        normals=np.where(accepted[..., None], chosen, field).astype(np.float32),
         initial=initial,
-        provenance=np.select([~mask, marked, accepted, rim], [OUTSIDE, MARKED, OBSERVED, SILHOUETTE], FILLED).astype(
-            np.uint8
-        ),
-        confidence=np.where(mask, np.where(accepted, sure, field), np.nan).astype(np.float32),
-        rounds=(Round(int(accepted.sum()), int(accepted.sum())),),
+        provenance=provenance.astype(np.uint8),
+        confidence=np.where(mask, np.where(accepted, sure, expected), np.nan).astype(np.float32),
+        rounds=tuple(Round(int(accepted.sum()), changed) for changed in [int(accepted.sum()), *changes]),
     )
+
+
+def _agreement(initial: np.ndarray, accepted: np.ndarray) -> float:
+    """Share of the accepted normals (H, W, 3; NaN elsewhere) within 5 degrees of the initial ones (H, W, 3).
+
+    They did not shape the initial normals, so they are the one place where those can be checked. Where nothing was
+    accepted nothing speaks for them, and however many agree, they are no surer than the rim.
+    """
+    known = np.isfinite(accepted[..., 0])
+    if not known.any():
+        return 0.0
+    return min(RIM_TRUST, float((angles(initial[known], accepted[known]) < 5.0).mean()))

@@ -16,7 +16,6 @@ from typing import get_args
 import cv2
 import numpy as np
 
-from tasks.algorithms.baselines import reconstruct_winner
 from tasks.algorithms.clusters import Clusters, cluster_pixels, light_shares, thresholds, white_level
 from tasks.algorithms.dual_layer import Edges, label_dual_layer, nodes_of, reconstruct_dual_layer
 from tasks.algorithms.geometry import half_vectors_of, unit
@@ -103,7 +102,7 @@ def main() -> None:
     ]
     print(f"{'silhouette only':22s}" + "".join(f"{cell:>22s}" for cell in cells))
     cells = [
-        f"{score(scene, reconstruct_winner(scene.clusters, scene.mask, initial).normals)} {'':6s}"
+        score(scene, np.where(np.isfinite(scene.clusters.winner), scene.clusters.winner, initial)) + 7 * " "
         for scene, initial in zip(scenes, initials, strict=True)
     ]
     print(f"{'winner takes all':22s}" + "".join(f"{cell:>22s}" for cell in cells))
