@@ -40,6 +40,7 @@ def reconstruct_winner(
 
     growth = field_growth(field_of, values, scale)
     sure = np.where(known, observed_confidence(values, scale), field_confidence(known, rim, growth, scale))
+    sure = np.where(marked, 1.0, sure)
     labels = np.zeros(clusters.normals.shape[:3], np.uint8)
     labels[0] = seen
     provenance = np.select([~mask, marked, seen, rim], [OUTSIDE, MARKED, OBSERVED, SILHOUETTE], FILLED)

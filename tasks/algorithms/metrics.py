@@ -26,12 +26,13 @@ class NormalErrors:
 
 @dataclass(frozen=True, slots=True)
 class DepthErrors:
-    """Depth against truth, each component shifted to fit: mean absolute and RMS error in the truth's unit, and the mean
-    as a share of the diagonal of the object's bounding box."""
+    """Depth against truth, each component shifted to fit: mean absolute and RMS error in the truth's unit; the mean as
+    a share of the diagonal of the object's bounding box; `missing` pixels without a result, left out."""
 
     mean: float
     rms: float
     relative: float
+    missing: int
 
 
 def normal_errors(normals: np.ndarray, truth: np.ndarray, region: np.ndarray) -> NormalErrors:
@@ -61,7 +62,10 @@ def depth_errors(depth: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> Dept
     """Errors of depth (H, W) against truth (H, W), both towards the camera in one unit, inside a mask (H, W) bool.
 
     One view does not show offsets, so each 4-connected component is shifted by the median difference.
+    Raises ValueError where shapes differ or nothing can be compared.
     """
+    if depth.shape != truth.shape or mask.shape != truth.shape:
+        raise ValueError(f"depth {depth.shape}, truth {truth.shape} and mask {mask.shape} do not fit")
     known = mask & np.isfinite(depth) & np.isfinite(truth)
     if not known.any():
         raise ValueError("no pixel of the mask has both a depth and a truth")
@@ -75,4 +79,5 @@ def depth_errors(depth: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> Dept
     extent = (np.ptp(rows) + 1.0, np.ptp(columns) + 1.0, float(np.ptp(truth[known])))
     off = error[known]
     mean = float(np.abs(off).mean())
-    return DepthErrors(mean, float(np.sqrt((off**2).mean())), mean / float(np.linalg.norm(extent)))
+    missing = int((mask & np.isfinite(truth) & ~known).sum())
+    return DepthErrors(mean, float(np.sqrt((off**2).mean())), mean / float(np.linalg.norm(extent)), missing)

@@ -34,3 +34,20 @@ def test_each_component_of_depth_has_its_own_offset() -> None:
     found[0, 0] += 3.0
     errors = depth_errors(found, truth, mask)
     assert errors.mean == pytest.approx(3.0 / 64) and errors.rms == pytest.approx(np.sqrt(9 / 64))
+
+
+def test_depth_is_related_to_the_size_of_the_object_and_missing_depth_is_counted() -> None:
+    truth = np.zeros((4, 5))
+    truth[0, 0] = np.nan
+    found = np.tile([1.0, -1.0], 10).reshape(4, 5)
+    found[3, 4] = np.nan
+    errors = depth_errors(found, truth, np.ones((4, 5), bool))
+    assert errors.missing == 1
+    assert errors.relative == pytest.approx(errors.mean / np.hypot(4, 5))
+
+
+def test_depth_that_cannot_be_compared_is_refused() -> None:
+    with pytest.raises(ValueError, match="fit"):
+        depth_errors(np.ones((2, 2)), np.ones((2, 3)), np.ones((2, 3), bool))
+    with pytest.raises(ValueError, match="no pixel"):
+        depth_errors(np.full((2, 2), np.nan), np.ones((2, 2)), np.ones((2, 2), bool))

@@ -1,10 +1,14 @@
 """Initial normals of outlines whose surfaces are known."""
 
+from pathlib import Path
+
+import cv2
 import numpy as np
 import pytest
 
 from tasks.algorithms.geometry import angles, unit
 from tasks.algorithms.markup import Marks
+from tasks.algorithms.metrics import normal_errors
 from tasks.algorithms.silhouette import initial_normals
 
 
@@ -50,3 +54,24 @@ def test_marks_are_hard_constraints() -> None:
 def test_an_empty_mask_is_refused() -> None:
     with pytest.raises(ValueError, match="empty"):
         initial_normals(np.zeros((5, 5), bool))
+
+
+def test_a_mask_that_fills_the_region_has_no_rim_and_faces_the_camera() -> None:
+    found = initial_normals(np.ones((20, 30), bool))
+    assert not found.rim.any()
+    np.testing.assert_allclose(found.initial, np.broadcast_to((0.0, 0.0, 1.0), (20, 30, 3)), atol=1e-6)
+
+
+def test_false_marks_are_no_constraints() -> None:
+    mask, marked = disc(61, 27.0), unit(np.array([0.4, -0.2, 1.0]))
+    false = Marks(np.array([[30, 30]]), marked[None], np.array([0]))
+    np.testing.assert_array_equal(initial_normals(mask, marks=false).initial, initial_normals(mask).initial)
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize(("name", "whole"), [("hemisphere", 0.019), ("cylinder", 0.125), ("duck", 0.117)])
+def test_silhouettes_alone_are_as_good_as_plain_inflation(shared_data: Path, name: str, whole: float) -> None:
+    folder = shared_data / "captures" / name / "front"
+    mask = cv2.imread(str(folder / "mask.png"), cv2.IMREAD_GRAYSCALE) > 0
+    error = normal_errors(initial_normals(mask).initial, np.load(folder / "truth" / "normals.npy"), mask)
+    assert error.squared < 1.15 * whole and error.missing == 0
