@@ -104,7 +104,7 @@ def write(catalogue: Catalogue, path: str | Path) -> None:
             for key in ADDRESSES:
                 if key in holder and Path(holder[key]).is_relative_to(path.parent):
                     holder[key] = str(Path(holder[key]).relative_to(path.parent))
-    yaml = YAML(typ="safe", pure=True)
+    yaml = YAML(typ="safe")
     yaml.Representer = _Representer
     yaml.default_flow_style = None
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]

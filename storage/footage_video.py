@@ -48,7 +48,7 @@ class Video:
 
     def frames(self, start: int = 0, step: int = 1) -> Iterator[np.ndarray]:
         """Luma (H, W) of frames start, start + step, ..; those between are decoded and dropped."""
-        done, time = 0, 0.0
+        done, begin, end = 0, None, 0.0
         warnings: list[str] = []
         with self._open() as container:
             luma: Luma | None = None
@@ -61,10 +61,10 @@ class Video:
                             "cut the video there",
                         )
                     yield luma.of(frame)
-                done, time = done + 1, frame.time or time
-            claimed, seconds = container.streams.video[0].frames, _seconds(container)
-            interval = seconds / self.count if self.count else 0.0
-            if claimed > done or (not claimed and time + max(0.5, 3 * interval) < seconds):
+                if frame.time is not None:
+                    begin, end = frame.time if begin is None else begin, frame.time
+                done += 1
+            if _ends_early(container, done, end - (begin or 0.0)):
                 of = f" of {self.count}" if self.count else ""
                 warnings.append(f"the video ends early: frames 0 to {done - 1}{of} can be read")
         self.warnings = warnings
@@ -72,8 +72,8 @@ class Video:
     def _sound(self, container: Any, warnings: list[str]) -> Iterator[av.VideoFrame]:
         """Frames in order; damaged ones are given out with a warning unless nothing sound follows them."""
         held: list[av.VideoFrame] = []
-        index = 0
-        for frame in self._decoded(container):
+        index, lost = 0, list[int]()
+        for frame in self._decoded(container, lost):
             if frame.is_corrupt and len(held) < _HELD:
                 held.append(frame)
             else:
@@ -85,8 +85,12 @@ class Video:
                 yield frame
         if held:
             warnings.append(f"the video is damaged from frame {index} on")
+        if lost:
+            warnings.append(f"{len(lost)} of its frames cannot be decoded and are left out, the first near {lost[0]}")
 
-    def _decoded(self, container: Any) -> Iterator[av.VideoFrame]:
+    def _decoded(self, container: Any, lost: list[int] | None = None) -> Iterator[av.VideoFrame]:
+        """Frames that can be decoded; `lost` takes, for each packet that cannot, how many came before it."""
+        decoded = 0
         stream = container.streams.video[0]
         stream.thread_type = "AUTO"
         packets = container.demux(stream)
@@ -96,10 +100,14 @@ class Video:
             except av.FFmpegError:
                 packet = None
             try:
-                yield from stream.decode(packet)
+                for frame in stream.decode(packet):
+                    decoded += 1
+                    yield frame
             except av.FFmpegError:
                 if packet is None:
                     return
+                if lost is not None:
+                    lost.append(decoded)
             if packet is None or (packet.dts is None and packet.size == 0):
                 return
 
@@ -125,6 +133,18 @@ class Video:
             if size.width * size.height > MAX_PIXELS:
                 raise InputError(f"{self.uri} claims {size.width} x {size.height} pixels", "check the file")
             yield container
+
+
+def _ends_early(container: Any, done: int, time: float) -> bool:
+    """Whether less was read than the file claims: `done` frames, the last `time` seconds after the first."""
+    stream = container.streams.video[0]
+    # AVI counts slots, those too in which the camera had no frame.
+    if stream.frames and container.format.name != "avi":
+        return bool(stream.frames > done)
+    interval = time / max(1, done - 1)
+    # Without a duration of its own a stream is measured by the container's, which sound may lengthen.
+    slack = 2 * interval if stream.duration else max(0.5, 3 * interval)
+    return time + slack < _seconds(container)
 
 
 def _seconds(container: Any) -> float:

@@ -28,19 +28,23 @@ def write_video(
     container_options: dict[str, str] | None = None,
     full_range: bool = False,
 ) -> Path:
-    """Write luma frames (uint8 or uint16, full range) as a video; `times` in milliseconds (default: every 40)."""
+    """Write luma frames (uint8 or uint16, full range) as a video; `times` in milliseconds (default: every 40).
+
+    AVI has a slot every 40 ms; slots without a frame are empty.
+    """
     with av.open(str(path), "w", options=container_options or {}) as container:
         stream = container.add_stream(codec, rate=25, options=options or {})
         stream.height, stream.width = frames[0].shape
         stream.pix_fmt = pixels
-        stream.codec_context.time_base = Fraction(1, 1000)
+        unit = 40 if path.suffix == ".avi" else 1
+        stream.codec_context.time_base = Fraction(unit, 1000)
         if full_range:
             stream.codec_context.color_range = 2
         for index, luma in enumerate(frames):
             frame = av.VideoFrame(luma.shape[1], luma.shape[0], pixels)
             _fill(frame, luma, pixels, full_range)
-            frame.pts = times[index] if times else 40 * index
-            frame.time_base = Fraction(1, 1000)
+            frame.pts = (times[index] if times else 40 * index) // unit
+            frame.time_base = Fraction(unit, 1000)
             for packet in stream.encode(frame):
                 container.mux(packet)
         for packet in stream.encode():
