@@ -54,9 +54,10 @@ def _captures(place: Path) -> list[dict[str, Any]]:
     captures = []
     for view in _folders(place):
         found = _footage(view)
+        several = len(found) > 1
         for name, frames in found:
             captures.append(
-                _capture(view, view.name if len(found) == 1 else f"{view.name}-{name}", frames, False, taken)
+                _capture(view, f"{view.name}-{name}" if several else view.name, frames, several, taken)
             )
     return captures
 

@@ -45,7 +45,7 @@ def content_digest(
     chosen = [location] if files is None else files
     marks = [_mark(file) for file in chosen]
     memory = store.child("digests")
-    key = digest_of([file.uri for file in chosen]) + ".json"
+    key = digest_of([files is None, *(file.uri for file in chosen)]) + ".json"
     known = None if rehash else _recall(memory, key, marks)
     if known is not None:
         return known
@@ -66,7 +66,7 @@ def _mark(file: Location) -> list[Any]:
     try:
         if file.local is not None:
             status = file.local.stat()
-            return [status.st_size, status.st_mtime_ns]
+            return [status.st_size, status.st_mtime_ns, status.st_ctime_ns]
         with store_faults(file.uri, "looking at an input"):
             try:
                 found = obstore.head(file.parent.obstore(), file.name)
@@ -81,7 +81,7 @@ def _mark(file: Location) -> list[Any]:
 
 def _is_fresh(mark: list[Any]) -> bool:
     """Whether a local file changed so lately that a further change could leave size and time as they are."""
-    return isinstance(mark[1], int) and abs(time.time_ns() - mark[1]) < _TICK
+    return isinstance(mark[1], int) and abs(time.time_ns() - max(mark[1:])) < _TICK
 
 
 def _recall(memory: Location, key: str, marks: list[list[Any]]) -> str | None:

@@ -16,9 +16,10 @@ from storage.listing import read_bytes
 from storage.location import Location
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm", ".webp", ".jp2")
-MAX_PIXELS = 250_000_000
+MAX_PIXELS = 170_000_000
 """Largest frame that is believed; a bomb of a few kilobytes can claim far more."""
 _MAX_BYTES = 2_000_000_000
+warnings.filterwarnings("ignore", category=Image.DecompressionBombWarning)
 _AHEAD = 4
 _WORKERS = 2
 
@@ -44,10 +45,8 @@ def decode_image(data: bytes, name: str, colour: bool = False) -> np.ndarray:
 
 def _check_size(data: bytes, name: str) -> None:
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(io.BytesIO(data)) as image:
-                width, height = image.size
+        with Image.open(io.BytesIO(data)) as image:
+            width, height = image.size
     except Image.DecompressionBombError as error:
         raise InputError(f"{name} claims an absurd size", f"at most {MAX_PIXELS:,} pixels are read") from error
     except (OSError, ValueError, SyntaxError) as error:

@@ -27,6 +27,8 @@ from storage.location import Location
 
 SHARD = 64
 """Frames of a shard, and edge of a chunk in pixels and frames."""
+_WHOLE: Any = {"write_empty_chunks": True, "read_missing_chunks": False}
+"""Black frames are stored like others, so that what is missing is never read as black."""
 _LAYOUT = 1
 _WAITING = 2
 _ALL = slice(None)
@@ -123,7 +125,7 @@ class FrameCache:
         with store_faults(self.location.uri, f"reading frames of {name}"):
             try:
                 if name not in self._arrays:
-                    self._arrays[name] = self._group[name]
+                    self._arrays[name] = _array(self._group, name)
                 start, stop, step = frames.indices(self.frames)
                 return np.asarray(self._arrays[name][start:stop:step, rows, columns])
             except (KeyError, ValueError, RuntimeError) as error:
@@ -171,6 +173,10 @@ def _begin(place: Location, footage: Footage, crops: Mapping[str, Region]) -> za
     return group
 
 
+def _array(group: zarr.Group, name: str) -> "zarr.Array[Any]":
+    return cast("zarr.Array[Any]", group[name]).with_config(_WHOLE)
+
+
 def _padded(size: int) -> int:
     return -(-size // SHARD) * SHARD
 
@@ -184,7 +190,7 @@ def _write_all(
     progress: Callable[[int, int | None], None] | None,
 ) -> None:
     """Decode in this thread, compress and write in another; at most `_WAITING` shards wait in between."""
-    arrays = {name: cast("zarr.Array[Any]", group[name]) for name in crops}
+    arrays = {name: _array(group, name) for name in crops}
     expected = footage.count or None
     done -= done % SHARD
 

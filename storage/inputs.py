@@ -1,6 +1,7 @@
 """What lies beside a capture's frames: mask, known lights, markup, truth. Hostile until checked."""
 
 import io
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -113,10 +114,10 @@ def _array(data: bytes, shape: tuple[int | None, ...], uri: str) -> np.ndarray:
         raise InputError(f"{uri} has shape {' x '.join(map(str, found))}", f"it must be {wanted}")
     if kind.kind not in "fiu":
         raise InputError(f"{uri} holds values of type {kind}", "save numbers")
-    size = int(np.prod(found, dtype=np.int64)) * kind.itemsize
-    if len(data) - stream.tell() < size:
-        raise InputError(f"{uri} is cut off", "copy it again")
-    flat = np.frombuffer(data, kind, int(np.prod(found, dtype=np.int64)), stream.tell())
+    count = math.prod(found)
+    if min(found) < 1 or len(data) - stream.tell() < count * kind.itemsize:
+        raise InputError(f"{uri} is cut off or empty", "copy it again")
+    flat = np.frombuffer(data, kind, count, stream.tell())
     return flat.reshape(found, order="F" if fortran else "C").astype(np.float32)
 
 

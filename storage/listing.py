@@ -97,8 +97,10 @@ def _local(path: Path, suffixes: Collection[str]) -> list[Location] | None:
                 file for file in path.iterdir() if file.suffix.lower() in suffixes and not file.name.startswith(".")
             )
             return [Location("file", "", str(file)) for file in names if file.is_file()]
-        if path.exists():
+        if path.is_file():
             return None
+        if path.exists():
+            raise InputError(f"{path} is neither a file nor a folder", MISSING)
         if is_pattern(str(path)):
             return [Location("file", "", found) for found in glob.glob(str(path)) if Path(found).is_file()]  # noqa: PTH207
     except OSError as error:

@@ -45,7 +45,7 @@ class Location:
             raise LocationError(f"no usable address: {text!r}", _FORMS)
         remote = _REMOTE.fullmatch(text)
         if remote is None:
-            return cls("file", "", os.path.abspath((folder or Path.cwd()) / Path(text).expanduser()))  # noqa: PTH100 - `..` goes
+            return cls("file", "", os.path.abspath((folder or Path.cwd()) / os.path.expanduser(text)))  # noqa: PTH100 - `..` goes
         scheme, rest = remote["scheme"].lower(), remote["rest"]
         if scheme == "file":
             return cls("file", "", str(Path("/" + rest.lstrip("/"))))
