@@ -1,6 +1,7 @@
 """What lies beside a capture's frames: mask, known lights, markup, truth. Hostile until checked."""
 
 import io
+import tokenize
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -107,7 +108,7 @@ def _array(data: bytes, shape: tuple[int | None, ...], uri: str) -> np.ndarray:
         version = np.lib.format.read_magic(stream)
         reader: Any = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         found, fortran, kind = reader(stream)
-    except (ValueError, SyntaxError, TypeError) as error:
+    except (ValueError, SyntaxError, TypeError, tokenize.TokenError, RecursionError, MemoryError) as error:
         raise InputError(f"{uri} is no array of numpy", "save it with numpy.save") from error
     if len(found) != len(shape) or any(want not in (None, have) for want, have in zip(shape, found, strict=True)):
         wanted = " x ".join("any" if length is None else str(length) for length in shape)

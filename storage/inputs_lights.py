@@ -25,6 +25,8 @@ def read_lights(address: Address, names: Sequence[str] = (), count: int | None =
     if not rows or not rows[0][1].isdecimal() or len(rows[0][1]) > 9:
         first = rows[0][1] if rows else ""
         raise InputError(f"{location.uri}:1: {quoted(first)} is no count", "the first line holds the number of lights")
+    if len(rows) == 1:
+        raise InputError(f"{location.uri} holds no light", "give one row `name x y z` per frame")
     claimed, problems = int(rows[0][1]), []
     found: list[tuple[str, list[float]]] = []
     for number, line in rows[1:]:
