@@ -232,6 +232,8 @@ def _share(part: int, whole: int) -> str:
 
 def _title(name: str) -> str:
     stem = Path(name).stem.removeprefix("relit_").replace("_", " ")
+    if stem == "surface":
+        return "The surface, turned"
     return f"Relit from the {stem}" if stem else "Relit"
 
 
