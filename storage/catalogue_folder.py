@@ -56,9 +56,7 @@ def _captures(place: Path) -> list[dict[str, Any]]:
         found = _footage(view)
         several = len(found) > 1
         for name, frames in found:
-            captures.append(
-                _capture(view, f"{view.name}-{name}" if several else view.name, frames, several, taken)
-            )
+            captures.append(_capture(view, f"{view.name}-{name}" if several else view.name, frames, several, taken))
     return captures
 
 

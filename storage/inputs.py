@@ -1,8 +1,8 @@
 """What lies beside a capture's frames: mask, known lights, markup, truth. Hostile until checked."""
 
 import io
-import tokenize
 import math
+import tokenize
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

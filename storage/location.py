@@ -45,7 +45,8 @@ class Location:
             raise LocationError(f"no usable address: {text!r}", _FORMS)
         remote = _REMOTE.fullmatch(text)
         if remote is None:
-            return cls("file", "", os.path.abspath((folder or Path.cwd()) / os.path.expanduser(text)))  # noqa: PTH100 - `..` goes
+            path = (folder or Path.cwd()) / os.path.expanduser(text)  # noqa: PTH111 - an unknown ~user stays
+            return cls("file", "", os.path.abspath(path))  # noqa: PTH100 - `..` goes
         scheme, rest = remote["scheme"].lower(), remote["rest"]
         if scheme == "file":
             return cls("file", "", str(Path("/" + rest.lstrip("/"))))

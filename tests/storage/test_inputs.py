@@ -46,7 +46,7 @@ def test_a_mask_of_the_frame_or_of_the_region(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", ["colour", "alpha", "deep", "faint blue"])
 def test_depth_and_channels_of_a_mask_do_not_matter(tmp_path: Path, kind: str) -> None:
     mask = _disc()
-    pixels = {
+    pixels: np.ndarray = {
         "colour": np.repeat(mask[..., None], 3, axis=2).astype(np.uint8) * 255,
         "alpha": np.dstack([mask * 255] * 3 + [np.full(SIZE, 255)]).astype(np.uint8),
         "deep": mask.astype(np.uint16),
@@ -93,7 +93,7 @@ def _lights(folder: Path, text: str | bytes) -> Path:
 def test_lights_in_order_become_unit(tmp_path: Path) -> None:
     lights = read_lights(_lights(tmp_path, "2\na.jpg 0 0 2\nb.jpg 3 0 4\n"), count=2)
     assert lights.dtype == np.float32
-    assert np.allclose(lights, [[0, 0, 1], [0.6, 0, 0.8]])
+    assert np.allclose(lights, np.array([[0, 0, 1], [0.6, 0, 0.8]]))
 
 
 @pytest.mark.parametrize("rows", [("b.png", "a.png"), ("dir/b.png", "c:\\dir\\A.PNG"), ("b.tif", "a.jpg")])
