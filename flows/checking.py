@@ -11,6 +11,7 @@ from flows.errors import REFUSALS
 from flows.progress import Event, Reporter, open_display
 from flows.tables import show, table_of
 from storage.location import Location
+from storage.probe import probe
 from tasks.check import Check, check
 from tasks.references import CaptureReference, chosen_captures, load_catalogue
 
@@ -18,6 +19,7 @@ from tasks.references import CaptureReference, chosen_captures, load_catalogue
 def check_catalogue(file: Path, store: str, out: Path, only: Sequence[str], as_json: bool) -> int:
     """Check captures one after the other; the command's exit status."""
     chosen = chosen_captures(load_catalogue(file).objects, only)
+    probe(Location.parse(store))
     place, found, refused = Location.parse(store).uri, list[Check](), dict[str, Exception]()
     with open_display(as_json) as display:
         for object_id, captures in chosen.items():

@@ -34,10 +34,12 @@ def run(
         CatalogueError, InputError: the catalogue is unusable; RunningError: server or cluster are.
     """
     from storage.location import Location
+    from storage.probe import probe
     from tasks.references import chosen_captures, load_catalogue
 
     loaded, place = load_catalogue(catalogue), Location.parse(store)
     chosen_captures(loaded.objects, only)
+    probe(place)
     server = start_server()
     # Server and cluster start side by side while this process imports the rest.
     from flows.cluster import Cluster
