@@ -46,13 +46,13 @@ def test_a_mask_of_the_frame_or_of_the_region(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", ["colour", "alpha", "deep", "faint blue"])
 def test_depth_and_channels_of_a_mask_do_not_matter(tmp_path: Path, kind: str) -> None:
     mask = _disc()
-    pixels: np.ndarray = {
+    kinds: dict[str, np.ndarray] = {
         "colour": np.repeat(mask[..., None], 3, axis=2).astype(np.uint8) * 255,
         "alpha": np.dstack([mask * 255] * 3 + [np.full(SIZE, 255)]).astype(np.uint8),
         "deep": mask.astype(np.uint16),
         "faint blue": np.dstack([mask, np.zeros(SIZE), np.zeros(SIZE)]).astype(np.uint8),
-    }[kind]
-    assert np.array_equal(read_mask(_image(tmp_path / "mask.png", pixels), SIZE), mask)
+    }
+    assert np.array_equal(read_mask(_image(tmp_path / "mask.png", kinds[kind]), SIZE), mask)
 
 
 def test_a_mask_of_a_wrong_size(tmp_path: Path) -> None:
