@@ -193,15 +193,20 @@ def _write_all(
     arrays = {name: _array(group, name) for name in crops}
     expected = footage.count or None
     done -= done % SHARD
+    written = done
 
     def write(start: int, shards: Mapping[str, np.ndarray], length: int) -> None:
+        nonlocal written
+        if start != written:
+            return  # a shard before this one failed; counting this one would count that one too
         for name, array in arrays.items():
             if array.shape[0] < start + SHARD:
                 array.resize((max(2 * array.shape[0], start + SHARD), *array.shape[1:]))
             array[start : start + SHARD] = shards[name]
             if place.local is not None:
                 flush(place.local / name / "c" / str(start // SHARD) / "0" / "0")
-        group.attrs.update({"frames": start + length})
+        written = start + length
+        group.attrs.update({"frames": written})
         if progress is not None:
             progress(start + length, expected)
 
