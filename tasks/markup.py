@@ -24,7 +24,7 @@ def markup(work: Workspace, progress: Progress) -> Outcome:
     said = read_markup(work.capture.markup, cache.frame_size, cache.frames, region, mask)
     marks = [Mark(each.frame, each.x - region.x, each.y - region.y, each.kind == "true") for each in said]
     bars, half_vectors = bars_of(work, cache, mask), work.load("lights").read("half_vectors")
-    tracks = track(marks, partial(cache.read, OBJECT), bars, half_vectors, mask)
+    tracks = track(marks, partial(cache.read, OBJECT), bars, half_vectors, mask, (region.x, region.y))
     return Outcome(
         arrays=_arrays(tracks.marks),
         counts={"marks": len(marks), "marked pixels": len(tracks.marks.kind)},

@@ -1,6 +1,7 @@
 """Marks followed along highlights that move as they are told."""
 
 import numpy as np
+import pytest
 
 from tasks.algorithms.geometry import half_vectors_of
 from tasks.algorithms.markup import Mark, pinned, track
@@ -24,7 +25,7 @@ def followed(frames: np.ndarray, marks: list[Mark], mask: np.ndarray | None = No
     half_vectors[5] = np.nan
     mask = np.ones((SIZE, SIZE), bool) if mask is None else mask
     bars = np.full((SIZE, SIZE), 200, np.uint8)
-    return track(marks, lambda t, y, x: frames[t, y, x], bars, half_vectors, mask), half_vectors
+    return track(marks, lambda t, y, x: frames[t, y, x], bars, half_vectors, mask, (100, 200)), half_vectors
 
 
 def test_a_mark_follows_its_highlight_both_ways() -> None:
@@ -55,13 +56,69 @@ def test_meeting_highlights_end_the_track() -> None:
 def test_a_mark_beside_nothing_is_told() -> None:
     tracks, _ = followed(footage((10, 30, 1.0, 0)), [Mark(3, 40.0, 10.0, False)])
     assert len(tracks.marks.kind) == 0
-    assert "frame 3, x 40.0, y 10.0" in tracks.warnings[0]
+    assert "mark 0 (false, frame 3, x 140, y 210) has no highlight within 4 pixels" in tracks.warnings[0]
+
+
+def test_a_mark_at_a_frame_without_light_is_told() -> None:
+    frames = footage((10, 30, 1.0, 0))
+    frames[:5] = frames[6:] = 20
+    tracks, _ = followed(frames, [Mark(5, 15.0, 30.0, True)])
+    assert len(tracks.marks.kind) == 0 and "light was rejected" in tracks.warnings[0]
 
 
 def test_true_and_false_at_one_place_are_a_conflict() -> None:
     marks = [Mark(10, 20.0, 30.0, True), Mark(10, 21.0, 31.0, False)]
     tracks, _ = followed(footage((10, 30, 1.0, 0)), marks)
-    assert len(tracks.marks.kind) == 0 and tracks.conflicts and "neither counts" in tracks.conflicts[0]
+    assert len(tracks.marks.kind) == 0 and len(tracks.conflicts) == 1
+    assert "marks 0 (true, frame 10, x 120, y 230) and 1 (false, frame 10, x 121, y 231)" in tracks.conflicts[0]
+
+
+def test_a_highlight_that_splits_off_another_ends_the_track() -> None:
+    tracks, _ = followed(footage((20, 30, 0.0, 0), (14, 30, 1.0, 0.0)), [Mark(25, 20.0, 30.0, True)])
+    assert tracks.warnings == () and 13 < tracks.marks.pixels[:, 1].min()
+    alone, _ = followed(footage((20, 30, 0.0, 0)), [Mark(25, 20.0, 30.0, True)])
+    assert len(tracks.marks.kind) < 20 < len(alone.marks.kind)
+
+
+def test_highlights_run_together_count_where_they_were_marked() -> None:
+    frames = np.full((COUNT, SIZE, SIZE), 20, np.uint8)
+    frames[:, 20:40, 20:24] = frames[:, 36:40, 20:40] = 255
+    tracks, half_vectors = followed(frames, [Mark(8, 22.0, 25.0, True)])
+    np.testing.assert_array_equal(tracks.marks.pixels, [[25, 22]])
+    np.testing.assert_array_equal(tracks.marks.half_vectors[0], half_vectors[8])
+
+
+def test_a_mark_stays_at_its_place_along_a_line() -> None:
+    frames = np.full((COUNT, SIZE, SIZE), 20, np.uint8)
+    for number in range(COUNT):
+        frames[number, 5 : 55 - number, 20 + number // 2 : 25 + number // 2] = 255
+    tracks, half_vectors = followed(frames, [Mark(10, 26.0, 14.0, True)])
+    assert len(tracks.marks.kind) == COUNT - 1
+    assert set(tracks.marks.pixels[:, 0].tolist()) <= {13, 14, 15}
+    for (_, column), half_vector in zip(tracks.marks.pixels, tracks.marks.half_vectors, strict=True):
+        frame = int(np.flatnonzero((half_vectors == half_vector).all(axis=1))[0])
+        assert column == 22 + frame // 2
+
+
+def test_a_frame_beyond_the_footage_is_refused() -> None:
+    with pytest.raises(ValueError, match="frame 30 of 30"):
+        followed(footage((10, 30, 1.0, 0)), [Mark(COUNT, 10.0, 30.0, True)])
+
+
+def test_long_footage_is_read_in_small_parts() -> None:
+    sizes = []
+
+    def read(frames: slice, rows: slice, columns: slice) -> np.ndarray:
+        shape = frames.stop - frames.start, min(rows.stop, 500) - rows.start, min(columns.stop, 500) - columns.start
+        sizes.append(int(np.prod(shape)))
+        block = np.zeros(shape, np.uint8)
+        block[:, 20:25, 20:25] = 255
+        return block
+
+    half_vectors = np.tile(np.array([0, 0, 1], np.float32), (100_000, 1))
+    bars, mask = np.full((500, 500), 200, np.uint8), np.ones((500, 500), bool)
+    tracks = track([Mark(50_000, 22.0, 22.0, True)], read, bars, half_vectors, mask)
+    assert len(tracks.marks.kind) > 0 and max(sizes) < 130**3
 
 
 def test_pins_reach_the_clusters_near_a_mark() -> None:
