@@ -42,7 +42,7 @@ def peak_memory(catalogue: Path, store: Path) -> tuple[float, float, float]:
                 continue
         largest = max([largest, *(rss for rss, _ in sizes)])
         together = max(together, sum(pss for _, pss in sizes))
-        time.sleep(0.1)
+        time.sleep(0.5)
     if process.wait() != 0:
         raise SystemExit(f"glint run {catalogue} failed")
     return largest, together, time.monotonic() - started
