@@ -1,10 +1,15 @@
 """Marks followed along highlights that move as they are told."""
 
+import json
+from pathlib import Path
+
+import cv2
 import numpy as np
 import pytest
 
-from tasks.algorithms.geometry import half_vectors_of
+from tasks.algorithms.geometry import angles, half_vectors_of
 from tasks.algorithms.markup import Mark, pinned, track
+from tests.benchmarks.dual_layer_weights import read_region
 
 COUNT, SIZE = 30, 60
 
@@ -75,7 +80,7 @@ def test_true_and_false_at_one_place_are_a_conflict() -> None:
 
 def test_a_highlight_that_splits_off_another_ends_the_track() -> None:
     tracks, _ = followed(footage((20, 30, 0.0, 0), (14, 30, 1.0, 0.0)), [Mark(25, 20.0, 30.0, True)])
-    assert tracks.warnings == () and 13 < tracks.marks.pixels[:, 1].min()
+    assert tracks.warnings == () and tracks.marks.pixels[:, 1].min() > 13
     alone, _ = followed(footage((20, 30, 0.0, 0)), [Mark(25, 20.0, 30.0, True)])
     assert len(tracks.marks.kind) < 20 < len(alone.marks.kind)
 
@@ -129,3 +134,23 @@ def test_pins_reach_the_clusters_near_a_mark() -> None:
     marked, values, pins = pinned(marks, normals, np.ones((3, 3), bool))
     assert marked[1, 1] and marked.sum() == 1 and pins[:, 1, 1].tolist() == [-1, 1]
     np.testing.assert_allclose(values[1, 1], [0.6, 0, 0.8])
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize("name", ["cylinder", "duck"])
+def test_tracks_of_true_marks_have_true_normals(shared_data: Path, name: str) -> None:
+    folder = shared_data / "captures" / name / "front"
+    mask = cv2.imread(str(folder / "mask.png"), cv2.IMREAD_GRAYSCALE) > 0
+    truth = np.load(folder / "truth" / "normals.npy")
+    half_vectors = half_vectors_of(np.load(folder / "truth" / "lights.npy")).astype(np.float32)
+    half_vectors[half_vectors[:, 2] < np.cos(np.pi / 4)] = np.nan
+    entries = json.loads((folder / "markup.json").read_text())
+    marks = [Mark(each["frame"], each["x"] - 16, each["y"] - 16, each["kind"] == "true") for each in entries]
+    frames = read_region(folder / "video.mp4", mask.shape)
+    bars = np.full(mask.shape, 225, np.uint8)
+    tracks = track(marks, lambda t, y, x: frames[t, y, x], bars, half_vectors, mask)
+    rows, columns = tracks.marks.pixels.T
+    error = angles(tracks.marks.half_vectors, truth[rows, columns])
+    true = tracks.marks.kind == 1
+    assert len(error) > 3 * len(marks) and not tracks.warnings
+    assert np.median(error[true]) < 1.2 and (error[true] < 5).mean() > 0.98 and (error[~true] < 5).mean() < 0.02
