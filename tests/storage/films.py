@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import av
 import cv2
@@ -33,7 +34,7 @@ def write_video(
     AVI has a slot every 40 ms; slots without a frame are empty.
     """
     with av.open(str(path), "w", options=container_options or {}) as container:
-        stream = container.add_stream(codec, rate=25, options=options or {})
+        stream: Any = container.add_stream(codec, rate=25, options=options or {})
         stream.height, stream.width = frames[0].shape
         stream.pix_fmt = pixels
         unit = 40 if path.suffix == ".avi" else 1

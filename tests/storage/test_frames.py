@@ -6,6 +6,7 @@ import os
 import shutil
 import signal
 import subprocess
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -39,8 +40,8 @@ def _film(count: int) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def film(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, np.ndarray]:
-    """A lossless video of 650 frames, and the frames."""
-    frames = _film(650)
+    """A lossless video of 330 frames, and the frames."""
+    frames = _film(330)
     return write_video(tmp_path_factory.mktemp("film") / "film.mkv", list(frames), "ffv1", "gray"), frames
 
 
@@ -92,7 +93,7 @@ def test_part_of_the_frames_and_pixels(tmp_path: Path, film: tuple[Path, np.ndar
     part = cache.read("object", slice(60, 200, 7), slice(60, 66), slice(1, 70, 3))
     crop = CROPS["object"]
     assert np.array_equal(part, frames[60:200:7, crop.rows, crop.columns][:, 60:66, 1:70:3])
-    assert cache.read("object", slice(640, 9999)).shape == (10, 66, 70)
+    assert cache.read("object", slice(320, 9999)).shape == (10, 66, 70)
     assert cache.read("object", slice(-3, None)).shape == (3, 66, 70)
     assert cache.read("object", slice(700, 710)).shape == (0, 66, 70)
     with pytest.raises(StoreError, match="no frames of 'other'"):
@@ -208,7 +209,7 @@ def _ingest_slowly(path: Path, folder: Path, done: Any) -> None:
     class Slow(_Counted):
         def frames(self, start: int = 0, step: int = 1) -> Iterator[np.ndarray]:
             for frame in super().frames(start, step):
-                SPAWN.Event().wait(0.002)
+                time.sleep(0.002)
                 yield frame
 
     footage: Any = Slow(open_footage(path))
@@ -218,14 +219,14 @@ def _ingest_slowly(path: Path, folder: Path, done: Any) -> None:
 @pytest.mark.slow
 def test_killed_at_any_time_it_is_whole_in_the_end(tmp_path: Path, film: tuple[Path, np.ndarray]) -> None:
     random = np.random.default_rng(0)
-    for _ in range(3):
+    for _ in range(2):
         done = SPAWN.Value("i", 0)
         worker = SPAWN.Process(target=_ingest_slowly, args=(film[0], tmp_path, done))
         worker.start()
         begin = done.value
         while worker.is_alive() and done.value == begin:
             worker.join(0.01)
-        worker.join(float(random.uniform(0, 0.15)))
+        worker.join(float(random.uniform(0, 0.1)))
         assert worker.pid is not None
         os.kill(worker.pid, signal.SIGKILL)
         worker.join(timeout=60)
@@ -253,6 +254,7 @@ def _ingest(path: Path, folder: Path, outcome: Any) -> None:
     outcome.put((cache.complete, int(cache.read("all").sum(dtype=np.int64))))
 
 
+@pytest.mark.slow
 def test_two_writers_make_one_cache(tmp_path: Path, film: tuple[Path, np.ndarray]) -> None:
     outcome = SPAWN.Queue()
     workers = [SPAWN.Process(target=_ingest, args=(film[0], tmp_path, outcome)) for _ in range(2)]
@@ -289,7 +291,7 @@ def test_a_store_that_cannot_be_written(tmp_path: Path, film: tuple[Path, np.nda
     (tmp_path / "store").write_text("a file")
     with pytest.raises(StoreError, match="a file stands where a folder must be"):
         FrameCache.ingest(open_footage(film[0]), _place(tmp_path), "d", CROPS)
-    with pytest.raises(StoreError, match="cannot|failed|no such|right"):
+    with pytest.raises(StoreError, match="writing frames failed at /proc/store"):
         FrameCache.ingest(open_footage(film[0]), Location.parse("/proc/store"), "d", CROPS)
 
 
