@@ -35,14 +35,16 @@ Workers = Annotated[
 
 
 def main() -> None:
-    """Run the command line; errors that name their remedy are told in two lines, without a trace."""
+    """Run the command line; errors that name their remedy, and files, are told in two lines, without a trace."""
     try:
         app()
     except Exception as error:
-        remedy = getattr(error, "remedy", None)
+        message, remedy = getattr(error, "message", error), getattr(error, "remedy", None)
+        if remedy is None and isinstance(error, OSError) and error.filename is not None:
+            message, remedy = f"{error.filename}: {error.strerror}", "check the path and its permissions"
         if remedy is None:
             raise
-        typer.secho(f"glint: {getattr(error, 'message', error)}", fg="red", err=True)
+        typer.secho(f"glint: {message}", fg="red", err=True)
         typer.secho(f"  -> {remedy}", err=True)
         sys.exit(2)
 

@@ -65,7 +65,8 @@ def chosen_captures(objects: Sequence[Object], only: Sequence[str] = ()) -> dict
     names = {f"{each}/{one}": (each, one) for each, captures in every.items() for one in captures}
     unknown = [name for name in only if name not in names and name not in every]
     if unknown:
-        close = get_close_matches(unknown[0], [*every, *names], 1)
+        close = [name for name in names if name.endswith(f"/{unknown[0]}")]
+        close += get_close_matches(unknown[0], [*every, *names], 1)
         raise InputError(
             f"the catalogue has no {', '.join(unknown)}",
             f"did you mean {close[0]}?" if close else "name OBJECT or OBJECT/CAPTURE as in the catalogue",
