@@ -91,8 +91,10 @@ class Cluster:
     ) -> None:
         """End the cluster, whatever happened."""
         if error is not None:
-            # Results that are still awaited when the client closes are reported by asyncio, one by one.
-            logging.getLogger("asyncio").setLevel(logging.CRITICAL)
+            # Results that are still awaited when the client closes are reported one by one, calls that are cancelled
+            # before they began as errors.
+            for reporter in ("asyncio", "tornado.application"):
+                logging.getLogger(reporter).setLevel(logging.CRITICAL)
         self.close()
 
     @property

@@ -25,6 +25,7 @@ from typing import Any
 import psutil
 
 from flows.errors import ServerError
+from flows.processes import born, is_alive
 from flows.settings import glint_home, prepare_environment
 
 FIRST_PORT = 4200
@@ -72,7 +73,7 @@ class Server:
             return
         deadline = time.monotonic() + seconds
         while not _answers(self.api_url):
-            if not _alive(self.process):
+            if not is_alive(*self.process):
                 raise ServerError(f"the Prefect server ended while it started ({_last_line(self.log)})", self._remedy())
             if time.monotonic() > deadline:
                 raise ServerError(f"the Prefect server at {self.api_url} gave no answer", self._remedy())
@@ -121,7 +122,7 @@ def start_server(home: Path | None = None) -> Server:
         if state is not None and state.prefect != version("prefect"):
             _stop(state)
             state = None
-        started = state is None or not _alive(state.process)
+        started = state is None or not is_alive(*state.process)
         if state is None or started:
             state = _spawn(folder)
     prepare_environment(state.api_url, folder / "prefect")
@@ -189,7 +190,7 @@ def _spawn(folder: Path) -> _State:
             cwd=folder,
             start_new_session=True,
         )
-    state = _State(api_url, (child.pid, psutil.Process(child.pid).create_time()), version("prefect"))
+    state = _State(api_url, (child.pid, born(child.pid)), version("prefect"))
     (folder / "server.json").write_text(json.dumps(asdict(state)))
     return state
 
@@ -215,17 +216,8 @@ def _free_port() -> int:
     raise ServerError("no loopback port is free", "set PREFECT_API_URL to a server of yours")
 
 
-def _alive(process: tuple[int, float]) -> bool:
-    pid, created = process
-    try:
-        found = psutil.Process(pid)
-        return found.create_time() == created and found.status() != psutil.STATUS_ZOMBIE
-    except psutil.NoSuchProcess:
-        return False
-
-
 def _stop(state: _State) -> bool:
-    if not _alive(state.process):
+    if not is_alive(*state.process):
         return False
     process = psutil.Process(state.process[0])
     process.terminate()

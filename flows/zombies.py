@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import psutil
+from flows.processes import born, is_alive
 
 RUN_TAG = "glint"
 
@@ -25,8 +25,8 @@ def tagged() -> Iterator[None]:
 
 
 def process_tag() -> str:
-    """This process by machine, number and time of creation."""
-    return _tag(os.getpid(), psutil.Process().create_time())
+    """This process by machine, number and start."""
+    return _tag(os.getpid())
 
 
 def close_runs_of_the_dead() -> int:
@@ -68,15 +68,12 @@ def close_runs_of_the_dead() -> int:
     return len(dead)
 
 
-def _tag(pid: int, created: float) -> str:
-    return f"process {socket.gethostname()} {pid} {created:.2f}"
+def _tag(pid: int) -> str:
+    return f"process {socket.gethostname()} {pid} {born(pid):.2f}"
 
 
 def _is_dead(tag: str) -> bool:
-    parts = tag.split()
-    if len(parts) != 4 or parts[0] != "process" or parts[1] != socket.gethostname() or not parts[2].isdigit():
-        return False
-    try:
-        return _tag(int(parts[2]), psutil.Process(int(parts[2])).create_time()) != tag
-    except psutil.NoSuchProcess:
-        return True
+    match tag.split():
+        case ["process", host, pid, seconds] if host == socket.gethostname() and pid.isdigit():
+            return not is_alive(int(pid), float(seconds))
+    return False
