@@ -13,6 +13,7 @@ from prefect import flow, runtime, task
 
 from flows import server as module
 from flows.errors import ServerError
+from flows.processes import is_alive
 from flows.server import FIRST_PORT, Server, ensure_server, start_server, stop_server
 
 
@@ -160,7 +161,7 @@ def test_a_server_of_another_version_is_replaced(tmp_path: Path, monkeypatch: py
     new = start_server(tmp_path)
     assert new.started
     assert old.process is not None
-    assert not module._alive(old.process)
+    assert not is_alive(*old.process)
     stop_server(tmp_path)
 
 
