@@ -57,7 +57,7 @@ class CaptureOptions:
     """Standard deviation of a slow wander of the camera, pixels."""
     noise: float = 1.8
     """Standard deviation of the sensor's noise in 8-bit levels."""
-    crf: int = 20
+    crf: int = 14
     """Constant rate factor of H.264: 18 looks lossless, 35 is poor."""
     mask_error: int = 0
     """Pixels by which the mask that is written is too large (negative: too small)."""
