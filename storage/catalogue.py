@@ -1,11 +1,14 @@
 """Catalogues: read from YAML with every error at once, written, and made from a folder of captures."""
 
+import io
 import os
+import posixpath
 import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import obstore
 from pydantic import BaseModel, ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.representer import SafeRepresenter
@@ -15,6 +18,9 @@ from storage.catalogue_models import ADDRESSES, Camera, Capture, Catalogue, Obje
 from storage.catalogue_problems import problems_of
 from storage.catalogue_yaml import MAX_BYTES, LinedDict, LinedList, parse, plain_value
 from storage.errors import InputError, StorageError
+from storage.faults import store_faults
+from storage.listing import Address, locate, read_bytes
+from storage.location import Location
 from storage.problems import Problem
 
 __all__ = [
@@ -46,33 +52,33 @@ class CatalogueError(StorageError):
         return type(self), (self.problems,)
 
 
-def load(path: str | Path, parameters_model: type[BaseModel] | None = None) -> Catalogue:
-    """Read a catalogue; relative paths in it count from its folder.
+def load(path: Address, parameters_model: type[BaseModel] | None = None) -> Catalogue:
+    """Read a catalogue, also one in an object store; relative paths in it count from its folder.
 
     parameters_model: one field per stage, each a model with a default for every field; what the catalogue's
     `parameters` say is checked against it.
 
     Raises:
         CatalogueError: with everything that is wrong.
-        InputError: no such file, or it is too large.
+        InputError: no such file, or it is too large; StoreError: the object store cannot be read.
     """
-    path = Path(path)
-    root, problems = parse(_text(path), str(path))
+    place, name = locate(path), path.uri if isinstance(path, Location) else str(path)
+    root, problems = parse(_text(place, name), name)
     if root is None and problems:
         raise CatalogueError(tuple(problems))
     if not isinstance(root, LinedDict):
         raise CatalogueError(
-            (Problem(str(path), 1, "this is no catalogue", "begin with `schema: 1`, `name` and `objects`"),)
+            (Problem(name, 1, "this is no catalogue", "begin with `schema: 1`, `name` and `objects`"),)
         )
-    problems += _crossed(root, str(path))
+    problems += _crossed(root, name)
     if parameters_model is not None:
         for holder in _holders(root):
-            problems += _wrong_parameters(holder, parameters_model, str(path))
-    _resolve(root, path.absolute().parent)
+            problems += _wrong_parameters(holder, parameters_model, name)
+    _resolve(root, place.parent)
     try:
         catalogue = Catalogue.model_validate(root)
     except ValidationError as error:
-        problems += problems_of(error, root, Catalogue, str(path))
+        problems += problems_of(error, root, Catalogue, name)
     if problems:
         raise CatalogueError(tuple(sorted(set(problems), key=lambda problem: (problem.line, problem.message))))
     return catalogue
@@ -91,29 +97,38 @@ def parameters_for(catalogue: Catalogue, object_id: str, capture_id: str) -> dic
     return merged
 
 
-def write(catalogue: Catalogue, path: str | Path) -> None:
-    """Write a catalogue, whole or not at all; paths below the file's folder become relative.
+def write(catalogue: Catalogue, path: Address) -> None:
+    """Write a catalogue, whole or not at all; addresses below its folder become relative.
 
     Raises:
-        OSError: it cannot be written.
+        OSError, StoreError: it cannot be written.
     """
-    path = Path(path).absolute()
+    place = locate(path)
     data = catalogue.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+    folder = place.parent.uri.rstrip("/") + "/"
     for each in data["objects"]:
         for holder in (each, *each["captures"]):
             for key in ADDRESSES:
-                if key in holder and Path(holder[key]).is_relative_to(path.parent):
-                    holder[key] = str(Path(holder[key]).relative_to(path.parent))
+                if key in holder:
+                    holder[key] = holder[key].removeprefix(folder) or holder[key]
     yaml = YAML(typ="safe")
     yaml.Representer = _Representer
     yaml.default_flow_style = None
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
     yaml.width = 110
-    with tempfile.NamedTemporaryFile(
-        "w", dir=path.parent, prefix=".", suffix=".yaml", encoding="utf-8", delete=False
-    ) as file:
+    text = io.BytesIO()
+    yaml.dump(data, text)
+    if place.local is None:
+        with store_faults(place.uri, "writing a catalogue"):
+            obstore.put(place.parent.obstore(), place.name, text.getvalue(), use_multipart=False)
+    else:
+        _replace(place.local, text.getvalue())
+
+
+def _replace(path: Path, data: bytes) -> None:
+    with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".", suffix=".yaml", delete=False) as file:
         try:
-            yaml.dump(data, file)
+            file.write(data)
             file.flush()
             os.fsync(file.fileno())
             os.chmod(file.name, 0o644)  # noqa: PTH101
@@ -134,18 +149,25 @@ class _Representer(SafeRepresenter):
 _Representer.add_representer(str, _Representer.represent_str)
 
 
-def _text(path: Path) -> str:
+def _text(place: Location, name: str) -> str:
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise InputError(
-                f"{path} has {path.stat().st_size:,} bytes", f"a catalogue has at most {MAX_BYTES:,}; split it"
-            )
-        return path.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        raise InputError(f"the catalogue {path} cannot be read ({error.strerror})", "check the path") from error
+        return _bytes(place, name).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = error.object[: error.start].count(b"\n") + 1
-        raise CatalogueError((Problem(str(path), line, "this is not UTF-8 text", "save the file as UTF-8"),)) from error
+        raise CatalogueError((Problem(name, line, "this is not UTF-8 text", "save the file as UTF-8"),)) from error
+
+
+def _bytes(place: Location, name: str) -> bytes:
+    if place.local is None:
+        return read_bytes(place, MAX_BYTES)
+    try:
+        if place.local.stat().st_size > MAX_BYTES:
+            raise InputError(
+                f"{name} has {place.local.stat().st_size:,} bytes", f"a catalogue has at most {MAX_BYTES:,}; split it"
+            )
+        return place.local.read_bytes()
+    except OSError as error:
+        raise InputError(f"the catalogue {name} cannot be read ({error.strerror})", "check the path") from error
 
 
 def _holders(root: LinedDict) -> Iterator[LinedDict]:
@@ -190,13 +212,19 @@ def _wrong_parameters(holder: LinedDict, model: type[BaseModel], file: str) -> l
     return []
 
 
-def _resolve(root: LinedDict, folder: Path) -> None:
+def _resolve(root: LinedDict, folder: Location) -> None:
     """Make relative paths absolute."""
     for holder in _holders(root):
         for key in ADDRESSES:
             value = holder.get(key)
             if isinstance(value, str) and value and "://" not in value:
-                holder[key] = os.path.normpath(folder / value)
+                holder[key] = _below(folder, value)
+
+
+def _below(folder: Location, path: str) -> str:
+    if folder.local is not None or path.startswith("/"):
+        return os.path.normpath(Path(folder.path) / path)
+    return f"{folder.scheme}://{folder.container}/{posixpath.normpath(posixpath.join(folder.path, path))}"
 
 
 def _merge(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:

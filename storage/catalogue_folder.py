@@ -8,13 +8,14 @@ several captures; then <video>.mask.png, <video>.lp and <video>.markup.json belo
 
 import re
 from collections import defaultdict
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
-from storage.catalogue_models import Catalogue
+from storage.catalogue_models import Catalogue, Object
 from storage.errors import InputError
 from storage.footage_images import SUFFIXES
-from storage.listing import natural_key
+from storage.listing import Address, entries, locate
+from storage.location import Location
 
 VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".mts", ".mxf")
 _BESIDE = re.compile(r"(.*[._-])?(mask|normals?([._-]map)?|depth|preview|reference|albedo)")
@@ -22,37 +23,44 @@ _BESIDE = re.compile(r"(.*[._-])?(mask|normals?([._-]map)?|depth|preview|referen
 _INSIDE = ("frames", "images")
 
 
-def from_folder(folder: str | Path) -> Catalogue:
-    """The catalogue of a folder with one sub-folder per object.
+def from_folder(folder: Address) -> Catalogue:
+    """The catalogue of a folder, or a prefix of an object store, with one sub-folder per object.
 
     Raises:
-        InputError: no such folder, or no footage in it.
+        InputError: no such folder, or no footage in it; StoreError: the object store cannot be read.
     """
-    folder = Path(folder).absolute()
-    objects = []
+    place = locate(folder)
     taken: set[str] = set()
-    for place in _folders(folder):
-        captures = _captures(place)
-        if captures:
-            entry: dict[str, Any] = {"id": _id(place.name, taken), "captures": captures}
-            if (place / "truth_model.ply").is_file():
-                entry["truth_model"] = str(place / "truth_model.ply")
-            objects.append(entry)
+    objects = [found for each in entries(place)[0] if (found := object_of(each, taken)) is not None]
     if not objects:
         raise InputError(
-            f"{folder} holds no captures", "make one sub-folder per object with a video or a set of images in it"
+            f"{place.uri} holds no captures", "make one sub-folder per object with a video or a set of images in it"
         )
-    return Catalogue.model_validate({"schema": 1, "name": folder.name or "captures", "objects": objects})
+    return Catalogue.model_validate({"schema": 1, "name": place.name or "captures", "objects": objects})
 
 
-def _captures(place: Path) -> list[dict[str, Any]]:
+def object_of(place: Location, taken: set[str]) -> Object | None:
+    """The object of one sub-folder, None if there is no footage in it; `taken` are ids that others have, and gets its.
+
+    Raises:
+        InputError: the folder cannot be read; StoreError: the object store cannot.
+    """
+    captures = _captures(place)
+    if not captures:
+        return None
+    entry: dict[str, Any] = {"id": _id(place.name, taken), "captures": captures}
+    model = next((file.uri for file in entries(place)[1] if file.name == "truth_model.ply"), None)
+    return Object.model_validate(entry | ({"truth_model": model} if model else {}))
+
+
+def _captures(place: Location) -> list[dict[str, Any]]:
     """Captures that lie in an object's folder itself, else those of its sub-folders."""
     taken: set[str] = set()
     found = _footage(place)
     if found:
         return [_capture(place, name, frames, len(found) > 1, taken) for name, frames in found]
     captures = []
-    for view in _folders(place):
+    for view in entries(place)[0]:
         found = _footage(view)
         several = len(found) > 1
         for name, frames in found:
@@ -60,36 +68,41 @@ def _captures(place: Path) -> list[dict[str, Any]]:
     return captures
 
 
-def _footage(place: Path) -> list[tuple[str, str]]:
+def _footage(place: Location) -> list[tuple[str, str]]:
     """Name and address of what can be footage in a folder: its videos, else its largest set of images."""
-    files = _files(place)
-    videos = [file for file in files if file.suffix.lower() in VIDEOS]
+    folders, files = entries(place)
+    videos = [file for file in files if _suffix(file) in VIDEOS]
     if videos:
-        return [(file.stem, str(file)) for file in videos]
-    for folder in (place, *(place / name for name in _INSIDE)):
-        sets: dict[str, list[Path]] = defaultdict(list)
-        for file in _files(folder):
-            if file.suffix.lower() in SUFFIXES and not _BESIDE.fullmatch(file.stem.lower()):
-                sets[re.sub(r"\d+", "[0-9]*", _literal(file.name))].append(file)
-        sets = {pattern: found for pattern, found in sets.items() if len(found) > 1}
+        return [(_stem(file), file.uri) for file in videos]
+    inside = [folder for name in _INSIDE for folder in folders if folder.name == name]
+    for folder in (place, *inside):
+        sets: dict[str, int] = defaultdict(int)
+        for file in files if folder is place else entries(folder)[1]:
+            if _suffix(file) in SUFFIXES and not _BESIDE.fullmatch(_stem(file).lower()):
+                sets[re.sub(r"\d+", "[0-9]*", _literal(file.name))] += 1
+        sets = {pattern: count for pattern, count in sets.items() if count > 1}
         if sets:
-            pattern = max(sets, key=lambda each: (len(sets[each]), each))
-            return [("front", str(Path(_literal(str(folder))) / pattern))]
+            pattern = max(sets, key=lambda each: (sets[each], each))
+            # A pattern holds for a key's last part alone; a path is one pattern from its root.
+            address = folder.uri if folder.local is None else _literal(folder.uri)
+            return [("front", f"{address.rstrip('/')}/{pattern}")]
     return []
 
 
-def _capture(place: Path, name: str, frames: str, several: bool, taken: set[str]) -> dict[str, Any]:
+def _capture(place: Location, name: str, frames: str, several: bool, taken: set[str]) -> dict[str, Any]:
+    folders, listed = entries(place)
+    files = {file.name: file.uri for file in listed}
     stem = f"{Path(frames).stem}." if several else ""
     beside = {"mask": f"{stem}mask.png", "lights": f"{stem or 'lights.'}lp", "markup": f"{stem}markup.json"}
     capture: dict[str, Any] = {"id": _id("front" if name == "capture" else name, taken), "frames": frames}
-    capture |= {key: str(place / file) for key, file in beside.items() if (place / file).is_file()}
+    capture |= {key: files[file] for key, file in beside.items() if file in files}
     if not several:
         for key, pattern in (("mask", r"(.*[._-])?mask\.png"), ("lights", r".*\.lp")):
-            found = [file for file in _files(place) if re.fullmatch(pattern, file.name.lower())]
+            found = [uri for file, uri in files.items() if re.fullmatch(pattern, file.lower())]
             if key not in capture and len(found) == 1:
-                capture[key] = str(found[0])
-        if (place / "truth").is_dir():
-            capture["truth"] = str(place / "truth")
+                capture[key] = found[0]
+        truth = [folder.uri for folder in folders if folder.name == "truth"]
+        capture |= {"truth": truth[0]} if truth else {}
     return capture
 
 
@@ -109,17 +122,9 @@ def _literal(text: str) -> str:
     return re.sub(r"([*?[])", r"[\1]", text)
 
 
-def _folders(place: Path) -> list[Path]:
-    return _sorted(place, lambda path: path.is_dir())
+def _stem(file: Location) -> str:
+    return PurePosixPath(file.name).stem
 
 
-def _files(place: Path) -> list[Path]:
-    return _sorted(place, lambda path: path.is_file()) if place.is_dir() else []
-
-
-def _sorted(place: Path, wanted: Any) -> list[Path]:
-    try:
-        found = [path for path in place.iterdir() if not path.name.startswith(".") and wanted(path)]
-    except OSError as error:
-        raise InputError(f"{place} cannot be read ({error.strerror})", "check the path and its permissions") from error
-    return sorted(found, key=lambda path: (natural_key(path.name), path.name))
+def _suffix(file: Location) -> str:
+    return PurePosixPath(file.name).suffix.lower()

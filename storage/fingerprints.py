@@ -43,7 +43,7 @@ def content_digest(
     location = locate(address)
     files = expand(location, suffixes)
     chosen = [location] if files is None else files
-    marks = [_mark(file) for file in chosen]
+    marks = [mark(file) for file in chosen]
     memory = store.child("digests")
     key = digest_of([files is None, *(file.uri for file in chosen)]) + ".json"
     known = None if rehash else _recall(memory, key, marks)
@@ -51,9 +51,9 @@ def content_digest(
         return known
     each = [_sha256(file) for file in chosen]
     digest = each[0] if files is None else digest_of(sorted(zip((f.name for f in chosen), each, strict=True)))
-    if [_mark(file) for file in chosen] != marks:
+    if [mark(file) for file in chosen] != marks:
         raise InputError(f"{location.uri} changed while it was read", "run again when it is written to no more")
-    if any(_is_fresh(mark) for mark in marks):
+    if any(_is_fresh(each) for each in marks):
         return digest
     record = json.dumps({"address": location.uri, "marks": marks, "digest": digest}).encode()
     with store_faults(memory.uri, "remembering a digest"):
@@ -61,8 +61,12 @@ def content_digest(
     return digest
 
 
-def _mark(file: Location) -> list[Any]:
-    """What changes whenever the content does, without reading it."""
+def mark(file: Location) -> list[Any]:
+    """What changes whenever a file's content does, without reading it: size and times, or size and entity tag.
+
+    Raises:
+        InputError: it is not there, or cannot be read; StoreError: the object store cannot.
+    """
     try:
         if file.local is not None:
             status = file.local.stat()

@@ -51,6 +51,38 @@ def expand(location: Location, suffixes: Collection[str]) -> list[Location] | No
     return sorted(files, key=lambda file: (natural_key(file.path), file.path))
 
 
+def entries(place: Location) -> tuple[list[Location], list[Location]]:
+    """Folders and files directly in a folder or prefix, hidden ones left out, each in natural order.
+
+    Raises:
+        InputError: the folder cannot be read; StoreError: the object store cannot.
+    """
+    if place.local is not None:
+        try:
+            paths = list(place.local.iterdir())
+            folders = [Location("file", "", str(path)) for path in paths if path.is_dir()]
+            files = [Location("file", "", str(path)) for path in paths if path.is_file()]
+        except OSError as error:
+            raise InputError(
+                f"{place.uri} cannot be read ({error.strerror})", "check the path and its permissions"
+            ) from error
+    else:
+        with store_faults(place.uri, "listing an input"):
+            found = obstore.list_with_delimiter(place.obstore())
+        folders = [place.child(_last(prefix)) for prefix in found["common_prefixes"]]
+        files = [place.child(_last(entry["path"])) for entry in found["objects"]]
+    return _visible(folders), _visible(files)
+
+
+def _visible(places: list[Location]) -> list[Location]:
+    shown = [place for place in places if not place.name.startswith(".")]
+    return sorted(shown, key=lambda place: (natural_key(place.name), place.name))
+
+
+def _last(path: str) -> str:
+    return path.strip("/").rpartition("/")[2]
+
+
 def read_bytes(location: Location, limit: int) -> bytes:
     """A file's bytes.
 
@@ -115,7 +147,7 @@ def _remote(location: Location, suffixes: Collection[str]) -> list[Location] | N
         if pattern is None and Path(location.name).suffix:
             return None
         found = obstore.list_with_delimiter(folder.obstore())["objects"]
-    names = [entry["path"].rpartition("/")[2] for entry in found]
+    names = [_last(entry["path"]) for entry in found]
     if pattern is None:
         return [folder.child(name) for name in names if Path(name).suffix.lower() in suffixes]
     return [folder.child(name) for name in names if fnmatch.fnmatchcase(name, pattern)]

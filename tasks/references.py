@@ -8,6 +8,8 @@ from pathlib import Path
 
 from storage.catalogue import Catalogue, Object, load
 from storage.errors import InputError
+from storage.fingerprints import mark
+from storage.location import Location
 from tasks.parameters import Parameters
 from tasks.workspace import Workspace
 
@@ -43,13 +45,16 @@ def load_catalogue(path: str | Path) -> Catalogue:
     Raises:
         CatalogueError: with everything that is wrong; InputError: it cannot be read.
     """
-    place = Path(path).absolute()
-    changed = place.stat().st_mtime_ns if place.is_file() else 0
-    return _load(place, changed)
+    place = Location.parse(path)
+    try:
+        changed = str(mark(place))
+    except InputError:
+        changed = "missing"
+    return _load(place.uri, changed)
 
 
 @lru_cache(maxsize=4)
-def _load(path: Path, changed: int) -> Catalogue:
+def _load(path: str, changed: str) -> Catalogue:
     return load(path, Parameters)
 
 
