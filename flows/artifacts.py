@@ -18,7 +18,7 @@ from tasks.stage import Record
 from tasks.workspace import Workspace
 
 if TYPE_CHECKING:
-    from flows.catalogue import CaptureResult, ObjectResult, RunResult
+    from flows.outcomes import CaptureResult, ObjectResult, RunResult
 
 LARGEST_PAGE = 300_000
 """Characters of a page, pictures included: the dashboard fetches it whole."""

@@ -127,6 +127,12 @@ def run(
     rehash: Annotated[
         bool, typer.Option("--rehash", help="Read all inputs again, whatever their time of change.")
     ] = False,
+    drift: Annotated[
+        float | None,
+        typer.Option(
+            metavar="DEGREES", min=0.0, help="Say so when more than a twentieth of an object's normals move further."
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Work through a catalogue: every capture to a surface, every object to a version; goes on where it stopped."""
@@ -135,7 +141,9 @@ def run(
 
     place = chosen_store(store)
     with open_display(as_json) as display:
-        summary = run_all(file, place, display, only=only or [], scheduler=scheduler, workers=workers, rehash=rehash)
+        summary = run_all(
+            file, place, display, only=only or [], scheduler=scheduler, workers=workers, rehash=rehash, drift=drift
+        )
     from flows.tables import run_table, show, summary_json
 
     if as_json:
@@ -145,6 +153,9 @@ def run(
         for failure in summary.result.failed:
             typer.secho(f"{failure.name} failed: {failure.error}", fg="red")
             typer.echo(f"  -> {failure.remedy}")
+        for moved in summary.result.drifts:
+            typer.secho(f"{moved}", fg="yellow")
+            typer.echo(f"  -> glint diff {moved.object_id} {moved.before} {moved.after}{_store_option(store)}")
         done = next((each for each in summary.result.objects if each.version is not None), None)
         typer.echo(f"dashboard: {summary.page}")
         if done is not None:

@@ -77,9 +77,9 @@ def worker_reporter(capture: str, stage: str) -> Reporter:
     return Reporter(lambda event: worker.log_event(TOPIC, {"event": asdict(event)}), capture, stage)
 
 
-def listen(client: "Client", display: Display) -> None:
+def listen(client: "Client", show: Callable[[Event], None]) -> None:
     """Show what the steps on the workers of this client's cluster tell."""
-    client.subscribe_topic(TOPIC, lambda event: display.show(Event(**event[1]["event"])))
+    client.subscribe_topic(TOPIC, lambda event: show(Event(**event[1]["event"])))
 
 
 def open_display(as_json: bool = False) -> Display:

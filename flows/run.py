@@ -4,13 +4,15 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from flows.progress import Display, Event
 from flows.server import start_server
 
 if TYPE_CHECKING:
-    from flows.catalogue import RunResult
+    from prefect.client.schemas.objects import State
+
+    from flows.outcomes import RunResult
 
 WARMED = ("tasks.stages",)
 """Modules that every worker imports before its first task."""
@@ -26,9 +28,9 @@ class Summary:
 
 def run(
     catalogue: Path, store: str, display: Display, *, only: Sequence[str] = (), scheduler: str | None = None,
-    workers: int | None = None, rehash: bool = False,
+    workers: int | None = None, rehash: bool = False, drift: float | None = None,
 ) -> Summary:  # fmt: skip
-    """Run a catalogue.
+    """Run a catalogue; `drift`: degrees by which an object's normals may move against its version before unannounced.
 
     Raises:
         CatalogueError, InputError: the catalogue is unusable; RunningError: server or cluster are.
@@ -46,7 +48,7 @@ def run(
 
     with Cluster(scheduler, workers, WARMED) as cluster:
         from flows.catalogue import run_catalogue
-        from flows.surroundings import share
+        from flows.surroundings import share, side_by_side
         from flows.zombies import close_runs_of_the_dead, tagged
 
         server.wait()
@@ -54,7 +56,7 @@ def run(
         display.show(Event("message", text=f"dashboard {server.ui_url}, workers {cluster.workers}"))
         with server.connected(), tagged():
             close_runs_of_the_dead()
-            result = run_catalogue(
+            state: Any = run_catalogue(
                 str(catalogue.absolute()),
                 loaded.name,
                 place.uri,
@@ -62,13 +64,23 @@ def run(
                 only=list(only),
                 side_by_side=side_by_side(cluster.workers),
                 rehash=rehash,
+                drift=drift,
+                return_state=True,
             )
+            result: RunResult = result_of(state)
         return Summary(result, f"{server.ui_url}/runs/flow-run/{result.run}")
 
 
-def side_by_side(workers: int) -> int:
-    """Captures to work on at once: one more than workers keeps them busy while another is between stages."""
-    return workers + 1
+def result_of(state: "State[Any]") -> Any:
+    """The result that a flow run left in its final state, whatever that is.
+
+    Raises:
+        BaseException: what ended the flow run instead of a result.
+    """
+    result = state.result(raise_on_failure=False)
+    if isinstance(result, BaseException):
+        raise result
+    return result
 
 
 def default_store() -> str:

@@ -20,11 +20,14 @@ def _nobody(event: Event) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """client: for all threads of this process; show: told of every event."""
+    """client: for all threads of this process; show: told of every event; turns: captures worked on at once;
+    ended: whether the run has been abandoned; latest: the last progress by capture and stage."""
 
     client: Client
     show: Callable[[Event], None] = _nobody
+    turns: threading.Semaphore = field(default_factory=lambda: threading.Semaphore(2))
     ended: threading.Event = field(default_factory=threading.Event)
+    latest: dict[tuple[str, str], Event] = field(default_factory=dict)
 
     def abandon(self) -> None:
         """End the run: what waits for a worker fails at once, and nothing more is begun."""
@@ -45,21 +48,33 @@ class Surroundings:
         return Reporter(self.show, capture, stage)
 
 
+def side_by_side(workers: int) -> int:
+    """Captures to work on at once: one more than workers keeps them busy while another is between stages."""
+    return workers + 1
+
+
 _known: dict[str, Surroundings] = {}
 _lock = threading.Lock()
 
 
 def share(address: str, client: Client, display: object | None = None) -> None:
     """Let flows that name this scheduler use this client, and tell this display (see `progress.Display`)."""
-    show: Callable[[Event], None] = getattr(display, "show", _nobody)
-    if display is not None:
-        listen(client, display)  # type: ignore[arg-type]
-    _known[address] = Surroundings(client, show)
+    told: Callable[[Event], None] = getattr(display, "show", _nobody)
+    turns = threading.Semaphore(side_by_side(len(client.nthreads())))
+    latest: dict[tuple[str, str], Event] = {}
+
+    def show(event: Event) -> None:
+        if event.kind == "progress":
+            latest[event.capture, event.stage] = event
+        told(event)
+
+    listen(client, show)
+    _known[address] = Surroundings(client, show, turns, latest=latest)
 
 
 def surroundings(address: str) -> Surroundings:
     """What was shared for this scheduler, else a new client of it."""
     with _lock:
         if address not in _known:
-            _known[address] = Surroundings(Client(address, set_as_default=False))
+            share(address, Client(address, set_as_default=False))
         return _known[address]

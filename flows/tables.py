@@ -1,6 +1,7 @@
 """What commands print at the end: tables for people, the same facts as JSON."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
@@ -12,7 +13,7 @@ from storage.objects import object_ids
 from storage.versions import ObjectRepository
 
 if TYPE_CHECKING:
-    from flows.catalogue import CaptureResult
+    from flows.outcomes import CaptureResult
     from flows.run import Summary
 
 WIDE = 200
@@ -71,7 +72,8 @@ def summary_json(summary: "Summary") -> dict[str, Any]:
         row | {"error": one.error, "remedy": one.remedy, "messages": one.warnings}
         for row, one in zip(run_rows(summary), summary.result.captures, strict=True)
     ]
-    return {"kind": "summary", "run": summary.result.run, "page": summary.page, "captures": rows}
+    drifts = [asdict(each) for each in summary.result.drifts]
+    return {"kind": "summary", "run": summary.result.run, "page": summary.page, "captures": rows, "drifts": drifts}
 
 
 def status_rows(store: str) -> list[dict[str, Any]]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, is_dataclass
 from datetime import date, datetime
 from pathlib import PurePath
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import zarr
@@ -106,9 +106,18 @@ def contents(store: Any) -> Keys:
 
 def stage_keys(store: Any, capture: str) -> dict[str, str]:
     """Key of each stage of a capture that has been saved."""
+    return {stage: key for stage, (key, _) in stage_records(store, capture).items()}
+
+
+def stage_records(store: Any, capture: str) -> dict[str, tuple[str, dict[str, Any]]]:
+    """Key and record of each stage of a capture that has been saved."""
     group = open_group(store, check_name(capture, "capture"))
     stages = {} if group is None else dict(group.groups())
-    return {name: str(stage.attrs["key"]) for name, stage in sorted(stages.items()) if "key" in stage.attrs}
+    return {
+        name: (str(stage.attrs["key"]), cast("dict[str, Any]", stage.attrs["record"]))
+        for name, stage in sorted(stages.items())
+        if "key" in stage.attrs and "record" in stage.attrs
+    }
 
 
 def open_group(store: Any, path: str) -> zarr.Group | None:

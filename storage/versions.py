@@ -36,6 +36,7 @@ from storage.results import (
     contents,
     read_stage,
     stage_keys,
+    stage_records,
     write_stage,
 )
 from storage.snapshots import Version
@@ -77,6 +78,11 @@ class ObjectRepository:
         """Key under which the stage was saved last, or None."""
         with self._faults(f"reading {capture}/{stage}"):
             return stage_keys(snapshots.session(self._repository, ref).store, capture).get(stage)
+
+    def records(self, capture: str, ref: str = "work") -> dict[str, tuple[str, dict[str, Any]]]:
+        """Key and record of each stage of a capture that has been saved, without its arrays."""
+        with self._faults(f"reading {capture}"):
+            return stage_records(snapshots.session(self._repository, ref).store, capture)
 
     def save(
         self,
@@ -203,6 +209,16 @@ class ObjectRepository:
                 what = "no version yet" if not names else f"no version {name!r} (it has {', '.join(names)})"
                 raise StoreError(f"{self.object_id} has {what}", "see `glint history` or run the object")
             return snapshots.read_version(self._repository, name or names[-1])
+
+    def published(self, keys: Keys) -> Version | None:
+        """The newest version, if publishing captures whose results have these keys would change nothing."""
+        with self._faults("reading the history"):
+            names = snapshots.version_names(self._repository)
+            newest = snapshots.read_version(self._repository, names[-1]) if names else None
+            if newest is None or self._repository.lookup_branch("main") != newest.snapshot:
+                return None
+        same = all(of in (newest.stages.get(name), newest.rejected.get(name)) for name, of in keys.items())
+        return replace(newest, created=False) if same else None
 
     def garbage_collect(self, dry_run: bool = False, keep: timedelta = timedelta(days=1)) -> Garbage:
         """Remove what no version and no branch's tip needs and is older than `keep`, which must outlast any save.

@@ -51,7 +51,7 @@ class Stage:
     version: int = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Record:
     """What performing a stage says: whether it was there already (`cached`), its seconds, counts and warnings."""
 
@@ -80,6 +80,13 @@ def stage_keys(work: Workspace, stages: Sequence[Stage]) -> dict[str, str]:
     return keys
 
 
+def stored(saved: Mapping[str, tuple[str, Mapping[str, Any]]], keys: Mapping[str, str]) -> tuple[Record, ...]:
+    """What performing stages would say if all of them were `saved` (key and record) under these keys, else nothing."""
+    if any(stage not in saved or saved[stage][0] != key for stage, key in keys.items()):
+        return ()
+    return tuple(_record_of(stage, key, saved[stage][1], 0.0) for stage, key in keys.items())
+
+
 def perform(work: Workspace, stage: Stage, key: str, progress: Progress | None = None) -> Record:
     """Compute and save a stage's result, unless it is stored under its key already.
 
@@ -88,8 +95,7 @@ def perform(work: Workspace, stage: Stage, key: str, progress: Progress | None =
     """
     started = perf_counter()
     if work.repository.stage_key(work.capture.id, stage.name) == key:
-        record = work.load(stage.name).record
-        return Record(stage.name, key, True, perf_counter() - started, record["counts"], tuple(record["warnings"]))
+        return _record_of(stage.name, key, work.load(stage.name).record, perf_counter() - started)
     outcome = stage.step(work, progress or _silent)
     seconds = perf_counter() - started
     record = {
@@ -103,6 +109,10 @@ def perform(work: Workspace, stage: Stage, key: str, progress: Progress | None =
     }
     work.repository.save(work.capture.id, stage.name, key, outcome.arrays, record, outcome.blobs)
     return Record(stage.name, key, False, perf_counter() - started, dict(outcome.counts), tuple(outcome.warnings))
+
+
+def _record_of(stage: str, key: str, saved: Mapping[str, Any], seconds: float) -> Record:
+    return Record(stage, key, True, seconds, saved["counts"], tuple(saved["warnings"]))
 
 
 def _parameters(work: Workspace, stage: str) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """What a step works on: one capture of one object in one store, with its parameters; small enough to send anywhere."""
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,10 @@ from tasks.parameters import Parameters
 
 INPUTS = ("frames", "lights", "mask", "markup")
 """Keys of a capture that name files."""
+
+
+OPEN_REPOSITORIES = 32
+"""Objects whose repository a process keeps open."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +54,7 @@ class Workspace:
 
     @property
     def repository(self) -> ObjectRepository:
-        """The object's results; opened once per process."""
+        """The object's results; kept open in this process for the next stage."""
         return _repository(self.store, self.object_id)
 
     @property
@@ -81,7 +85,7 @@ class Workspace:
         return type(self), (self.store, self.object_id, self.capture, self.parameters, self.run, self.rehash)
 
 
-@cache
+@lru_cache(maxsize=OPEN_REPOSITORIES)
 def _repository(store: str, object_id: str) -> ObjectRepository:
     return ObjectRepository.open(Location.parse(store), object_id)
 

@@ -11,7 +11,7 @@ import pytest
 from prefect import flow, runtime
 
 from flows.artifacts import LARGEST_PAGE, artifact_key, capture_page, catalogue_artifact, plain, problems_page
-from flows.catalogue import CaptureResult, ObjectResult, RunResult
+from flows.outcomes import CaptureResult, ObjectResult, RunResult
 from flows.server import Server
 from tasks.stage import Record
 

@@ -143,7 +143,7 @@ def work() -> str:
 @pytest.mark.server
 def test_workers_are_heard(cluster: Cluster) -> None:
     kept = Kept()
-    listen(cluster.client, kept)
+    listen(cluster.client, kept.show)
     assert cluster.client.submit(work, pure=False).result(timeout=60) == "done"
     deadline = time.monotonic() + 20
     while not kept.events or kept.events[-1].done != 100:
