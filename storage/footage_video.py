@@ -7,12 +7,11 @@ from typing import Any
 import av
 import cv2
 import numpy as np
-import obstore
 
 from storage.errors import InputError
-from storage.faults import store_faults
 from storage.footage_images import MAX_PIXELS
 from storage.location import Location
+from storage.remote_file import RemoteFile
 
 _TURNS = {90: cv2.ROTATE_90_COUNTERCLOCKWISE, -90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, -180: cv2.ROTATE_180}
 _HELD = 64
@@ -116,8 +115,7 @@ class Video:
         source: Any = self._location.path
         try:
             if self._location.local is None:
-                with store_faults(self.uri, "opening a video"):
-                    source = obstore.open_reader(self._location.parent.obstore(), self._location.name)
+                source = RemoteFile(self._location)
             container = av.open(source)
         except FileNotFoundError as error:
             raise InputError(f"{self.uri} does not exist", "check the path") from error

@@ -1,9 +1,14 @@
 """Fixtures shared by all tests."""
 
 import os
+import shutil
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from tests import azure_emulator, s3_gateway
 
 
 @pytest.fixture(scope="session")
@@ -22,3 +27,23 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     folder = tmp_path_factory.mktemp("simulated")
     return simulate("hemisphere", folder, CaptureOptions(frames=300, scale=0.3, ball_radius=22.0)).catalogue
+
+
+@pytest.fixture(scope="session")
+def s3() -> Iterator[s3_gateway.Gateway]:
+    """An S3 server with the bucket `store`; tests that need it are skipped where it is not installed."""
+    if missing := s3_gateway.missing():
+        pytest.skip(f"no S3 gateway: {', '.join(missing)} missing (Debian: ceph-mon ceph-osd ceph-common radosgw curl)")
+    folder = Path(tempfile.mkdtemp(prefix="s3-"))  # short, since sockets lie there
+    with s3_gateway.Gateway(folder) as gateway:
+        yield gateway
+    shutil.rmtree(folder)
+
+
+@pytest.fixture(scope="session")
+def azure(tmp_path_factory: pytest.TempPathFactory) -> Iterator[azure_emulator.Emulator]:
+    """An Azure blob server with the container `store`; tests that need it are skipped where it is not installed."""
+    if azure_emulator.program() is None:
+        pytest.skip("no Azure emulator: npm install azurite, then name its azurite-blob in GLINT_AZURITE")
+    with azure_emulator.Emulator(tmp_path_factory.mktemp("azure")) as emulator:
+        yield emulator

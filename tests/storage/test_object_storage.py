@@ -1,0 +1,275 @@
+"""The store's promises on real object stores: Ceph's S3 gateway and the Azure emulator, whichever is installed."""
+
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from datetime import timedelta
+from pathlib import Path
+from uuid import uuid4
+
+import numpy as np
+import obstore
+import pytest
+
+from storage import blobs
+from storage.catalogue import Region, from_folder, load, write
+from storage.errors import InputError, StorageError, StoreError
+from storage.export import export
+from storage.fingerprints import content_digest
+from storage.footage import open_footage
+from storage.frames import FrameCache, cache_digest
+from storage.holders import Holder, ObjectBusy
+from storage.location import Location
+from storage.locks import run_holder, run_lock
+from storage.objects import object_ids
+from storage.probe import probe
+from storage.versions import ObjectRepository
+from tests.s3_gateway import Gateway, free_port
+from tests.storage.careless import careless_server
+from tests.storage.films import ramp, write_images, write_video
+from tests.storage.places import save_capture
+
+pytestmark = [pytest.mark.slow, pytest.mark.server]
+
+ROOT = Path(__file__).parents[2]
+FRAMES = [ramp(index, 48, 64) for index in range(150)]
+
+
+@pytest.fixture(params=["s3", "azure"])
+def place(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Location:
+    """A prefix of its own on a running server, credentials in the environment."""
+    server = request.getfixturevalue(request.param)
+    for name in [name for name in os.environ if name.startswith(("AWS_", "AZURE_"))]:
+        monkeypatch.delenv(name)
+    for name, value in server.environment.items():
+        monkeypatch.setenv(name, value)
+    scheme = {"s3": "s3", "azure": "az"}[request.param]
+    return Location.parse(f"{scheme}://store/{uuid4().hex}")
+
+
+@pytest.fixture
+def careless(monkeypatch: pytest.MonkeyPatch) -> Iterator[Location]:
+    """A store on a server that takes every write, whatever its condition."""
+    with careless_server() as url:
+        for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
+            monkeypatch.setenv(name, "any")
+        monkeypatch.setenv("AWS_ENDPOINT_URL", url)
+        yield Location.parse("s3://store/here")
+
+
+def keys(place: Location) -> list[str]:
+    return sorted(meta["path"] for batch in obstore.list(place.obstore()) for meta in batch)
+
+
+def upload(folder: Path, place: Location) -> None:
+    store = place.obstore()
+    for path in sorted(folder.rglob("*")):
+        if path.is_file():
+            obstore.put(store, path.relative_to(folder).as_posix(), path.read_bytes())
+
+
+def test_a_store_with_conditional_writes_passes_and_stays_clean(place: Location) -> None:
+    probe(place)
+    assert keys(place) == []
+
+
+def test_a_store_that_ignores_conditions_is_refused(careless: Location) -> None:
+    with pytest.raises(StoreError, match="told to create"):
+        probe(careless)
+
+
+def test_versions_history_rollback_export_and_garbage(place: Location, tmp_path: Path) -> None:
+    repository = ObjectRepository.open(place, "duck")
+    first = save_capture(repository, "front", "1", seed=1)
+    assert repository.publish(["front"], {"run": "one"}).name == "v1"
+    save_capture(repository, "front", "2", seed=2)
+    assert repository.publish(["front"], {"run": "two"}).name == "v2"
+    assert repository.publish(["front"], {"run": "three"}).created is False
+    back = repository.rollback("v1")
+    assert [each.name for each in repository.history()] == ["v1", "v2", "v3"]
+    assert (back.name, back.metadata["rolled_back_to"]) == ("v3", "v1")
+    again = ObjectRepository.open(place, "duck", create=False)
+    np.testing.assert_array_equal(again.load("front", "labels", "main").read("normals"), first["labels"]["normals"])
+    removed = again.garbage_collect(keep=timedelta(0))
+    assert removed.objects > 0
+    np.testing.assert_array_equal(again.load("front", "labels", "v1").read("normals"), first["labels"]["normals"])
+    again.load("front", "labels", "v2").read("normals")
+    record = export(place, "duck", tmp_path / "out", "v1")
+    assert record.version == "v1"
+    np.testing.assert_array_equal(np.load(tmp_path / "out" / "front" / "normals.npy"), first["labels"]["normals"])
+    assert object_ids(place) == ["duck"]
+
+
+SAVE = """
+import sys
+from storage.location import Location
+from storage.versions import ObjectRepository
+from tests.storage.places import save_capture
+repository = ObjectRepository.open(Location.parse(sys.argv[1]), "duck")
+save_capture(repository, sys.argv[2], "key", seed=int(sys.argv[3]))
+repository.publish([sys.argv[2]], {})
+"""
+
+
+def test_processes_that_commit_at_once_lose_nothing(place: Location) -> None:
+    names = [f"view-{index}" for index in range(4)]
+    processes = [
+        subprocess.Popen([sys.executable, "-c", SAVE, place.uri, name, str(index)], cwd=ROOT)
+        for index, name in enumerate(names)
+    ]
+    assert [process.wait(120) for process in processes] == [0] * 4
+    repository = ObjectRepository.open(place, "duck", create=False)
+    assert repository.captures() == names
+    assert [version.name for version in repository.history()] == ["v1", "v2", "v3", "v4"]
+    assert repository.captures("main") == names
+
+
+def test_blobs_are_stored_once_and_verified(place: Location) -> None:
+    reference = blobs.put(place, b"a mesh", "model/ply")
+    assert blobs.put(place, b"a mesh", "model/ply") == reference
+    assert (blobs.get(place, reference), keys(place)) == (b"a mesh", [reference.key])
+    obstore.put(place.obstore(), reference.key, b"a mess")
+    with pytest.raises(StoreError, match="does not hold the bytes"):
+        blobs.get(place, reference)
+    obstore.delete(place.obstore(), reference.key)
+    with pytest.raises(StoreError, match="missing"):
+        blobs.get(place, reference)
+    assert not blobs.exists(place, reference)
+
+
+def test_a_lease_keeps_the_second_run_away_until_it_is_given_back(place: Location) -> None:
+    told: list[Holder] = []
+    with run_lock(place, "duck", run="nightly"):
+        with pytest.raises(ObjectBusy, match="run nightly"), run_lock(place, "duck"):
+            pass
+        waiter = threading.Thread(target=_hold, args=(place, told))
+        waiter.start()
+        while not told:
+            assert waiter.is_alive()
+    waiter.join(30)
+    assert not waiter.is_alive() and told[0].run == "nightly"
+    assert run_holder(place, "duck") is None and keys(place) == []
+
+
+def _hold(place: Location, told: list[Holder]) -> None:
+    with run_lock(place, "duck", wait_seconds=30, on_wait=told.append):
+        pass
+
+
+def test_the_lease_of_a_killed_run_is_taken_over(place: Location) -> None:
+    code = (
+        "import os, sys, storage.locks as l, storage.location as p\n"
+        "with l.run_lock(p.Location.parse(sys.argv[1]), 'duck', 'killed'): os.kill(os.getpid(), 9)"
+    )
+    assert subprocess.run([sys.executable, "-c", code, place.uri], cwd=ROOT).returncode == -9
+    assert keys(place) == ["objects/duck/run.json"]
+    with run_lock(place, "duck", run="next"):
+        holder = run_holder(place, "duck")
+        assert holder is not None and holder.run == "next"
+
+
+def test_frames_of_a_video_there_are_cached_there(place: Location, tmp_path: Path) -> None:
+    video = write_video(tmp_path / "film.mp4", FRAMES)
+    upload(tmp_path, place.child("in"))
+    there = place.child("in", "film.mp4")
+    crops = {"object": Region(x=8, y=4, width=40, height=32)}
+    with open_footage(there) as footage, open_footage(video) as here:
+        assert footage.count == here.count
+        digest = cache_digest(content_digest(there, place), crops)
+        cache = FrameCache.ingest(footage, place, digest, crops)
+        expected = np.stack([frame[4:36, 8:48] for frame in here.frames()])
+    assert cache.complete
+    np.testing.assert_array_equal(cache.read("object"), expected)
+    np.testing.assert_array_equal(FrameCache.open(place, digest).read("object", slice(64, 128)), expected[64:128])
+
+
+def test_a_digest_is_remembered_by_the_entity_tag(
+    place: Location, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    film = place.child("film.mp4")
+    obstore.put(place.obstore(), "film.mp4", b"one")
+    first = content_digest(film, place)
+    with monkeypatch.context() as patch:
+        patch.setattr("storage.fingerprints._sha256", lambda file: pytest.fail("read again"))
+        assert content_digest(film, place) == first
+    obstore.put(place.obstore(), "film.mp4", b"two")
+    assert content_digest(film, place) != first
+    with pytest.raises(InputError, match="does not exist"):
+        content_digest(place.child("none.mp4"), place)
+
+
+def test_a_folder_of_captures_there_becomes_a_catalogue_there(place: Location, tmp_path: Path) -> None:
+    for name in ("Duck [1]", "glass/truth"):
+        (tmp_path / name).mkdir(parents=True)
+    write_video(tmp_path / "Duck [1]" / "front.mp4", FRAMES[:4])
+    (tmp_path / "Duck [1]" / "mask.png").write_bytes(b"")
+    write_images(tmp_path / "glass" / "frames", FRAMES[:12])
+    (tmp_path / "glass" / "truth" / "normals.npy").write_bytes(b"")
+    upload(tmp_path, place)
+    catalogue = from_folder(place)
+    assert {each.id: [one.id for one in each.captures] for each in catalogue.objects} == {
+        "duck-1": ["front"],
+        "glass": ["front"],
+    }
+    duck, glass = (each.captures[0] for each in catalogue.objects)
+    assert (duck.frames, duck.mask) == (f"{place.uri}/Duck [1]/front.mp4", f"{place.uri}/Duck [1]/mask.png")
+    assert glass.truth == f"{place.uri}/glass/truth"
+    write(catalogue, place.child("catalogue.yaml"))
+    assert "Duck [1]/front.mp4" in bytes(obstore.get(place.obstore(), "catalogue.yaml").bytes()).decode()
+    assert load(place.child("catalogue.yaml")) == catalogue
+    with open_footage(duck.frames) as film, open_footage(glass.frames) as images:
+        assert len(list(film.frames())) == 4
+        assert len(list(images.frames())) == 12 and images.names[:2] == ("img_1.png", "img_2.png")
+
+
+def test_a_catalogue_there_keeps_to_its_bucket(place: Location) -> None:
+    text = "schema: 1\nname: x\nobjects:\n- id: a\n  captures:\n  - {id: b, frames: ../../../../../etc/film.mp4}\n"
+    obstore.put(place.obstore(), "catalogue.yaml", text.encode())
+    frames = load(place.child("catalogue.yaml")).objects[0].captures[0].frames
+    with pytest.raises(StorageError):
+        open_footage(frames)
+    with pytest.raises(InputError, match="does not exist"):
+        load(place.child("other.yaml"))
+
+
+def test_wrong_credentials_are_told_without_being_shown(place: Location, monkeypatch: pytest.MonkeyPatch) -> None:
+    wrong = "d3JvbmdzZWNyZXR3cm9uZ3NlY3JldA=="
+    for name in ("AWS_SECRET_ACCESS_KEY", "AZURE_STORAGE_ACCOUNT_KEY"):
+        monkeypatch.setenv(name, wrong)
+    for attempt in (probe, lambda there: ObjectRepository.open(there, "duck"), object_ids):
+        with pytest.raises(StoreError) as error:
+            attempt(place)
+        assert "credentials" in error.value.remedy
+        assert wrong not in str(error.value) and wrong not in repr(error.value.__cause__)
+
+
+def test_a_bucket_that_is_not_there_is_told(place: Location) -> None:
+    with pytest.raises(StoreError, match="nowhere"):
+        probe(Location.parse(f"{place.scheme}://nowhere/x"))
+
+
+def test_a_server_that_is_down_is_told(place: Location, monkeypatch: pytest.MonkeyPatch) -> None:
+    nobody = f"http://127.0.0.1:{free_port()}"
+    monkeypatch.setenv("AWS_ENDPOINT_URL", nobody)
+    monkeypatch.setenv("AZURE_STORAGE_ENDPOINT", f"{nobody}/glinttest")
+    with pytest.raises(StoreError) as error:
+        object_ids(place)
+    assert "server is up" in error.value.remedy
+
+
+def test_what_was_acknowledged_survives_the_death_of_the_server(tmp_path_factory: pytest.TempPathFactory, s3: Gateway,
+    monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+    for name, value in s3.environment.items():
+        monkeypatch.setenv(name, value)
+    place = Location.parse(f"s3://store/{uuid4().hex}")
+    repository = ObjectRepository.open(place, "duck")
+    arrays = save_capture(repository, "front", "1")
+    repository.publish(["front"], {})
+    s3.kill()
+    s3.start()
+    again = ObjectRepository.open(place, "duck", create=False)
+    np.testing.assert_array_equal(again.load("front", "depth", "v1").read("depth"), arrays["depth"]["depth"])
+    save_capture(again, "front", "2", seed=5)
+    assert again.publish(["front"], {}).name == "v2"
