@@ -188,6 +188,42 @@ def history(object_id: ObjectId, store: Store = None, as_json: Json = False) -> 
 
 
 @app.command()
+def diff(
+    object_id: ObjectId,
+    before: Annotated[str, typer.Argument(metavar="A", help="The version before, such as v1.")],
+    after: Annotated[str, typer.Argument(metavar="B", help="The version after, such as v2.")],
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the maps of what moved.")] = None,
+    store: Store = None,
+    as_json: Json = False,
+) -> None:
+    """What two versions of an object differ in: angles between normals, depths, parameters, inputs."""
+    from flows.differences import diff_object
+
+    sys.exit(diff_object(chosen_store(store), object_id, before, after, out, as_json))
+
+
+@app.command()
+def maintain(
+    store: Store = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Remove nothing, tell what would be.")] = False,
+    keep: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Versions of each object that stay (default: all).")
+    ] = None,
+    older_than: Annotated[
+        float, typer.Option(metavar="DAYS", min=0.0, help="Only what nothing has needed for so long.")
+    ] = 1.0,
+    frames_budget: Annotated[
+        str | None, typer.Option(metavar="SIZE", help="Of the cache of frames, such as 200GB (default: none).")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Remove what no version needs, keep the cache of frames within a budget, and warn before the disk is full."""
+    from flows.upkeep import maintain_store
+
+    sys.exit(maintain_store(chosen_store(store), dry_run, keep, older_than, frames_budget, as_json))
+
+
+@app.command()
 def rollback(
     object_id: ObjectId,
     version: Annotated[str, typer.Argument(metavar="VERSION", help="v1, v2, ..")],

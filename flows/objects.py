@@ -92,9 +92,9 @@ def work_on_object(references: Sequence[CaptureReference], scheduler: str, drift
             works = [one.workspace() for one in done]
             version = publish(works, first.run, first.catalogue)
             moved = []
-            if drift is not None and version.created and version.name != "v1":
-                before = f"v{int(version.name[1:]) - 1}"
-                moved = drifts(works[0].repository, before, version.name, drift)
+            names = works[0].repository.version_names()
+            if drift is not None and version.created and len(names) > 1:
+                moved = drifts(works[0].repository, names[-2], version.name, drift)
                 tell_drifts(moved, drift, here.show)
             return ObjectResult(first.object_id, captures, version, tuple(moved))
     except REFUSALS as error:

@@ -1,6 +1,5 @@
 """A whole run: server and cluster started while the catalogue is read, the flow, and what to say at the end."""
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ if TYPE_CHECKING:
     from prefect.client.schemas.objects import State
 
     from flows.outcomes import RunResult
+    from storage.location import Location
 
 WARMED = ("tasks.stages",)
 """Modules that every worker imports before its first task."""
@@ -37,12 +37,16 @@ def run(
     """
     from storage.location import Location
     from storage.probe import probe
+    from storage.room import REMEDY
     from tasks.references import chosen_captures, load_catalogue
 
     loaded, place = load_catalogue(catalogue), Location.parse(store)
-    chosen_captures(loaded.objects, only)
+    chosen = chosen_captures(loaded.objects, only)
     probe(place)
     server = start_server()
+    warning = _room_warning(place, chosen)
+    if warning:
+        display.show(Event("message", text=f"{warning}: {REMEDY}"))
     # Server and cluster start side by side while this process imports the rest.
     from flows.cluster import Cluster
 
@@ -71,6 +75,14 @@ def run(
         return Summary(result, f"{server.ui_url}/runs/flow-run/{result.run}")
 
 
+def _room_warning(place: "Location", chosen: dict[str, list[str]]) -> str:
+    """What to say when the captures that are new to the store may not fit on its disk."""
+    from storage.room import new_objects, room_of
+
+    room = room_of(place)
+    return "" if room is None else room.warning(sum(len(chosen[each]) for each in new_objects(place, list(chosen))))
+
+
 def result_of(state: "State[Any]") -> Any:
     """The result that a flow run left in its final state, whatever that is.
 
@@ -81,8 +93,3 @@ def result_of(state: "State[Any]") -> Any:
     if isinstance(result, BaseException):
         raise result
     return result
-
-
-def default_store() -> str:
-    """$GLINT_STORE, else ./glint-store."""
-    return os.environ.get("GLINT_STORE") or "glint-store"

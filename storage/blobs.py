@@ -3,9 +3,13 @@
 A blob is written before the commit that names it and never changed, so a reader of a version finds what it names.
 """
 
+import fcntl
 import hashlib
 import re
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 
 import obstore
 
@@ -14,6 +18,8 @@ from storage.durability import flush
 from storage.errors import StoreError
 from storage.faults import store_faults
 from storage.location import Location
+
+_RENEW = timedelta(minutes=10)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +42,15 @@ def put(location: Location, data: bytes, media_type: str) -> BlobReference:
     reference = BlobReference(_key(digest), digest, len(data), media_type)
     with store_faults(location.uri, f"writing a blob of {len(data):,} bytes"):
         store = location.obstore()
-        if not create(store, reference.key, data) and obstore.head(store, reference.key)["size"] != len(data):
-            obstore.put(store, reference.key, data, use_multipart=False)
-        if location.local is not None:
-            flush(location.local / reference.key)
-            flush((location.local / reference.key).parent)
+        with _storing(location):
+            if not create(store, reference.key, data):
+                found = obstore.head(store, reference.key)
+                # Storing again renews an old blob, which else might be collected before it is named.
+                if found["size"] != len(data) or datetime.now(UTC) - found["last_modified"] > _RENEW:
+                    obstore.put(store, reference.key, data, use_multipart=False)
+            if location.local is not None:
+                flush(location.local / reference.key)
+                flush((location.local / reference.key).parent)
     return reference
 
 
@@ -67,6 +77,29 @@ def exists(location: Location, reference: BlobReference) -> bool:
             return bool(obstore.head(location.obstore(), _checked_key(reference))["size"] == reference.size)
         except FileNotFoundError:
             return False
+
+
+@contextmanager
+def deleting(location: Location) -> Iterator[None]:
+    """While blobs are deleted nobody of this machine stores one; in an object store the moment is short."""
+    with _locked(location, fcntl.LOCK_EX):
+        yield
+
+
+def _storing(location: Location) -> AbstractContextManager[None]:
+    return _locked(location, fcntl.LOCK_SH)
+
+
+@contextmanager
+def _locked(location: Location, kind: int) -> Iterator[None]:
+    if location.local is None:
+        yield
+        return
+    path = location.local / "blobs" / "lock"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("a") as handle:
+        fcntl.flock(handle, kind)
+        yield
 
 
 _LOST = "restore the store's blobs from a backup, or delete the file and run the object again"

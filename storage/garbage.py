@@ -17,6 +17,10 @@ class Garbage:
     objects: int
     bytes: int
 
+    def __add__(self, other: "Garbage") -> "Garbage":
+        """Both together."""
+        return Garbage(self.objects + other.objects, self.bytes + other.bytes)
+
 
 def collect(repository: icechunk.Repository, place: Location, keep: timedelta, dry_run: bool) -> Garbage:
     """Remove what no version and no branch's tip refers to and is older than `keep`."""

@@ -3,7 +3,7 @@
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, is_dataclass
 from datetime import date, datetime
 from pathlib import PurePath
@@ -118,6 +118,15 @@ def stage_records(store: Any, capture: str) -> dict[str, tuple[str, dict[str, An
         for name, stage in sorted(stages.items())
         if "key" in stage.attrs and "record" in stage.attrs
     }
+
+
+def named_blobs(store: Any) -> Iterator[str]:
+    """Keys of the blobs that any stage of any capture names."""
+    root = open_group(store, "")
+    for _, capture in root.groups() if root is not None else ():
+        for _, stage in capture.groups():
+            for reference in cast("dict[str, dict[str, str]]", stage.attrs.get("blobs", {})).values():
+                yield reference["key"]
 
 
 def open_group(store: Any, path: str) -> zarr.Group | None:

@@ -34,6 +34,7 @@ from storage.results import (
     StageResult,
     check_name,
     contents,
+    named_blobs,
     read_stage,
     stage_keys,
     stage_records,
@@ -197,6 +198,11 @@ class ObjectRepository:
                 snapshots.read_version(self._repository, name) for name in snapshots.version_names(self._repository)
             ]
 
+    def version_names(self) -> list[str]:
+        """v1, v2, .. as far as they have not been given up, oldest first."""
+        with self._faults("reading the history"):
+            return snapshots.version_names(self._repository)
+
     def version(self, name: str | None = None) -> Version:
         """The named version, or the newest one.
 
@@ -227,6 +233,24 @@ class ObjectRepository:
         """
 
         return self._mutate("collecting garbage", lambda: collect(self._repository, self._place, keep, dry_run))
+
+    def give_up(self, keep: int, dry_run: bool = False) -> list[str]:
+        """Take all but the newest `keep` versions from history; their names. Their bytes are garbage from then on."""
+
+        def attempt() -> list[str]:
+            names = snapshots.version_names(self._repository)[: -max(1, keep)]
+            for name in [] if dry_run else names:
+                self._repository.delete_tag(name)
+            return names
+
+        return self._mutate("giving up versions", attempt)
+
+    def blob_keys(self) -> set[str]:
+        """Keys of the blobs that any version, or the newest work, names."""
+        with self._faults("listing blobs"):
+            refs = ["work", *snapshots.version_names(self._repository)]
+            stores = [snapshots.session(self._repository, ref).store for ref in refs]
+            return {key for store in stores for key in named_blobs(store)}
 
     def _check(self, store: Any, capture: str, stages: Sequence[str]) -> None:
         results = {stage: read_stage(store, capture, stage) for stage in stage_keys(store, capture)}

@@ -1,11 +1,16 @@
 """Frames: the footage decoded once, cropped to the object and to each sphere, and cut into chunks."""
 
+from functools import lru_cache
+from time import monotonic
+
 import numpy as np
 
 from storage.catalogue import Region
 from storage.errors import StoreError
 from storage.footage import open_footage
+from storage.frame_budget import mark_used
 from storage.frames import FrameCache, cache_digest
+from storage.location import Location
 from tasks.algorithms.clusters import thresholds, white_level
 from tasks.algorithms.spheres import Sphere
 from tasks.stage import Outcome, Progress
@@ -14,6 +19,8 @@ from tasks.workspace import Workspace
 OBJECT = "object"
 AROUND_SPHERE = 4
 """Pixels beyond a sphere's outline that its crop holds."""
+MARK_SECONDS = 600.0
+"""How often the use of frames is written down."""
 
 
 def frames(work: Workspace, progress: Progress) -> Outcome:
@@ -38,11 +45,18 @@ def open_frames(work: Workspace, progress: Progress | None = None) -> FrameCache
     try:
         cache = FrameCache.open(work.location, digest)
         if cache.complete:
+            _mark_used(work.location, digest, int(monotonic() // MARK_SECONDS))
             return cache
     except StoreError:
         pass
     with open_footage(work.capture.frames) as footage:
         return FrameCache.ingest(footage, work.location, digest, crops, progress)
+
+
+@lru_cache(maxsize=256)
+def _mark_used(location: Location, digest: str, period: int) -> None:
+    """Mark frames as used, once per `period` and process."""
+    mark_used(location, digest)
 
 
 def crops_of(work: Workspace) -> dict[str, Region]:

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from storage.blobs import BlobReference
+from storage.blobs import BlobReference, exists
 from storage.fingerprints import digest_of
 from tasks.workspace import Workspace, facts_of
 
@@ -95,7 +95,9 @@ def perform(work: Workspace, stage: Stage, key: str, progress: Progress | None =
     """
     started = perf_counter()
     if work.repository.stage_key(work.capture.id, stage.name) == key:
-        return _record_of(stage.name, key, work.load(stage.name).record, perf_counter() - started)
+        found = work.load(stage.name)
+        if all(exists(work.location, reference) for reference in found.blobs.values()):
+            return _record_of(stage.name, key, found.record, perf_counter() - started)
     outcome = stage.step(work, progress or _silent)
     seconds = perf_counter() - started
     record = {
