@@ -16,15 +16,16 @@ from tasks.check import Check, check
 from tasks.references import CaptureReference, chosen_captures, load_catalogue
 
 
-def check_catalogue(file: Path, store: str, out: Path, only: Sequence[str], as_json: bool) -> int:
+def check_catalogue(file: str | Path, store: str, out: Path, only: Sequence[str], as_json: bool) -> int:
     """Check captures one after the other; the command's exit status."""
     chosen = chosen_captures(load_catalogue(file).objects, only)
     probe(Location.parse(store))
+    catalogue = Location.parse(file).uri
     place, found, refused = Location.parse(store).uri, list[Check](), dict[str, Exception]()
     with open_display(as_json) as display:
         for object_id, captures in chosen.items():
             for capture_id in captures:
-                reference = CaptureReference(str(file.absolute()), object_id, capture_id, place, "check")
+                reference = CaptureReference(catalogue, object_id, capture_id, place, "check")
                 reporters: dict[str, Reporter] = {}
 
                 def tell(stage: str, done: int, total: int | None, name: str = str(reference)) -> None:

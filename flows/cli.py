@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -20,7 +21,9 @@ EVALUATE_HELP = "Captures with truth (default: the paper's six, simulated)."
 SHAPE_HELP = "hemisphere, cylinder, jug, fish, wine-glass, water-glass, bird; `all`: the paper's six."
 Store = Annotated[str | None, typer.Option("--store", metavar="URI", help=STORE_HELP)]
 Json = Annotated[bool, typer.Option("--json", help="For machines: JSON lines on standard output.")]
-CatalogueFile = Annotated[Path, typer.Argument(metavar="CATALOGUE", help="The catalogue's YAML file.")]
+CatalogueFile = Annotated[
+    str, typer.Argument(metavar="CATALOGUE", help="The catalogue's YAML file: a path, s3://.. or az://..")
+]
 ObjectId = Annotated[str, typer.Argument(metavar="OBJECT", help="The object's id in the catalogue.")]
 Only = Annotated[
     list[str] | None, typer.Option("--only", metavar="OBJECT[/CAPTURE]", help="Only this one; may be repeated.")
@@ -35,7 +38,11 @@ Workers = Annotated[
 
 
 def main() -> None:
-    """Run the command line; errors that name their remedy, and files, are told in two lines, without a trace."""
+    """Run the command line; errors that name their remedy, and files, are told in two lines, without a trace.
+
+    To be terminated is to be interrupted: workers end, and the dashboard is told.
+    """
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         app()
     except Exception as error:
@@ -87,20 +94,26 @@ def simulate(
 
 @app.command()
 def catalogue(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="One sub-folder per object, with its footage.")],
-    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Default: FOLDER/catalogue.yaml.")] = None,
+    folder: Annotated[
+        str,
+        typer.Argument(metavar="FOLDER", help="One sub-folder per object, with its footage; also s3://.. or az://.."),
+    ],
+    out: Annotated[str | None, typer.Option("--out", metavar="FILE", help="Default: FOLDER/catalogue.yaml.")] = None,
 ) -> None:
     """Write the catalogue of a folder of captures."""
     from storage.catalogue import from_folder, write
     from storage.errors import InputError
+    from storage.fingerprints import exists
+    from storage.location import Location
 
-    target = out or folder / "catalogue.yaml"
-    if target.exists():
-        raise InputError(f"{target} exists already", "name another file with --out, or remove it")
+    target = Location.parse(out) if out else Location.parse(folder).child("catalogue.yaml")
+    if exists(target):
+        raise InputError(f"{target.uri} exists already", "name another file with --out, or remove it")
     made = from_folder(folder)
     write(made, target)
-    typer.echo(f"{target}: {len(made.objects)} objects, {sum(len(each.captures) for each in made.objects)} captures")
-    typer.echo(f"next: glint check {target}")
+    shown = out or f"{folder.rstrip('/')}/catalogue.yaml"
+    typer.echo(f"{shown}: {len(made.objects)} objects, {sum(len(each.captures) for each in made.objects)} captures")
+    typer.echo(f"next: glint check {shown}")
 
 
 @app.command()
@@ -267,7 +280,7 @@ def export(
 @app.command()
 def evaluate(
     file: Annotated[
-        Path | None,
+        str | None,
         typer.Argument(metavar="[CATALOGUE]", help="Captures with truth (default: the six presets, simulated)."),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Small, short presets: about a minute.")] = False,

@@ -27,7 +27,7 @@ class Summary:
 
 
 def run(
-    catalogue: Path, store: str, display: Display, *, only: Sequence[str] = (), scheduler: str | None = None,
+    catalogue: str | Path, store: str, display: Display, *, only: Sequence[str] = (), scheduler: str | None = None,
     workers: int | None = None, rehash: bool = False, drift: float | None = None,
 ) -> Summary:  # fmt: skip
     """Run a catalogue; `drift`: degrees by which an object's normals may move against its version before unannounced.
@@ -61,7 +61,7 @@ def run(
         with server.connected(), tagged():
             close_runs_of_the_dead()
             state: Any = run_catalogue(
-                str(catalogue.absolute()),
+                Location.parse(catalogue).uri,
                 loaded.name,
                 place.uri,
                 cluster.address,

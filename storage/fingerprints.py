@@ -83,6 +83,20 @@ def mark(file: Location) -> list[Any]:
         raise InputError(f"{file.uri} cannot be read ({error.strerror})", "check its permissions") from error
 
 
+def exists(file: Location) -> bool:
+    """Whether a file is there.
+
+    Raises:
+        StoreError: the object store cannot be asked.
+    """
+    if file.local is not None:
+        return file.local.exists()
+    try:
+        return bool(mark(file))
+    except InputError:
+        return False
+
+
 def _is_fresh(mark: list[Any]) -> bool:
     """Whether a local file changed so lately that a further change could leave size and time as they are."""
     return isinstance(mark[1], int) and abs(time.time_ns() - max(mark[1:])) < _TICK
