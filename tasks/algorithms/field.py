@@ -55,17 +55,19 @@ class SmoothField:
     sampling: sparse.csr_matrix
     smoothness: sparse.csc_matrix
 
-    def solve(self, normals: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    def solve(self, normals: np.ndarray, weights: np.ndarray, base: np.ndarray | None = None) -> np.ndarray:
         """The field that minimises smoothness plus sum of w |(n_x, n_y) - target|^2.
 
         normals (H, W, 3), read only where weights (H, W) > 0 -> unit normals (H, W, 3) float32, n_z >= 0, NaN outside.
+        base (H, W, 3), finite in the mask: an expected field, creases and all; what departs from it is smooth.
         """
         weight = weights[self.mask].astype(float)
-        target = np.where(weight[:, None] > 0, normals[self.mask][:, :2], 0.0)
+        expected = np.zeros((len(weight), 2)) if base is None else base[self.mask][:, :2].astype(float)
+        target = np.where(weight[:, None] > 0, normals[self.mask][:, :2], expected) - expected
         matrix = self.smoothness + self.sampling.T @ sparse.diags(weight) @ self.sampling
         matrix = (matrix + 1e-9 * sparse.identity(matrix.shape[0])).tocsc()
         factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-        plane = self.sampling @ factor.solve(self.sampling.T @ (weight[:, None] * target))
+        plane = expected + self.sampling @ factor.solve(self.sampling.T @ (weight[:, None] * target))
         plane /= np.maximum(np.linalg.norm(plane, axis=-1, keepdims=True), 1.0)
         result = np.full((*self.mask.shape, 3), np.nan, np.float32)
         result[self.mask] = np.column_stack([plane, np.sqrt(np.maximum(1.0 - (plane**2).sum(axis=-1), 0.0))])

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from tasks.algorithms.rendering.implicit import Field, capsule, ellipsoid, union
+from tasks.algorithms.implicit import Field, capsule, ellipsoid, union
 from tasks.algorithms.rendering.solids import MATTE, Solid, bubble, moulded, turned
 
 MARGIN = 8.0

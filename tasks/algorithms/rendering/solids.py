@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from tasks.algorithms.rendering.implicit import Field, hit_along, mesh_of, surface_normals
+from tasks.algorithms.implicit import Field, hit_along, mesh_of, surface_normals
 
 GLASS, CHROME, MATTE = range(3)
 """Materials: refracting, mirroring, diffuse."""
