@@ -2,12 +2,13 @@
 
 import json
 import os
-import signal
 import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+
+from flows import interruption
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -42,7 +43,7 @@ def main() -> None:
 
     To be terminated is to be interrupted: workers end, and the dashboard is told.
     """
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    interruption.install()
     try:
         app()
     except Exception as error:
@@ -295,6 +296,41 @@ def evaluate(
     from flows.evaluation import evaluate_catalogue
 
     sys.exit(evaluate_catalogue(file, quick, out, store, only or [], as_json))
+
+
+@app.command()
+def deploy(
+    store: Store = None,
+    inbox: Annotated[
+        str | None, typer.Option(metavar="URI", help="A folder or prefix of sub-folders, looked into every night.")
+    ] = None,
+    reference: Annotated[
+        str | None, typer.Option(metavar="CATALOGUE", help="Captures with truth, judged again every week.")
+    ] = None,
+    scheduler: Scheduler = None,
+    pool: Annotated[str, typer.Option(help="The work pool; made if absent.")] = "glint",
+    kind: Annotated[str, typer.Option("--type", help="Of the work pool: process, docker, kubernetes, ..")] = "process",
+    image: Annotated[str | None, typer.Option(help="Of docker and kubernetes pools.")] = None,
+    timezone: Annotated[str, typer.Option(help="Of the schedules, such as Europe/Berlin.")] = "UTC",
+    nightly: Annotated[str, typer.Option(metavar="CRON", help="When the inbox is looked into.")] = "0 2 * * *",
+    weekly: Annotated[str, typer.Option(metavar="CRON", help="Reference captures and maintenance.")] = "0 5 * * 0",
+    objects: Annotated[int, typer.Option(metavar="N", min=1, help="Objects on demand that run at once.")] = 4,
+    drift: Annotated[
+        float, typer.Option(metavar="DEGREES", min=0.0, help="By which normals may move unannounced.")
+    ] = 0.5,
+    frames_budget: Annotated[str | None, typer.Option(metavar="SIZE", help="Of the cache of frames.")] = None,
+    notify: Annotated[
+        str | None, typer.Option(metavar="TYPE/NAME", help="Notification block told of failures and drift.")
+    ] = None,
+) -> None:
+    """Put schedules on the Prefect server: the inbox nightly, reference and maintenance weekly, objects on demand."""
+    from flows.deploying import Wishes, deploy_and_tell
+
+    wishes = Wishes(
+        chosen_store(store), inbox, reference, scheduler, pool, kind, image, timezone, nightly, weekly, frames_budget,
+        objects, drift, notify,
+    )  # fmt: skip
+    deploy_and_tell(wishes)
 
 
 @app.command()
