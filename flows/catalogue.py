@@ -10,6 +10,7 @@ from prefect.client.schemas.objects import State
 from flows.artifacts import catalogue_artifact
 from flows.objects import DEFECT, references_of, refused, run_object, submit, unchanged_object
 from flows.outcomes import ObjectResult, RunResult, final_state
+from flows.patience import patiently
 from flows.progress import Event
 from flows.surroundings import surroundings
 from tasks.references import CaptureReference, chosen_captures, load_catalogue
@@ -71,7 +72,8 @@ def object_or_pass(
 
 def _run(references: Sequence[CaptureReference], scheduler: str, drift: float | None) -> ObjectResult:
     first = references[0]
-    state = run_object(
+    state = patiently(
+        run_object,
         first.catalogue,
         first.object_id,
         first.store,

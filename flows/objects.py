@@ -14,6 +14,7 @@ from flows.capture import capture
 from flows.drift import tell_drifts
 from flows.errors import REFUSALS
 from flows.outcomes import CaptureResult, ObjectResult, final_state
+from flows.patience import patiently
 from flows.progress import Event
 from flows.surroundings import surroundings
 from storage.location import Location
@@ -110,7 +111,7 @@ def work_on_capture(reference: CaptureReference, scheduler: str) -> CaptureResul
         records = []
         error = remedy = ""
         try:
-            records = capture(reference, scheduler)
+            records = patiently(capture, reference, scheduler)
         except REFUSALS as refusal:
             error, remedy = refusal.message, refusal.remedy
         except Exception as defect:

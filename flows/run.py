@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flows import interruption
 from flows.progress import Display, Event
 from flows.server import start_server
 
@@ -53,13 +54,14 @@ def run(
     with Cluster(scheduler, workers, WARMED) as cluster:
         from flows.catalogue import run_catalogue
         from flows.surroundings import share, side_by_side
-        from flows.zombies import close_runs_of_the_dead, tagged
+        from flows.zombies import close_own_runs, close_runs_of_the_dead, tagged
 
         server.wait()
         share(cluster.address, cluster.client, display)
         display.show(Event("message", text=f"dashboard {server.ui_url}, workers {cluster.workers}"))
         with server.connected(), tagged():
             close_runs_of_the_dead()
+            interruption.check()
             state: Any = run_catalogue(
                 Location.parse(catalogue).uri,
                 loaded.name,
@@ -71,6 +73,7 @@ def run(
                 drift=drift,
                 return_state=True,
             )
+            close_own_runs()
             result: RunResult = result_of(state)
         return Summary(result, f"{server.ui_url}/runs/flow-run/{result.run}")
 

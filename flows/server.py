@@ -12,6 +12,7 @@ import os
 import socket
 import subprocess
 import sys
+import threading
 import time
 import urllib.error
 import urllib.request
@@ -21,6 +22,7 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import psutil
 
@@ -30,6 +32,7 @@ from flows.settings import glint_home, prepare_environment
 
 FIRST_PORT = 4200
 START_SECONDS = 120.0
+KEEPER_SECONDS = 0.5
 
 _SETTINGS = {
     "DO_NOT_TRACK": "1",
@@ -73,7 +76,7 @@ class Server:
             return
         deadline = time.monotonic() + seconds
         while not _answers(self.api_url):
-            if not is_alive(*self.process):
+            if not is_alive(*self._process_now()):
                 raise ServerError(f"the Prefect server ended while it started ({_last_line(self.log)})", self._remedy())
             if time.monotonic() > deadline:
                 raise ServerError(f"the Prefect server at {self.api_url} gave no answer", self._remedy())
@@ -81,7 +84,10 @@ class Server:
 
     @contextmanager
     def connected(self) -> Iterator[None]:
-        """Wait, then let the flows that are called inside report to this server, whenever prefect was imported."""
+        """Wait, then let the flows that are called inside report to this server, whenever prefect was imported.
+
+        Our own server is started again at its address if it dies meanwhile.
+        """
         self.wait()
         from prefect.settings import PREFECT_API_URL, PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
 
@@ -89,8 +95,28 @@ class Server:
         if self.process is not None:
             # Ending the thread of heartbeats costs every flow run up to a second; `flows.zombies` does without them.
             settings[PREFECT_FLOWS_HEARTBEAT_FREQUENCY] = None
-        with temporary_settings(settings):
+        with temporary_settings(settings), self._kept():
             yield
+
+    @contextmanager
+    def _kept(self) -> Iterator[None]:
+        if self.log is None:
+            yield
+            return
+        ended = threading.Event()
+        keeper = threading.Thread(target=_keep, args=(self.log.parent, ended), name="glint-server", daemon=True)
+        keeper.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            keeper.join()
+
+    def _process_now(self) -> tuple[int, float]:
+        """The server's process, which may have been started again."""
+        assert self.process is not None and self.log is not None
+        state = _read_state(self.log.parent)
+        return self.process if state is None else state.process
 
     def _remedy(self) -> str:
         return f"see {self.log}; `glint dashboard --stop` and run again, or set PREFECT_API_URL to a server of yours"
@@ -175,8 +201,17 @@ def _read_state(folder: Path) -> _State | None:
         return None
 
 
-def _spawn(folder: Path) -> _State:
-    port = _free_port()
+def _keep(folder: Path, ended: threading.Event) -> None:
+    """Start the server again, at its address, whenever it has died; one that was stopped stays so."""
+    while not ended.wait(KEEPER_SECONDS):
+        with _locked(folder):
+            state = _read_state(folder)
+            if state is not None and not is_alive(*state.process):
+                _spawn(folder, urlsplit(state.api_url).port)
+
+
+def _spawn(folder: Path, port: int | None = None) -> _State:
+    port = port or _free_port()
     api_url = f"http://127.0.0.1:{port}/api"
     settings = _SETTINGS | {name: value for name, value in os.environ.items() if not _of_client(name)}
     settings |= {"PREFECT_HOME": str(folder / "prefect"), "PREFECT_SERVER_UI_API_URL": api_url}

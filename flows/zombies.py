@@ -6,13 +6,14 @@ that are no more, and marks those runs as crashed. Results need no such care: a 
 
 import os
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 from flows.processes import born, is_alive
 
 RUN_TAG = "glint"
+_PAGE = 200
 
 
 @contextmanager
@@ -31,41 +32,58 @@ def process_tag() -> str:
 
 def close_runs_of_the_dead() -> int:
     """Mark as crashed what dead processes of this machine have left open; how many flow runs that were."""
+    return _close(lambda tags: any(_is_dead(tag) for tag in tags), "Its process ended; run again to go on from there.")
+
+
+def close_own_runs() -> int:
+    """Mark as crashed the flow runs of this process whose end a server that was away did not hear of.
+
+    Of tasks the server hears later than of flows; the next run looks after those.
+    """
+    mine = process_tag()
+    return _close(lambda tags: mine in tags, "The server was away; its object's run tells how it ended.", tasks=False)
+
+
+def _close(is_over: Callable[[Sequence[str]], bool], why: str, tasks: bool = True) -> int:
     from prefect.client.orchestration import get_client
     from prefect.client.schemas.filters import (
         FlowRunFilter,
-        FlowRunFilterId,
         FlowRunFilterState,
         FlowRunFilterStateType,
         FlowRunFilterTags,
         TaskRunFilter,
         TaskRunFilterState,
         TaskRunFilterStateType,
+        TaskRunFilterTags,
     )
     from prefect.client.schemas.objects import State, StateType
     from prefect.states import Crashed
 
-    crashed: State[Any] = Crashed(message="Its process ended; run again to go on where it stopped.")
+    crashed: State[Any] = Crashed(message=why)
     still_open = [StateType.RUNNING, StateType.PENDING, StateType.CANCELLING]
+    flow_runs = FlowRunFilter(
+        state=FlowRunFilterState(type=FlowRunFilterStateType(any_=still_open)), tags=FlowRunFilterTags(all_=[RUN_TAG])
+    )
+    task_runs = TaskRunFilter(
+        state=TaskRunFilterState(type=TaskRunFilterStateType(any_=still_open)), tags=TaskRunFilterTags(all_=[RUN_TAG])
+    )
     with get_client(sync_client=True) as client:
-        open_runs = client.read_flow_runs(
-            flow_run_filter=FlowRunFilter(
-                state=FlowRunFilterState(type=FlowRunFilterStateType(any_=still_open)),
-                tags=FlowRunFilterTags(all_=[RUN_TAG]),
-            )
-        )
-        dead = [run.id for run in open_runs if any(_is_dead(tag) for tag in run.tags)]
-        if not dead:
-            return 0
-        open_tasks = client.read_task_runs(
-            flow_run_filter=FlowRunFilter(id=FlowRunFilterId(any_=dead)),
-            task_run_filter=TaskRunFilter(state=TaskRunFilterState(type=TaskRunFilterStateType(any_=still_open))),
-        )
-        for task in open_tasks:
-            client.set_task_run_state(task.id, crashed, force=True)
-        for run in dead:
-            client.set_flow_run_state(run, crashed, force=True)
-    return len(dead)
+        flows = [each.id for each in _pages(client.read_flow_runs, flow_run_filter=flow_runs) if is_over(each.tags)]
+        if tasks:
+            for each in list(_pages(client.read_task_runs, task_run_filter=task_runs)):
+                if is_over(each.tags):
+                    client.set_task_run_state(each.id, crashed, force=True)
+        for flow in flows:
+            client.set_flow_run_state(flow, crashed, force=True)
+    return len(flows)
+
+
+def _pages(read: Callable[..., Sequence[Any]], **filters: Any) -> Iterator[Any]:
+    """All that a query finds, page by page."""
+    start = 0
+    while page := read(**filters, limit=_PAGE, offset=start):
+        yield from page
+        start += len(page)
 
 
 def _tag(pid: int) -> str:
