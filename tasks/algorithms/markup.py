@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from tasks.algorithms.geometry import unit
+
 Reader = Callable[[slice, slice, slice], np.ndarray]
 """Frames, rows and columns of the region -> (T, h, w)."""
 FURTHEST = 64
@@ -56,22 +58,23 @@ def pinned(
     """Marked pixels (H, W), their normals (H, W, 3), and the nodes pinned (K, H, W): +1 exterior, -1 false, 0 free.
 
     normals (K, H, W, 3) of the clusters. A mark pins the clusters of its pixel within `reach` degrees; a true one also
-    rules out the pixel's others.
+    rules out the pixel's others. Several true marks of a pixel give their mean.
     """
-    marked, values = np.zeros(mask.shape, dtype=bool), np.full((*mask.shape, 3), np.nan, np.float32)
+    marked, sums = np.zeros(mask.shape, dtype=bool), np.zeros((*mask.shape, 3), np.float32)
     pins = np.zeros(normals.shape[:3], dtype=np.int8)
     if marks is None:
-        return marked, values, pins
+        return marked, unit(sums), pins
     for (row, column), half_vector, kind in zip(marks.pixels, marks.half_vectors, marks.kind, strict=True):
         if not mask[row, column]:
             continue
         near = normals[:, row, column] @ half_vector > np.cos(np.radians(reach))
         if kind == 1:
-            marked[row, column], values[row, column] = True, half_vector
+            marked[row, column] = True
+            sums[row, column] += half_vector
             pins[:, row, column] = np.where(near, 1, -1)
         else:
             pins[near, row, column] = -1
-    return marked, values, pins
+    return marked, unit(sums), pins
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,8 @@
 """Rounds of labelling and re-interpolation: from clusters and silhouette to normals (METHOD 4, 6 and "Sheets").
 
 Each round labels sheets against the present field, then interpolates the field afresh from the accepted normals that
-can be believed and the rim. The first field knows the rim alone; the rounds end when the labels stand still.
+can be believed and the rim. The first field knows the rim alone; the rounds end when the labels stand still. If what
+they found shows a turned object, they go on with its body as the expected field: see `symmetry`.
 """
 
 from dataclasses import dataclass
@@ -12,8 +13,10 @@ import numpy as np
 from tasks.algorithms.confidence import field_confidence, field_growth, observed_confidence
 from tasks.algorithms.curvature import shape_evidence
 from tasks.algorithms.field import field_spread, inradius, rim_normals, smooth_field
+from tasks.algorithms.geometry import angles, unit
 from tasks.algorithms.markup import Marks, pinned
 from tasks.algorithms.sheets import CERTAIN, evidence, label_sheets, one_per_pixel
+from tasks.algorithms.symmetry import turned_normals
 
 if TYPE_CHECKING:
     from tasks.algorithms.clusters import Clusters
@@ -21,6 +24,8 @@ if TYPE_CHECKING:
 PROVENANCE = ("outside", "observed", "marked", "silhouette", "filled")
 """Names of the codes in `Reconstruction.provenance`."""
 OUTSIDE, OBSERVED, MARKED, SILHOUETTE, FILLED = range(len(PROVENANCE))
+ALIKE, APART = 3.0, 6.0
+"""Degrees up to which an accepted normal's distance from the field is noise, and from which it is the surface's own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +58,8 @@ def reconstruct_normals(
     mask: np.ndarray,
     *,
     marks: Marks | None = None,
+    expected: np.ndarray | None = None,
+    symmetry: bool = True,
     rounds: int = 10,
     settled: float = 0.002,
     strength: float = 10.0,
@@ -62,6 +69,7 @@ def reconstruct_normals(
     rim_weight: float = 1.0,
     normal_weight: float = 0.1,
     mark_weight: float = 10.0,
+    expected_weight: float = 0.03,
     tension_length: float = 0.12,
     near: float = 4.0,
     growth: float = 25.0,
@@ -70,14 +78,18 @@ def reconstruct_normals(
 ) -> Reconstruction:
     """Exterior normals of one view from its clusters (region's H, W) and mask (H, W) bool.
 
+    expected (H, W, 3): normals known beforehand, as from a visual hull, finite in the mask; they take the place of the
+    rim. symmetry: whether the silhouette of a turned object may tell them where they are not given.
     rounds: at most so many; settled: share of the mask whose labels may still change at the end; strength, contrast,
-    prior: see `sheets`; shape_weight: of `shape_evidence`; rim_weight, normal_weight, mark_weight: pull on the
-    field of a rim pixel, an accepted normal and a mark without cluster; tension_length, near, growth, most (degrees):
-    see `field`; believed: least confidence of an accepted normal that may pull on the field.
+    prior: see `sheets`; shape_weight: of `shape_evidence`; rim_weight, normal_weight, mark_weight, expected_weight: pull
+    on the field of a rim pixel, an accepted normal, a mark without cluster, an expected normal; tension_length, near,
+    growth, most (degrees): see `field`; believed: least confidence of an accepted normal that may pull on the field.
     """
     normals = np.asarray(clusters.normals, dtype=np.float32)
     if normals.shape[1:3] != mask.shape:
         raise ValueError(f"clusters of {normals.shape[1:3]} pixels do not fit a mask of {mask.shape}")
+    if expected is not None and not np.isfinite(expected[mask]).all():
+        raise ValueError("the expected normals leave pixels of the mask out")
     normals = np.where(mask[None, :, :, None], normals, np.nan)
     scale = inradius(mask)
     surface = smooth_field(mask, tension_length)
@@ -87,26 +99,37 @@ def reconstruct_normals(
     labels = np.zeros(normals.shape[:3], dtype=bool)
 
     def field_of(known: np.ndarray, values: np.ndarray) -> np.ndarray:
-        targets = np.where(known[..., None], values, outward)
-        weights = np.where(known, normal_weight, np.where(rim, rim_weight, 0.0))
-        return surface.solve(targets, np.where(marked & ~labels.any(axis=0), mark_weight, weights))
+        if expected is None:
+            targets, weights = outward, np.where(rim, rim_weight, 0.0)
+        else:
+            targets, weights = expected, np.full(mask.shape, expected_weight)
+        weights = np.where(known, normal_weight, weights)
+        weights = np.where(marked & ~labels.any(axis=0), mark_weight, weights)
+        return surface.solve(np.where(known[..., None], values, targets), weights, expected)
 
     known, values, sure = marked, marked_normals, np.where(marked, 1.0, np.nan)
     initial = field = field_of(known, values)
     history: list[Round] = []
-    while len(history) < rounds:
-        spread = field_spread(rim | (known & labels.any(axis=0)), scale, near, growth, most)
-        ratios = np.where(pins != 0, pins * CERTAIN, evidence(normals, field, spread, prior) + shape)
-        previous, labels = labels, one_per_pixel(label_sheets(normals, ratios, strength, contrast), ratios)
-        observed = labels.any(axis=0)
-        values = np.where(observed[..., None], _chosen(normals, labels), marked_normals)
-        sure = np.where(marked, 1.0, observed_confidence(values, scale))
-        known = sure >= believed
-        field = field_of(known, values)
-        changed = int((previous != labels).any(axis=0).sum())
-        history.append(Round(int(observed.sum()), changed))
-        if changed <= settled * mask.sum():
-            break
+    while True:
+        for _ in range(rounds):
+            told = known & labels.any(axis=0)
+            spread = field_spread(told if expected is not None else rim | told, scale, near, growth, most)
+            ratios = np.where(pins != 0, pins * CERTAIN, evidence(normals, field, spread, prior) + shape)
+            previous, labels = labels, one_per_pixel(label_sheets(normals, ratios, strength, contrast), ratios)
+            values = _values(normals, labels, marked_normals)
+            sure = np.where(marked, 1.0, observed_confidence(values, scale))
+            known = sure >= believed
+            field = field_of(known, values)
+            changed = int((previous != labels).any(axis=0).sum())
+            history.append(Round(int(labels.any(axis=0).sum()), changed))
+            if changed <= settled * mask.sum():
+                break
+        if expected is None and symmetry:
+            expected = turned_normals(mask, np.where(known[..., None], values, np.nan), normals)
+            if expected is not None:
+                field = field_of(known, values)
+                continue
+        break
 
     accepted = np.isfinite(sure)
     growing = field_growth(lambda kept: field_of(kept, values), np.where(known[..., None], values, np.nan), scale)
@@ -114,7 +137,7 @@ def reconstruct_normals(
     provenance = np.select([~mask, marked, accepted, rim], [OUTSIDE, MARKED, OBSERVED, SILHOUETTE], FILLED)
     return Reconstruction(
         labels=labels.astype(np.uint8),
-        normals=np.where(accepted[..., None], values, field).astype(np.float32),
+        normals=np.where(accepted[..., None], _without_noise(values, field), field).astype(np.float32),
         initial=initial,
         provenance=provenance.astype(np.uint8),
         confidence=np.where(mask, confidence, np.nan).astype(np.float32),
@@ -122,7 +145,15 @@ def reconstruct_normals(
     )
 
 
-def _chosen(normals: np.ndarray, labels: np.ndarray) -> np.ndarray:
-    """The exterior normal of each pixel (H, W, 3), NaN where no node is exterior."""
+def _values(normals: np.ndarray, labels: np.ndarray, marked: np.ndarray) -> np.ndarray:
+    """The accepted normal of each pixel (H, W, 3), NaN where there is none: of its exterior node, of a mark, or, where
+    both are, midway between them."""
     chosen = np.take_along_axis(normals, labels.argmax(axis=0)[None, :, :, None], axis=0)[0]
-    return np.where(labels.any(axis=0)[..., None], chosen, np.nan)
+    chosen = np.where(labels.any(axis=0)[..., None], chosen, np.nan)
+    return unit(np.where(np.isnan(chosen), marked, np.where(np.isnan(marked), chosen, chosen + marked)))
+
+
+def _without_noise(values: np.ndarray, field: np.ndarray) -> np.ndarray:
+    """Accepted normals (H, W, 3) freed of what the lamp's sparse sweep added: the field's (H, W, 3) where they agree."""
+    share = np.clip((APART - angles(values, field)) / (APART - ALIKE), 0.0, 1.0)[..., None]
+    return unit(share * field + (1.0 - share) * values)
