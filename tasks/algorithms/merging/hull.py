@@ -78,7 +78,7 @@ def bounding_box(views: Sequence[View], outlines: Sequence[Outline]) -> tuple[np
     Raises:
         UnusableCapture: the silhouettes have no point in common.
     """
-    centre, radius = _ball(views)
+    centre, radius = ball_around(views)
     field = hull_field(views, outlines)
     low, high = centre - radius, centre + radius
     for _ in range(2):
@@ -94,7 +94,7 @@ def bounding_box(views: Sequence[View], outlines: Sequence[Outline]) -> tuple[np
     return low, high
 
 
-def _ball(views: Sequence[View]) -> tuple[np.ndarray, float]:
+def ball_around(views: Sequence[View]) -> tuple[np.ndarray, float]:
     """Centre (3,) and radius of a ball that holds the object: where the rays through the masks' middles meet."""
     total, right = np.zeros((3, 3)), np.zeros(3)
     middles = []
@@ -107,4 +107,4 @@ def _ball(views: Sequence[View]) -> tuple[np.ndarray, float]:
         middles.append(float(np.hypot(np.ptp(columns), np.ptp(rows)) / 2))
     centre = np.linalg.solve(total + 1e-9 * np.eye(3), right)
     sizes = [extent * float(view.footprint(centre[None])[0]) for view, extent in zip(views, middles, strict=True)]
-    return centre, 1.5 * max(sizes)
+    return centre, 1.2 * max(sizes)
