@@ -58,7 +58,7 @@ def pinned(
     """Marked pixels (H, W), their normals (H, W, 3), and the nodes pinned (K, H, W): +1 exterior, -1 false, 0 free.
 
     normals (K, H, W, 3) of the clusters. A mark pins the clusters of its pixel within `reach` degrees; a true one also
-    rules out the pixel's others. Several true marks of a pixel give their mean.
+    rules out those beyond twice that. Several true marks of a pixel give their mean.
     """
     marked, sums = np.zeros(mask.shape, dtype=bool), np.zeros((*mask.shape, 3), np.float32)
     pins = np.zeros(normals.shape[:3], dtype=np.int8)
@@ -67,11 +67,12 @@ def pinned(
     for (row, column), half_vector, kind in zip(marks.pixels, marks.half_vectors, marks.kind, strict=True):
         if not mask[row, column]:
             continue
-        near = normals[:, row, column] @ half_vector > np.cos(np.radians(reach))
+        cosine = normals[:, row, column] @ half_vector
+        near, far = cosine > np.cos(np.radians(reach)), cosine < np.cos(np.radians(2.0 * reach))
         if kind == 1:
             marked[row, column] = True
             sums[row, column] += half_vector
-            pins[:, row, column] = np.where(near, 1, -1)
+            pins[:, row, column] = np.where(near, 1, np.where(far, -1, pins[:, row, column]))
         else:
             pins[near, row, column] = -1
     return marked, unit(sums), pins
