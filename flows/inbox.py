@@ -15,7 +15,7 @@ import obstore
 
 from storage.catalogue import Catalogue, Object, write
 from storage.catalogue_folder import object_of
-from storage.errors import StorageError
+from storage.errors import InputError, StorageError
 from storage.faults import store_faults
 from storage.fingerprints import digest_of
 from storage.location import Location
@@ -66,8 +66,10 @@ class Inbox:
         """All sub-folders that hold files, by name.
 
         Raises:
-            StoreError: the inbox cannot be listed.
+            InputError: there is no such folder; StoreError: the inbox cannot be listed.
         """
+        if self.place.local is not None and not self.place.local.is_dir():
+            raise InputError(f"the inbox {self.place.uri} is no folder", "make it, or mount what should be there")
         files: dict[str, list[tuple[str, int, str, datetime]]] = defaultdict(list)
         with store_faults(self.place.uri, "looking into the inbox"):
             for found in (each for part in obstore.list(self.place.obstore()) for each in part):

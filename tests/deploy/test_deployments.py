@@ -1,0 +1,219 @@
+"""Deployments on a real server, run by a real worker: what is new, limits, cancelling, notifications."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+from zoneinfo import ZoneInfo
+
+import pytest
+from prefect.blocks.notifications import CustomWebhookNotificationBlock
+from prefect.client.orchestration import get_client
+from prefect.client.schemas.filters import (
+    ArtifactFilter,
+    ArtifactFilterKey,
+    FlowRunFilter,
+    FlowRunFilterState,
+    FlowRunFilterStateType,
+)
+from prefect.client.schemas.objects import FlowRun, StateType
+from prefect.deployments import run_deployment
+from prefect.events import emit_event
+from prefect.states import Cancelling
+
+from flows.artifacts import artifact_key
+from flows.deploying import Wishes, deploy, entries
+from flows.drift import EVENT
+from flows.errors import ServerError
+from flows.server import Server
+from storage.errors import InputError
+from storage.location import Location
+from storage.locks import run_holder
+from storage.versions import ObjectRepository
+from tests.scene import draw_scene
+
+pytestmark = [pytest.mark.slow, pytest.mark.server]
+
+PATIENCE = 120.0
+
+
+class Told(ThreadingHTTPServer):
+    """Takes notifications."""
+
+    def __init__(self) -> None:
+        self.bodies: list[str] = []
+        super().__init__(("127.0.0.1", 0), _Listener)
+
+
+class _Listener(BaseHTTPRequestHandler):
+    server: Told
+
+    def do_POST(self) -> None:
+        self.server.bodies.append(self.rfile.read(int(self.headers["Content-Length"])).decode())
+        self.send_response(204)
+        self.end_headers()
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""
+
+
+@pytest.fixture(scope="module")
+def told(server: Server) -> Iterator[Told]:
+    with Told() as listener:
+        threading.Thread(target=listener.serve_forever, daemon=True).start()
+        CustomWebhookNotificationBlock(
+            name="lab",
+            url=f"http://127.0.0.1:{listener.server_port}",
+            json_data={"subject": "{{subject}}", "body": "{{body}}"},
+        ).save("lab")
+        yield listener
+        listener.shutdown()
+
+
+@pytest.fixture(scope="module")
+def places(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Inbox and store: a good object, and one whose mask is of another size."""
+    folder = tmp_path_factory.mktemp("places")
+    scene = draw_scene(folder / "inbox" / "ellipsoid", frames=150)
+    broken = folder / "inbox" / "broken"
+    broken.mkdir()
+    for name in ("front.mp4", "mask.png"):
+        (broken / name).write_bytes((scene.catalogue.parent / name).read_bytes())
+    return folder / "inbox", folder / "store"
+
+
+@pytest.fixture(scope="module")
+def deployed(worker: str, told: Told, places: tuple[Path, Path]) -> list[str]:
+    inbox, store = places
+    reference = inbox / "ellipsoid" / "catalogue.yaml"
+    wishes = Wishes(
+        str(store), str(inbox), str(reference), pool=worker, timezone="Europe/Berlin", notify="custom-webhook/lab"
+    )
+    assert deploy(wishes) == deploy(wishes)
+    return deploy(wishes)
+
+
+def until(ready: Callable[[], Any]) -> Any:
+    deadline = time.monotonic() + PATIENCE
+    while not (found := ready()):
+        assert time.monotonic() < deadline, "it did not happen"
+        time.sleep(0.2)
+    return found
+
+
+def read(run: FlowRun) -> FlowRun:
+    with get_client(sync_client=True) as client:
+        return client.read_flow_run(run.id)
+
+
+def scheduled() -> list[FlowRun]:
+    """Flow runs that the server has planned."""
+    planned = FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=[StateType.SCHEDULED])))
+    with get_client(sync_client=True) as client:
+        return client.read_flow_runs(flow_run_filter=planned)
+
+
+def call(name: str, **parameters: Any) -> FlowRun:
+    run: Any = run_deployment(name, parameters=parameters, timeout=PATIENCE, poll_interval=0.5)
+    return run
+
+
+def test_schedules_have_their_zone_and_limits(deployed: list[str]) -> None:
+    with get_client(sync_client=True) as client:
+        nightly = client.read_deployment_by_name("inbox/nightly")
+        limits = {name: client.read_deployment_by_name(name).global_concurrency_limit for name in deployed}
+    planned = until(lambda: [run for run in scheduled() if run.deployment_id == nightly.id])
+    assert all(run.expected_start_time.astimezone(ZoneInfo("Europe/Berlin")).hour == 2 for run in planned)
+    (schedule,) = nightly.schedules
+    assert schedule.schedule.model_dump()["timezone"] == "Europe/Berlin"
+    assert {name: limit.limit for name, limit in limits.items() if limit} == {
+        "inbox/nightly": 1, "reference/weekly": 1, "maintenance/weekly": 1, "all-objects/on-demand": 1,
+        "one-object/on-demand": 4,
+    }  # fmt: skip
+
+
+def test_an_inbox_is_run_once_and_its_failure_is_told(
+    deployed: list[str], told: Told, places: tuple[Path, Path]
+) -> None:
+    inbox, store = places
+    first = call("inbox/nightly", settled_minutes=0.0, workers=1)
+    assert first.state is not None and first.state.type == StateType.FAILED
+    assert "broken/front: the mask" in str(first.state.message)
+    assert ObjectRepository.open(Location.parse(store), "ellipsoid", create=False).version().name == "v1"
+    until(lambda: any("broken/front" in body and "inbox" in body for body in told.bodies))
+    (inbox / "broken" / "mask.png").unlink()
+    (inbox / "broken" / "front.mp4").rename(inbox / "broken" / "front.txt")
+    second = call("inbox/nightly", settled_minutes=0.0, workers=1)
+    assert second.state is not None and second.state.is_completed()
+    assert second.state.message == "0 objects run, 1 unchanged, 0 still arriving"
+    with get_client(sync_client=True) as client:
+        key = ArtifactFilter(key=ArtifactFilterKey(any_=[artifact_key(f"inbox {inbox}")]))
+        tables = [str(each.data) for each in client.read_artifacts(artifact_filter=key)]
+    assert any("no footage in it" in table for table in tables)
+
+
+def test_the_reference_is_judged_against_its_truth(deployed: list[str], places: tuple[Path, Path]) -> None:
+    run = call("reference/weekly", workers=1)
+    assert run.state is not None and run.state.message == "1 captures judged"
+
+
+def test_objects_run_apart(deployed: list[str], places: tuple[Path, Path]) -> None:
+    run = call("all-objects/on-demand", catalogue=str(places[0] / "ellipsoid" / "catalogue.yaml"), drift=None)
+    assert run.state is not None and run.state.is_completed(), run.state
+    with get_client(sync_client=True) as client:
+        flows = {each.id: each.name for each in client.read_flows()}
+        assert "one-object" in {flows[each.flow_id] for each in client.read_flow_runs()}
+
+
+def test_a_second_scan_at_the_same_time_is_cancelled(deployed: list[str]) -> None:
+    runs: list[Any] = [run_deployment("inbox/nightly", timeout=0) for _ in range(2)]
+    ends = until(lambda: (ends := [read(run).state for run in runs]) and all(e and e.is_final() for e in ends) and ends)
+    assert sorted(end.type.value for end in ends) == ["CANCELLED", "COMPLETED"]
+
+
+def test_a_cancelled_object_lets_go(deployed: list[str], places: tuple[Path, Path], tmp_path: Path) -> None:
+    scene = draw_scene(tmp_path / "long", frames=2000)
+    place = Location.parse(tmp_path / "store")
+    run: Any = run_deployment(
+        "one-object/on-demand",
+        parameters={
+            "catalogue": str(scene.catalogue), "object_id": "ellipsoid", "store": place.uri, "workers": 1,
+        },
+        timeout=0,
+    )  # fmt: skip
+    until(lambda: run_holder(place, "ellipsoid"))
+    with get_client(sync_client=True) as client:
+        client.set_flow_run_state(run.id, Cancelling(), force=True)
+    until(lambda: (state := read(run).state) and state.is_final())
+    end = read(run).state
+    assert end is not None and end.type == StateType.CANCELLED
+    until(lambda: run_holder(place, "ellipsoid") is None)
+
+
+def test_drift_is_told(deployed: list[str], told: Told) -> None:
+    payload = {"object": "duck", "capture": "front", "degrees": 3.25, "before": "v1", "after": "v2"}
+    emit_event(EVENT, resource={"prefect.resource.id": "glint.object.duck"}, payload=payload)
+    until(lambda: any("duck/front moved by 3.25 degrees from v1 to v2" in body for body in told.bodies))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"timezone": "Berlin"}, "no schedule"),
+        ({"nightly": "every night"}, "no schedule"),
+        ({"kind": "proces", "pool": "other"}, "no type of work pool"),
+        ({"notify": "slack-webhook/none"}, "no notification block"),
+        ({"kind": "docker"}, "has the type process"),
+    ],
+)
+def test_what_cannot_be_deployed_is_told(deployed: list[str], changes: dict[str, str], message: str) -> None:
+    with pytest.raises((InputError, ServerError), match=message):
+        deploy(Wishes(**({"store": "store", "inbox": "inbox"} | changes)))
+
+
+def test_addresses_are_absolute() -> None:
+    for each in entries(Wishes("store", "inbox", "catalogue.yaml")):
+        for name in ("store", "inbox", "catalogue"):
+            assert Path(each.parameters.get(name, "/")).is_absolute()
