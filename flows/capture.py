@@ -1,16 +1,17 @@
 """The flow of one capture: its stages one after the other, each a Prefect task performed on Dask workers."""
 
-from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
-from distributed import Client
 from prefect import flow, get_run_logger, task
 from prefect.cache_policies import NO_CACHE
 
 from flows.artifacts import capture_artifact
 from flows.progress import Event, worker_reporter
 from flows.surroundings import surroundings
+from flows.workers import DashboardProgress, awaited, spread
+from storage.errors import StoreUnreachable
 from tasks.clusters import clusters
 from tasks.references import CaptureReference
 from tasks.stage import Record, perform, stage_keys
@@ -36,11 +37,13 @@ def capture(reference: CaptureReference, scheduler: str) -> list[Record]:
 def run_stage(work: Workspace, stage: str, key: str, scheduler: str) -> Record:
     """Perform a stage on a worker; clusters go to all workers, tile by tile."""
     here, logger = surroundings(scheduler), get_run_logger()
+    shown = DashboardProgress(here.reporter(work.name, stage), f"{work.name} {stage}")
     if stage == "clusters":
-        tiled = replace(BY_NAME[stage], step=partial(clusters, mapper=partial(spread, here.client)))
-        record = perform(work, tiled, key, here.reporter(work.name, stage))
+        tiled = replace(BY_NAME[stage], step=partial(clusters, mapper=partial(spread, here.client, work.name)))
+        record = perform(work, tiled, key, shown)
     else:
-        record = here.client.submit(perform_there, work, stage, key, pure=False).result()
+        future = here.client.submit(perform_there, work, stage, key, pure=False)
+        record = awaited(future, f"{work.name} {stage}", lambda: shown.repeat(here.latest.get((work.name, stage))))
     here.show(
         Event(
             "stage",
@@ -58,22 +61,20 @@ def run_stage(work: Workspace, stage: str, key: str, scheduler: str) -> Record:
     return record
 
 
-TASKS = {stage.name: run_stage.with_options(name=stage.name) for stage in STAGES}
+def may_come_back(task: Any, run: Any, state: Any) -> bool:
+    """Whether trying a stage again can help: the store did not answer. A bad capture stays bad."""
+    return isinstance(state.result(raise_on_failure=False), StoreUnreachable)
+
+
+TASKS = {
+    stage.name: run_stage.with_options(
+        name=stage.name, retries=2, retry_delay_seconds=[5, 30], retry_condition_fn=may_come_back
+    )
+    for stage in STAGES
+}
 """The tasks by the names that the dashboard shows."""
 
 
 def perform_there(work: Workspace, stage: str, key: str) -> Record:
     """Perform a stage in a Dask worker."""
     return perform(work, BY_NAME[stage], key, worker_reporter(work.name, stage))
-
-
-def spread[Task, Shared, Result](
-    client: Client, function: Callable[[Task, Shared], Result], tasks: Iterable[Task], common: Shared
-) -> Iterator[Result]:
-    """Apply a function to tasks on all workers, which get once what is common; results in the tasks' order."""
-    shared = client.scatter(common, broadcast=True, hash=False)
-    futures = client.map(function, list(tasks), common=shared, pure=False)
-    while futures:
-        future = futures.pop(0)
-        yield future.result()
-        future.release()

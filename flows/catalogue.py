@@ -3,11 +3,13 @@
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 from prefect import flow, runtime
 from prefect.client.schemas.objects import State
 
 from flows.artifacts import catalogue_artifact
+from flows.errors import REFUSALS
 from flows.objects import DEFECT, references_of, refused, run_object, submit, unchanged_object
 from flows.outcomes import ObjectResult, RunResult, final_state
 from flows.patience import patiently
@@ -61,7 +63,9 @@ def object_or_pass(
     try:
         passed = unchanged_object(references)
         if passed is None:
-            return _run(references, scheduler, drift)
+            return patiently(_run, references, scheduler, drift)
+    except REFUSALS as error:
+        return refused(references, error.message, error.remedy, here.show)
     except Exception as defect:
         here.check()
         return refused(references, f"{type(defect).__name__}: {defect}", DEFECT, here.show)
@@ -72,8 +76,7 @@ def object_or_pass(
 
 def _run(references: Sequence[CaptureReference], scheduler: str, drift: float | None) -> ObjectResult:
     first = references[0]
-    state = patiently(
-        run_object,
+    state: Any = run_object(
         first.catalogue,
         first.object_id,
         first.store,

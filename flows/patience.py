@@ -13,7 +13,7 @@ AWAY_SECONDS = 120.0
 """How long a server may take to come back."""
 
 
-def patiently[**P, R](run: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
+def patiently[**P, R](run: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> R:
     """Call a flow; if the server goes away meanwhile, wait for it and call the flow again.
 
     Raises:
