@@ -86,11 +86,14 @@ def simulate(
     seed: Annotated[int, typer.Option(help="Of the lamp's path, the noise and the room.")] = 0,
     views: Annotated[int, typer.Option(min=1, max=360, help="Views round a turntable.")] = 1,
     scale: Annotated[float, typer.Option(min=0.1, max=8.0, help="Size relative to the paper's.")] = 1.0,
+    others: Annotated[
+        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Another option; see docs/evaluation.md.")
+    ] = None,
 ) -> None:
     """Render captures of transparent objects with their truth, as a catalogue that `glint run` takes."""
     from flows.simulation import simulate_shapes
 
-    simulate_shapes(shape, out, frames=frames, seed=seed, views=views, scale=scale)
+    simulate_shapes(shape, out, frames=frames, seed=seed, views=views, scale=scale, others=others or ())
 
 
 @app.command()

@@ -17,8 +17,10 @@ from storage.catalogue import Capture, Catalogue, Object, Pose, Region, Sphere, 
 from storage.pictures import write_png
 from tasks.algorithms.geometry import half_vectors_of, to_camera
 from tasks.algorithms.keyframes import keyframes
+from tasks.algorithms.merging.views import turned
 from tasks.algorithms.rendering.camera import expose, prepare
 from tasks.algorithms.rendering.options import OTHER, PRESETS, SHAPES, CaptureOptions
+from tasks.algorithms.rendering.placement import ROOM, Placement, placements
 from tasks.algorithms.rendering.room import Room
 from tasks.algorithms.rendering.shapes import build
 from tasks.algorithms.rendering.solids import CHROME, ball
@@ -76,9 +78,8 @@ def simulate(
     stage = _stage(round(preset.width * options.scale), round(preset.height * options.scale), options)
     captures = []
     with tempfile.TemporaryDirectory(dir=out, prefix=f".{shape}-") as temporary:
-        for view in range(options.views):
+        for view, placed in enumerate(placements(options)):
             name = "front" if options.views == 1 else f"view-{view:02d}"
-            turn = 360.0 * view / options.views
             folder = Path(temporary) / shape / name
             folder.mkdir(parents=True)
 
@@ -86,8 +87,8 @@ def simulate(
                 if progress is not None:
                     progress(before + done, frames * options.views)
 
-            _write_view(shape, stage, options, frames, view, turn, folder, tell)
-            captures.append(_capture(out / shape / name, name, stage, options, turn if options.views > 1 else None))
+            _write_view(shape, stage, options, frames, view, placed, folder, tell)
+            captures.append(_capture(out / shape / name, name, stage, options, placed))
         if options.views > 1:
             _write_model(shape, stage, options, Path(temporary) / shape / "truth_model.ply")
         if (out / shape).exists():
@@ -122,27 +123,19 @@ def _write_view(
     options: CaptureOptions,
     frames: int,
     view: int,
-    turn: float,
+    placed: Placement,
     folder: Path,
     tell: Callable[[int], None],
 ) -> None:
     generator = np.random.default_rng([options.seed, view])
-    region = stage.region
     columns, rows = np.meshgrid(np.arange(stage.width), np.arange(stage.height))
     x, y = to_camera(columns.astype(float), rows.astype(float), stage.width, stage.height)
-    place = np.array(
-        [
-            *to_camera(
-                np.array(region.x + (region.width - 1) / 2), np.array(region.y + (region.height - 1) / 2),
-                stage.width, stage.height,
-            ),
-            0.0,
-        ],
-        float,
-    )  # fmt: skip
+    sideways, row = _middle(stage)
+    # The object is made about its own middle; the world's origin is on its axis, in the frame's middle row.
+    place = placed.rotation @ np.array([0.0, row, 0.0]) + np.array([sideways + placed.offset, 0.0, 0.0])
+    width, height = _room(stage, options)
     solids = [
-        each.moved(np.eye(3), place)
-        for each in build(shape, region.width, region.height, turn, level=options.views > 1)
+        each.moved(placed.rotation, place) for each in build(shape, width, height, placed.turn, level=options.views > 1)
     ]
     at = [float(v) for v in to_camera(np.array(stage.x), np.array(stage.y), stage.width, stage.height)]
     behind = min(float(solid.vertices[:, 2].min()) for solid in solids)
@@ -168,7 +161,7 @@ def _write_view(
     lit = _write_video(folder / "video.mp4", exposed(), stage, options.crf)
     _write_truth(folder, truth, lights, stage, options)
     _write_markup(folder / "markup.json", truth, lights, lit, stage)
-    about = {"shape": shape, "view": view, "turn": turn} | asdict(options)
+    about = {"shape": shape, "view": view, "turn": placed.turn, "rotation": placed.rotation.tolist()} | asdict(options)
     (folder / "meta.json").write_text(json.dumps(about, indent=1) + "\n")
 
 
@@ -239,7 +232,7 @@ def _write_markup(path: Path, truth: Truth, lights: np.ndarray, lit: np.ndarray,
     path.write_text(json.dumps(marks, indent=0) + "\n")
 
 
-def _capture(folder: Path, name: str, stage: Stage, options: CaptureOptions, turn: float | None) -> Capture:
+def _capture(folder: Path, name: str, stage: Stage, options: CaptureOptions, placed: Placement) -> Capture:
     ball_mm = Sphere(x=stage.x, y=stage.y, radius=stage.radius, diameter_mm=options.ball_diameter)
     return Capture(
         id=name,
@@ -247,18 +240,49 @@ def _capture(folder: Path, name: str, stage: Stage, options: CaptureOptions, tur
         spheres=(ball_mm,),
         region=stage.region,
         mask=str((folder / "mask.png").absolute()),
-        pose=None if turn is None else Pose(turntable=turn),
+        pose=None if options.views == 1 else _pose(stage, options, placed),
         truth=str((folder / "truth").absolute()),
     )
 
 
+def _pose(stage: Stage, options: CaptureOptions, placed: Placement) -> Pose:
+    """As a user would give it: the turntable's angle, or the camera's matrix in millimetres."""
+    if not options.free_poses:
+        return Pose(turntable=placed.said)
+    rotation = placed.rotation @ turned(placed.said)
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation.T
+    matrix[:3, 3] = -rotation.T @ np.array([_middle(stage)[0] + placed.offset, 0.0, 0.0]) * _scale(stage, options)
+    rows = [tuple(float(value) for value in row) for row in matrix]
+    return Pose.model_validate({"camera_to_world": rows})
+
+
+def _middle(stage: Stage) -> tuple[float, float]:
+    """The region's middle in the camera frame."""
+    column = np.array(stage.region.x + (stage.region.width - 1) / 2)
+    x, y = to_camera(column, np.array(stage.region.y + (stage.region.height - 1) / 2), stage.width, stage.height)
+    return float(x), float(y)
+
+
+def _room(stage: Stage, options: CaptureOptions) -> tuple[int, int]:
+    """Width and height that the object may fill."""
+    share = ROOM if options.free_poses else 1.0
+    return round(stage.region.width * share), round(stage.region.height * share)
+
+
+def _scale(stage: Stage, options: CaptureOptions) -> float:
+    """Millimetres of a pixel."""
+    return options.ball_diameter / (2.0 * stage.radius)
+
+
 def _write_model(shape: str, stage: Stage, options: CaptureOptions, path: Path) -> None:
     """The outer surface in world coordinates, millimetres: the turntable's axis is y, y = 0 the frame's middle row."""
-    outer = [s for s in build(shape, stage.region.width, stage.region.height, 0.0, level=True) if not s.inner]
-    scale = options.ball_diameter / (2.0 * stage.radius)
-    row = (stage.height - 1) / 2 - (stage.region.y + (stage.region.height - 1) / 2)
-    shift = np.array([0.0, row, 0.0])
-    meshes = [trimesh.Trimesh((s.vertices + shift) * scale, s.triangles, process=False) for s in outer]
+    outer = [each for each in build(shape, *_room(stage, options), 0.0, level=True) if not each.inner]
+    shift = np.array([0.0, _middle(stage)[1], 0.0])
+    meshes = [
+        trimesh.Trimesh((each.vertices + shift) * _scale(stage, options), each.triangles, process=False)
+        for each in outer
+    ]
     path.write_bytes(bytes(trimesh.util.concatenate(meshes).export(file_type="ply")))
 
 

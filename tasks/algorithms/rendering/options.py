@@ -39,6 +39,16 @@ class CaptureOptions:
     """Of the hand, the noise, the jitter, the room and the background."""
     views: int = 1
     """Turntable angles, evenly spaced over 360 degrees; more than one: the camera looks level at the object."""
+    free_poses: bool = False
+    """Whether cameras of several views also look from above and below; the catalogue then gives matrices."""
+    axis_offset: float = 0.0
+    """Pixels by which the turntable's axis stands to the right of the region's middle."""
+    axis_lean: float = 0.0
+    """Degrees by which the turntable's axis leans, half as much again to the right as to the camera."""
+    angle_error: float = 0.0
+    """Largest error, degrees, of the angles that the catalogue gives; seeded."""
+    wrong_view: int | None = None
+    """A view whose angle in the catalogue is 25 degrees too large."""
     ball_radius: float = 30.0
     """Radius of the chrome ball in pixels."""
     ball_diameter: float = 25.0
@@ -68,6 +78,11 @@ class CaptureOptions:
             "frames": self.frames is None or self.frames >= 2,
             "scale": 0.1 <= self.scale <= 16,
             "views": 1 <= self.views <= 360,
+            "free_poses": not self.free_poses or self.views > 1,
+            "axis_offset": abs(self.axis_offset) <= 20,
+            "axis_lean": abs(self.axis_lean) <= 10,
+            "angle_error": 0 <= self.angle_error <= 30,
+            "wrong_view": self.wrong_view is None or 0 <= self.wrong_view < self.views,
             "ball_radius": self.ball_radius >= 10,
             "ball_diameter": self.ball_diameter > 0,
             "lamp_radius": 0.5 <= self.lamp_radius <= 30,
