@@ -20,3 +20,7 @@ class InputError(StorageError):
 
 class StoreError(StorageError):
     """The store cannot be read or written as it must be."""
+
+
+class StoreUnreachable(StoreError):
+    """The store does not answer, or not in time; later it may."""

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import icechunk
 import obstore.exceptions
 
-from storage.errors import StoreError
+from storage.errors import StoreError, StoreUnreachable
 
 REMEDIES = (
     (
@@ -25,12 +25,21 @@ REMEDIES = (
         ("403", "access denied", "forbidden", "credential", "signature"),
         "check the credentials in the environment or profile",
     ),
-    (
-        ("connect", "timed out", "timeout", "dns", "error sending request"),
-        "check the address and that the server is up, then run again",
-    ),
 )
 """What a failure's text says, in lower case, and what to do about it."""
+
+AWAY = (
+    "connect",
+    "timed out",
+    "timeout",
+    "dns",
+    "error sending request",
+    "500 internal",
+    "502 bad",
+    "503 s",
+    "504 gateway",
+)
+"""What a failure's text says when the store does not answer."""
 
 
 @contextmanager
@@ -50,7 +59,8 @@ def store_faults(uri: str, doing: str) -> Iterator[None]:
 def fault(uri: str, doing: str, error: BaseException) -> StoreError:
     """The StoreError for what went wrong while `doing` something at `uri`."""
     text = " ".join(str(error).split())
+    message = f"{doing} failed at {uri} ({text[:300]})"
     remedy = next((remedy for signs, remedy in REMEDIES if any(sign in text.lower() for sign in signs)), None)
-    return StoreError(
-        f"{doing} failed at {uri} ({text[:300]})", remedy or "check that the store is reachable and whole"
-    )
+    if remedy is None and any(sign in text.lower() for sign in AWAY):
+        return StoreUnreachable(message, "check the address and that the server is up, then run again")
+    return StoreError(message, remedy or "check that the store is reachable and whole")
