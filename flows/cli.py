@@ -182,14 +182,10 @@ def run(
 
 @app.command()
 def status(store: Store = None, as_json: Json = False) -> None:
-    """Objects of the store, their newest versions, and which are being worked on."""
-    from flows.tables import show, status_rows, table_of
+    """Objects and their newest versions; what is running, and how far it is; which captures failed last, and why."""
+    from flows.status import tell_status
 
-    rows = status_rows(chosen_store(store))
-    if as_json:
-        _lines(rows)
-    else:
-        show(table_of(rows, "no objects yet: glint run CATALOGUE"))
+    tell_status(chosen_store(store), as_json)
 
 
 @app.command()

@@ -15,7 +15,6 @@ from types import TracebackType
 
 import dask
 from dask.system import CPU_COUNT
-from dask.utils import format_bytes
 from distributed import Client, LocalCluster, Worker
 from distributed.diagnostics.plugin import WorkerPlugin
 from distributed.system import MEMORY_LIMIT
@@ -29,6 +28,9 @@ MEMORY_SHARE = 0.8
 CONNECT_SECONDS = 30
 WORKERS_SECONDS = 120
 
+TERMINATED = 0.95
+"""Share of its memory limit at which a worker is ended."""
+
 _SETTINGS = {
     # A task that killed two workers is the cause: it fails, and the others go on.
     "distributed.scheduler.allowed-failures": 1,
@@ -37,7 +39,7 @@ _SETTINGS = {
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.pause": False,
-    "distributed.worker.memory.terminate": 0.95,
+    "distributed.worker.memory.terminate": TERMINATED,
 }
 
 
@@ -124,25 +126,6 @@ class Cluster:
     def workers(self) -> int:
         """Workers there are now."""
         return len(self.client.nthreads())
-
-    @property
-    def task_bytes(self) -> int | None:
-        """Memory of the smallest worker that a task may fill; None without limit."""
-        limits = [worker["memory_limit"] for worker in self.client.scheduler_info(n_workers=-1)["workers"].values()]
-        return int(min(limits) * _SETTINGS["distributed.worker.memory.terminate"]) if limits and all(limits) else None
-
-    def check_bytes(self, projected: int, what: str) -> None:
-        """Refuse work whose largest task is projected not to fit a worker.
-
-        Raises:
-            ClusterError: it does not fit.
-        """
-        limit = self.task_bytes
-        if limit is not None and projected > limit:
-            raise ClusterError(
-                f"{what} needs {format_bytes(projected)} in one process, its workers have {format_bytes(limit)}",
-                "give a smaller region, use fewer workers, or a --scheduler whose workers have more memory",
-            )
 
     def close(self) -> None:
         """End the local cluster and its processes, or leave the given one. Safe to call twice."""

@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import asdict, dataclass
 from typing import IO, TYPE_CHECKING, Literal, Protocol
 
@@ -105,8 +105,7 @@ class JsonLines(AbstractContextManager["Display"]):
         if event.rate is not None:
             facts["frames_per_second"] = round(event.rate, 1)
         with self._lock:
-            self._stream.write(json.dumps({"time": round(time.time(), 3), **facts}, ensure_ascii=False) + "\n")
-            self._stream.flush()
+            write_line(self._stream, json.dumps({"time": round(time.time(), 3), **facts}, ensure_ascii=False))
 
     def __exit__(self, *unused: object) -> None:
         """Nothing to end."""
@@ -127,11 +126,17 @@ class PlainLines(AbstractContextManager["Display"]):
                 if now - self._shown.setdefault(key, now) < self._every:
                     return
                 self._shown[key] = now
-            self._stream.write(sentence(event) + "\n")
-            self._stream.flush()
+            write_line(self._stream, sentence(event))
 
     def __exit__(self, *unused: object) -> None:
         """Nothing to end."""
+
+
+def write_line(stream: IO[str], line: str) -> None:
+    """Write a line; a reader who has gone away does not stop the run."""
+    with suppress(BrokenPipeError):
+        stream.write(line + "\n")
+        stream.flush()
 
 
 def sentence(event: Event) -> str:

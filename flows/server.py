@@ -99,6 +99,14 @@ class Server:
             yield
 
     @contextmanager
+    def reached(self) -> Iterator[None]:
+        """Let what is called inside ask this server, which answers already."""
+        from prefect.settings import PREFECT_API_URL, temporary_settings
+
+        with temporary_settings({PREFECT_API_URL: self.api_url}):
+            yield
+
+    @contextmanager
     def _kept(self) -> Iterator[None]:
         if self.log is None:
             yield
@@ -153,6 +161,25 @@ def start_server(home: Path | None = None) -> Server:
             state = _spawn(folder)
     prepare_environment(state.api_url, folder / "prefect")
     return Server(state.api_url, _ui_url(state.api_url), started, state.process, folder / "server.log")
+
+
+def running_server(home: Path | None = None) -> Server | None:
+    """The server of this process if one is up: the one at PREFECT_API_URL, else our own; none is started.
+
+    Raises:
+        ServerError: the one at PREFECT_API_URL does not answer.
+    """
+    given = os.environ.get("PREFECT_API_URL")
+    if given:
+        prepare_environment()
+        _check_given(given)
+        return Server(given, _ui_url(given), started=False)
+    folder = (home or glint_home()) / "server" / socket.gethostname()
+    state = _read_state(folder)
+    if state is None or not is_alive(*state.process) or not _answers(state.api_url):
+        return None
+    prepare_environment(state.api_url, folder / "prefect")
+    return Server(state.api_url, _ui_url(state.api_url), False, state.process, folder / "server.log")
 
 
 def stop_server(home: Path | None = None) -> bool:

@@ -4,12 +4,14 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
+from dask.utils import format_bytes
 from distributed import Client, Future
 from distributed.client import FutureCancelledError
 from distributed.scheduler import KilledWorker
 from prefect.artifacts import create_progress_artifact, update_progress_artifact
 
 from flows.artifacts import artifact_key
+from flows.cluster import TERMINATED
 from flows.errors import ClusterError
 from flows.progress import Event, Reporter
 
@@ -90,6 +92,26 @@ def spread[Task, Shared, Result](
             if lost == _TRIES or client.status != "running":
                 raise died(what) from error
             client.cancel(futures, force=True)
+
+
+def task_bytes(client: Client) -> int | None:
+    """Memory that the smallest worker may fill; None without limit."""
+    limits = [worker["memory_limit"] for worker in client.scheduler_info(n_workers=-1)["workers"].values()]
+    return int(min(limits) * TERMINATED) if limits and all(limits) else None
+
+
+def check_bytes(client: Client, projected: int, what: str) -> None:
+    """Refuse work that is projected to need more bytes in one process than a worker has.
+
+    Raises:
+        ClusterError: it does not fit.
+    """
+    limit = task_bytes(client)
+    if limit is not None and projected > limit:
+        raise ClusterError(
+            f"{what} needs {format_bytes(projected)} in one process, its workers have {format_bytes(limit)}",
+            "give a smaller region, use fewer --workers, or a --scheduler whose workers have more memory",
+        )
 
 
 def died(what: str) -> ClusterError:

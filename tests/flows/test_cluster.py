@@ -10,6 +10,7 @@ import pytest
 
 from flows.cluster import Cluster
 from flows.errors import ClusterError
+from flows.workers import check_bytes, task_bytes
 
 pytestmark = pytest.mark.server
 
@@ -50,11 +51,11 @@ def test_the_client_is_nobodys_default(cluster: Cluster) -> None:
 
 
 def test_work_that_does_not_fit_is_refused(cluster: Cluster) -> None:
-    limit = cluster.task_bytes
+    limit = task_bytes(cluster.client)
     assert limit is not None
-    cluster.check_bytes(limit, "glass/front")
+    check_bytes(cluster.client, limit, "glass/front")
     with pytest.raises(ClusterError, match=r"glass/front needs .* in one process.*smaller region"):
-        cluster.check_bytes(limit + 1, "glass/front")
+        check_bytes(cluster.client, limit + 1, "glass/front")
 
 
 def test_a_task_that_kills_its_workers_fails_and_others_go_on(cluster: Cluster) -> None:
