@@ -125,14 +125,29 @@ def _form(grid: np.ndarray, stencil: list[tuple[int, int, float]]) -> sparse.csr
     return difference.T @ difference
 
 
-def field_spread(
-    known: np.ndarray, scale: float, near: float = 4.0, growth: float = 25.0, most: float = 30.0
-) -> np.ndarray:
-    """Standard deviation in radians (H, W) of the field: `near` degrees at a known pixel, `growth` more per inradius.
+def thickness(mask: np.ndarray, levels: int = 12) -> np.ndarray:
+    """Radius (H, W) in pixels, in `levels` steps, of the largest circle inside the mask (H, W) that covers each pixel.
 
-    known (H, W) bool; scale: the inradius in pixels. Never above `most` degrees: the field is smooth, not arbitrary.
+    A fin is thin and turns to its rim within a few pixels, whatever the size of the body.
+    """
+    depth = ndimage.distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1]
+    result = np.ones(mask.shape)
+    for radius in np.geomspace(2.0, max(2.0, depth.max()), levels):
+        core = depth >= radius
+        if core.any():
+            result[ndimage.distance_transform_edt(~core) <= radius] = radius
+    return result
+
+
+def field_spread(
+    known: np.ndarray, scale: np.ndarray | float, near: float = 4.0, growth: float = 25.0, most: float = 30.0
+) -> np.ndarray:
+    """Standard deviation in radians (H, W) of the field: `near` degrees at a known pixel, `growth` more per `scale`.
+
+    known (H, W) bool; scale: the object's thickness there in pixels, (H, W) or one for all. Never above `most` degrees:
+    the field is smooth, not arbitrary.
     """
     if not known.any():
         return np.full(known.shape, np.radians(most))
     distance = ndimage.distance_transform_edt(~known)
-    return np.radians(np.minimum(near + growth * distance / max(scale, 1.0), most))
+    return np.asarray(np.radians(np.minimum(near + growth * distance / np.maximum(scale, 1.0), most)))

@@ -12,7 +12,7 @@ import numpy as np
 
 from tasks.algorithms.confidence import field_confidence, field_growth, observed_confidence
 from tasks.algorithms.curvature import shape_evidence
-from tasks.algorithms.field import field_spread, inradius, rim_normals, smooth_field
+from tasks.algorithms.field import field_spread, inradius, rim_normals, smooth_field, thickness
 from tasks.algorithms.geometry import angles, unit
 from tasks.algorithms.markup import Marks, pinned
 from tasks.algorithms.sheets import CERTAIN, evidence, label_sheets, one_per_pixel
@@ -91,7 +91,7 @@ def reconstruct_normals(
     if expected is not None and not np.isfinite(expected[mask]).all():
         raise ValueError("the expected normals leave pixels of the mask out")
     normals = np.where(mask[None, :, :, None], normals, np.nan)
-    scale = inradius(mask)
+    scale, local_scale = inradius(mask), thickness(mask)
     surface = smooth_field(mask, tension_length)
     rim, outward = rim_normals(mask)
     shape = shape_weight * shape_evidence(normals, scale)
@@ -113,7 +113,7 @@ def reconstruct_normals(
     while True:
         for _ in range(rounds):
             told = known & labels.any(axis=0)
-            spread = field_spread(told if expected is not None else rim | told, scale, near, growth, most)
+            spread = field_spread(told if expected is not None else rim | told, local_scale, near, growth, most)
             ratios = np.where(pins != 0, pins * CERTAIN, evidence(normals, field, spread, prior) + shape)
             previous, labels = labels, one_per_pixel(label_sheets(normals, ratios, strength, contrast), ratios)
             values = _values(normals, labels, marked_normals)
