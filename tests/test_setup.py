@@ -21,7 +21,7 @@ def name_of(requirement: str) -> str:
 
 
 def pins() -> dict[str, str]:
-    return {normal(name): version for name, version in re.findall(r"^([A-Za-z0-9._-]+)==(\S+)", PINNED, re.MULTILINE)}
+    return {normal(name): version for name, version in re.findall(r"^([\w.-]+)(?:\[[^]]*\])?==(\S+)", PINNED, re.MULTILINE)}
 
 
 def test_every_requirement_is_pinned() -> None:
