@@ -21,7 +21,8 @@ def name_of(requirement: str) -> str:
 
 
 def pins() -> dict[str, str]:
-    return {normal(name): version for name, version in re.findall(r"^([\w.-]+)(?:\[[^]]*\])?==(\S+)", PINNED, re.MULTILINE)}
+    found = re.findall(r"^([\w.-]+)(?:\[[^]]*\])?==(\S+)", PINNED, re.MULTILINE)
+    return {normal(name): version for name, version in found}
 
 
 def test_every_requirement_is_pinned() -> None:
