@@ -41,9 +41,17 @@ def labels(work: Workspace, progress: Progress) -> Outcome:
 
 
 def reconstruct(
-    clusters: Clusters, mask: np.ndarray, initial: np.ndarray, marks: Marks | None, parameters: Parameters
+    clusters: Clusters,
+    mask: np.ndarray,
+    initial: np.ndarray,
+    marks: Marks | None,
+    parameters: Parameters,
+    expected: np.ndarray | None = None,
 ) -> Reconstruction:
-    """Normals of one view by the method that `parameters.labels` names."""
+    """Normals of one view by the method that `parameters.labels` names.
+
+    expected: normals (H, W, 3) that a model of all views shows, for the method `sheets`.
+    """
     chosen, outline = parameters.labels, parameters.silhouette
     if chosen.method == "paper":
         return reconstruct_dual_layer(clusters, mask, initial, marks=marks, edges=chosen.edges, weight=chosen.weight)
@@ -53,6 +61,7 @@ def reconstruct(
         clusters,
         mask,
         marks=marks,
+        expected=expected,
         rounds=chosen.rounds,
         strength=chosen.strength,
         contrast=chosen.contrast,

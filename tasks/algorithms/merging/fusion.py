@@ -26,8 +26,8 @@ class Fused:
 
     normals (N, 3), of the world, unit; weight (N,) >= 0, the sum of their weights; confidence (N,) in 0..1, that of
     the best view, less where the views differ, 0 where none looks; best (N,) int, the view that says most, -1 where
-    none looks; each (V, N, 3) and weights (V, N): the views' own normals in the world, and their weights before
-    reconciliation.
+    none looks. Of each view: each (V, N, 3), its normals in the world; sure (V, N), its confidence, 0 where it does
+    not see the vertex.
     """
 
     normals: np.ndarray
@@ -35,7 +35,7 @@ class Fused:
     confidence: np.ndarray
     best: np.ndarray
     each: np.ndarray
-    weights: np.ndarray
+    sure: np.ndarray
 
 
 def vertex_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -93,7 +93,7 @@ def fuse(views: Sequence[View], vertices: np.ndarray, triangles: np.ndarray) -> 
         confidence=(sure * kept).max(axis=0),
         best=np.where(agreed.max(axis=0) > 0, best, -1),
         each=each,
-        weights=weights,
+        sure=sure,
     )
 
 

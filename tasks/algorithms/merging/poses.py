@@ -17,7 +17,7 @@ from tasks.algorithms.merging.fusion import Fused
 from tasks.algorithms.merging.hull import Outline, ball_around, hull_field, outline_of
 from tasks.algorithms.merging.views import View, turned
 
-RAYS = 96
+RAYS = 48
 """Rays taken of each outline."""
 COARSE, FINE = 40, 9
 """Points looked at along a ray, first from end to end, then round the best."""
@@ -27,6 +27,8 @@ ANGLE_ERROR, LEAN_ERROR = 1.0, 4.0
 """Degrees expected of a turntable's angles and of its axis, which hold what the outlines leave open."""
 DIFFERENCE = 0.1
 """Degrees, or per cent of the object's size, over which residuals are differentiated."""
+SURE = 0.8
+"""Confidence from which normals are compared: the smooth field's guesses lean with the view that made them."""
 DIFFERENT = 8.0
 """Degrees between the normals of two views beyond which one of them is taken to be mistaken."""
 
@@ -109,23 +111,22 @@ def _nearest(
     return np.maximum(values.min(axis=1), 0.0)
 
 
-def solve_turntable(views: Sequence[View], start: Turntable) -> Turntable:
+def solve_turntable(views: Sequence[View], start: Turntable, angles_too: bool = True) -> Turntable:
     """The turntable whose views' outlines agree best; the mean of its angles stays, as the body's own turn is free."""
     outlines = [outline_of(view.mask) for view in views]
     size = _size(views)
 
     def turntable(unknowns: np.ndarray) -> Turntable:
-        errors = unknowns[3:] - unknowns[3:].mean()
+        errors = unknowns[3:] - unknowns[3:].mean() if angles_too else np.zeros(len(views))
         offset, towards, sideways = unknowns[:3].tolist()
         return Turntable(offset * size / 100, towards, sideways, start.angles + errors)
 
     def residuals(unknowns: np.ndarray) -> np.ndarray:
-        now = turntable(unknowns)
-        placed = [view.placed(*now.pose(number)) for number, view in enumerate(views)]
+        placed = on_turntable(views, turntable(unknowns))
         held = np.concatenate([unknowns[1:3] / LEAN_ERROR, unknowns[3:] / ANGLE_ERROR])
         return np.concatenate([_softened(misses(placed, outlines)), held])
 
-    first = np.zeros(3 + len(views))
+    first = np.zeros(3 + (len(views) if angles_too else 0))
     first[:3] = 100 * start.offset / size, start.towards, start.sideways
     found = least_squares(residuals, first, jac=_differences(residuals), max_nfev=8, xtol=1e-3, ftol=1e-3)
     return turntable(found.x)
@@ -134,24 +135,24 @@ def solve_turntable(views: Sequence[View], start: Turntable) -> Turntable:
 def turned_by_normals(views: Sequence[View], fused: Fused, rounds: int = 30) -> np.ndarray:
     """Degrees (V,) about the world's upward axis by which each view's normals must turn to agree with the others'.
 
-    Positive is counter-clockwise from above; their mean is zero.
+    Positive is counter-clockwise from above; their mean is zero. Only normals that two views are sure of are asked.
     """
-    each, total = fused.each, np.zeros(len(views))
+    total = np.zeros(len(views))
+    weights = np.where(fused.sure >= SURE, fused.sure, 0.0)
     for _ in range(rounds):
-        normals = np.stack([view @ turned(-angle).T for view, angle in zip(each, total, strict=True)])
+        normals = np.stack([each @ turned(angle).T for each, angle in zip(fused.each, total, strict=True)])
+        everyone = (weights[..., None] * normals).sum(axis=0)
         for number in range(len(views)):
-            others = np.delete(np.arange(len(views)), number)
-            common = (fused.weights[others, :, None] * normals[others]).sum(axis=0)
-            weight = np.minimum(fused.weights[number], fused.weights[others].sum(axis=0))
-            length = np.linalg.norm(common, axis=1)
-            common = common / np.maximum(length, 1e-9)[:, None]
             own = normals[number]
-            across = common[:, 0] * own[:, 2] - common[:, 2] * own[:, 0]
-            along = common[:, 0] * own[:, 0] + common[:, 2] * own[:, 2]
+            others = everyone - weights[number][:, None] * own
+            length = np.linalg.norm(others, axis=1)
+            common = others / np.maximum(length, 1e-9)[:, None]
             apart = np.degrees(np.arccos(np.clip((common * own).sum(axis=1), -1.0, 1.0)))
-            weight = weight / (1.0 + (apart / DIFFERENT) ** 2) ** 2
+            weight = np.minimum(weights[number], length) / (1.0 + (apart / DIFFERENT) ** 2) ** 2
             if weight.sum() > 0:
-                total[number] -= 0.5 * np.degrees((weight * across).sum() / max((weight * along).sum(), 1e-9))
+                across = common[:, 0] * own[:, 2] - common[:, 2] * own[:, 0]
+                along = common[:, 0] * own[:, 0] + common[:, 2] * own[:, 2]
+                total[number] += 0.5 * np.degrees((weight * across).sum() / max((weight * along).sum(), 1e-9))
         total -= total.mean()
     return total
 
@@ -176,3 +177,12 @@ def _softened(misses: np.ndarray) -> np.ndarray:
 
 def _size(views: Sequence[View]) -> float:
     return max(float(np.hypot(*view.mask.shape)) * view.pixel_size for view in views)
+
+
+def on_turntable(views: Sequence[View], table: Turntable) -> list[View]:
+    """Views where a turntable puts them; a perspective camera keeps its distance from the axis."""
+    placed = []
+    for number, view in enumerate(views):
+        rotation, translation = table.pose(number)
+        placed.append(view.placed(rotation, translation + np.array([0.0, 0.0, view.translation[2]])))
+    return placed

@@ -36,6 +36,10 @@ class View:
         """The same view from elsewhere."""
         return replace(self, rotation=np.asarray(rotation, float), translation=np.asarray(translation, float))
 
+    def seeing(self, normals: np.ndarray, confidence: np.ndarray) -> "View":
+        """The same view with other normals (H, W, 3) and confidence (H, W)."""
+        return replace(self, normals=normals, confidence=confidence)
+
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Columns and rows (..., ) of the region at which points (..., 3) of the world appear."""
         x, y, z = np.moveaxis(points @ self.rotation.T + self.translation, -1, 0)

@@ -1,0 +1,161 @@
+"""Placing the views: a turntable solved, contradictory views named and left out, angles found where none were given."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tasks.algorithms.errors import UnusableCapture
+from tasks.algorithms.merging.closing import close
+from tasks.algorithms.merging.fusion import vertex_normals
+from tasks.algorithms.merging.hull import Outline, outline_of
+from tasks.algorithms.merging.model import visual_hull
+from tasks.algorithms.merging.poses import (
+    Turntable,
+    misses,
+    on_turntable,
+    solve_turntable,
+    turned_by_normals,
+    turntable_of,
+)
+from tasks.algorithms.merging.sculpting import sculpt
+from tasks.algorithms.merging.views import View
+
+CONTRADICTORY = 1.0
+"""Mean pixels by which rays through a view's outline may miss the others' hull; more is a wrong pose or mask."""
+COARSE_VERTICES = 8_000
+"""Of the mesh on which views are compared."""
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A view that is no part of the model, and why; `angle`: the turntable's angle that would fit it, if one does."""
+
+    name: str
+    reason: str
+    angle: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """Views where they must have been; those left out; mean misses of each in pixels; the turntable, if it is one."""
+
+    views: tuple[View, ...]
+    left_out: tuple[LeftOut, ...]
+    misses: tuple[float, ...]
+    turntable: Turntable | None
+
+
+def place_on_turntable(
+    views: Sequence[View], angles: Sequence[float], progress: Callable[[str], None] = lambda what: None
+) -> Placed:
+    """Solve a turntable's axis and the errors of its angles from outlines and normals.
+
+    Raises:
+        UnusableCapture: fewer than two views, or none agree.
+    """
+    _enough(views)
+    progress("looking for the axis")
+    start = solve_turntable(views, turntable_of(views, angles), angles_too=False)
+    kept, left_out = _consistent(views, start)
+    if left_out:
+        views, angles = [views[each] for each in kept], [angles[each] for each in kept]
+        _enough(views)
+        start = solve_turntable(views, turntable_of(views, angles), angles_too=False)
+    table = solve_turntable(views, start)
+    for _ in range(2):
+        progress("comparing the views' normals")
+        table = replace(table, angles=table.angles - _turns(on_turntable(views, table)))
+        table = solve_turntable(views, table, angles_too=False)
+    placed = on_turntable(views, table)
+    return Placed(tuple(placed), tuple(left_out), _mean_misses(placed), table)
+
+
+def place_by_matrices(views: Sequence[View]) -> Placed:
+    """Take the given poses as they are, but for views that contradict the others.
+
+    Raises:
+        UnusableCapture: fewer than two views, a pose that is no rotation, or none agree.
+    """
+    _enough(views)
+    for view in views:
+        if not np.allclose(view.rotation @ view.rotation.T, np.eye(3), atol=1e-3) or np.linalg.det(view.rotation) < 0:
+            raise UnusableCapture(
+                f"the pose of {view.name} is no rotation",
+                "give camera_to_world with orthogonal unit columns: camera x right, y up, z to the camera",
+            )
+    kept, left_out = _consistent(views, None)
+    chosen = [views[each] for each in kept]
+    _enough(chosen)
+    return Placed(tuple(chosen), tuple(left_out), _mean_misses(chosen), None)
+
+
+def _consistent(views: Sequence[View], table: Turntable | None) -> tuple[list[int], list[LeftOut]]:
+    """Indices of the views whose outlines agree, and those without which the others agree better."""
+    outlines = [outline_of(view.mask) for view in views]
+    placed = list(views) if table is None else on_turntable(views, table)
+    kept, left_out = list(range(len(views))), list[LeftOut]()
+    while len(kept) > 2:
+        now = misses([placed[each] for each in kept], [outlines[each] for each in kept]).mean(axis=1)
+        if now.max() <= CONTRADICTORY:
+            break
+        without = [
+            misses([placed[each] for each in kept if each != one], [outlines[each] for each in kept if each != one])
+            .mean(axis=1)
+            .max()
+            for one in kept
+        ]
+        worst = kept[int(np.argmin(without))]
+        kept = [each for each in kept if each != worst]
+        angle = None if table is None else _fitting_angle(worst, kept, placed, outlines, table)
+        reason = f"its outline contradicts the others' by {now.max():.1f} pixels"
+        if table is not None and angle is not None:
+            by = _apart(float(table.angles[worst]), angle)
+            reason += f"; it would fit at {angle % 360:.1f} degrees, {by:+.1f} from what was given"
+        left_out.append(LeftOut(views[worst].name, reason, angle))
+    return kept, left_out
+
+
+def _fitting_angle(
+    one: int, kept: Sequence[int], placed: Sequence[View], outlines: Sequence[Outline], table: Turntable
+) -> float | None:
+    """The angle at which a view agrees with the others, None if at no angle."""
+    others, theirs = [placed[each] for each in kept], [outlines[each] for each in kept]
+
+    def miss(angle: float) -> float:
+        turned = replace(table, angles=np.where(np.arange(len(table.angles)) == one, angle, table.angles))
+        view = on_turntable(placed, turned)[one]
+        return float(misses([*others, view], [*theirs, outlines[one]], 24).mean())
+
+    tried = np.arange(0.0, 360.0, 6.0)
+    best = float(tried[np.argmin([miss(angle) for angle in tried])])
+    for step in (2.0, 0.5):
+        near = best + step * np.arange(-2, 3)
+        best = float(near[np.argmin([miss(angle) for angle in near])])
+    return best if miss(best) <= CONTRADICTORY else None
+
+
+def _turns(views: Sequence[View]) -> np.ndarray:
+    outlines = [outline_of(view.mask) for view in views]
+    hull = visual_hull(views, outlines, COARSE_VERTICES)
+    vertices, _ = sculpt(views, outlines, hull.vertices, hull.triangles, 6)
+    vertices, triangles = close(vertices, vertex_normals(vertices, hull.triangles), hull.cell)
+    _, fused = sculpt(views, outlines, vertices, triangles, 4)
+    return turned_by_normals(views, fused)
+
+
+def _mean_misses(views: Sequence[View]) -> tuple[float, ...]:
+    found = misses(views, [outline_of(view.mask) for view in views]).mean(axis=1)
+    return tuple(float(each) for each in found)
+
+
+def _apart(first: float, second: float) -> float:
+    return (second - first + 180.0) % 360.0 - 180.0
+
+
+def _enough(views: Sequence[View]) -> None:
+    if len(views) < 2:
+        raise UnusableCapture(
+            f"{len(views)} view{'s' * (len(views) != 1)} with a pose that fits: a model needs two, eight are good",
+            "film the object from more sides, and give each capture its pose",
+        )

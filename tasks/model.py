@@ -1,0 +1,269 @@
+"""Model: the views of one object placed and merged into one closed surface in world coordinates."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from importlib.metadata import version
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from storage import blobs
+from storage.catalogue import Pose
+from storage.fingerprints import digest_of
+from storage.pictures import encode_png
+from storage.results import WHOLE_OBJECT
+from tasks.algorithms.errors import UnusableCapture
+from tasks.algorithms.merging.model import Model, merge
+from tasks.algorithms.merging.placing import LeftOut, Placed, place_by_matrices, place_on_turntable
+from tasks.algorithms.merging.projection import seen_normals
+from tasks.algorithms.merging.views import View
+from tasks.algorithms.relight import draw_surface
+from tasks.algorithms.surface import Surface, glb_bytes, ply_bytes
+from tasks.clusters import load_clusters
+from tasks.frames import region_of
+from tasks.labels import reconstruct
+from tasks.markup import load_marks
+from tasks.stage import Outcome, Progress, Record
+from tasks.surface import METRES_PER_MM
+from tasks.workspace import Workspace, facts_of
+
+STAGE, VERSION = "model", 1
+SEEN = 0.5
+"""Confidence from which a part of the surface counts as known."""
+AROUND = tuple(range(0, 360, 60))
+"""Degrees from which the picture sheet shows the model."""
+
+
+def posed(works: Sequence[Workspace]) -> list[Workspace]:
+    """The captures that can be part of a model: those with a pose."""
+    return [work for work in works if work.capture.pose is not None]
+
+
+def wants_model(works: Sequence[Workspace]) -> bool:
+    """Whether an object's captures are meant to be merged: more than one says where it was filmed from."""
+    return len(posed(works)) > 1
+
+
+def model_key(works: Sequence[Workspace]) -> str:
+    """Digest of all that the model follows from: the captures' labels, their poses and cameras, its parameters."""
+    first = works[0]
+    return digest_of(
+        {
+            "stage": STAGE,
+            "version": VERSION,
+            "parameters": first.parameters.model.model_dump(mode="json"),
+            "views": {
+                work.capture.id: [
+                    work.repository.stage_key(work.capture.id, "labels"),
+                    facts_of(work.capture, ("pose", "camera", "pixel_size")),
+                ]
+                for work in posed(works)
+            },
+        }
+    )
+
+
+def perform_model(works: Sequence[Workspace], key: str, progress: Progress | None = None) -> Record:
+    """Compute and save the model of these captures of one object, unless it is stored under its key already.
+
+    Raises:
+        UnusableCapture: the views do not fit together; StoreError: the store fails.
+    """
+    started, repository = perf_counter(), works[0].repository
+    if repository.stage_key(WHOLE_OBJECT, STAGE) == key:
+        record = repository.load(WHOLE_OBJECT, STAGE).record
+        return Record(STAGE, key, True, perf_counter() - started, record["counts"], tuple(record["warnings"]))
+    outcome = model(works, progress or (lambda done, total: None))
+    seconds = perf_counter() - started
+    record = {
+        "parameters": works[0].parameters.model.model_dump(mode="json"),
+        "seconds": round(seconds, 3),
+        "counts": dict(outcome.counts),
+        "warnings": list(outcome.warnings),
+        "versions": {"glint": version("glint"), STAGE: VERSION, "numpy": np.__version__},
+        **outcome.record,
+    }
+    repository.save(WHOLE_OBJECT, STAGE, key, outcome.arrays, record, outcome.blobs)
+    return Record(STAGE, key, False, seconds, dict(outcome.counts), tuple(outcome.warnings))
+
+
+def model(works: Sequence[Workspace], progress: Progress) -> Outcome:
+    """Place the views, merge them, label each anew with the model as its initial field, and merge again.
+
+    Raises:
+        UnusableCapture: the views do not fit together.
+    """
+    named = {work.capture.id: work for work in posed(works)}
+    unit = _unit(list(named.values()))
+    placed = _placed(named)
+    parameters = works[0].parameters.model
+    total = parameters.passes * 15
+
+    def report(before: int) -> Progress:
+        return lambda done, of: progress(min(before + done, total), total)
+
+    views = list(placed.views)
+    most = parameters.most_triangles
+    merged = merge(views, progress=report(0), most_triangles=most)
+    for again in range(1, parameters.passes):
+        views = [_labelled_anew(view, merged, named[view.name]) for view in views]
+        merged = merge(views, start=merged, progress=report(15 * again), most_triangles=most)
+    return _outcome(works[0], placed, merged, unit)
+
+
+def _unit(works: Sequence[Workspace]) -> str:
+    """The unit of the model, the same for all views."""
+    sizes = {work.capture.id: work.load("survey").record["pixel_size"] for work in works}
+    unknown = [name for name, size in sizes.items() if not size]
+    if unknown and len(unknown) < len(sizes):
+        raise UnusableCapture(
+            f"the scale of {', '.join(unknown)} is not known, that of the other views is",
+            "give pixel_size, or the diameter_mm of a sphere, for all views or for none",
+        )
+    return "pixels" if unknown else "mm"
+
+
+def _placed(named: Mapping[str, Workspace]) -> Placed:
+    angles = {name: _pose(work).turntable for name, work in named.items()}
+    turning = {name: angle for name, angle in angles.items() if angle is not None}
+    fixed = [name for name in named if name not in turning]
+    if turning and fixed:
+        raise UnusableCapture(
+            f"{', '.join(turning)} are given by a turntable's angle, {', '.join(fixed)} by a matrix",
+            "give the poses of an object's captures all in one way",
+        )
+    views = [_view(work) for work in named.values()]
+    return place_on_turntable(views, list(turning.values())) if turning else place_by_matrices(views)
+
+
+def _pose(work: Workspace) -> Pose:
+    assert work.capture.pose is not None
+    return work.capture.pose
+
+
+def _view(work: Workspace) -> View:
+    """What a capture's stages left, its camera where the catalogue says."""
+    survey, labels, region = work.load("survey").record, work.load("labels"), region_of(work)
+    pixel_size = survey["pixel_size"] or 1.0
+    rotation, translation = np.eye(3), np.zeros(3)
+    pose, camera = _pose(work), work.camera_matrix
+    if pose.camera_to_world is not None:
+        matrix = np.array(pose.camera_to_world, float)
+        rotation, translation = matrix[:3, :3].T, -matrix[:3, :3].T @ matrix[:3, 3]
+    elif camera is not None:
+        # A turntable stands where a pixel covers pixel_size.
+        translation = np.array([0.0, 0.0, -pixel_size * float(np.sqrt(camera[0, 0] * camera[1, 1]))])
+    width, height = survey["frame_size"]
+    return View(
+        name=work.capture.id,
+        mask=work.load("mask").read("mask"),
+        normals=labels.read("normals"),
+        confidence=labels.read("confidence"),
+        rotation=rotation,
+        translation=translation,
+        origin=(region.x, region.y),
+        frame=(width, height),
+        pixel_size=pixel_size,
+        matrix=camera,
+    )
+
+
+def _labelled_anew(view: View, merged: Model, work: Workspace) -> View:
+    """The view with the highlights labelled against the model in place of the silhouette's smooth field."""
+    expected = seen_normals(merged, view)
+    if work.parameters.labels.method != "sheets" or not np.isfinite(expected[view.mask]).all():
+        return view
+    initial = work.load("silhouette").read("initial")
+    found = reconstruct(load_clusters(work), view.mask, initial, load_marks(work), work.parameters, expected)
+    return view.seeing(found.normals, found.confidence)
+
+
+def _outcome(work: Workspace, placed: Placed, merged: Model, unit: str) -> Outcome:
+    mesh = trimesh.Trimesh(merged.vertices, merged.triangles, process=False)
+    seen = _area_share(mesh, merged.confidence >= SEEN)
+    about: dict[str, Any] = {
+        "unit": unit,
+        "views": [
+            _told(view, miss, merged, number)
+            for number, (view, miss) in enumerate(zip(placed.views, placed.misses, strict=True))
+        ],
+        "left_out": [asdict(each) for each in placed.left_out],
+        "turntable": None if placed.turntable is None else _turntable(placed),
+        "seen": seen,
+        "unseen": _area_share(mesh, merged.source < 0),
+        "volume": float(mesh.volume),
+        "area": float(mesh.area),
+        "bounding_box": {"low": merged.vertices.min(axis=0).tolist(), "high": merged.vertices.max(axis=0).tolist()},
+        "watertight": bool(mesh.is_watertight),
+        "handles": int(1 - mesh.euler_number // 2),
+        "edge": merged.cell,
+    }
+    surface = Surface(
+        merged.vertices.astype(np.float32),
+        merged.triangles.astype(np.int32),
+        merged.normals.astype(np.float32),
+        merged.confidence.astype(np.float32),
+    )
+    files = {
+        "model.ply": (ply_bytes(surface), "model/ply"),
+        "model.glb": (glb_bytes(surface, METRES_PER_MM if unit == "mm" else 1.0), "model/gltf-binary"),
+        "model.json": (json.dumps(about, indent=1).encode(), "application/json"),
+        "model.png": (encode_png(picture_sheet(surface)), "image/png"),
+    }
+    return Outcome(
+        arrays={
+            "vertices": surface.vertices,
+            "triangles": surface.triangles,
+            "confidence": surface.confidence,
+            "source": merged.source.astype(np.int16),
+        },
+        record=about,
+        blobs={name: blobs.put(work.location, data, media) for name, (data, media) in files.items()},
+        counts={
+            "views": len(placed.views),
+            "vertices": len(surface.vertices),
+            "triangles": len(surface.triangles),
+            "seen": round(seen, 4),
+        },
+        warnings=[_warning(each) for each in placed.left_out],
+    )
+
+
+def _told(view: View, miss: float, merged: Model, number: int) -> dict[str, Any]:
+    """A view in model.json: its pose as solved, its residual, and the share of the surface that it says most of."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = view.rotation.T, -view.rotation.T @ view.translation
+    return {
+        "capture": view.name,
+        "camera_to_world": matrix.tolist(),
+        "outline_misses_pixels": round(miss, 3),
+        "share": round(float((merged.source == number).mean()), 4),
+    }
+
+
+def _turntable(placed: Placed) -> dict[str, Any]:
+    table = placed.turntable
+    assert table is not None
+    return {
+        "offset": table.offset,
+        "leans_to_camera_degrees": table.towards,
+        "leans_to_the_right_degrees": table.sideways,
+        "angles": {view.name: round(float(angle), 3) for view, angle in zip(placed.views, table.angles, strict=True)},
+    }
+
+
+def _area_share(mesh: trimesh.Trimesh, vertices: np.ndarray) -> float:
+    return float((mesh.area_faces * vertices[mesh.faces].mean(axis=1)).sum() / max(mesh.area, 1e-12))
+
+
+def _warning(left_out: LeftOut) -> str:
+    return f"{left_out.name} is not part of the model: {left_out.reason}; check its pose and its mask"
+
+
+def picture_sheet(surface: Surface, size: int = 260) -> np.ndarray:
+    """The model from all around, (2 size, 3 size) uint8."""
+    pictures = [draw_surface(surface, float(azimuth), 15.0, size) for azimuth in AROUND]
+    return np.vstack([np.hstack(pictures[:3]), np.hstack(pictures[3:])])
