@@ -28,7 +28,8 @@ class Frames(_Stage):
 
 class Lights(_Stage):
     """seed, low, high: levels of a highlight on the sphere between its static level (0) and white (1); second: area
-    of a second light relative to the first; odd: ratio of areas that is ambiguous; tolerance: degrees between spheres.
+    of a second light relative to the first; odd: ratio of areas that is ambiguous; tolerance: degrees between spheres;
+    distance: of a near lamp in mm (two spheres measure it themselves).
     """
 
     seed: Share = 0.6
@@ -37,6 +38,7 @@ class Lights(_Stage):
     second: Positive = 0.5
     odd: Annotated[float, Field(gt=1)] = 3.0
     tolerance: Degrees = 5.0
+    distance: Positive | None = None
 
 
 class Mask(_Stage):
@@ -96,6 +98,14 @@ class Surface(_Stage):
     steepest: Positive = 12.0
 
 
+class Model(_Stage):
+    """passes: times that the views are merged, each labelled by the model of the one before. Given for the catalogue
+    or an object; a capture's own is not heeded. most_triangles: the model is reduced to so many."""
+
+    passes: Annotated[int, Field(ge=1, le=5)] = 2
+    most_triangles: Annotated[int, Field(ge=100)] | None = None
+
+
 class Parameters(_Stage):
     """Parameters of all stages, by stage."""
 
@@ -109,3 +119,4 @@ class Parameters(_Stage):
     labels: Labels = Labels()
     depth: Depth = Depth()
     surface: Surface = Surface()
+    model: Model = Model()
