@@ -33,7 +33,12 @@ def pods() -> dict[str, dict[str, Any]]:
 
 def test_prefect_yaml_says_what_glint_deploy_does() -> None:
     told = YAML(typ="safe").load(ROOT / "prefect.yaml")["deployments"]
-    store, inbox, reference, scheduler = "s3://a/b", "s3://in", "s3://ref/catalogue.yaml", "tcp://host:8786"
+    store, inbox, reference, scheduler = (
+        "s3://glint/store",
+        "s3://inbox",
+        "s3://truth/catalogue.yaml",
+        "tcp://host:8786",
+    )
     values = {"GLINT_STORE": store, "GLINT_INBOX": inbox, "GLINT_REFERENCE": reference, "DASK_SCHEDULER": scheduler}
     found = {}
     for each in told:
