@@ -11,6 +11,7 @@ from storage.location import Location
 from tasks.algorithms.clusters import Clusters, cluster_pixels, light_shares
 from tasks.algorithms.perspective import towards
 from tasks.frames import OBJECT, bars_of, open_frames, region_of
+from tasks.lights import near_lamp_of
 from tasks.parameters import Clusters as Parameters
 from tasks.stage import Outcome, Progress
 from tasks.workspace import Workspace
@@ -58,8 +59,14 @@ def clusters(work: Workspace, progress: Progress, mapper: Mapper = one_by_one) -
     for done, (tile, found) in enumerate(zip(tiles, mapper(cluster_tile, tasks, common), strict=True), 1):
         place(result, tile, found)
         progress(done, len(tiles))
-    normals = towards(result.normals, work.camera_matrix, region_of(work).x, region_of(work).y)
-    arrays = {each.name: getattr(result, each.name) for each in fields(result)} | {"normals": normals}
+    region, lamp = region_of(work), near_lamp_of(work)
+    seen = {"normals": result.normals, "winner": result.winner}
+    if lamp is not None:
+        grid = np.indices(mask.shape)
+        columns, rows = grid[1] + region.x, grid[0] + region.y
+        seen = {name: lamp.seen_from(found, columns, rows) for name, found in seen.items()}
+    seen["normals"] = towards(seen["normals"], work.camera_matrix, region.x, region.y)
+    arrays = {each.name: getattr(result, each.name) for each in fields(result)} | seen
     observed = (result.observations > 0) & mask
     return Outcome(
         arrays=arrays,

@@ -1,7 +1,10 @@
 """Lights: one half vector per frame, from the spheres or from known lights."""
 
+from dataclasses import asdict
+
 import numpy as np
 
+from storage.errors import InputError
 from storage.footage import open_footage
 from storage.frames import FrameCache
 from storage.inputs import read_lights
@@ -18,6 +21,7 @@ from tasks.algorithms.lights import (
     decide_lights,
     disagreement_of,
 )
+from tasks.algorithms.near_lamp import NearLamp, find_near_lamp, lamp_beside
 from tasks.algorithms.spheres import Sphere
 from tasks.frames import crops_of, open_frames, spheres_of
 from tasks.stage import Outcome, Progress
@@ -31,11 +35,14 @@ def lights(work: Workspace, progress: Progress) -> Outcome:
     """Half vector, light and reason of every frame.
 
     Raises:
-        InputError: the known lights are unusable.
+        InputError: the known lights are unusable; a distance of the lamp without a scale.
         UnusableCapture: no frame has a light before the object.
     """
     cache = open_frames(work)
-    found = _known(work, cache.frames) if work.capture.lights else _seen(work, cache, progress)
+    if work.capture.lights:
+        found, lamp = _known(work, cache.frames), None
+    else:
+        found, lamp = _seen(work, cache, progress)
     accepted = int(found.accepted.sum())
     if accepted < 2:
         raise UnusableCapture(
@@ -50,6 +57,7 @@ def lights(work: Workspace, progress: Progress) -> Outcome:
             "within_degrees": {f"{limit:g}": round(share, 4) for limit, share in swept.within.items()},
             "gaps": [str(gap) for gap in swept.gaps],
         },
+        "near_lamp": None if lamp is None else asdict(lamp),
         "disagreement_degrees": None if np.isnan(median) else {"median": median, "95th percentile": worst},
     }
     rejected = {
@@ -76,14 +84,30 @@ def _known(work: Workspace, count: int) -> Lights:
     return Lights(half_vectors_of(kept).astype(np.float32), kept, reason, unknown, unknown)
 
 
-def _seen(work: Workspace, cache: FrameCache, progress: Progress) -> Lights:
+def near_lamp_of(work: Workspace) -> NearLamp | None:
+    """The near lamp that was found or given; None: far away."""
+    said = work.load("lights").record["near_lamp"]
+    return None if said is None else NearLamp(**said)
+
+
+def _seen(work: Workspace, cache: FrameCache, progress: Progress) -> tuple[Lights, NearLamp | None]:
     crops, spheres = crops_of(work), spheres_of(work)
     each = []
     for number, sphere in enumerate(spheres):
         crop = crops[f"sphere-{number}"]
         each.append(_of_sphere(work, cache, f"sphere-{number}", sphere.within(crop.x, crop.y)))
         progress(number + 1, len(spheres))
-    return combine_lights(each, tolerance=work.parameters.lights.tolerance)
+    combined = combine_lights(each, tolerance=work.parameters.lights.tolerance)
+    distance = work.parameters.lights.distance
+    if distance is None:
+        return combined, find_near_lamp([found.half_vectors for found in each], spheres)
+    pixel_size = work.load("survey").record["pixel_size"]
+    if pixel_size is None:
+        raise InputError(
+            "the lamp's distance is given in millimetres, but nothing gives the scale",
+            "give a sphere's diameter_mm, or the capture's pixel_size",
+        )
+    return combined, lamp_beside(spheres, distance / pixel_size)
 
 
 def _of_sphere(work: Workspace, cache: FrameCache, name: str, sphere: Sphere) -> Lights:

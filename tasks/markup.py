@@ -1,5 +1,6 @@
 """Markup: highlights that the user marked as true or false, tracked between keyframes."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from storage.inputs import read_markup
 from tasks.algorithms.markup import Mark, Marks, track
 from tasks.frames import OBJECT, bars_of, open_frames, region_of
+from tasks.lights import near_lamp_of
 from tasks.stage import Outcome, Progress
 from tasks.workspace import Workspace
 
@@ -25,8 +27,12 @@ def markup(work: Workspace, progress: Progress) -> Outcome:
     marks = [Mark(each.frame, each.x - region.x, each.y - region.y, each.kind == "true") for each in said]
     bars, half_vectors = bars_of(work, cache, mask), work.load("lights").read("half_vectors")
     tracks = track(marks, partial(cache.read, OBJECT), bars, half_vectors, mask, (region.x, region.y))
+    found, lamp = tracks.marks, near_lamp_of(work)
+    if lamp is not None and len(found.kind):
+        rows, columns = found.pixels.T
+        found = replace(found, half_vectors=lamp.seen_from(found.half_vectors, columns + region.x, rows + region.y))
     return Outcome(
-        arrays=_arrays(tracks.marks),
+        arrays=_arrays(found),
         counts={"marks": len(marks), "marked pixels": len(tracks.marks.kind)},
         warnings=[*tracks.conflicts, *tracks.warnings],
     )

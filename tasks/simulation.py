@@ -50,7 +50,7 @@ class SimulationRecord:
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """The frame: its size, the object's region and the ball in pixels."""
+    """The frame: its size, the object's region, the ball in pixels, and the columns of all balls."""
 
     width: int
     height: int
@@ -58,6 +58,7 @@ class Stage:
     x: float
     y: float
     radius: float
+    balls: tuple[float, ...]
 
 
 def simulate(
@@ -103,17 +104,19 @@ def _stage(width: int, height: int, options: CaptureOptions) -> Stage:
     radius = options.ball_radius
     full_height = max(height + 2 * MARGIN, int(2 * radius) + 2 * MARGIN)
     full_height += -full_height % BLOCK
-    full_width = width + 3 * MARGIN + int(2 * radius) + MARGIN
+    left = MARGIN + (options.balls - 1) * (int(2 * radius) + MARGIN)
+    full_width = left + width + 2 * MARGIN + int(2 * radius) + MARGIN
     full_width += -full_width % BLOCK
     top = (full_height - height) // 2
-    x = MARGIN + width + MARGIN + radius + 0.37
+    x = float(left + width + MARGIN + radius + 0.37)
     return Stage(
         full_width,
         full_height,
-        Region(x=MARGIN, y=top, width=width, height=height),
-        x=float(x),
+        Region(x=left, y=top, width=width, height=height),
+        x=x,
         y=float(full_height * 0.55 + 0.21),
         radius=radius,
+        balls=(x,) if options.balls == 1 else (x, float(MARGIN + radius + 0.18)),
     )
 
 
@@ -137,9 +140,10 @@ def _write_view(
     solids = [
         each.moved(placed.rotation, place) for each in build(shape, width, height, placed.turn, level=options.views > 1)
     ]
-    at = [float(v) for v in to_camera(np.array(stage.x), np.array(stage.y), stage.width, stage.height)]
     behind = min(float(solid.vertices[:, 2].min()) for solid in solids)
-    solids.append(ball(np.array([*at, 0.0]), stage.radius, CHROME))
+    for column in stage.balls:
+        at = [float(v) for v in to_camera(np.array(column), np.array(stage.y), stage.width, stage.height)]
+        solids.append(ball(np.array([*at, 0.0]), stage.radius, CHROME))
     scene = Scene(solids)
     truth = scene.truth(x, y)
     paths = scene.trace(x, y, options.rays, generator)
@@ -233,11 +237,11 @@ def _write_markup(path: Path, truth: Truth, lights: np.ndarray, lit: np.ndarray,
 
 
 def _capture(folder: Path, name: str, stage: Stage, options: CaptureOptions, placed: Placement) -> Capture:
-    ball_mm = Sphere(x=stage.x, y=stage.y, radius=stage.radius, diameter_mm=options.ball_diameter)
+    balls = [Sphere(x=x, y=stage.y, radius=stage.radius, diameter_mm=options.ball_diameter) for x in stage.balls]
     return Capture(
         id=name,
         frames=str((folder / "video.mp4").absolute()),
-        spheres=(ball_mm,),
+        spheres=tuple(balls),
         region=stage.region,
         mask=str((folder / "mask.png").absolute()),
         pose=None if options.views == 1 else _pose(stage, options, placed),

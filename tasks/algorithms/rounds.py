@@ -81,8 +81,8 @@ def reconstruct_normals(
     expected (H, W, 3): normals known beforehand, as from a visual hull, finite in the mask; they take the place of the
     rim. symmetry: whether the silhouette of a turned object may tell them where they are not given.
     rounds: at most so many; settled: share of the mask whose labels may still change at the end; strength, contrast,
-    prior: see `sheets`; shape_weight: of `shape_evidence`; rim_weight, normal_weight, mark_weight, expected_weight: pull
-    on the field of a rim pixel, an accepted normal, a mark without cluster, an expected normal; tension_length, near,
+    prior: see `sheets`; shape_weight: of `shape_evidence`; rim_weight, normal_weight, mark_weight, expected_weight:
+    pull on the field of a rim pixel, an accepted normal, a mark without cluster, one expected; tension_length, near,
     growth, most (degrees): see `field`; believed: least confidence of an accepted normal that may pull on the field.
     """
     normals = np.asarray(clusters.normals, dtype=np.float32)
@@ -154,6 +154,6 @@ def _values(normals: np.ndarray, labels: np.ndarray, marked: np.ndarray) -> np.n
 
 
 def _without_noise(values: np.ndarray, field: np.ndarray) -> np.ndarray:
-    """Accepted normals (H, W, 3) freed of what the lamp's sparse sweep added: the field's (H, W, 3) where they agree."""
+    """Accepted normals (H, W, 3) freed of the sparse sweep's noise: the field's (H, W, 3) where they agree."""
     share = np.clip((APART - angles(values, field)) / (APART - ALIKE), 0.0, 1.0)[..., None]
     return unit(share * field + (1.0 - share) * values)

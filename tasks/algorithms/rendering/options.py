@@ -51,6 +51,8 @@ class CaptureOptions:
     """A view whose angle in the catalogue is 25 degrees too large."""
     ball_radius: float = 30.0
     """Radius of the chrome ball in pixels."""
+    balls: int = 1
+    """Chrome balls: one on the right of the object, or two, on both sides."""
     ball_diameter: float = 25.0
     """Diameter of the chrome ball in millimetres, which gives the scale."""
     lamp_radius: float = 5.4
@@ -84,6 +86,7 @@ class CaptureOptions:
             "angle_error": 0 <= self.angle_error <= 30,
             "wrong_view": self.wrong_view is None or 0 <= self.wrong_view < self.views,
             "ball_radius": self.ball_radius >= 10,
+            "balls": self.balls in (1, 2),
             "ball_diameter": self.ball_diameter > 0,
             "lamp_radius": 0.5 <= self.lamp_radius <= 30,
             "rays": 1 <= self.rays <= 8,
