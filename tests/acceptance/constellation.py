@@ -10,6 +10,7 @@ import json
 import os
 import secrets
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -220,6 +221,7 @@ def main() -> None:
     """Start, accept, end."""
     if missing := missing_of_gateway() + ["postgresql"] * Postgres(Path("none")).missing:
         sys.exit(f"not installed: {', '.join(missing)}")
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended"))
     folder = Path(tempfile.mkdtemp(prefix="glint-"))
     folder.chmod(0o755)
     everything = Constellation(folder)
