@@ -28,11 +28,10 @@ setup: .venv/ready
 .venv/ready: requirements.txt pyproject.toml .python-version setup.sh
 	./setup.sh
 
-# Pin anew what pyproject.toml asks for; needs uv. Addresses of package indexes stay out of the file; extras stay in, or
-# pip would look for newer releases of their packages and refuse them.
+# Pin anew what pyproject.toml asks for; needs uv. Addresses of package indexes stay out of the file.
 requirements:
-	uv pip compile pyproject.toml --all-extras --python $(PYTHON) --generate-hashes --no-strip-extras --no-emit-index-url \
-		--no-header -o requirements.txt
+	uv pip compile pyproject.toml --all-extras --python $(PYTHON) --generate-hashes --no-emit-index-url --no-header \
+		-o requirements.txt
 
 clean:
 	rm -rf .venv build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

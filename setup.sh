@@ -54,7 +54,8 @@ fi
 
 echo "setup: installing the pinned packages (about 2 GB, a minute or two the first time)"
 pip=(.venv/bin/python -m pip --disable-pip-version-check install --quiet)
-"${pip[@]}" --require-hashes -r requirements.txt
+# All of it is listed, so pip need not resolve: it would meet newer releases that have no hash here.
+"${pip[@]}" --no-deps --require-hashes -r requirements.txt
 "${pip[@]}" --no-deps --no-build-isolation -e .
 touch .venv/ready
 echo "setup: done"
