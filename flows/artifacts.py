@@ -14,6 +14,8 @@ from prefect.artifacts import create_markdown_artifact, create_table_artifact
 from storage import blobs
 from storage.pictures import colour_codes, colour_normals, colour_values, encode_png
 from storage.report import PALETTE, code_names
+from storage.results import WHOLE_OBJECT
+from storage.versions import ObjectRepository
 from tasks.stage import Record
 from tasks.workspace import Workspace
 
@@ -31,6 +33,24 @@ def capture_artifact(work: Workspace, records: Sequence[Record]) -> None:
     """Put the page of a capture whose stages are all done beside its flow run."""
     title, pictures = work.name, _pictures(work)
     create_markdown_artifact(capture_page(title, pictures, records), key=artifact_key(title), description=title)
+
+
+def model_artifact(repository: ObjectRepository, name: str, records: Sequence[Record]) -> None:
+    """Put the model from all around, and how its views were placed, beside the object's flow run."""
+    found = repository.load(WHOLE_OBJECT, "model")
+    drawn = blobs.get(repository.location, found.blobs["model.png"])
+    sheet = np.asarray(cv2.imdecode(np.frombuffer(drawn, np.uint8), cv2.IMREAD_COLOR))
+    page = capture_page(name, {"model, every 60 degrees": sheet}, records)
+    about = found.record
+    lines = [
+        f"- {100 * about['seen']:.0f}% of the surface known, {100 * about['unseen']:.0f}% seen by no view",
+        f"- volume {about['volume']:.4g} {about['unit']}\u00b3, area {about['area']:.4g} {about['unit']}\u00b2",
+        *(
+            f"- {plain(each['capture'])}: outline misses {each['outline_misses_pixels']} pixels"
+            for each in about["views"]
+        ),
+    ]
+    create_markdown_artifact(page + "\n".join(["", *lines, ""]), key=artifact_key(name), description=name)
 
 
 def catalogue_artifact(name: str, result: "RunResult") -> None:

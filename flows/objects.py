@@ -4,6 +4,7 @@ import contextvars
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -13,6 +14,7 @@ from prefect.client.schemas.objects import State
 from flows.capture import capture
 from flows.drift import tell_drifts
 from flows.errors import REFUSALS
+from flows.model import work_on_model
 from flows.outcomes import CaptureResult, ObjectResult, final_state
 from flows.patience import patiently
 from flows.progress import Event
@@ -20,9 +22,11 @@ from flows.surroundings import surroundings
 from storage.location import Location
 from storage.locks import run_lock
 from tasks.comparison import drifts
+from tasks.model import posed, wants_model
 from tasks.publish import publish
 from tasks.references import CaptureReference, chosen_captures, load_catalogue
 from tasks.unchanged import unchanged
+from tasks.workspace import Workspace
 
 DEFECT = "this is a defect of Glint; its trace is in the run's log"
 
@@ -91,7 +95,10 @@ def work_on_object(references: Sequence[CaptureReference], scheduler: str, drift
             if not done:
                 return ObjectResult(first.object_id, captures)
             works = [one.workspace() for one in done]
-            version = publish(works, first.run, first.catalogue)
+            every = posed(all_works(first))
+            if wants_model(every):
+                captures += (work_on_model(every, scheduler),)
+            version = publish(works, first.run, first.catalogue, model=wants_model(every) and not captures[-1].error)
             moved = []
             names = works[0].repository.version_names()
             if drift is not None and version.created and len(names) > 1:
@@ -124,6 +131,12 @@ def work_on_capture(reference: CaptureReference, scheduler: str) -> CaptureResul
         else:
             here.show(Event("capture", result.name, seconds=result.seconds, cached=result.cached))
         return result
+
+
+def all_works(reference: CaptureReference) -> list[Workspace]:
+    """All captures of the object that one of its captures belongs to."""
+    captures = load_catalogue(reference.catalogue).object(reference.object_id).captures
+    return [replace(reference, capture_id=each.id).workspace() for each in captures]
 
 
 def refused(

@@ -61,7 +61,8 @@ def awaited(future: Future, what: str, meanwhile: Callable[[], None]) -> Any:
             return future.result(timeout=PROGRESS_SECONDS)
         except TimeoutError:
             if future.done():
-                raise
+                # It was done just after the wait, or it raised a time-out of its own.
+                return future.result()
             meanwhile()
         except KilledWorker as error:
             raise died(what) from error

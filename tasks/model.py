@@ -16,8 +16,8 @@ from storage.fingerprints import digest_of
 from storage.pictures import encode_png
 from storage.results import WHOLE_OBJECT
 from tasks.algorithms.errors import UnusableCapture
-from tasks.algorithms.merging.model import Model, merge
-from tasks.algorithms.merging.placing import LeftOut, Placed, place_by_matrices, place_on_turntable
+from tasks.algorithms.merging.model import Model, merge, simplified
+from tasks.algorithms.merging.placing import LeftOut, Placed, place_by_matrices, place_on_turntable, placed_anew
 from tasks.algorithms.merging.projection import seen_normals
 from tasks.algorithms.merging.views import View
 from tasks.algorithms.relight import draw_surface
@@ -45,6 +45,11 @@ def posed(works: Sequence[Workspace]) -> list[Workspace]:
 def wants_model(works: Sequence[Workspace]) -> bool:
     """Whether an object's captures are meant to be merged: more than one says where it was filmed from."""
     return len(posed(works)) > 1
+
+
+def labelled(works: Sequence[Workspace]) -> list[Workspace]:
+    """Those captures with a pose whose labels are stored."""
+    return [work for work in posed(works) if work.repository.stage_key(work.capture.id, "labels") is not None]
 
 
 def model_key(works: Sequence[Workspace]) -> str:
@@ -105,12 +110,13 @@ def model(works: Sequence[Workspace], progress: Progress) -> Outcome:
     def report(before: int) -> Progress:
         return lambda done, of: progress(min(before + done, total), total)
 
-    views = list(placed.views)
-    most = parameters.most_triangles
-    merged = merge(views, progress=report(0), most_triangles=most)
+    merged = merge(placed.views, progress=report(0))
     for again in range(1, parameters.passes):
-        views = [_labelled_anew(view, merged, named[view.name]) for view in views]
-        merged = merge(views, start=merged, progress=report(15 * again), most_triangles=most)
+        views = [_labelled_anew(view, merged, named[view.name]) for view in placed.views]
+        placed = placed_anew(placed, views, merged)
+        merged = merge(placed.views, start=merged, progress=report(15 * again))
+    if parameters.most_triangles is not None:
+        merged = simplified(merged, placed.views, parameters.most_triangles)
     return _outcome(works[0], placed, merged, unit)
 
 

@@ -9,6 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from storage.results import WHOLE_OBJECT
 from storage.versions import Version
 from tasks.workspace import INPUTS, Workspace
 
@@ -21,10 +22,11 @@ PACKAGES = (
 ROOT = Path(__file__).parents[1]
 
 
-def publish(works: Sequence[Workspace], run: str, catalogue: str) -> Version:
+def publish(works: Sequence[Workspace], run: str, catalogue: str, model: bool | None = None) -> Version:
     """Make what these captures of one object have computed a version, if it differs from the newest one.
 
-    run: the flow run that computed it; catalogue: its address.
+    run: the flow run that computed it; catalogue: its address; model: whether the object's model is part of it, None:
+    as before.
     Raises:
         StoreError: a result is missing or damaged, or the store cannot be written.
     """
@@ -34,7 +36,9 @@ def publish(works: Sequence[Workspace], run: str, catalogue: str) -> Version:
         **code_facts(),
         "captures": {work.capture.id: said_of(work) for work in works},
     }
-    return works[0].repository.publish([work.capture.id for work in works], metadata, message=f"run {run}")
+    names = [work.capture.id for work in works] + [WHOLE_OBJECT] * (model is True)
+    retired = [WHOLE_OBJECT] if model is False else []
+    return works[0].repository.publish(names, metadata, message=f"run {run}", retire=retired)
 
 
 def said_of(work: Workspace) -> dict[str, Any]:

@@ -67,12 +67,11 @@ def merge(
     start: Model | None = None,
     rounds: int = ROUNDS,
     steps: int = STEPS,
-    most_triangles: int | None = None,
     progress: Callable[[int, int | None], None] | None = None,
 ) -> Model:
     """One closed surface of all views, from their visual hull or another start.
 
-    most_triangles: the model is reduced to so many; progress: steps done, of all.
+    progress: steps done, of all.
 
     Raises:
         UnusableCapture: the silhouettes have no point in common, or no surface is left.
@@ -90,7 +89,15 @@ def merge(
     for _ in range(rounds):
         vertices, _ = sculpt(views, outlines, vertices, triangles, steps, step)
         vertices, triangles = close(vertices, vertex_normals(vertices, triangles), model.cell)
-    if most_triangles is not None:
-        vertices, triangles = reduced(vertices, triangles, most_triangles)
+    return _known(views, vertices, triangles, model.cell)
+
+
+def simplified(model: Model, views: Sequence[View], most_triangles: int) -> Model:
+    """The model with at most so many triangles."""
+    vertices, triangles = reduced(model.vertices, model.triangles, most_triangles)
+    return _known(views, vertices, triangles, model.cell)
+
+
+def _known(views: Sequence[View], vertices: np.ndarray, triangles: np.ndarray, cell: float) -> Model:
     fused = fuse(views, vertices, triangles)
-    return Model(vertices, triangles, vertex_normals(vertices, triangles), fused.confidence, fused.best, model.cell)
+    return Model(vertices, triangles, vertex_normals(vertices, triangles), fused.confidence, fused.best, cell)

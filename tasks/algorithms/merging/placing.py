@@ -1,15 +1,14 @@
 """Placing the views: a turntable solved, contradictory views named and left out, angles found where none were given."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tasks.algorithms.errors import UnusableCapture
-from tasks.algorithms.merging.closing import close
-from tasks.algorithms.merging.fusion import vertex_normals
+from tasks.algorithms.merging.fusion import fuse
 from tasks.algorithms.merging.hull import Outline, outline_of
-from tasks.algorithms.merging.model import visual_hull
+from tasks.algorithms.merging.model import Model
 from tasks.algorithms.merging.poses import (
     Turntable,
     misses,
@@ -18,13 +17,12 @@ from tasks.algorithms.merging.poses import (
     turned_by_normals,
     turntable_of,
 )
-from tasks.algorithms.merging.sculpting import sculpt
 from tasks.algorithms.merging.views import View
 
 CONTRADICTORY = 1.0
 """Mean pixels by which rays through a view's outline may miss the others' hull; more is a wrong pose or mask."""
-COARSE_VERTICES = 8_000
-"""Of the mesh on which views are compared."""
+TURN_SCATTER = 0.3
+"""Degrees, root mean square, by which normals say that views must turn although their angles are true."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,27 +44,37 @@ class Placed:
     turntable: Turntable | None
 
 
-def place_on_turntable(
-    views: Sequence[View], angles: Sequence[float], progress: Callable[[str], None] = lambda what: None
-) -> Placed:
-    """Solve a turntable's axis and the errors of its angles from outlines and normals.
+def place_on_turntable(views: Sequence[View], angles: Sequence[float]) -> Placed:
+    """Solve a turntable's axis and the errors of its angles from the outlines.
 
     Raises:
         UnusableCapture: fewer than two views, or none agree.
     """
     _enough(views)
-    progress("looking for the axis")
-    start = solve_turntable(views, turntable_of(views, angles), angles_too=False)
-    kept, left_out = _consistent(views, start)
+    table = solve_turntable(views, turntable_of(views, angles), angles_too=False)
+    kept, left_out = _consistent(views, table)
     if left_out:
         views, angles = [views[each] for each in kept], [angles[each] for each in kept]
         _enough(views)
-        start = solve_turntable(views, turntable_of(views, angles), angles_too=False)
-    table = solve_turntable(views, start)
-    for _ in range(2):
-        progress("comparing the views' normals")
-        table = replace(table, angles=table.angles - _turns(on_turntable(views, table)))
-        table = solve_turntable(views, table, angles_too=False)
+        table = solve_turntable(views, turntable_of(views, angles), angles_too=False)
+    return _placed(views, solve_turntable(views, table), left_out)
+
+
+def placed_anew(placed: Placed, views: Sequence[View], model: Model) -> Placed:
+    """Correct a turntable's angles by the normals that its views, now better known, saw of the model.
+
+    The normals' own scatter is not taken for errors of the angles: of what they say, the share is believed by which it
+    exceeds that scatter.
+    """
+    if placed.turntable is None or len(views) < 3:
+        return replace(placed, views=tuple(views))
+    turns = turned_by_normals(views, fuse(views, model.vertices, model.triangles))
+    believed = max(0.0, 1.0 - TURN_SCATTER**2 / max(float((turns**2).mean()), 1e-9))
+    table = replace(placed.turntable, angles=placed.turntable.angles - believed * turns)
+    return _placed(views, solve_turntable(views, table, angles_too=False), placed.left_out)
+
+
+def _placed(views: Sequence[View], table: Turntable, left_out: Sequence[LeftOut]) -> Placed:
     placed = on_turntable(views, table)
     return Placed(tuple(placed), tuple(left_out), _mean_misses(placed), table)
 
@@ -133,15 +141,6 @@ def _fitting_angle(
         near = best + step * np.arange(-2, 3)
         best = float(near[np.argmin([miss(angle) for angle in near])])
     return best if miss(best) <= CONTRADICTORY else None
-
-
-def _turns(views: Sequence[View]) -> np.ndarray:
-    outlines = [outline_of(view.mask) for view in views]
-    hull = visual_hull(views, outlines, COARSE_VERTICES)
-    vertices, _ = sculpt(views, outlines, hull.vertices, hull.triangles, 6)
-    vertices, triangles = close(vertices, vertex_normals(vertices, hull.triangles), hull.cell)
-    _, fused = sculpt(views, outlines, vertices, triangles, 4)
-    return turned_by_normals(views, fused)
 
 
 def _mean_misses(views: Sequence[View]) -> tuple[float, ...]:

@@ -1,0 +1,61 @@
+"""The model of an object, after its captures: one task, performed on a Dask worker."""
+
+import time
+from collections.abc import Sequence
+
+from prefect import get_run_logger, task
+from prefect.cache_policies import NO_CACHE
+
+from flows.artifacts import model_artifact
+from flows.errors import REFUSALS
+from flows.outcomes import CaptureResult
+from flows.progress import Event, worker_reporter
+from flows.surroundings import surroundings
+from flows.workers import DashboardProgress, awaited
+from tasks.model import labelled, model_key, perform_model
+from tasks.stage import Record
+from tasks.workspace import Workspace
+
+MODEL = "model"
+"""Stands in a capture's place where an object's results are told."""
+
+
+def work_on_model(works: Sequence[Workspace], scheduler: str) -> CaptureResult:
+    """Merge an object's views; what goes wrong stays with the model, the captures are published all the same.
+
+    works: all captures of the object that have a pose; those that gave nothing are told to be missing.
+    """
+    here, started, object_id = surroundings(scheduler), time.monotonic(), works[0].object_id
+    name, records = f"{object_id}/{MODEL}", tuple[Record, ...]()
+    error = remedy = ""
+    try:
+        usable = labelled(works)
+        records = (merge_views(usable or works, model_key(usable or works), scheduler),)
+        model_artifact(works[0].repository, name, records)
+    except REFUSALS as refusal:
+        error, remedy = refusal.message, refusal.remedy
+    seconds = time.monotonic() - started
+    if error:
+        here.show(Event("failed", name, text=f"{error}: {remedy}"))
+    else:
+        here.show(Event("capture", name, seconds=seconds, cached=records[0].cached))
+    return CaptureResult(object_id, MODEL, seconds, records, error, remedy)
+
+
+@task(name="model", task_run_name="model", cache_policy=NO_CACHE, persist_result=False)
+def merge_views(works: Sequence[Workspace], key: str, scheduler: str) -> Record:
+    """Place and merge the views on a worker."""
+    here, name = surroundings(scheduler), f"{works[0].object_id}/{MODEL}"
+    shown = DashboardProgress(here.reporter(name, MODEL), name)
+    future = here.client.submit(merge_there, list(works), key, name, pure=False)
+    record: Record = awaited(future, name, lambda: shown.repeat(here.latest.get((name, MODEL))))
+    here.show(Event("stage", name, MODEL, seconds=record.seconds, cached=record.cached))
+    for warning in record.warnings:
+        get_run_logger().warning("%s: %s", name, warning)
+        here.show(Event("warning", name, MODEL, text=warning))
+    return record
+
+
+def merge_there(works: Sequence[Workspace], key: str, name: str) -> Record:
+    """Perform the model's stage in a Dask worker."""
+    return perform_model(works, key, worker_reporter(name, MODEL))
