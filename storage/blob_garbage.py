@@ -1,5 +1,6 @@
 """Blobs that no result names any more."""
 
+import re
 from collections.abc import Iterable
 from datetime import datetime
 
@@ -10,12 +11,19 @@ from storage.faults import store_faults
 from storage.garbage import Garbage
 from storage.location import Location
 
+_NAME = re.compile(r"blobs/sha256/[0-9a-f]{2}/[0-9a-f]{64}")
+
 
 def old_blobs(location: Location, limit: datetime) -> dict[str, int]:
     """Bytes by key of the blobs that were last stored before `limit`."""
     with store_faults(location.uri, "listing blobs"):
         listed = obstore.list(location.obstore(), prefix="blobs/sha256")
-        return {meta["path"]: meta["size"] for batch in listed for meta in batch if meta["last_modified"] < limit}
+        return {
+            meta["path"]: meta["size"]
+            for batch in listed
+            for meta in batch
+            if meta["last_modified"] < limit and _NAME.fullmatch(meta["path"])
+        }
 
 
 def collect_blobs(

@@ -161,6 +161,8 @@ def _bytes(place: Location, name: str) -> bytes:
     if place.local is None:
         return read_bytes(place, MAX_BYTES)
     try:
+        if place.local.exists() and not place.local.is_file():
+            raise InputError(f"the catalogue {name} is not a file", "name the YAML file")
         if place.local.stat().st_size > MAX_BYTES:
             raise InputError(
                 f"{name} has {place.local.stat().st_size:,} bytes", f"a catalogue has at most {MAX_BYTES:,}; split it"

@@ -1,7 +1,10 @@
 """The cache of frames within a budget: what was used least recently goes first."""
 
+import re
+import shutil
+import stat
 from collections import defaultdict
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
@@ -13,7 +16,8 @@ from storage.location import Location
 RECENT = timedelta(hours=1)
 """What was used so lately may be in use."""
 
-_ATTRIBUTES = "zarr.json"
+_DESCRIPTION = "zarr.json"
+_DIGEST = re.compile(r"[0-9a-f]{64}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,17 +30,16 @@ class CachedFrames:
 
 
 def cached_frames(location: Location) -> list[CachedFrames]:
-    """What the cache holds, the least recently used first."""
+    """What the cache holds, the least recently used first. Symbolic links are not followed, other names left out."""
     sizes: dict[str, int] = defaultdict(int)
     used: dict[str, datetime] = {}
-    if location.local is not None and not (location.local / "frames").is_dir():
-        return []
     with store_faults(location.uri, "listing frames"):
-        for batch in obstore.list(location.obstore(), prefix="frames"):
-            for meta in batch:
-                digest = meta["path"].split("/")[1].partition(".")[0]
-                sizes[digest] += meta["size"]
-                used[digest] = max(used.get(digest, meta["last_modified"]), meta["last_modified"])
+        for path, size, modified in _files(location):
+            digest = path.split("/")[0].partition(".")[0]
+            if not _DIGEST.fullmatch(digest):
+                continue
+            sizes[digest] += size
+            used[digest] = max(used.get(digest, modified), modified)
     found = [CachedFrames(digest, size, used[digest]) for digest, size in sizes.items() if size]
     return sorted(found, key=lambda each: (each.used, each.digest))
 
@@ -59,18 +62,19 @@ def over_budget(
 
 def remove_frames(location: Location, chosen: Collection[CachedFrames]) -> None:
     """Remove frames from the cache. The description goes first: what is left of a removal that died is no cache."""
-    store = location.obstore()
     with store_faults(location.uri, "removing frames"):
         for each in chosen:
-            place = f"frames/{each.digest}"
-            keys = [meta["path"] for batch in obstore.list(store, prefix=place) for meta in batch]
-            head = f"{place}/{_ATTRIBUTES}"
-            if head in keys:
-                obstore.delete(store, head)
-                keys.remove(head)
-            for start in range(0, len(keys), 500):
-                obstore.delete(store, keys[start : start + 500])
-            _remove_folders(location, place)
+            if location.local is not None:
+                place = location.local / "frames" / each.digest
+                (place / _DESCRIPTION).unlink(missing_ok=True)
+                shutil.rmtree(place)
+                (place.parent / f"{each.digest}.used").unlink(missing_ok=True)
+                continue
+            store = location.child("frames").obstore()
+            obstore.delete(store, f"{each.digest}/{_DESCRIPTION}")
+            paths = [path for path, _, _ in _files(location, each.digest)]
+            for start in range(0, len(paths), 500):
+                obstore.delete(store, paths[start : start + 500])
 
 
 def mark_used(location: Location, digest: str) -> None:
@@ -79,10 +83,17 @@ def mark_used(location: Location, digest: str) -> None:
         obstore.put(location.obstore(), f"frames/{digest}.used", b"", use_multipart=False)
 
 
-def _remove_folders(location: Location, place: str) -> None:
-    """Remove what an object store has not: empty folders."""
+def _files(location: Location, digest: str = "") -> Iterator[tuple[str, int, datetime]]:
+    """Path below the cache, bytes and time of change of every file, of all frames or of those of a digest."""
     if location.local is None:
+        for batch in obstore.list(location.child("frames").obstore(), prefix=digest or None):
+            for meta in batch:
+                yield meta["path"], meta["size"], meta["last_modified"]
         return
-    root = location.local / place
-    for folder, _, _ in root.walk(top_down=False):
-        folder.rmdir()
+    root = location.local / "frames"
+    for folder, _, names in root.walk():
+        for name in names:
+            status = (folder / name).lstat()
+            if stat.S_ISREG(status.st_mode):
+                path = (folder / name).relative_to(root).as_posix()
+                yield path, status.st_size, datetime.fromtimestamp(status.st_mtime, UTC)

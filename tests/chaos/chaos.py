@@ -49,12 +49,12 @@ ROUNDS: tuple[dict[str, Any], ...] = (
     {"labels": {"method": "winner"}, "depth": {"method": "least-squares"}},
 )
 """Parameters of a round; every third one begins in a new store."""
-FLOAT_TOLERANCE = 0.0
-"""Largest difference of a number from the undisturbed one: tiles come back in their order, so there is none."""
 RUN_SECONDS = 300
 ORPHAN_SECONDS = 30
-LONGEST_WAIT = 20.0
-"""Seconds from one kill to the next: begun runs get as far as their stages, and are hit at their start too."""
+AT_THE_START, STARTING, WORKING = 0.2, 8.0, 9.0
+"""Share of kills while a run starts, and the seconds from its start, or from its first stage, to the kill."""
+TARGETS = {"command": 2, "worker": 4, "server": 2, "machine": 1, "gateway": 3}
+"""How often each is chosen where it is there."""
 
 
 class Failure(AssertionError):
@@ -74,7 +74,6 @@ class Chaos:
     kills: list[str] = field(default_factory=list)
     announced: dict[str, set[str]] = field(default_factory=dict)
     runs: int = 0
-    seconds: float = 12.0
 
     def play(self, kills: int) -> dict[str, Any]:
         """Kill so many times, then see; what happened.
@@ -133,9 +132,8 @@ class Chaos:
             store = str(self.folder / "undisturbed" / str(number))
             started = time.monotonic()
             self._finish(self._start(catalogue, store), must=True)
-            self.seconds = time.monotonic() - started
             found.append(results(store))
-        say(kind="undisturbed", seconds=round(self.seconds, 1))
+            say(kind="undisturbed", number=number, seconds=round(time.monotonic() - started, 1))
         return found
 
     def _store(self, number: int) -> str:
@@ -145,9 +143,7 @@ class Chaos:
         """Run a catalogue to its end, however often it is killed."""
         for _ in range(kills + 20):
             process = self._start(catalogue, store)
-            while len(self.kills) < kills and self._wait(
-                process, self.dice.uniform(0.5, min(self.seconds, LONGEST_WAIT))
-            ):
+            while len(self.kills) < kills and self._wait(process):
                 self._kill(process, number)
             if self._finish(process):
                 return
@@ -166,13 +162,14 @@ class Chaos:
                 cwd=self.folder, env=environment, stdout=output, stderr=self._log, text=True, start_new_session=True,
             )  # fmt: skip
 
-    def _wait(self, process: "subprocess.Popen[str]", seconds: float) -> bool:
-        """Whether the process still runs after so long."""
-        try:
-            process.wait(seconds)
-        except subprocess.TimeoutExpired:
-            return True
-        return False
+    def _wait(self, process: "subprocess.Popen[str]") -> bool:
+        """Whether the process still runs at the next moment for a kill: while it starts, or while stages are done."""
+        if self.dice.random() < AT_THE_START:
+            return not _ended(process, self.dice.uniform(0.2, STARTING))
+        while '"stage"' not in self._output.read_text():
+            if _ended(process, 0.1):
+                return False
+        return not _ended(process, self.dice.uniform(0.1, WORKING))
 
     def _kill(self, process: "subprocess.Popen[str]", number: int) -> None:
         """Kill something that there is."""
@@ -186,7 +183,8 @@ class Chaos:
             targets["machine"].append(server)
         if self.gateway is not None:
             targets["gateway"] = []
-        name = self.dice.choice(sorted(targets))
+        names = sorted(targets)
+        (name,) = self.dice.choices(names, [TARGETS[each] for each in names])
         for target in targets[name]:
             if target.is_running():
                 target.kill()
@@ -295,6 +293,15 @@ def digests(repository: ObjectRepository, ref: str) -> Iterator[tuple[str, str]]
             for name, reference in result.blobs.items():
                 blobs.get(repository.location, reference)
                 yield f"{capture}/{stage}/{name}", reference.sha256
+
+
+def _ended(process: "subprocess.Popen[str]", seconds: float) -> bool:
+    """Whether the process ends within so many seconds."""
+    try:
+        process.wait(seconds)
+    except subprocess.TimeoutExpired:
+        return False
+    return True
 
 
 def children(pid: int) -> list[psutil.Process]:

@@ -111,13 +111,30 @@ def test_what_a_run_holds_is_left_alone(tmp_path: Path) -> None:
 def test_the_least_recently_used_frames_go_first(tmp_path: Path) -> None:
     location = Location.parse(tmp_path)
     for digest, days in (("a", 3), ("b", 9), ("c", 5), ("d", 1)):
-        frames(location, digest, 1000, timedelta(days=days))
-    mark_used(location, "b")
-    assert [each.digest for each in cached_frames(location)] == ["c", "a", "d", "b"]
+        frames(location, digest * 64, 1000, timedelta(days=days))
+    mark_used(location, "b" * 64)
+    assert [each.digest[0] for each in cached_frames(location)] == ["c", "a", "d", "b"]
     dry = maintain(location, True, None, NOW, 2500)
     assert part(dry, "frames").objects == 2 and len(cached_frames(location)) == 4
     maintain(location, False, None, NOW, 2500)
-    assert [each.digest for each in cached_frames(location)] == ["d", "b"]
+    assert [each.digest[0] for each in cached_frames(location)] == ["d", "b"]
+
+
+def test_links_in_a_store_lead_nothing_out_of_it_to_its_end(tmp_path: Path) -> None:
+    location, outside = Location.parse(tmp_path / "store"), tmp_path / "outside"
+    frames(location, "a" * 64, 1000, timedelta(days=3))
+    outside.mkdir()
+    (outside / "precious").write_bytes(b"not ours")
+    (outside / "zarr.json").write_bytes(b"nor this")
+    os.utime(outside / "precious", (0, 0))
+    os.utime(outside / "zarr.json", (0, 0))
+    (tmp_path / "store" / "frames" / ("b" * 64)).symlink_to(outside)
+    (tmp_path / "store" / "frames" / ("a" * 64) / "object" / "link").symlink_to(outside)
+    (tmp_path / "store" / "blobs" / "sha256").mkdir(parents=True)
+    (tmp_path / "store" / "blobs" / "sha256" / "ab").symlink_to(outside)
+    done = maintain(location, False, None, NOW, 0)
+    assert part(done, "frames").objects == 1 and part(done, "blobs").objects == 0
+    assert sorted(each.name for each in outside.iterdir()) == ["precious", "zarr.json"]
 
 
 def test_frames_that_were_used_just_now_stay_whatever_the_budget() -> None:

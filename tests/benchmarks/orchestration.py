@@ -1,0 +1,105 @@
+"""What orchestration costs: `glint run` against the same stages without Prefect and Dask, and two workers against one.
+
+    python -m tests.benchmarks.orchestration [--captures 20] [--frames 1000]
+
+The stages alone are performed by a pool of two processes, a capture each at a time, with the same commits to a store of
+their own. Both start with warm libraries: of a run the seconds count from its first stage to its last event, and its
+start-up is told beside them. The bars: 1.25 times the pool's seconds; two workers 1.5 times as fast as one.
+"""
+
+import argparse
+import json
+import multiprocessing
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from storage.catalogue import Catalogue, Region, load, write
+from tasks.references import CaptureReference
+from tasks.stage import perform, stage_keys
+from tasks.stages import STAGES, warm_up
+from tests.scene import draw_scene
+
+RUN = [sys.executable, "-c", "from flows.cli import main; main()", "run"]
+VIDEOS = 4
+
+
+def drawn(folder: Path, captures: int, frames: int) -> Path:
+    """A catalogue of captures, each with a region of its own, so that no frames are shared."""
+    entries = []
+    scenes = [load(draw_scene(folder / f"{n}", frames=frames, seed=n).catalogue).objects[0] for n in range(VIDEOS)]
+    for number in range(captures):
+        entry = scenes[number % VIDEOS]
+        (capture,) = entry.captures
+        assert capture.region is not None
+        shift = number // VIDEOS
+        region = Region(**capture.region.model_dump() | {"x": capture.region.x + shift})
+        moved = capture.model_copy(update={"region": region})
+        entries.append(entry.model_copy(update={"id": f"object-{number:03}", "captures": (moved,)}))
+    write(Catalogue.model_validate({"schema": 1, "name": "orchestration", "objects": entries}), folder / "c.yaml")
+    return folder / "c.yaml"
+
+
+def stages_alone(reference: CaptureReference) -> None:
+    """All stages of a capture in this process."""
+    work = reference.workspace()
+    keys = stage_keys(work, STAGES)
+    for stage in STAGES:
+        perform(work, stage, keys[stage.name])
+
+
+def by_pool(catalogue: Path, store: Path, processes: int) -> float:
+    """Seconds of all captures in a pool of warm processes."""
+    objects = load(catalogue).objects
+    references = [CaptureReference(str(catalogue), each.id, "front", str(store), "pool") for each in objects]
+    with multiprocessing.get_context("spawn").Pool(processes, warm_up) as pool:
+        pool.map(abs, range(64), chunksize=1)
+        started = time.monotonic()
+        pool.map(stages_alone, references, chunksize=1)
+        return time.monotonic() - started
+
+
+def by_run(catalogue: Path, store: Path, workers: int) -> tuple[float, float]:
+    """Seconds of a run from its first stage to its end, and before that."""
+    words = [*RUN, str(catalogue), "--store", str(store), "--workers", str(workers), "--json"]
+    begun, first = time.time(), None
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        for line in process.stdout:
+            event = json.loads(line)
+            if event["kind"] == "stage" and first is None:
+                first = event["time"] - event["seconds"]
+    if process.returncode != 0 or first is None:
+        raise SystemExit("the run failed")
+    return time.time() - first, first - begun
+
+
+def main() -> None:
+    """Print seconds and ratios."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--captures", type=int, default=20)
+    parser.add_argument("--frames", type=int, default=1000)
+    chosen = parser.parse_args()
+    os.environ |= {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        catalogue = drawn(folder, chosen.captures, chosen.frames)
+        alone = by_pool(catalogue, folder / "pool", 2)
+        print(
+            f"{chosen.captures} captures of {chosen.frames:,} frames: stages alone, two processes {alone:.1f} s",
+            flush=True,
+        )
+        two, before = by_run(catalogue, folder / "two", 2)
+        print(
+            f"glint run, two workers {two:.1f} s ({two / alone:.2f} times), after {before:.1f} s of start-up",
+            flush=True,
+        )
+        one, _ = by_run(catalogue, folder / "one", 1)
+        print(f"glint run, one worker {one:.1f} s: two are {one / two:.2f} times as fast", flush=True)
+
+
+if __name__ == "__main__":
+    main()
