@@ -141,7 +141,7 @@ def _placed(named: Mapping[str, Workspace]) -> Placed:
             f"{', '.join(turning)} are given by a turntable's angle, {', '.join(fixed)} by a matrix",
             "give the poses of an object's captures all in one way",
         )
-    views = [_view(work) for work in named.values()]
+    views = [view_of(work) for work in named.values()]
     return place_on_turntable(views, list(turning.values())) if turning else place_by_matrices(views)
 
 
@@ -150,7 +150,7 @@ def _pose(work: Workspace) -> Pose:
     return work.capture.pose
 
 
-def _view(work: Workspace) -> View:
+def view_of(work: Workspace) -> View:
     """What a capture's stages left, its camera where the catalogue says."""
     survey, labels, region = work.load("survey").record, work.load("labels"), region_of(work)
     pixel_size = survey["pixel_size"] or 1.0

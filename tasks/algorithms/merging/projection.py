@@ -1,4 +1,4 @@
-"""The model as a view sees it: its normals per pixel, from which that view's highlights are labelled anew."""
+"""The model as a view sees it: depth and normals per pixel."""
 
 import numpy as np
 import open3d as o3d
@@ -9,10 +9,10 @@ from tasks.algorithms.merging.model import Model
 from tasks.algorithms.merging.views import View
 
 
-def seen_normals(model: Model, view: View) -> np.ndarray:
-    """Normals (H, W, 3) float32 in the camera frame, unit, n_z >= 0, NaN outside the mask.
+def cast(model: Model, view: View) -> tuple[np.ndarray, np.ndarray]:
+    """Depth (H, W) and normals (H, W, 3) of the model at the pixels of a view's mask, NaN where it is not met.
 
-    Pixels of the mask beside which the model passes take the nearest pixel's.
+    Depth is the camera frame's z, world units; normals are in the camera frame, unit, n_z >= 0.
     """
     rows, columns = np.nonzero(view.mask)
     starts, directions = view.rays(columns, rows)
@@ -22,16 +22,31 @@ def seen_normals(model: Model, view: View) -> np.ndarray:
         starts = starts - 2.0 * reach * directions
     rays = np.concatenate([starts, directions], axis=1).astype(np.float32)
     answer = scene_of(model.vertices, model.triangles).cast_rays(o3d.core.Tensor.from_numpy(rays))
-    hit = np.isfinite(answer["t_hit"].numpy())
+    along = answer["t_hit"].numpy().astype(float)
+    hit = np.isfinite(along)
     uv = answer["primitive_uvs"].numpy()[hit].astype(float)
     corners = model.normals[model.triangles[answer["primitive_ids"].numpy()[hit]]]
     weights = np.stack([1.0 - uv.sum(axis=1), uv[:, 0], uv[:, 1]], axis=1)
-    normals = (corners * weights[..., None]).sum(axis=1) @ view.rotation.T
-    normals[:, 2] = np.maximum(normals[:, 2], 0.0)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
-    result = np.full((*view.mask.shape, 3), np.nan, np.float32)
-    result[rows[hit], columns[hit]] = normals
-    if not hit.any():
-        return result
-    nearest = ndimage.distance_transform_edt(~np.isfinite(result[..., 0]), return_distances=False, return_indices=True)
-    return np.where(view.mask[..., None], result[tuple(nearest)], np.float32(np.nan))
+    met = (corners * weights[..., None]).sum(axis=1) @ view.rotation.T
+    met[:, 2] = np.maximum(met[:, 2], 0.0)
+    met /= np.maximum(np.linalg.norm(met, axis=1, keepdims=True), 1e-9)
+    normals = np.full((*view.mask.shape, 3), np.nan, np.float32)
+    depth = np.full(view.mask.shape, np.nan, np.float32)
+    normals[rows[hit], columns[hit]] = met
+    points = starts[hit] + along[hit, None] * directions[hit]
+    depth[rows[hit], columns[hit]] = points @ view.rotation[2] + view.translation[2]
+    return depth, normals
+
+
+def seen_normals(model: Model, view: View) -> np.ndarray:
+    """Normals (H, W, 3) float32 of the model in the camera frame, n_z >= 0, NaN outside the mask.
+
+    Pixels of the mask that the model passes by take the nearest pixel's. From them a view's highlights are labelled
+    anew.
+    """
+    normals = cast(model, view)[1]
+    known = np.isfinite(normals[..., 0])
+    if not known.any():
+        return normals
+    nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
+    return np.where(view.mask[..., None], normals[tuple(nearest)], np.float32(np.nan))

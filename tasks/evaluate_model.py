@@ -1,0 +1,92 @@
+"""Evaluate: an object's model against the true surface, beside the visual hull and merging that solves no offsets."""
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import trimesh
+
+from storage.catalogue import Object
+from storage.errors import InputError
+from storage.listing import locate, read_bytes
+from storage.results import WHOLE_OBJECT
+from tasks.algorithms.merging.depths import merge_depths, shifted_to
+from tasks.algorithms.merging.hull import outline_of
+from tasks.algorithms.merging.model import Model, visual_hull
+from tasks.algorithms.merging.scores import ModelScore, score_model
+from tasks.algorithms.merging.views import View
+from tasks.model import STAGE, view_of
+from tasks.workspace import Workspace
+
+METHODS = ("visual hull", "depths shifted to the hull", "glint")
+_MODEL_BYTES = 2_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class ModelEvaluation:
+    """An object's model against the truth: scores of METHODS; views in it and left out; triangles; seconds."""
+
+    name: str
+    scores: dict[str, ModelScore]
+    views: int
+    left_out: tuple[str, ...]
+    triangles: int
+    seconds: float
+
+
+def evaluate_model(entry: Object, works: Sequence[Workspace]) -> ModelEvaluation | None:
+    """Judge the stored model of an object's captures; None where there is no model or no truth.
+
+    Raises:
+        InputError: the true model cannot be read.
+    """
+    repository = works[0].repository
+    if entry.truth_model is None or repository.stage_key(WHOLE_OBJECT, STAGE) is None:
+        return None
+    truth = _truth(entry.truth_model)
+    saved = repository.load(WHOLE_OBJECT, STAGE)
+    by_name = {work.capture.id: work for work in works}
+    views, depths = [], []
+    for said in saved.record["views"]:
+        work = by_name[said["capture"]]
+        matrix = np.array(said["camera_to_world"])
+        view = view_of(work)
+        views.append(view.placed(matrix[:3, :3].T, -matrix[:3, :3].T @ matrix[:3, 3]))
+        depths.append(work.load("depth").read("depth"))
+    hull = visual_hull(views, [outline_of(view.mask) for view in views])
+    shifted = [shifted_to(hull, view, depth) for view, depth in zip(views, depths, strict=True)]
+    naive = merge_depths([_believed(view) for view in views], shifted, hull.cell)
+    scores = {
+        "visual hull": _score(hull, truth),
+        "depths shifted to the hull": _score(naive, truth),
+        "glint": score_model(saved.read("vertices"), saved.read("triangles"), truth),
+    }
+    return ModelEvaluation(
+        name=entry.id,
+        scores=scores,
+        views=len(views),
+        left_out=tuple(each["name"] for each in saved.record["left_out"]),
+        triangles=int(saved.arrays["triangles"].shape[0]),
+        seconds=float(saved.record["seconds"]),
+    )
+
+
+def _believed(view: View) -> View:
+    """The view's normals where they are steep are the rim's guess; they would only thicken the merged surface."""
+    return replace(view, mask=view.mask & (np.nan_to_num(view.normals[..., 2]) > 0.25))
+
+
+def _score(model: Model, truth: trimesh.Trimesh) -> ModelScore:
+    return score_model(model.vertices, model.triangles, truth)
+
+
+def _truth(address: str) -> trimesh.Trimesh:
+    place = locate(address)
+    try:
+        mesh = trimesh.load(io.BytesIO(read_bytes(place, _MODEL_BYTES)), file_type=place.name.rpartition(".")[2])
+    except (ValueError, KeyError, IndexError, NotImplementedError) as error:
+        raise InputError(f"the true model {place.uri} cannot be read ({error})", "give a PLY file") from error
+    if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
+        raise InputError(f"the true model {place.uri} has no triangles", "give a mesh as a PLY file")
+    return mesh
