@@ -284,6 +284,10 @@ def evaluate(
         typer.Argument(metavar="[CATALOGUE]", help="Captures with truth (default: the six presets, simulated)."),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Small, short presets: about a minute.")] = False,
+    degraded: Annotated[bool, typer.Option("--degraded", help="Careless captures instead of the presets.")] = False,
+    ablation: Annotated[
+        bool, typer.Option("--ablation", help="Also with each ingredient of the labelling switched off.")
+    ] = False,
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Folder for the table, the JSON and the pictures.")
     ] = Path("glint-evaluation"),
@@ -294,7 +298,7 @@ def evaluate(
     """Errors against truth, baselines beside ours, times: the paper's Tables 2 and 3."""
     from flows.evaluation import evaluate_catalogue
 
-    sys.exit(evaluate_catalogue(file, quick, out, store, only or [], as_json))
+    sys.exit(evaluate_catalogue(file, quick, out, store, only or [], as_json, degraded=degraded, ablation=ablation))
 
 
 @app.command()

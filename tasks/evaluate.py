@@ -6,7 +6,16 @@ import numpy as np
 
 from storage.inputs import read_truth
 from tasks.algorithms.geometry import angles
-from tasks.algorithms.metrics import DepthErrors, NormalErrors, depth_errors, normal_errors
+from tasks.algorithms.metrics import (
+    DepthErrors,
+    LabelErrors,
+    NormalErrors,
+    Reliability,
+    depth_errors,
+    label_errors,
+    normal_errors,
+    reliability,
+)
 from tasks.clusters import load_clusters
 from tasks.labels import reconstruct
 from tasks.markup import load_marks
@@ -34,7 +43,8 @@ class Evaluation:
     """A capture against its truth: all methods; depth, confidence and stages of the stored result.
 
     trusted: share of the mask with confidence >= 0.95, and the share of that within 5 degrees; near, far: squared error
-    within and beyond 42 degrees of the view axis; normals: by method, (H, W, 3); truth likewise.
+    within and beyond 42 degrees of the view axis; labels, reliability: of the stored labels and confidence; warnings:
+    of all stages; normals: by method, (H, W, 3); truth likewise; confidence (H, W).
     """
 
     name: str
@@ -45,9 +55,13 @@ class Evaluation:
     trusted: tuple[float, float]
     near: float
     far: float
+    labels: LabelErrors
+    reliability: tuple[Reliability, ...]
+    warnings: tuple[str, ...]
     seconds: dict[str, float]
     normals: dict[str, np.ndarray]
     truth: np.ndarray
+    confidence: np.ndarray
 
     def method(self, name: str) -> MethodErrors:
         """Errors of a method."""
@@ -80,7 +94,8 @@ def evaluate(work: Workspace, stages: tuple[str, ...]) -> Evaluation | None:
     records = {stage: work.load(stage).record for stage in stages}
     error = angles(normals["glint"], truth.normals)
     known = mask & np.isfinite(error)
-    trusted = known & (labels.read("confidence") >= CONFIDENT)
+    confidence = labels.read("confidence")
+    trusted = known & (confidence >= CONFIDENT)
     steep = np.degrees(np.arccos(np.clip(truth.normals[..., 2], -1, 1))) > SEEN_BEST
     squared = ((normals["glint"] - truth.normals) ** 2).sum(axis=-1)
     return Evaluation(
@@ -95,9 +110,13 @@ def evaluate(work: Workspace, stages: tuple[str, ...]) -> Evaluation | None:
         trusted=(_mean(trusted[known]), _mean(error[trusted] < 5.0)),
         near=_mean(squared[known & ~steep]),
         far=_mean(squared[known & steep]),
+        labels=label_errors(labels.read("labels"), clusters.normals, truth.normals),
+        reliability=reliability(confidence, normals["glint"], truth.normals),
+        warnings=tuple(warning for record in records.values() for warning in record["warnings"]),
         seconds={stage: float(record["seconds"]) for stage, record in records.items()},
         normals=normals,
         truth=truth.normals,
+        confidence=confidence,
     )
 
 

@@ -58,6 +58,60 @@ def normal_errors(normals: np.ndarray, truth: np.ndarray, region: np.ndarray) ->
     )
 
 
+def squared_errors(normals: np.ndarray, truth: np.ndarray, region: np.ndarray) -> float:
+    """Mean |n - truth|^2 over a region: `NormalErrors.squared` alone."""
+    return normal_errors(normals, truth, region).squared
+
+
+@dataclass(frozen=True, slots=True)
+class LabelErrors:
+    """Of the nodes labelled exterior, the share within 5 degrees of the truth; of the pixels that have such a node, the
+    share where one of them is labelled so. NaN where there is none."""
+
+    precision: float
+    recall: float
+
+
+def label_errors(labels: np.ndarray, candidates: np.ndarray, truth: np.ndarray) -> LabelErrors:
+    """Errors of labels (K, H, W), 1 = exterior, of candidates (K, H, W, 3) against truth (H, W, 3); NaN is left out."""
+    off = angles(candidates, truth[None])
+    chosen, right = (labels > 0) & np.isfinite(off), off < WITHIN[0]
+    there = right.any(axis=0)
+    return LabelErrors(_share(right[chosen]), _share((chosen & right).any(axis=0)[there]))
+
+
+RELIABILITY = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0)
+"""Bounds of the confidences that are compared with what is right."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reliability:
+    """Pixels of one range of confidence: from `low` (to the next); how many, their mean confidence, and the share that
+    is within 5 degrees of the truth."""
+
+    low: float
+    pixels: int
+    confidence: float
+    right: float
+
+
+def reliability(confidence: np.ndarray, normals: np.ndarray, truth: np.ndarray) -> tuple[Reliability, ...]:
+    """The reliability diagram of a confidence (H, W), NaN where there is none; ranges without pixels are left out."""
+    off = angles(normals, truth)
+    known = np.isfinite(off) & np.isfinite(confidence)
+    sure, right = confidence[known], off[known] < WITHIN[0]
+    which = np.clip(np.searchsorted(RELIABILITY, sure, side="right") - 1, 0, len(RELIABILITY) - 2)
+    return tuple(
+        Reliability(low, int(here.sum()), float(sure[here].mean()), float(right[here].mean()))
+        for number, low in enumerate(RELIABILITY[:-1])
+        if (here := which == number).any()
+    )
+
+
+def _share(flags: np.ndarray) -> float:
+    return float(flags.mean()) if flags.size else float("nan")
+
+
 def depth_errors(depth: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> DepthErrors:
     """Errors of depth (H, W) against truth (H, W), both towards the camera in one unit, inside a mask (H, W) bool.
 

@@ -1,6 +1,7 @@
 """What a simulated capture is like: one frozen record, every field with its unit; and the paper's presets."""
 
 from dataclasses import dataclass
+from typing import Any
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,3 +101,18 @@ class CaptureOptions:
         for name, good in checks.items():
             if not good:
                 raise ValueError(f"{name}={getattr(self, name)!r} cannot be simulated")
+
+
+DEGRADED: dict[str, dict[str, Any]] = {
+    "careful": {},
+    "500-frames": {"frames": 500},
+    "quarter-missing": {"missing_quarter": True},
+    "near-lamp": {"lamp_distance": 10.0, "balls": 2},
+    "near-lamp-one-ball": {"lamp_distance": 10.0},
+    "exposure-drift": {"exposure_drift": 0.3},
+    "low-bit-rate": {"crf": 35},
+    "shake": {"shake": 0.5},
+    "noise": {"noise": 6.0},
+    "mask-too-large": {"mask_error": 3},
+}
+"""Careless captures, by what is wrong with them: options of a careful one that differ."""
