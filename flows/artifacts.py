@@ -25,6 +25,14 @@ if TYPE_CHECKING:
 LARGEST_PAGE = 300_000
 """Characters of a page, pictures included: the dashboard fetches it whole."""
 
+_STORED = {
+    "relit_left.png": "Relit from the left",
+    "relit_right.png": "Relit from the right",
+    "relit_surface.png": "The surface from another side",
+    "coverage.png": "Coverage: where on the hemisphere the lamp has been",
+}
+"""Pictures that the surface stage stores, and their captions."""
+
 _WIDEST = 320
 _SMALLEST = 40
 
@@ -32,7 +40,8 @@ _SMALLEST = 40
 def capture_artifact(work: Workspace, records: Sequence[Record]) -> None:
     """Put the page of a capture whose stages are all done beside its flow run."""
     title, pictures = work.name, _pictures(work)
-    create_markdown_artifact(capture_page(title, pictures, records), key=artifact_key(title), description=title)
+    page = capture_page(title, pictures, records, _files(work))
+    create_markdown_artifact(page, key=artifact_key(title), description=title)
 
 
 def model_artifact(repository: ObjectRepository, name: str, records: Sequence[Record]) -> None:
@@ -67,12 +76,18 @@ def problems_page(failed: "Sequence[CaptureResult]") -> str:
     return "\n".join(["# Captures without a result", "", *lines, ""])
 
 
-def capture_page(title: str, pictures: Mapping[str, np.ndarray], records: Sequence[Record]) -> str:
-    """Markdown of a capture: `pictures` by caption, uint8 (H, W, 3), made smaller until the page is small enough."""
-    text = "\n".join([f"# {plain(title)}", "", *_warnings(records), *_stages(records)])
+def capture_page(
+    title: str, pictures: Mapping[str, np.ndarray], records: Sequence[Record], files: Sequence[str] = ()
+) -> str:
+    """Markdown of a capture: warnings, pictures, stages, lines about its files.
+
+    `pictures` by caption, uint8 (H, W, 3), are made smaller until the page is small enough.
+    """
+    head = "\n".join([f"# {plain(title)}", "", *_warnings(records)])
+    text = "\n".join(["## Stages", "", *_stages(records), "", *files])
     edge = _WIDEST
     while True:
-        page = f"{text}\n\n{_gallery(pictures, edge)}\n"
+        page = f"{head}\n\n{_gallery(pictures, edge)}\n\n{text}\n"
         if len(page) <= LARGEST_PAGE or edge <= _SMALLEST:
             return page
         edge = edge * 3 // 4
@@ -102,13 +117,30 @@ def _pictures(work: Workspace) -> dict[str, np.ndarray]:
         f"Where they come from: {legend}": colour_codes(np.where(mask, provenance, 0), PALETTE),
         "Confidence that the error is below 5°: 0 blue, 1 yellow": colour_values(labels.read("confidence"), 0, 1),
     }
-    coverage = work.load("surface").blobs.get("coverage.png")
-    if coverage is not None:
-        data = np.frombuffer(blobs.get(work.location, coverage), np.uint8)
-        picture = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB)
-        assert picture is not None, "the surface stage stored no picture"
-        pictures["Coverage: where on the hemisphere the lamp has been"] = picture
+    stored = work.load("surface").blobs
+    for name, caption in _STORED.items():
+        if name in stored:
+            data = np.frombuffer(blobs.get(work.location, stored[name]), np.uint8)
+            picture = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB)
+            assert picture is not None, f"the surface stage stored no picture under {name}"
+            pictures[caption] = picture
     return pictures
+
+
+def _files(work: Workspace) -> list[str]:
+    """Where the surface's files are in the store, and how to get all of them."""
+    rows = [
+        f"| {plain(name)} | {each.size / 1e6:.2f} MB | `{work.location.uri}/{each.key}` |"
+        for name, each in sorted(work.load("surface").blobs.items())
+    ]
+    command = f"glint export {work.object_id} --out {work.object_id} --store {work.location.uri}"
+    lines = ["## Files", "", "| file | size | in the store |", "|---|---:|---|", *rows, ""]
+    return [
+        *lines,
+        "All files, with normals, depth, confidence, lights and reports, once the object has a version:",
+        "",
+        f"    {command}",
+    ]
 
 
 def _rows(result: "ObjectResult") -> list[dict[str, Any]]:
