@@ -25,6 +25,8 @@ SAMPLES = 600
 """Accepted normals that are compared for each tilt."""
 DEPTHS = 300
 """Steps along a ray in which the body is looked for, before the place is refined."""
+BLOCK = 4096
+"""Rays that are followed at once."""
 OPEN_WITHIN, OPEN_SHARE = 8.0, 0.5
 """An end is an opening where so large a share of its pixels has a candidate within so many degrees of the far wall."""
 OBSERVABLE = float(np.cos(np.radians(40.0)))
@@ -56,6 +58,10 @@ class Turned:
 
         far: instead those of the wall's inside where the rays would leave it.
         """
+        blocks = [slice(start, start + BLOCK) for start in range(0, len(x), BLOCK)]
+        return np.concatenate([self._normals(x[block], y[block], far) for block in blocks] or [np.zeros((0, 3))])
+
+    def _normals(self, x: np.ndarray, y: np.ndarray, far: bool) -> np.ndarray:
         along = np.array([-self.axis.across[1], self.axis.across[0]])
         place = np.stack([x, y], axis=-1) - self.axis.point
         side, up = place @ self.axis.across, place @ along
