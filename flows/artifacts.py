@@ -40,7 +40,7 @@ _SMALLEST = 40
 def capture_artifact(work: Workspace, records: Sequence[Record]) -> None:
     """Put the page of a capture whose stages are all done beside its flow run."""
     title, pictures = work.name, _pictures(work)
-    page = capture_page(title, pictures, records, _files(work))
+    page = capture_page(title, pictures, records, _files(work), _legend(work))
     create_markdown_artifact(page, key=artifact_key(title), description=title)
 
 
@@ -77,14 +77,18 @@ def problems_page(failed: "Sequence[CaptureResult]") -> str:
 
 
 def capture_page(
-    title: str, pictures: Mapping[str, np.ndarray], records: Sequence[Record], files: Sequence[str] = ()
+    title: str,
+    pictures: Mapping[str, np.ndarray],
+    records: Sequence[Record],
+    files: Sequence[str] = (),
+    legend: str = "",
 ) -> str:
-    """Markdown of a capture: warnings, pictures, stages, lines about its files.
+    """Markdown of a capture: warnings, pictures and their legend, stages, lines about its files.
 
     `pictures` by caption, uint8 (H, W, 3), are made smaller until the page is small enough.
     """
     head = "\n".join([f"# {plain(title)}", "", *_warnings(records)])
-    text = "\n".join(["## Stages", "", *_stages(records), "", *files])
+    text = "\n".join([*([plain(legend), ""] if legend else []), "## Stages", "", *_stages(records), "", *files])
     edge = _WIDEST
     while True:
         page = f"{head}\n\n{_gallery(pictures, edge)}\n\n{text}\n"
@@ -104,17 +108,21 @@ def plain(text: str) -> str:
     return re.sub(r"([\\`*_{}\[\]()#+!|~:-])", r"\\\1", one_line)
 
 
-def _pictures(work: Workspace) -> dict[str, np.ndarray]:
-    labels = work.load("labels")
-    names = code_names(labels.record.get("provenance"))
-    provenance = labels.read("provenance")
-    mask = work.load("mask").read("mask")
-    legend = ", ".join(
-        f"{names.get(code, code)} {_share(provenance[mask] == code)}" for code in np.unique(provenance[mask])
+def _legend(work: Workspace) -> str:
+    """Where the pixels' normals come from, in words."""
+    labels, mask = work.load("labels"), work.load("mask").read("mask")
+    names, found = code_names(labels.record.get("provenance")), labels.read("provenance")[mask]
+    return "Where normals come from: " + ", ".join(
+        f"{names.get(code, code)} {_share(found == code)}" for code in np.unique(found)
     )
+
+
+def _pictures(work: Workspace) -> dict[str, np.ndarray]:
+    labels, mask = work.load("labels"), work.load("mask").read("mask")
+    provenance = labels.read("provenance")
     pictures = {
         "Normals: x red, y green, z towards the camera blue": colour_normals(labels.read("normals")),
-        f"Where they come from: {legend}": colour_codes(np.where(mask, provenance, 0), PALETTE),
+        "Where they come from": colour_codes(np.where(mask, provenance, 0), PALETTE),
         "Confidence that the error is below 5°: 0 blue, 1 yellow": colour_values(labels.read("confidence"), 0, 1),
     }
     stored = work.load("surface").blobs
@@ -130,7 +138,7 @@ def _pictures(work: Workspace) -> dict[str, np.ndarray]:
 def _files(work: Workspace) -> list[str]:
     """Where the surface's files are in the store, and how to get all of them."""
     rows = [
-        f"| {plain(name)} | {each.size / 1e6:.2f} MB | `{work.location.uri}/{each.key}` |"
+        f"| {plain(name)} | {each.size / 1e3:,.0f} kB | `{work.location.uri}/{each.key}` |"
         for name, each in sorted(work.load("surface").blobs.items())
     ]
     command = f"glint export {work.object_id} --out {work.object_id} --store {work.location.uri}"
