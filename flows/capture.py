@@ -10,9 +10,10 @@ from prefect.cache_policies import NO_CACHE
 from flows.artifacts import capture_artifact
 from flows.progress import Event, worker_reporter
 from flows.surroundings import surroundings
-from flows.workers import DashboardProgress, awaited, spread
+from flows.workers import DashboardProgress, awaited, check_bytes, spread
 from storage.errors import StoreUnreachable
 from tasks.clusters import clusters
+from tasks.memory import largest_need
 from tasks.references import CaptureReference
 from tasks.stage import Record, perform, stage_keys
 from tasks.stages import BY_NAME, STAGES
@@ -24,11 +25,17 @@ def capture(reference: CaptureReference, scheduler: str) -> list[Record]:
     """Survey, frames, lights, mask, clusters, markup, silhouette, labels, depth, surface: the surface of one view.
 
     scheduler: address of the Dask cluster.
-    Raises InputError, StoreError or UnusableCapture where the capture cannot be worked on.
+    Raises InputError, StoreError or UnusableCapture where the capture cannot be worked on, ClusterError where it is too
+    large for the workers, which is known after its survey.
     """
     work = reference.workspace()
     keys = stage_keys(work, STAGES)
-    records = [TASKS[stage.name](work, stage.name, keys[stage.name], scheduler) for stage in STAGES]
+    records = []
+    for stage in STAGES:
+        records.append(TASKS[stage.name](work, stage.name, keys[stage.name], scheduler))
+        if stage.name == "survey":
+            needed, largest = largest_need(work)
+            check_bytes(surroundings(scheduler).client, needed, f"{largest} of {work.name}")
     capture_artifact(work, records)
     return records
 

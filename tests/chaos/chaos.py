@@ -49,7 +49,7 @@ ROUNDS: tuple[dict[str, Any], ...] = (
     {"labels": {"method": "winner"}, "depth": {"method": "least-squares"}},
 )
 """Parameters of a round; every third one begins in a new store."""
-RUN_SECONDS = 300
+RUN_SECONDS = 900
 ORPHAN_SECONDS = 30
 AT_THE_START, STARTING, WORKING = 0.2, 8.0, 9.0
 """Share of kills while a run starts, and the seconds from its start, or from its first stage, to the kill."""

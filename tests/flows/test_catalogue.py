@@ -51,6 +51,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, simulated: Path) -> Path:
     catalogue("good", {"a": (capture,), "b": (capture,)})
     catalogue("mixed", {"a": (capture,), "c": (capture, missing)})
     catalogue("bad", {"c": (missing,)})
+    catalogue("large", {"d": (capture,)})
     catalogue("changed", {"a": (capture,)}, {"labels": {"method": "winner"}})
     return place
 
@@ -123,6 +124,16 @@ def test_a_run_of_which_nothing_succeeds_has_failed(run: Run) -> None:
     assert state.is_failed() and state.name == "Failed"
     (failed,) = result_of(state).failed
     assert "missing.mp4" in failed.error and failed.remedy
+
+
+def test_a_capture_too_large_for_the_workers_is_refused_up_front(
+    run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("flows.capture.largest_need", lambda work: (1 << 50, "labels"))
+    state, events = run("large")
+    (failed,) = result_of(state).failed
+    assert failed.error.startswith("labels of d/front needs 1.00 PiB in one process") and "region" in failed.remedy
+    assert [each.stage for each in events if each.kind == "stage"] == ["survey"]
 
 
 def test_a_surface_that_moves_too_far_is_told(run: Run, folder: Path) -> None:

@@ -1,0 +1,83 @@
+"""Awaiting work on workers: results, errors of any kind, progress meanwhile, and the death of those who do it."""
+
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import flows.workers
+from flows.cluster import Cluster
+from flows.errors import ClusterError
+from flows.workers import awaited, spread
+
+pytestmark = pytest.mark.server
+
+
+def slowly(seconds: float) -> str:
+    time.sleep(seconds)
+    return "done"
+
+
+def late() -> None:
+    raise TimeoutError("the task's own")
+
+
+def die(task: Any = None, common: Any = None) -> None:
+    os._exit(1)
+
+
+def die_once(number: int, common: str) -> int:
+    """End the worker that sees a mark first; its memory, and what was sent to it, goes with it."""
+    mark = Path(common) / f"seen-{number}"
+    if number in (3, 4) and not mark.exists():
+        mark.touch()
+        os._exit(1)
+    return number**2
+
+
+def nothing() -> None:
+    """Nobody listens."""
+
+
+def test_what_takes_long_is_told_meanwhile(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(flows.workers, "PROGRESS_SECONDS", 0.05)
+    told: list[int] = []
+    future = cluster.client.submit(slowly, 0.5, pure=False)
+    assert awaited(future, "glass/front labels", lambda: told.append(1)) == "done"
+    assert told
+
+
+def test_the_end_of_a_wait_is_no_failure_of_the_task(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A task that ends just as the wait for it does gives its result."""
+
+    class Late:
+        ended = False
+
+        def done(self) -> bool:
+            return self.ended
+
+        def result(self, timeout: float | None = None) -> str:
+            if timeout is not None:
+                self.ended = True
+                raise TimeoutError("timed out after 5 s.")
+            return "done"
+
+    assert awaited(Late(), "glass/front labels", nothing) == "done"
+    with pytest.raises(TimeoutError, match="the task's own"):
+        awaited(cluster.client.submit(late, pure=False), "glass/front labels", nothing)
+
+
+def test_work_that_kills_its_workers_is_explained(cluster: Cluster) -> None:
+    with pytest.raises(ClusterError, match=r"glass/front labels: the worker process died.*out of memory"):
+        awaited(cluster.client.submit(die, pure=False), "glass/front labels", nothing)
+    with pytest.raises(ClusterError, match="worker process died"):
+        list(spread(cluster.client, "glass/front", die, range(3), "common"))
+    cluster.client.wait_for_workers(2, timeout=240)
+
+
+def test_what_dead_workers_held_is_sent_again(cluster: Cluster, tmp_path: Path) -> None:
+    found = list(spread(cluster.client, "glass/front", die_once, range(8), str(tmp_path)))
+    assert found == [number**2 for number in range(8)]
+    cluster.client.wait_for_workers(2, timeout=240)
