@@ -16,7 +16,7 @@ from storage.fingerprints import digest_of
 from storage.pictures import encode_png
 from storage.results import WHOLE_OBJECT
 from tasks.algorithms.errors import UnusableCapture
-from tasks.algorithms.merging.model import Model, merge, simplified
+from tasks.algorithms.merging.model import ROUNDS, STEPS, Model, merge, simplified
 from tasks.algorithms.merging.placing import LeftOut, Placed, place_by_matrices, place_on_turntable, placed_anew
 from tasks.algorithms.merging.projection import seen_normals
 from tasks.algorithms.merging.views import View
@@ -98,6 +98,8 @@ def perform_model(works: Sequence[Workspace], key: str, progress: Progress | Non
 def model(works: Sequence[Workspace], progress: Progress) -> Outcome:
     """Place the views, merge them, label each anew with the model as its initial field, and merge again.
 
+    A turntable's angles are corrected by a first, rough model, and again by each better one.
+
     Raises:
         UnusableCapture: the views do not fit together.
     """
@@ -105,16 +107,18 @@ def model(works: Sequence[Workspace], progress: Progress) -> Outcome:
     unit = _unit(list(named.values()))
     placed = _placed(named)
     parameters = works[0].parameters.model
-    total = parameters.passes * 15
+    total = STEPS * (1 + ROUNDS * parameters.passes)
 
-    def report(before: int) -> Progress:
-        return lambda done, of: progress(min(before + done, total), total)
+    def report(rounds: int) -> Progress:
+        return lambda done, of: progress(STEPS * rounds + done, total)
 
-    merged = merge(placed.views, progress=report(0))
+    merged = merge(placed.views, rounds=1, progress=report(0))
+    placed = placed_anew(placed, placed.views, merged)
+    merged = merge(placed.views, start=merged, progress=report(1))
     for again in range(1, parameters.passes):
         views = [_labelled_anew(view, merged, named[view.name]) for view in placed.views]
         placed = placed_anew(placed, views, merged)
-        merged = merge(placed.views, start=merged, progress=report(15 * again))
+        merged = merge(placed.views, start=merged, progress=report(1 + ROUNDS * again))
     if parameters.most_triangles is not None:
         merged = simplified(merged, placed.views, parameters.most_triangles)
     return _outcome(works[0], placed, merged, unit)

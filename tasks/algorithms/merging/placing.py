@@ -1,7 +1,7 @@
 """Placing the views: a turntable solved, contradictory views named and left out, angles found where none were given."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,8 +21,6 @@ from tasks.algorithms.merging.views import View
 
 CONTRADICTORY = 1.0
 """Mean pixels by which rays through a view's outline may miss the others' hull; more is a wrong pose or mask."""
-TURN_SCATTER = 0.3
-"""Degrees, root mean square, by which normals say that views must turn although their angles are true."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,47 +34,44 @@ class LeftOut:
 
 @dataclass(frozen=True, slots=True)
 class Placed:
-    """Views where they must have been; those left out; mean misses of each in pixels; the turntable, if it is one."""
+    """Views where they must have been; those left out; mean misses of each in pixels; the turntable, if it is one, and
+    its angles (V,) as they were given."""
 
     views: tuple[View, ...]
     left_out: tuple[LeftOut, ...]
     misses: tuple[float, ...]
-    turntable: Turntable | None
+    turntable: Turntable | None = None
+    given: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
 def place_on_turntable(views: Sequence[View], angles: Sequence[float]) -> Placed:
-    """Solve a turntable's axis and the errors of its angles from the outlines.
+    """Solve a turntable's axis from the outlines.
 
     Raises:
         UnusableCapture: fewer than two views, or none agree.
     """
     _enough(views)
-    table = solve_turntable(views, turntable_of(views, angles), angles_too=False)
+    table = solve_turntable(views, turntable_of(views, angles))
     kept, left_out = _consistent(views, table)
     if left_out:
         views, angles = [views[each] for each in kept], [angles[each] for each in kept]
         _enough(views)
-        table = solve_turntable(views, turntable_of(views, angles), angles_too=False)
-    return _placed(views, solve_turntable(views, table), left_out)
+        table = solve_turntable(views, turntable_of(views, angles))
+    return _placed(views, table, table.angles, left_out)
 
 
 def placed_anew(placed: Placed, views: Sequence[View], model: Model) -> Placed:
-    """Correct a turntable's angles by the normals that its views, now better known, saw of the model.
-
-    The normals' own scatter is not taken for errors of the angles: of what they say, the share is believed by which it
-    exceeds that scatter.
-    """
+    """Correct a turntable's angles by the normals that its views, now better known, saw of the model."""
     if placed.turntable is None or len(views) < 3:
         return replace(placed, views=tuple(views))
-    turns = turned_by_normals(views, fuse(views, model.vertices, model.triangles))
-    believed = max(0.0, 1.0 - TURN_SCATTER**2 / max(float((turns**2).mean()), 1e-9))
-    table = replace(placed.turntable, angles=placed.turntable.angles - believed * turns)
-    return _placed(views, solve_turntable(views, table, angles_too=False), placed.left_out)
+    fused = fuse(views, model.vertices, model.triangles)
+    table = turned_by_normals(views, placed.turntable, placed.given, model.vertices, fused)
+    return _placed(views, solve_turntable(views, table), placed.given, placed.left_out)
 
 
-def _placed(views: Sequence[View], table: Turntable, left_out: Sequence[LeftOut]) -> Placed:
+def _placed(views: Sequence[View], table: Turntable, given: np.ndarray, left_out: Sequence[LeftOut]) -> Placed:
     placed = on_turntable(views, table)
-    return Placed(tuple(placed), tuple(left_out), _mean_misses(placed), table)
+    return Placed(tuple(placed), tuple(left_out), _mean_misses(placed), table, given)
 
 
 def place_by_matrices(views: Sequence[View]) -> Placed:
@@ -95,7 +90,7 @@ def place_by_matrices(views: Sequence[View]) -> Placed:
     kept, left_out = _consistent(views, None)
     chosen = [views[each] for each in kept]
     _enough(chosen)
-    return Placed(tuple(chosen), tuple(left_out), _mean_misses(chosen), None)
+    return Placed(tuple(chosen), tuple(left_out), _mean_misses(chosen))
 
 
 def _consistent(views: Sequence[View], table: Turntable | None) -> tuple[list[int], list[LeftOut]]:

@@ -1,12 +1,12 @@
-"""Poses solved from the silhouettes: where cameras must have stood for all outlines to be those of one body.
+"""Poses solved from silhouettes and normals: where cameras must have stood to see one body.
 
 The ray through each pixel of an outline touches the body, so it must meet the hull of all other views. How far it
-passes by is a residual; it is zero for consistent poses whatever the body's shape. On a turntable the unknowns are its
-axis (offset and two tilts) and the error of each angle; cameras given by matrices may each move a little.
+passes by is a residual; it is zero for consistent poses whatever the body's shape. It tells where a turntable's axis
+stands and how it leans. Errors of its angles are told by the normals instead, once there is a model to compare them on.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from tasks.algorithms.merging.fusion import Fused
 from tasks.algorithms.merging.hull import Outline, ball_around, hull_field, outline_of
-from tasks.algorithms.merging.views import View, turned
+from tasks.algorithms.merging.views import View, sample, turned
 
 RAYS = 48
 """Rays taken of each outline."""
@@ -29,6 +29,10 @@ DIFFERENCE = 0.1
 """Degrees, or per cent of the object's size, over which residuals are differentiated."""
 SURE = 0.8
 """Confidence from which normals are compared: the smooth field's guesses lean with the view that made them."""
+NORMAL_ERROR = 0.5
+"""Degrees by which the confident normals of a view may be wrong all alike."""
+FEWEST = 30
+"""Vertices that two views must see for their normals to be compared."""
 DIFFERENT = 8.0
 """Degrees between the normals of two views beyond which one of them is taken to be mistaken."""
 
@@ -111,50 +115,65 @@ def _nearest(
     return np.maximum(values.min(axis=1), 0.0)
 
 
-def solve_turntable(views: Sequence[View], start: Turntable, angles_too: bool = True) -> Turntable:
-    """The turntable whose views' outlines agree best; the mean of its angles stays, as the body's own turn is free."""
+def solve_turntable(views: Sequence[View], start: Turntable) -> Turntable:
+    """The axis on which the views' outlines agree best; the angles stay, as outlines hardly tell small errors of them.
+
+    They tell the axis to a tenth of a degree and of a pixel.
+    """
     outlines = [outline_of(view.mask) for view in views]
     size = _size(views)
 
     def turntable(unknowns: np.ndarray) -> Turntable:
-        errors = unknowns[3:] - unknowns[3:].mean() if angles_too else np.zeros(len(views))
-        offset, towards, sideways = unknowns[:3].tolist()
-        return Turntable(offset * size / 100, towards, sideways, start.angles + errors)
+        offset, towards, sideways = unknowns.tolist()
+        return Turntable(offset * size / 100, towards, sideways, start.angles)
 
     def residuals(unknowns: np.ndarray) -> np.ndarray:
-        placed = on_turntable(views, turntable(unknowns))
-        held = np.concatenate([unknowns[1:3] / LEAN_ERROR, unknowns[3:] / ANGLE_ERROR])
-        return np.concatenate([_softened(misses(placed, outlines)), held])
+        missed = misses(on_turntable(views, turntable(unknowns)), outlines)
+        return np.concatenate([_softened(missed), unknowns[1:] / LEAN_ERROR])
 
-    first = np.zeros(3 + (len(views) if angles_too else 0))
-    first[:3] = 100 * start.offset / size, start.towards, start.sideways
+    first = np.array([100 * start.offset / size, start.towards, start.sideways])
     found = least_squares(residuals, first, jac=_differences(residuals), max_nfev=8, xtol=1e-3, ftol=1e-3)
     return turntable(found.x)
 
 
-def turned_by_normals(views: Sequence[View], fused: Fused, rounds: int = 30) -> np.ndarray:
-    """Degrees (V,) about the world's upward axis by which each view's normals must turn to agree with the others'.
+def turned_by_normals(
+    views: Sequence[View], table: Turntable, given: np.ndarray, vertices: np.ndarray, fused: Fused
+) -> Turntable:
+    """The turntable whose angles make each view's normals agree best with what the other views say of the surface.
 
-    Positive is counter-clockwise from above; their mean is zero. Only normals that two views are sure of are asked.
+    views: as they are on `table`; given (V,): the angles, degrees, that are expected to be true within ANGLE_ERROR;
+    vertices (N, 3) of the model and what the views say of them. Turning a view changes which pixel shows a vertex as
+    well as how its normal lies in the world; on a body that is round about the axis the two cancel and the normals
+    tell nothing. Only normals that two views are sure of are compared.
     """
-    total = np.zeros(len(views))
     weights = np.where(fused.sure >= SURE, fused.sure, 0.0)
-    for _ in range(rounds):
-        normals = np.stack([each @ turned(angle).T for each, angle in zip(fused.each, total, strict=True)])
-        everyone = (weights[..., None] * normals).sum(axis=0)
-        for number in range(len(views)):
-            own = normals[number]
-            others = everyone - weights[number][:, None] * own
-            length = np.linalg.norm(others, axis=1)
-            common = others / np.maximum(length, 1e-9)[:, None]
-            apart = np.degrees(np.arccos(np.clip((common * own).sum(axis=1), -1.0, 1.0)))
-            weight = np.minimum(weights[number], length) / (1.0 + (apart / DIFFERENT) ** 2) ** 2
-            if weight.sum() > 0:
-                across = common[:, 0] * own[:, 2] - common[:, 2] * own[:, 0]
-                along = common[:, 0] * own[:, 0] + common[:, 2] * own[:, 2]
-                total[number] += 0.5 * np.degrees((weight * across).sum() / max((weight * along).sum(), 1e-9))
-        total -= total.mean()
-    return total
+    everyone = (weights[..., None] * fused.each).sum(axis=0)
+    ahead, behind = (on_turntable(views, replace(table, angles=table.angles + way * DIFFERENCE)) for way in (1.0, -1.0))
+    turns = np.zeros(len(views))
+    for number in range(len(views)):
+        own = fused.each[number]
+        others = everyone - weights[number][:, None] * own
+        length = np.linalg.norm(others, axis=1)
+        both = np.flatnonzero((weights[number] > 0) & (length > SURE))
+        if len(both) < FEWEST:
+            continue
+        change = (_normals_at(ahead[number], vertices[both]) - _normals_at(behind[number], vertices[both])) / (
+            2 * np.radians(DIFFERENCE)
+        )
+        left = own[both] - others[both] / length[both, None]
+        apart = np.degrees(np.linalg.norm(left, axis=1))
+        weight = np.minimum(weights[number], length)[both] / (1.0 + (apart / DIFFERENT) ** 2) ** 2
+        slope, square = ((weight * (change * each).sum(axis=1)).sum() / weight.sum() for each in (left, change))
+        held = (NORMAL_ERROR / ANGLE_ERROR) ** 2
+        so_far = np.radians(table.angles[number] - given[number])
+        turns[number] = -np.degrees((slope + held * so_far) / (square + held))
+    return replace(table, angles=table.angles + turns - turns.mean())
+
+
+def _normals_at(view: View, points: np.ndarray) -> np.ndarray:
+    """Normals (N, 3) of the world that a view shows at points (N, 3)."""
+    normals = sample(np.nan_to_num(view.normals), *view.project(points))
+    return view.to_world(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9))
 
 
 def _differences(function: Callable[[np.ndarray], np.ndarray]) -> Callable[[np.ndarray], np.ndarray]:
