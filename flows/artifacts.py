@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 
 LARGEST_PAGE = 300_000
 """Characters of a page, pictures included: the dashboard fetches it whole."""
+ALL_PAGES = 100_000_000
+"""Characters of the pages of all captures of a run: the pictures of large catalogues are smaller."""
+MOST_ROWS = 500
+"""Rows of a run's table, and entries of its list of problems."""
 
 _STORED = {
     "relit_left.png": "Relit from the left",
@@ -37,10 +41,10 @@ _WIDEST = 320
 _SMALLEST = 40
 
 
-def capture_artifact(work: Workspace, records: Sequence[Record]) -> None:
-    """Put the page of a capture whose stages are all done beside its flow run."""
-    title, pictures = work.name, _pictures(work)
-    page = capture_page(title, pictures, records, _files(work), _legend(work))
+def capture_artifact(work: Workspace, records: Sequence[Record], captures: int = 1) -> None:
+    """Put the page of a capture whose stages are all done beside its flow run; `captures` may get pages in this run."""
+    title, pictures, largest = work.name, _pictures(work), min(LARGEST_PAGE, ALL_PAGES // captures)
+    page = capture_page(title, pictures, records, _files(work), _legend(work), largest)
     create_markdown_artifact(page, key=artifact_key(title), description=title)
 
 
@@ -64,15 +68,20 @@ def model_artifact(repository: ObjectRepository, name: str, records: Sequence[Re
 
 def catalogue_artifact(name: str, result: "RunResult") -> None:
     """Put the table of a catalogue's captures beside its flow run, and the problems of those that failed."""
-    table = [row for each in result.objects for row in _rows(each)]
-    create_table_artifact(table, key=artifact_key(f"catalogue {name}"), description=plain(name))
+    order = {"failed": 0, "done": 1, "unchanged": 2}
+    table = sorted((row for each in result.objects for row in _rows(each)), key=lambda row: order[row["state"]])
+    left_out = f", {len(table) - MOST_ROWS:,} more captures not shown" if len(table) > MOST_ROWS else ""
+    create_table_artifact(
+        table[:MOST_ROWS], key=artifact_key(f"catalogue {name}"), description=plain(f"{name}{left_out}")
+    )
     if result.failed:
         create_markdown_artifact(problems_page(result.failed), key=artifact_key(f"problems {name}"))
 
 
 def problems_page(failed: "Sequence[CaptureResult]") -> str:
     """Markdown of what is wrong with captures and what to do about it."""
-    lines = [f"- **{plain(each.name)}**: {plain(each.error)}: {plain(each.remedy)}" for each in failed]
+    lines = [f"- **{plain(each.name)}**: {plain(each.error)}: {plain(each.remedy)}" for each in failed[:MOST_ROWS]]
+    lines += [f"- and {len(failed) - MOST_ROWS:,} more"] * (len(failed) > MOST_ROWS)
     return "\n".join(["# Captures without a result", "", *lines, ""])
 
 
@@ -82,17 +91,18 @@ def capture_page(
     records: Sequence[Record],
     files: Sequence[str] = (),
     legend: str = "",
+    largest: int = LARGEST_PAGE,
 ) -> str:
     """Markdown of a capture: warnings, pictures and their legend, stages, lines about its files.
 
-    `pictures` by caption, uint8 (H, W, 3), are made smaller until the page is small enough.
+    `pictures` by caption, uint8 (H, W, 3), are made smaller until the page has at most `largest` characters.
     """
     head = "\n".join([f"# {plain(title)}", "", *_warnings(records)])
     text = "\n".join([*([plain(legend), ""] if legend else []), "## Stages", "", *_stages(records), "", *files])
     edge = _WIDEST
     while True:
         page = f"{head}\n\n{_gallery(pictures, edge)}\n\n{text}\n"
-        if len(page) <= LARGEST_PAGE or edge <= _SMALLEST:
+        if len(page) <= largest or edge <= _SMALLEST:
             return page
         edge = edge * 3 // 4
 

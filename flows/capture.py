@@ -14,7 +14,7 @@ from flows.workers import DashboardProgress, awaited, check_bytes, spread
 from storage.errors import StoreUnreachable
 from tasks.clusters import clusters
 from tasks.memory import largest_need
-from tasks.references import CaptureReference
+from tasks.references import CaptureReference, load_catalogue
 from tasks.stage import Record, perform, stage_keys
 from tasks.stages import BY_NAME, STAGES
 from tasks.workspace import Workspace
@@ -36,7 +36,7 @@ def capture(reference: CaptureReference, scheduler: str) -> list[Record]:
         if stage.name == "survey":
             needed, largest = largest_need(work)
             check_bytes(surroundings(scheduler).client, needed, f"{largest} of {work.name}")
-    capture_artifact(work, records)
+    capture_artifact(work, records, sum(len(each.captures) for each in load_catalogue(reference.catalogue).objects))
     return records
 
 

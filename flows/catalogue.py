@@ -9,8 +9,8 @@ from prefect import flow, runtime
 from prefect.client.schemas.objects import State
 
 from flows.artifacts import catalogue_artifact
-from flows.errors import REFUSALS
-from flows.objects import DEFECT, references_of, refused, run_object, submit, unchanged_object
+from flows.errors import DEFECT, REFUSALS
+from flows.objects import refused, run_object, submit, unchanged_object
 from flows.outcomes import ObjectResult, RunResult, final_state
 from flows.patience import patiently
 from flows.progress import Event
@@ -59,7 +59,7 @@ def object_or_pass(
     """Pass an object on which nothing is to be done, else run its flow; what goes wrong stays with this object."""
     here = surroundings(scheduler)
     here.check()
-    references = references_of(catalogue, object_id, store, captures, run, rehash)
+    references = [CaptureReference(catalogue, object_id, each, store, run, rehash) for each in captures]
     try:
         passed = unchanged_object(references)
         if passed is None:
@@ -76,12 +76,13 @@ def object_or_pass(
 
 def _run(references: Sequence[CaptureReference], scheduler: str, drift: float | None) -> ObjectResult:
     first = references[0]
+    every = load_catalogue(first.catalogue).object(first.object_id).captures
     state: Any = run_object(
         first.catalogue,
         first.object_id,
         first.store,
         scheduler,
-        captures=[each.capture_id for each in references],
+        captures=[each.capture_id for each in references] if len(references) < len(every) else [],
         run=first.run,
         rehash=first.rehash,
         drift=drift,

@@ -13,7 +13,7 @@ from prefect.client.schemas.objects import State
 
 from flows.capture import capture
 from flows.drift import tell_drifts
-from flows.errors import REFUSALS
+from flows.errors import DEFECT, REFUSALS
 from flows.model import work_on_model
 from flows.outcomes import CaptureResult, ObjectResult, final_state
 from flows.patience import patiently
@@ -28,8 +28,8 @@ from tasks.references import CaptureReference, chosen_captures, load_catalogue
 from tasks.unchanged import unchanged
 from tasks.workspace import Workspace
 
-DEFECT = "this is a defect of Glint; its trace is in the run's log"
-
+MOST_THREADS = 32
+"""Captures of an object that may wait for their turn in a thread of their own."""
 
 @flow(name="object", flow_run_name="{object_id}", validate_parameters=False, persist_result=False)
 def run_object(
@@ -62,8 +62,8 @@ def references_of(
     Raises:
         CatalogueError, InputError: the catalogue is unusable, or has none of that name.
     """
-    only = [f"{object_id}/{each}" for each in captures] or [object_id]
-    chosen = chosen_captures(load_catalogue(catalogue).objects, only)[object_id]
+    objects, only = load_catalogue(catalogue).objects, [f"{object_id}/{each}" for each in captures] or [object_id]
+    chosen = chosen_captures([each for each in objects if each.id == object_id] or objects, only)[object_id]
     return [CaptureReference(catalogue, object_id, each, store, run, rehash) for each in chosen]
 
 
@@ -87,7 +87,7 @@ def work_on_object(references: Sequence[CaptureReference], scheduler: str, drift
     try:
         with (
             run_lock(Location.parse(first.store), first.object_id, first.run),
-            ThreadPoolExecutor(len(references)) as pool,
+            ThreadPoolExecutor(min(len(references), MOST_THREADS)) as pool,
         ):
             futures = [submit(pool, work_on_capture, each, scheduler) for each in references]
             captures = tuple(future.result() for future in futures)

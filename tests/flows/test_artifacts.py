@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from prefect import flow, runtime
 
+from flows import artifacts
 from flows.artifacts import LARGEST_PAGE, artifact_key, capture_page, catalogue_artifact, plain, problems_page
 from flows.outcomes import CaptureResult, ObjectResult, RunResult
 from flows.server import Server
@@ -102,6 +103,19 @@ def test_a_run_has_its_table_and_its_problems_on_the_server(server: Server) -> N
     with urllib.request.urlopen(request) as answer:
         artifacts = {each["key"]: each for each in json.load(answer)}
     assert set(artifacts) == {"catalogue-glassware", "problems-glassware"}
-    first, second = json.loads(artifacts["catalogue-glassware"]["data"])
+    second, first = json.loads(artifacts["catalogue-glassware"]["data"])  # failures come first
     assert (first["capture"], first["state"], first["version"], first["frames"]) == ("glass/front", "done", "v2", 8000)
     assert (second["capture"], second["state"], second["frames"]) == ("glass/back", "failed", None)
+
+
+def test_large_catalogues_have_small_pages_and_short_tables(monkeypatch: pytest.MonkeyPatch) -> None:
+    noise = np.random.default_rng(0).integers(0, 256, (320, 320, 3)).astype(np.uint8)
+    assert len(capture_page("glass/front", {"Noise": noise}, RECORDS, largest=20_000)) <= 20_000
+    shown: dict[str, Any] = {}
+    monkeypatch.setattr(artifacts, "create_table_artifact", lambda table, **about: shown.update(about, table=table))
+    monkeypatch.setattr(artifacts, "create_markdown_artifact", lambda page, **about: shown.update(page=page))
+    good = [ObjectResult(f"o{n}", (CaptureResult(f"o{n}", "front", 1.0, RECORDS),)) for n in range(2000)]
+    bad = [ObjectResult(f"b{n}", (CaptureResult(f"b{n}", "front", 1.0, (), "dark", "light"),)) for n in range(600)]
+    catalogue_artifact("large", RunResult("run", (*good, *bad), 1.0))
+    assert len(shown["table"]) == 500 and {row["state"] for row in shown["table"]} == {"failed"}
+    assert "2,100 more" in shown["description"] and "and 100 more" in shown["page"]
