@@ -27,3 +27,6 @@ class ClusterError(RunningError):
 
 REFUSALS = (StorageError, UnusableCapture, RunningError)
 """Errors that say what is wrong and what to do; any other is a defect, and its trace is logged."""
+
+DEFECT = "this is a defect of Glint; its trace is in the run's log"
+"""The remedy for what nobody foresaw."""

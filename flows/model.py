@@ -7,7 +7,7 @@ from prefect import get_run_logger, task
 from prefect.cache_policies import NO_CACHE
 
 from flows.artifacts import model_artifact
-from flows.errors import REFUSALS
+from flows.errors import DEFECT, REFUSALS
 from flows.outcomes import CaptureResult
 from flows.progress import Event, worker_reporter
 from flows.surroundings import surroundings
@@ -34,6 +34,9 @@ def work_on_model(works: Sequence[Workspace], scheduler: str) -> CaptureResult:
         model_artifact(works[0].repository, name, records)
     except REFUSALS as refusal:
         error, remedy = refusal.message, refusal.remedy
+    except Exception as defect:
+        here.check()
+        error, remedy = f"{type(defect).__name__}: {defect}", DEFECT
     seconds = time.monotonic() - started
     if error:
         here.show(Event("failed", name, text=f"{error}: {remedy}"))
