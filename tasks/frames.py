@@ -1,47 +1,75 @@
 """Frames: the footage decoded once, cropped to the object and to each sphere, and cut into chunks."""
 
+from collections.abc import Iterator
 from functools import lru_cache
 from time import monotonic
+from typing import Any
 
 import numpy as np
 
 from storage.catalogue import Region
 from storage.errors import StoreError
-from storage.footage import open_footage
+from storage.footage import Footage, open_footage
 from storage.frame_budget import mark_used
 from storage.frames import FrameCache, cache_digest
 from storage.location import Location
 from tasks.algorithms.clusters import thresholds, white_level
 from tasks.algorithms.spheres import Sphere
+from tasks.algorithms.steadying import Steadier, aligned, moved, wander
 from tasks.stage import Outcome, Progress
 from tasks.workspace import Workspace
 
 OBJECT = "object"
 AROUND_SPHERE = 4
 """Pixels beyond a sphere's outline that its crop holds."""
+SAMPLED, LEAST_FRAMES = 24, 100
+"""Frames that are looked at for a camera that moved, and of how many they must be: sets of photographs are steady."""
+STEADY = 0.6
+"""Pixels of wander up to which frames are taken as they are: half of it is the codec's."""
 MARK_SECONDS = 600.0
 """How often the use of frames is written down."""
 
 
 def frames(work: Workspace, progress: Progress) -> Outcome:
-    """Fill the cache of frames.
+    """Fill the cache of frames; where the camera moved, with frames that are moved back.
 
     Raises:
         InputError: the footage cannot be read.
         StoreError: the store cannot be written.
     """
-    cache = open_frames(work, progress)
+    cache = _opened(work, None, progress)
+    warnings = list(cache.warnings)
+    shaken = wander(aligned(_sample(cache))[1]) if cache.frames >= LEAST_FRAMES else 0.0
+    if shaken > STEADY:
+        cache = _opened(work, cache, progress)
+        warnings.append(
+            f"the camera moved by {shaken:.1f} pixels: frames are moved back to"
+            f" {'the first one' if _placed_by_hand(work) else 'the middle'}; a firm tripod gives better normals"
+        )
     return Outcome(
-        record={"cache": cache.digest, "frame_size": list(cache.frame_size[::-1])},
+        record={
+            "cache": cache.digest,
+            "frame_size": list(cache.frame_size[::-1]),
+            "wander_pixels": round(shaken, 3),
+            "steadied": shaken > STEADY,
+        },
         counts={"frames": cache.frames},
-        warnings=cache.warnings,
+        warnings=warnings,
     )
 
 
-def open_frames(work: Workspace, progress: Progress | None = None) -> FrameCache:
+def open_frames(work: Workspace) -> FrameCache:
     """The capture's cache of frames, rebuilt from the footage where it is gone or incomplete."""
-    crops = crops_of(work)
-    digest = cache_digest(work.digest("frames") or "", crops)
+    shaken = _opened(work, None) if work.load("frames").record["steadied"] else None
+    return _opened(work, shaken)
+
+
+def _opened(work: Workspace, shaken: FrameCache | None, progress: Progress | None = None) -> FrameCache:
+    """The frames as they are, or, from the cache of these, those that are moved back."""
+    crops, content = crops_of(work), work.digest("frames") or ""
+    if shaken is not None:
+        content = f"{content} steadied to {'the first' if _placed_by_hand(work) else 'the middle'}"
+    digest = cache_digest(content, crops)
     try:
         cache = FrameCache.open(work.location, digest)
         if cache.complete:
@@ -50,7 +78,41 @@ def open_frames(work: Workspace, progress: Progress | None = None) -> FrameCache
     except StoreError:
         pass
     with open_footage(work.capture.frames) as footage:
-        return FrameCache.ingest(footage, work.location, digest, crops, progress)
+        if shaken is None:
+            return FrameCache.ingest(footage, work.location, digest, crops, progress)
+        steadied: Any = Steadied(footage, region_of(work), _sample(shaken), _placed_by_hand(work))
+        return FrameCache.ingest(steadied, work.location, digest, crops, progress)
+
+
+class Steadied:
+    """Footage whose frames are moved back to the first one or to the middle; all else is the footage's own."""
+
+    def __init__(self, footage: Footage, region: Region, sample: np.ndarray, to_first: bool) -> None:
+        self._footage, self._region = footage, region
+        reference, shifts = aligned(sample)
+        self._steadier = Steadier(reference)
+        self._origin = np.zeros(2) if to_first else np.median(shifts, axis=0)
+
+    def __getattr__(self, name: str) -> Any:
+        """What the footage says of itself."""
+        return getattr(self._footage, name)
+
+    def frames(self, *arguments: Any, **named: Any) -> Iterator[np.ndarray]:
+        """The footage's frames, each moved back."""
+        for frame in self._footage.frames(*arguments, **named):
+            shift = self._steadier.shift(frame[self._region.rows, self._region.columns])
+            yield moved(frame, self._origin - shift)
+
+
+def _sample(cache: FrameCache) -> np.ndarray:
+    """Some frames of the object (T, H, W) over the capture, the first one first."""
+    chosen = np.unique(np.linspace(0, cache.frames - 1, SAMPLED).round().astype(int)).tolist()
+    return np.concatenate([cache.read(OBJECT, slice(number, number + 1)) for number in chosen])
+
+
+def _placed_by_hand(work: Workspace) -> bool:
+    """Whether the catalogue places object or spheres in the frame, as one does by looking at the first."""
+    return bool(work.capture.spheres or work.capture.mask)
 
 
 @lru_cache(maxsize=256)

@@ -24,13 +24,13 @@ from tasks.survey import survey
 
 STAGES = (
     Stage("survey", survey, facts=("spheres", "region", "pixel_size"), inputs=("frames", "mask", "lights")),
-    Stage("frames", frames, needs=("survey",)),
+    Stage("frames", frames, needs=("survey",), version=2),
     Stage("lights", lights, needs=("frames",), inputs=("lights",)),
     Stage("mask", mask, needs=("frames",), inputs=("mask",)),
     Stage("clusters", clusters, needs=("lights", "mask"), facts=("camera",)),
     Stage("markup", markup, needs=("clusters",), inputs=("markup",)),
     Stage("silhouette", silhouette, needs=("mask", "markup")),
-    Stage("labels", labels, needs=("clusters", "silhouette", "markup")),
+    Stage("labels", labels, needs=("clusters", "silhouette", "markup"), version=2),
     Stage("depth", depth, needs=("labels", "mask"), facts=("camera", "pixel_size")),
     Stage("surface", surface, needs=("depth", "labels", "lights")),
 )
