@@ -39,6 +39,7 @@ from storage.catalogue import Catalogue, load, write
 from storage.location import Location
 from storage.objects import object_ids
 from storage.versions import ObjectRepository
+from tests.s3_gateway import Gateway
 from tests.scene import draw_scene
 
 ROOT = Path(__file__).parents[2]
@@ -49,6 +50,7 @@ ROUNDS: tuple[dict[str, Any], ...] = (
     {"labels": {"method": "winner"}, "depth": {"method": "least-squares"}},
 )
 """Parameters of a round; every third one begins in a new store."""
+BUCKET = "chaos"
 RUN_SECONDS = 900
 ORPHAN_SECONDS = 30
 AT_THE_START, STARTING, WORKING = 0.2, 8.0, 9.0
@@ -70,7 +72,7 @@ class Chaos:
     objects: int = 4
     captures: int = 3
     frames: int = 150
-    gateway: Any = None
+    gateway: Gateway | None = None
     kills: list[str] = field(default_factory=list)
     announced: dict[str, set[str]] = field(default_factory=dict)
     runs: int = 0
@@ -83,12 +85,14 @@ class Chaos:
         """
         begun = time.monotonic()
         catalogues = self._catalogues()
-        reference = self._references(catalogues)
+        undisturbed: dict[int, dict[str, str]] = {}
         number = 0
         while len(self.kills) < kills:
-            store = self._store(number // len(ROUNDS))
-            self._round(number, catalogues[number % len(ROUNDS)], store, kills)
-            self._compare(store, reference[number % len(ROUNDS)])
+            store, which = self._store(number // len(ROUNDS)), number % len(ROUNDS)
+            self._round(number, catalogues[which], store, kills)
+            if which not in undisturbed:
+                undisturbed[which] = self._undisturbed(which, catalogues[which])
+            self._compare(store, undisturbed[which])
             say(kind="round", number=number, store=store, kills=len(self.kills))
             number += 1
         self._check_versions()
@@ -125,19 +129,15 @@ class Chaos:
             write(made, paths[-1])
         return paths
 
-    def _references(self, catalogues: list[Path]) -> list[dict[str, Any]]:
-        """Digests of all results of each round's parameters, by a run that nobody disturbs."""
-        found = []
-        for number, catalogue in enumerate(catalogues):
-            store = str(self.folder / "undisturbed" / str(number))
-            started = time.monotonic()
-            self._finish(self._start(catalogue, store), must=True)
-            found.append(results(store))
-            say(kind="undisturbed", number=number, seconds=round(time.monotonic() - started, 1))
-        return found
+    def _undisturbed(self, number: int, catalogue: Path) -> dict[str, str]:
+        """Digests of all results of a round's parameters, by a run that nobody disturbs."""
+        store, started = str(self.folder / "undisturbed" / str(number)), time.monotonic()
+        self._finish(self._start(catalogue, store), must=True)
+        say(kind="undisturbed", number=number, seconds=round(time.monotonic() - started, 1))
+        return results(store)
 
     def _store(self, number: int) -> str:
-        return str(self.folder / "stores" / str(number)) if self.gateway is None else self.gateway.store(number)
+        return str(self.folder / "stores" / str(number)) if self.gateway is None else f"s3://{BUCKET}/{number}"
 
     def _round(self, number: int, catalogue: Path, store: str, kills: int) -> None:
         """Run a catalogue to its end, however often it is killed."""
@@ -153,7 +153,6 @@ class Chaos:
         self.runs += 1
         environment = {name: value for name, value in os.environ.items() if not name.startswith(("PREFECT", "GLINT"))}
         environment |= {"GLINT_HOME": str(self.folder / "home"), "PYTHONPATH": str(ROOT)}
-        environment |= {} if self.gateway is None else self.gateway.environment()
         self._log = (self.folder / "run.log").open("a")
         self._output = self.folder / "run.jsonl"
         with self._output.open("w") as output:
@@ -188,8 +187,9 @@ class Chaos:
         for target in targets[name]:
             if target.is_running():
                 target.kill()
-        if name == "gateway":
+        if name == "gateway" and self.gateway is not None:
             self.gateway.kill()
+            self.gateway.start()
         self.kills.append(name)
         say(kind="kill", number=len(self.kills), what=name, round=number)
 
@@ -359,11 +359,11 @@ def main() -> int:
     chosen = parser.parse_args()
     folder = (chosen.folder or Path(tempfile.mkdtemp(prefix="glint-chaos-"))).absolute()
     folder.mkdir(parents=True, exist_ok=True)
-    gateway = None
-    if chosen.s3:
-        from tests.chaos.gateway import Gateway
-
-        gateway = Gateway(folder / "s3")
+    # Its sockets need a short path; what reads the results here takes the same keys as the runs.
+    gateway = Gateway(Path(tempfile.mkdtemp(prefix="rgw-")), [BUCKET]) if chosen.s3 else None
+    if gateway is not None:
+        os.environ |= gateway.environment
+        gateway.start()
     chaos = Chaos(folder, random.Random(chosen.seed), gateway=gateway)
     try:
         say(kind="verdict", good=True, **chaos.play(chosen.kills))
@@ -374,6 +374,7 @@ def main() -> int:
         chaos.end()
         if gateway is not None:
             gateway.stop()
+            shutil.rmtree(gateway.folder)
     if chosen.folder is None:
         shutil.rmtree(folder)
     return 0

@@ -1,0 +1,60 @@
+"""Being asked to stop, at any moment of a run: it ends, with its workers, and the dashboard knows."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from flows import interruption
+
+pytestmark = pytest.mark.server
+GLINT = [sys.executable, "-c", "from flows.cli import main; main()", "run"]
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize(
+    ("number", "moment"), [(signal.SIGTERM, "start"), (signal.SIGTERM, "stage"), (signal.SIGINT, "stage")]
+)
+def test_a_run_that_is_asked_to_stop_leaves_nothing(
+    number: signal.Signals, moment: str, tmp_path: Path, simulated: Path, glint_home: Path
+) -> None:
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(("PREFECT", "GLINT"))}
+    environment |= {"GLINT_HOME": str(glint_home), "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen(
+        [*GLINT, str(simulated), "--store", "store", "--workers", "1", "--json"],
+        cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stdout is not None
+    if moment == "start":
+        time.sleep(1.5)
+    else:
+        for line in process.stdout:
+            if '"frames", "seconds"' in line:
+                break
+    family = psutil.Process(process.pid).children(recursive=True)
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=200)
+    assert process.returncode == 130 and "Traceback" not in errors
+    psutil.wait_procs(family, 30)
+    # The server outlives every run; what else is left would be a worker.
+    assert not [each for each in family if each.is_running() and "server" not in each.cmdline()]
+
+
+def test_a_signal_that_a_library_swallowed_is_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)]
+    try:
+        interruption.install()
+        interruption.check()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGTERM)
+        with pytest.raises(KeyboardInterrupt):
+            interruption.check()
+    finally:
+        interruption._asked.clear()
+        for each, handler in zip((signal.SIGINT, signal.SIGTERM), before, strict=True):
+            signal.signal(each, handler)

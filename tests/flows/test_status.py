@@ -1,0 +1,82 @@
+"""`glint status` says what the server knows: what runs, how far it is, what failed last and why."""
+
+import json
+import threading
+from pathlib import Path
+
+import pytest
+from prefect import flow, task
+from prefect.artifacts import create_progress_artifact
+from prefect.exceptions import FailedRun
+
+from flows.server import Server, running_server
+from flows.status import failed_rows, running_rows, tell_status
+from flows.zombies import tagged
+from storage.errors import InputError
+
+pytestmark = pytest.mark.server
+
+
+@flow(name="capture", flow_run_name="{name}", persist_result=False)
+def pretended(name: str, good: bool) -> None:
+    if not good:
+        raise InputError("front.mp4 does not exist", "check the path")
+
+
+def test_the_last_failures_are_told_with_their_remedies(
+    server: Server, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, good in (("told/front", False), ("mended/front", False), ("mended/front", True)):
+        with tagged():
+            try:
+                pretended(name, good)
+            except (InputError, FailedRun):
+                assert not good
+    failed = {row["capture"]: row["why"] for row in failed_rows()}
+    assert failed["told/front"] == "front.mp4 does not exist: check the path" and "mended/front" not in failed
+    tell_status(str(tmp_path), as_json=True)
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert {"kind": "failed", "capture": "told/front"}.items() <= next(
+        e for e in lines if e["capture"] == "told/front"
+    ).items()
+    tell_status(str(tmp_path), as_json=False)
+    shown = capsys.readouterr().out
+    assert "no objects yet" in shown and "check the path" in shown and server.ui_url in shown
+
+
+def test_what_runs_is_told_with_its_progress(server: Server) -> None:
+    reached, seen = threading.Event(), threading.Event()
+
+    @task(name="clusters", task_run_name="clusters", persist_result=False)
+    def clusters() -> None:
+        create_progress_artifact(42.0, key="running-front")
+        reached.set()
+        seen.wait(60)
+
+    @flow(name="capture", flow_run_name="running/front", persist_result=False)
+    def working() -> None:
+        clusters()
+
+    def work() -> None:
+        with server.connected(), tagged():
+            working()
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    try:
+        assert reached.wait(60)
+        for _ in range(100):
+            (row,) = [each for each in running_rows() if each["running"] == "running/front"]
+            if row["stage"]:
+                break
+            threading.Event().wait(0.2)
+    finally:
+        seen.set()
+        thread.join()
+    assert (row["of"], row["stage"], row["progress"]) == ("capture", "clusters", "42%") and row["since"]
+    assert not [each for each in running_rows() if each["running"] == "running/front"]
+
+
+def test_no_server_is_started_to_ask(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("PREFECT_API_URL", raising=False)
+    assert running_server(tmp_path) is None and not list(tmp_path.iterdir())
