@@ -75,7 +75,7 @@ class Server:
             _check_given(self.api_url)
             return
         deadline = time.monotonic() + seconds
-        while not _answers(self.api_url):
+        while not (_listens(self.process[0], self.api_url) and _answers(self.api_url)):
             if not is_alive(*self._process_now()):
                 raise ServerError(f"the Prefect server ended while it started ({_last_line(self.log)})", self._remedy())
             if time.monotonic() > deadline:
@@ -299,6 +299,16 @@ def _answers(api_url: str) -> bool:
         return False
 
 
+def _listens(pid: int, api_url: str) -> bool:
+    """Whether this very process has the port: another server may have taken it since it was found free."""
+    port = int(api_url.removesuffix("/api").rpartition(":")[2])
+    try:
+        connections = psutil.Process(pid).net_connections("inet")
+    except psutil.Error:
+        return False
+    return any(each.status == psutil.CONN_LISTEN and each.laddr.port == port for each in connections)
+
+
 def _check_given(api_url: str) -> None:
     from prefect.client.orchestration import get_client
     from prefect.settings import PREFECT_API_URL, temporary_settings
@@ -323,4 +333,4 @@ def _ui_url(api_url: str) -> str:
 
 def _last_line(log: Path | None) -> str:
     lines = log.read_text(errors="replace").strip().splitlines() if log is not None else []
-    return lines[-1].strip() if lines else "it said nothing"
+    return " ".join(line.strip() for line in lines[-2:]) or "it said nothing"

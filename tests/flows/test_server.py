@@ -3,9 +3,11 @@ import os
 import socket
 import subprocess
 import sys
+import threading
 import time
 import urllib.request
 from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
@@ -13,7 +15,7 @@ from prefect import flow, runtime, task
 
 from flows import server as module
 from flows.errors import ServerError
-from flows.processes import is_alive
+from flows.processes import born, is_alive
 from flows.server import FIRST_PORT, Server, ensure_server, start_server, stop_server
 
 
@@ -205,3 +207,29 @@ def test_a_home_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ServerError, match="GLINT_HOME"):
         start_server(tmp_path / "file")
+
+
+def test_a_stranger_at_the_port_is_not_taken_for_our_server(tmp_path: Path) -> None:
+    class Healthy(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.end_headers()
+
+        def log_message(self, *_: object) -> None:
+            """Say nothing."""
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Healthy) as stranger:
+        threading.Thread(target=stranger.serve_forever, daemon=True).start()
+        process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+        url = f"http://127.0.0.1:{stranger.server_port}/api"
+        ours = Server(url, url, True, (process.pid, born(process.pid)), tmp_path / "server.log")
+        with pytest.raises(ServerError, match="gave no answer"):
+            ours.wait(1.0)
+        process.kill()
+        process.wait()
+        (tmp_path / "server.log").write_text(
+            "Port 1 is already in use. Please specify a different port with\nthe flag.\n"
+        )
+        with pytest.raises(ServerError, match="already in use"):
+            ours.wait(1.0)
+        stranger.shutdown()
