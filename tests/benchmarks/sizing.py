@@ -130,7 +130,7 @@ def measure(options: argparse.Namespace, folder: Path, gateway: Gateway | None) 
     start_server().wait()
     for name in ("first", "second"):
         before = requests(gateway)
-        with Watch(folder / "home") as watch:
+        with Watch(folder / "home", options.every) as watch:
             run(catalogue, store, watch, workers=options.workers)
             facts = watch.note()
         after = requests(gateway)
@@ -153,6 +153,7 @@ def main() -> None:
     parser.add_argument("--per-object", type=int, default=20)
     parser.add_argument("--frames", type=int, default=64)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--every", type=int, default=100)
     parser.add_argument("--s3", action="store_true")
     options = parser.parse_args()
     folder = Path(tempfile.mkdtemp(prefix="sizing-"))
