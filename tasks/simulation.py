@@ -95,7 +95,7 @@ def simulate(
         if (out / shape).exists():
             (out / shape).rename(Path(temporary) / "replaced")
         (Path(temporary) / shape).rename(out / shape)
-    model = str(out / shape / "truth_model.ply") if options.views > 1 else None
+    model = str((out / shape / "truth_model.ply").absolute()) if options.views > 1 else None
     _enter(out / "catalogue.yaml", Object(id=shape, captures=tuple(captures), truth_model=model))
     return SimulationRecord(out / "catalogue.yaml", shape, tuple(each.id for each in captures), frames)
 
