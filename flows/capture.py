@@ -28,14 +28,15 @@ def capture(reference: CaptureReference, scheduler: str) -> list[Record]:
     Raises InputError, StoreError or UnusableCapture where the capture cannot be worked on, ClusterError where it is too
     large for the workers, which is known after its survey.
     """
-    work = reference.workspace()
+    work, here = reference.workspace(), surroundings(scheduler)
     keys = stage_keys(work, STAGES)
     records = []
-    for stage in STAGES:
-        records.append(TASKS[stage.name](work, stage.name, keys[stage.name], scheduler))
-        if stage.name == "survey":
-            needed, largest = largest_need(work)
-            check_bytes(surroundings(scheduler).client, needed, f"{largest} of {work.name}")
+    with here.interruptible():
+        for stage in STAGES:
+            records.append(TASKS[stage.name](work, stage.name, keys[stage.name], scheduler))
+            if stage.name == "survey":
+                needed, largest = largest_need(work)
+                check_bytes(here.client, needed, f"{largest} of {work.name}")
     capture_artifact(work, records, sum(len(each.captures) for each in load_catalogue(reference.catalogue).objects))
     return records
 

@@ -5,8 +5,9 @@ runs the flow nothing was put here before, and a client is opened.
 """
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from distributed import Client
@@ -42,6 +43,19 @@ class Surroundings:
         """
         if self.ended.is_set():
             raise CancelledError("the run was interrupted")
+
+    @contextmanager
+    def interruptible(self) -> Iterator[None]:
+        """Tell what fails because the run has been abandoned as just that.
+
+        Raises:
+            CancelledError: it has been.
+        """
+        try:
+            yield
+        except Exception:
+            self.check()
+            raise
 
     def reporter(self, capture: str, stage: str) -> Reporter:
         """The progress callable of a stage that is performed in this process."""

@@ -1,5 +1,9 @@
 """The flow of a catalogue on a real server and cluster: a run for each object, truthful ends, nothing for unchanged."""
 
+import json
+import os
+import time
+import urllib.request
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -82,6 +86,20 @@ def children(parent: str) -> dict[str, FlowRun]:
         return {each.name: each for each in client.read_flow_runs(flow_run_filter=chosen)}
 
 
+def told_events(name: str) -> list[dict[str, Any]]:
+    """Payloads of the events of that name, once the server has them."""
+    body = json.dumps({"filter": {"event": {"name": [name]}}}).encode()
+    url = f"{os.environ['PREFECT_API_URL']}/events/filter"
+    for _ in range(60):
+        request = urllib.request.Request(url, body, {"Content-Type": "application/json"}, method="POST")
+        with urllib.request.urlopen(request) as answer:
+            found = json.load(answer)["events"]
+        if found:
+            return [each["payload"] for each in found]
+        time.sleep(0.5)
+    raise AssertionError(f"no event {name}")
+
+
 def test_every_object_is_a_run_with_its_captures_in_it(run: Run) -> None:
     state, events = run("good")
     assert state.is_completed() and "2 captures: 2 done" in state.message
@@ -142,6 +160,7 @@ def test_a_surface_that_moves_too_far_is_told(run: Run, folder: Path) -> None:
     (moved,) = result_of(state).drifts
     assert state.is_completed() and moved.degrees > 0.01 and (moved.object_id, moved.capture_id) == ("a", "front")
     assert any(each.kind == "warning" and "moved" in each.text for each in events)
+    assert told_events("glint.drift")[0]["object"] == "a"
     assert result_of(run("good", drift=179.0)[0]).drifts == []
 
 

@@ -40,3 +40,12 @@ def test_what_waits_for_a_worker_fails_when_the_run_is_abandoned(cluster: Cluste
     assert isinstance(raised[0], CancelledError)
     with pytest.raises(CancelledError):
         here.check()
+
+
+def test_what_an_abandoned_run_breaks_is_told_as_interrupted(cluster: Cluster) -> None:
+    here = Surroundings(Client(cluster.address, set_as_default=False))
+    with pytest.raises(OSError, match="a reason of its own"), here.interruptible():
+        raise OSError("a reason of its own")
+    here.abandon()
+    with pytest.raises(CancelledError, match="interrupted"), here.interruptible():
+        raise OSError("Client is closed")
