@@ -238,11 +238,11 @@ def _keep(folder: Path, ended: threading.Event) -> None:
 
 
 def _spawn(folder: Path, port: int | None = None) -> _State:
-    port = port or _free_port()
+    port, claim = (port, _claim(port) or socket.socket(socket.AF_UNIX)) if port else _free_port()
     api_url = f"http://127.0.0.1:{port}/api"
     settings = _SETTINGS | {name: value for name, value in os.environ.items() if not _of_client(name)}
     settings |= {"PREFECT_HOME": str(folder / "prefect"), "PREFECT_SERVER_UI_API_URL": api_url}
-    with (folder / "server.log").open("w") as log:
+    with claim, (folder / "server.log").open("w") as log:
         child = subprocess.Popen(
             _command(port),
             env=settings,
@@ -251,6 +251,7 @@ def _spawn(folder: Path, port: int | None = None) -> _State:
             stderr=subprocess.STDOUT,
             cwd=folder,
             start_new_session=True,
+            pass_fds=[claim.fileno()],
         )
     state = _State(api_url, (child.pid, born(child.pid)), version("prefect"))
     (folder / "server.json").write_text(json.dumps(asdict(state)))
@@ -265,8 +266,11 @@ def _of_client(name: str) -> bool:
     return name.startswith("PREFECT_") and not name.startswith("PREFECT_SERVER_")
 
 
-def _free_port() -> int:
-    """The first free loopback port from 4200; any free one if the next hundred are taken."""
+def _free_port() -> tuple[int, socket.socket]:
+    """The first free loopback port from 4200, any free one if the next hundred are taken; and a claim to it.
+
+    A server takes many seconds until it listens: the claim, which it inherits, keeps others that start meanwhile off.
+    """
     for port in [*range(FIRST_PORT, FIRST_PORT + 100), 0]:
         with socket.socket() as candidate:
             candidate.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -274,8 +278,23 @@ def _free_port() -> int:
                 candidate.bind(("127.0.0.1", port))
             except OSError:
                 continue
-            return int(candidate.getsockname()[1])
+            found = int(candidate.getsockname()[1])
+        claim = _claim(found)
+        if claim is not None:
+            return found, claim
     raise ServerError("no loopback port is free", "set PREFECT_API_URL to a server of yours")
+
+
+def _claim(port: int) -> socket.socket | None:
+    """What keeps other servers of Glint off this port as long as it is open; None if one of them has it."""
+    claim = socket.socket(socket.AF_UNIX)
+    try:
+        if sys.platform == "linux":
+            claim.bind(f"\0glint-port-{port}")
+    except OSError:
+        claim.close()
+        return None
+    return claim
 
 
 def _stop(state: _State) -> bool:
