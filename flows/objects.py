@@ -31,6 +31,7 @@ from tasks.workspace import Workspace
 MOST_THREADS = 32
 """Captures of an object that may wait for their turn in a thread of their own."""
 
+
 @flow(name="object", flow_run_name="{object_id}", validate_parameters=False, persist_result=False)
 def run_object(
     catalogue: str,
