@@ -15,6 +15,7 @@ _PREFECT = {
     "PREFECT_SERVER_EPHEMERAL_ENABLED": "false",
     # The console is for progress and for what went wrong in a sentence; the dashboard has every line and trace.
     "PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL": "CRITICAL",
+    "PREFECT_LOGGING_INTERNAL_LEVEL": "CRITICAL",
     "PREFECT_LOGGING_TO_API_WHEN_MISSING_FLOW": "ignore",
 }
 
