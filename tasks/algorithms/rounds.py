@@ -125,7 +125,8 @@ def reconstruct_normals(
             if changed <= settled * mask.sum():
                 break
         if expected is None and symmetry:
-            expected = turned_normals(mask, np.where(known[..., None], values, np.nan), normals)
+            plain = surface.solve(outward, np.where(rim, rim_weight, 0.0))
+            expected = turned_normals(mask, np.where(known[..., None], values, np.nan), normals, plain)
             if expected is not None:
                 field = field_of(known, values)
                 continue

@@ -29,6 +29,10 @@ BLOCK = 4096
 """Rays that are followed at once."""
 OPEN_WITHIN, OPEN_SHARE = 8.0, 0.5
 """An end is an opening where so large a share of its pixels has a candidate within so many degrees of the far wall."""
+LEAST_OPENING = 0.005
+"""Share of the object's pixels through which the far wall must be seen."""
+EXCELS = 0.4
+"""Share of the smooth field's mean angle to the accepted normals below which a turned body's must be."""
 OBSERVABLE = float(np.cos(np.radians(40.0)))
 
 
@@ -196,11 +200,17 @@ def _profile(squares: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, np.n
             at, grade, residual = (np.roll(each, shift) for each in line)
             at = at + grade * shift * step
             error = residual / (2.0 * radius + 2.0) / limit * (1.0 if shift == 0 else 1.3)
+            error[_rolled_in(len(error), shift)] = np.inf
             better = (error < best) & ~(best <= 1.0)
             best, value, slope = (
                 np.where(better, new, old) for new, old in ((error, best), (at, value), (grade, slope))
             )
     return np.maximum(value, 0.0), slope
+
+
+def _rolled_in(length: int, shift: int) -> slice:
+    """Where `np.roll` puts what came over the other end."""
+    return slice(0, shift) if shift >= 0 else slice(length + shift, length)
 
 
 def _lines(values: np.ndarray, reach: int, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -213,13 +223,20 @@ def _lines(values: np.ndarray, reach: int, step: float) -> tuple[np.ndarray, np.
     return mean, slope, np.sqrt(np.maximum(variance, 0.0))
 
 
-def turned_normals(mask: np.ndarray, accepted: np.ndarray, candidates: np.ndarray) -> np.ndarray | None:
+def turned_normals(
+    mask: np.ndarray, accepted: np.ndarray, candidates: np.ndarray, field: np.ndarray | None = None
+) -> np.ndarray | None:
     """The normals (H, W, 3) float32 of the turned object that a silhouette shows, NaN outside; None where it is none.
 
     mask (H, W) bool; accepted (H, W, 3) normals of accepted highlights, NaN elsewhere; candidates (K, H, W, 3), NaN
-    where there is none, tell whether an end is an opening.
+    where there is none, tell whether an end is an opening; field (H, W, 3): the silhouette's smooth field, which the
+    turned object must clearly excel.
     """
-    body = _fitted(mask, accepted)
+    bar = FITTING
+    if field is not None and np.isfinite(accepted[..., 0]).any():
+        off = np.minimum(angles(field, accepted), FAR)
+        bar = min(bar, EXCELS * float(off[np.isfinite(off)].mean()))
+    body = _fitted(mask, accepted, bar)
     if body is None:
         return None
     rows, columns = np.nonzero(mask)
@@ -233,7 +250,7 @@ def turned_normals(mask: np.ndarray, accepted: np.ndarray, candidates: np.ndarra
         told = inner[:, 2] > OBSERVABLE
         nearest = angles(candidates[:, rows[cap], columns[cap]], inner[None])
         open_here = (np.nan_to_num(nearest, nan=180.0).min(axis=0) < OPEN_WITHIN)[told]
-        if told.any() and open_here.mean() > OPEN_SHARE:
+        if told.sum() > LEAST_OPENING * len(rows) and open_here.mean() > OPEN_SHARE:
             normals[cap] = np.where(inner[:, 2:] > 0, inner, normals[cap])
     result = np.full((*mask.shape, 3), np.nan, np.float32)
     result[rows, columns] = normals
@@ -241,8 +258,8 @@ def turned_normals(mask: np.ndarray, accepted: np.ndarray, candidates: np.ndarra
     return np.where(mask[..., None], result[tuple(nearest)], np.nan)
 
 
-def _fitted(mask: np.ndarray, accepted: np.ndarray) -> Turned | None:
-    """The turned body that agrees best with the accepted normals, if it agrees."""
+def _fitted(mask: np.ndarray, accepted: np.ndarray, bar: float = FITTING) -> Turned | None:
+    """The turned body that agrees best with the accepted normals, if its mean angle to them is below the bar."""
     rows, columns = np.nonzero(mask & np.isfinite(accepted[..., 0]))
     chosen = slice(None, None, max(1, len(rows) // SAMPLES))
     rows, columns = rows[chosen], columns[chosen]
@@ -250,7 +267,7 @@ def _fitted(mask: np.ndarray, accepted: np.ndarray) -> Turned | None:
         return None
     x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
     seen = accepted[rows, columns]
-    best, found = FITTING, None
+    best, found = bar, None
     for axis in mirror_axes(mask):
 
         def misfit(tilt: float, axis: Axis = axis) -> tuple[float, Turned]:

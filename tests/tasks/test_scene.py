@@ -34,6 +34,7 @@ def test_lights_agree_with_the_formula_and_the_balls_with_each_other(scene: Scen
     assert np.median(error) < 0.8 and np.max(error) < 3.0
     assert np.abs(np.mean(found.read("lights") - scene.lights, axis=0)).max() < np.sin(np.radians(0.3)), "no bias"
     assert 0.05 < found.record["disagreement_degrees"]["median"] < 1.0
+    assert found.record["near_lamp"] is None, "the lamp is far away"
 
 
 def test_two_balls_are_better_than_either(scene: Scene, store: Path, tmp_path: Path) -> None:

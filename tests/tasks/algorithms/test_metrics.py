@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tasks.algorithms.metrics import depth_errors, normal_errors
+from tasks.algorithms.metrics import depth_errors, label_errors, normal_errors, reliability
 
 
 def test_a_tilt_is_measured() -> None:
@@ -51,3 +51,25 @@ def test_depth_that_cannot_be_compared_is_refused() -> None:
         depth_errors(np.ones((2, 2)), np.ones((2, 3)), np.ones((2, 3), bool))
     with pytest.raises(ValueError, match="no pixel"):
         depth_errors(np.full((2, 2), np.nan), np.ones((2, 2)), np.ones((2, 2), bool))
+
+
+def test_labels_are_judged_by_what_they_take_and_what_they_leave() -> None:
+    up, aslant = np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.0, 0.8])
+    truth = np.broadcast_to(up, (1, 4, 3))
+    candidates = np.stack([[[up, up, aslant, aslant]], [[aslant, aslant, up, np.full(3, np.nan)]]])
+    labels = np.array([[[1, 0, 1, 1]], [[0, 0, 0, 0]]])
+    errors = label_errors(labels, candidates, truth)
+    assert errors.precision == pytest.approx(1 / 3)
+    assert errors.recall == pytest.approx(1 / 3)
+    assert np.isnan(label_errors(np.zeros_like(labels), candidates, truth).precision)
+
+
+def test_a_confidence_is_compared_with_what_is_right() -> None:
+    up, aslant = np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.0, 0.8])
+    truth = np.broadcast_to(up, (1, 5, 3))
+    normals = np.array([[up, up, up, aslant, aslant]])
+    confidence = np.array([[0.97, 1.0, 0.52, 0.55, np.nan]])
+    low, high = reliability(confidence, normals, truth)
+    assert (low.low, low.pixels, low.right) == (0.5, 2, 0.5)
+    assert low.confidence == pytest.approx(0.535)
+    assert (high.low, high.pixels, high.right) == (0.95, 2, 1.0)

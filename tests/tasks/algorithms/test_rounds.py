@@ -98,3 +98,33 @@ def test_without_highlights_the_silhouette_remains(scene: Scene) -> None:
 def test_a_mask_of_another_size_is_refused(scene: Scene) -> None:
     with pytest.raises(ValueError, match="do not fit"):
         reconstruct_normals(scene[0], np.ones((3, 3), dtype=bool))
+
+
+def test_expected_normals_take_the_place_of_the_rim(scene: Scene, result: Reconstruction) -> None:
+    clusters, mask, truth = scene
+    told = reconstruct_normals(clusters, mask, expected=np.where(mask[..., None], truth, np.nan))
+    assert np.nanmean(angles(told.normals, truth)) < 0.5 * np.nanmean(angles(result.normals, truth))
+    holed = truth.copy()
+    holed[mask.nonzero()[0][0], mask.nonzero()[1][0]] = np.nan
+    with pytest.raises(ValueError, match="leave pixels"):
+        reconstruct_normals(clusters, mask, expected=holed)
+
+
+def test_a_turned_glass_is_known_at_its_end() -> None:
+    from tests.tasks.algorithms.test_symmetry import beaker, seen, view
+
+    truth = view(*beaker(), 20.0)
+    mask = np.isfinite(truth[..., 0])
+    clusters = SimpleNamespace(normals=seen(truth)[None].astype(np.float32))
+    found = reconstruct_normals(clusters, mask)
+    without = reconstruct_normals(clusters, mask, symmetry=False)
+    end = mask & (truth @ np.array([0.0, np.cos(np.radians(20.0)), np.sin(np.radians(20.0))]) > 0.99)
+    assert np.median(angles(found.normals, truth)[end]) < 8.0
+    assert np.median(angles(without.normals, truth)[end]) > 15.0
+
+
+def test_the_noise_of_accepted_normals_is_smoothed_away(scene: Scene, result: Reconstruction) -> None:
+    clusters, _, truth = scene
+    taken = result.provenance == PROVENANCE.index("observed")
+    raw = np.take_along_axis(clusters.normals, result.labels.argmax(axis=0)[None, :, :, None], axis=0)[0]
+    assert np.median(angles(result.normals, truth)[taken]) < 0.7 * np.median(angles(raw, truth)[taken])
