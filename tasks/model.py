@@ -107,21 +107,25 @@ def model(works: Sequence[Workspace], progress: Progress) -> Outcome:
     unit = _unit(list(named.values()))
     placed = _placed(named)
     parameters = works[0].parameters.model
-    total = STEPS * (1 + ROUNDS * parameters.passes)
-
-    def report(rounds: int) -> Progress:
-        return lambda done, of: progress(STEPS * rounds + done, total)
-
-    merged = merge(placed.views, rounds=1, progress=report(0))
-    placed = placed_anew(placed, placed.views, merged)
-    merged = merge(placed.views, start=merged, progress=report(1))
-    for again in range(1, parameters.passes):
-        views = [_labelled_anew(view, merged, named[view.name]) for view in placed.views]
-        placed = placed_anew(placed, views, merged)
-        merged = merge(placed.views, start=merged, progress=report(1 + ROUNDS * again))
+    merged: Model | None = None
+    for again in range(parameters.passes):
+        views: Sequence[View] = placed.views
+        if merged is not None:
+            views = [_labelled_anew(view, merged, named[view.name]) for view in views]
+            placed = placed_anew(placed, views, merged)
+        for each in range(ROUNDS):
+            done = again * ROUNDS + each
+            merged = merge(placed.views, merged, rounds=1, progress=_share(progress, done, parameters.passes))
+            placed = placed_anew(placed, placed.views, merged)
+    assert merged is not None
     if parameters.most_triangles is not None:
         merged = simplified(merged, placed.views, parameters.most_triangles)
     return _outcome(works[0], placed, merged, unit)
+
+
+def _share(progress: Progress, rounds: int, passes: int) -> Progress:
+    """The progress of one round, after so many, of all rounds of all passes."""
+    return lambda done, of: progress(STEPS * rounds + done, STEPS * ROUNDS * passes)
 
 
 def _unit(works: Sequence[Workspace]) -> str:

@@ -2,9 +2,12 @@
 
 import numpy as np
 import open3d as o3d
-import trimesh
 
 from tasks.algorithms.errors import UnusableCapture
+
+ROOM = 1.4
+"""Size of the box in which the surface is looked for, relative to the points': a surface that bulges out where no point
+is must not be cut off."""
 
 
 def close(vertices: np.ndarray, normals: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
@@ -18,30 +21,37 @@ def close(vertices: np.ndarray, normals: np.ndarray, cell: float) -> tuple[np.nd
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.ascontiguousarray(vertices, float)))
     cloud.normals = o3d.utility.Vector3dVector(np.ascontiguousarray(normals, float))
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
-        mesh, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=0, width=cell)
+        mesh, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=0, width=cell, scale=ROOM)
     return tidy(np.asarray(mesh.vertices), np.asarray(mesh.triangles))
 
 
 def tidy(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The largest part of a mesh, without degenerate triangles, oriented outwards.
+    """The largest connected part of a mesh, without degenerate triangles; floaters are left behind.
 
     Raises:
-        UnusableCapture: nothing is left, or it is not closed.
+        UnusableCapture: nothing is left.
     """
-    mesh = trimesh.Trimesh(vertices, triangles, process=True, validate=True)
-    parts = mesh.split(only_watertight=False)
-    if not len(parts):
+    mesh = _open3d(vertices, triangles)
+    mesh.remove_duplicated_vertices()
+    mesh.remove_degenerate_triangles()
+    labels, _, areas = (np.asarray(each) for each in mesh.cluster_connected_triangles())
+    if not len(areas):
         raise UnusableCapture("the views give no surface", "check the poses and the masks")
-    part = max(parts, key=lambda each: abs(each.volume))
-    part.fix_normals()
-    return np.asarray(part.vertices, float), np.asarray(part.faces, np.int64)
+    mesh.remove_triangles_by_mask(labels != areas.argmax())
+    mesh.remove_unreferenced_vertices()
+    return np.asarray(mesh.vertices), np.asarray(mesh.triangles, np.int64)
 
 
 def reduced(vertices: np.ndarray, triangles: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
     """A mesh of at most so many triangles, by quadric decimation; as it is if it has no more."""
     if len(triangles) <= most:
         return vertices, triangles
-    mesh = o3d.geometry.TriangleMesh(
-        o3d.utility.Vector3dVector(vertices), o3d.utility.Vector3iVector(triangles.astype(np.int32))
-    ).simplify_quadric_decimation(most)
+    mesh = _open3d(vertices, triangles).simplify_quadric_decimation(most)
     return np.asarray(mesh.vertices), np.asarray(mesh.triangles, np.int64)
+
+
+def _open3d(vertices: np.ndarray, triangles: np.ndarray) -> o3d.geometry.TriangleMesh:
+    return o3d.geometry.TriangleMesh(
+        o3d.utility.Vector3dVector(np.ascontiguousarray(vertices, float)),
+        o3d.utility.Vector3iVector(np.ascontiguousarray(triangles, np.int32)),
+    )

@@ -29,7 +29,7 @@ DIFFERENCE = 0.1
 """Degrees, or per cent of the object's size, over which residuals are differentiated."""
 SURE = 0.8
 """Confidence from which normals are compared: the smooth field's guesses lean with the view that made them."""
-NORMAL_ERROR = 0.5
+NORMAL_ERROR = 0.25
 """Degrees by which the confident normals of a view may be wrong all alike."""
 FEWEST = 30
 """Vertices that two views must see for their normals to be compared."""
