@@ -4,8 +4,7 @@ from pathlib import Path
 
 from flows.progress import Display, Reporter
 from storage.catalogue import Catalogue, load, write
-from tasks.algorithms.rendering.options import DEGRADED
-from tasks.simulation import CaptureOptions, simulate
+from tasks.simulation import DEGRADED, CaptureOptions, simulate
 
 SHAPES = ("hemisphere", "fish", "wine-glass")
 SCALE, FRAMES, SEED = 0.6, 1500, 3

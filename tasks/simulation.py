@@ -19,7 +19,7 @@ from tasks.algorithms.geometry import half_vectors_of, to_camera
 from tasks.algorithms.keyframes import keyframes
 from tasks.algorithms.merging.views import turned
 from tasks.algorithms.rendering.camera import expose, prepare
-from tasks.algorithms.rendering.options import OTHER, PRESETS, SHAPES, CaptureOptions
+from tasks.algorithms.rendering.options import DEGRADED, OTHER, PRESETS, SHAPES, CaptureOptions
 from tasks.algorithms.rendering.placement import ROOM, Placement, placements
 from tasks.algorithms.rendering.room import Room
 from tasks.algorithms.rendering.shapes import build
@@ -27,7 +27,7 @@ from tasks.algorithms.rendering.solids import CHROME, ball
 from tasks.algorithms.rendering.sweep import sweep
 from tasks.algorithms.rendering.tracing import Scene, Truth
 
-__all__ = ["PRESETS", "SHAPES", "CaptureOptions", "SimulationRecord", "simulate"]
+__all__ = ["DEGRADED", "PRESETS", "SHAPES", "CaptureOptions", "SimulationRecord", "simulate"]
 
 MARGIN = 16
 """Pixels round the object's region, and round the ball."""

@@ -53,6 +53,8 @@ def limits_of(schema: dict[str, Any]) -> str:
     """A parameter's type and range in words."""
     if "enum" in schema:
         return ", ".join(schema["enum"])
+    if "anyOf" in schema:
+        return ", or ".join("null" if each["type"] == "null" else limits_of(each) for each in schema["anyOf"])
     low = [f"from {schema['minimum']:g}"] if "minimum" in schema else []
     low += [f"above {schema['exclusiveMinimum']:g}"] if "exclusiveMinimum" in schema else []
     high = [f"to {schema['maximum']:g}"] if "maximum" in schema else []
