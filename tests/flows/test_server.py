@@ -8,6 +8,7 @@ import time
 import urllib.request
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -236,3 +237,22 @@ def test_a_stranger_at_the_port_is_not_taken_for_our_server(tmp_path: Path) -> N
         with pytest.raises(ServerError, match="already in use"):
             ours.wait(1.0)
         stranger.shutdown()
+
+
+def test_a_server_that_nobody_buries_has_ended_all_the_same(tmp_path: Path) -> None:
+    code = (
+        "import subprocess, sys, time\n"
+        "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)'])\n"
+        "print(child.pid, flush=True)\n"
+        "time.sleep(60)"
+    )
+    parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    assert parent.stdout is not None
+    child = int(parent.stdout.readline())
+    state = {"api_url": "http://127.0.0.1:1/api", "process": [child, born(child)], "prefect": version("prefect")}
+    state_file(tmp_path).parent.mkdir(parents=True)
+    state_file(tmp_path).write_text(json.dumps(state))
+    assert stop_server(tmp_path)
+    assert not stop_server(tmp_path)
+    parent.kill()
+    parent.wait()
