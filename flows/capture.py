@@ -8,7 +8,8 @@ from prefect import flow, get_run_logger, task
 from prefect.cache_policies import NO_CACHE
 
 from flows.artifacts import capture_artifact
-from flows.progress import Event, worker_reporter
+from flows.performing import perform_there
+from flows.progress import Event
 from flows.surroundings import surroundings
 from flows.workers import DashboardProgress, awaited, check_bytes, spread
 from storage.errors import StoreUnreachable
@@ -81,8 +82,3 @@ TASKS = {
     for stage in STAGES
 }
 """The tasks by the names that the dashboard shows."""
-
-
-def perform_there(work: Workspace, stage: str, key: str) -> Record:
-    """Perform a stage in a Dask worker."""
-    return perform(work, BY_NAME[stage], key, worker_reporter(work.name, stage))

@@ -9,10 +9,11 @@ from prefect.cache_policies import NO_CACHE
 from flows.artifacts import model_artifact
 from flows.errors import DEFECT, REFUSALS
 from flows.outcomes import CaptureResult
-from flows.progress import Event, worker_reporter
+from flows.performing import merge_there
+from flows.progress import Event
 from flows.surroundings import surroundings
 from flows.workers import DashboardProgress, awaited
-from tasks.model import labelled, model_key, perform_model
+from tasks.model import labelled, model_key
 from tasks.stage import Record
 from tasks.workspace import Workspace
 
@@ -50,15 +51,10 @@ def merge_views(works: Sequence[Workspace], key: str, scheduler: str) -> Record:
     """Place and merge the views on a worker."""
     here, name = surroundings(scheduler), f"{works[0].object_id}/{MODEL}"
     shown = DashboardProgress(here.reporter(name, MODEL), name)
-    future = here.client.submit(merge_there, list(works), key, name, pure=False)
+    future = here.client.submit(merge_there, list(works), key, name, MODEL, pure=False)
     record: Record = awaited(future, name, lambda: shown.repeat(here.latest.get((name, MODEL))))
     here.show(Event("stage", name, MODEL, seconds=record.seconds, cached=record.cached))
     for warning in record.warnings:
         get_run_logger().warning("%s: %s", name, warning)
         here.show(Event("warning", name, MODEL, text=warning))
     return record
-
-
-def merge_there(works: Sequence[Workspace], key: str, name: str) -> Record:
-    """Perform the model's stage in a Dask worker."""
-    return perform_model(works, key, worker_reporter(name, MODEL))

@@ -10,7 +10,6 @@ import pytest
 
 from flows.cluster import Cluster
 from flows.errors import ClusterError
-from flows.workers import check_bytes, task_bytes
 
 pytestmark = pytest.mark.server
 
@@ -51,6 +50,8 @@ def test_the_client_is_nobodys_default(cluster: Cluster) -> None:
 
 
 def test_work_that_does_not_fit_is_refused(cluster: Cluster) -> None:
+    from flows.workers import check_bytes, task_bytes
+
     limit = task_bytes(cluster.client)
     assert limit is not None
     check_bytes(cluster.client, limit, "glass/front")

@@ -6,7 +6,7 @@ import pytest
 from distributed import Client
 
 from flows.cluster import Cluster
-from flows.surroundings import Surroundings, share, surroundings
+from flows.surroundings import Surroundings, _known, share, surroundings
 
 pytestmark = pytest.mark.server
 
@@ -14,10 +14,12 @@ pytestmark = pytest.mark.server
 def test_flows_find_what_was_shared_and_else_a_client_of_their_own(cluster: Cluster) -> None:
     share("tcp://shared", cluster.client)
     assert surroundings("tcp://shared").client is cluster.client
+    _known.pop(cluster.address, None)
     opened = surroundings(cluster.address).client
     assert opened is not cluster.client
     assert surroundings(cluster.address).client is opened
     opened.close()
+    del _known[cluster.address]
 
 
 def test_what_waits_for_a_worker_fails_when_the_run_is_abandoned(cluster: Cluster) -> None:

@@ -2,6 +2,8 @@
 
 import numpy as np
 import open3d as o3d
+import scipy.sparse as sparse
+from scipy.sparse.csgraph import connected_components
 
 from tasks.algorithms.errors import UnusableCapture
 
@@ -31,15 +33,17 @@ def tidy(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.nd
     Raises:
         UnusableCapture: nothing is left.
     """
-    mesh = _open3d(vertices, triangles)
-    mesh.remove_duplicated_vertices()
-    mesh.remove_degenerate_triangles()
-    labels, _, areas = (np.asarray(each) for each in mesh.cluster_connected_triangles())
-    if not len(areas):
+    whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+    triangles = np.asarray(triangles, np.int64)[whole]
+    if not len(triangles):
         raise UnusableCapture("the views give no surface", "check the poses and the masks")
-    mesh.remove_triangles_by_mask(labels != areas.argmax())
-    mesh.remove_unreferenced_vertices()
-    return np.asarray(mesh.vertices), np.asarray(mesh.triangles, np.int64)
+    edges = np.concatenate([triangles[:, :2], triangles[:, 1:]])
+    graph = sparse.coo_matrix((np.ones(len(edges), bool), edges.T), shape=(len(vertices), len(vertices)))
+    part = connected_components(graph, directed=False)[1][triangles[:, 0]]
+    corners = vertices[triangles]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    kept, numbers = np.unique(triangles[part == np.bincount(part, area).argmax()], return_inverse=True)
+    return np.asarray(vertices[kept], float), numbers.reshape(-1, 3)
 
 
 def reduced(vertices: np.ndarray, triangles: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:

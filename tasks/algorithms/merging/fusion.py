@@ -62,10 +62,14 @@ def scene_of(vertices: np.ndarray, triangles: np.ndarray) -> o3d.t.geometry.Rayc
 def visible(scene: o3d.t.geometry.RaycastingScene, vertices: np.ndarray, normals: np.ndarray, view: View) -> np.ndarray:
     """Which vertices (N,) a view sees: they face it and nothing is in between."""
     towards = view.towards(vertices)
-    clear = CLEAR * view.footprint(vertices)[:, None]
-    rays = np.hstack([vertices + clear * (0.5 * normals + towards), towards]).astype(np.float32)
+    seen = np.flatnonzero((normals * towards).sum(axis=1) > GRAZING)
+    clear = CLEAR * view.footprint(vertices[seen])[:, None]
+    starts = vertices[seen] + clear * (0.5 * normals[seen] + towards[seen])
+    rays = np.hstack([starts, towards[seen]]).astype(np.float32)
     hidden = scene.test_occlusions(o3d.core.Tensor.from_numpy(rays)).numpy()
-    return np.asarray(~hidden & ((normals * towards).sum(axis=1) > GRAZING))
+    found = np.zeros(len(vertices), bool)
+    found[seen[~hidden]] = True
+    return found
 
 
 def fuse(views: Sequence[View], vertices: np.ndarray, triangles: np.ndarray) -> Fused:
