@@ -1,5 +1,6 @@
 """Work that is done on Dask workers: awaited with its progress on the dashboard, and explained when a worker dies."""
 
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
@@ -56,16 +57,15 @@ def awaited(future: Future, what: str, meanwhile: Callable[[], None]) -> Any:
     Raises:
         ClusterError: the worker died on it twice; else what the task raised.
     """
-    while True:
-        try:
-            return future.result(timeout=PROGRESS_SECONDS)
-        except TimeoutError:
-            if future.done():
-                # It was done just after the wait, or it raised a time-out of its own.
-                return future.result()
-            meanwhile()
-        except KilledWorker as error:
-            raise died(what) from error
+    # Waiting in `result` itself with a time-out can end, under load, in an error of Dask's own.
+    ended = threading.Event()
+    future.add_done_callback(lambda _: ended.set())
+    while not ended.wait(PROGRESS_SECONDS) and not future.done():
+        meanwhile()
+    try:
+        return future.result()
+    except KilledWorker as error:
+        raise died(what) from error
 
 
 def spread[Task, Shared, Result](

@@ -14,11 +14,11 @@ from flows.errors import ClusterError
 pytestmark = pytest.mark.server
 
 
-def settings_of_a_worker() -> tuple[str | None, int, int, bool]:
+def settings_of_a_worker() -> tuple[str | None, int, int]:
     import cv2
     import numba
 
-    return os.environ.get("OMP_NUM_THREADS"), numba.get_num_threads(), cv2.getNumThreads(), "prefect" in sys.modules
+    return os.environ.get("OMP_NUM_THREADS"), numba.get_num_threads(), cv2.getNumThreads()
 
 
 def die() -> None:
@@ -29,8 +29,13 @@ def test_workers_are_processes_of_one_thread(cluster: Cluster) -> None:
     assert cluster.workers == 2
     assert set(cluster.client.nthreads().values()) == {1}
     told = cluster.client.run(settings_of_a_worker)
-    assert set(told.values()) == {("1", 1, 1, False)}
+    assert set(told.values()) == {("1", 1, 1)}
     assert len(set(cluster.client.run(os.getpid).values()) - {os.getpid()}) == 2
+
+
+def test_what_workers_are_sent_needs_no_prefect() -> None:
+    code = "import sys, flows.performing; sys.exit('prefect' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parents[2]).returncode == 0
 
 
 def test_scheduler_workers_and_dashboard_are_on_loopback(cluster: Cluster) -> None:
@@ -67,7 +72,7 @@ def test_a_task_that_kills_its_workers_fails_and_others_go_on(cluster: Cluster) 
         deadly.result(timeout=60)
     assert cluster.client.submit(abs, -3).result(timeout=60) == 3
     cluster.client.wait_for_workers(2, timeout=60)
-    assert set(cluster.client.run(settings_of_a_worker).values()) == {("1", 1, 1, False)}
+    assert set(cluster.client.run(settings_of_a_worker).values()) == {("1", 1, 1)}
 
 
 def test_a_given_scheduler_is_used_and_left(cluster: Cluster) -> None:

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -45,6 +46,20 @@ def test_a_run_that_is_asked_to_stop_leaves_nothing(
     assert not [each for each in family if each.is_running() and "server" not in each.cmdline()]
 
 
+def test_a_run_that_does_not_end_by_itself_is_ended() -> None:
+    code = (
+        "import threading, time\nfrom flows import interruption\ninterruption.GRACE_SECONDS = 0.5\n"
+        "interruption.install()\nthreading.Thread(target=time.sleep, args=[60]).start()\nprint('ready', flush=True)\n"
+        "time.sleep(60)"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    )
+    assert process.stdout is not None and process.stdout.readline()
+    process.terminate()
+    assert process.wait(30) == 130
+
+
 def test_a_signal_that_a_library_swallowed_is_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
     before = [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)]
     try:
@@ -56,5 +71,7 @@ def test_a_signal_that_a_library_swallowed_is_remembered(monkeypatch: pytest.Mon
             interruption.check()
     finally:
         interruption._asked.clear()
+        for timer in [each for each in threading.enumerate() if isinstance(each, threading.Timer)]:
+            timer.cancel()
         for each, handler in zip((signal.SIGINT, signal.SIGTERM), before, strict=True):
             signal.signal(each, handler)

@@ -49,22 +49,7 @@ def test_what_takes_long_is_told_meanwhile(cluster: Cluster, monkeypatch: pytest
     assert told
 
 
-def test_the_end_of_a_wait_is_no_failure_of_the_task(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A task that ends just as the wait for it does gives its result."""
-
-    class Late:
-        ended = False
-
-        def done(self) -> bool:
-            return self.ended
-
-        def result(self, timeout: float | None = None) -> str:
-            if timeout is not None:
-                self.ended = True
-                raise TimeoutError("timed out after 5 s.")
-            return "done"
-
-    assert awaited(Late(), "glass/front labels", nothing) == "done"
+def test_a_time_out_of_the_task_is_its_own(cluster: Cluster) -> None:
     with pytest.raises(TimeoutError, match="the task's own"):
         awaited(cluster.client.submit(late, pure=False), "glass/front labels", nothing)
 
