@@ -3,8 +3,6 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from importlib.metadata import version
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -26,7 +24,7 @@ from tasks.clusters import load_clusters
 from tasks.frames import region_of
 from tasks.labels import reconstruct
 from tasks.markup import load_marks
-from tasks.stage import Outcome, Progress, Record
+from tasks.stage import Outcome, Progress, Record, recall_or_save, silent
 from tasks.surface import METRES_PER_MM
 from tasks.workspace import Workspace, facts_of
 
@@ -77,22 +75,9 @@ def perform_model(works: Sequence[Workspace], key: str, progress: Progress | Non
     Raises:
         UnusableCapture: the views do not fit together; StoreError: the store fails.
     """
-    started, repository = perf_counter(), works[0].repository
-    if repository.stage_key(WHOLE_OBJECT, STAGE) == key:
-        record = repository.load(WHOLE_OBJECT, STAGE).record
-        return Record(STAGE, key, True, perf_counter() - started, record["counts"], tuple(record["warnings"]))
-    outcome = model(works, progress or (lambda done, total: None))
-    seconds = perf_counter() - started
-    record = {
-        "parameters": works[0].parameters.model.model_dump(mode="json"),
-        "seconds": round(seconds, 3),
-        "counts": dict(outcome.counts),
-        "warnings": list(outcome.warnings),
-        "versions": {"glint": version("glint"), STAGE: VERSION, "numpy": np.__version__},
-        **outcome.record,
-    }
-    repository.save(WHOLE_OBJECT, STAGE, key, outcome.arrays, record, outcome.blobs)
-    return Record(STAGE, key, False, seconds, dict(outcome.counts), tuple(outcome.warnings))
+    first = works[0]
+    facts = {"parameters": first.parameters.model.model_dump(mode="json"), "versions": {STAGE: VERSION}}
+    return recall_or_save(first, WHOLE_OBJECT, STAGE, key, facts, lambda: model(works, progress or silent))
 
 
 def model(works: Sequence[Workspace], progress: Progress) -> Outcome:
@@ -109,14 +94,15 @@ def model(works: Sequence[Workspace], progress: Progress) -> Outcome:
     parameters = works[0].parameters.model
     merged: Model | None = None
     for again in range(parameters.passes):
-        views: Sequence[View] = placed.views
+        views = list(placed.views)
         if merged is not None:
             views = [_labelled_anew(view, merged, named[view.name]) for view in views]
-            placed = placed_anew(placed, views, merged)
         for each in range(ROUNDS):
-            done = again * ROUNDS + each
-            merged = merge(placed.views, merged, rounds=1, progress=_share(progress, done, parameters.passes))
-            placed = placed_anew(placed, placed.views, merged)
+            if merged is not None:
+                placed = placed_anew(placed, views, merged)
+                views = list(placed.views)
+            share = _share(progress, again * ROUNDS + each, parameters.passes)
+            merged = merge(placed.views, merged, rounds=1, progress=share)
     assert merged is not None
     if parameters.most_triangles is not None:
         merged = simplified(merged, placed.views, parameters.most_triangles)

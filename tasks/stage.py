@@ -93,24 +93,37 @@ def perform(work: Workspace, stage: Stage, key: str, progress: Progress | None =
     Raises:
         InputError, StoreError, UnusableCapture: as the step does.
     """
-    started = perf_counter()
-    if work.repository.stage_key(work.capture.id, stage.name) == key:
-        found = work.load(stage.name)
-        if all(exists(work.location, reference) for reference in found.blobs.values()):
-            return _record_of(stage.name, key, found.record, perf_counter() - started)
-    outcome = stage.step(work, progress or _silent)
-    seconds = perf_counter() - started
-    record = {
+    facts = {
         "parameters": _parameters(work, stage.name),
-        "seconds": round(seconds, 3),
+        "inputs": {name: work.digest(name) for name in stage.inputs if work.digest(name) is not None},
+        "versions": {stage.name: stage.version},
+    }
+    return recall_or_save(work, work.capture.id, stage.name, key, facts, lambda: stage.step(work, progress or silent))
+
+
+def recall_or_save(
+    work: Workspace, capture: str, stage: str, key: str, facts: Mapping[str, Any], compute: Callable[[], Outcome]
+) -> Record:
+    """The record of what is stored whole under this key of a capture, or of the whole object; else compute and save it.
+
+    facts: of the stage itself, for its record; its `versions` are joined by those of the code.
+    """
+    started, repository = perf_counter(), work.repository
+    if repository.stage_key(capture, stage) == key:
+        found = repository.load(capture, stage)
+        if all(exists(work.location, reference) for reference in found.blobs.values()):
+            return _record_of(stage, key, found.record, perf_counter() - started)
+    outcome = compute()
+    record = {
+        **facts,
+        "seconds": round(perf_counter() - started, 3),
         "counts": dict(outcome.counts),
         "warnings": list(outcome.warnings),
-        "inputs": {name: work.digest(name) for name in stage.inputs if work.digest(name) is not None},
-        "versions": {"glint": version("glint"), stage.name: stage.version, "numpy": np.__version__},
+        "versions": {"glint": version("glint"), "numpy": np.__version__, **facts["versions"]},
         **outcome.record,
     }
-    work.repository.save(work.capture.id, stage.name, key, outcome.arrays, record, outcome.blobs)
-    return Record(stage.name, key, False, perf_counter() - started, dict(outcome.counts), tuple(outcome.warnings))
+    repository.save(capture, stage, key, outcome.arrays, record, outcome.blobs)
+    return Record(stage, key, False, perf_counter() - started, dict(outcome.counts), tuple(outcome.warnings))
 
 
 def _record_of(stage: str, key: str, saved: Mapping[str, Any], seconds: float) -> Record:
@@ -122,5 +135,5 @@ def _parameters(work: Workspace, stage: str) -> dict[str, Any]:
     return said
 
 
-def _silent(done: int, total: int | None) -> None:
+def silent(done: int, total: int | None) -> None:
     """Nobody listens."""
