@@ -1,8 +1,9 @@
 """Frames of a capture, cropped and cut into chunks that are cheap to read over time: STORE/frames/<digest>/.
 
-A zarr group with one array (T, height, width) per crop: `object`, `sphere-0`, .. It is a cache: it can be rebuilt, and
-a cache that was interrupted goes on at its last whole shard. Each shard holds 64 frames, is written whole and once, and
-is on the disk before the group's attributes count it.
+A zarr group with one array (T, height, width) per crop: `object`, `sphere-0`, .., and a few whole frames, made smaller
+where they are large: `overview`. It is a cache: it can be rebuilt, and a cache that was interrupted goes on at its last
+whole shard. Each shard holds 64 frames, is written whole and once, and is on the disk before the group's attributes
+count it.
 """
 
 import fcntl
@@ -13,6 +14,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any, Literal, cast
 
+import cv2
 import numpy as np
 import zarr
 from zarr.codecs import BloscCodec
@@ -29,7 +31,10 @@ SHARD = 64
 """Frames of a shard, and edge of a chunk in pixels and frames."""
 _WHOLE: Any = {"write_empty_chunks": True, "read_missing_chunks": False}
 """Black frames are stored like others, so that what is missing is never read as black."""
-_LAYOUT = 1
+OVERVIEW = "overview"
+_OVERVIEWS, _OVERVIEW_PIXELS = 16, 1 << 19
+"""About how many whole frames are kept, and pixels beyond which they are made smaller."""
+_LAYOUT = 2
 COMPRESSOR: Literal["lz4", "zstd"] = "lz4"
 """Of blosc: reads several times as fast as zstd for a few per cent more bytes, frames being mostly noise."""
 _WAITING = 2
@@ -48,7 +53,8 @@ class FrameCache:
     """Frames that were ingested.
 
     frames: how many there are so far; total: how many in all, None until known; bits: 8 or 16; crops: by array, in
-    pixels of the full frame; frame_size: (height, width) of that; warnings: what was wrong with the footage.
+    pixels of the full frame; frame_size: (height, width) of that; reduction: how many times smaller the overview is;
+    warnings: what was wrong with the footage.
     """
 
     def __init__(self, location: Location, digest: str, group: zarr.Group) -> None:
@@ -65,6 +71,8 @@ class FrameCache:
             self.frame_size = (int(height), int(width))
             crops = cast("dict[str, dict[str, int]]", attributes["crops"])
             self.crops = {name: Region(**crop) for name, crop in crops.items()}
+            every, self.reduction = cast("list[int]", attributes["overview"])
+            self._overviews = -(-self.frames // int(every))
             self.warnings = tuple(str(text) for text in cast("list[str]", attributes["warnings"]))
         except (KeyError, TypeError, ValueError) as error:
             raise StoreError(f"the frames at {location.uri} have damaged attributes", _REBUILD) from error
@@ -116,6 +124,14 @@ class FrameCache:
                 _write_all(place, group, footage, crops, cache.frames, progress)
         return cls.open(location, digest)
 
+    def overview(self) -> np.ndarray:
+        """Some whole frames (N, h, w) over the capture, the first one first, `reduction` times smaller.
+
+        Raises:
+            StoreError: they cannot be read.
+        """
+        return self._read(OVERVIEW, (slice(self._overviews),))
+
     def read(self, name: str, frames: slice = _ALL, rows: slice = _ALL, columns: slice = _ALL) -> np.ndarray:
         """(T, h, w) of a crop, uint8 or uint16; whole chunks (multiples of 64) are the cheapest.
 
@@ -124,12 +140,15 @@ class FrameCache:
         """
         if name not in self.crops:
             raise StoreError(f"{self.location.uri} has no frames of {name!r}", f"there are {', '.join(self.crops)}")
+        start, stop, step = frames.indices(self.frames)
+        return self._read(name, (slice(start, stop, step), rows, columns))
+
+    def _read(self, name: str, where: tuple[slice, ...]) -> np.ndarray:
         with store_faults(self.location.uri, f"reading frames of {name}"):
             try:
                 if name not in self._arrays:
                     self._arrays[name] = _array(self._group, name)
-                start, stop, step = frames.indices(self.frames)
-                return np.asarray(self._arrays[name][start:stop:step, rows, columns])
+                return np.asarray(self._arrays[name][where])
             except (KeyError, ValueError, RuntimeError) as error:
                 raise StoreError(f"the frames of {name} at {self.location.uri} are damaged", _REBUILD) from error
 
@@ -151,6 +170,10 @@ def _begin(place: Location, footage: Footage, crops: Mapping[str, Region]) -> za
         "bits": footage.bits,
         "frame_size": [footage.height, footage.width],
         "crops": {name: crop.model_dump() for name, crop in crops.items()},
+        "overview": [
+            max(SHARD // 4, footage.count // _OVERVIEWS) if footage.count else SHARD,
+            max(1, round((footage.height * footage.width / _OVERVIEW_PIXELS) ** 0.5)),
+        ],
     }
     store = place.zarr_store()
     try:
@@ -171,8 +194,24 @@ def _begin(place: Location, footage: Footage, crops: Mapping[str, Region]) -> za
             compressors=BloscCodec(cname=COMPRESSOR, clevel=1, shuffle="bitshuffle", typesize=footage.bits // 8),
             fill_value=0,
         )
+    every, reduction = wanted["overview"]
+    small = (footage.height // reduction, footage.width // reduction)
+    group.create_array(
+        OVERVIEW,
+        shape=(-(-length // every), *small),
+        dtype=f"uint{footage.bits}",
+        chunks=(1, *small),
+        compressors=BloscCodec(cname=COMPRESSOR, clevel=1, shuffle="bitshuffle", typesize=footage.bits // 8),
+        fill_value=0,
+    )
     group.attrs.put({**wanted, "frames": 0, "total": None, "warnings": []})
     return group
+
+
+def reduced(frame: np.ndarray, times: int) -> np.ndarray:
+    """A frame (H, W), so many times smaller."""
+    height, width = frame.shape
+    return cv2.resize(frame, (width // times, height // times), interpolation=cv2.INTER_AREA) if times > 1 else frame
 
 
 def _array(group: zarr.Group, name: str) -> "zarr.Array[Any]":
@@ -192,12 +231,13 @@ def _write_all(
     progress: Callable[[int, int | None], None] | None,
 ) -> None:
     """Decode in this thread, compress and write in another; at most `_WAITING` shards wait in between."""
-    arrays = {name: _array(group, name) for name in crops}
+    arrays, overview = {name: _array(group, name) for name in crops}, _array(group, OVERVIEW)
+    every, reduction = cast("list[int]", group.attrs["overview"])
     expected = footage.count or None
     done -= done % SHARD
     written = done
 
-    def write(start: int, shards: Mapping[str, np.ndarray], length: int) -> None:
+    def write(start: int, shards: Mapping[str, np.ndarray], whole: list[np.ndarray], length: int) -> None:
         nonlocal written
         if start != written:
             return  # a shard before this one failed; counting this one would count that one too
@@ -207,6 +247,13 @@ def _write_all(
             array[start : start + SHARD] = shards[name]
             if place.local is not None:
                 flush(place.local / name / "c" / str(start // SHARD) / "0" / "0")
+        first = -(-start // every)
+        if overview.shape[0] < first + len(whole):
+            overview.resize((2 * (first + len(whole)), *overview.shape[1:]))
+        for number, frame in enumerate(whole, first):
+            overview[number] = reduced(frame, reduction)
+            if place.local is not None:
+                flush(place.local / OVERVIEW / "c" / str(number) / "0" / "0")
         written = start + length
         group.attrs.update({"frames": written})
         if progress is not None:
@@ -214,10 +261,10 @@ def _write_all(
 
     with ThreadPoolExecutor(1) as writer:
         pending: deque[Future[None]] = deque()
-        for shards, length in _shards(footage, crops, done):
+        for shards, whole, length in _shards(footage, crops, done, every):
             if len(pending) >= _WAITING:
                 pending.popleft().result()
-            pending.append(writer.submit(write, done, shards, length))
+            pending.append(writer.submit(write, done, shards, whole, length))
             done += length
         for shard in pending:
             shard.result()
@@ -225,25 +272,32 @@ def _write_all(
         raise InputError(f"{footage.uri} holds no frame", "film or copy it again")
     for array in arrays.values():
         array.resize((done, *array.shape[1:]))
+    overview.resize((-(-done // every), *overview.shape[1:]))
     group.attrs.update({"frames": done, "total": done, "warnings": list(footage.warnings)})
 
 
-def _shards(footage: Footage, crops: Mapping[str, Region], start: int) -> Iterator[tuple[dict[str, np.ndarray], int]]:
-    """Crops of 64 frames at a time, and how many of them are filled; the last ones are padded with zeros."""
+def _shards(
+    footage: Footage, crops: Mapping[str, Region], start: int, every: int
+) -> Iterator[tuple[dict[str, np.ndarray], list[np.ndarray], int]]:
+    """Crops of 64 frames at a time, those of the frames that are kept whole, and how many frames these are; the last
+    crops are padded with zeros."""
     windows = {name: (slice(c.y, c.y + c.height), slice(c.x, c.x + c.width)) for name, c in crops.items()}
     kind = np.dtype(f"uint{footage.bits}")
-    filled, shards = 0, dict[str, np.ndarray]()
-    for frame in footage.frames(start):
+    filled, shards, whole = 0, dict[str, np.ndarray](), list[np.ndarray]()
+    for number, frame in enumerate(footage.frames(start), start):
         if filled == 0:
             shards = {name: np.zeros((SHARD, crop.height, crop.width), kind) for name, crop in crops.items()}
+            whole = []
         for name, window in windows.items():
             shards[name][filled] = frame[window]
+        if number % every == 0:
+            whole.append(frame.copy())
         filled += 1
         if filled == SHARD:
-            yield shards, filled
+            yield shards, whole, filled
             filled = 0
     if filled:
-        yield shards, filled
+        yield shards, whole, filled
 
 
 @contextmanager

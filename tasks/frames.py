@@ -11,9 +11,10 @@ from storage.catalogue import Region
 from storage.errors import StoreError
 from storage.footage import Footage, open_footage
 from storage.frame_budget import mark_used
-from storage.frames import FrameCache, cache_digest
+from storage.frames import FrameCache, cache_digest, reduced
 from storage.location import Location
 from tasks.algorithms.clusters import thresholds, white_level
+from tasks.algorithms.perspective import views
 from tasks.algorithms.spheres import Sphere
 from tasks.algorithms.steadying import Steadier, aligned, moved, wander
 from tasks.stage import Outcome, Progress
@@ -22,8 +23,8 @@ from tasks.workspace import Workspace
 OBJECT = "object"
 AROUND_SPHERE = 4
 """Pixels beyond a sphere's outline that its crop holds."""
-SAMPLED, LEAST_FRAMES = 24, 100
-"""Frames that are looked at for a camera that moved, and of how many they must be: sets of photographs are steady."""
+LEAST_FRAMES = 100
+"""Frames from which on a camera may have moved: sets of photographs are steady."""
 STEADY = 0.6
 """Pixels of wander up to which frames are taken as they are: half of it is the codec's."""
 MARK_SECONDS = 600.0
@@ -39,7 +40,7 @@ def frames(work: Workspace, progress: Progress) -> Outcome:
     """
     cache = _opened(work, None, progress)
     warnings = list(cache.warnings)
-    shaken = wander(aligned(_sample(cache))[1]) if cache.frames >= LEAST_FRAMES else 0.0
+    shaken = cache.reduction * wander(aligned(cache.overview())[1]) if cache.frames >= LEAST_FRAMES else 0.0
     if shaken > STEADY:
         cache = _opened(work, cache, progress)
         warnings.append(
@@ -80,18 +81,21 @@ def _opened(work: Workspace, shaken: FrameCache | None, progress: Progress | Non
     with open_footage(work.capture.frames) as footage:
         if shaken is None:
             return FrameCache.ingest(footage, work.location, digest, crops, progress)
-        steadied: Any = Steadied(footage, region_of(work), _sample(shaken), _placed_by_hand(work))
+        steadied: Any = Steadied(footage, shaken.overview(), shaken.reduction, _placed_by_hand(work))
         return FrameCache.ingest(steadied, work.location, digest, crops, progress)
 
 
 class Steadied:
-    """Footage whose frames are moved back to the first one or to the middle; all else is the footage's own."""
+    """Footage whose frames are moved back to the first one or to the middle; all else is the footage's own.
 
-    def __init__(self, footage: Footage, region: Region, sample: np.ndarray, to_first: bool) -> None:
-        self._footage, self._region = footage, region
-        reference, shifts = aligned(sample)
+    overview (N, h, w): some of its frames, the first one first, so many times smaller.
+    """
+
+    def __init__(self, footage: Footage, overview: np.ndarray, reduction: int, to_first: bool) -> None:
+        self._footage, self._reduction = footage, reduction
+        reference, shifts = aligned(overview)
         self._steadier = Steadier(reference)
-        self._origin = np.zeros(2) if to_first else np.median(shifts, axis=0)
+        self._origin = shifts[0] if to_first else np.median(shifts, axis=0)
 
     def __getattr__(self, name: str) -> Any:
         """What the footage says of itself."""
@@ -100,14 +104,8 @@ class Steadied:
     def frames(self, *arguments: Any, **named: Any) -> Iterator[np.ndarray]:
         """The footage's frames, each moved back."""
         for frame in self._footage.frames(*arguments, **named):
-            shift = self._steadier.shift(frame[self._region.rows, self._region.columns])
-            yield moved(frame, self._origin - shift)
-
-
-def _sample(cache: FrameCache) -> np.ndarray:
-    """Some frames of the object (T, H, W) over the capture, the first one first."""
-    chosen = np.unique(np.linspace(0, cache.frames - 1, SAMPLED).round().astype(int)).tolist()
-    return np.concatenate([cache.read(OBJECT, slice(number, number + 1)) for number in chosen])
+            shift = self._steadier.shift(reduced(frame, self._reduction))
+            yield moved(frame, self._reduction * (self._origin - shift))
 
 
 def _placed_by_hand(work: Workspace) -> bool:
@@ -145,6 +143,18 @@ def spheres_of(work: Workspace) -> list[Sphere]:
 def region_of(work: Workspace) -> Region:
     """The object's region of the full frame."""
     return Region(**work.load("survey").record["region"])
+
+
+def camera_within(work: Workspace, crop: Region) -> np.ndarray | None:
+    """The perspective camera's matrix (3, 3) in the pixels of a crop; None: orthographic."""
+    camera = work.camera_matrix
+    return None if camera is None else camera - np.array([[0, 0, crop.x], [0, 0, crop.y], [0, 0, 0]])
+
+
+def views_of(work: Workspace) -> np.ndarray | None:
+    """View vectors (H, W, 3) of the region's pixels under a perspective camera; None: all are (0, 0, 1)."""
+    region, camera = region_of(work), work.camera_matrix
+    return None if camera is None else views(camera, (region.height, region.width), region.x, region.y)
 
 
 def levels(cache: FrameCache, name: str = OBJECT, shards: int = 24, every: int = 16) -> tuple[np.ndarray, np.ndarray]:

@@ -21,9 +21,9 @@ class Steadier:
     def __init__(self, reference: np.ndarray) -> None:
         self._reference = _fine(reference)
         down, right = np.gradient(self._reference)
-        self._gradients = np.stack([right, down], axis=-1)
         size = np.hypot(right, down)
         self._edges = size > max(float(np.percentile(size, 60.0)), 0.1)
+        self._gradients = np.stack([right[self._edges], down[self._edges]], axis=-1)
         self._noise = 1.5 * float(np.median(np.abs(self._reference))) + 1.0
 
     def shift(self, picture: np.ndarray) -> np.ndarray:
@@ -31,11 +31,13 @@ class Steadier:
         picture = picture.astype(np.float32)
         total = self._nearest_pixels(_fine(picture))
         for _ in range(ROUNDS):
-            off = _fine(moved(picture, -total)) - self._reference
-            used = self._edges & (np.abs(off) < 3.0 * self._noise)
+            off = (_fine(moved(picture, -total)) - self._reference)[self._edges]
+            used = np.abs(off) < 3.0 * self._noise
             if used.sum() < 50:
                 break
-            step, *_ = np.linalg.lstsq(self._gradients[used], -off[used], rcond=None)
+            gradients = self._gradients[used]
+            normal = gradients.T @ gradients
+            step = -np.linalg.solve(normal + 1e-6 * np.trace(normal) * np.eye(2), gradients.T @ off[used])
             total = total + np.clip(step, -1.0, 1.0)
             if np.abs(step).max() < 0.01:
                 break
@@ -60,9 +62,9 @@ def moved(picture: np.ndarray, shift: np.ndarray) -> np.ndarray:
     return cv2.warpAffine(picture, matrix, (width, height), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
 
-def aligned(frames: np.ndarray, rounds: int = 3) -> tuple[np.ndarray, np.ndarray]:
-    """The median (H, W) float32 of some frames (T, H, W) moved onto the first, and the shift (T, 2) of each from it."""
-    reference, shifts = frames[0].astype(np.float32), np.zeros((len(frames), 2))
+def aligned(frames: np.ndarray, rounds: int = 2) -> tuple[np.ndarray, np.ndarray]:
+    """The median (H, W) float32 of some frames (T, H, W) moved onto each other, and the shift (T, 2) of each from it."""
+    reference, shifts = np.median(frames, axis=0).astype(np.float32), np.zeros((len(frames), 2))
     for _ in range(rounds):
         steadier = Steadier(reference)
         shifts = np.array([steadier.shift(frame) for frame in frames])

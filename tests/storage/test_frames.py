@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -18,7 +19,7 @@ import storage.frames
 from storage.catalogue import Region
 from storage.errors import InputError, StoreError
 from storage.footage import Footage, open_footage
-from storage.frames import SHARD, FrameCache, cache_digest
+from storage.frames import OVERVIEW, SHARD, FrameCache, cache_digest
 from storage.location import Location
 from tests.storage.films import ramp, write_images, write_video
 
@@ -56,6 +57,9 @@ def _same(cache: FrameCache, frames: np.ndarray) -> None:
     for name, crop in CROPS.items():
         assert cache.crops[name] == crop
         assert np.array_equal(cache.read(name), frames[:, crop.rows, crop.columns])
+    overview = cache.overview()
+    assert cache.reduction == 1
+    assert any(np.array_equal(overview, frames[::every]) for every in range(SHARD // 4, SHARD + 1))
 
 
 class _Counted:
@@ -154,6 +158,17 @@ def test_a_crop_that_leaves_the_frame(tmp_path: Path, film: tuple[Path, np.ndarr
     assert not (tmp_path / "store").exists()
 
 
+def test_large_frames_are_overseen_at_a_smaller_size(tmp_path: Path) -> None:
+    (tmp_path / "images").mkdir()
+    frame = np.random.default_rng(0).integers(0, 255, (1000, 2200), dtype=np.uint8)
+    cv2.imwrite(str(tmp_path / "images/0.png"), frame)
+    footage = open_footage(str(tmp_path / "images"))
+    cache = FrameCache.ingest(footage, _place(tmp_path), "d", {"object": Region(x=0, y=0, width=64, height=64)})
+    assert cache.reduction == 2
+    assert cache.overview().shape == (1, 500, 1100)
+    assert np.abs(cache.overview()[0, 3, 5] - frame[6:8, 10:12].mean()) <= 1.0
+
+
 def test_the_digest_tells_footage_and_crops_apart() -> None:
     region = Region(x=0, y=0, width=3, height=3)
     digests = {
@@ -170,9 +185,9 @@ def _ingest_and_die(path: Path, folder: Path, moment: str, shard: int) -> None:
     """Ingest until the shard with this number is about to be counted, or was, and die as by a cut of power."""
     written = 0
 
-    def die(*_: Any) -> None:
+    def die(*told: Any) -> None:
         nonlocal written
-        written += 1
+        written += OVERVIEW not in str(told[0])
         if written == shard * (len(CROPS) if moment == "before" else 1):
             os.kill(os.getpid(), signal.SIGKILL)
 
