@@ -23,6 +23,12 @@ FITTING = 5.0
 FAR = 20.0
 SAMPLES = 600
 """Accepted normals that are compared for each tilt."""
+TILT = 3.75
+"""Degrees either side of each tilt that is tried first; the best is refined from there."""
+ROUGHLY = 2.0, 4
+"""Step in pixels along the axis, and every which sample, for that first look."""
+LIKELY = 1.3
+"""Times the least error of that look up to which an axis is followed up."""
 DEPTHS = 300
 """Steps along a ray in which the body is looked for, before the place is refined."""
 BLOCK = 4096
@@ -36,7 +42,7 @@ EXCELS = 0.4
 OBSERVABLE = float(np.cos(np.radians(40.0)))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Axis:
     """A mirror axis of a silhouette: a point (2,) of it in the camera frame, the direction (2,) across it, the overlap
     of the silhouette and its mirror image."""
@@ -139,8 +145,9 @@ def turned_body(mask: np.ndarray, axis: Axis, tilt: float, step: float = 0.5) ->
     foreshortened, flattened = np.cos(tilt), max(abs(np.sin(tilt)), 0.02)
     heights = np.arange(up.min() / foreshortened, up.max() / foreshortened + step, step)
     # The outline runs through the centres of the outermost pixels, half a pixel inside the edge.
-    across, downward = side[None], (up[None] - heights[:, None] * foreshortened) / flattened
-    squares = (np.sqrt((across**2 + downward**2).min(axis=1)) + 0.5) ** 2
+    apart = np.subtract.outer(heights * (foreshortened / flattened), up / flattened)
+    np.multiply(apart, apart, out=apart)
+    squares = (np.sqrt(np.add(apart, side**2, out=apart).min(axis=1)) + 0.5) ** 2
     smooth, slopes = _profile(squares, heights)
     smooth, slopes = _ended(np.sqrt(squares), smooth, slopes, heights, tilt)
     return Turned(axis, tilt, heights, smooth, slopes / 2.0)
@@ -267,20 +274,23 @@ def _fitted(mask: np.ndarray, accepted: np.ndarray, bar: float = FITTING) -> Tur
         return None
     x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
     seen = accepted[rows, columns]
+
+    def misfit(axis: Axis, tilt: float, step: float = 1.0, every: int = 1) -> float:
+        body = turned_body(mask, axis, tilt, step)
+        off = np.nan_to_num(angles(body.normals(x[::every], y[::every]), seen[::every]), nan=FAR)
+        return float(np.minimum(off, FAR).mean())
+
     best, found = bar, None
-    for axis in mirror_axes(mask):
-
-        def misfit(tilt: float, axis: Axis = axis) -> tuple[float, Turned]:
-            body = turned_body(mask, axis, tilt, step=1.0)
-            off = np.nan_to_num(angles(body.normals(x, y), seen), nan=FAR)
-            return float(np.minimum(off, FAR).mean()), body
-
-        tilts = np.radians(np.arange(-STEEPEST, STEEPEST + 1, 5.0))
-        errors = [misfit(tilt)[0] for tilt in tilts]
-        least, tilt, turn = min(errors), float(tilts[int(np.argmin(errors))]), np.radians(2.5)
-        while turn > np.radians(0.2):
+    tilts = np.radians(np.arange(-STEEPEST, STEEPEST + 1, 2 * TILT))
+    rough = {axis: [misfit(axis, tilt, *ROUGHLY) for tilt in tilts] for axis in mirror_axes(mask)}
+    for axis, errors in rough.items():
+        if min(errors) > LIKELY * min(map(min, rough.values())):
+            continue
+        tilt, turn = float(tilts[int(np.argmin(errors))]), np.radians(TILT)
+        least = misfit(axis, tilt)
+        while turn > np.radians(0.1):
             near = [each for each in (tilt - turn, tilt + turn) if abs(each) <= np.radians(STEEPEST)]
-            error, other = min((misfit(each)[0], each) for each in near)
+            error, other = min((misfit(axis, each), each) for each in near)
             if error < least:
                 least, tilt = error, other
             else:
