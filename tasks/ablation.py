@@ -10,9 +10,11 @@ from storage.inputs import read_truth
 from tasks.algorithms.clusters import Clusters
 from tasks.algorithms.markup import Marks
 from tasks.algorithms.metrics import squared_errors
+from tasks.algorithms.perspective import facing
 from tasks.algorithms.rounds import reconstruct_normals
-from tasks.clusters import load_clusters
-from tasks.markup import load_marks
+from tasks.clusters import faced, load_clusters
+from tasks.frames import views_of
+from tasks.markup import faced_marks, load_marks
 from tasks.workspace import Workspace
 
 ABLATIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
@@ -46,7 +48,9 @@ def ablate(work: Workspace) -> dict[str, tuple[float, float]] | None:
     truth = read_truth(work.capture.truth, (mask.shape[0], mask.shape[1])).normals
     if truth is None:
         return None
-    clusters, marks = load_clusters(work), load_marks(work)
+    clusters, marks, view = load_clusters(work), load_marks(work), views_of(work)
+    if view is not None:
+        clusters, marks, truth = faced(clusters, view), faced_marks(marks, view), facing(truth, view)
     data = mask & (clusters.observations > 0)
     results = {}
     for name, parameters in ABLATIONS.items():

@@ -13,8 +13,9 @@ from storage.frames import FrameCache
 from storage.pictures import write_png
 from tasks.algorithms.coverage import could_observe, coverage, draw_coverage
 from tasks.algorithms.keyframes import draw_keyframe, keyframes
+from tasks.algorithms.perspective import in_camera, straight
 from tasks.algorithms.silhouette import initial_normals
-from tasks.frames import OBJECT, bars_of, open_frames, region_of, spheres_of
+from tasks.frames import OBJECT, bars_of, open_frames, region_of, spheres_of, views_of
 from tasks.stage import perform, stage_keys
 from tasks.stages import BY_NAME, STAGES
 from tasks.workspace import Workspace
@@ -55,8 +56,10 @@ def check(work: Workspace, out: Path, progress: Callable[[str, int, int | None],
     half_vectors = work.load("lights").read("half_vectors")
     bars = bars_of(work, cache, mask)
     observed, lit = _lit(cache, bars, half_vectors, progress)
-    expected = initial_normals(mask).initial[mask]
-    could = could_observe(expected, half_vectors, TOLERANCE)
+    expected, view = initial_normals(mask).initial, views_of(work)
+    if view is not None:
+        expected = straight(in_camera(expected, view), view)
+    could = could_observe(expected[mask], half_vectors, TOLERANCE)
     pictures = _pictures(work, cache, mask, half_vectors, lit, out)
     return Check(
         name=work.name,

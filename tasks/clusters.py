@@ -1,7 +1,7 @@
 """Clusters: candidate normals of every pixel, by tiles that any worker can take."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -9,8 +9,8 @@ import numpy as np
 from storage.frames import FrameCache
 from storage.location import Location
 from tasks.algorithms.clusters import Clusters, cluster_pixels, light_shares
-from tasks.algorithms.perspective import towards
-from tasks.frames import OBJECT, bars_of, open_frames, region_of
+from tasks.algorithms.perspective import facing, towards
+from tasks.frames import OBJECT, bars_of, open_frames, region_of, views_of
 from tasks.lights import near_lamp_of
 from tasks.parameters import Clusters as Parameters
 from tasks.stage import Outcome, Progress
@@ -65,7 +65,9 @@ def clusters(work: Workspace, progress: Progress, mapper: Mapper = one_by_one) -
         grid = np.indices(mask.shape)
         columns, rows = grid[1] + region.x, grid[0] + region.y
         seen = {name: lamp.seen_from(found, columns, rows) for name, found in seen.items()}
-    seen["normals"] = towards(seen["normals"], work.camera_matrix, region.x, region.y)
+    view = views_of(work)
+    if view is not None:
+        seen = {name: towards(found, view) for name, found in seen.items()}
     arrays = {each.name: getattr(result, each.name) for each in fields(result)} | seen
     observed = (result.observations > 0) & mask
     return Outcome(
@@ -130,6 +132,11 @@ def load_clusters(work: Workspace) -> Clusters:
     """What was saved."""
     saved = work.load("clusters")
     return Clusters(**{each.name: saved.read(each.name) for each in fields(Clusters)})
+
+
+def faced(clusters: Clusters, view: np.ndarray) -> Clusters:
+    """Clusters as seen along view vectors (H, W, 3)."""
+    return replace(clusters, normals=facing(clusters.normals, view), winner=facing(clusters.winner, view))
 
 
 def _warnings(observed: np.ndarray, mask: np.ndarray) -> list[str]:

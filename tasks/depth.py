@@ -3,7 +3,7 @@
 import numpy as np
 
 from tasks.algorithms.integration import integrate
-from tasks.frames import region_of
+from tasks.frames import camera_within, region_of
 from tasks.stage import Outcome, Progress
 from tasks.workspace import Workspace
 
@@ -15,13 +15,12 @@ def depth(work: Workspace, progress: Progress) -> Outcome:
     """
     labels, survey, region = work.load("labels"), work.load("survey").record, region_of(work)
     parameters, camera = work.parameters.depth, work.camera_matrix
-    local = None if camera is None else camera - np.array([[0, 0, region.x], [0, 0, region.y], [0, 0, 0]])
     found = integrate(
         labels.read("normals"),
         work.load("mask").read("mask"),
         confidence=labels.read("confidence") if parameters.confident else None,
         method=parameters.method,
-        camera=local,
+        camera=camera_within(work, region),
         sharpness=parameters.sharpness,
         rounds=parameters.rounds,
     )

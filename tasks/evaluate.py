@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
 from storage.inputs import read_truth
 from tasks.algorithms.geometry import angles
@@ -17,6 +18,7 @@ from tasks.algorithms.metrics import (
     reliability,
 )
 from tasks.clusters import load_clusters
+from tasks.frames import views_of
 from tasks.labels import reconstruct
 from tasks.markup import load_marks
 from tasks.parameters import Labels, Parameters
@@ -81,13 +83,13 @@ def evaluate(work: Workspace, stages: tuple[str, ...]) -> Evaluation | None:
     if truth.normals is None:
         return None
     clusters, initial = load_clusters(work), work.load("silhouette").read("initial")
-    labels = work.load("labels")
+    labels, view = work.load("labels"), views_of(work)
     literal = Parameters(silhouette=work.parameters.silhouette, labels=Labels(method="paper"))
     winner = np.where(np.isfinite(clusters.winner), clusters.winner, initial)
     normals = {
         "winner takes all": winner,
         "silhouette only": initial,
-        "paper": reconstruct(clusters, mask, initial, load_marks(work), literal).normals,
+        "paper": reconstruct(clusters, mask, initial, load_marks(work), literal, view=view).normals,
         "glint": labels.read("normals"),
     }
     data = mask & (clusters.observations > 0)
@@ -96,7 +98,8 @@ def evaluate(work: Workspace, stages: tuple[str, ...]) -> Evaluation | None:
     known = mask & np.isfinite(error)
     confidence = labels.read("confidence")
     trusted = known & (confidence >= CONFIDENT)
-    steep = np.degrees(np.arccos(np.clip(truth.normals[..., 2], -1, 1))) > SEEN_BEST
+    facing_camera = truth.normals[..., 2] if view is None else (truth.normals * view).sum(axis=-1)
+    steep = np.degrees(np.arccos(np.clip(facing_camera, -1, 1))) > SEEN_BEST
     squared = ((normals["glint"] - truth.normals) ** 2).sum(axis=-1)
     return Evaluation(
         name=work.name,
@@ -121,9 +124,22 @@ def evaluate(work: Workspace, stages: tuple[str, ...]) -> Evaluation | None:
 
 
 def _depth(work: Workspace, truth: np.ndarray, mask: np.ndarray) -> DepthErrors:
-    """The truth's depth is in pixels; the result's may be in millimetres."""
+    """The truth's depth is in pixels; the result's may be in millimetres.
+
+    Under perspective both count from the distance at which a pixel covers one pixel's size, and the result's scale is
+    as free as an orthographic offset: distances from the camera are fitted by their median ratio.
+    """
     saved = work.load("depth")
-    return depth_errors(saved.read("depth") / (saved.record["pixel_size"] or 1.0), truth, mask)
+    pixel_size = saved.record["pixel_size"] or 1.0
+    depth = saved.read("depth") / pixel_size
+    if saved.record["distance"] is not None:
+        distance = saved.record["distance"] / pixel_size
+        components, count = ndimage.label(mask)
+        for number in range(1, count + 1):
+            here = (components == number) & np.isfinite(depth + truth)
+            ratio = np.median((distance - truth[here]) / (distance - depth[here])) if here.any() else 1.0
+            depth[components == number] = distance - ratio * (distance - depth[components == number])
+    return depth_errors(depth, truth, mask)
 
 
 def _mean(values: np.ndarray) -> float:

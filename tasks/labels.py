@@ -1,14 +1,18 @@
 """Labels: which clusters are the exterior surface, and the normals of every pixel, by the chosen method."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from tasks.algorithms.baselines import reconstruct_winner
 from tasks.algorithms.clusters import Clusters
 from tasks.algorithms.dual_layer import reconstruct_dual_layer
 from tasks.algorithms.markup import Marks
+from tasks.algorithms.perspective import facing, in_camera
 from tasks.algorithms.rounds import FILLED, MARKED, OBSERVED, OUTSIDE, PROVENANCE, Reconstruction, reconstruct_normals
-from tasks.clusters import load_clusters
-from tasks.markup import load_marks
+from tasks.clusters import faced, load_clusters
+from tasks.frames import views_of
+from tasks.markup import faced_marks, load_marks
 from tasks.parameters import Parameters
 from tasks.stage import Outcome, Progress
 from tasks.workspace import Workspace
@@ -22,6 +26,7 @@ def labels(work: Workspace, progress: Progress) -> Outcome:
         work.load("silhouette").read("initial"),
         load_marks(work),
         work.parameters,
+        view=views_of(work),
     )
     names = {PROVENANCE[code]: int((found.provenance == code).sum()) for code in (OBSERVED, MARKED, FILLED)}
     sure = float((found.confidence[found.provenance != OUTSIDE] >= 0.5).mean())
@@ -47,11 +52,18 @@ def reconstruct(
     marks: Marks | None,
     parameters: Parameters,
     expected: np.ndarray | None = None,
+    view: np.ndarray | None = None,
 ) -> Reconstruction:
     """Normals of one view by the method that `parameters.labels` names.
 
-    expected: normals (H, W, 3) that a model of all views shows, for the method `sheets`.
+    expected: normals (H, W, 3) that a model of all views shows, for the method `sheets`. view: view vectors (H, W, 3)
+    under a perspective camera; each pixel's normals are labelled as seen along its own ray.
     """
+    if view is not None:
+        seen = None if expected is None else facing(expected, view)
+        clusters, marks = faced(clusters, view), faced_marks(marks, view)
+        found = reconstruct(clusters, mask, facing(initial, view), marks, parameters, seen)
+        return replace(found, normals=in_camera(found.normals, view), initial=in_camera(found.initial, view))
     chosen, outline = parameters.labels, parameters.silhouette
     if chosen.method == "paper":
         return reconstruct_dual_layer(clusters, mask, initial, marks=marks, edges=chosen.edges, weight=chosen.weight)

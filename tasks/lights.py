@@ -23,7 +23,7 @@ from tasks.algorithms.lights import (
 )
 from tasks.algorithms.near_lamp import NearLamp, find_near_lamp, lamp_beside
 from tasks.algorithms.spheres import Sphere
-from tasks.frames import crops_of, open_frames, spheres_of
+from tasks.frames import camera_within, crops_of, open_frames, spheres_of
 from tasks.stage import Outcome, Progress
 from tasks.workspace import Workspace
 
@@ -95,7 +95,8 @@ def _seen(work: Workspace, cache: FrameCache, progress: Progress) -> tuple[Light
     each = []
     for number, sphere in enumerate(spheres):
         crop = crops[f"sphere-{number}"]
-        each.append(_of_sphere(work, cache, f"sphere-{number}", sphere.within(crop.x, crop.y)))
+        camera = camera_within(work, crop)
+        each.append(_of_sphere(work, cache, f"sphere-{number}", sphere.within(crop.x, crop.y), camera))
         progress(number + 1, len(spheres))
     combined = combine_lights(each, tolerance=work.parameters.lights.tolerance)
     distance = work.parameters.lights.distance
@@ -110,13 +111,13 @@ def _seen(work: Workspace, cache: FrameCache, progress: Progress) -> tuple[Light
     return combined, lamp_beside(spheres, distance / pixel_size)
 
 
-def _of_sphere(work: Workspace, cache: FrameCache, name: str, sphere: Sphere) -> Lights:
+def _of_sphere(work: Workspace, cache: FrameCache, name: str, sphere: Sphere, camera: np.ndarray | None) -> Lights:
     parameters = work.parameters.lights
     starts = np.arange(0, cache.frames, 64)
     chosen = starts[np.unique(np.linspace(0, len(starts) - 1, min(SAMPLED_SHARDS, len(starts))).round().astype(int))]
     every = 16 if cache.frames > 640 else 1
     sample = np.concatenate([cache.read(name, slice(start, start + 64))[::every] for start in chosen.tolist()])
-    static = static_level(sample, sphere)
+    static = static_level(sample, sphere, camera=camera)
     blocks = [
         measure_highlights(
             cache.read(name, slice(start, start + BLOCK)),
@@ -125,6 +126,7 @@ def _of_sphere(work: Workspace, cache: FrameCache, name: str, sphere: Sphere) ->
             seed=parameters.seed,
             low=parameters.low,
             high=parameters.high,
+            camera=camera,
         )
         for start in range(0, cache.frames, BLOCK)
     ]

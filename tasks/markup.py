@@ -7,7 +7,8 @@ import numpy as np
 
 from storage.inputs import read_markup
 from tasks.algorithms.markup import Mark, Marks, track
-from tasks.frames import OBJECT, bars_of, open_frames, region_of
+from tasks.algorithms.perspective import facing, towards
+from tasks.frames import OBJECT, bars_of, open_frames, region_of, views_of
 from tasks.lights import near_lamp_of
 from tasks.stage import Outcome, Progress
 from tasks.workspace import Workspace
@@ -31,6 +32,9 @@ def markup(work: Workspace, progress: Progress) -> Outcome:
     if lamp is not None and len(found.kind):
         rows, columns = found.pixels.T
         found = replace(found, half_vectors=lamp.seen_from(found.half_vectors, columns + region.x, rows + region.y))
+    view = views_of(work)
+    if view is not None and len(found.kind):
+        found = replace(found, half_vectors=towards(found.half_vectors, view[tuple(found.pixels.T)]))
     return Outcome(
         arrays=_arrays(found),
         counts={"marks": len(marks), "marked pixels": len(tracks.marks.kind)},
@@ -43,6 +47,13 @@ def load_marks(work: Workspace) -> Marks | None:
     saved = work.load("markup")
     marks = Marks(saved.read("pixels"), saved.read("half_vectors"), saved.read("kind"))
     return marks if len(marks.kind) else None
+
+
+def faced_marks(marks: Marks | None, view: np.ndarray) -> Marks | None:
+    """Marks as seen along view vectors (H, W, 3)."""
+    if marks is None:
+        return None
+    return replace(marks, half_vectors=facing(marks.half_vectors, view[tuple(marks.pixels.T)]))
 
 
 def _arrays(marks: Marks) -> dict[str, np.ndarray]:

@@ -21,7 +21,7 @@ from tasks.algorithms.merging.views import View
 from tasks.algorithms.relight import draw_surface
 from tasks.algorithms.surface import Surface, glb_bytes, ply_bytes
 from tasks.clusters import load_clusters
-from tasks.frames import region_of
+from tasks.frames import region_of, views_of
 from tasks.labels import reconstruct
 from tasks.markup import load_marks
 from tasks.stage import Outcome, Progress, Record, recall_or_save, silent
@@ -177,7 +177,8 @@ def _labelled_anew(view: View, merged: Model, work: Workspace) -> View:
     if work.parameters.labels.method != "sheets" or not np.isfinite(expected[view.mask]).all():
         return view
     initial = work.load("silhouette").read("initial")
-    found = reconstruct(load_clusters(work), view.mask, initial, load_marks(work), work.parameters, expected)
+    clusters, marks = load_clusters(work), load_marks(work)
+    found = reconstruct(clusters, view.mask, initial, marks, work.parameters, expected, views_of(work))
     return view.seeing(found.normals, found.confidence)
 
 

@@ -13,17 +13,19 @@ import numpy as np
 import trimesh
 from scipy import ndimage
 
-from storage.catalogue import Capture, Catalogue, Object, Pose, Region, Sphere, load, write
+from storage.catalogue import Camera, Capture, Catalogue, Object, Pose, Region, Sphere, load, write
 from storage.pictures import write_png
 from tasks.algorithms.geometry import half_vectors_of, to_camera
 from tasks.algorithms.keyframes import keyframes
 from tasks.algorithms.merging.views import turned
+from tasks.algorithms.perspective import Cone, straight, views
 from tasks.algorithms.rendering.camera import expose, prepare
 from tasks.algorithms.rendering.options import DEGRADED, OTHER, PRESETS, SHAPES, CaptureOptions
 from tasks.algorithms.rendering.placement import ROOM, Placement, placements
 from tasks.algorithms.rendering.room import Room
+from tasks.algorithms.rendering.shapes import MARGIN as EDGE
 from tasks.algorithms.rendering.shapes import build
-from tasks.algorithms.rendering.solids import CHROME, ball
+from tasks.algorithms.rendering.solids import CHROME, Solid, ball
 from tasks.algorithms.rendering.sweep import sweep
 from tasks.algorithms.rendering.tracing import Scene, Truth
 
@@ -136,17 +138,20 @@ def _write_view(
     sideways, row = _middle(stage)
     # The object is made about its own middle; the world's origin is on its axis, in the frame's middle row.
     place = placed.rotation @ np.array([0.0, row, 0.0]) + np.array([sideways + placed.offset, 0.0, 0.0])
-    width, height = _room(stage, options)
-    solids = [
-        each.moved(placed.rotation, place) for each in build(shape, width, height, placed.turn, level=options.views > 1)
-    ]
+    if options.focal is None:
+        width, height = _room(stage, options)
+        made = build(shape, width, height, placed.turn, level=options.views > 1)
+        solids = [each.moved(placed.rotation, place) for each in made]
+    else:
+        solids = _fitted(shape, stage, options.focal * stage.width)
     behind = min(float(solid.vertices[:, 2].min()) for solid in solids)
     for column in stage.balls:
         at = [float(v) for v in to_camera(np.array(column), np.array(stage.y), stage.width, stage.height)]
         solids.append(ball(np.array([*at, 0.0]), stage.radius, CHROME))
     scene = Scene(solids)
-    truth = scene.truth(x, y)
-    paths = scene.trace(x, y, options.rays, generator)
+    away = None if options.focal is None else options.focal * stage.width
+    truth = scene.truth(x, y, away)
+    paths = scene.trace(x, y, options.rays, generator, away)
     room = Room.furnished(behind - 40.0, np.random.default_rng(options.seed))
     renderer = prepare(paths, room, (stage.height, stage.width), np.radians(options.lamp_radius))
     lights = sweep(frames, generator, options.missing_quarter)
@@ -164,9 +169,24 @@ def _write_view(
 
     lit = _write_video(folder / "video.mp4", exposed(), stage, options.crf)
     _write_truth(folder, truth, lights, stage, options)
-    _write_markup(folder / "markup.json", truth, lights, lit, stage)
+    _write_markup(folder / "markup.json", _glinting(truth, stage, options), lights, lit, stage)
     about = {"shape": shape, "view": view, "turn": placed.turn, "rotation": placed.rotation.tolist()} | asdict(options)
     (folder / "meta.json").write_text(json.dumps(about, indent=1) + "\n")
+
+
+def _fitted(shape: str, stage: Stage, away: float) -> list[Solid]:
+    """The solids of a shape so large, and at such a place, that a camera at z = `away` sees them fill the region."""
+    width, height, place = float(stage.region.width), float(stage.region.height), np.array([*_middle(stage), 0.0])
+    room = np.array([width, height]) - 2.0 * EDGE
+    for _ in range(12):
+        solids = [each.moved(np.eye(3), place) for each in build(shape, round(width), round(height))]
+        points = np.concatenate([each.vertices for each in solids if not each.inner])
+        seen = points[:, :2] * away / (away - points[:, 2:])
+        low, high = seen.min(axis=0), seen.max(axis=0)
+        place[:2] += np.array(_middle(stage)) - (low + high) / 2.0
+        share = float((room / (high - low)).min())
+        width, height = 2.0 * EDGE + (width - 2.0 * EDGE) * share, 2.0 * EDGE + (height - 2.0 * EDGE) * share
+    return solids
 
 
 def _write_video(path: Path, pictures: Iterator[np.ndarray], stage: Stage, crf: int) -> np.ndarray:
@@ -207,7 +227,9 @@ def _write_truth(folder: Path, truth: Truth, lights: np.ndarray, stage: Stage, o
     normals, depth = (values[stage.region.rows, stage.region.columns] for values in (truth.normals, truth.depth))
     mask = np.isfinite(depth)
     np.save(folder / "truth" / "normals.npy", normals)
-    np.save(folder / "truth" / "depth.npy", depth - np.float32(np.nanmean(depth)))
+    # Under perspective zero is where a pixel covers one unit, the distance of the focal length from the camera.
+    zero = np.float32(0.0 if options.focal is not None else np.nanmean(depth))
+    np.save(folder / "truth" / "depth.npy", depth - zero)
     np.save(folder / "truth" / "lights.npy", lights)
     if options.mask_error > 0:
         mask = ndimage.binary_dilation(mask, iterations=options.mask_error)
@@ -216,15 +238,25 @@ def _write_truth(folder: Path, truth: Truth, lights: np.ndarray, stage: Stage, o
     write_png(folder / "mask.png", mask)
 
 
-def _write_markup(path: Path, truth: Truth, lights: np.ndarray, lit: np.ndarray, stage: Stage, each: int = 3) -> None:
-    """A careful user's marks on some keyframes: true highlights where the lamp's half vector is the normal."""
+def _glinting(truth: Truth, stage: Stage, options: CaptureOptions) -> np.ndarray:
+    """Half vectors (H, W, 3) under which the outer surface glints in the region."""
+    camera, normals = _camera(stage, options), truth.normals[stage.region.rows, stage.region.columns]
+    if camera is None:
+        return normals
+    view = views(np.array(camera.matrix), normals.shape, stage.region.x, stage.region.y)
+    return straight(normals, view)
+
+
+def _write_markup(
+    path: Path, glinting: np.ndarray, lights: np.ndarray, lit: np.ndarray, stage: Stage, each: int = 3
+) -> None:
+    """A careful user's marks on some keyframes: true highlights where the surface glints."""
     half_vectors = half_vectors_of(lights)
     half_vectors[~(lights[:, 2] > 0)] = np.nan
     marks = []
     rows, columns = stage.region.rows, stage.region.columns
-    normals = truth.normals[rows, columns]
     for frame in keyframes(half_vectors, lit):
-        error = np.linalg.norm(np.nan_to_num(normals, nan=9.0) - half_vectors[frame], axis=-1)
+        error = np.linalg.norm(np.nan_to_num(glinting, nan=9.0) - half_vectors[frame], axis=-1)
         for _ in range(each):
             row, column = np.unravel_index(int(error.argmin()), error.shape)
             if error[row, column] > np.radians(1.0):
@@ -237,16 +269,38 @@ def _write_markup(path: Path, truth: Truth, lights: np.ndarray, lit: np.ndarray,
 
 
 def _capture(folder: Path, name: str, stage: Stage, options: CaptureOptions, placed: Placement) -> Capture:
-    balls = [Sphere(x=x, y=stage.y, radius=stage.radius, diameter_mm=options.ball_diameter) for x in stage.balls]
+    camera = _camera(stage, options)
+    balls = [
+        Sphere(x=x, y=y, radius=radius, diameter_mm=options.ball_diameter)
+        for x, y, radius in (_outline(column, stage, camera) for column in stage.balls)
+    ]
     return Capture(
         id=name,
         frames=str((folder / "video.mp4").absolute()),
         spheres=tuple(balls),
         region=stage.region,
         mask=str((folder / "mask.png").absolute()),
+        camera=camera,
         pose=None if options.views == 1 else _pose(stage, options, placed),
         truth=str((folder / "truth").absolute()),
     )
+
+
+def _camera(stage: Stage, options: CaptureOptions) -> Camera | None:
+    if options.focal is None:
+        return None
+    focal, x, y = options.focal * stage.width, (stage.width - 1) / 2, (stage.height - 1) / 2
+    return Camera(matrix=((focal, 0.0, x), (0.0, focal, y), (0.0, 0.0, 1.0)))
+
+
+def _outline(column: float, stage: Stage, camera: Camera | None) -> tuple[float, float, float]:
+    """Centre and radius of a ball's outline as the catalogue gives them, in pixels; its centre is at z = 0."""
+    if camera is None:
+        return column, stage.y, stage.radius
+    x, y = to_camera(np.array(column), np.array(stage.y), stage.width, stage.height)
+    centre = np.array([float(x), float(y), -camera.matrix[0][0]])
+    away = float(np.linalg.norm(centre))
+    return Cone(centre / away, stage.radius / away).outline(np.array(camera.matrix))
 
 
 def _pose(stage: Stage, options: CaptureOptions, placed: Placement) -> Pose:

@@ -23,8 +23,8 @@ from tasks.surface import surface
 from tasks.survey import survey
 
 STAGES = (
-    Stage("survey", survey, facts=("spheres", "region", "pixel_size"), inputs=("frames", "mask", "lights")),
-    Stage("frames", frames, needs=("survey",), version=2),
+    Stage("survey", survey, facts=("spheres", "region", "pixel_size", "camera"), inputs=("frames", "mask", "lights")),
+    Stage("frames", frames, needs=("survey",), version=3),
     Stage("lights", lights, needs=("frames",), inputs=("lights",)),
     Stage("mask", mask, needs=("frames",), inputs=("mask",)),
     Stage("clusters", clusters, needs=("lights", "mask"), facts=("camera",)),

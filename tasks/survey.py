@@ -4,11 +4,13 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from storage import catalogue
 from storage.catalogue import Region
 from storage.errors import InputError
 from storage.footage import Footage, open_footage
 from storage.inputs import read_mask
 from tasks.algorithms.mask import estimate_mask
+from tasks.algorithms.perspective import cone_of
 from tasks.algorithms.spheres import Sphere, find_spheres
 from tasks.stage import Outcome, Progress
 from tasks.workspace import Workspace
@@ -41,7 +43,7 @@ def survey(work: Workspace, progress: Progress) -> Outcome:
         sample = take_sample(footage, parameters.sample, progress) if seek_spheres or seek_region else None
         spheres = [Sphere(each.x, each.y, each.radius) for each in capture.spheres]
         if sample is not None and seek_spheres:
-            spheres = find_spheres(sample.typical, sample.brightest)
+            spheres = find_spheres(sample.typical, sample.brightest, camera=work.camera_matrix)
         _check_spheres(spheres, size)
         region, arrays = capture.region or mask_region, {}
         if region is None:
@@ -50,7 +52,7 @@ def survey(work: Workspace, progress: Progress) -> Outcome:
             region = around(found, 2 * parameters.margin)
             arrays = {"mask": found[region.rows, region.columns]}
         _check_region(region, size)
-        scales = [each.diameter_mm / (2.0 * each.radius) for each in capture.spheres if each.diameter_mm]
+        scales = [_scale(each, work.camera_matrix) for each in capture.spheres if each.diameter_mm]
         pixel_size = capture.pixel_size or (float(np.mean(scales)) if scales else None)
         record = {
             "frame_size": [footage.width, footage.height],
@@ -63,6 +65,16 @@ def survey(work: Workspace, progress: Progress) -> Outcome:
             "unit": "pixels" if pixel_size is None else "mm",
         }
         return Outcome(arrays=arrays, record=record, counts={"spheres": len(spheres)})
+
+
+def _scale(sphere: catalogue.Sphere, camera: np.ndarray | None) -> float:
+    """Millimetres of a pixel at a sphere's centre, from its diameter."""
+    assert sphere.diameter_mm is not None
+    if camera is None:
+        return sphere.diameter_mm / (2.0 * sphere.radius)
+    cone = cone_of(sphere.x, sphere.y, sphere.radius, camera)
+    away = sphere.diameter_mm / (2.0 * cone.sine) * abs(float(cone.axis[2]))
+    return away / float(np.sqrt(camera[0, 0] * camera[1, 1]))
 
 
 def take_sample(footage: Footage, count: int, progress: Progress) -> Sample:

@@ -7,6 +7,7 @@ from numba import njit
 
 from tasks.algorithms.errors import UnusableCapture
 from tasks.algorithms.geometry import unit
+from tasks.algorithms.perspective import cone_of, views
 from tasks.algorithms.spheres import Sphere
 
 CANDIDATES = 4
@@ -36,10 +37,13 @@ class Highlights:
     blind: np.ndarray
 
 
-def static_level(sample: np.ndarray, sphere: Sphere, *, percentile: float = 30.0) -> StaticLevel:
+def static_level(
+    sample: np.ndarray, sphere: Sphere, *, percentile: float = 30.0, camera: np.ndarray | None = None
+) -> StaticLevel:
     """Static reflections of the ball from a sample of frames (S, h, w), evenly spread over the capture.
 
-    A low percentile is used since the hand lingers. One frame has no static part, a few have their minimum.
+    A low percentile is used since the hand lingers. One frame has no static part, a few have their minimum. camera: as
+    in `measure_highlights`.
     """
     frames = np.asarray(sample)
     if frames.ndim != 3 or len(frames) == 0:
@@ -50,7 +54,7 @@ def static_level(sample: np.ndarray, sphere: Sphere, *, percentile: float = 30.0
         level = frames.min(axis=0).astype(np.float32)
     else:
         level = np.percentile(frames, percentile, axis=0).astype(np.float32)
-    inside = _slope(sphere, frames.shape[1:]) < 0.75
+    inside = _seen(sphere, frames.shape[1:], camera)[0] < 0.75
     if not inside.any():
         raise UnusableCapture(f"the sphere at ({sphere.x:.1f}, {sphere.y:.1f}) lies outside its frames", REMEDY)
     peaks = frames[:, inside].max(axis=1)
@@ -68,6 +72,7 @@ def measure_highlights(
     low: float = 0.25,
     high: float = 0.75,
     reach: float = 1.3,
+    camera: np.ndarray | None = None,
 ) -> Highlights:
     """Bright blobs on the ball in a block of frames (T, h, w) uint8 or uint16.
 
@@ -75,12 +80,13 @@ def measure_highlights(
     `seed` somewhere; a pixel's weight rises from 0 at `low` to 1 at `high`, which makes its outline sub-pixel. Under
     an orthographic camera every pixel of a mirror ball shows the same solid angle of the surroundings (4 / radius^2
     steradians), so the weighted mean of the directions that the pixels mirror is the lamp's centre without bias from
-    the ball's distortion, and the lamp covers the same area wherever it is.
+    the ball's distortion, and the lamp covers the same area wherever it is. With a camera matrix (3, 3; pixels of these
+    frames) every pixel mirrors its own ray, and this is nearly so.
     """
     frames = np.ascontiguousarray(frames)
     if frames.ndim != 3 or frames.shape[1:] != static.level.shape:
         raise ValueError(f"frames have shape {frames.shape}, the static level {static.level.shape}")
-    slope = _slope(sphere, frames.shape[1:])
+    slope, mirrored = _seen(sphere, frames.shape[1:], camera)
     room = static.white - static.level
     blind = room < 0.15 * static.white
     unseen = blind | (slope > 1.05)
@@ -93,7 +99,7 @@ def measure_highlights(
         gain,
         least,
         blind & (slope <= 1.05),
-        _mirrored(sphere, frames.shape[1:]),
+        mirrored,
         low,
         high,
         reach,
@@ -102,19 +108,16 @@ def measure_highlights(
     return Highlights(unit(total).astype(np.float32), extent, bad / np.maximum(extent, 1.0))
 
 
-def _offsets(sphere: Sphere, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+def _seen(sphere: Sphere, shape: tuple[int, ...], camera: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Sine (h, w) of the angle between view and normal, above 1 beside the ball; directions (h, w, 3) mirrored."""
+    if camera is not None:
+        cone, view = cone_of(sphere.x, sphere.y, sphere.radius, camera), views(camera, shape, 0, 0)
+        normals = cone.normals(view)
+        return cone.slopes(view), 2.0 * (normals * view).sum(axis=-1, keepdims=True) * normals - view
     rows, columns = np.mgrid[: shape[0], : shape[1]]
-    return (columns - sphere.x) / sphere.radius, (sphere.y - rows) / sphere.radius
-
-
-def _slope(sphere: Sphere, shape: tuple[int, ...]) -> np.ndarray:
-    return np.hypot(*_offsets(sphere, shape))
-
-
-def _mirrored(sphere: Sphere, shape: tuple[int, ...]) -> np.ndarray:
-    nx, ny = _offsets(sphere, shape)
+    nx, ny = (columns - sphere.x) / sphere.radius, (sphere.y - rows) / sphere.radius
     nz = np.sqrt(np.maximum(1.0 - nx**2 - ny**2, 0.0))
-    return np.stack([2 * nz * nx, 2 * nz * ny, 2 * nz * nz - 1.0], axis=-1)
+    return np.hypot(nx, ny), np.stack([2 * nz * nx, 2 * nz * ny, 2 * nz * nz - 1.0], axis=-1)
 
 
 @njit(cache=True, nogil=True)

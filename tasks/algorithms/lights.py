@@ -8,6 +8,7 @@ three in a row.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -78,7 +79,7 @@ def decide_lights(
 
 
 def find_lights(
-    frames: np.ndarray, sphere: Sphere, *, block: int = 1024, sample: int = 200, **parameters: float
+    frames: np.ndarray, sphere: Sphere, *, block: int = 1024, sample: int = 200, **parameters: Any
 ) -> Lights:
     """Lights of frames (T, h, w) uint8 or uint16 cropped around a sphere given in the crop's pixels.
 
@@ -86,8 +87,8 @@ def find_lights(
     Raises UnusableCapture where no frame shows a light.
     """
     steps = np.unique(np.linspace(0, len(frames) - 1, min(sample, len(frames))).round().astype(int))
-    static = static_level(frames[steps], sphere, **_only(parameters, "percentile"))
-    measuring = _only(parameters, "seed", "low", "high", "reach")
+    static = static_level(frames[steps], sphere, **_only(parameters, "percentile", "camera"))
+    measuring = _only(parameters, "seed", "low", "high", "reach", "camera")
     blocks = [
         measure_highlights(frames[start : start + block], sphere, static, **measuring)
         for start in range(0, len(frames), block)
@@ -109,7 +110,7 @@ def _lights(half: np.ndarray, reason: np.ndarray, extent: np.ndarray, disagreeme
     )
 
 
-def _only(parameters: dict[str, float], *names: str) -> dict[str, float]:
+def _only(parameters: dict[str, Any], *names: str) -> dict[str, Any]:
     return {name: parameters[name] for name in names if name in parameters}
 
 

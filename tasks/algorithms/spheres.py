@@ -12,6 +12,8 @@ import numpy as np
 
 from tasks.algorithms.circles import EdgePicture, edge_picture, fit_outline, outline, strongest_circles
 from tasks.algorithms.errors import UnusableCapture
+from tasks.algorithms.geometry import unit
+from tasks.algorithms.perspective import Cone, cone_of
 
 MOST = 8
 """Spheres returned at most."""
@@ -28,6 +30,9 @@ SEEDS = 25
 EXAMINED = 12
 """Best candidates that are refined at the finest scale and judged again there."""
 
+AHEAD = np.array([1.0, -1.0, -1.0])
+"""Turns the camera frame (y up, z to the camera) into that of camera matrices (y down, z ahead), and back."""
+
 LEAST_SCORE = 0.14
 """Least product of outline and highlight evidence."""
 
@@ -41,6 +46,7 @@ REMEDY = (
 class Sphere:
     """A mirror ball: centre x, y and radius in pixels (centre of the top-left pixel = (0, 0), y down).
 
+    Under a perspective camera the outline is an ellipse: its centre, and the radius of a circle of its area.
     `score` in 0..1 says how well it was seen; a sphere that the user gave has 1.
     """
 
@@ -70,11 +76,17 @@ class Level:
 
 
 def find_spheres(
-    typical: np.ndarray, brightest: np.ndarray, *, smallest_radius: float = 20.0, least_score: float = LEAST_SCORE
+    typical: np.ndarray,
+    brightest: np.ndarray,
+    *,
+    smallest_radius: float = 20.0,
+    least_score: float = LEAST_SCORE,
+    camera: np.ndarray | None = None,
 ) -> list[Sphere]:
     """Mirror balls of at least `smallest_radius` pixels, best first.
 
     `typical` (H, W) is the static picture (temporal median), `brightest` (H, W) the temporal maximum, any real dtype.
+    With a perspective camera's matrix (3, 3) candidates are judged and measured as a camera turned to them sees them.
     Raises UnusableCapture where there is none.
     """
     if typical.shape != brightest.shape or typical.ndim != 2:
@@ -83,7 +95,7 @@ def find_spheres(
     for level in pyramid(typical, brightest):
         found += _balls(level, max(smallest_radius / level.scale, SMALLEST))
     found = _distinct(found, 0.03)[:EXAMINED]
-    found = [_judged(typical, brightest, sphere) for sphere in found if sphere.score > 0.25 * found[0].score]
+    found = [_judged(typical, brightest, sphere, camera) for sphere in found if sphere.score > 0.25 * found[0].score]
     found.sort(key=lambda sphere: -sphere.score)
     kept = [sphere for sphere in _distinct(found, 1.0) if sphere.score >= least_score]
     if not kept:
@@ -115,6 +127,40 @@ def refine_sphere(pictures: list[np.ndarray], sphere: Sphere, *, reach: float = 
         x, y, radius = x * scale + shift, y * scale + shift, radius * scale
         span, scale = 1.0 * scale, scale // 2
     return Sphere(x, y, radius, score)
+
+
+@dataclass(frozen=True, slots=True)
+class Turned:
+    """A camera turned to look at a ball, whose outline is a circle then: matrix (3, 3) of its small square frame, and
+    the rotation (3, 3) to it; both cameras have y down and z ahead here."""
+
+    camera: np.ndarray
+    matrix: np.ndarray
+    rotation: np.ndarray
+
+    @classmethod
+    def to(cls, sphere: Sphere, camera: np.ndarray) -> "Turned":
+        """Turn a camera (3, 3) to a sphere of its frame."""
+        ahead = cone_of(sphere.x, sphere.y, sphere.radius, camera).axis * AHEAD
+        middle = float(np.ceil(1.6 * sphere.radius))
+        focal = float(np.sqrt(camera[0, 0] * camera[1, 1]) / ahead[2] ** 1.5)
+        right = unit(np.cross([0.0, 1.0, 0.0], ahead))
+        matrix = np.array([[focal, 0.0, middle], [0.0, focal, middle], [0.0, 0.0, 1.0]])
+        return cls(camera, matrix, np.stack([right, np.cross(ahead, right), ahead]))
+
+    def picture(self, picture: np.ndarray) -> np.ndarray:
+        """What this camera sees, float32, of a picture (H, W) of the other one."""
+        back = self.camera @ self.rotation.T @ np.linalg.inv(self.matrix)
+        size = (2 * int(self.matrix[0, 2]) + 1,) * 2
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        edge = cv2.BORDER_REPLICATE
+        return cv2.warpPerspective(picture.astype(np.float32), back, size, flags=flags, borderMode=edge)
+
+    def back(self, circle: Sphere) -> Sphere:
+        """The sphere in the other camera's frame whose outline is a circle of this one's."""
+        cone = cone_of(circle.x, circle.y, circle.radius, self.matrix)
+        found = Cone(self.rotation.T @ (cone.axis * AHEAD) * AHEAD, cone.sine)
+        return Sphere(*found.outline(self.camera), circle.score)
 
 
 def pyramid(typical: np.ndarray, brightest: np.ndarray) -> list[Level]:
@@ -177,7 +223,12 @@ def _shrunk(picture: np.ndarray, scale: int) -> np.ndarray:
     return cv2.resize(picture[:height, :width], (width // scale, height // scale), interpolation=cv2.INTER_AREA)
 
 
-def _judged(typical: np.ndarray, brightest: np.ndarray, sphere: Sphere) -> Sphere:
+def _judged(typical: np.ndarray, brightest: np.ndarray, sphere: Sphere, camera: np.ndarray | None) -> Sphere:
+    if camera is not None:
+        turned = Turned.to(sphere, camera)
+        middle = float(turned.matrix[0, 2])
+        there = Sphere(middle, middle, sphere.radius)
+        return turned.back(_judged(turned.picture(typical), turned.picture(brightest), there, None))
     refined = refine_sphere([typical, brightest], sphere)
     scale = 2 ** max(0, int(np.floor(np.log2(refined.radius / 40.0))))
     level = _level(typical, brightest, scale)

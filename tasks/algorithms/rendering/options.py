@@ -64,6 +64,8 @@ class CaptureOptions:
     """Whether the hand never sweeps one seeded quarter of the hemisphere."""
     lamp_distance: float | None = None
     """Distance of the lamp from the object's centre in frame widths; None: far away."""
+    focal: float | None = None
+    """Focal length of the camera in frame widths, 0.8 as of a phone; its distance follows. None: parallel rays."""
     exposure_drift: float = 0.0
     """Relative amplitude of a slow drift of the exposure."""
     shake: float = 0.0
@@ -92,6 +94,7 @@ class CaptureOptions:
             "lamp_radius": 0.5 <= self.lamp_radius <= 30,
             "rays": 1 <= self.rays <= 8,
             "lamp_distance": self.lamp_distance is None or self.lamp_distance >= 1,
+            "focal": self.focal is None or (self.focal >= 0.5 and self.views == 1),
             "exposure_drift": 0 <= self.exposure_drift < 1,
             "shake": 0 <= self.shake <= 5,
             "noise": self.noise >= 0,
@@ -109,6 +112,7 @@ DEGRADED: dict[str, dict[str, Any]] = {
     "quarter-missing": {"missing_quarter": True},
     "near-lamp": {"lamp_distance": 10.0, "balls": 2},
     "near-lamp-one-ball": {"lamp_distance": 10.0},
+    "perspective": {"focal": 0.9},
     "exposure-drift": {"exposure_drift": 0.3},
     "low-bit-rate": {"crf": 35},
     "shake": {"shake": 0.5},

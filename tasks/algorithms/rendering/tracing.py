@@ -20,6 +20,8 @@ LEAST = 0.004
 """Weight below which a path is followed no further."""
 MIRROR = 0.9
 """Reflectance of chrome."""
+FAR = 1e4
+"""Pixels before the object at which parallel rays start."""
 NUDGE = 2e-3
 """Pixels by which a path starts off the surface that it leaves."""
 
@@ -76,10 +78,10 @@ class Scene:
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
         return distance, which, normals
 
-    def truth(self, columns: np.ndarray, rows: np.ndarray) -> Truth:
-        """What rays along -z at x = columns, y = rows (H, W each, camera frame) meet of the outer glass first."""
-        origins = np.stack([columns.ravel(), rows.ravel(), np.full(columns.size, 1e4)], axis=1).astype(np.float64)
-        directions = np.tile([0.0, 0.0, -1.0], (columns.size, 1))
+    def truth(self, columns: np.ndarray, rows: np.ndarray, away: float | None = None) -> Truth:
+        """What rays through x = columns, y = rows of the plane z = 0 (H, W each, camera frame) meet of the outer glass
+        first: along -z, or from a camera at z = `away`."""
+        origins, directions = _rays(columns.ravel().astype(np.float64), rows.ravel().astype(np.float64), away)
         distance, which, normals = self.cast(origins, directions)
         seen = np.isfinite(distance) & (self._materials[which] == GLASS)
         for number, solid in enumerate(self.solids):
@@ -88,14 +90,22 @@ class Scene:
                 triangle = np.zeros(int(here.sum()), np.int64)
                 points = origins[here] + directions[here] * distance[here, None]
                 normals[here] = solid.normals(points, triangle, np.zeros((len(triangle), 2)))
-        normals = np.where(normals[:, 2:] < 0, -normals, normals)
+        normals = np.where((normals * directions).sum(axis=1, keepdims=True) > 0, -normals, normals)
+        depth = origins[:, 2] + directions[:, 2] * np.where(seen, distance, 0.0)
         return Truth(
             np.where(seen[:, None], normals, np.nan).reshape(*columns.shape, 3).astype(np.float32),
-            np.where(seen, 1e4 - distance, np.nan).reshape(columns.shape).astype(np.float32),
+            np.where(seen, depth, np.nan).reshape(columns.shape).astype(np.float32),
         )
 
-    def trace(self, columns: np.ndarray, rows: np.ndarray, rays: int, generator: np.random.Generator) -> Paths:
-        """Follow rays x rays jittered rays of each pixel (columns, rows: (H, W), camera frame) through the scene."""
+    def trace(
+        self,
+        columns: np.ndarray,
+        rows: np.ndarray,
+        rays: int,
+        generator: np.random.Generator,
+        away: float | None = None,
+    ) -> Paths:
+        """Follow rays x rays jittered rays of each pixel through the scene; columns, rows, away as in `truth`."""
         height, width = columns.shape
         cells = (np.arange(rays) + 0.5) / rays - 0.5
         parts: list[tuple[np.ndarray, ...]] = []
@@ -104,8 +114,7 @@ class Scene:
             for right in cells:
                 jitter = generator.uniform(-0.5 / rays, 0.5 / rays, (2, columns.size))
                 x, y = columns.ravel() + right + jitter[0], rows.ravel() + down + jitter[1]
-                origins = np.stack([x, y, np.full(columns.size, 1e4)], axis=1)
-                parts += self._follow(origins, 1.0 / rays**2, matte)
+                parts += self._follow(*_rays(x, y, away), 1.0 / rays**2, matte)
         merged = [np.concatenate(each) for each in zip(*parts, strict=True)]
         pixel, origin, direction, weight, bounces = merged
         return Paths(
@@ -117,8 +126,9 @@ class Scene:
             matte.reshape(height, width),
         )
 
-    def _follow(self, origins: np.ndarray, share: float, matte: np.ndarray) -> list[tuple[np.ndarray, ...]]:
-        directions = np.tile([0.0, 0.0, -1.0], (len(origins), 1))
+    def _follow(
+        self, origins: np.ndarray, directions: np.ndarray, share: float, matte: np.ndarray
+    ) -> list[tuple[np.ndarray, ...]]:
         pixel, weight = np.arange(len(origins)), np.full(len(origins), share)
         left: list[tuple[np.ndarray, ...]] = []
         for bounce in range(BOUNCES):
@@ -147,6 +157,15 @@ class Scene:
             if len(pixel) == 0:
                 break
         return left
+
+
+def _rays(x: np.ndarray, y: np.ndarray, away: float | None) -> tuple[np.ndarray, np.ndarray]:
+    """Origins and directions (N, 3) of the camera's rays through (x, y, 0)."""
+    if away is None:
+        return np.stack([x, y, np.full(len(x), FAR)], axis=1), np.tile([0.0, 0.0, -1.0], (len(x), 1))
+    directions = np.stack([x, y, np.full(len(x), -away)], axis=1)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return np.tile([0.0, 0.0, away], (len(x), 1)), directions
 
 
 def refraction(directions: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
