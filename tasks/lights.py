@@ -21,9 +21,10 @@ from tasks.algorithms.lights import (
     decide_lights,
     disagreement_of,
 )
+from tasks.algorithms.near_camera import find_focal
 from tasks.algorithms.near_lamp import NearLamp, find_near_lamp, lamp_beside
 from tasks.algorithms.spheres import Sphere
-from tasks.frames import camera_within, crops_of, open_frames, spheres_of
+from tasks.frames import camera_within, crops_of, levels, open_frames, spheres_of
 from tasks.stage import Outcome, Progress
 from tasks.workspace import Workspace
 
@@ -40,9 +41,10 @@ def lights(work: Workspace, progress: Progress) -> Outcome:
     """
     cache = open_frames(work)
     if work.capture.lights:
-        found, lamp = _known(work, cache.frames), None
+        found, lamp, told = _known(work, cache.frames), None, []
     else:
         found, lamp = _seen(work, cache, progress)
+        told = _near_camera(work, cache)
     accepted = int(found.accepted.sum())
     if accepted < 2:
         raise UnusableCapture(
@@ -69,7 +71,7 @@ def lights(work: Workspace, progress: Progress) -> Outcome:
         arrays={"half_vectors": found.half_vectors, "lights": found.lights, "reason": found.reason},
         record=record,
         counts={"accepted": accepted, **rejected},
-        warnings=[str(gap) for gap in swept.gaps],
+        warnings=[str(gap) for gap in swept.gaps] + told,
     )
 
 
@@ -109,6 +111,25 @@ def _seen(work: Workspace, cache: FrameCache, progress: Progress) -> tuple[Light
             "give a sphere's diameter_mm, or the capture's pixel_size",
         )
     return combined, lamp_beside(spheres, distance / pixel_size)
+
+
+def _near_camera(work: Workspace, cache: FrameCache) -> list[str]:
+    """A warning where a ball's outline shows a near camera whose matrix is not given."""
+    if work.camera_matrix is not None:
+        return []
+    width, height = work.load("survey").record["frame_size"]
+    for number, sphere in enumerate(spheres_of(work)):
+        crop = crops_of(work)[f"sphere-{number}"]
+        typical, brightest = levels(cache, f"sphere-{number}")
+        middle = (width - 1) / 2 - crop.x, (height - 1) / 2 - crop.y
+        focal = find_focal(typical, brightest, sphere.within(crop.x, crop.y), middle, width)
+        if focal is not None:
+            return [
+                f"the ball at ({sphere.x:.0f}, {sphere.y:.0f}) is seen as an ellipse, as by a near camera with a focal"
+                f" length of some {focal:.1f} frame widths: give `camera: {{matrix: ..}}`, or film from farther away"
+                " with a longer lens"
+            ]
+    return []
 
 
 def _of_sphere(work: Workspace, cache: FrameCache, name: str, sphere: Sphere, camera: np.ndarray | None) -> Lights:

@@ -25,7 +25,7 @@ from tasks.survey import survey
 STAGES = (
     Stage("survey", survey, facts=("spheres", "region", "pixel_size", "camera"), inputs=("frames", "mask", "lights")),
     Stage("frames", frames, needs=("survey",), version=3),
-    Stage("lights", lights, needs=("frames",), inputs=("lights",)),
+    Stage("lights", lights, needs=("frames",), inputs=("lights",), version=2),
     Stage("mask", mask, needs=("frames",), inputs=("mask",)),
     Stage("clusters", clusters, needs=("lights", "mask"), facts=("camera",)),
     Stage("markup", markup, needs=("clusters",), inputs=("markup",)),

@@ -7,10 +7,13 @@ there a rim normal has n_z = 0, and the slope of a smooth surface is that of the
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from tasks.algorithms.geometry import half_vectors_of, lights_of, unit
 
+AHEAD = np.array([1.0, -1.0, -1.0])
+"""Turns the camera frame (y up, z to the camera) into that of camera matrices (y down, z ahead), and back."""
 STRAIGHT = np.array([0.0, 0.0, 1.0])
 
 
@@ -65,7 +68,7 @@ class Cone:
 
     def outline(self, camera: np.ndarray) -> tuple[float, float, float]:
         """The outline's centre x, y and mean radius (that of a circle of its area) in pixels of the camera's frame."""
-        across, down, ahead = self.axis * (1.0, -1.0, -1.0)
+        across, down, ahead = self.axis * AHEAD
         room = ahead**2 - self.sine**2
         x, y, _ = camera @ np.array([across * ahead / room, down * ahead / room, 1.0])
         area = self.sine**2 * np.sqrt(1.0 - self.sine**2) / room**1.5
@@ -86,9 +89,49 @@ def cone_of(x: float, y: float, radius: float, camera: np.ndarray) -> Cone:
     return cone
 
 
+@dataclass(frozen=True, slots=True)
+class Turned:
+    """A camera turned to look at a ball, whose outline is a circle then.
+
+    camera (3, 3) as it stands; matrix (3, 3) of the turned one, whose small square frame has the ball in its `middle`;
+    rotation (3, 3) to it; both have y down and z ahead here.
+    """
+
+    camera: np.ndarray
+    matrix: np.ndarray
+    rotation: np.ndarray
+
+    @classmethod
+    def to(cls, x: float, y: float, radius: float, camera: np.ndarray) -> "Turned":
+        """Turn a camera (3, 3) to the ball with an outline of that centre and mean radius, which it keeps."""
+        ahead = cone_of(x, y, radius, camera).axis * AHEAD
+        middle = float(np.ceil(1.6 * radius))
+        focal = float(np.sqrt(camera[0, 0] * camera[1, 1]) / ahead[2] ** 1.5)
+        right = unit(np.cross([0.0, 1.0, 0.0], ahead))
+        matrix = np.array([[focal, 0.0, middle], [0.0, focal, middle], [0.0, 0.0, 1.0]])
+        return cls(camera, matrix, np.stack([right, np.cross(ahead, right), ahead]))
+
+    @property
+    def middle(self) -> float:
+        """Column and row of the ball's centre."""
+        return float(self.matrix[0, 2])
+
+    def picture(self, picture: np.ndarray) -> np.ndarray:
+        """What the turned camera sees, float32, of the other's picture (H, W)."""
+        back = self.camera @ self.rotation.T @ np.linalg.inv(self.matrix)
+        size = (2 * int(self.middle) + 1,) * 2
+        flags, edge = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, cv2.BORDER_REPLICATE
+        return cv2.warpPerspective(picture.astype(np.float32), back, size, flags=flags, borderMode=edge)
+
+    def back(self, x: float, y: float, radius: float) -> tuple[float, float, float]:
+        """Centre and mean radius, in the camera's own frame, of an outline that is a circle in the turned one."""
+        cone = cone_of(x, y, radius, self.matrix)
+        return Cone(self.rotation.T @ (cone.axis * AHEAD) * AHEAD, cone.sine).outline(self.camera)
+
+
 def _view(camera: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     rays = np.stack([x, y, np.ones(np.shape(x))], axis=-1) @ np.linalg.inv(camera).T
-    return unit(rays * (-1.0, 1.0, 1.0))
+    return unit(-rays * AHEAD)
 
 
 def _turned(vectors: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:

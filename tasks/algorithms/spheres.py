@@ -12,8 +12,7 @@ import numpy as np
 
 from tasks.algorithms.circles import EdgePicture, edge_picture, fit_outline, outline, strongest_circles
 from tasks.algorithms.errors import UnusableCapture
-from tasks.algorithms.geometry import unit
-from tasks.algorithms.perspective import Cone, cone_of
+from tasks.algorithms.perspective import Turned
 
 MOST = 8
 """Spheres returned at most."""
@@ -29,9 +28,6 @@ SEEDS = 25
 
 EXAMINED = 12
 """Best candidates that are refined at the finest scale and judged again there."""
-
-AHEAD = np.array([1.0, -1.0, -1.0])
-"""Turns the camera frame (y up, z to the camera) into that of camera matrices (y down, z ahead), and back."""
 
 LEAST_SCORE = 0.14
 """Least product of outline and highlight evidence."""
@@ -129,40 +125,6 @@ def refine_sphere(pictures: list[np.ndarray], sphere: Sphere, *, reach: float = 
     return Sphere(x, y, radius, score)
 
 
-@dataclass(frozen=True, slots=True)
-class Turned:
-    """A camera turned to look at a ball, whose outline is a circle then: matrix (3, 3) of its small square frame, and
-    the rotation (3, 3) to it; both cameras have y down and z ahead here."""
-
-    camera: np.ndarray
-    matrix: np.ndarray
-    rotation: np.ndarray
-
-    @classmethod
-    def to(cls, sphere: Sphere, camera: np.ndarray) -> "Turned":
-        """Turn a camera (3, 3) to a sphere of its frame."""
-        ahead = cone_of(sphere.x, sphere.y, sphere.radius, camera).axis * AHEAD
-        middle = float(np.ceil(1.6 * sphere.radius))
-        focal = float(np.sqrt(camera[0, 0] * camera[1, 1]) / ahead[2] ** 1.5)
-        right = unit(np.cross([0.0, 1.0, 0.0], ahead))
-        matrix = np.array([[focal, 0.0, middle], [0.0, focal, middle], [0.0, 0.0, 1.0]])
-        return cls(camera, matrix, np.stack([right, np.cross(ahead, right), ahead]))
-
-    def picture(self, picture: np.ndarray) -> np.ndarray:
-        """What this camera sees, float32, of a picture (H, W) of the other one."""
-        back = self.camera @ self.rotation.T @ np.linalg.inv(self.matrix)
-        size = (2 * int(self.matrix[0, 2]) + 1,) * 2
-        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        edge = cv2.BORDER_REPLICATE
-        return cv2.warpPerspective(picture.astype(np.float32), back, size, flags=flags, borderMode=edge)
-
-    def back(self, circle: Sphere) -> Sphere:
-        """The sphere in the other camera's frame whose outline is a circle of this one's."""
-        cone = cone_of(circle.x, circle.y, circle.radius, self.matrix)
-        found = Cone(self.rotation.T @ (cone.axis * AHEAD) * AHEAD, cone.sine)
-        return Sphere(*found.outline(self.camera), circle.score)
-
-
 def pyramid(typical: np.ndarray, brightest: np.ndarray) -> list[Level]:
     """Levels of halved pictures, down to where a ball of the frame's size has the largest radius looked for."""
     levels, scale = [], 1
@@ -225,10 +187,10 @@ def _shrunk(picture: np.ndarray, scale: int) -> np.ndarray:
 
 def _judged(typical: np.ndarray, brightest: np.ndarray, sphere: Sphere, camera: np.ndarray | None) -> Sphere:
     if camera is not None:
-        turned = Turned.to(sphere, camera)
-        middle = float(turned.matrix[0, 2])
-        there = Sphere(middle, middle, sphere.radius)
-        return turned.back(_judged(turned.picture(typical), turned.picture(brightest), there, None))
+        turned = Turned.to(sphere.x, sphere.y, sphere.radius, camera)
+        there = Sphere(turned.middle, turned.middle, sphere.radius)
+        seen = _judged(turned.picture(typical), turned.picture(brightest), there, None)
+        return Sphere(*turned.back(seen.x, seen.y, seen.radius), seen.score)
     refined = refine_sphere([typical, brightest], sphere)
     scale = 2 ** max(0, int(np.floor(np.log2(refined.radius / 40.0))))
     level = _level(typical, brightest, scale)
