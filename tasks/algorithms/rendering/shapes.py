@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -22,7 +23,7 @@ def build(shape: str, width: int, height: int, turn: float = 0.0, level: bool = 
     turn: degrees about the upward axis, counter-clockwise from above; level: no tilt, and neither scale nor place
     depend on the turn, so that views of a turntable agree.
     """
-    solids = _MAKERS[shape]()
+    solids = _made(shape)
     tilt = 0.0 if level else TILTS.get(shape, 0.0)
     turned_by = _about_y(turn)
     rotation = _about_x(tilt) @ turned_by
@@ -36,6 +37,11 @@ def build(shape: str, width: int, height: int, turn: float = 0.0, level: bool = 
     factor = float(min((width - 2 * MARGIN) / (high[0] - low[0]), (height - 2 * MARGIN) / (high[1] - low[1])))
     offset = -factor * (low + high) / 2.0
     return [solid.scaled(factor).moved(rotation, offset) for solid in solids]
+
+
+@cache
+def _made(shape: str) -> tuple[Solid, ...]:
+    return tuple(_MAKERS[shape]())
 
 
 def _about_x(degrees: float) -> np.ndarray:
