@@ -60,8 +60,10 @@ def home(tmp_path: Path) -> Iterator[Path]:
 def test_careless_captures_are_judged_from_the_command_line(tmp_path: Path, home: Path) -> None:
     """The command as it is, on one shape and one defect."""
     few = {"perspective": FEW["perspective"]}
+    less = {"default": {}, "one candidate": {"clusters": 1}}
     said = (
-        f"import flows.degraded as d; d.SHAPES = ('hemisphere',); d.DEGRADED = {few!r}; import flows.cli as c; c.main()"
+        "import flows.degraded as d, tasks.ablation as a, flows.cli as c;"
+        f"d.SHAPES = ('hemisphere',); d.DEGRADED = {few!r}; a.ABLATIONS = {less!r}; c.main()"
     )
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("PREFECT", "GLINT"))}
     environment |= {"GLINT_HOME": str(home), "PYTHONPATH": str(ROOT)}
