@@ -3,6 +3,8 @@ import numpy as np
 import pytest
 
 from tasks.algorithms.errors import UnusableCapture
+from tasks.algorithms.near_camera import find_focal
+from tasks.algorithms.perspective import Turned
 from tasks.algorithms.spheres import Sphere, find_spheres, highlight_evidence, refine_sphere
 from tests.tasks.algorithms.mirror_ball import directions, pooled
 
@@ -134,3 +136,23 @@ def test_the_spheres_of_psbox(shared_data, probe):
 def test_the_chrome_ball_of_uw(shared_data):
     typical, brightest = of_photographs(shared_data / "real" / "uw_chrome" / "chrome", "chrome.[0-9]*.png")
     assert_near(find_spheres(typical, brightest)[0], Sphere(253.5, 148.0, 119.25))
+
+
+def test_a_near_camera_sees_a_ball_as_an_ellipse_and_finds_it():
+    """A picture of a ball in the middle, as a camera turned to it sees it, seen by a camera that looks beside it."""
+    camera = np.array([[330.0, 0, 180.0], [0, 330.0, 130.0], [0, 0, 1.0]])
+    truth = Sphere(300.0, 170.0, 38.0)
+    turned = Turned.to(truth.x, truth.y, truth.radius, camera)
+    back = np.linalg.inv(camera @ turned.rotation.T @ np.linalg.inv(turned.matrix))
+    # The turned camera's frame, larger: its middle moves with it.
+    turned_size, shift = 600, 300.0 - turned.middle
+    back = np.array([[1.0, 0, shift], [0, 1.0, shift], [0, 0, 1.0]]) @ back
+    round_ = scene([Sphere(300.0, 300.0, truth.radius)], shape=(turned_size, turned_size))
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    still, bright = (cv2.warpPerspective(each, back, (360, 260), flags=flags) for each in round_)
+    found = find_spheres(still, bright, camera=camera)[0]
+    assert_near(found, truth, 0.02)
+    middle = (180.0, 130.0)
+    assert find_focal(still, bright, truth, middle, 360) == pytest.approx(330 / 360, rel=0.5)
+    straight = scene([truth])
+    assert find_focal(*straight, truth, middle, 360) is None
