@@ -63,7 +63,7 @@ def moved(picture: np.ndarray, shift: np.ndarray) -> np.ndarray:
 
 
 def aligned(frames: np.ndarray, rounds: int = 2) -> tuple[np.ndarray, np.ndarray]:
-    """The median (H, W) float32 of some frames (T, H, W) moved onto each other, and the shift (T, 2) of each from it."""
+    """The median (H, W) float32 of some frames (T, H, W) moved onto each other, and the shift (T, 2) of each."""
     reference, shifts = np.median(frames, axis=0).astype(np.float32), np.zeros((len(frames), 2))
     for _ in range(rounds):
         steadier = Steadier(reference)

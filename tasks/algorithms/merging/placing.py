@@ -11,12 +11,13 @@ from tasks.algorithms.merging.hull import Outline, outline_of
 from tasks.algorithms.merging.model import Model
 from tasks.algorithms.merging.poses import (
     Turntable,
-    misses,
+    agreement_of,
     on_turntable,
+    solve_axis,
     solve_turntable,
-    turned_by_normals,
     turntable_of,
 )
+from tasks.algorithms.merging.tangents import misses
 from tasks.algorithms.merging.views import View
 
 CONTRADICTORY = 1.0
@@ -45,28 +46,30 @@ class Placed:
 
 
 def place_on_turntable(views: Sequence[View], angles: Sequence[float]) -> Placed:
-    """Solve a turntable's axis from the outlines.
+    """Solve a turntable from the outlines.
 
     Raises:
         UnusableCapture: fewer than two views, or none agree.
     """
     _enough(views)
-    table = solve_turntable(views, turntable_of(views, angles))
+    table = solve_axis(views, turntable_of(views, angles))
     kept, left_out = _consistent(views, table)
     if left_out:
         views, angles = [views[each] for each in kept], [angles[each] for each in kept]
         _enough(views)
-        table = solve_turntable(views, turntable_of(views, angles))
-    return _placed(views, table, table.angles, left_out)
+        table = solve_axis(views, turntable_of(views, angles))
+    given = np.asarray(angles, float)
+    return _placed(views, solve_turntable(views, table, given), given, left_out)
 
 
 def placed_anew(placed: Placed, views: Sequence[View], model: Model) -> Placed:
-    """Correct a turntable's angles by the normals that its views, now better known, saw of the model."""
+    """Correct a turntable by the normals that its views, now better known, saw of the model."""
     if placed.turntable is None or len(views) < 3:
         return replace(placed, views=tuple(views))
     fused = fuse(views, model.vertices, model.triangles)
-    table = turned_by_normals(views, placed.turntable, placed.given, model.vertices, fused)
-    return _placed(views, solve_turntable(views, table), placed.given, placed.left_out)
+    normals = agreement_of(views, placed.turntable, model.vertices, fused)
+    table = solve_turntable(views, placed.turntable, placed.given, normals)
+    return _placed(views, table, placed.given, placed.left_out)
 
 
 def _placed(views: Sequence[View], table: Turntable, given: np.ndarray, left_out: Sequence[LeftOut]) -> Placed:

@@ -1,40 +1,32 @@
-"""Poses solved from silhouettes and normals: where cameras must have stood to see one body.
+"""A turntable solved: its axis and its angles, from outlines and, once there is a model, from normals.
 
-The ray through each pixel of an outline touches the body, so it must meet the hull of all other views. How far it
-passes by is a residual; it is zero for consistent poses whatever the body's shape. It tells where a turntable's axis
-stands and how it leans. Errors of its angles are told by the normals instead, once there is a model to compare them on.
+Outlines tell the axis to a tenth of a degree and of a pixel, and how the outlines of slim bodies change with the angle;
+normals tell the angles of the rest. Both hold each other and the angles as they were given.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import ndimage
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
+from scipy.special import expit
 
+from tasks.algorithms.merging.agreement import Agreement, agreement
 from tasks.algorithms.merging.fusion import Fused
-from tasks.algorithms.merging.hull import Outline, ball_around, hull_field, outline_of
-from tasks.algorithms.merging.views import View, sample, turned
+from tasks.algorithms.merging.hull import ball_around, outline_of
+from tasks.algorithms.merging.tangents import tangents
+from tasks.algorithms.merging.views import View, turned
 
-RAYS = 48
-"""Rays taken of each outline."""
-COARSE, FINE = 40, 9
-"""Points looked at along a ray, first from end to end, then round the best."""
-SOFT = 1.0
-"""Pixels of residual beyond which a ray counts as an outlier."""
+SOLVED_RAYS = 120
+"""Rays taken of each outline to solve poses: their pixels' staircases must average out."""
+OUTLINE_ERROR, SOFT, CORNER = 0.15, 1.0, 0.15
+"""Pixels of residual that are expected, beyond which a ray counts as an outlier, and over which rays begin to count."""
 ANGLE_ERROR, LEAN_ERROR = 1.0, 4.0
-"""Degrees expected of a turntable's angles and of its axis, which hold what the outlines leave open."""
+"""Degrees expected of a turntable's angles and of its axis."""
 DIFFERENCE = 0.1
 """Degrees, or per cent of the object's size, over which residuals are differentiated."""
-SURE = 0.8
-"""Confidence from which normals are compared: the smooth field's guesses lean with the view that made them."""
-NORMAL_ERROR = 0.25
-"""Degrees by which the confident normals of a view may be wrong all alike."""
-FEWEST = 30
-"""Vertices that two views must see for their normals to be compared."""
-DIFFERENT = 8.0
-"""Degrees between the normals of two views beyond which one of them is taken to be mistaken."""
+EVALUATIONS = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,130 +66,6 @@ def turntable_of(views: Sequence[View], angles: Sequence[float]) -> Turntable:
     return Turntable(float(found[0]), 0.0, 0.0, np.asarray(angles, float))
 
 
-def misses(views: Sequence[View], outlines: Sequence[Outline], rays: int = RAYS) -> np.ndarray:
-    """By how much (V, rays), in pixels, the rays through each view's outline pass by the hull of the other views."""
-    centre, reach = ball_around(views)
-    found = np.zeros((len(views), rays))
-    for number, view in enumerate(views):
-        others = [each for each in range(len(views)) if each != number]
-        field = hull_field([views[each] for each in others], [outlines[each] for each in others])
-        starts, directions = view.rays(*rim_points(view.mask, rays))
-        middle = ((centre - starts) * directions).sum(axis=1)
-        found[number] = _nearest(field, starts, directions, middle, reach) / view.footprint(centre[None])
-    return found
-
-
-def rim_points(mask: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Columns and rows (count,) of pixels of a mask's rim, evenly taken around it; the region's border is none."""
-    rim = mask & ~ndimage.binary_erosion(np.pad(mask, 1, mode="edge"))[1:-1, 1:-1]
-    rows, columns = np.nonzero(rim)
-    around = np.argsort(np.arctan2(rows - rows.mean(), columns - columns.mean()), kind="stable")
-    taken = around[np.linspace(0, len(around) - 1, count).round().astype(int)]
-    return columns[taken].astype(float), rows[taken].astype(float)
-
-
-def _nearest(
-    field: Callable[[np.ndarray], np.ndarray],
-    starts: np.ndarray,
-    directions: np.ndarray,
-    middle: np.ndarray,
-    reach: float,
-) -> np.ndarray:
-    """Least positive value (N,) of the field along each ray, 0 where a ray meets the hull."""
-    along = middle[:, None] + np.linspace(-reach, reach, COARSE)
-    step = 2 * reach / (COARSE - 1)
-    for _ in range(2):
-        points = starts[:, None] + along[..., None] * directions[:, None]
-        values = field(points.reshape(-1, 3)).reshape(along.shape)
-        best = np.take_along_axis(along, values.argmin(axis=1)[:, None], axis=1)
-        along = best + np.linspace(-step, step, FINE)
-        step *= 2 / (FINE - 1)
-    return np.maximum(values.min(axis=1), 0.0)
-
-
-def solve_turntable(views: Sequence[View], start: Turntable) -> Turntable:
-    """The axis on which the views' outlines agree best; the angles stay, as outlines hardly tell small errors of them.
-
-    They tell the axis to a tenth of a degree and of a pixel.
-    """
-    outlines = [outline_of(view.mask) for view in views]
-    size = _size(views)
-
-    def turntable(unknowns: np.ndarray) -> Turntable:
-        offset, towards, sideways = unknowns.tolist()
-        return Turntable(offset * size / 100, towards, sideways, start.angles)
-
-    def residuals(unknowns: np.ndarray) -> np.ndarray:
-        missed = misses(on_turntable(views, turntable(unknowns)), outlines)
-        return np.concatenate([_softened(missed), unknowns[1:] / LEAN_ERROR])
-
-    first = np.array([100 * start.offset / size, start.towards, start.sideways])
-    found = least_squares(residuals, first, jac=_differences(residuals), max_nfev=8, xtol=1e-3, ftol=1e-3)
-    return turntable(found.x)
-
-
-def turned_by_normals(
-    views: Sequence[View], table: Turntable, given: np.ndarray, vertices: np.ndarray, fused: Fused
-) -> Turntable:
-    """The turntable whose angles make each view's normals agree best with what the other views say of the surface.
-
-    views: as they are on `table`; given (V,): the angles, degrees, that are expected to be true within ANGLE_ERROR;
-    vertices (N, 3) of the model and what the views say of them. Turning a view changes which pixel shows a vertex as
-    well as how its normal lies in the world; on a body that is round about the axis the two cancel and the normals
-    tell nothing. Only normals that two views are sure of are compared.
-    """
-    weights = np.where(fused.sure >= SURE, fused.sure, 0.0)
-    everyone = (weights[..., None] * fused.each).sum(axis=0)
-    ahead, behind = (on_turntable(views, replace(table, angles=table.angles + way * DIFFERENCE)) for way in (1.0, -1.0))
-    turns = np.zeros(len(views))
-    for number in range(len(views)):
-        own = fused.each[number]
-        others = everyone - weights[number][:, None] * own
-        length = np.linalg.norm(others, axis=1)
-        both = np.flatnonzero((weights[number] > 0) & (length > SURE))
-        if len(both) < FEWEST:
-            continue
-        change = (_normals_at(ahead[number], vertices[both]) - _normals_at(behind[number], vertices[both])) / (
-            2 * np.radians(DIFFERENCE)
-        )
-        left = own[both] - others[both] / length[both, None]
-        apart = np.degrees(np.linalg.norm(left, axis=1))
-        weight = np.minimum(weights[number], length)[both] / (1.0 + (apart / DIFFERENT) ** 2) ** 2
-        slope, square = ((weight * (change * each).sum(axis=1)).sum() / weight.sum() for each in (left, change))
-        held = (NORMAL_ERROR / ANGLE_ERROR) ** 2
-        so_far = np.radians(table.angles[number] - given[number])
-        turns[number] = -np.degrees((slope + held * so_far) / (square + held))
-    return replace(table, angles=table.angles + turns - turns.mean())
-
-
-def _normals_at(view: View, points: np.ndarray) -> np.ndarray:
-    """Normals (N, 3) of the world that a view shows at points (N, 3)."""
-    normals = sample(np.nan_to_num(view.normals), *view.project(points))
-    return view.to_world(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9))
-
-
-def _differences(function: Callable[[np.ndarray], np.ndarray]) -> Callable[[np.ndarray], np.ndarray]:
-    """The function's Jacobian by central differences that are wide against the outlines' staircase."""
-
-    def jacobian(unknowns: np.ndarray) -> np.ndarray:
-        steps = DIFFERENCE * np.eye(len(unknowns))
-        return np.stack(
-            [(function(unknowns + step) - function(unknowns - step)) / (2 * DIFFERENCE) for step in steps], axis=1
-        )
-
-    return jacobian
-
-
-def _softened(misses: np.ndarray) -> np.ndarray:
-    """Residuals (V * rays,) whose squares grow but linearly beyond SOFT."""
-    flat = misses.ravel()
-    return np.sqrt(2.0 * SOFT**2 * (np.sqrt(1.0 + (flat / SOFT) ** 2) - 1.0))
-
-
-def _size(views: Sequence[View]) -> float:
-    return max(float(np.hypot(*view.mask.shape)) * view.pixel_size for view in views)
-
-
 def on_turntable(views: Sequence[View], table: Turntable) -> list[View]:
     """Views where a turntable puts them; a perspective camera keeps its distance from the axis."""
     placed = []
@@ -205,3 +73,79 @@ def on_turntable(views: Sequence[View], table: Turntable) -> list[View]:
         rotation, translation = table.pose(number)
         placed.append(view.placed(rotation, translation + np.array([0.0, 0.0, view.translation[2]])))
     return placed
+
+
+def solve_axis(views: Sequence[View], start: Turntable) -> Turntable:
+    """The axis on which the views' outlines agree best; the angles stay."""
+    return _solved(views, start, start.angles, None, np.zeros((0, len(views))))
+
+
+def solve_turntable(
+    views: Sequence[View], start: Turntable, given: np.ndarray, normals: Agreement | None = None
+) -> Turntable:
+    """The axis and the angles on which the views' outlines agree best, and their normals as seen from the start.
+
+    given (V,): the angles, degrees, that are expected to be true within ANGLE_ERROR; their mean stays.
+    """
+    free = np.eye(len(views))
+    solved = _solved(views, start, given, normals, free)
+    return replace(solved, angles=solved.angles - (solved.angles - given).mean())
+
+
+def agreement_of(views: Sequence[View], table: Turntable, vertices: np.ndarray, fused: Fused) -> Agreement:
+    """How the normals of views, as they are on a turntable, agree on the vertices (N, 3) of a model."""
+    ahead, behind = (on_turntable(views, replace(table, angles=table.angles + way * DIFFERENCE)) for way in (1.0, -1.0))
+    pairs = [(one, other, 2.0 * DIFFERENCE) for one, other in zip(ahead, behind, strict=True)]
+    return agreement(views, pairs, vertices, fused)
+
+
+def _solved(
+    views: Sequence[View], start: Turntable, given: np.ndarray, normals: Agreement | None, free: np.ndarray
+) -> Turntable:
+    """The turntable with least squares; free (F, V): the directions in which the angles may change."""
+    outlines = [outline_of(view.mask) for view in views]
+    hundredth = max(float(np.hypot(*view.mask.shape)) * view.pixel_size for view in views) / 100
+    size = np.array([view.footprint(ball_around(views)[0][None])[0] for view in views])
+    matrix, vector = (np.zeros((0, len(views))), np.zeros(0)) if normals is None else normals.residuals()
+    # The offset has no prior.
+    held = np.concatenate([[0.0], np.full(2, 1.0 / LEAN_ERROR), np.full(len(free), 1.0 / ANGLE_ERROR)])
+
+    def turntable(unknowns: np.ndarray) -> Turntable:
+        offset, towards, sideways = unknowns[:3].tolist()
+        return Turntable(offset * hundredth, towards, sideways, start.angles + unknowns[3:] @ free)
+
+    def expected() -> np.ndarray:
+        return np.concatenate([np.zeros(3), free @ (given - start.angles)])
+
+    def residuals(unknowns: np.ndarray) -> np.ndarray:
+        missed = tangents(on_turntable(views, turntable(unknowns)), outlines, SOLVED_RAYS).distance
+        turns = unknowns[3:] @ free
+        return np.concatenate([_counted(missed)[0], held * (unknowns - expected()), matrix @ turns + vector])
+
+    def jacobian(unknowns: np.ndarray) -> np.ndarray:
+        touching = tangents(on_turntable(views, turntable(unknowns)), outlines, SOLVED_RAYS)
+        grade = _counted(touching.distance)[1]
+        columns = []
+        for step in DIFFERENCE * np.eye(len(unknowns)):
+            ahead, behind = (
+                touching.distances(on_turntable(views, turntable(unknowns + way * step)), outlines, size)
+                for way in (1.0, -1.0)
+            )
+            columns.append(grade * (ahead - behind).ravel() / (2 * DIFFERENCE))
+        turning = np.hstack([np.zeros((len(matrix), 3)), matrix @ free.T])
+        return np.vstack([np.stack(columns, axis=1), np.diag(held), turning])
+
+    first = np.concatenate([[start.offset / hundredth, start.towards, start.sideways], np.zeros(len(free))])
+    found = least_squares(residuals, first, jac=jacobian, max_nfev=EVALUATIONS, xtol=1e-4, ftol=1e-4)
+    return turntable(found.x)
+
+
+def _counted(distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals (N,) of rays at signed distances (V, R) in pixels, and their derivatives (N,): rays that run inside the
+    hull count nothing, squares grow but linearly beyond SOFT."""
+    flat = distances.ravel()
+    missed = CORNER * np.logaddexp(0.0, flat / CORNER)
+    root = np.sqrt(1.0 + (missed / SOFT) ** 2)
+    soft = SOFT * np.sqrt(2.0 * (root - 1.0))
+    slope = missed / root / np.maximum(soft, 1e-12) * expit(flat / CORNER)
+    return soft / OUTLINE_ERROR, slope / OUTLINE_ERROR

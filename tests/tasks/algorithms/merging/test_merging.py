@@ -14,9 +14,10 @@ from tasks.algorithms.merging.fusion import fuse
 from tasks.algorithms.merging.hull import hull_field, outline_of
 from tasks.algorithms.merging.model import Model, merge, simplified, visual_hull
 from tasks.algorithms.merging.placing import place_by_matrices, place_on_turntable, placed_anew
-from tasks.algorithms.merging.poses import Turntable, misses, on_turntable
+from tasks.algorithms.merging.poses import Turntable, on_turntable
 from tasks.algorithms.merging.projection import cast, seen_normals
 from tasks.algorithms.merging.scores import ModelScore, score_model
+from tasks.algorithms.merging.tangents import misses
 from tasks.algorithms.merging.views import View
 from tests.tasks.algorithms.merging.figurine import FRAME, body, true_model, views_of
 
