@@ -27,10 +27,10 @@ STAGES = (
     Stage("frames", frames, needs=("survey",), version=3),
     Stage("lights", lights, needs=("frames",), inputs=("lights",), version=2),
     Stage("mask", mask, needs=("frames",), inputs=("mask",)),
-    Stage("clusters", clusters, needs=("lights", "mask"), facts=("camera",)),
+    Stage("clusters", clusters, needs=("lights", "mask"), facts=("camera",), version=2),
     Stage("markup", markup, needs=("clusters",), inputs=("markup",)),
     Stage("silhouette", silhouette, needs=("mask", "markup")),
-    Stage("labels", labels, needs=("clusters", "silhouette", "markup"), version=2),
+    Stage("labels", labels, needs=("clusters", "silhouette", "markup"), version=3),
     Stage("depth", depth, needs=("labels", "mask"), facts=("camera", "pixel_size")),
     Stage("surface", surface, needs=("depth", "labels", "lights")),
 )

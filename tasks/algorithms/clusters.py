@@ -196,10 +196,13 @@ def _cluster(
         h, w = half_vectors[frames], shares[frames]
         _top_eigenvector(h, winner[pixel])
         for k in range(kept):
-            seed = _densest(cells[frames], w, density, size, k == 0)
-            if seed < 0:
+            first, last = _densest(cells[frames], w, density, size, k == 0)
+            if first < 0:
                 break
-            centre = h[seed].copy()
+            centre = h[first].copy()
+            if h[first, 0] * h[last, 0] + h[first, 1] * h[last, 1] + h[first, 2] * h[last, 2] > near:
+                centre += h[last]
+                centre /= np.sqrt((centre**2).sum())
             for _ in range(6):
                 x = y = z = np.float32(0.0)
                 for i in range(len(w)):
@@ -230,26 +233,31 @@ def _cluster(
 
 
 @njit(cache=True, nogil=True)
-def _densest(cells: np.ndarray, w: np.ndarray, density: np.ndarray, size: int, first: bool) -> int:
-    """The highlight around which a disc of five cells across holds the most weight; -1 if none is left."""
-    if first:
+def _densest(cells: np.ndarray, w: np.ndarray, density: np.ndarray, size: int, fill: bool) -> tuple[int, int]:
+    """The first and the last highlight around which a disc of five cells across holds the most weight; -1 if none is
+    left. Of the many that see the same disc, either alone would draw it along the lamp's way."""
+    if fill:
         for i in range(len(cells)):
             density[cells[i]] += w[i]
-    best, most = -1, np.float32(0.0)
+    first, last, most = -1, -1, np.float32(0.0)
     for i in range(len(cells)):
         if w[i] <= 0:
             continue
         cell = cells[i]
         if i > 0 and cells[i - 1] == cell and w[i - 1] > 0:
+            if last == i - 1:
+                last = i
             continue
         total = np.float32(0.0)
         for row in range(-2, 3):
             reach = 1 if abs(row) == 2 else 2
             for column in range(-reach, reach + 1):
                 total += density[cell + row * size + column]
-        if total > most:
-            best, most = i, total
-    return best
+        if total > most * np.float32(1.0001):
+            first, most = i, total
+        if total >= most * np.float32(0.9999):
+            last = i
+    return first, last
 
 
 @njit(cache=True, nogil=True)
