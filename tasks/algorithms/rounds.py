@@ -68,6 +68,7 @@ def reconstruct_normals(
     shape_weight: float = 1.0,
     rim_weight: float = 1.0,
     normal_weight: float = 0.1,
+    marked_weight: float = 0.5,
     mark_weight: float = 10.0,
     expected_weight: float = 0.03,
     tension_length: float = 0.12,
@@ -81,9 +82,10 @@ def reconstruct_normals(
     expected (H, W, 3): normals known beforehand, as from a visual hull, finite in the mask; they take the place of the
     rim. symmetry: whether the silhouette of a turned object may tell them where they are not given.
     rounds: at most so many; settled: share of the mask whose labels may still change at the end; strength, contrast,
-    prior: see `sheets`; shape_weight: of `shape_evidence`; rim_weight, normal_weight, mark_weight, expected_weight:
-    pull on the field of a rim pixel, an accepted normal, a mark without cluster, one expected; tension_length, near,
-    growth, most (degrees): see `field`; believed: least confidence of an accepted normal that may pull on the field.
+    prior: see `sheets`; shape_weight: of `shape_evidence`; rim_weight, normal_weight, marked_weight, mark_weight,
+    expected_weight: pull on the field of a rim pixel, an accepted normal, a marked one, a mark without cluster, one
+    expected; tension_length, near, growth, most (degrees): see `field`; believed: least confidence of an accepted
+    normal that may pull on the field.
     """
     normals = np.asarray(clusters.normals, dtype=np.float32)
     if normals.shape[1:3] != mask.shape:
@@ -104,7 +106,7 @@ def reconstruct_normals(
         else:
             targets, weights = expected, np.full(mask.shape, expected_weight)
         weights = np.where(known, normal_weight, weights)
-        weights = np.where(marked & ~labels.any(axis=0), mark_weight, weights)
+        weights = np.where(marked, np.where(labels.any(axis=0), marked_weight, mark_weight), weights)
         return surface.solve(np.where(known[..., None], values, targets), weights, expected)
 
     known, values, sure = marked, marked_normals, np.where(marked, 1.0, np.nan)

@@ -88,6 +88,20 @@ def test_marks_pin_their_nodes(scene: Scene) -> None:
     assert np.allclose(result.normals[row, column], clusters.normals[1 - exterior, row, column], atol=1e-5)
 
 
+def test_a_marked_normal_pulls_more_than_its_noisy_neighbours(scene: Scene) -> None:
+    clusters, mask, truth = scene
+    noise = np.random.default_rng(0).normal(0.0, 0.03, clusters.normals.shape)
+    noisy = SimpleNamespace(normals=unit(clusters.normals + noise))
+    near = np.nan_to_num(angles(clusters.normals, truth[None]), nan=180.0).min(axis=0) < 1.0
+    pixels = np.argwhere(mask & near)[::40]
+    marks = Marks(pixels, truth[tuple(pixels.T)].astype(np.float32), np.ones(len(pixels), np.int8))
+
+    def error(**weights: float) -> float:
+        return float(np.nanmean(angles(reconstruct_normals(noisy, mask, marks=marks, **weights).normals, truth)[near]))
+
+    assert error() < 0.98 * error(marked_weight=0.1)
+
+
 def test_without_highlights_the_silhouette_remains(scene: Scene) -> None:
     clusters, mask, _ = scene
     result = reconstruct_normals(SimpleNamespace(normals=np.full_like(clusters.normals, np.nan)), mask)
