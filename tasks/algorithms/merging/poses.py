@@ -102,25 +102,31 @@ def agreement_of(views: Sequence[View], table: Turntable, vertices: np.ndarray, 
 def _solved(
     views: Sequence[View], start: Turntable, given: np.ndarray, normals: Agreement | None, free: np.ndarray
 ) -> Turntable:
-    """The turntable with least squares; free (F, V): the directions in which the angles may change."""
+    """The turntable with least squares; free (F, V): the directions in which the angles may change.
+
+    Unknown are the changes of offset, leans and angles from the start.
+    """
     outlines = [outline_of(view.mask) for view in views]
     hundredth = max(float(np.hypot(*view.mask.shape)) * view.pixel_size for view in views) / 100
     size = np.array([view.footprint(ball_around(views)[0][None])[0] for view in views])
     matrix, vector = (np.zeros((0, len(views))), np.zeros(0)) if normals is None else normals.residuals()
     # The offset has no prior.
     held = np.concatenate([[0.0], np.full(2, 1.0 / LEAN_ERROR), np.full(len(free), 1.0 / ANGLE_ERROR)])
+    expected = np.concatenate([[0.0, -start.towards, -start.sideways], free @ (given - start.angles)])
 
     def turntable(unknowns: np.ndarray) -> Turntable:
         offset, towards, sideways = unknowns[:3].tolist()
-        return Turntable(offset * hundredth, towards, sideways, start.angles + unknowns[3:] @ free)
-
-    def expected() -> np.ndarray:
-        return np.concatenate([np.zeros(3), free @ (given - start.angles)])
+        return Turntable(
+            start.offset + offset * hundredth,
+            start.towards + towards,
+            start.sideways + sideways,
+            start.angles + unknowns[3:] @ free,
+        )
 
     def residuals(unknowns: np.ndarray) -> np.ndarray:
         missed = tangents(on_turntable(views, turntable(unknowns)), outlines, SOLVED_RAYS).distance
         turns = unknowns[3:] @ free
-        return np.concatenate([_counted(missed)[0], held * (unknowns - expected()), matrix @ turns + vector])
+        return np.concatenate([_counted(missed)[0], held * (unknowns - expected), matrix @ turns + vector])
 
     def jacobian(unknowns: np.ndarray) -> np.ndarray:
         touching = tangents(on_turntable(views, turntable(unknowns)), outlines, SOLVED_RAYS)
@@ -135,8 +141,7 @@ def _solved(
         turning = np.hstack([np.zeros((len(matrix), 3)), matrix @ free.T])
         return np.vstack([np.stack(columns, axis=1), np.diag(held), turning])
 
-    first = np.concatenate([[start.offset / hundredth, start.towards, start.sideways], np.zeros(len(free))])
-    found = least_squares(residuals, first, jac=jacobian, max_nfev=EVALUATIONS, xtol=1e-4, ftol=1e-4)
+    found = least_squares(residuals, np.zeros(len(held)), jac=jacobian, max_nfev=EVALUATIONS, xtol=1e-4, ftol=1e-4)
     return turntable(found.x)
 
 
@@ -146,6 +151,5 @@ def _counted(distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     flat = distances.ravel()
     missed = CORNER * np.logaddexp(0.0, flat / CORNER)
     root = np.sqrt(1.0 + (missed / SOFT) ** 2)
-    soft = SOFT * np.sqrt(2.0 * (root - 1.0))
-    slope = missed / root / np.maximum(soft, 1e-12) * expit(flat / CORNER)
-    return soft / OUTLINE_ERROR, slope / OUTLINE_ERROR
+    share = np.sqrt(2.0 / (root + 1.0))
+    return missed * share / OUTLINE_ERROR, expit(flat / CORNER) / (root * share) / OUTLINE_ERROR
