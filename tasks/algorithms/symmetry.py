@@ -176,7 +176,8 @@ def _ended(
     kept = squares.copy()
     for run in ndimage.find_objects(runs)[:count]:
         below, above = run[0].start, run[0].stop
-        rest = kept[above] if above * step < len(kept) * step - 4.0 else 0.0
+        # The corner between a foot and its stem is rounded by the outline: the stem is what comes a little above.
+        rest = kept[above : above + round(6.0 / step)].min() if above * step < len(kept) * step - 4.0 else 0.0
         shoulder = max(below - before, 0)
         if slopes[shoulder] / (2.0 * max(widest[shoulder], 1.0)) > 0.4 * edge_on:
             kept[below:above] = rest
