@@ -4,7 +4,7 @@ How far it passes by, or how deep it would have to run inside all the others' ou
 where two outlines meet, whatever the body's shape.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,38 +38,53 @@ class Tangents:
 
         sizes (V,): world units of each view's pixels.
         """
-        points = np.stack([_along(view, *self._pixels(each), self.along[each]) for each, view in enumerate(views)])
+        points = np.stack(
+            [_along(view, self.columns[each], self.rows[each], self.along[each]) for each, view in enumerate(views)]
+        )
         found = np.zeros(self.by.shape)
         for number, (view, outline) in enumerate(zip(views, outlines, strict=True)):
             chosen = self.by == number
             found[chosen] = _distance(view, outline, points[chosen])
         return found / sizes[:, None]
 
-    def _pixels(self, number: int) -> tuple[np.ndarray, np.ndarray]:
-        return self.columns[number], self.rows[number]
-
 
 def tangents(views: Sequence[View], outlines: Sequence[Outline], rays: int = RAYS) -> Tangents:
     """The rays of all views against the outlines of the others."""
-    centre, reach = ball_around(views)
-    pixels = np.array([rim_points(view.mask, rays) for view in views])
-    places, by, nearest = [], [], []
-    for number, view in enumerate(views):
-        others = [each for each in range(len(views)) if each != number]
+    columns, rows = np.moveaxis(np.array([rim_points(view.mask, rays) for view in views]), 1, 0)
+    ball = ball_around(views)
+    along, by, distance = zip(
+        *(_touching(views, outlines, number, columns[number], rows[number], ball) for number in range(len(views))),
+        strict=True,
+    )
+    return Tangents(columns, rows, np.array(along), np.array(by), np.array(distance))
 
-        def deepest(
-            along: np.ndarray, view: View = view, number: int = number, others: list[int] = others
-        ) -> np.ndarray:
-            points = _along(view, *pixels[number], along)
-            return np.stack([_distance(views[each], outlines[each], points) for each in others])
 
-        starts, directions = view.rays(*pixels[number])
-        along = _least(lambda at: deepest(at).max(axis=0), ((centre - starts) * directions).sum(axis=1), reach)
-        values = deepest(along[:, None])[..., 0]
-        places.append(along)
-        by.append(np.array(others)[values.argmax(axis=0)])
-        nearest.append(values.max(axis=0) / view.footprint(centre[None]))
-    return Tangents(pixels[:, 0], pixels[:, 1], np.array(places), np.array(by), np.array(nearest))
+def _touching(
+    views: Sequence[View],
+    outlines: Sequence[Outline],
+    number: int,
+    columns: np.ndarray,
+    rows: np.ndarray,
+    ball: tuple[np.ndarray, float],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`along`, `by` and `distance` (R,) of the rays of one view; ball: centre and radius of one around the object."""
+    others = np.array([each for each in range(len(views)) if each != number])
+    starts, directions = views[number].rays(columns, rows)
+
+    def outside(along: np.ndarray) -> np.ndarray:
+        points = _along(views[number], columns, rows, along)
+        return np.stack([_distance(views[each], outlines[each], points) for each in others])
+
+    along = ((ball[0] - starts) * directions).sum(axis=1)[:, None] + np.linspace(-ball[1], ball[1], COARSE)
+    step = 2 * ball[1] / (COARSE - 1)
+    for _ in range(2):
+        best = np.take_along_axis(along, outside(along).max(axis=0).argmin(axis=1)[:, None], axis=1)
+        along = best + np.linspace(-step, step, FINE)
+        step *= 2 / (FINE - 1)
+    best = np.take_along_axis(along, outside(along).max(axis=0).argmin(axis=1)[:, None], axis=1)
+    distances = outside(best)[..., 0]
+    pixel = views[number].footprint(ball[0][None])
+    return best[:, 0], others[distances.argmax(axis=0)], distances.max(axis=0) / pixel
 
 
 def misses(views: Sequence[View], outlines: Sequence[Outline], rays: int = RAYS) -> np.ndarray:
@@ -97,14 +112,3 @@ def _distance(view: View, outline: Outline, points: np.ndarray) -> np.ndarray:
     """World units (...,) by which points (..., 3) lie outside a view's outline."""
     flat = points.reshape(-1, 3)
     return (outline.at(*view.project(flat)) * view.footprint(flat)).reshape(points.shape[:-1])
-
-
-def _least(function: Callable[[np.ndarray], np.ndarray], middle: np.ndarray, reach: float) -> np.ndarray:
-    """Where (R,) along rays a function of places (R, N) is least, within `reach` of the middle (R,)."""
-    along = middle[:, None] + np.linspace(-reach, reach, COARSE)
-    step = 2 * reach / (COARSE - 1)
-    for _ in range(2):
-        best = np.take_along_axis(along, function(along).argmin(axis=1)[:, None], axis=1)
-        along = best + np.linspace(-step, step, FINE)
-        step *= 2 / (FINE - 1)
-    return np.take_along_axis(along, function(along).argmin(axis=1)[:, None], axis=1)[:, 0]
