@@ -44,22 +44,15 @@ def evaluate_model(entry: Object, works: Sequence[Workspace]) -> ModelEvaluation
     repository = works[0].repository
     if entry.truth_model is None or repository.stage_key(WHOLE_OBJECT, STAGE) is None:
         return None
-    truth = _truth(entry.truth_model)
+    truth = true_mesh(entry.truth_model)
     saved = repository.load(WHOLE_OBJECT, STAGE)
-    by_name = {work.capture.id: work for work in works}
-    views, depths = [], []
-    for said in saved.record["views"]:
-        work = by_name[said["capture"]]
-        matrix = np.array(said["camera_to_world"])
-        view = view_of(work)
-        views.append(view.placed(matrix[:3, :3].T, -matrix[:3, :3].T @ matrix[:3, 3]))
-        depths.append(work.load("depth").read("depth"))
+    views, depths = merged_views(works)
     hull = visual_hull(views, [outline_of(view.mask) for view in views])
     shifted = [shifted_to(hull, view, depth) for view, depth in zip(views, depths, strict=True)]
-    naive = merge_depths([_believed(view) for view in views], shifted, hull.cell)
+    naive = merge_depths([believed(view) for view in views], shifted, hull.cell)
     scores = {
-        "visual hull": _score(hull, truth),
-        "depths shifted to the hull": _score(naive, truth),
+        "visual hull": score(hull, truth),
+        "depths shifted to the hull": score(naive, truth),
         "glint": score_model(saved.read("vertices"), saved.read("triangles"), truth),
     }
     return ModelEvaluation(
@@ -72,16 +65,35 @@ def evaluate_model(entry: Object, works: Sequence[Workspace]) -> ModelEvaluation
     )
 
 
-def _believed(view: View) -> View:
+def merged_views(works: Sequence[Workspace]) -> tuple[list[View], list[np.ndarray]]:
+    """The views of the stored model of these captures, with their stored labels and the poses that it gave them, and
+    their own depth maps (H, W), world units."""
+    by_name = {work.capture.id: work for work in works}
+    views, depths = [], []
+    for said in works[0].repository.load(WHOLE_OBJECT, STAGE).record["views"]:
+        work = by_name[said["capture"]]
+        matrix = np.array(said["camera_to_world"])
+        views.append(view_of(work).placed(matrix[:3, :3].T, -matrix[:3, :3].T @ matrix[:3, 3]))
+        depths.append(work.load("depth").read("depth"))
+    return views, depths
+
+
+def believed(view: View) -> View:
     """The view's normals where they are steep are the rim's guess; they would only thicken the merged surface."""
     return replace(view, mask=view.mask & (np.nan_to_num(view.normals[..., 2]) > 0.25))
 
 
-def _score(model: Model, truth: trimesh.Trimesh) -> ModelScore:
+def score(model: Model, truth: trimesh.Trimesh) -> ModelScore:
+    """Score a model against the true surface."""
     return score_model(model.vertices, model.triangles, truth)
 
 
-def _truth(address: str) -> trimesh.Trimesh:
+def true_mesh(address: str) -> trimesh.Trimesh:
+    """Read a true surface.
+
+    Raises:
+        InputError: it cannot be read.
+    """
     place = locate(address)
     try:
         mesh = trimesh.load(io.BytesIO(read_bytes(place, _MODEL_BYTES)), file_type=place.name.rpartition(".")[2])

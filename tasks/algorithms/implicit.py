@@ -89,7 +89,7 @@ def mesh_of(field: Field, low: np.ndarray, high: np.ndarray, cell: float) -> tup
     """Closed triangle mesh of f = 0 within a box, by surface nets: vertices (V, 3), triangles (F, 3) wound outwards.
 
     One vertex in each cell of a grid that the surface crosses, drawn onto the surface by Newton steps along the
-    gradient; one quadrilateral for each grid edge that it crosses.
+    gradient; one quadrilateral for each grid edge that it crosses. What runs out of the box is cut off.
     """
     axes = [np.arange(lo - 2 * cell, hi + 3 * cell, cell) for lo, hi in zip(low, high, strict=True)]
     shape = tuple(len(a) for a in axes)
@@ -97,6 +97,7 @@ def mesh_of(field: Field, low: np.ndarray, high: np.ndarray, cell: float) -> tup
     plane = np.stack(np.meshgrid(axes[1], axes[2], indexing="ij"), axis=-1).reshape(-1, 2)
     for i, x in enumerate(axes[0]):
         inside[i] = (field(np.column_stack([np.full(len(plane), x), plane])) < 0).reshape(shape[1:])
+    inside[[0, -1]] = inside[:, [0, -1]] = inside[:, :, [0, -1]] = False
     quads = []
     for axis in range(3):
         first = np.moveaxis(inside, axis, 0)
