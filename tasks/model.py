@@ -9,13 +9,19 @@ import numpy as np
 import trimesh
 
 from storage import blobs
-from storage.catalogue import Pose
 from storage.fingerprints import digest_of
 from storage.pictures import encode_png
 from storage.results import WHOLE_OBJECT
 from tasks.algorithms.errors import UnusableCapture
-from tasks.algorithms.merging.model import ROUNDS, STEPS, Model, merge, simplified
-from tasks.algorithms.merging.placing import LeftOut, Placed, place_by_matrices, place_on_turntable, placed_anew
+from tasks.algorithms.merging.model import ROUNDS, STEPS, Model, merge, rough_model, simplified
+from tasks.algorithms.merging.placing import (
+    LeftOut,
+    Placed,
+    place_by_matrices,
+    place_on_turntable,
+    place_others,
+    placed_anew,
+)
 from tasks.algorithms.merging.projection import seen_normals
 from tasks.algorithms.merging.views import View
 from tasks.algorithms.relight import draw_surface
@@ -28,26 +34,21 @@ from tasks.stage import Outcome, Progress, Record, recall_or_save, silent
 from tasks.surface import METRES_PER_MM
 from tasks.workspace import Workspace, facts_of
 
-STAGE, VERSION = "model", 1
+STAGE, VERSION = "model", 2
 SEEN = 0.5
 """Confidence from which a part of the surface counts as known."""
 AROUND = tuple(range(0, 360, 60))
 """Degrees from which the picture sheet shows the model."""
 
 
-def posed(works: Sequence[Workspace]) -> list[Workspace]:
-    """The captures that can be part of a model: those with a pose."""
-    return [work for work in works if work.capture.pose is not None]
-
-
 def wants_model(works: Sequence[Workspace]) -> bool:
-    """Whether an object's captures are meant to be merged: more than one says where it was filmed from."""
-    return len(posed(works)) > 1
+    """Whether an object's captures are meant to be merged: there are several, and one says where it was filmed from."""
+    return len(works) > 1 and any(work.capture.pose is not None for work in works)
 
 
 def labelled(works: Sequence[Workspace]) -> list[Workspace]:
-    """Those captures with a pose whose labels are stored."""
-    return [work for work in posed(works) if work.repository.stage_key(work.capture.id, "labels") is not None]
+    """Those captures whose labels are stored."""
+    return [work for work in works if work.repository.stage_key(work.capture.id, "labels") is not None]
 
 
 def model_key(works: Sequence[Workspace]) -> str:
@@ -63,7 +64,7 @@ def model_key(works: Sequence[Workspace]) -> str:
                     work.repository.stage_key(work.capture.id, "labels"),
                     facts_of(work.capture, ("pose", "camera", "pixel_size")),
                 ]
-                for work in posed(works)
+                for work in works
             },
         }
     )
@@ -83,29 +84,33 @@ def perform_model(works: Sequence[Workspace], key: str, progress: Progress | Non
 def model(works: Sequence[Workspace], progress: Progress) -> Outcome:
     """Place the views, merge them, label each anew with the model as its initial field, and merge again.
 
-    A turntable's angles are corrected by a first, rough model, and again by each better one.
+    A turntable's angles are corrected by a first, rough model, and again by each better one: always by the normals that
+    each view showed on its own, as those labelled by the model would confirm its mistakes.
 
     Raises:
         UnusableCapture: the views do not fit together.
     """
-    named = {work.capture.id: work for work in posed(works)}
-    unit = _unit(list(named.values()))
+    named = {work.capture.id: work for work in works}
+    unit = _unit(works)
     placed = _placed(named)
     parameters = works[0].parameters.model
     merged: Model | None = None
+    views = list(placed.views)
     for again in range(parameters.passes):
-        views = list(placed.views)
         if merged is not None:
-            views = [_labelled_anew(view, merged, named[view.name]) for view in views]
+            views = [_labelled_anew(view, merged, named[view.name]) for view in placed.views]
         for each in range(ROUNDS):
             if merged is not None:
-                placed = placed_anew(placed, views, merged)
-                views = list(placed.views)
+                placed = placed_anew(placed, merged)
+                views = [
+                    view.placed(where.rotation, where.translation)
+                    for view, where in zip(views, placed.views, strict=True)
+                ]
             share = _share(progress, again * ROUNDS + each, parameters.passes)
-            merged = merge(placed.views, merged, rounds=1, progress=share)
+            merged = merge(views, merged, rounds=1, progress=share)
     assert merged is not None
     if parameters.most_triangles is not None:
-        merged = simplified(merged, placed.views, parameters.most_triangles)
+        merged = simplified(merged, views, parameters.most_triangles)
     return _outcome(works[0], placed, merged, unit)
 
 
@@ -127,21 +132,19 @@ def _unit(works: Sequence[Workspace]) -> str:
 
 
 def _placed(named: Mapping[str, Workspace]) -> Placed:
-    angles = {name: _pose(work).turntable for name, work in named.items()}
-    turning = {name: angle for name, angle in angles.items() if angle is not None}
-    fixed = [name for name in named if name not in turning]
+    """The views with a pose where they must have been, then those without where they fit a rough model of these."""
+    poses = {name: work.capture.pose for name, work in named.items()}
+    turning = {name: pose.turntable for name, pose in poses.items() if pose is not None and pose.turntable is not None}
+    fixed = [name for name, pose in poses.items() if pose is not None and name not in turning]
     if turning and fixed:
         raise UnusableCapture(
             f"{', '.join(turning)} are given by a turntable's angle, {', '.join(fixed)} by a matrix",
             "give the poses of an object's captures all in one way",
         )
-    views = [view_of(work) for work in named.values()]
-    return place_on_turntable(views, list(turning.values())) if turning else place_by_matrices(views)
-
-
-def _pose(work: Workspace) -> Pose:
-    assert work.capture.pose is not None
-    return work.capture.pose
+    views = [view_of(named[name]) for name in turning or fixed]
+    placed = place_on_turntable(views, list(turning.values())) if turning else place_by_matrices(views)
+    others = [view_of(named[name]) for name, pose in poses.items() if pose is None]
+    return place_others(placed, others, rough_model(placed.views)) if others else placed
 
 
 def view_of(work: Workspace) -> View:
@@ -149,8 +152,8 @@ def view_of(work: Workspace) -> View:
     survey, labels, region = work.load("survey").record, work.load("labels"), region_of(work)
     pixel_size = survey["pixel_size"] or 1.0
     rotation, translation = np.eye(3), np.zeros(3)
-    pose, camera = _pose(work), work.camera_matrix
-    if pose.camera_to_world is not None:
+    pose, camera = work.capture.pose, work.camera_matrix
+    if pose is not None and pose.camera_to_world is not None:
         matrix = np.array(pose.camera_to_world, float)
         rotation, translation = matrix[:3, :3].T, -matrix[:3, :3].T @ matrix[:3, 3]
     elif camera is not None:
@@ -187,10 +190,7 @@ def _outcome(work: Workspace, placed: Placed, merged: Model, unit: str) -> Outco
     seen = _area_share(mesh, merged.confidence >= SEEN)
     about: dict[str, Any] = {
         "unit": unit,
-        "views": [
-            _told(view, miss, merged, number)
-            for number, (view, miss) in enumerate(zip(placed.views, placed.misses, strict=True))
-        ],
+        "views": [_told(view, placed, merged, number) for number, view in enumerate(placed.views)],
         "left_out": [asdict(each) for each in placed.left_out],
         "turntable": None if placed.turntable is None else _turntable(placed),
         "seen": seen,
@@ -233,14 +233,17 @@ def _outcome(work: Workspace, placed: Placed, merged: Model, unit: str) -> Outco
     )
 
 
-def _told(view: View, miss: float, merged: Model, number: int) -> dict[str, Any]:
-    """A view in model.json: its pose as solved, its residual, and the share of the surface that it says most of."""
+def _told(view: View, placed: Placed, merged: Model, number: int) -> dict[str, Any]:
+    """A view in model.json: its pose and where it is from, its residual, the share of the surface that it says most
+    of."""
+    known = "given" if placed.turntable is None else "solved"
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = view.rotation.T, -view.rotation.T @ view.translation
     return {
         "capture": view.name,
+        "pose": "found" if view.name in placed.found else known,
         "camera_to_world": matrix.tolist(),
-        "outline_misses_pixels": round(miss, 3),
+        "outline_misses_pixels": round(placed.misses[number], 3),
         "share": round(float((merged.source == number).mean()), 4),
     }
 
@@ -261,7 +264,7 @@ def _area_share(mesh: trimesh.Trimesh, vertices: np.ndarray) -> float:
 
 
 def _warning(left_out: LeftOut) -> str:
-    return f"{left_out.name} is not part of the model: {left_out.reason}; check its pose and its mask"
+    return f"{left_out.name} is not part of the model: {left_out.reason}; {left_out.remedy}"
 
 
 def picture_sheet(surface: Surface, size: int = 260) -> np.ndarray:

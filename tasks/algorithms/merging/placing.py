@@ -6,10 +6,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tasks.algorithms.errors import UnusableCapture
+from tasks.algorithms.merging.finding import Fit, best_angles, best_rotations, doubt, refitted
 from tasks.algorithms.merging.fusion import fuse
 from tasks.algorithms.merging.hull import Outline, outline_of
 from tasks.algorithms.merging.model import Model
 from tasks.algorithms.merging.poses import (
+    ANGLE_ERROR,
     Turntable,
     agreement_of,
     on_turntable,
@@ -23,6 +25,9 @@ from tasks.algorithms.merging.views import View
 CONTRADICTORY = 1.0
 """Mean pixels by which rays through a view's outline may miss the others' hull; more is a wrong pose or mask."""
 
+FOUND_ERROR = 10.0
+"""Degrees by which a turntable's angle may err that was found on a rough model."""
+
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
@@ -31,18 +36,22 @@ class LeftOut:
     name: str
     reason: str
     angle: float | None = None
+    remedy: str = "check its pose and its mask"
 
 
 @dataclass(frozen=True, slots=True)
 class Placed:
     """Views where they must have been; those left out; mean misses of each in pixels; the turntable, if it is one, and
-    its angles (V,) as they were given."""
+    its angles (V,) as they were given and the degrees (V,) by which they may err; names of views whose pose nobody gave
+    and that were found."""
 
     views: tuple[View, ...]
     left_out: tuple[LeftOut, ...]
     misses: tuple[float, ...]
     turntable: Turntable | None = None
     given: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    errors: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    found: tuple[str, ...] = ()
 
 
 def place_on_turntable(views: Sequence[View], angles: Sequence[float]) -> Placed:
@@ -58,23 +67,73 @@ def place_on_turntable(views: Sequence[View], angles: Sequence[float]) -> Placed
         views, angles = [views[each] for each in kept], [angles[each] for each in kept]
         _enough(views)
         table = solve_axis(views, turntable_of(views, angles))
-    given = np.asarray(angles, float)
-    return _placed(views, solve_turntable(views, table, given), given, left_out)
+    given, errors = np.asarray(angles, float), np.full(len(views), ANGLE_ERROR)
+    solved = solve_turntable(views, table, given, errors=errors)
+    return _on_solved(Placed(tuple(views), tuple(left_out), (), table, given, errors), solved)
 
 
-def placed_anew(placed: Placed, views: Sequence[View], model: Model) -> Placed:
-    """Correct a turntable by the normals that its views, now better known, saw of the model."""
-    if placed.turntable is None or len(views) < 3:
-        return replace(placed, views=tuple(views))
-    fused = fuse(views, model.vertices, model.triangles)
-    normals = agreement_of(views, placed.turntable, model.vertices, fused)
-    table = solve_turntable(views, placed.turntable, placed.given, normals)
-    return _placed(views, table, placed.given, placed.left_out)
+def placed_anew(placed: Placed, model: Model) -> Placed:
+    """Correct a turntable by the normals that its views saw of the model; else, poses that were found."""
+    if placed.turntable is None:
+        views = [refitted(view, model) if view.name in placed.found else view for view in placed.views]
+        return replace(placed, views=tuple(views), misses=_mean_misses(views) if placed.found else placed.misses)
+    if len(placed.views) < 3:
+        return placed
+    fused = fuse(placed.views, model.vertices, model.triangles)
+    normals = agreement_of(placed.views, placed.turntable, model.vertices, fused)
+    return _on_solved(placed, solve_turntable(placed.views, placed.turntable, placed.given, normals, placed.errors))
 
 
-def _placed(views: Sequence[View], table: Turntable, given: np.ndarray, left_out: Sequence[LeftOut]) -> Placed:
-    placed = on_turntable(views, table)
-    return Placed(tuple(placed), tuple(left_out), _mean_misses(placed), table, given)
+def _on_solved(placed: Placed, table: Turntable) -> Placed:
+    views = on_turntable(placed.views, table)
+    return replace(placed, views=tuple(views), misses=_mean_misses(views), turntable=table)
+
+
+def place_others(placed: Placed, others: Sequence[View], model: Model) -> Placed:
+    """Place views whose pose nobody gave where they fit a model of the views that are placed.
+
+    Those that fit nowhere, or in several places, are left out.
+    """
+    for view in others:
+        if placed.turntable is None and view.matrix is not None:
+            reason = "its pose is not given, and under a camera matrix it cannot be found"
+            placed = replace(placed, left_out=(*placed.left_out, LeftOut(view.name, reason, remedy="give its pose")))
+            continue
+        fits = _fits(placed, view, model)
+        wider = placed if doubt(fits) else _widened(placed, view, fits[0])
+        reason = (
+            doubt(fits) or f"its pose is not given, and where it fits best it misses by {wider.misses[-1]:.1f} pixels"
+        )
+        if doubt(fits) or wider.misses[-1] > CONTRADICTORY:
+            placed = replace(placed, left_out=(*placed.left_out, LeftOut(view.name, reason, remedy="give its pose")))
+        else:
+            placed = wider
+    return placed
+
+
+def _fits(placed: Placed, view: View, model: Model) -> list[Fit]:
+    """Poses at which a view fits, the best first."""
+    table = placed.turntable
+    if table is None:
+        return best_rotations(view, model)
+
+    def pose(angle: float) -> tuple[np.ndarray, np.ndarray]:
+        there = on_turntable([view], replace(table, angles=np.array([angle])))[0]
+        return there.rotation, there.translation
+
+    return best_angles(view, model, pose)
+
+
+def _widened(placed: Placed, view: View, fit: Fit) -> Placed:
+    """With one more view, where it was found; a turntable is solved again with it."""
+    found, views = (*placed.found, view.name), (*placed.views, view.placed(fit.rotation, fit.translation))
+    if placed.turntable is None or fit.angle is None:
+        return replace(placed, views=views, misses=_mean_misses(views), found=found)
+    given, errors = np.append(placed.given, fit.angle), np.append(placed.errors, FOUND_ERROR)
+    table = replace(placed.turntable, angles=np.append(placed.turntable.angles, fit.angle))
+    views = (*placed.views, view)
+    wider = replace(placed, views=views, given=given, errors=errors, found=found)
+    return _on_solved(wider, solve_turntable(views, table, given, errors=errors))
 
 
 def place_by_matrices(views: Sequence[View]) -> Placed:

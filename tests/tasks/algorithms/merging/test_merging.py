@@ -133,7 +133,7 @@ def test_angles_are_corrected_by_normals(truth: trimesh.Trimesh, hull: Model) ->
     placed = place_on_turntable(views, ANGLES.tolist())
     for _ in range(2):
         hull = merge(placed.views, hull, rounds=1, steps=5)
-        placed = placed_anew(placed, placed.views, hull)
+        placed = placed_anew(placed, hull)
     assert placed.turntable is not None
     left = placed.turntable.angles - (ANGLES + errors)
     assert np.abs(left - left.mean()).mean() < 0.3
