@@ -24,7 +24,7 @@ MODEL = "model"
 def work_on_model(works: Sequence[Workspace], scheduler: str) -> CaptureResult:
     """Merge an object's views; what goes wrong stays with the model, the captures are published all the same.
 
-    works: all captures of the object that have a pose; those that gave nothing are told to be missing.
+    works: all captures of the object; those that gave nothing are no part of it.
     """
     here, started, object_id = surroundings(scheduler), time.monotonic(), works[0].object_id
     name, records = f"{object_id}/{MODEL}", tuple[Record, ...]()

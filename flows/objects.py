@@ -22,7 +22,7 @@ from flows.surroundings import surroundings
 from storage.location import Location
 from storage.locks import run_lock
 from tasks.comparison import drifts
-from tasks.model import posed, wants_model
+from tasks.model import wants_model
 from tasks.publish import publish
 from tasks.references import CaptureReference, chosen_captures, load_catalogue
 from tasks.unchanged import unchanged
@@ -96,7 +96,7 @@ def work_on_object(references: Sequence[CaptureReference], scheduler: str, drift
             if not done:
                 return ObjectResult(first.object_id, captures)
             works = [one.workspace() for one in done]
-            every = posed(all_works(first))
+            every = all_works(first)
             if wants_model(every):
                 captures += (work_on_model(every, scheduler),)
             version = publish(works, first.run, first.catalogue, model=wants_model(every) and not captures[-1].error)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from storage.results import WHOLE_OBJECT
 from storage.versions import Version
-from tasks.model import STAGE, model_key, posed, wants_model
+from tasks.model import STAGE, model_key, wants_model
 from tasks.stage import Record, stage_keys, stored
 from tasks.stages import STAGES
 from tasks.workspace import Workspace
@@ -23,9 +23,8 @@ def unchanged(works: Sequence[Workspace]) -> tuple[Version, dict[str, tuple[Reco
         keys[work.capture.id] = {stage: key for stage, (key, _) in saved.items()}
         if not records[work.capture.id]:
             return None
-    every = posed(works)
-    if wants_model(every):
-        key = model_key(every)
+    if wants_model(works):
+        key = model_key(works)
         if repository.stage_key(WHOLE_OBJECT, STAGE) != key:
             return None
         keys[WHOLE_OBJECT] = {STAGE: key}

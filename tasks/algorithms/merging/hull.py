@@ -4,6 +4,7 @@ A point's signed distance to a view's outline, negative inside, bounds the surfa
 views is the hull's field; its zero set is the hull.
 """
 
+import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -46,8 +47,23 @@ class Outline:
         return np.stack([x, -y, np.zeros_like(x)], axis=-1)
 
 
+_TRACED: dict[int, Outline] = {}
+"""Outlines of the masks in memory, by their identity."""
+
+
 def outline_of(mask: np.ndarray) -> Outline:
-    """The outline of a mask (H, W) bool. Where the mask runs into the border, the object is taken to go on beyond."""
+    """The outline of a mask (H, W) bool. Where the mask runs into the border, the object is taken to go on beyond.
+
+    It is kept as long as the mask, which must not be changed.
+    """
+    key = id(mask)
+    if key not in _TRACED:
+        _TRACED[key] = _traced(mask)
+        weakref.finalize(mask, _TRACED.pop, key, None).atexit = False
+    return _TRACED[key]
+
+
+def _traced(mask: np.ndarray) -> Outline:
     pad = int(BEYOND * max(mask.shape)) + 8
     whole = np.pad(mask, pad, mode="edge") if _is_cut(mask) else np.pad(mask, pad)
     distance = ndimage.distance_transform_edt(~whole) - ndimage.distance_transform_edt(whole)

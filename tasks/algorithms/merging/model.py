@@ -19,6 +19,8 @@ STEPS = 5
 """Steps of a round."""
 MOST_VERTICES = 24_000
 """Of the mesh that is sculpted; detail below its edges comes from the last closing."""
+ROUGH_VERTICES = 6_000
+"""Of a rough model."""
 FINEST = 1.0
 """Finest edge in pixels."""
 
@@ -90,6 +92,15 @@ def merge(
         vertices, _ = sculpt(views, outlines, vertices, triangles, steps, step)
         vertices, triangles = close(vertices, vertex_normals(vertices, triangles), model.cell)
     return _known(views, vertices, triangles, model.cell)
+
+
+def rough_model(views: Sequence[View]) -> Model:
+    """A quickly made model, good enough to look where other views fit it.
+
+    Raises:
+        UnusableCapture: the silhouettes have no point in common, or no surface is left.
+    """
+    return merge(views, visual_hull(views, [outline_of(view.mask) for view in views], ROUGH_VERTICES), rounds=1)
 
 
 def simplified(model: Model, views: Sequence[View], most_triangles: int) -> Model:

@@ -77,19 +77,24 @@ def on_turntable(views: Sequence[View], table: Turntable) -> list[View]:
 
 def solve_axis(views: Sequence[View], start: Turntable) -> Turntable:
     """The axis on which the views' outlines agree best; the angles stay."""
-    return _solved(views, start, start.angles, None, np.zeros((0, len(views))))
+    return _solved(views, start, start.angles, None, np.zeros((0, len(views))), np.zeros(0))
 
 
 def solve_turntable(
-    views: Sequence[View], start: Turntable, given: np.ndarray, normals: Agreement | None = None
+    views: Sequence[View],
+    start: Turntable,
+    given: np.ndarray,
+    normals: Agreement | None = None,
+    errors: np.ndarray | None = None,
 ) -> Turntable:
     """The axis and the angles on which the views' outlines agree best, and their normals as seen from the start.
 
-    given (V,): the angles, degrees, that are expected to be true within ANGLE_ERROR; their mean stays.
+    given (V,): the angles, degrees, that are expected to be true within `errors` (V,), by default ANGLE_ERROR; their
+    mean, weighed by that, stays.
     """
-    free = np.eye(len(views))
-    solved = _solved(views, start, given, normals, free)
-    return replace(solved, angles=solved.angles - (solved.angles - given).mean())
+    sure = np.full(len(views), 1.0 / ANGLE_ERROR) if errors is None else 1.0 / errors
+    solved = _solved(views, start, given, normals, np.eye(len(views)), sure)
+    return replace(solved, angles=solved.angles - np.average(solved.angles - given, weights=sure**2))
 
 
 def agreement_of(views: Sequence[View], table: Turntable, vertices: np.ndarray, fused: Fused) -> Agreement:
@@ -100,9 +105,15 @@ def agreement_of(views: Sequence[View], table: Turntable, vertices: np.ndarray, 
 
 
 def _solved(
-    views: Sequence[View], start: Turntable, given: np.ndarray, normals: Agreement | None, free: np.ndarray
+    views: Sequence[View],
+    start: Turntable,
+    given: np.ndarray,
+    normals: Agreement | None,
+    free: np.ndarray,
+    sure: np.ndarray,
 ) -> Turntable:
-    """The turntable with least squares; free (F, V): the directions in which the angles may change.
+    """The turntable with least squares; free (F, V): the directions in which the angles may change, sure (F,): the
+    inverse of the degrees by which they are expected to.
 
     Unknown are the changes of offset, leans and angles from the start.
     """
@@ -111,7 +122,7 @@ def _solved(
     size = np.array([view.footprint(ball_around(views)[0][None])[0] for view in views])
     matrix, vector = (np.zeros((0, len(views))), np.zeros(0)) if normals is None else normals.residuals()
     # The offset has no prior.
-    held = np.concatenate([[0.0], np.full(2, 1.0 / LEAN_ERROR), np.full(len(free), 1.0 / ANGLE_ERROR)])
+    held = np.concatenate([[0.0], np.full(2, 1.0 / LEAN_ERROR), sure])
     expected = np.concatenate([[0.0, -start.towards, -start.sideways], free @ (given - start.angles)])
 
     def turntable(unknowns: np.ndarray) -> Turntable:
