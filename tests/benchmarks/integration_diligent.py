@@ -1,6 +1,6 @@
 """Mean absolute depth error in millimetres of the integration on DiLiGenT's ground-truth normals, per object.
 
-    python tests/benchmarks/integration_diligent.py FOLDER    (holding bear/, buddha/ .. with normal_map.png ..)
+    python -m tests.benchmarks.integration_diligent FOLDER    (holding bear/, buddha/ .. with normal_map.png ..)
 
 The integrated distance is aligned with the true one in two ways: by the scale alone (the median of their ratios; under
 perspective nothing else is free), and by scale and offset (least absolute deviations). `bar` is 1.1 x the better of the

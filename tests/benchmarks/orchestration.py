@@ -1,7 +1,9 @@
 """What orchestration costs: `glint run` against the same stages without Prefect and Dask, and two workers against one.
 
-    python -m tests.benchmarks.orchestration [--captures 20] [--frames 1000]
+    python -m tests.benchmarks.orchestration [--captures 20] [--frames 1000] [--scale 0.6]
 
+The captures are simulated (four shapes, whose regions are shifted so that no frames are shared); scale: their size
+against the paper's.
 The stages alone are performed by a pool of two processes, a capture each at a time, with the same commits to a store of
 their own. Both start with warm libraries: of a run the seconds count from its first stage to its last event, and its
 start-up is told beside them. The bars: 1.25 times the pool's seconds; two workers 1.5 times as fast as one.
@@ -19,24 +21,25 @@ from pathlib import Path
 
 from storage.catalogue import Catalogue, Region, load, write
 from tasks.references import CaptureReference
+from tasks.simulation import CaptureOptions, simulate
 from tasks.stage import perform, stage_keys
 from tasks.stages import STAGES, warm_up
-from tests.scene import draw_scene
 
 RUN = [sys.executable, "-c", "from flows.cli import main; main()", "run"]
-VIDEOS = 4
+SHAPES = ("hemisphere", "fish", "bird", "cylinder")
 
 
-def drawn(folder: Path, captures: int, frames: int) -> Path:
+def simulated(folder: Path, captures: int, frames: int, scale: float) -> Path:
     """A catalogue of captures, each with a region of its own, so that no frames are shared."""
-    entries = []
-    scenes = [load(draw_scene(folder / f"{n}", frames=frames, seed=n).catalogue).objects[0] for n in range(VIDEOS)]
+    for shape in SHAPES:
+        simulate(shape, folder / "shapes", CaptureOptions(frames=frames, scale=scale))
+    shapes, entries = load(folder / "shapes" / "catalogue.yaml").objects, []
     for number in range(captures):
-        entry = scenes[number % VIDEOS]
+        entry = shapes[number % len(shapes)]
         (capture,) = entry.captures
         assert capture.region is not None
-        shift = number // VIDEOS
-        region = Region(**capture.region.model_dump() | {"x": capture.region.x + shift})
+        shift = number // len(shapes)
+        region = Region(**capture.region.model_dump() | {"x": capture.region.x - shift})
         moved = capture.model_copy(update={"region": region})
         entries.append(entry.model_copy(update={"id": f"object-{number:03}", "captures": (moved,)}))
     write(Catalogue.model_validate({"schema": 1, "name": "orchestration", "objects": entries}), folder / "c.yaml")
@@ -82,11 +85,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--captures", type=int, default=20)
     parser.add_argument("--frames", type=int, default=1000)
+    parser.add_argument("--scale", type=float, default=0.6)
     chosen = parser.parse_args()
     os.environ |= {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        catalogue = drawn(folder, chosen.captures, chosen.frames)
+        catalogue = simulated(folder, chosen.captures, chosen.frames, chosen.scale)
         alone = by_pool(catalogue, folder / "pool", 2)
         print(
             f"{chosen.captures} captures of {chosen.frames:,} frames: stages alone, two processes {alone:.1f} s",
