@@ -1,11 +1,13 @@
 """Views of a small figurine drawn from its formula: body, head and a hollow side; true masks, normals and surface."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import trimesh
 
 from tasks.algorithms.implicit import capsule, ellipsoid, mesh_of, union, without
 from tasks.algorithms.merging.model import Model
-from tasks.algorithms.merging.poses import Turntable, on_turntable
+from tasks.algorithms.merging.poses import Turntable
 from tasks.algorithms.merging.projection import cast
 from tasks.algorithms.merging.views import View
 
@@ -24,7 +26,14 @@ def body() -> trimesh.Trimesh:
 
 
 def views_of(mesh: trimesh.Trimesh, table: Turntable, noise: float = 1.0, seed: int = 0) -> list[View]:
-    """What perfect silhouettes, and normals with `noise` degrees, say of a mesh on a turntable.
+    """What perfect silhouettes, and normals with `noise` degrees, say of a mesh on a turntable."""
+    return seen_from(mesh, [table.pose(number) for number in range(len(table.angles))], noise, seed)
+
+
+def seen_from(
+    mesh: trimesh.Trimesh, poses: Sequence[tuple[np.ndarray, np.ndarray]], noise: float = 1.0, seed: int = 0
+) -> list[View]:
+    """What perfect silhouettes, and normals with `noise` degrees, say of a mesh from rotations and translations.
 
     Normals beyond SEEN degrees are guesses 12 degrees off, of little confidence.
     """
@@ -35,7 +44,7 @@ def views_of(mesh: trimesh.Trimesh, table: Turntable, noise: float = 1.0, seed: 
     )  # fmt: skip
     truth = true_model(mesh)
     views = []
-    for number, view in enumerate(on_turntable([empty] * len(table.angles), table)):
+    for number, view in enumerate(empty.placed(*pose) for pose in poses):
         normals = cast(truth, view)[1].astype(float)
         mask = np.isfinite(normals[..., 0])
         sure = normals[..., 2] > np.cos(np.radians(SEEN))

@@ -211,3 +211,34 @@ def test_a_perspective_view(truth: trimesh.Trimesh) -> None:
     assert view.footprint(np.zeros((1, 3)))[0] == pytest.approx(1.0)
     assert np.allclose(view.towards(points), -directions, atol=1e-6)
     assert np.isfinite(normals[rows, columns]).all()
+
+
+def test_two_views_close_to_each_other(upright: list[View]) -> None:
+    """Their hull runs far out; it is cut off, not lost."""
+    merged = merge(upright[:2], visual_hull(upright[:2], [outline_of(view.mask) for view in upright[:2]], 3000), 1, 2)
+    assert trimesh.Trimesh(merged.vertices, merged.triangles, process=False).is_watertight
+
+
+def test_a_view_without_known_normals_adds_its_outline(upright: list[View], truth: trimesh.Trimesh) -> None:
+    unknown = upright[1].seeing(np.full_like(upright[1].normals, np.nan), np.zeros_like(upright[1].confidence))
+    views = [upright[0], unknown, *upright[2:]]
+    merged = merge(views, visual_hull(views, [outline_of(view.mask) for view in views], 3000), rounds=2, steps=4)
+    assert scored(merged, truth).chamfer < 0.008
+    assert (merged.confidence[merged.source == 1] == 0).all()
+
+
+def test_views_of_different_pixel_sizes(upright: list[View], truth: trimesh.Trimesh) -> None:
+    """One view was filmed from nearer: its pixels cover half as much."""
+    frame = (2 * FRAME[0], 2 * FRAME[1])
+    view = upright[1]
+
+    def doubled(values: np.ndarray) -> np.ndarray:
+        return values.repeat(2, axis=0).repeat(2, axis=1)
+
+    nearer = replace(view, mask=doubled(view.mask), normals=doubled(view.normals),
+                     confidence=doubled(view.confidence), frame=frame, pixel_size=0.5)  # fmt: skip
+    views = [upright[0], nearer, *upright[2:]]
+    placed = place_by_matrices(views)
+    assert not placed.left_out and max(placed.misses) < 0.5
+    merged = merge(views, visual_hull(views, [outline_of(each.mask) for each in views], 6000), rounds=2, steps=5)
+    assert scored(merged, truth).chamfer < 0.007
