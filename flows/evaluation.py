@@ -125,7 +125,7 @@ def ablations_of(
 
 
 def _workspaces(catalogue: str, store: str, result: "RunResult") -> "Iterator[Workspace]":
-    from flows.model import MODEL
+    from storage.catalogue_models import MODEL
     from tasks.references import CaptureReference
 
     address = Location.parse(catalogue).uri

@@ -13,12 +13,10 @@ from flows.performing import merge_there
 from flows.progress import Event
 from flows.surroundings import surroundings
 from flows.workers import DashboardProgress, awaited
+from storage.catalogue_models import MODEL
 from tasks.model import labelled, model_key
 from tasks.stage import Record
 from tasks.workspace import Workspace
-
-MODEL = "model"
-"""Stands in a capture's place where an object's results are told."""
 
 
 def work_on_model(works: Sequence[Workspace], scheduler: str) -> CaptureResult:

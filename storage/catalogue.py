@@ -14,7 +14,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.representer import SafeRepresenter
 
 from storage.catalogue_folder import from_folder
-from storage.catalogue_models import ADDRESSES, Camera, Capture, Catalogue, Object, Pose, Region, Sphere
+from storage.catalogue_models import ADDRESSES, MODEL, Camera, Capture, Catalogue, Object, Pose, Region, Sphere
 from storage.catalogue_problems import problems_of
 from storage.catalogue_yaml import MAX_BYTES, LinedDict, LinedList, parse, plain_value
 from storage.errors import InputError, StorageError
@@ -197,6 +197,9 @@ def _crossed(root: LinedDict, file: str) -> list[Problem]:
                 problems.append(Problem(file, item.lines["id"], message, "choose another id"))
             elif isinstance(name, str):
                 seen[name] = item.lines["id"]
+            if what == "capture" and name == MODEL:
+                message = f"the id {MODEL!r} is that of the object's merged model"
+                problems.append(Problem(file, item.lines["id"], message, "choose another id"))
             if what == "capture" and item.get("spheres") and item.get("lights"):
                 message = "a capture has either spheres or lights, not both"
                 problems.append(Problem(file, item.lines["lights"], message, "remove one of the two"))

@@ -11,7 +11,7 @@ from collections import defaultdict
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from storage.catalogue_models import Catalogue, Object
+from storage.catalogue_models import MODEL, Catalogue, Object
 from storage.errors import InputError
 from storage.footage_images import SUFFIXES
 from storage.listing import Address, entries, locate
@@ -55,7 +55,7 @@ def object_of(place: Location, taken: set[str]) -> Object | None:
 
 def _captures(place: Location) -> list[dict[str, Any]]:
     """Captures that lie in an object's folder itself, else those of its sub-folders."""
-    taken: set[str] = set()
+    taken = {MODEL}
     found = _footage(place)
     if found:
         return [_capture(place, name, frames, len(found) > 1, taken) for name, frames in found]

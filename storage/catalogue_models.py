@@ -9,6 +9,9 @@ from pydantic_core import PydanticCustomError
 
 ID = re.compile(r"[a-z0-9][a-z0-9._-]{0,63}")
 
+MODEL = "model"
+"""Stands in a capture's place where an object's results are told, so that no capture has this id."""
+
 Id = Annotated[str, Field(pattern=rf"^{ID.pattern}$")]
 Address = Annotated[str, Field(min_length=1, max_length=4096, pattern=r"^[^\x00]+$")]
 Positive = Annotated[float, Field(gt=0)]

@@ -215,6 +215,11 @@ def test_duplicate_ids_name_both_lines(tmp_path: Path) -> None:
     assert (problem.line, problem.message) == (8, "capture id 'front' is taken by line 6")
 
 
+def test_no_capture_has_the_models_id(tmp_path: Path) -> None:
+    problem = _only(tmp_path, HEAD + ONE.replace("id: front", "id: model"))
+    assert (problem.line, problem.message) == (6, "the id 'model' is that of the object's merged model")
+
+
 def test_the_same_capture_id_in_two_objects_is_fine(tmp_path: Path) -> None:
     assert len(_read(tmp_path, HEAD + ONE + ONE.replace("glass", "bowl")).objects) == 2
 

@@ -110,6 +110,11 @@ def test_names_become_ids(tmp_path: Path) -> None:
     _kept(tmp_path, catalogue)
 
 
+def test_no_capture_takes_the_models_id(tmp_path: Path) -> None:
+    _touch(tmp_path, "duck/model/film.mp4", "duck/front/film.mp4")
+    assert set(_captures(from_folder(tmp_path))["duck"]) == {"model-2", "front"}
+
+
 def test_several_masks_are_nobodys(tmp_path: Path) -> None:
     _touch(tmp_path, "duck/film.mp4", "duck/a_mask.png", "duck/b_mask.png", "duck/a.lp", "duck/b.lp")
     capture = _only(from_folder(tmp_path))

@@ -14,7 +14,7 @@ from storage.location import Location
 from storage.results import WHOLE_OBJECT
 from tasks.algorithms.errors import UnusableCapture
 from tasks.evaluate_model import evaluate_model
-from tasks.model import model_key, perform_model, wants_model
+from tasks.model import model, model_key, perform_model, wants_model
 from tasks.publish import publish
 from tasks.references import load_catalogue
 from tasks.simulation import CaptureOptions, simulate
@@ -83,9 +83,45 @@ def test_another_pose_makes_another_model(modelled: list[Workspace]) -> None:
     assert model_key([*modelled[:2], moved, *modelled[3:]]) != model_key(modelled)
 
 
+def without_pose(work: Workspace) -> Workspace:
+    return replace(work, capture=work.capture.model_copy(update={"pose": None}))
+
+
+def once(works: list[Workspace]) -> list[Workspace]:
+    """Merged without a second labelling."""
+    parameters = works[0].parameters
+    short = parameters.model_copy(update={"model": parameters.model.model_copy(update={"passes": 1})})
+    return [replace(work, parameters=short) for work in works]
+
+
 def test_captures_without_poses_want_no_model(works: list[Workspace]) -> None:
-    free = [replace(work, capture=work.capture.model_copy(update={"pose": None})) for work in works]
-    assert wants_model(works) and not wants_model(free) and not wants_model([works[0], *free[1:]])
+    free = [without_pose(work) for work in works]
+    assert wants_model(works) and not wants_model(free) and not wants_model(works[:1])
+
+
+def test_one_pose_among_several_captures_is_too_few(works: list[Workspace]) -> None:
+    one = [works[0], *(without_pose(work) for work in works[1:])]
+    assert wants_model(one)
+    with pytest.raises(UnusableCapture, match="1 view with a pose"):
+        perform_model(one, "key")
+
+
+def test_a_capture_without_pose_is_found_and_said_to_be(works: list[Workspace]) -> None:
+    some = [without_pose(works[0]), *works[1:]]
+    assert model_key(some) != model_key(works)
+    outcome = model(once(some), lambda done, of: None)
+    known = {each["capture"]: each["pose"] for each in outcome.record["views"]}
+    assert known == {work.capture.id: "found" if work is some[0] else "solved" for work in some}
+    assert np.cos(np.radians(outcome.record["turntable"]["angles"]["view-00"])) > np.cos(np.radians(3.0))
+
+
+def test_a_view_left_out_is_warned_of(works: list[Workspace]) -> None:
+    wrong = replace(works[3], capture=works[3].capture.model_copy(update={"pose": Pose(turntable=215.0)}))
+    outcome = model(once([*works[:3], wrong, *works[4:]]), lambda done, of: None)
+    assert [each["name"] for each in outcome.record["left_out"]] == ["view-03"]
+    (warning,) = outcome.warnings
+    assert warning.startswith("view-03 is not part of the model: its outline contradicts the others'")
+    assert warning.endswith("check its pose and its mask")
 
 
 def test_two_kinds_of_poses_are_refused(works: list[Workspace]) -> None:
