@@ -48,7 +48,7 @@ class Readiness(WorkerPlugin):
     """Makes a worker ready before its first task: one thread for OpenCV, modules imported, their kernels loaded.
 
     A module may have a function `warm_up()` that calls its compiled kernels once on tiny arrays. Workers of a local
-    cluster leave an interrupt at the terminal to the run that owns them.
+    cluster leave an interrupt at the terminal, and what failed there, to the run that owns them.
     """
 
     modules: tuple[str, ...]
@@ -61,6 +61,7 @@ class Readiness(WorkerPlugin):
 
         if self.owned:
             signal.signal(signal.SIGINT, signal.SIG_IGN)
+            logging.getLogger("distributed.worker").setLevel(logging.CRITICAL)
         cv2.setNumThreads(1)
         for name in self.modules:
             module = importlib.import_module(name)
