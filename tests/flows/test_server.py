@@ -14,10 +14,12 @@ from pathlib import Path
 import pytest
 from prefect import flow, runtime, task
 
+from flows import ports, server_process
 from flows import server as module
 from flows.errors import ServerError
+from flows.ports import FIRST_PORT
 from flows.processes import born, is_alive
-from flows.server import FIRST_PORT, Server, ensure_server, start_server, stop_server
+from flows.server import Server, ensure_server, start_server, stop_server
 
 
 @task
@@ -47,7 +49,7 @@ def free_environment(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 @pytest.fixture
 def sleeper(monkeypatch: pytest.MonkeyPatch) -> None:
     """Instead of a server, a process that never answers."""
-    monkeypatch.setattr(module, "_command", lambda port: [sys.executable, "-c", "import time; time.sleep(60)"])
+    monkeypatch.setattr(server_process, "_command", lambda port: [sys.executable, "-c", "import time; time.sleep(60)"])
 
 
 @pytest.mark.server
@@ -89,8 +91,8 @@ def test_other_processes_share_the_server(server: Server, glint_home: Path) -> N
 @pytest.mark.usefixtures("free_environment", "sleeper")
 def test_two_starts_at_once_make_one_server(tmp_path: Path) -> None:
     code = (
-        "import sys; from pathlib import Path; from flows import server\n"
-        "server._command = lambda port: [sys.executable, '-c', 'import time; time.sleep(60)']\n"
+        "import sys; from pathlib import Path; from flows import server, server_process\n"
+        "server_process._command = lambda port: [sys.executable, '-c', 'import time; time.sleep(60)']\n"
         "found = server.start_server(Path(sys.argv[1])); print(found.process[0], found.started)"
     )
     racers = [
@@ -116,7 +118,7 @@ def test_starting_does_not_wait(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("free_environment")
 def test_a_server_that_ends_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "_command", lambda port: [sys.executable, "-c", "print('no room left')"])
+    monkeypatch.setattr(server_process, "_command", lambda port: [sys.executable, "-c", "print('no room left')"])
     with pytest.raises(ServerError, match=r"no room left.*server\.log"):
         start_server(tmp_path).wait(seconds=20)
 
@@ -138,7 +140,7 @@ def test_a_dead_server_is_replaced(tmp_path: Path) -> None:
 def test_a_number_that_another_process_has_now_is_not_believed(tmp_path: Path) -> None:
     start_server(tmp_path)
     stop_server(tmp_path)
-    state = {"api_url": "http://127.0.0.1:1/api", "process": [os.getpid(), 1.0], "prefect": module.version("prefect")}
+    state = {"api_url": "http://127.0.0.1:1/api", "process": [os.getpid(), 1.0], "prefect": version("prefect")}
     state_file(tmp_path).write_text(json.dumps(state))
     os.environ.pop("PREFECT_API_URL")
     assert start_server(tmp_path).started
@@ -156,10 +158,11 @@ def test_a_damaged_state_is_as_none(tmp_path: Path, text: str) -> None:
 
 @pytest.mark.usefixtures("free_environment", "sleeper")
 def test_a_server_of_another_version_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "version", lambda name: "3.0.0")
+    for part in (module, server_process):
+        monkeypatch.setattr(part, "version", lambda name: "3.0.0")
     old = start_server(tmp_path)
     monkeypatch.undo()
-    monkeypatch.setattr(module, "_command", lambda port: [sys.executable, "-c", "import time; time.sleep(60)"])
+    monkeypatch.setattr(server_process, "_command", lambda port: [sys.executable, "-c", "import time; time.sleep(60)"])
     os.environ.pop("PREFECT_API_URL", None)
     new = start_server(tmp_path)
     assert new.started
@@ -176,8 +179,8 @@ def test_a_taken_port_is_passed_over() -> None:
             taken.listen()
         except OSError:
             pass  # taken by somebody else: as good
-        first, claim = module._free_port()
-        second, other = module._free_port()
+        first, claim = ports.free_port()
+        second, other = ports.free_port()
         with claim, other:
             assert FIRST_PORT < first < second
 
