@@ -12,10 +12,9 @@ import numpy as np
 from prefect.artifacts import create_markdown_artifact, create_table_artifact
 
 from storage import blobs
+from storage.location import Location
 from storage.pictures import colour_codes, colour_normals, colour_values, encode_png
 from storage.report import PALETTE, code_names
-from storage.results import WHOLE_OBJECT
-from storage.versions import ObjectRepository
 from tasks.stage import Record
 from tasks.workspace import Workspace
 
@@ -44,26 +43,9 @@ _SMALLEST = 40
 def capture_artifact(work: Workspace, records: Sequence[Record], captures: int = 1) -> None:
     """Put the page of a capture whose stages are all done beside its flow run; `captures` may get pages in this run."""
     title, pictures, largest = work.name, _pictures(work), min(LARGEST_PAGE, ALL_PAGES // captures)
-    page = capture_page(title, pictures, records, _files(work), _legend(work), largest)
+    files = file_lines(work.location, work.object_id, work.load("surface").blobs)
+    page = capture_page(title, pictures, records, files, _legend(work), largest)
     create_markdown_artifact(page, key=artifact_key(title), description=title)
-
-
-def model_artifact(repository: ObjectRepository, name: str, records: Sequence[Record]) -> None:
-    """Put the model from all around, and how its views were placed, beside the object's flow run."""
-    found = repository.load(WHOLE_OBJECT, "model")
-    drawn = blobs.get(repository.location, found.blobs["model.png"])
-    sheet = np.asarray(cv2.imdecode(np.frombuffer(drawn, np.uint8), cv2.IMREAD_COLOR))
-    page = capture_page(name, {"model, every 60 degrees": sheet}, records)
-    about = found.record
-    lines = [
-        f"- {100 * about['seen']:.0f}% of the surface known, {100 * about['unseen']:.0f}% seen by no view",
-        f"- volume {about['volume']:.4g} {about['unit']}\u00b3, area {about['area']:.4g} {about['unit']}\u00b2",
-        *(
-            f"- {plain(each['capture'])}: outline misses {each['outline_misses_pixels']} pixels"
-            for each in about["views"]
-        ),
-    ]
-    create_markdown_artifact(page + "\n".join(["", *lines, ""]), key=artifact_key(name), description=name)
 
 
 def catalogue_artifact(name: str, result: "RunResult") -> None:
@@ -92,14 +74,16 @@ def capture_page(
     files: Sequence[str] = (),
     legend: str = "",
     largest: int = LARGEST_PAGE,
+    widest: int = _WIDEST,
 ) -> str:
     """Markdown of a capture: warnings, pictures and their legend, stages, lines about its files.
 
-    `pictures` by caption, uint8 (H, W, 3), are made smaller until the page has at most `largest` characters.
+    `pictures` by caption, uint8 (H, W, 3), have at most `widest` pixels a side and are made smaller until the page has
+    at most `largest` characters.
     """
     head = "\n".join([f"# {plain(title)}", "", *_warnings(records)])
     text = "\n".join([*([plain(legend), ""] if legend else []), "## Stages", "", *_stages(records), "", *files])
-    edge = _WIDEST
+    edge = widest
     while True:
         page = f"{head}\n\n{_gallery(pictures, edge)}\n\n{text}\n"
         if len(page) <= largest or edge <= _SMALLEST:
@@ -145,13 +129,13 @@ def _pictures(work: Workspace) -> dict[str, np.ndarray]:
     return pictures
 
 
-def _files(work: Workspace) -> list[str]:
-    """Where the surface's files are in the store, and how to get all of them."""
+def file_lines(location: Location, object_id: str, files: Mapping[str, blobs.BlobReference]) -> list[str]:
+    """Where these files are in the store, and how to get all of an object's."""
     rows = [
-        f"| {plain(name)} | {each.size / 1e3:,.0f} kB | `{work.location.uri}/{each.key}` |"
-        for name, each in sorted(work.load("surface").blobs.items())
+        f"| {plain(name)} | {each.size / 1e3:,.0f} kB | `{location.uri}/{each.key}` |"
+        for name, each in sorted(files.items())
     ]
-    command = f"glint export {work.object_id} --out {work.object_id} --store {work.location.uri}"
+    command = f"glint export {object_id} --out {object_id} --store {location.uri}"
     lines = ["## Files", "", "| file | size | in the store |", "|---|---:|---|", *rows, ""]
     return [
         *lines,

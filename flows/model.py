@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from prefect import get_run_logger, task
 from prefect.cache_policies import NO_CACHE
 
-from flows.artifacts import model_artifact
 from flows.errors import DEFECT, REFUSALS
+from flows.model_page import model_artifact
 from flows.outcomes import CaptureResult
 from flows.performing import merge_there
 from flows.progress import Event
@@ -48,7 +48,7 @@ def work_on_model(works: Sequence[Workspace], scheduler: str) -> CaptureResult:
 def merge_views(works: Sequence[Workspace], key: str, scheduler: str) -> Record:
     """Place and merge the views on a worker."""
     here, name = surroundings(scheduler), f"{works[0].object_id}/{MODEL}"
-    shown = DashboardProgress(here.reporter(name, MODEL), name)
+    shown = DashboardProgress(here.reporter(name, MODEL), f"{name} progress")
     future = here.client.submit(merge_there, list(works), key, name, MODEL, pure=False)
     record: Record = awaited(future, name, lambda: shown.repeat(here.latest.get((name, MODEL))))
     here.show(Event("stage", name, MODEL, seconds=record.seconds, cached=record.cached))

@@ -49,7 +49,7 @@ def main() -> None:
         seconds = time.perf_counter() - start
         true = Fit(view.rotation, view.translation, 0.0, 0.0, 0.0)
         each = [
-            f"{fit.apart(true):5.1f} degrees: {fit.outline:.2f} pixels, {fit.normals:4.1f} degrees, cost {fit.cost:5.1f}"
+            f"{fit.apart(true):5.1f} degrees: outline {fit.outline:.2f}, normals {fit.normals:.1f}, cost {fit.cost:.1f}"
             for fit in fits[:2]
         ]
         print(
