@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tasks.algorithms.confidence import field_confidence, field_growth, observed_confidence
+from tasks.algorithms.confidence import field_confidence, field_growth, observed_confidence, sheet_confidence
+from tasks.algorithms.connected_sheets import connected_sheets, sheet_means, surprise
 from tasks.algorithms.curvature import shape_evidence
-from tasks.algorithms.field import field_spread, inradius, rim_normals, smooth_field, thickness
+from tasks.algorithms.field import SmoothField, field_spread, inradius, rim_normals, smooth_field, thickness
 from tasks.algorithms.geometry import angles, unit
 from tasks.algorithms.markup import Marks, pinned
 from tasks.algorithms.sheets import CERTAIN, evidence, label_sheets, one_per_pixel
@@ -26,6 +27,8 @@ PROVENANCE = ("outside", "observed", "marked", "silhouette", "filled")
 OUTSIDE, OBSERVED, MARKED, SILHOUETTE, FILLED = range(len(PROVENANCE))
 ALIKE, APART = 3.0, 6.0
 """Degrees up to which an accepted normal's distance from the field is noise, and from which it is the surface's own."""
+COARSE = 5_000
+"""Grid nodes of the field where it is asked to predict what is withheld."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,13 +103,13 @@ def reconstruct_normals(
     marked, marked_normals, pins = pinned(marks, normals, mask)
     labels = np.zeros(normals.shape[:3], dtype=bool)
 
-    def field_of(known: np.ndarray, values: np.ndarray) -> np.ndarray:
+    def field_of(known: np.ndarray, values: np.ndarray, surface: SmoothField = surface) -> np.ndarray:
         if expected is None:
             targets, weights = outward, np.where(rim, rim_weight, 0.0)
         else:
             targets, weights = expected, np.full(mask.shape, expected_weight)
         weights = np.where(known, normal_weight, weights)
-        weights = np.where(marked, np.where(labels.any(axis=0), marked_weight, mark_weight), weights)
+        weights = np.where(marked & known, np.where(labels.any(axis=0), marked_weight, mark_weight), weights)
         return surface.solve(np.where(known[..., None], values, targets), weights, expected)
 
     known, values, sure = marked, marked_normals, np.where(marked, 1.0, np.nan)
@@ -135,8 +138,13 @@ def reconstruct_normals(
         break
 
     accepted = np.isfinite(sure)
+    coarse = smooth_field(mask, tension_length, COARSE)
+    sheets = connected_sheets(values)
+    shown = np.take_along_axis(shape, labels.argmax(axis=0)[None], axis=0)[0]
+    told = surprise(sheets, values, known, rim, mask, scale, lambda kept: field_of(kept, values, coarse))
+    sure = np.where(marked, 1.0, sheet_confidence(values, sheet_means(sheets, shown), told, scale))
     growing = field_growth(lambda kept: field_of(kept, values), np.where(known[..., None], values, np.nan), scale)
-    confidence = np.where(accepted, sure, field_confidence(known, rim, growing, scale))
+    confidence = np.where(accepted, sure, field_confidence(known & (sure >= believed), rim, growing, scale))
     provenance = np.select([~mask, marked, accepted, rim], [OUTSIDE, MARKED, OBSERVED, SILHOUETTE], FILLED)
     return Reconstruction(
         labels=labels.astype(np.uint8),

@@ -1,6 +1,12 @@
 import numpy as np
 
-from tasks.algorithms.confidence import field_confidence, field_growth, observed_confidence, within_tolerance
+from tasks.algorithms.confidence import (
+    field_confidence,
+    field_growth,
+    observed_confidence,
+    sheet_confidence,
+    within_tolerance,
+)
 
 
 def plane(size: int = 60) -> np.ndarray:
@@ -26,6 +32,16 @@ def test_dense_smooth_sheets_are_surer_than_scraps_noise_and_curl() -> None:
     assert dense > 0.95
     for worse in (scrap, noisy, curled):
         assert np.nanmedian(observed_confidence(worse, 30.0)) < dense - 0.02
+
+
+def test_a_sheet_of_odd_shape_or_place_is_not_sure() -> None:
+    even = np.zeros((60, 60))
+    sure = sheet_confidence(plane(), even + 2.0, even + 0.5, 30.0)
+    assert sure.min() > 0.97
+    for shape, told in ((0.0, 2.0), (-1.0, 1.0), (2.0, 3.5)):
+        assert sheet_confidence(plane(), even + shape, even + told, 30.0).max() < 0.95
+    gone = np.full((60, 60, 3), np.nan)
+    assert np.isnan(sheet_confidence(gone, even, even, 30.0)).all()
 
 
 def test_growth_is_what_the_withheld_blocks_show() -> None:
