@@ -14,7 +14,7 @@ from flows.progress import Event
 from flows.surroundings import surroundings
 from flows.workers import DashboardProgress, awaited
 from storage.catalogue_models import MODEL
-from tasks.model import labelled, model_key
+from tasks.model import model_key
 from tasks.stage import Record
 from tasks.workspace import Workspace
 
@@ -22,14 +22,13 @@ from tasks.workspace import Workspace
 def work_on_model(works: Sequence[Workspace], scheduler: str) -> CaptureResult:
     """Merge an object's views; what goes wrong stays with the model, the captures are published all the same.
 
-    works: all captures of the object; those that gave nothing are no part of it.
+    works: all captures of the object; those that gave nothing are left out and named.
     """
     here, started, object_id = surroundings(scheduler), time.monotonic(), works[0].object_id
     name, records = f"{object_id}/{MODEL}", tuple[Record, ...]()
     error = remedy = ""
     try:
-        usable = labelled(works)
-        records = (merge_views(usable or works, model_key(usable or works), scheduler),)
+        records = (merge_views(works, model_key(works), scheduler),)
         model_artifact(works[0].repository, name, records)
     except REFUSALS as refusal:
         error, remedy = refusal.message, refusal.remedy

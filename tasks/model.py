@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -35,6 +35,7 @@ from tasks.surface import METRES_PER_MM
 from tasks.workspace import Workspace, facts_of
 
 STAGE, VERSION = "model", 2
+SEE_CAPTURE = "see what is wrong with that capture"
 SEEN = 0.5
 """Confidence from which a part of the surface counts as known."""
 AROUND = tuple(range(0, 360, 60))
@@ -90,9 +91,12 @@ def model(works: Sequence[Workspace], progress: Progress) -> Outcome:
     Raises:
         UnusableCapture: the views do not fit together.
     """
-    named = {work.capture.id: work for work in works}
-    unit = _unit(works)
+    usable = labelled(works)
+    named = {work.capture.id: work for work in usable}
+    unit = _unit(usable)
+    missing = [LeftOut(work.capture.id, "it has no labels", remedy=SEE_CAPTURE) for work in works if work not in usable]
     placed = _placed(named)
+    placed = replace(placed, left_out=(*placed.left_out, *missing))
     parameters = works[0].parameters.model
     merged: Model | None = None
     views = list(placed.views)

@@ -106,10 +106,14 @@ def test_one_pose_among_several_captures_is_too_few(works: list[Workspace]) -> N
         perform_model(one, "key")
 
 
-def test_a_capture_without_pose_is_found_and_said_to_be(works: list[Workspace]) -> None:
+def test_a_capture_without_pose_is_found_and_one_without_labels_named(works: list[Workspace]) -> None:
+    failed = replace(works[1], capture=works[1].capture.model_copy(update={"id": "view-09"}))
     some = [without_pose(works[0]), *works[1:]]
     assert model_key(some) != model_key(works)
-    outcome = model(once(some), lambda done, of: None)
+    outcome = model(once([*some, failed]), lambda done, of: None)
+    assert outcome.warnings == [
+        "view-09 is not part of the model: it has no labels; see what is wrong with that capture"
+    ]
     known = {each["capture"]: each["pose"] for each in outcome.record["views"]}
     assert known == {work.capture.id: "found" if work is some[0] else "solved" for work in some}
     assert np.cos(np.radians(outcome.record["turntable"]["angles"]["view-00"])) > np.cos(np.radians(3.0))
