@@ -30,7 +30,7 @@ STAGES = (
     Stage("clusters", clusters, needs=("lights", "mask"), facts=("camera",), version=2),
     Stage("markup", markup, needs=("clusters",), inputs=("markup",)),
     Stage("silhouette", silhouette, needs=("mask", "markup")),
-    Stage("labels", labels, needs=("clusters", "silhouette", "markup"), version=4),
+    Stage("labels", labels, needs=("clusters", "silhouette", "markup"), version=5),
     Stage("depth", depth, needs=("labels", "mask"), facts=("camera", "pixel_size")),
     Stage("surface", surface, needs=("depth", "labels", "lights")),
 )

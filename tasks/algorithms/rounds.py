@@ -131,7 +131,8 @@ def reconstruct_normals(
                 break
         if expected is None and symmetry:
             plain = surface.solve(outward, np.where(rim, rim_weight, 0.0))
-            expected = turned_normals(mask, np.where(known[..., None], values, np.nan), normals, plain)
+            counted = np.where(marked, marked_weight / normal_weight, 1.0)
+            expected = turned_normals(mask, np.where(known[..., None], values, np.nan), normals, plain, counted)
             if expected is not None:
                 field = field_of(known, values)
                 continue
