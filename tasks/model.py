@@ -34,7 +34,7 @@ from tasks.stage import Outcome, Progress, Record, recall_or_save, silent
 from tasks.surface import METRES_PER_MM
 from tasks.workspace import Workspace, facts_of
 
-STAGE, VERSION = "model", 2
+STAGE, VERSION = "model", 3
 SEE_CAPTURE = "see what is wrong with that capture"
 SEEN = 0.5
 """Confidence from which a part of the surface counts as known."""

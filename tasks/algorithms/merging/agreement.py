@@ -14,7 +14,7 @@ from tasks.algorithms.merging.views import View, sample
 
 SURE = 0.8
 """Confidence from which normals are compared: the smooth field's guesses lean with the view that made them."""
-NORMAL_ERROR = 1.2
+NORMAL_ERROR = 1.0
 """Degrees by which the confident normals of a view may be wrong all alike."""
 FEWEST = 30
 """Vertices that two views must see for their normals to be compared."""

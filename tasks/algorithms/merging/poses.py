@@ -20,7 +20,7 @@ from tasks.algorithms.merging.views import View, turned
 
 SOLVED_RAYS = 120
 """Rays taken of each outline to solve poses: their pixels' staircases must average out."""
-OUTLINE_ERROR, SOFT, CORNER = 0.15, 1.0, 0.15
+OUTLINE_ERROR, SOFT, CORNER = 0.15, 1.0, 0.05
 """Pixels of residual that are expected, beyond which a ray counts as an outlier, and over which rays begin to count."""
 ANGLE_ERROR, LEAN_ERROR = 1.0, 4.0
 """Degrees expected of a turntable's angles and of its axis."""
