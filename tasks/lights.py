@@ -120,7 +120,7 @@ def _near_camera(work: Workspace, cache: FrameCache) -> list[str]:
     width, height = work.load("survey").record["frame_size"]
     for number, sphere in enumerate(spheres_of(work)):
         crop = crops_of(work)[f"sphere-{number}"]
-        typical, brightest = levels(cache, f"sphere-{number}")
+        typical, brightest = levels(cache, f"sphere-{number}", shards=8)
         middle = (width - 1) / 2 - crop.x, (height - 1) / 2 - crop.y
         focal = find_focal(typical, brightest, sphere.within(crop.x, crop.y), middle, width)
         if focal is not None:

@@ -12,7 +12,7 @@ from tasks.algorithms.circles import edge_picture, outline
 from tasks.algorithms.perspective import Turned
 from tasks.algorithms.spheres import LEAST_SCORE, Sphere
 
-FOCALS = tuple(np.round(np.geomspace(0.6, 2.4, 9), 3).tolist())
+FOCALS = tuple(np.round(np.geomspace(0.6, 2.4, 5), 3).tolist())
 """Focal lengths in frame widths that are tried; longer ones leave too little of an ellipse."""
 FAR = 20.0
 SHIFTS, SHARES = (-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5), tuple(np.arange(0.94, 1.061, 0.01).tolist())

@@ -22,7 +22,7 @@ SAMPLES = 1500
 """Accepted normals that are compared for each tilt."""
 TILT = 3.75
 """Degrees either side of each tilt that is tried first; the best is refined from there."""
-ROUGHLY = 2.0, 4
+ROUGHLY = 2.0, 8
 """Step in pixels along the axis, and every which sample, for that first look."""
 LIKELY = 1.3
 """Times the least error of that look up to which an axis is followed up."""

@@ -12,7 +12,7 @@ from scipy import ndimage
 from tasks.algorithms.geometry import to_camera, unit
 from tasks.algorithms.mirror_axes import Axis
 
-DEPTHS = 300
+DEPTHS = 160
 """Steps along a ray in which the body is looked for, before the place is refined."""
 BLOCK = 4096
 """Rays that are followed at once."""
