@@ -32,7 +32,7 @@ SHARD = 64
 _WHOLE: Any = {"write_empty_chunks": True, "read_missing_chunks": False}
 """Black frames are stored like others, so that what is missing is never read as black."""
 OVERVIEW = "overview"
-_OVERVIEWS, _OVERVIEW_PIXELS = 16, 1 << 19
+_OVERVIEWS, _OVERVIEW_PIXELS = 12, 1 << 19
 """About how many whole frames are kept, and pixels beyond which they are made smaller."""
 _LAYOUT = 2
 COMPRESSOR: Literal["lz4", "zstd"] = "lz4"

@@ -15,7 +15,7 @@ from tasks.algorithms.spheres import LEAST_SCORE, Sphere
 FOCALS = tuple(np.round(np.geomspace(0.6, 2.4, 5), 3).tolist())
 """Focal lengths in frame widths that are tried; longer ones leave too little of an ellipse."""
 FAR = 20.0
-SHIFTS, SHARES = (-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5), tuple(np.arange(0.94, 1.061, 0.01).tolist())
+SHIFTS, SHARES = (-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5), tuple(np.arange(0.94, 1.061, 0.015).tolist())
 """Pixels by which the ball may lie beside its given place, and ratios of its radius to the given one."""
 BETTER = 1.03
 """Ratio of the best outline's score to that of a far camera from which the outline counts as an ellipse."""
