@@ -19,6 +19,11 @@ class Axis:
     across: np.ndarray
     overlap: float
 
+    @property
+    def along(self) -> np.ndarray:
+        """Direction (2,) of the axis."""
+        return np.array([-self.across[1], self.across[0]])
+
 
 def mirror_axes(mask: np.ndarray, least: float = LEAST_OVERLAP, most: int = 4) -> list[Axis]:
     """Mirror axes of a silhouette (H, W) bool, the best first; none where it is not symmetric."""

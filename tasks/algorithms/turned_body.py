@@ -49,8 +49,7 @@ class Turned:
     @property
     def upward(self) -> np.ndarray:
         """Direction (3,) of the axis in the camera frame."""
-        flat = np.array([-self.axis.across[1], self.axis.across[0]]) * np.cos(self.tilt)
-        return np.append(flat, np.sin(self.tilt))
+        return np.append(self.axis.along * np.cos(self.tilt), np.sin(self.tilt))
 
     def normals(self, x: np.ndarray, y: np.ndarray, far: bool = False) -> np.ndarray:
         """Normals (N, 3) where rays along -z at x, y (N,) enter the body, NaN beside it.
@@ -69,14 +68,14 @@ class Turned:
         side, up = self._place(x, y)
         c, s = np.cos(self.tilt), np.sin(self.tilt)
         towards = depths * c - up * s
-        along = np.array([-self.axis.across[1], self.axis.across[0]])
-        outward = np.column_stack([np.outer(side, self.axis.across) - np.outer(towards * s, along), towards * c])
+        flat = np.outer(side, self.axis.across) - np.outer(towards * s, self.axis.along)
+        outward = np.column_stack([flat, towards * c])
         return Entries(depths * s + up * c, outward)
 
     def _place(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Across and along the axis in the image."""
         place = np.stack([x, y], axis=-1) - self.axis.point
-        return place @ self.axis.across, place @ np.array([-self.axis.across[1], self.axis.across[0]])
+        return place @ self.axis.across, place @ self.axis.along
 
     def _depths(self, x: np.ndarray, y: np.ndarray, far: bool) -> np.ndarray:
         side, up = self._place(x, y)
@@ -132,7 +131,7 @@ def turned_body(mask: np.ndarray, axis: Axis, tilt: float, step: float = 0.5) ->
     contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     outline = ndimage.gaussian_filter1d(max(contours, key=len)[:, 0].astype(float), 1.5, axis=0, mode="wrap")
     place = np.stack(to_camera(outline[:, 0], outline[:, 1], mask.shape[1], mask.shape[0]), axis=-1) - axis.point
-    side, up = place @ axis.across, place @ np.array([-axis.across[1], axis.across[0]])
+    side, up = place @ axis.across, place @ axis.along
     foreshortened, flattened = np.cos(tilt), max(abs(np.sin(tilt)), 0.02)
     heights = np.arange(up.min() / foreshortened, up.max() / foreshortened + step, step)
     # The outline runs through the centres of the outermost pixels, half a pixel inside the edge.

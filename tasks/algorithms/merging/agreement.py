@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tasks.algorithms.merging.fusion import Fused
-from tasks.algorithms.merging.views import View, sample
+from tasks.algorithms.merging.views import View
 
 SURE = 0.8
 """Confidence from which normals are compared: the smooth field's guesses lean with the view that made them."""
@@ -67,5 +67,4 @@ def agreement(
 
 def _normals_at(view: View, points: np.ndarray) -> np.ndarray:
     """Normals (N, 3) of the world that a view shows at points (N, 3)."""
-    normals = sample(np.nan_to_num(view.normals), *view.project(points))
-    return view.to_world(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9))
+    return view.to_world(view.normals_at(*view.project(points)))

@@ -23,7 +23,7 @@ def close(vertices: np.ndarray, normals: np.ndarray, cell: float) -> tuple[np.nd
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.ascontiguousarray(vertices, float)))
     cloud.normals = o3d.utility.Vector3dVector(np.ascontiguousarray(normals, float))
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
-        # Several threads gain no time here, and now and then they end the process.
+        # Several threads gain no time here.
         mesh, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(
             cloud, depth=0, width=cell, scale=ROOM, n_threads=1
         )

@@ -121,8 +121,7 @@ class Fitting:
         shown = np.column_stack([columns, rows])
         nearest = shown[cKDTree(shown).query(self.rim)[1]]
         inner = np.maximum(((self.rim - nearest) * self.outwards).sum(axis=1), 0.0)
-        normals = sample(np.nan_to_num(placed.normals), columns[seen], rows[seen])
-        normals = placed.to_world(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9))
+        normals = placed.to_world(placed.normals_at(columns[seen], rows[seen]))
         off = np.linalg.norm(normals - self.model.normals[seen], axis=1)
         return outer / PIXELS, inner / PIXELS, off / np.radians(DEGREES)
 

@@ -81,8 +81,7 @@ def fuse(views: Sequence[View], vertices: np.ndarray, triangles: np.ndarray) -> 
         columns, rows = view.project(vertices)
         seen = visible(scene, vertices, own, view)
         seen &= sample(view.mask.astype(np.float32), columns, rows) > 0.99
-        normals = sample(np.nan_to_num(view.normals), columns[seen], rows[seen])
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+        normals = view.normals_at(columns[seen], rows[seen])
         confidence = sample(np.nan_to_num(view.confidence), columns[seen], rows[seen])
         each[number, seen] = view.to_world(normals)
         sure[number, seen] = confidence

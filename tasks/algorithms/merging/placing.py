@@ -95,20 +95,26 @@ def place_others(placed: Placed, others: Sequence[View], model: Model) -> Placed
     Those that fit nowhere, or in several places, are left out.
     """
     for view in others:
-        if placed.turntable is None and view.matrix is not None:
-            reason = "its pose is not given, and under a camera matrix it cannot be found"
-            placed = replace(placed, left_out=(*placed.left_out, LeftOut(view.name, reason, remedy="give its pose")))
-            continue
-        fits = _fits(placed, view, model)
-        wider = placed if doubt(fits) else _widened(placed, view, fits[0])
-        reason = (
-            doubt(fits) or f"its pose is not given, and where it fits best it misses by {wider.misses[-1]:.1f} pixels"
-        )
-        if doubt(fits) or wider.misses[-1] > CONTRADICTORY:
-            placed = replace(placed, left_out=(*placed.left_out, LeftOut(view.name, reason, remedy="give its pose")))
-        else:
-            placed = wider
+        found = _with_one_more(placed, view, model)
+        if isinstance(found, str):
+            found = replace(placed, left_out=(*placed.left_out, LeftOut(view.name, found, remedy="give its pose")))
+        placed = found
     return placed
+
+
+def _with_one_more(placed: Placed, view: View, model: Model) -> Placed | str:
+    """With a view where it fits the model, or why it does not."""
+    if placed.turntable is None and view.matrix is not None:
+        return "its pose is not given, and under a camera matrix it cannot be found"
+    fits = _fits(placed, view, model)
+    doubtful = doubt(fits)
+    if doubtful is not None:
+        return doubtful
+    wider = _widened(placed, view, fits[0])
+    missed = wider.misses[-1]
+    if missed > CONTRADICTORY:
+        return f"its pose is not given, and where it fits best it misses by {missed:.1f} pixels"
+    return wider
 
 
 def _fits(placed: Placed, view: View, model: Model) -> list[Fit]:

@@ -6,6 +6,7 @@ normals tell the angles of the rest. Both hold each other and the angles as they
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -15,7 +16,7 @@ from scipy.special import expit
 from tasks.algorithms.merging.agreement import Agreement, agreement
 from tasks.algorithms.merging.fusion import Fused
 from tasks.algorithms.merging.hull import ball_around, outline_of
-from tasks.algorithms.merging.tangents import tangents
+from tasks.algorithms.merging.tangents import Tangents, tangents
 from tasks.algorithms.merging.views import View, turned
 
 SOLVED_RAYS = 120
@@ -119,7 +120,8 @@ def _solved(
     """
     outlines = [outline_of(view.mask) for view in views]
     hundredth = max(float(np.hypot(*view.mask.shape)) * view.pixel_size for view in views) / 100
-    size = np.array([view.footprint(ball_around(views)[0][None])[0] for view in views])
+    middle = ball_around(views)[0][None]
+    size = np.array([view.footprint(middle)[0] for view in views])
     matrix, vector = (np.zeros((0, len(views))), np.zeros(0)) if normals is None else normals.residuals()
     # The offset has no prior.
     held = np.concatenate([[0.0], np.full(2, 1.0 / LEAN_ERROR), sure])
@@ -134,13 +136,17 @@ def _solved(
             start.angles + unknowns[3:] @ free,
         )
 
+    @lru_cache(maxsize=1)
+    def touching_at(*unknowns: float) -> Tangents:
+        return tangents(on_turntable(views, turntable(np.array(unknowns))), outlines, SOLVED_RAYS)
+
     def residuals(unknowns: np.ndarray) -> np.ndarray:
-        missed = tangents(on_turntable(views, turntable(unknowns)), outlines, SOLVED_RAYS).distance
         turns = unknowns[3:] @ free
+        missed = touching_at(*unknowns.tolist()).distance
         return np.concatenate([_counted(missed)[0], held * (unknowns - expected), matrix @ turns + vector])
 
     def jacobian(unknowns: np.ndarray) -> np.ndarray:
-        touching = tangents(on_turntable(views, turntable(unknowns)), outlines, SOLVED_RAYS)
+        touching = touching_at(*unknowns.tolist())
         grade = _counted(touching.distance)[1]
         columns = []
         for step in DIFFERENCE * np.eye(len(unknowns)):

@@ -86,6 +86,11 @@ class View:
         away = -(points @ self.rotation[2] + self.translation[2])
         return np.asarray(np.maximum(away, 1e-9) / np.sqrt(self.matrix[0, 0] * self.matrix[1, 1]))
 
+    def normals_at(self, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Unit normals (N, 3) of the camera frame at positions of the region; zero where none is near."""
+        normals = sample(np.nan_to_num(self.normals), columns, rows)
+        return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9))
+
     def to_world(self, vectors: np.ndarray) -> np.ndarray:
         """Directions (..., 3) of the camera frame in the world."""
         return vectors @ self.rotation
