@@ -17,6 +17,10 @@ from flows.progress import Event
 from flows.surroundings import surroundings
 from tasks.references import CaptureReference, chosen_captures, load_catalogue
 
+APART_SECONDS = 0.3
+"""Between the first objects: of two flow runs that begin at once SQLite turns one away, and its client sleeps for two
+seconds."""
+
 
 @flow(name="catalogue", flow_run_name="{name}", validate_parameters=False, persist_result=False)
 def run_catalogue(
@@ -37,10 +41,13 @@ def run_catalogue(
     started, run = time.monotonic(), str(runtime.flow_run.id)
     chosen = chosen_captures(load_catalogue(catalogue).objects, only)
     with ThreadPoolExecutor(side_by_side) as pool:
-        futures = [
-            submit(pool, object_or_pass, catalogue, each, captures, store, scheduler, run, rehash, drift)
-            for each, captures in chosen.items()
-        ]
+        futures = []
+        for each, captures in chosen.items():
+            futures.append(
+                submit(pool, object_or_pass, catalogue, each, captures, store, scheduler, run, rehash, drift)
+            )
+            if len(futures) < side_by_side:
+                time.sleep(APART_SECONDS)
         try:
             objects = [future.result() for future in futures]
         except BaseException:

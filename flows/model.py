@@ -3,16 +3,17 @@
 import time
 from collections.abc import Sequence
 
-from prefect import get_run_logger, task
+from prefect import task
 from prefect.cache_policies import NO_CACHE
 
 from flows.errors import DEFECT, REFUSALS
+from flows.hearing import Hearing
 from flows.model_page import model_artifact
 from flows.outcomes import CaptureResult
 from flows.performing import merge_there
 from flows.progress import Event
 from flows.surroundings import surroundings
-from flows.workers import DashboardProgress, awaited
+from flows.workers import awaited
 from storage.catalogue_models import MODEL
 from tasks.model import model_key
 from tasks.stage import Record
@@ -28,8 +29,7 @@ def work_on_model(works: Sequence[Workspace], scheduler: str) -> CaptureResult:
     name, records = f"{object_id}/{MODEL}", tuple[Record, ...]()
     error = remedy = ""
     try:
-        records = (merge_views(works, model_key(works), scheduler),)
-        model_artifact(works[0].repository, name, records)
+        records = (merge_views(works, name, scheduler),)
     except REFUSALS as refusal:
         error, remedy = refusal.message, refusal.remedy
     except Exception as defect:
@@ -43,15 +43,12 @@ def work_on_model(works: Sequence[Workspace], scheduler: str) -> CaptureResult:
     return CaptureResult(object_id, MODEL, seconds, records, error, remedy)
 
 
-@task(name="model", task_run_name="model", cache_policy=NO_CACHE, persist_result=False)
-def merge_views(works: Sequence[Workspace], key: str, scheduler: str) -> Record:
+@task(name="model", task_run_name="{name}", cache_policy=NO_CACHE, persist_result=False)
+def merge_views(works: Sequence[Workspace], name: str, scheduler: str) -> Record:
     """Place and merge the views on a worker."""
-    here, name = surroundings(scheduler), f"{works[0].object_id}/{MODEL}"
-    shown = DashboardProgress(here.reporter(name, MODEL), f"{name} progress")
-    future = here.client.submit(merge_there, list(works), key, name, MODEL, pure=False)
-    record: Record = awaited(future, name, lambda: shown.repeat(here.latest.get((name, MODEL))))
-    here.show(Event("stage", name, MODEL, seconds=record.seconds, cached=record.cached))
-    for warning in record.warnings:
-        get_run_logger().warning("%s: %s", name, warning)
-        here.show(Event("warning", name, MODEL, text=warning))
+    here = surroundings(scheduler)
+    with Hearing(here, name) as hearing:
+        future = here.client.submit(merge_there, list(works), model_key(works), name, MODEL, pure=False)
+        record: Record = awaited(future, name, hearing)
+    model_artifact(works[0].repository, name, (record,))
     return record

@@ -111,10 +111,9 @@ def work_on_object(references: Sequence[CaptureReference], scheduler: str, drift
 
 
 def work_on_capture(reference: CaptureReference, scheduler: str) -> CaptureResult:
-    """Run the flow of one capture when it is its turn; what goes wrong stays with this capture."""
+    """Work on one capture when it is its turn; what goes wrong stays with this capture."""
     here = surroundings(scheduler)
-    with here.turns:
-        here.check()
+    with here.turn(str(reference)):
         started = time.monotonic()
         records = []
         error = remedy = ""

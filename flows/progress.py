@@ -1,7 +1,7 @@
 """What a run says while it runs: bars on a terminal, plain lines elsewhere, JSON lines for machines.
 
-Everything said is an `Event`, which a `Display` shows. A step tells its progress through a callable (done, total): in
-this process a `Reporter`, on a Dask worker a `worker_reporter`, which `listen` hears.
+Everything said is an `Event`, which a `Display` shows. A step tells its progress through a callable (done, total), a
+`Reporter`. What is told on a Dask worker goes `from_worker` to whoever has begun to `listen`.
 """
 
 import json
@@ -69,12 +69,12 @@ class Reporter:
             self._show(Event("progress", self._capture, self._stage, done=done, total=total, seconds=seconds))
 
 
-def worker_reporter(capture: str, stage: str) -> Reporter:
-    """A reporter for a step on a Dask worker, made in the task's own thread; its events go to whoever listens."""
+def from_worker() -> Callable[[Event], None]:
+    """How a task on a Dask worker tells of events, asked for in its own thread; they go to whoever listens."""
     from distributed import get_worker
 
     worker = get_worker()
-    return Reporter(lambda event: worker.log_event(TOPIC, {"event": asdict(event)}), capture, stage)
+    return lambda event: worker.log_event(TOPIC, {"event": asdict(event)})
 
 
 def listen(client: "Client", show: Callable[[Event], None]) -> None:

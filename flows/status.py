@@ -1,7 +1,6 @@
 """`glint status`: what the dashboard shows, on a terminal: objects, what runs and how far it is, what failed, why."""
 
 import json
-from collections.abc import Iterable
 from typing import Any
 
 import typer
@@ -10,9 +9,9 @@ from flows.server import running_server
 from flows.tables import show, status_rows, table_of
 
 LATEST = 200
-"""Capture runs that are looked at, the newest ones."""
+"""Captures that are looked at, the newest ones."""
 
-_PREFIX = "Flow run encountered an exception: "
+_PREFIX = "Task run encountered an exception "
 
 
 def tell_status(store: str, as_json: bool) -> None:
@@ -45,57 +44,42 @@ def tell_status(store: str, as_json: bool) -> None:
 def running_rows() -> list[dict[str, Any]]:
     """One row for each run of a catalogue, and for each capture that is worked on: stage, progress, since when."""
     from prefect.client.orchestration import get_client
-    from prefect.client.schemas.filters import (
-        ArtifactFilter,
-        ArtifactFilterTaskRunId,
-        FlowRunFilter,
-        FlowRunFilterId,
-        TaskRunFilter,
-        TaskRunFilterState,
-        TaskRunFilterStateType,
-    )
+    from prefect.client.schemas.filters import ArtifactFilter, ArtifactFilterTaskRunId
     from prefect.client.schemas.objects import StateType
 
-    rows = []
+    running = [StateType.RUNNING]
     with get_client(sync_client=True) as client:
-        for flow in ("catalogue", "maintenance", "capture"):
-            runs = _runs(client, flow, [StateType.RUNNING])
-            if not runs:
-                continue
-            tasks = client.read_task_runs(
-                flow_run_filter=FlowRunFilter(id=FlowRunFilterId(any_=[each.id for each in runs])),
-                task_run_filter=TaskRunFilter(
-                    state=TaskRunFilterState(type=TaskRunFilterStateType(any_=[StateType.RUNNING]))
-                ),
-            )
-            stages = {each.flow_run_id: each for each in tasks}
-            progress: dict[Any, Any] = {}
-            if stages:
-                chosen = ArtifactFilterTaskRunId(any_=[each.id for each in stages.values()])
-                found = client.read_artifacts(artifact_filter=ArtifactFilter(task_run_id=chosen))
-                progress = {each.task_run_id: each.data for each in found if each.type == "progress"}
-            for run in runs:
-                stage = stages.get(run.id)
-                share = progress.get(stage.id) if stage is not None else None
-                rows.append(
-                    {
-                        "running": run.name,
-                        "of": flow,
-                        "stage": "" if stage is None else stage.name,
-                        "progress": "" if share is None else f"{float(share):.0f}%",
-                        "since": _time(run.start_time),
-                    }
-                )
+        rows = [
+            {"running": run.name, "of": flow, "stage": "", "progress": "", "since": _time(run.start_time)}
+            for flow in ("catalogue", "maintenance")
+            for run in _flow_runs(client, flow, running)
+        ]
+        captures, bars = _capture_runs(client, running), dict[Any, Any]()
+        if captures:
+            chosen = ArtifactFilterTaskRunId(any_=[each.id for each in captures])
+            found = client.read_artifacts(artifact_filter=ArtifactFilter(task_run_id=chosen))
+            bars = {each.task_run_id: each for each in found if each.type == "progress"}
+    for run in captures:
+        bar = bars.get(run.id)
+        rows.append(
+            {
+                "running": run.name,
+                "of": "capture",
+                "stage": "" if bar is None else bar.description,
+                "progress": "" if bar is None else f"{float(bar.data):.0f}%",
+                "since": _time(run.start_time),
+            }
+        )
     return rows
 
 
 def failed_rows() -> list[dict[str, Any]]:
-    """One row for each capture whose latest run did not succeed: when, and why, with the remedy."""
+    """One row for each capture that did not succeed when it was tried last: when, and why, with the remedy."""
     from prefect.client.orchestration import get_client
 
     with get_client(sync_client=True) as client:
         latest: dict[str, Any] = {}
-        for run in _runs(client, "capture", None):
+        for run in _capture_runs(client, None):
             latest.setdefault(run.name, run)
     return [
         {"capture": name, "ended": _time(run.end_time), "why": _why(run)}
@@ -104,8 +88,8 @@ def failed_rows() -> list[dict[str, Any]]:
     ]
 
 
-def _runs(client: Any, flow: str, states: Iterable[Any] | None) -> list[Any]:
-    """The newest runs of a flow, newest first."""
+def _flow_runs(client: Any, flow: str, states: list[Any]) -> list[Any]:
+    """Flow runs in these states, newest first."""
     from prefect.client.schemas.filters import (
         FlowFilter,
         FlowFilterName,
@@ -115,13 +99,34 @@ def _runs(client: Any, flow: str, states: Iterable[Any] | None) -> list[Any]:
     )
     from prefect.client.schemas.sorting import FlowRunSort
 
-    chosen = None
-    if states is not None:
-        chosen = FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=list(states))))
     found: list[Any] = client.read_flow_runs(
         flow_filter=FlowFilter(name=FlowFilterName(any_=[flow])),
-        flow_run_filter=chosen,
+        flow_run_filter=FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=states))),
         sort=FlowRunSort.START_TIME_DESC,
+        limit=LATEST,
+    )
+    return found
+
+
+def _capture_runs(client: Any, states: list[Any] | None) -> list[Any]:
+    """Task runs of captures and models (all that are named OBJECT/..) in these states (None: any), newest first."""
+    from prefect.client.schemas.filters import (
+        FlowFilter,
+        FlowFilterName,
+        TaskRunFilter,
+        TaskRunFilterName,
+        TaskRunFilterState,
+        TaskRunFilterStateType,
+    )
+    from prefect.client.schemas.sorting import TaskRunSort
+
+    found: list[Any] = client.read_task_runs(
+        flow_filter=FlowFilter(name=FlowFilterName(any_=["object"])),
+        task_run_filter=TaskRunFilter(
+            name=TaskRunFilterName(like_="/"),
+            state=None if states is None else TaskRunFilterState(type=TaskRunFilterStateType(any_=states)),
+        ),
+        sort=TaskRunSort.EXPECTED_START_TIME_DESC,
         limit=LATEST,
     )
     return found

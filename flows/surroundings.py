@@ -21,14 +21,15 @@ def _nobody(event: Event) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """client: for all threads of this process; show: told of every event; turns: captures worked on at once;
-    ended: whether the run has been abandoned; latest: the last progress by capture and stage."""
+    """client: for all threads of this process; show: told of every event, and `listeners` of those of their capture;
+    turns: captures worked on at once, `working` those that are; ended: whether the run has been abandoned."""
 
     client: Client
     show: Callable[[Event], None] = _nobody
     turns: threading.Semaphore = field(default_factory=lambda: threading.Semaphore(2))
     ended: threading.Event = field(default_factory=threading.Event)
-    latest: dict[tuple[str, str], Event] = field(default_factory=dict)
+    listeners: dict[str, Callable[[Event], None]] = field(default_factory=dict)
+    working: set[str] = field(default_factory=set)
 
     def abandon(self) -> None:
         """End the run: what waits for a worker fails at once, and nothing more is begun."""
@@ -43,6 +44,21 @@ class Surroundings:
         """
         if self.ended.is_set():
             raise CancelledError("the run was interrupted")
+
+    @contextmanager
+    def turn(self, capture: str) -> Iterator[None]:
+        """Wait for this capture's turn, and take it.
+
+        Raises:
+            CancelledError: the run was abandoned meanwhile.
+        """
+        with self.turns:
+            self.check()
+            self.working.add(capture)
+            try:
+                yield
+            finally:
+                self.working.discard(capture)
 
     @contextmanager
     def interruptible(self) -> Iterator[None]:
@@ -75,15 +91,14 @@ def share(address: str, client: Client, display: object | None = None) -> None:
     """Let flows that name this scheduler use this client, and tell this display (see `progress.Display`)."""
     told: Callable[[Event], None] = getattr(display, "show", _nobody)
     turns = threading.Semaphore(side_by_side(len(client.nthreads())))
-    latest: dict[tuple[str, str], Event] = {}
+    listeners: dict[str, Callable[[Event], None]] = {}
 
     def show(event: Event) -> None:
-        if event.kind == "progress":
-            latest[event.capture, event.stage] = event
+        listeners.get(event.capture, _nobody)(event)
         told(event)
 
     listen(client, show)
-    _known[address] = Surroundings(client, show, turns, latest=latest)
+    _known[address] = Surroundings(client, show, turns, listeners=listeners)
 
 
 def surroundings(address: str) -> Surroundings:

@@ -1,58 +1,38 @@
-"""Work that is done on Dask workers: awaited with its progress on the dashboard, and explained when a worker dies."""
+"""Work that is done on Dask workers: awaited, spread over all of them, and explained when a worker dies."""
 
 import threading
-import time
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
-from dask.utils import format_bytes
 from distributed import Client, Future
 from distributed.client import FutureCancelledError
 from distributed.scheduler import KilledWorker
-from prefect.artifacts import create_progress_artifact, update_progress_artifact
 
-from flows.artifacts import artifact_key
 from flows.cluster import TERMINATED
 from flows.errors import ClusterError
-from flows.progress import Event, Reporter
-
-PROGRESS_SECONDS = 5.0
-"""A stage that takes longer has its progress on the dashboard, as often as this."""
+from flows.hearing import PROGRESS_SECONDS, Hearing
 
 _TRIES = 3
 
 
-class DashboardProgress:
-    """The progress callable of a stage that also keeps a progress bar on its task run's page."""
+@dataclass(frozen=True, slots=True)
+class Capacity:
+    """Workers there are now, and the bytes that the smallest of them may fill; None: any."""
 
-    def __init__(self, reporter: Reporter, name: str) -> None:
-        self._reporter, self._name = reporter, name
-        self._shown, self._artifact = time.monotonic(), None
-
-    def __call__(self, done: int, total: int | None) -> None:
-        """Tell that `done` of `total` parts are done."""
-        self._reporter(done, total)
-        self._show(done, total)
-
-    def repeat(self, event: Event | None) -> None:
-        """Put on the dashboard what a worker told."""
-        if event is not None and event.done is not None:
-            self._show(event.done, event.total)
-
-    def _show(self, done: int, total: int | None) -> None:
-        now = time.monotonic()
-        if not total or now - self._shown < PROGRESS_SECONDS:
-            return
-        self._shown, percent = now, min(100.0, 100.0 * done / total)
-        if self._artifact is None:
-            made: Any = create_progress_artifact(percent, key=artifact_key(self._name), description=self._name)
-            self._artifact = made
-        else:
-            update_progress_artifact(self._artifact, percent, description=self._name)
+    workers: int
+    bytes: int | None
 
 
-def awaited(future: Future, what: str, meanwhile: Callable[[], None]) -> Any:
-    """The result of a task; `meanwhile` is called every few seconds.
+def capacity(client: Client) -> Capacity:
+    """What a cluster has."""
+    found = client.scheduler_info(n_workers=-1)["workers"].values()
+    limits = [worker["memory_limit"] for worker in found]
+    return Capacity(len(found), int(min(limits) * TERMINATED) if limits and all(limits) else None)
+
+
+def awaited(future: Future, name: str, hearing: Hearing) -> Any:
+    """The result of a task for a capture, what its worker tells passed on meanwhile.
 
     Raises:
         ClusterError: the worker died on it twice; else what the task raised.
@@ -61,11 +41,11 @@ def awaited(future: Future, what: str, meanwhile: Callable[[], None]) -> Any:
     ended = threading.Event()
     future.add_done_callback(lambda _: ended.set())
     while not ended.wait(PROGRESS_SECONDS) and not future.done():
-        meanwhile()
+        hearing.pass_on()
     try:
         return future.result()
     except KilledWorker as error:
-        raise died(what) from error
+        raise died(f"{name} {hearing.stage}") from error
 
 
 def spread[Task, Shared, Result](
@@ -93,26 +73,6 @@ def spread[Task, Shared, Result](
             if lost == _TRIES or client.status != "running":
                 raise died(what) from error
             client.cancel(futures, force=True)
-
-
-def task_bytes(client: Client) -> int | None:
-    """Memory that the smallest worker may fill; None without limit."""
-    limits = [worker["memory_limit"] for worker in client.scheduler_info(n_workers=-1)["workers"].values()]
-    return int(min(limits) * TERMINATED) if limits and all(limits) else None
-
-
-def check_bytes(client: Client, projected: int, what: str) -> None:
-    """Refuse work that is projected to need more bytes in one process than a worker has.
-
-    Raises:
-        ClusterError: it does not fit.
-    """
-    limit = task_bytes(client)
-    if limit is not None and projected > limit:
-        raise ClusterError(
-            f"{what} needs {format_bytes(projected)} in one process, its workers have {format_bytes(limit)}",
-            "give a smaller region, use fewer --workers, or a --scheduler whose workers have more memory",
-        )
 
 
 def died(what: str) -> ClusterError:

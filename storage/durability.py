@@ -3,6 +3,9 @@
 import os
 from pathlib import Path
 
+LAG_SECONDS = 0.1
+"""How far a file system's own clock may be behind."""
+
 
 def flush(path: Path) -> None:
     """Force a file's bytes, or a folder's names, onto the disk."""
@@ -15,6 +18,7 @@ def flush(path: Path) -> None:
 
 def flush_tree(root: Path, since: float) -> None:
     """Force onto the disk what was written below `root` at or after `since` (seconds of the epoch)."""
+    since -= LAG_SECONDS
     for folder, _, names in os.walk(root):
         for name in names:
             path = Path(folder, name)

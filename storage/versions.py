@@ -269,7 +269,7 @@ class ObjectRepository:
         """Run `change` alone on a local store; on an object store run it again when another writer was faster."""
         with self._faults(doing), mutation_lock(self.location, self.object_id):
             for attempt in range(_ATTEMPTS):
-                started = time.time() - 1.0
+                started = time.time()
                 try:
                     outcome = change()
                     if self._place.local is not None:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import time
 import urllib.request
 from collections.abc import Callable
@@ -10,7 +11,7 @@ from typing import Any
 
 import pytest
 from prefect.client.orchestration import get_client
-from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterParentFlowRunId
+from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterId, FlowRunFilterParentFlowRunId
 from prefect.client.schemas.objects import FlowRun
 
 from flows.catalogue import run_catalogue
@@ -18,6 +19,7 @@ from flows.cluster import Cluster
 from flows.outcomes import RunResult
 from flows.progress import Event
 from flows.surroundings import share
+from flows.workers import Capacity
 from storage.catalogue import Catalogue, load, write
 from storage.errors import StoreError
 from storage.location import Location
@@ -86,6 +88,17 @@ def children(parent: str) -> dict[str, FlowRun]:
         return {each.name: each for each in client.read_flow_runs(flow_run_filter=chosen)}
 
 
+def captures_of(flow_run: str) -> list[str]:
+    """Names of the task runs of a flow run, once the server has recorded them."""
+    chosen = FlowRunFilter(id=FlowRunFilterId(any_=[flow_run]))  # type: ignore[list-item]
+    with get_client(sync_client=True) as client:
+        for _ in range(60):
+            if found := client.read_task_runs(flow_run_filter=chosen):
+                return [each.name for each in found]
+            time.sleep(0.5)
+    raise AssertionError("no task runs")
+
+
 def told_events(name: str) -> list[dict[str, Any]]:
     """Payloads of the events of that name, once the server has them."""
     body = json.dumps({"filter": {"event": {"name": [name]}}}).encode()
@@ -105,7 +118,7 @@ def test_every_object_is_a_run_with_its_captures_in_it(run: Run) -> None:
     assert state.is_completed() and "2 captures: 2 done" in state.message
     objects = children(result_of(state).run)
     assert set(objects) == {"a", "b"}
-    assert set(children(str(objects["a"].id))) == {"a/front"}
+    assert set(captures_of(str(objects["a"].id))) == {"a/front"}
     assert {each.state.type.value for each in objects.values() if each.state} == {"COMPLETED"}
     assert len(str(objects["a"].parameters)) < 2000, "parameters name the catalogue and hold none of it"
     assert [each.kind for each in events].count("capture") == 2
@@ -147,10 +160,11 @@ def test_a_run_of_which_nothing_succeeds_has_failed(run: Run) -> None:
 def test_a_capture_too_large_for_the_workers_is_refused_up_front(
     run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("flows.capture.largest_need", lambda work: (1 << 50, "labels"))
+    monkeypatch.setattr("flows.capture.capacity", lambda client: Capacity(2, 1 << 20))
     state, events = run("large")
     (failed,) = result_of(state).failed
-    assert failed.error.startswith("labels of d/front needs 1.00 PiB in one process") and "region" in failed.remedy
+    assert re.match(r"\w+ of d/front needs .* in one process, its workers have 1\.00 MiB", failed.error)
+    assert "region" in failed.remedy
     assert [each.stage for each in events if each.kind == "stage"] == ["survey"]
 
 

@@ -55,13 +55,15 @@ def test_the_client_is_nobodys_default(cluster: Cluster) -> None:
 
 
 def test_work_that_does_not_fit_is_refused(cluster: Cluster) -> None:
-    from flows.workers import check_bytes, task_bytes
+    from flows.performing import check_bytes
+    from flows.workers import capacity
 
-    limit = task_bytes(cluster.client)
-    assert limit is not None
-    check_bytes(cluster.client, limit, "glass/front")
+    found = capacity(cluster.client)
+    limit = found.bytes
+    assert found.workers == 2 and limit is not None
+    check_bytes(limit, limit, "glass/front")
     with pytest.raises(ClusterError, match=r"glass/front needs .* in one process.*smaller region"):
-        check_bytes(cluster.client, limit + 1, "glass/front")
+        check_bytes(limit, limit + 1, "glass/front")
 
 
 def test_a_task_that_kills_its_workers_fails_and_others_go_on(cluster: Cluster) -> None:

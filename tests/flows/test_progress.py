@@ -10,7 +10,7 @@ from rich.console import Console
 
 from flows.bars import Bars
 from flows.cluster import Cluster
-from flows.progress import Event, JsonLines, PlainLines, Reporter, listen, open_display, sentence, worker_reporter
+from flows.progress import Event, JsonLines, PlainLines, Reporter, from_worker, listen, open_display, sentence
 
 
 class Kept(AbstractContextManager["Kept"]):
@@ -134,7 +134,7 @@ def test_the_display_fits_where_the_output_goes(monkeypatch: pytest.MonkeyPatch)
 
 
 def work() -> str:
-    reporter = worker_reporter("glass/front", "frames")
+    reporter = Reporter(from_worker(), "glass/front", "frames")
     for done in range(1, 101):
         reporter(done, 100)
     return "done"

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from prefect import task
 
-from flows.capture import TASKS, may_come_back
+from flows.capture import capture, may_come_back
 from flows.server import Server
 from storage.errors import InputError, StoreError, StoreUnreachable
 from storage.faults import fault
@@ -25,7 +25,7 @@ def test_only_a_store_that_is_away_is_asked_again(server: Server, error: Any, ca
     with pytest.raises(error):
         stage()
     assert len(made) == calls
-    assert all(each.retry_condition_fn is may_come_back and each.retries for each in TASKS.values())
+    assert capture.retry_condition_fn is may_come_back and capture.retries
 
 
 @pytest.mark.parametrize(

@@ -3,13 +3,14 @@
 import os
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 import flows.workers
 from flows.cluster import Cluster
 from flows.errors import ClusterError
+from flows.hearing import Hearing
 from flows.workers import awaited, spread
 
 pytestmark = pytest.mark.server
@@ -37,26 +38,32 @@ def die_once(number: int, common: str) -> int:
     return number**2
 
 
-def nothing() -> None:
-    """Nobody listens."""
+class Heard:
+    """What awaiting passes on to a hearing."""
+
+    def __init__(self, stage: str = "labels") -> None:
+        self.stage, self.times = stage, 0
+
+    def pass_on(self) -> None:
+        self.times += 1
 
 
 def test_what_takes_long_is_told_meanwhile(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(flows.workers, "PROGRESS_SECONDS", 0.05)
-    told: list[int] = []
+    heard = Heard()
     future = cluster.client.submit(slowly, 0.5, pure=False)
-    assert awaited(future, "glass/front labels", lambda: told.append(1)) == "done"
-    assert told
+    assert awaited(future, "glass/front", cast(Hearing, heard)) == "done"
+    assert heard.times
 
 
 def test_a_time_out_of_the_task_is_its_own(cluster: Cluster) -> None:
     with pytest.raises(TimeoutError, match="the task's own"):
-        awaited(cluster.client.submit(late, pure=False), "glass/front labels", nothing)
+        awaited(cluster.client.submit(late, pure=False), "glass/front", cast(Hearing, Heard()))
 
 
 def test_work_that_kills_its_workers_is_explained(cluster: Cluster) -> None:
     with pytest.raises(ClusterError, match=r"glass/front labels: the worker process died.*out of memory"):
-        awaited(cluster.client.submit(die, pure=False), "glass/front labels", nothing)
+        awaited(cluster.client.submit(die, pure=False), "glass/front", cast(Hearing, Heard()))
     with pytest.raises(ClusterError, match="worker process died"):
         list(spread(cluster.client, "glass/front", die, range(3), "common"))
     cluster.client.wait_for_workers(2, timeout=240)
