@@ -31,7 +31,7 @@ WORKERS_SECONDS = 120
 TERMINATED = 0.95
 """Share of its memory limit at which a worker is ended."""
 
-_SETTINGS = {
+SETTINGS = {
     # A task that killed two workers is the cause: it fails, and the others go on.
     "distributed.scheduler.allowed-failures": 1,
     # A graph cut holds the interpreter for minutes. A local worker that dies is noticed without heartbeats.
@@ -52,6 +52,7 @@ _SETTINGS = {
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 64 << 20,
     "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 16 << 20,
 }
+"""How Dask works here; deploy/ says the same in the environment of its containers."""
 
 
 @dataclass
@@ -156,7 +157,7 @@ class Cluster:
             self._failure = failure
 
     def _local(self) -> Client:
-        dask.config.set(_SETTINGS)
+        dask.config.set(SETTINGS)
         self._cluster = LocalCluster(
             n_workers=self._workers,
             threads_per_worker=1,

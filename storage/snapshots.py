@@ -16,6 +16,10 @@ from storage.errors import StoreError
 from storage.location import Location
 from storage.results import Keys, contents, jsonable, read_stage, write_stage
 
+# Every commit is a new snapshot of the whole object. As many as icechunk remembers by default are a hundred megabytes
+# for each object that is open; the newest are all that is read again.
+_CONFIG = icechunk.RepositoryConfig(caching=icechunk.CachingConfig(num_snapshot_nodes=10_000, num_chunk_refs=100_000))
+
 
 @dataclass(frozen=True, slots=True)
 class Version:
@@ -32,6 +36,15 @@ class Version:
     created: bool = True
 
 
+def open_repository(place: Location) -> icechunk.Repository:
+    """The repository that is there.
+
+    Raises:
+        RepositoryNotFoundError: none is.
+    """
+    return icechunk.Repository.open(place.icechunk_storage(), config=_CONFIG)
+
+
 def open_or_create(place: Location) -> icechunk.Repository:
     """The repository with its branch `work`, whatever of them is missing, even after a death while they were made.
 
@@ -39,7 +52,7 @@ def open_or_create(place: Location) -> icechunk.Repository:
         StoreError: there are results but no index of them.
     """
     try:
-        repository = icechunk.Repository.open(place.icechunk_storage())
+        repository = open_repository(place)
     except icechunk.RepositoryNotFoundError:
         snapshots = [meta for batch in obstore.list(place.obstore(), prefix="snapshots") for meta in batch]
         if len(snapshots) > 1:
@@ -47,7 +60,7 @@ def open_or_create(place: Location) -> icechunk.Repository:
             raise StoreError(f"{place.uri} has lost the file repo, the index of its results", remedy) from None
         with suppress(icechunk.ConflictError):
             icechunk.Repository.create(place.icechunk_storage(), check_clean_root=False)
-        repository = icechunk.Repository.open(place.icechunk_storage())
+        repository = open_repository(place)
     if "work" not in repository.list_branches():
         with suppress(icechunk.AlreadyExistsError, icechunk.ConflictError):
             repository.create_branch("work", repository.lookup_branch("main"))

@@ -64,7 +64,7 @@ class ObjectRepository:
         place = location.child("objects", check_name(object_id, "object"), "repo")
         with store_faults(place.uri, f"opening object {object_id}"):
             try:
-                repository = icechunk.Repository.open(place.icechunk_storage())
+                repository = snapshots.open_repository(place)
                 if not create or "work" in repository.list_branches():
                     return cls(location, object_id, repository)
             except icechunk.RepositoryNotFoundError:

@@ -18,7 +18,7 @@ INPUTS = ("frames", "lights", "mask", "markup")
 """Keys of a capture that name files."""
 
 
-OPEN_REPOSITORIES = 32
+OPEN_REPOSITORIES = 8
 """Objects whose repository a process keeps open."""
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
+from flows.cluster import SETTINGS
 from flows.deploying import Wishes, entries
 
 ROOT = Path(__file__).parents[2]
@@ -29,6 +30,23 @@ def pods() -> dict[str, dict[str, Any]]:
     }
     assert len(found) > 6
     return found
+
+
+def in_environment(setting: str) -> str:
+    """The name of one of Dask's settings, or of a variable that it passes on to workers, in the environment."""
+    passed_on = setting.partition(".pre-spawn-environ.")[2]
+    return passed_on or "DASK_" + setting.replace(".", "__").replace("-", "_").upper()
+
+
+def test_dask_runs_with_the_settings_of_a_local_cluster() -> None:
+    # A worker elsewhere that is gone is noticed by its silence alone; a local one by its end.
+    expected = {in_environment(name): str(value) for name, value in SETTINGS.items() if "worker-ttl" not in name}
+    (kubernetes,) = [
+        each["data"] for each in documents() if each["kind"] == "ConfigMap" and "GLINT_STORE" in each["data"]
+    ]
+    for said in (COMPOSE["services"]["dask-worker"]["environment"], kubernetes):
+        assert {name: said.get(name) for name in expected} == expected
+        assert "DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL" in said
 
 
 def test_prefect_yaml_says_what_glint_deploy_does() -> None:

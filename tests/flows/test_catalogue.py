@@ -14,6 +14,7 @@ from prefect.client.orchestration import get_client
 from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterId, FlowRunFilterParentFlowRunId
 from prefect.client.schemas.objects import FlowRun
 
+import flows.capture
 from flows.catalogue import run_catalogue
 from flows.cluster import Cluster
 from flows.outcomes import RunResult
@@ -25,6 +26,7 @@ from storage.errors import StoreError
 from storage.location import Location
 from storage.versions import ObjectRepository
 from tasks.publish import code_facts
+from tasks.stage import Record
 from tasks.stages import STAGES
 
 pytestmark = [pytest.mark.server, pytest.mark.usefixtures("server")]
@@ -59,6 +61,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory, simulated: Path) -> Path:
     catalogue("bad", {"c": (missing,)})
     catalogue("large", {"d": (capture,)})
     catalogue("changed", {"a": (capture,)}, {"labels": {"method": "winner"}})
+    catalogue("alone", {"e": (capture,)})
+    catalogue("crowded", {"f": (capture,)})
     return place
 
 
@@ -166,6 +170,24 @@ def test_a_capture_too_large_for_the_workers_is_refused_up_front(
     assert re.match(r"\w+ of d/front needs .* in one process, its workers have 1\.00 MiB", failed.error)
     assert "region" in failed.remedy
     assert [each.stage for each in events if each.kind == "stage"] == ["survey"]
+
+
+@pytest.mark.parametrize(("name", "workers", "spread"), [("alone", 2, 1), ("crowded", 1, 0)])
+def test_clusters_go_to_all_workers_where_some_are_idle(
+    run: Run, monkeypatch: pytest.MonkeyPatch, name: str, workers: int, spread: int
+) -> None:
+    calls, on_all = [], flows.capture.on_all
+
+    def counted(*facts: Any) -> Record:
+        calls.append(1)
+        return on_all(*facts)
+
+    monkeypatch.setattr(flows.capture, "on_all", counted)
+    monkeypatch.setattr(flows.capture, "capacity", lambda client: Capacity(workers, None))
+    state, events = run(name)
+    (done,) = result_of(state).captures
+    assert [each.stage for each in done.records] == [each.name for each in STAGES] and len(calls) == spread
+    assert [each.stage for each in events if each.kind == "stage"] == [each.name for each in STAGES]
 
 
 def test_a_surface_that_moves_too_far_is_told(run: Run, folder: Path) -> None:
