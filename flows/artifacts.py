@@ -15,6 +15,7 @@ from storage import blobs
 from storage.location import Location
 from storage.pictures import colour_codes, colour_normals, colour_values, encode_png
 from storage.report import PALETTE, code_names
+from storage.results import StageResult
 from tasks.stage import Record
 from tasks.workspace import Workspace
 
@@ -42,10 +43,13 @@ _SMALLEST = 40
 
 def capture_artifact(work: Workspace, records: Sequence[Record], captures: int = 1) -> None:
     """Put the page of a capture whose stages are all done beside its flow run; `captures` may get pages in this run."""
-    title, pictures, largest = work.name, _pictures(work), min(LARGEST_PAGE, ALL_PAGES // captures)
-    files = file_lines(work.location, work.object_id, work.load("surface").blobs)
-    page = capture_page(title, pictures, records, files, _legend(work), largest)
-    create_markdown_artifact(page, key=artifact_key(title), description=title)
+    labels, surface, mask = work.load("labels"), work.load("surface"), work.load("mask").read("mask")
+    provenance = np.where(mask, labels.read("provenance"), 0)
+    pictures = _drawn(labels, provenance) | _stored(work.location, surface.blobs)
+    legend = _legend(provenance[mask], code_names(labels.record.get("provenance")))
+    files, largest = file_lines(work.location, work.object_id, surface.blobs), min(LARGEST_PAGE, ALL_PAGES // captures)
+    page = capture_page(work.name, pictures, records, files, legend, largest)
+    create_markdown_artifact(page, key=artifact_key(work.name), description=work.name)
 
 
 def catalogue_artifact(name: str, result: "RunResult") -> None:
@@ -102,27 +106,27 @@ def plain(text: str) -> str:
     return re.sub(r"([\\`*_{}\[\]()#+!|~:-])", r"\\\1", one_line)
 
 
-def _legend(work: Workspace) -> str:
-    """Where the pixels' normals come from, in words."""
-    labels, mask = work.load("labels"), work.load("mask").read("mask")
-    names, found = code_names(labels.record.get("provenance")), labels.read("provenance")[mask]
-    return "Where normals come from: " + ", ".join(
-        f"{names.get(code, code)} {_share(found == code)}" for code in np.unique(found)
-    )
+def _legend(provenance: np.ndarray, names: Mapping[int, str]) -> str:
+    """Where the normals of the object's pixels (N,) come from, in words."""
+    shares = [f"{names.get(code, code)} {_share(provenance == code)}" for code in np.unique(provenance)]
+    return "Where normals come from: " + ", ".join(shares)
 
 
-def _pictures(work: Workspace) -> dict[str, np.ndarray]:
-    labels, mask = work.load("labels"), work.load("mask").read("mask")
-    provenance = labels.read("provenance")
-    pictures = {
+def _drawn(labels: StageResult, provenance: np.ndarray) -> dict[str, np.ndarray]:
+    """Pictures of the labels by their captions; provenance (H, W), 0 outside the object."""
+    return {
         "Normals: x red, y green, z towards the camera blue": colour_normals(labels.read("normals")),
-        "Where they come from": colour_codes(np.where(mask, provenance, 0), PALETTE),
+        "Where they come from": colour_codes(provenance, PALETTE),
         "Confidence that the error is below 5°: 0 blue, 1 yellow": colour_values(labels.read("confidence"), 0, 1),
     }
-    stored = work.load("surface").blobs
+
+
+def _stored(location: Location, stored: Mapping[str, blobs.BlobReference]) -> dict[str, np.ndarray]:
+    """Pictures that the surface stage has stored, by their captions."""
+    pictures = {}
     for name, caption in _STORED.items():
         if name in stored:
-            data = np.frombuffer(blobs.get(work.location, stored[name]), np.uint8)
+            data = np.frombuffer(blobs.get(location, stored[name]), np.uint8)
             picture = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB)
             assert picture is not None, f"the surface stage stored no picture under {name}"
             pictures[caption] = picture
