@@ -58,7 +58,8 @@ def run(
 
         server.wait()
         share(cluster.address, cluster.client, display)
-        display.show(Event("message", text=f"dashboard {server.ui_url}, workers {cluster.workers}"))
+        watched = f" at {cluster.dashboard_url}" if cluster.dashboard_url else ""
+        display.show(Event("message", text=f"dashboard {server.ui_url}, {cluster.workers} Dask workers{watched}"))
         with server.connected(), tagged():
             close_runs_of_the_dead()
             interruption.check()

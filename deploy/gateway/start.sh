@@ -51,6 +51,8 @@ osd_data = $folder/disk
 bluestore_block_size = $bytes
 bluestore_cache_autotune = false
 bluestore_cache_size = 67108864
+# A small write that is put off can, after kill -9, be written over an object that has its place by then.
+bluestore_prefer_deferred_size_hdd = 0
 osd_op_num_shards = 2
 osd_op_num_threads_per_shard = 1
 osd_heartbeat_grace = 6

@@ -36,6 +36,7 @@ import psutil
 
 from storage import blobs
 from storage.catalogue import Catalogue, load, write
+from storage.errors import StoreError
 from storage.location import Location
 from storage.objects import object_ids
 from storage.versions import ObjectRepository
@@ -367,13 +368,13 @@ def main() -> int:
     chaos = Chaos(folder, random.Random(chosen.seed), gateway=gateway)
     try:
         say(kind="verdict", good=True, **chaos.play(chosen.kills))
-    except Failure as failure:
+    except (Failure, StoreError) as failure:
         say(kind="verdict", good=False, why=str(failure), kills=len(chaos.kills), folder=str(folder))
         return 1
     finally:
         chaos.end()
         if gateway is not None:
-            gateway.stop()
+            gateway.kill()
             shutil.rmtree(gateway.folder)
     if chosen.folder is None:
         shutil.rmtree(folder)
