@@ -71,16 +71,18 @@ class Watch:
     def note(self) -> dict[str, Any]:
         """Print what is known now."""
         server = _server(self.home)
+        # The server, too, is a child of the process that started it.
+        workers = [each for each in psutil.Process().children(recursive=True) if each.pid != server.pid]
         databases = list(self.home.rglob("prefect.db*"))
         facts = {
             "captures": self.captures,
             "seconds": round(time.monotonic() - self.first, 1),
             "start_up": round(self.first - self.begun, 1),
             "flow_MB": round(psutil.Process().memory_info().rss / 1e6),
-            "largest_worker_MB": round(max((each.memory_info().rss for each in _below_us()), default=0) / 1e6),
+            "largest_worker_MB": round(max((each.memory_info().rss for each in workers), default=0) / 1e6),
             "server_MB": round(server.memory_info().rss / 1e6),
             "flow_cpu": _cpu([psutil.Process()]),
-            "workers_cpu": _cpu(_below_us()),
+            "workers_cpu": _cpu(workers),
             "server_cpu": _cpu([server]),
             "database_MB": round(sum(path.stat().st_size for path in databases) / 1e6, 1),
         }
@@ -91,11 +93,6 @@ class Watch:
 def _server(home: Path) -> psutil.Process:
     (state,) = home.rglob("server.json")
     return psutil.Process(json.loads(state.read_text())["process"][0])
-
-
-def _below_us() -> list[psutil.Process]:
-    """The processes of the Dask cluster."""
-    return psutil.Process().children(recursive=True)
 
 
 def _cpu(processes: Sequence[psutil.Process]) -> float:
