@@ -140,6 +140,12 @@ class Cluster:
         """Workers there are now."""
         return len(self.client.nthreads())
 
+    @property
+    def described(self) -> str:
+        """How many workers, and where they can be watched."""
+        watched = f", Dask's dashboard {self.dashboard_url}" if self.dashboard_url else ""
+        return f"workers {self.workers}{watched}"
+
     def close(self) -> None:
         """End the local cluster and its processes, or leave the given one. Safe to call twice."""
         self._thread.join()

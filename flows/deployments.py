@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from datetime import timedelta
 from typing import Any
 
-from prefect import flow, runtime
+from prefect import flow, get_run_logger, runtime
 from prefect.artifacts import create_markdown_artifact, create_table_artifact
 from prefect.client.orchestration import get_client
 from prefect.client.schemas.objects import FlowRun, State
@@ -148,6 +148,7 @@ def working(store: str, scheduler: str | None, workers: int | None) -> Iterator[
     probe(Location.parse(store))
     close_runs_of_the_dead()
     with Cluster(scheduler, workers, WARMED) as cluster, tagged():
+        get_run_logger().info(cluster.described)
         share(cluster.address, cluster.client)
         yield cluster
 

@@ -58,8 +58,7 @@ def run(
 
         server.wait()
         share(cluster.address, cluster.client, display)
-        watched = f" at {cluster.dashboard_url}" if cluster.dashboard_url else ""
-        display.show(Event("message", text=f"dashboard {server.ui_url}, {cluster.workers} Dask workers{watched}"))
+        display.show(Event("message", text=f"dashboard {server.ui_url}, {cluster.described}"))
         with server.connected(), tagged():
             close_runs_of_the_dead()
             interruption.check()

@@ -17,6 +17,8 @@ from prefect.client.schemas.filters import (
     FlowRunFilter,
     FlowRunFilterState,
     FlowRunFilterStateType,
+    LogFilter,
+    LogFilterFlowRunId,
 )
 from prefect.client.schemas.objects import FlowRun, StateType
 from prefect.deployments import run_deployment
@@ -134,6 +136,12 @@ def test_schedules_have_their_zone_and_limits(deployed: list[str]) -> None:
     }  # fmt: skip
 
 
+def log_of(run: FlowRun) -> list[str]:
+    with get_client(sync_client=True) as client:
+        chosen = LogFilter(flow_run_id=LogFilterFlowRunId(any_=[run.id]))
+        return [each.message for each in client.read_logs(chosen)]
+
+
 def test_an_inbox_is_run_once_and_its_failure_is_told(
     deployed: list[str], told: Told, places: tuple[Path, Path]
 ) -> None:
@@ -143,6 +151,7 @@ def test_an_inbox_is_run_once_and_its_failure_is_told(
     assert "broken/front: the mask" in str(first.state.message)
     assert ObjectRepository.open(Location.parse(store), "ellipsoid", create=False).version().name == "v1"
     until(lambda: any("broken/front" in body and "inbox" in body for body in told.bodies))
+    until(lambda: any("workers 1, Dask's dashboard http://127.0.0.1:" in line for line in log_of(first)))
     (inbox / "broken" / "mask.png").unlink()
     (inbox / "broken" / "front.mp4").rename(inbox / "broken" / "front.txt")
     second = call("inbox/nightly", settled_minutes=0.0, workers=1)

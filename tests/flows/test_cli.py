@@ -56,7 +56,8 @@ def test_a_run_from_video_to_files(place: Path, home: Path) -> None:
     second = glint("run", "catalogue.yaml", "--only", "hemisphere/front", "--json", folder=place, home=home)
     events = [json.loads(line) for line in second.stdout.splitlines()]
     (where,) = [e["text"] for e in events if e["kind"] == "message"]
-    assert re.fullmatch(r"dashboard http://127.0.0.1:\d+, \d+ Dask workers at http://127.0.0.1:\d+/status", where)
+    at = r"http://127.0.0.1:\d+"
+    assert re.fullmatch(rf"dashboard {at}, workers \d+, Dask's dashboard {at}/status", where)
     summary = events[-1]
     assert summary["kind"] == "summary" and [row["result"] for row in summary["captures"]] == ["unchanged"]
     assert all(event.get("cached", True) for event in events if event["kind"] == "stage")
