@@ -7,8 +7,9 @@ from pathlib import Path
 
 import typer
 
+from flows.displays import open_display
 from flows.errors import REFUSALS
-from flows.progress import Event, Reporter, open_display
+from flows.progress import Event, Reporter
 from flows.tables import show, table_of
 from storage.location import Location
 from storage.probe import probe

@@ -153,7 +153,7 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Work through a catalogue: every capture to a surface, every object to a version; goes on where it stopped."""
-    from flows.progress import open_display
+    from flows.displays import open_display
     from flows.run import run as run_all
 
     place = chosen_store(store)

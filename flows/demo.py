@@ -5,7 +5,8 @@ from pathlib import Path
 
 import typer
 
-from flows.progress import Event, open_display
+from flows.displays import open_display
+from flows.progress import Event
 from flows.run import run
 
 SHAPES = ("hemisphere", "bird")

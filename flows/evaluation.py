@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from flows.progress import Event, open_display
+from flows.displays import open_display
+from flows.progress import Event
 from flows.run import run
 from storage.location import Location
 from storage.pictures import write_png

@@ -1,17 +1,14 @@
-"""What a run says while it runs: bars on a terminal, plain lines elsewhere, JSON lines for machines.
+"""What a run says while it runs.
 
-Everything said is an `Event`, which a `Display` shows. A step tells its progress through a callable (done, total), a
-`Reporter`. What is told on a Dask worker goes `from_worker` to whoever has begun to `listen`.
+Everything said is an `Event`, which a `Display` shows (see `flows.displays`). A step tells its progress through a
+callable (done, total), a `Reporter`. What is told on a Dask worker goes `from_worker` to whoever has begun to `listen`.
 """
 
-import json
-import sys
-import threading
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager, suppress
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
-from typing import IO, TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -80,63 +77,6 @@ def from_worker() -> Callable[[Event], None]:
 def listen(client: "Client", show: Callable[[Event], None]) -> None:
     """Show what the steps on the workers of this client's cluster tell."""
     client.subscribe_topic(TOPIC, lambda event: show(Event(**event[1]["event"])))
-
-
-def open_display(as_json: bool = False) -> Display:
-    """The display for where the output goes, to be entered: JSON lines on stdout; bars or plain lines on stderr."""
-    if as_json:
-        return JsonLines(sys.stdout)
-    if not sys.stderr.isatty():
-        return PlainLines(sys.stderr)
-    from flows.bars import Bars
-
-    return Bars()
-
-
-class JsonLines(AbstractContextManager["Display"]):
-    """One JSON object a line for each event, with the time in seconds since 1970; absent keys are not known."""
-
-    def __init__(self, stream: IO[str]) -> None:
-        self._stream, self._lock = stream, threading.Lock()
-
-    def show(self, event: Event) -> None:
-        """Write the event's line."""
-        facts = {name: value for name, value in asdict(event).items() if value not in (None, "")}
-        if event.rate is not None:
-            facts["frames_per_second"] = round(event.rate, 1)
-        with self._lock:
-            write_line(self._stream, json.dumps({"time": round(time.time(), 3), **facts}, ensure_ascii=False))
-
-    def __exit__(self, *unused: object) -> None:
-        """Nothing to end."""
-
-
-class PlainLines(AbstractContextManager["Display"]):
-    """Readable lines, for logs: of a stage's progress one in `every` seconds."""
-
-    def __init__(self, stream: IO[str], every: float = 5.0) -> None:
-        self._stream, self._every, self._lock = stream, every, threading.Lock()
-        self._shown: dict[tuple[str, str], float] = {}
-
-    def show(self, event: Event) -> None:
-        """Write the event's line."""
-        with self._lock:
-            if event.kind == "progress":
-                now, key = time.monotonic(), (event.capture, event.stage)
-                if now - self._shown.setdefault(key, now) < self._every:
-                    return
-                self._shown[key] = now
-            write_line(self._stream, sentence(event))
-
-    def __exit__(self, *unused: object) -> None:
-        """Nothing to end."""
-
-
-def write_line(stream: IO[str], line: str) -> None:
-    """Write a line; a reader who has gone away does not stop the run."""
-    with suppress(BrokenPipeError):
-        stream.write(line + "\n")
-        stream.flush()
 
 
 def sentence(event: Event) -> str:

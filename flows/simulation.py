@@ -9,8 +9,9 @@ from typing import Any
 import typer
 from pydantic import TypeAdapter, ValidationError
 
+from flows.displays import open_display
 from flows.errors import RunningError
-from flows.progress import Display, Reporter, open_display
+from flows.progress import Display, Reporter
 from tasks.simulation import PRESETS, SHAPES, CaptureOptions, simulate
 
 

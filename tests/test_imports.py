@@ -120,7 +120,9 @@ def test_packages_are_empty() -> None:
     assert [path for _, path in modules() if path.name == "__init__.py" and path.read_text().strip()] == []
 
 
-@pytest.mark.parametrize("module", ["flows.server", "flows.settings", "flows.progress", "flows.zombies", "flows.cli"])
+@pytest.mark.parametrize(
+    "module", ["flows.server", "flows.settings", "flows.progress", "flows.displays", "flows.zombies", "flows.cli"]
+)
 def test_the_command_line_imports_nothing_slow(module: str) -> None:
     """Help comes at once, and the server is started before prefect reads its settings."""
     if not (ROOT / (module.replace(".", "/") + ".py")).exists():
