@@ -1,7 +1,7 @@
 """What running refuses before it starts: every error names the offending value and the remedy."""
 
-from storage.errors import StorageError
-from tasks.algorithms.errors import UnusableCapture
+from glint.storage.errors import StorageError
+from glint.tasks.algorithms.errors import UnusableCapture
 
 
 class RunningError(Exception):

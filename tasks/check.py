@@ -8,17 +8,17 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from storage.footage import open_footage
-from storage.frames import FrameCache
-from storage.pictures import write_png
-from tasks.algorithms.coverage import could_observe, coverage, draw_coverage
-from tasks.algorithms.keyframes import draw_keyframe, keyframes
-from tasks.algorithms.perspective import in_camera, straight
-from tasks.algorithms.silhouette import initial_normals
-from tasks.frames import OBJECT, bars_of, open_frames, region_of, spheres_of, views_of
-from tasks.stage import perform, stage_keys
-from tasks.stages import BY_NAME, STAGES
-from tasks.workspace import Workspace
+from glint.storage.export.image_files import write_png
+from glint.storage.footage.source import open_footage
+from glint.storage.frames.cache import FrameCache
+from glint.tasks.algorithms.frames.keyframes import draw_keyframe, keyframes
+from glint.tasks.algorithms.geometry.perspective import in_camera, straight
+from glint.tasks.algorithms.lighting.coverage import could_observe, coverage, draw_coverage
+from glint.tasks.algorithms.prior.silhouette import initial_normals
+from glint.tasks.engine.capture_context import Workspace
+from glint.tasks.engine.stage import perform, stage_keys
+from glint.tasks.pipeline import BY_NAME, STAGES
+from glint.tasks.stages.frames import OBJECT, bars_of, open_frames, region_of, spheres_of, views_of
 
 CHECKED = ("survey", "frames", "lights", "mask")
 TOLERANCE = 3.0

@@ -3,8 +3,8 @@
 Measured with `python -m tests.benchmarks.stage_memory` on regions of 57,344 to 917,504 pixels, rounded up.
 """
 
-from tasks.clusters import TILE_BYTES
-from tasks.workspace import Workspace
+from glint.tasks.engine.capture_context import Workspace
+from glint.tasks.stages.clusters import TILE_BYTES
 
 BASE = 450 << 20
 """Bytes of a worker whose libraries are loaded."""

@@ -9,9 +9,9 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from storage.results import WHOLE_OBJECT
-from storage.versions import Version
-from tasks.workspace import INPUTS, Workspace
+from glint.storage.versions.repository import Version
+from glint.storage.versions.stage_results import WHOLE_OBJECT
+from glint.tasks.engine.capture_context import INPUTS, Workspace
 
 PACKAGES = (
     "numpy", "scipy", "numba", "opencv-python-headless", "PyMaxflow", "open3d-cpu", "trimesh", "av", "zarr",

@@ -23,7 +23,7 @@ def shared_data() -> Path:
 @pytest.fixture(scope="session")
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A catalogue with one small simulated capture, `hemisphere/front` of 300 frames, with markup beside it."""
-    from tasks.simulation import CaptureOptions, simulate
+    from glint.tasks.simulation.simulate import CaptureOptions, simulate
 
     folder = tmp_path_factory.mktemp("simulated")
     return simulate("hemisphere", folder, CaptureOptions(frames=300, scale=0.3, ball_radius=22.0)).catalogue

@@ -10,12 +10,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from storage.catalogue import Capture, Catalogue, Object, Region, write
-from storage.catalogue import Sphere as Entry
-from tasks.algorithms.geometry import half_vectors_of, unit
-from tasks.algorithms.spheres import Sphere
-from tests.storage.films import write_video
-from tests.tasks.algorithms.mirror_ball import directions, pooled
+from glint.storage.catalogue.loading import Capture, Catalogue, Object, Region, write
+from glint.storage.catalogue.loading import Sphere as Entry
+from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
+from glint.tasks.algorithms.lighting.spheres import Sphere
+from tests.storage.footage.videos import write_video
+from tests.tasks.algorithms.lighting.mirror_ball import directions, pooled
 
 HEIGHT, WIDTH = 120, 168
 REGION = Region(x=20, y=30, width=64, height=56)

@@ -10,12 +10,12 @@ import click
 import pytest
 import typer
 
-from flows.cli import app
-from storage.catalogue import CatalogueError, load
-from storage.catalogue_models import Camera, Capture, Catalogue, Object, Pose, Region, Sphere
-from storage.inputs import read_markup
-from tasks.parameters import Parameters
-from tasks.stages import STAGES
+from glint.flows.cli.main import app
+from glint.storage.catalogue.loading import CatalogueError, load
+from glint.storage.catalogue.models import Camera, Capture, Catalogue, Object, Pose, Region, Sphere
+from glint.storage.inputs.masks_and_truth import read_markup
+from glint.tasks.engine.parameters import Parameters
+from glint.tasks.pipeline import STAGES
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"

@@ -13,12 +13,12 @@ from time import perf_counter
 import numpy as np
 from numba import njit
 
-from tasks.algorithms.clusters import Clusters, cluster_pixels, light_shares
-from tasks.algorithms.geometry import half_vectors_of, unit
-from tasks.algorithms.integration import integrate
-from tasks.algorithms.rendering.sweep import sweep
-from tasks.algorithms.rounds import reconstruct_normals
-from tasks.algorithms.silhouette import initial_normals
+from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, light_shares
+from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
+from glint.tasks.algorithms.integration.bilateral import integrate
+from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
+from glint.tasks.algorithms.prior.silhouette import initial_normals
+from glint.tasks.algorithms.simulation.light_path import sweep
 
 
 @njit(cache=True, nogil=True)

@@ -16,11 +16,11 @@ from typing import get_args
 import cv2
 import numpy as np
 
-from tasks.algorithms.clusters import Clusters, cluster_pixels, light_shares, thresholds, white_level
-from tasks.algorithms.dual_layer import Edges, label_dual_layer, nodes_of, reconstruct_dual_layer
-from tasks.algorithms.geometry import half_vectors_of, unit
-from tasks.algorithms.metrics import normal_errors
-from tasks.algorithms.silhouette import initial_normals
+from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, light_shares, thresholds, white_level
+from glint.tasks.algorithms.evaluation.metrics import normal_errors
+from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
+from glint.tasks.algorithms.labelling.dual_layer import Edges, label_dual_layer, nodes_of, reconstruct_dual_layer
+from glint.tasks.algorithms.prior.silhouette import initial_normals
 
 CAPTURES = ("hemisphere", "cylinder", "duck")
 REGION_ORIGIN = 16

@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from storage.results import WHOLE_OBJECT
-from tasks.algorithms.merging.finding import Fit, best_angles, best_rotations, doubt
-from tasks.algorithms.merging.model import Model, rough_model
-from tasks.algorithms.merging.views import View, turned
-from tasks.evaluate_model import merged_views
-from tasks.model import STAGE
-from tasks.references import load_catalogue
-from tasks.workspace import Workspace
+from glint.storage.versions.stage_results import WHOLE_OBJECT
+from glint.tasks.algorithms.multiview.pose_search import Fit, best_angles, best_rotations, doubt
+from glint.tasks.algorithms.multiview.reconstruction import Model, rough_model
+from glint.tasks.algorithms.multiview.view import View, turned
+from glint.tasks.engine.capture_context import Workspace
+from glint.tasks.engine.references import load_catalogue
+from glint.tasks.evaluation.models import merged_views
+from glint.tasks.stages.model import STAGE
 
 
 def fits_of(view: View, model: Model, on_turntable: bool) -> list[Fit]:

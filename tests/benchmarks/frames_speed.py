@@ -22,11 +22,11 @@ import av
 import cv2
 import numpy as np
 
-import storage.frames
-from storage.catalogue import Region
-from storage.footage import open_footage
-from storage.frames import FrameCache
-from storage.location import Location
+import glint.storage.frames.cache
+from glint.storage.catalogue.loading import Region
+from glint.storage.footage.source import open_footage
+from glint.storage.frames.cache import FrameCache
+from glint.storage.locations.location import Location
 
 SHARED = Path(os.environ.get("GLINT_SHARED_DATA", Path(__file__).parents[3] / "shared" / "data"))
 CROPS = {"object": Region(x=16, y=16, width=241, height=211), "sphere-0": Region(x=290, y=78, width=88, height=88)}
@@ -113,9 +113,9 @@ def main() -> None:
     parser.add_argument("video", type=Path, nargs="?", default=SHARED / "captures/hemisphere/front/video.mp4")
     parser.add_argument("--frames", type=int, default=8000)
     parser.add_argument("--repeat", type=int, default=3)
-    parser.add_argument("--compressor", choices=("lz4", "zstd"), default=storage.frames.COMPRESSOR)
+    parser.add_argument("--compressor", choices=("lz4", "zstd"), default=glint.storage.frames.cache.COMPRESSOR)
     arguments = parser.parse_args()
-    storage.frames.COMPRESSOR = arguments.compressor
+    glint.storage.frames.cache.COMPRESSOR = arguments.compressor
     print(f"load of the machine: {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors; {arguments.compressor}")
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)

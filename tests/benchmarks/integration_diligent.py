@@ -14,7 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from tasks.algorithms.integration import Method, integrate
+from glint.tasks.algorithms.integration.bilateral import Method, integrate
 
 BAR = {"bear": 0.334, "buddha": 0.563, "cow": 0.058, "pot1": 0.635, "pot2": 0.159}
 METHODS: tuple[Method, ...] = ("bilateral", "least-squares")

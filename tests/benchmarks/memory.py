@@ -18,17 +18,25 @@ import cv2
 import numpy as np
 import psutil
 
-from storage.catalogue import Capture, Catalogue, Region, Sphere, load, write
-from storage.footage import open_footage
-from storage.pictures import write_png
-from tasks.simulation import CaptureOptions, simulate
+from glint.storage.catalogue.loading import Capture, Catalogue, Region, Sphere, load, write
+from glint.storage.export.image_files import write_png
+from glint.storage.footage.source import open_footage
+from glint.tasks.simulation.simulate import CaptureOptions, simulate
 
 ENLARGED = 4
 
 
 def peak_memory(catalogue: Path, store: Path) -> tuple[float, float, float]:
     """Megabytes of the largest process and of all together at their peaks, and seconds, of a run in an own process."""
-    command = [sys.executable, "-c", "from flows.cli import main; main()", "run", str(catalogue), "--store", str(store)]
+    command = [
+        sys.executable,
+        "-c",
+        "from glint.flows.cli.main import main; main()",
+        "run",
+        str(catalogue),
+        "--store",
+        str(store),
+    ]
     started = time.monotonic()
     process = psutil.Process(subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).pid)
     largest = together = 0.0

@@ -23,21 +23,21 @@ import open3d as o3d
 import psutil
 from scipy.spatial import cKDTree
 
-from storage.results import WHOLE_OBJECT
-from tasks.algorithms.merging.depths import merge_depths, points_of, shifted_to
-from tasks.algorithms.merging.fusion import vertex_normals
-from tasks.algorithms.merging.hull import outline_of
-from tasks.algorithms.merging.model import Model, merge, visual_hull
-from tasks.algorithms.merging.projection import cast
-from tasks.algorithms.merging.scores import ModelScore
-from tasks.algorithms.merging.views import View
-from tasks.evaluate_model import believed, merged_views, score, true_mesh
-from tasks.model import STAGE, model_key, perform_model
-from tasks.references import load_catalogue
-from tasks.simulation import CaptureOptions, simulate
-from tasks.stage import perform, stage_keys
-from tasks.stages import STAGES, warm_up
-from tasks.workspace import Workspace
+from glint.storage.versions.stage_results import WHOLE_OBJECT
+from glint.tasks.algorithms.evaluation.mesh_metrics import ModelScore
+from glint.tasks.algorithms.multiview.depth_sampling import merge_depths, points_of, shifted_to
+from glint.tasks.algorithms.multiview.normal_fusion import vertex_normals
+from glint.tasks.algorithms.multiview.raycast import cast
+from glint.tasks.algorithms.multiview.reconstruction import Model, merge, visual_hull
+from glint.tasks.algorithms.multiview.view import View
+from glint.tasks.algorithms.multiview.visual_hull import outline_of
+from glint.tasks.engine.capture_context import Workspace
+from glint.tasks.engine.references import load_catalogue
+from glint.tasks.engine.stage import perform, stage_keys
+from glint.tasks.evaluation.models import believed, merged_views, score, true_mesh
+from glint.tasks.pipeline import STAGES, warm_up
+from glint.tasks.simulation.simulate import CaptureOptions, simulate
+from glint.tasks.stages.model import STAGE, model_key, perform_model
 
 TRUNCATED = 4.0
 """Cells from a surface within which the TSDF is integrated."""

@@ -19,13 +19,13 @@ import tempfile
 import time
 from pathlib import Path
 
-from storage.catalogue import Catalogue, Region, load, write
-from tasks.references import CaptureReference
-from tasks.simulation import CaptureOptions, simulate
-from tasks.stage import perform, stage_keys
-from tasks.stages import STAGES, warm_up
+from glint.storage.catalogue.loading import Catalogue, Region, load, write
+from glint.tasks.engine.references import CaptureReference
+from glint.tasks.engine.stage import perform, stage_keys
+from glint.tasks.pipeline import STAGES, warm_up
+from glint.tasks.simulation.simulate import CaptureOptions, simulate
 
-RUN = [sys.executable, "-c", "from flows.cli import main; main()", "run"]
+RUN = [sys.executable, "-c", "from glint.flows.cli.main import main; main()", "run"]
 SHAPES = ("hemisphere", "fish", "bird", "cylinder")
 
 

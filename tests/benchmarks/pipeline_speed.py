@@ -15,8 +15,8 @@ from time import perf_counter
 import av
 import cv2
 
-from flows.cluster import Cluster
-from flows.server import ensure_server
+from glint.flows.runtime.dask_cluster import Cluster
+from glint.flows.runtime.prefect_server import ensure_server
 
 
 def read_seconds(video: str) -> tuple[float, int]:
@@ -45,17 +45,17 @@ def main() -> None:
     with (
         tempfile.TemporaryDirectory() as folder,
         ensure_server().connected(),
-        Cluster(modules=("tasks.stages",)) as cluster,
+        Cluster(modules=("glint.tasks.pipeline",)) as cluster,
     ):
-        from flows.catalogue import run_catalogue
-        from flows.surroundings import share
-        from storage.export import export
-        from storage.location import Location
-        from tasks.references import load_catalogue
+        from glint.flows.pipeline.catalogue import run_catalogue
+        from glint.flows.pipeline.context import share
+        from glint.storage.export.export import export
+        from glint.storage.locations.location import Location
+        from glint.tasks.engine.references import load_catalogue
 
         catalogue = arguments.catalogue
         if catalogue is None:
-            from tasks.simulation import CaptureOptions, simulate
+            from glint.tasks.simulation.simulate import CaptureOptions, simulate
 
             simulate("hemisphere", Path(folder) / "captures", CaptureOptions())
             catalogue = Path(folder) / "captures" / "catalogue.yaml"

@@ -24,11 +24,11 @@ from typing import Any
 import obstore
 import psutil
 
-from flows.progress import Event
-from flows.run import run
-from flows.server import start_server, stop_server
-from storage.catalogue import Catalogue, load, write
-from storage.location import Location
+from glint.flows.pipeline.run import run
+from glint.flows.reporting.events import Event
+from glint.flows.runtime.prefect_server import start_server, stop_server
+from glint.storage.catalogue.loading import Catalogue, load, write
+from glint.storage.locations.location import Location
 from tests.s3_gateway import Gateway
 from tests.scene import draw_scene
 

@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 from ruamel.yaml import YAML
 
-from tasks.algorithms.geometry import angles, half_vectors_of, unit
-from tasks.algorithms.lights import find_lights
-from tasks.algorithms.spheres import Sphere, find_spheres
+from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of, unit
+from glint.tasks.algorithms.lighting.lights import find_lights
+from glint.tasks.algorithms.lighting.spheres import Sphere, find_spheres
 
 
 def report(name: str, frames: np.ndarray, truth: Sphere, lights: np.ndarray, *, half: bool) -> None:

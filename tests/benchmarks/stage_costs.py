@@ -17,13 +17,13 @@ from typing import Any
 import obstore
 import psutil
 
-from storage.catalogue import load
-from storage.location import Location
-from tasks.publish import publish
-from tasks.references import CaptureReference
-from tasks.simulation import CaptureOptions, simulate
-from tasks.stage import perform, stage_keys
-from tasks.stages import STAGES, warm_up
+from glint.storage.catalogue.loading import load
+from glint.storage.locations.location import Location
+from glint.tasks.engine.references import CaptureReference
+from glint.tasks.engine.stage import perform, stage_keys
+from glint.tasks.pipeline import STAGES, warm_up
+from glint.tasks.publish import publish
+from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from tests.benchmarks.sizing import requests
 from tests.s3_gateway import Gateway
 

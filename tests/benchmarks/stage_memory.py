@@ -17,14 +17,14 @@ import cv2
 import numpy as np
 import psutil
 
-from storage.catalogue import Capture, Catalogue, Object, Region, Sphere, load, write
-from storage.footage import open_footage
-from storage.pictures import write_png
-from tasks.references import CaptureReference
-from tasks.stage import perform, stage_keys
-from tasks.stages import BY_NAME, STAGES, warm_up
+from glint.storage.catalogue.loading import Capture, Catalogue, Object, Region, Sphere, load, write
+from glint.storage.export.image_files import write_png
+from glint.storage.footage.source import open_footage
+from glint.tasks.engine.references import CaptureReference
+from glint.tasks.engine.stage import perform, stage_keys
+from glint.tasks.pipeline import BY_NAME, STAGES, warm_up
 from tests.scene import draw_scene
-from tests.storage.films import write_video
+from tests.storage.footage.videos import write_video
 
 
 def enlarged(small: Capture, out: Path, factor: int) -> Path:

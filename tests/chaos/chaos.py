@@ -34,17 +34,17 @@ from typing import Any
 import numpy as np
 import psutil
 
-from storage import blobs
-from storage.catalogue import Catalogue, load, write
-from storage.errors import StoreError
-from storage.location import Location
-from storage.objects import object_ids
-from storage.versions import ObjectRepository
+from glint.storage.blobs import store as blobs
+from glint.storage.catalogue.loading import Catalogue, load, write
+from glint.storage.errors import StoreError
+from glint.storage.locations.location import Location
+from glint.storage.versions.objects import object_ids
+from glint.storage.versions.repository import ObjectRepository
 from tests.s3_gateway import Gateway
 from tests.scene import draw_scene
 
 ROOT = Path(__file__).parents[2]
-GLINT = [sys.executable, "-c", "from flows.cli import main; main()", "run"]
+GLINT = [sys.executable, "-c", "from glint.flows.cli.main import main; main()", "run"]
 ROUNDS: tuple[dict[str, Any], ...] = (
     {},
     {"clusters": {"share": 0.7}},

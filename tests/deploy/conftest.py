@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from flows.server import Server
+from glint.flows.runtime.prefect_server import Server
 from tests.flows.conftest import glint_home, server
 
 __all__ = ["glint_home", "server", "worker"]

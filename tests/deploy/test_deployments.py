@@ -25,15 +25,15 @@ from prefect.deployments import run_deployment
 from prefect.events import emit_event
 from prefect.states import Cancelling
 
-from flows.artifacts import artifact_key
-from flows.deploying import Wishes, deploy, entries
-from flows.drift import EVENT
-from flows.errors import ServerError
-from flows.server import Server
-from storage.errors import InputError
-from storage.location import Location
-from storage.locks import run_holder
-from storage.versions import ObjectRepository
+from glint.flows.deployments.deploy import Wishes, deploy, entries
+from glint.flows.errors import ServerError
+from glint.flows.pipeline.drift import EVENT
+from glint.flows.reporting.artifacts import artifact_key
+from glint.flows.runtime.prefect_server import Server
+from glint.storage.errors import InputError
+from glint.storage.locations.location import Location
+from glint.storage.locking.locks import run_holder
+from glint.storage.versions.repository import ObjectRepository
 from tests.scene import draw_scene
 
 pytestmark = [pytest.mark.slow, pytest.mark.server]

@@ -1,4 +1,4 @@
-"""What the files of deploy/ and prefect.yaml promise: small rights, limits, health checks, no secrets, no surprises."""
+"""What the files of deploy/ promise: small rights, limits, health checks, no secrets, no surprises."""
 
 import re
 import shutil
@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
-from flows.cluster import SETTINGS
-from flows.deploying import Wishes, entries
+from glint.flows.runtime.dask_cluster import SETTINGS
 
 ROOT = Path(__file__).parents[2]
 DEPLOY = ROOT / "deploy"
@@ -47,34 +46,6 @@ def test_dask_runs_with_the_settings_of_a_local_cluster() -> None:
     for said in (COMPOSE["services"]["dask-worker"]["environment"], kubernetes):
         assert {name: said.get(name) for name in expected} == expected
         assert "DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL" in said
-
-
-def test_prefect_yaml_says_what_glint_deploy_does() -> None:
-    told = YAML(typ="safe").load(ROOT / "prefect.yaml")["deployments"]
-    store, inbox, reference, scheduler = (
-        "s3://glint/store",
-        "s3://inbox",
-        "s3://truth/catalogue.yaml",
-        "tcp://host:8786",
-    )
-    values = {"GLINT_STORE": store, "GLINT_INBOX": inbox, "GLINT_REFERENCE": reference, "DASK_SCHEDULER": scheduler}
-    found = {}
-    for each in told:
-        function = each["entrypoint"].rpartition(":")[2]
-        parameters = {
-            name: values[value[4:-3]] if str(value).startswith("{{ $") else value
-            for name, value in each["parameters"].items()
-        }
-        crons = [schedule["cron"] for schedule in each.get("schedules", [])]
-        limit = each["concurrency_limit"]
-        found[function, each["name"]] = (parameters, crons, limit["limit"], limit["collision_strategy"] == "ENQUEUE")
-    wishes = Wishes(store, inbox, reference, scheduler)
-    assert found == {
-        (each.flow.fn.__name__, each.name): (
-            each.parameters, [each.cron] if each.cron else [], each.limit, each.waits
-        )
-        for each in entries(wishes)
-    }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", sorted(COMPOSE["services"]))

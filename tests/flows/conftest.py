@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from flows.cluster import Cluster
-from flows.server import Server, start_server, stop_server
+from glint.flows.runtime.dask_cluster import Cluster
+from glint.flows.runtime.prefect_server import Server, start_server, stop_server
 
 
 @pytest.fixture(scope="session")

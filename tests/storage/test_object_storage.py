@@ -13,23 +13,23 @@ import numpy as np
 import obstore
 import pytest
 
-from storage import blobs
-from storage.catalogue import Region, from_folder, load, write
-from storage.errors import InputError, StorageError, StoreError
-from storage.export import export
-from storage.fingerprints import content_digest
-from storage.footage import open_footage
-from storage.frames import FrameCache, cache_digest
-from storage.holders import Holder, ObjectBusy
-from storage.location import Location
-from storage.locks import run_holder, run_lock
-from storage.objects import object_ids
-from storage.probe import probe
-from storage.versions import ObjectRepository
+from glint.storage.blobs import store as blobs
+from glint.storage.catalogue.loading import Region, from_folder, load, write
+from glint.storage.errors import InputError, StorageError, StoreError
+from glint.storage.export.export import export
+from glint.storage.footage.source import open_footage
+from glint.storage.frames.cache import FrameCache, cache_digest
+from glint.storage.inputs.digests import content_digest
+from glint.storage.locations.location import Location
+from glint.storage.locations.probe import probe
+from glint.storage.locking.locks import run_holder, run_lock
+from glint.storage.locking.owner import Holder, ObjectBusy
+from glint.storage.versions.objects import object_ids
+from glint.storage.versions.repository import ObjectRepository
 from tests.s3_gateway import Gateway, free_port
-from tests.storage.careless import careless_server
-from tests.storage.films import ramp, write_images, write_video
-from tests.storage.places import save_capture
+from tests.storage.footage.videos import ramp, write_images, write_video
+from tests.storage.locations.lax_server import careless_server
+from tests.storage.stores import save_capture
 
 pytestmark = [pytest.mark.slow, pytest.mark.server]
 
@@ -104,8 +104,8 @@ def test_versions_history_rollback_export_and_garbage(place: Location, tmp_path:
 
 SAVE = """
 import sys
-from storage.location import Location
-from storage.versions import ObjectRepository
+from glint.storage.locations.location import Location
+from glint.storage.versions.repository import ObjectRepository
 from tests.storage.places import save_capture
 repository = ObjectRepository.open(Location.parse(sys.argv[1]), "duck")
 save_capture(repository, sys.argv[2], "key", seed=int(sys.argv[3]))
@@ -160,7 +160,7 @@ def _hold(place: Location, told: list[Holder]) -> None:
 
 def test_the_lease_of_a_killed_run_is_taken_over(place: Location) -> None:
     code = (
-        "import os, sys, storage.locks as l, storage.location as p\n"
+        "import os, sys, glint.storage.locking.locks as l, glint.storage.locations.location as p\n"
         "with l.run_lock(p.Location.parse(sys.argv[1]), 'duck', 'killed'): os.kill(os.getpid(), 9)"
     )
     assert subprocess.run([sys.executable, "-c", code, place.uri], cwd=ROOT).returncode == -9
@@ -192,7 +192,7 @@ def test_a_digest_is_remembered_by_the_entity_tag(
     obstore.put(place.obstore(), "film.mp4", b"one")
     first = content_digest(film, place)
     with monkeypatch.context() as patch:
-        patch.setattr("storage.fingerprints._sha256", lambda file: pytest.fail("read again"))
+        patch.setattr("glint.storage.inputs.digests._sha256", lambda file: pytest.fail("read again"))
         assert content_digest(film, place) == first
     obstore.put(place.obstore(), "film.mp4", b"two")
     assert content_digest(film, place) != first

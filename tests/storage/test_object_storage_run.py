@@ -10,11 +10,11 @@ import numpy as np
 import obstore
 import pytest
 
-from storage.credentials import azure_options, s3_options
-from storage.location import Location
+from glint.storage.locations.credentials import azure_options, s3_options
+from glint.storage.locations.location import Location
 from tests.flows.conftest import glint_home, server
 from tests.scene import draw_scene
-from tests.storage.careless import careless_server
+from tests.storage.locations.lax_server import careless_server
 
 __all__ = ["glint_home", "server"]
 
@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[2]
 
 def glint(*arguments: str, status: int = 0) -> str:
     """What a command says on both outputs."""
-    command = [sys.executable, "-c", "from flows.cli import main; main()", *arguments]
+    command = [sys.executable, "-c", "from glint.flows.cli.main import main; main()", *arguments]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == status, done.stdout + done.stderr
     return done.stdout + done.stderr

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from storage.catalogue import load
-from tasks.memory import BASE, CLUSTER_BYTES, largest_need
-from tasks.parameters import Parameters
-from tasks.workspace import Workspace
+from glint.storage.catalogue.loading import load
+from glint.tasks.engine.capture_context import Workspace
+from glint.tasks.engine.parameters import Parameters
+from glint.tasks.memory import BASE, CLUSTER_BYTES, largest_need
 
 
 def need(simulated: Path, store: Path, edge: int, bits: int = 8, frame: int = 4000) -> tuple[int, str]:

@@ -1,0 +1,204 @@
+"""The Dask cluster of a run: the one at a given scheduler, else a local one of one-threaded processes.
+
+It starts in the background: `Cluster(..)` returns at once, `client` waits for it. A Dask task gets one processor and
+its libraries one thread; what it needs in memory is checked before it is sent, since nothing spills.
+"""
+
+import importlib
+import logging
+import signal
+import threading
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from types import TracebackType
+
+import dask
+from dask.system import CPU_COUNT
+from distributed import Client, LocalCluster, Worker
+from distributed.diagnostics.plugin import WorkerPlugin
+from distributed.system import MEMORY_LIMIT
+
+from glint.flows.errors import ClusterError
+from glint.flows.runtime.environment import prepare_environment
+
+MEMORY_SHARE = 0.8
+"""The part of the machine's memory that the workers of a local cluster share."""
+
+CONNECT_SECONDS = 30
+WORKERS_SECONDS = 120
+
+TERMINATED = 0.95
+"""Share of its memory limit at which a worker is ended."""
+
+SETTINGS = {
+    # A task that killed two workers is the cause: it fails, and the others go on.
+    "distributed.scheduler.allowed-failures": 1,
+    # A graph cut holds the interpreter for minutes. A local worker that dies is noticed without heartbeats.
+    "distributed.scheduler.worker-ttl": None,
+    # The stages of a capture wait at the worker that may be longest busy; one that is free shall have them at once.
+    "distributed.scheduler.work-stealing-interval": "100ms",
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.pause": False,
+    "distributed.worker.memory.terminate": TERMINATED,
+    # Looking after itself as often as by default costs Dask a twentieth of two processors.
+    "distributed.worker.memory.monitor-interval": "200ms",
+    "distributed.worker.profile.interval": "200ms",
+    "distributed.admin.tick.interval": "200ms",
+    "distributed.admin.system-monitor.interval": "2s",
+    # Arrays of some megabytes come and go all the time: given back to the system each time, as in Dask's own setting,
+    # they cost a tenth of a worker's seconds.
+    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 64 << 20,
+    "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 16 << 20,
+}
+"""How Dask works here; deploy/ says the same in the environment of its containers."""
+
+
+@dataclass
+class Readiness(WorkerPlugin):
+    """Makes a worker ready before its first task: one thread for OpenCV, modules imported, their kernels loaded.
+
+    A module may have a function `warm_up()` that calls its compiled kernels once on tiny arrays. Workers of a local
+    cluster leave an interrupt at the terminal, and what failed there, to the run that owns them.
+    """
+
+    modules: tuple[str, ...]
+    owned: bool
+    name = "glint-readiness"
+
+    def setup(self, worker: Worker) -> None:
+        """Called by Dask in each worker as it starts, and in each that replaces one."""
+        import cv2
+
+        if self.owned:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+            logging.getLogger("distributed.worker").setLevel(logging.CRITICAL)
+        cv2.setNumThreads(1)
+        for name in self.modules:
+            module = importlib.import_module(name)
+            if hasattr(module, "warm_up"):
+                module.warm_up()
+
+
+class Cluster:
+    """One cluster for a run; a context manager that ends what it started.
+
+    `scheduler` is the address of a running one (tcp://host:8786), None for a local cluster of `workers` processes (as
+    many as processors). `modules` are imported by every worker before its first task.
+    """
+
+    def __init__(self, scheduler: str | None = None, workers: int | None = None, modules: Sequence[str] = ()) -> None:
+        prepare_environment()
+        self._scheduler, self._workers, self._modules = scheduler, workers or CPU_COUNT, tuple(modules)
+        self._cluster: LocalCluster | None = None
+        self._client: Client | None = None
+        self._failure: BaseException | None = None
+        self._thread = threading.Thread(target=self._start, name="glint-cluster", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> "Cluster":
+        """Return the cluster, which may still be starting."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """End the cluster, whatever happened."""
+        if error is not None:
+            # Results that are still awaited when the client closes are reported one by one, calls that are cancelled
+            # before they began as errors.
+            for reporter in ("asyncio", "tornado.application"):
+                logging.getLogger(reporter).setLevel(logging.CRITICAL)
+        self.close()
+
+    @property
+    def client(self) -> Client:
+        """The client of this process, for all its threads; waits for the cluster. Nobody else closes it.
+
+        Raises:
+            ClusterError: the scheduler does not answer, or no worker came.
+        """
+        self._thread.join()
+        if self._failure is not None:
+            raise self._failure
+        assert self._client is not None
+        return self._client
+
+    @property
+    def address(self) -> str:
+        """The scheduler's address, for clients in other processes."""
+        return str(self.client.scheduler.address)
+
+    @property
+    def dashboard_url(self) -> str:
+        """Dask's own dashboard, empty if it has none."""
+        return str(self.client.dashboard_link or "")
+
+    @property
+    def workers(self) -> int:
+        """Workers there are now."""
+        return len(self.client.nthreads())
+
+    @property
+    def described(self) -> str:
+        """How many workers, and where they can be watched."""
+        watched = f", Dask's dashboard {self.dashboard_url}" if self.dashboard_url else ""
+        return f"workers {self.workers}{watched}"
+
+    def close(self) -> None:
+        """End the local cluster and its processes, or leave the given one. Safe to call twice."""
+        self._thread.join()
+        client, self._client = self._client, None
+        cluster, self._cluster = self._cluster, None
+        if client is not None:
+            client.close()
+        if cluster is not None:
+            cluster.close()
+
+    def _start(self) -> None:
+        try:
+            self._client = self._local() if self._scheduler is None else self._given(self._scheduler)
+        except BaseException as failure:
+            self._failure = failure
+
+    def _local(self) -> Client:
+        dask.config.set(SETTINGS)
+        self._cluster = LocalCluster(
+            n_workers=self._workers,
+            threads_per_worker=1,
+            processes=True,
+            memory_limit=int(MEMORY_LIMIT * MEMORY_SHARE / self._workers),
+            host="127.0.0.1",
+            dashboard_address="127.0.0.1:0",
+            silence_logs=logging.ERROR,
+        )
+        client = Client(self._cluster, set_as_default=False)
+        client.register_plugin(Readiness(self._modules, owned=True))
+        return client
+
+    def _given(self, address: str) -> Client:
+        try:
+            client = Client(address, set_as_default=False, timeout=CONNECT_SECONDS)
+        except (OSError, ValueError) as error:
+            raise ClusterError(
+                f"the Dask scheduler at {address} does not answer ({error})",
+                "start it with `dask scheduler`, or leave out --scheduler for a local cluster",
+            ) from None
+        try:
+            client.wait_for_workers(1, timeout=WORKERS_SECONDS)
+            client.register_plugin(Readiness(self._modules, owned=False))
+        except TimeoutError:
+            client.close()
+            raise ClusterError(
+                f"the Dask scheduler at {address} has no workers",
+                f"start some with `dask worker {address} --nthreads 1`",
+            ) from None
+        except Exception as error:
+            with suppress(Exception):
+                client.unregister_worker_plugin(Readiness.name)
+            client.close()
+            raise ClusterError(
+                f"the Dask workers at {address} cannot run Glint ({error})", "install this version of Glint on each"
+            ) from error
+        return client

@@ -1,0 +1,190 @@
+"""The Prefect server of a run: the one at PREFECT_API_URL, else one of our own that all runs of this user share.
+
+Our own server is a detached process with its database in Glint's home. It outlives the run, so that its dashboard can
+be read afterwards. A cold start takes seconds: `start_server` returns at once, and `Server.wait` comes when the
+server is needed. Whoever starts a run calls `start_server` before anything imports prefect, which reads its settings
+at import.
+"""
+
+import os
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from glint.flows.errors import ServerError
+from glint.flows.runtime.environment import prepare_environment
+from glint.flows.runtime.processes import is_alive
+from glint.flows.runtime.server_process import answers, keep, listens, locked, read_state, server_folder, spawn, stop
+
+START_SECONDS = 120.0
+
+
+@dataclass(frozen=True, slots=True)
+class Server:
+    """A Prefect server that answers, or is about to.
+
+    `process` is (pid, time of creation) of our own server, None for one at PREFECT_API_URL; `log` is its output.
+    """
+
+    api_url: str
+    ui_url: str
+    started: bool
+    process: tuple[int, float] | None = None
+    log: Path | None = None
+
+    def wait(self, seconds: float = START_SECONDS) -> None:
+        """Return when the server answers.
+
+        Raises:
+            ServerError: it does not, or its process has ended.
+        """
+        if self.process is None:
+            _check_given(self.api_url)
+            return
+        deadline = time.monotonic() + seconds
+        while not (listens(self.process[0], self.api_url) and answers(self.api_url)):
+            if not is_alive(*self._process_now()):
+                raise ServerError(f"the Prefect server ended while it started ({_last_line(self.log)})", self._remedy())
+            if time.monotonic() > deadline:
+                raise ServerError(f"the Prefect server at {self.api_url} gave no answer", self._remedy())
+            time.sleep(0.05)
+
+    @contextmanager
+    def connected(self) -> Iterator[None]:
+        """Wait, then let the flows that are called inside report to this server, whenever prefect was imported.
+
+        Our own server is started again at its address if it dies meanwhile.
+        """
+        self.wait()
+        from prefect.settings import PREFECT_API_URL, PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
+
+        settings: dict[Any, Any] = {PREFECT_API_URL: self.api_url}
+        if self.process is not None:
+            # Ending the thread of heartbeats costs every flow run up to a second; `flows.zombies` does without them.
+            settings[PREFECT_FLOWS_HEARTBEAT_FREQUENCY] = None
+        with temporary_settings(settings), self._kept():
+            yield
+
+    @contextmanager
+    def reached(self) -> Iterator[None]:
+        """Let what is called inside ask this server, which answers already."""
+        from prefect.settings import PREFECT_API_URL, temporary_settings
+
+        with temporary_settings({PREFECT_API_URL: self.api_url}):
+            yield
+
+    @contextmanager
+    def _kept(self) -> Iterator[None]:
+        if self.log is None:
+            yield
+            return
+        ended = threading.Event()
+        keeper = threading.Thread(target=keep, args=(self.log.parent, ended), name="glint-server", daemon=True)
+        keeper.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            keeper.join()
+
+    def _process_now(self) -> tuple[int, float]:
+        """The server's process, which may have been started again."""
+        assert self.process is not None and self.log is not None
+        state = read_state(self.log.parent)
+        return self.process if state is None else state.process
+
+    def _remedy(self) -> str:
+        return f"see {self.log}; `glint dashboard --stop` and run again, or set PREFECT_API_URL to a server of yours"
+
+
+def ensure_server(home: Path | None = None) -> Server:
+    """A Prefect server that answers now: `start_server`, then `wait`."""
+    server = start_server(home)
+    server.wait()
+    return server
+
+
+def start_server(home: Path | None = None) -> Server:
+    """Name the server of this process and start it if there is none, without waiting for it.
+
+    Sets PREFECT_API_URL and the other settings of Prefect in the environment. Two runs that start at the same time
+    share one server.
+
+    Raises:
+        ServerError: Glint's home cannot be written.
+    """
+    given = os.environ.get("PREFECT_API_URL")
+    if given:
+        prepare_environment()
+        return Server(given, _ui_url(given), started=False)
+    folder = server_folder(home)
+    with locked(folder):
+        state = read_state(folder)
+        if state is not None and state.prefect != version("prefect"):
+            stop(state)
+            state = None
+        started = state is None or not is_alive(*state.process)
+        if state is None or started:
+            state = spawn(folder)
+    prepare_environment(state.api_url, folder / "prefect")
+    return Server(state.api_url, _ui_url(state.api_url), started, state.process, folder / "server.log")
+
+
+def running_server(home: Path | None = None) -> Server | None:
+    """The server of this process if one is up: the one at PREFECT_API_URL, else our own; none is started.
+
+    Raises:
+        ServerError: the one at PREFECT_API_URL does not answer.
+    """
+    given = os.environ.get("PREFECT_API_URL")
+    if given:
+        prepare_environment()
+        _check_given(given)
+        return Server(given, _ui_url(given), started=False)
+    folder = server_folder(home)
+    state = read_state(folder)
+    if state is None or not is_alive(*state.process) or not answers(state.api_url):
+        return None
+    prepare_environment(state.api_url, folder / "prefect")
+    return Server(state.api_url, _ui_url(state.api_url), False, state.process, folder / "server.log")
+
+
+def stop_server(home: Path | None = None) -> bool:
+    """End our own server; False if none was running."""
+    folder = server_folder(home)
+    with locked(folder):
+        state = read_state(folder)
+        (folder / "server.json").unlink(missing_ok=True)
+        return state is not None and stop(state)
+
+
+def _check_given(api_url: str) -> None:
+    from prefect.client.orchestration import get_client
+    from prefect.settings import PREFECT_API_URL, temporary_settings
+
+    error: Exception | None
+    try:
+        with temporary_settings({PREFECT_API_URL: api_url}), get_client(sync_client=True) as client:
+            error = client.api_healthcheck()
+    except ValueError as unusable:
+        error = unusable
+    if error is not None:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise ServerError(
+            f"the Prefect server at PREFECT_API_URL={api_url} does not answer ({reason})",
+            "start that server, correct the address, or unset PREFECT_API_URL to use Glint's own",
+        )
+
+
+def _ui_url(api_url: str) -> str:
+    return api_url.removesuffix("/").removesuffix("/api")
+
+
+def _last_line(log: Path | None) -> str:
+    lines = log.read_text(errors="replace").strip().splitlines() if log is not None else []
+    return " ".join(line.strip() for line in lines[-2:]) or "it said nothing"

@@ -1,0 +1,109 @@
+"""A set of images as footage: 8 or 16 bits, grey or colour, all of one size."""
+
+import io
+import warnings
+from collections import deque
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import islice
+
+import cv2
+import numpy as np
+from PIL import Image
+
+from glint.storage.errors import InputError
+from glint.storage.locations.input_files import read_bytes
+from glint.storage.locations.location import Location
+
+SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm", ".webp", ".jp2")
+MAX_PIXELS = 170_000_000
+"""Largest frame that is believed; a bomb of a few kilobytes can claim far more."""
+_MAX_BYTES = 2_000_000_000
+warnings.filterwarnings("ignore", category=Image.DecompressionBombWarning)
+_AHEAD = 4
+_WORKERS = 2
+
+
+def decode_image(data: bytes, name: str, colour: bool = False) -> np.ndarray:
+    """Pixels of an image: (H, W) grey, or (H, W, 3) blue-green-red with `colour`; uint8 or uint16.
+
+    Raises:
+        InputError: no image, of an absurd size, or of another depth.
+    """
+    _check_size(data, name)
+    flags = (cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE) | cv2.IMREAD_ANYDEPTH
+    try:
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    except cv2.error as error:
+        raise InputError(f"{name} cannot be decoded", "replace the image") from error
+    if pixels is None:
+        raise InputError(f"{name} is no image that can be read, or is cut off", "replace the image")
+    if pixels.dtype not in (np.uint8, np.uint16):
+        raise InputError(f"{name} has pixels of type {pixels.dtype}", "save it with 8 or 16 bits")
+    return pixels
+
+
+def _check_size(data: bytes, name: str) -> None:
+    try:
+        with Image.open(io.BytesIO(data)) as image:
+            width, height = image.size
+    except Image.DecompressionBombError as error:
+        raise InputError(f"{name} claims an absurd size", f"at most {MAX_PIXELS:,} pixels are read") from error
+    except (OSError, ValueError, SyntaxError) as error:
+        raise InputError(f"{name} is no image that can be read", "replace the image") from error
+    if width * height > MAX_PIXELS:
+        raise InputError(f"{name} claims {width} x {height} pixels", f"at most {MAX_PIXELS:,} pixels are read")
+
+
+class ImageSet:
+    """Footage of images. `names` are the file names without folder."""
+
+    codec = "images"
+
+    def __init__(self, uri: str, files: Sequence[Location]) -> None:
+        self.uri, self.files = uri, tuple(files)
+        self.names = tuple(file.name for file in self.files)
+        self.count = len(self.files)
+        self.warnings: list[str] = []
+        first = self._read(self.files[0])
+        self.height, self.width = first.shape
+        self.bits = 8 * first.itemsize
+
+    def __enter__(self) -> "ImageSet":
+        """Itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Nothing stays open between frames."""
+
+    def frames(self, start: int = 0, step: int = 1) -> Iterator[np.ndarray]:
+        """Luma (H, W) of frames start, start + step, ..
+
+        Raises:
+            InputError: an image cannot be read, or differs in size or depth from the first.
+        """
+        chosen = iter(self.files[start::step])
+        with ThreadPoolExecutor(_WORKERS) as pool:
+            waiting: deque[Future[np.ndarray]] = deque(
+                pool.submit(self._checked, file) for file in islice(chosen, _AHEAD)
+            )
+            while waiting:
+                frame = waiting.popleft().result()
+                waiting.extend(pool.submit(self._checked, file) for file in islice(chosen, 1))
+                yield frame
+
+    def _checked(self, file: Location) -> np.ndarray:
+        frame = self._read(file)
+        if frame.shape != (self.height, self.width):
+            raise InputError(
+                f"{file.uri} is {frame.shape[1]} x {frame.shape[0]}, the first image {self.width} x {self.height}",
+                "all images of a capture must have one size; name them with a pattern if others lie beside them",
+            )
+        if 8 * frame.itemsize != self.bits:
+            raise InputError(
+                f"{file.uri} has {8 * frame.itemsize} bits, the first image {self.bits}", "save all with the same depth"
+            )
+        return frame
+
+    def _read(self, file: Location) -> np.ndarray:
+        return decode_image(read_bytes(file, _MAX_BYTES), file.uri)

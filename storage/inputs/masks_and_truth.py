@@ -1,0 +1,126 @@
+"""What lies beside a capture's frames: mask, known lights, markup, truth. Hostile until checked."""
+
+import io
+import math
+import tokenize
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from glint.storage.catalogue.models import Camera, Region
+from glint.storage.errors import InputError
+from glint.storage.footage.images import decode_image
+from glint.storage.inputs.lp_file import read_lights, write_lights
+from glint.storage.inputs.markup import Mark, read_markup
+from glint.storage.locations.input_files import Address, locate, read_bytes
+
+__all__ = [
+    "Mark",
+    "Truth",
+    "camera_matrix",
+    "read_lights",
+    "read_markup",
+    "read_mask",
+    "read_truth",
+    "write_lights",
+]
+
+_IMAGE_BYTES = 1_000_000_000
+_ARRAY_BYTES = 4_000_000_000
+
+
+def read_mask(address: Address, frame_size: tuple[int, int], region: Region | None = None) -> np.ndarray:
+    """The object's pixels, bool (H, W) of the region (of the frame if there is none): non-zero in the image.
+
+    frame_size: (height, width). The image has the frame's or the region's size; a colour or alpha channel does not
+    matter.
+
+    Raises:
+        InputError: unreadable, of another size, or without an object inside the region.
+    """
+    location = locate(address)
+    pixels = decode_image(read_bytes(location, _IMAGE_BYTES), location.uri, colour=True).any(axis=2)
+    wanted = (region.height, region.width) if region else frame_size
+    if pixels.shape == frame_size and region is not None and pixels.shape != wanted:
+        pixels = pixels[region.rows, region.columns]
+    if pixels.shape != wanted:
+        sizes = [f"the frame's {_size(frame_size)}"] + [f"the region's {_size(wanted)}"] * (region is not None)
+        raise InputError(
+            f"the mask {location.uri} is {_size(pixels.shape)}", f"it must have {' or '.join(sizes)} pixels"
+        )
+    if not pixels.any():
+        raise InputError(
+            f"the mask {location.uri} is empty" + (" inside the region" if region else ""),
+            "paint the object white on black, or leave the mask out to have it estimated",
+        )
+    return pixels
+
+
+def camera_matrix(camera: Camera | None) -> np.ndarray | None:
+    """The camera's matrix, float64 (3, 3) in pixels; None: orthographic."""
+    return None if camera is None else np.array(camera.matrix, np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What is known exactly: normals (H, W, 3) and depth (H, W) of the region, NaN outside, lights (T, 3); or None."""
+
+    normals: np.ndarray | None
+    depth: np.ndarray | None
+    lights: np.ndarray | None
+
+
+def read_truth(folder: Address, size: tuple[int, int] | None = None) -> Truth:
+    """normals.npy, depth.npy and lights.npy of a folder, as float32, those that are there.
+
+    size: (height, width) of the region.
+
+    Raises:
+        InputError: none of them is there, or one is malformed or of another size.
+    """
+    location = locate(folder)
+    shapes: dict[str, tuple[int | None, ...]] = {
+        "normals": (*(size or (None, None)), 3),
+        "depth": size or (None, None),
+        "lights": (None, 3),
+    }
+    arrays: dict[str, np.ndarray | None] = {}
+    for name, shape in shapes.items():
+        try:
+            data = read_bytes(location.child(f"{name}.npy"), _ARRAY_BYTES)
+        except InputError as error:
+            if not isinstance(error.__cause__, FileNotFoundError):
+                raise
+            arrays[name] = None
+            continue
+        arrays[name] = _array(data, shape, location.child(f"{name}.npy").uri)
+    if all(array is None for array in arrays.values()):
+        raise InputError(f"{location.uri} holds no truth", "put normals.npy, depth.npy or lights.npy there")
+    return Truth(**arrays)
+
+
+def _array(data: bytes, shape: tuple[int | None, ...], uri: str) -> np.ndarray:
+    """An array of numbers of a shape (None: any length), from the bytes of a .npy file; nothing in it is executed."""
+    stream = io.BytesIO(data)
+    try:
+        version = np.lib.format.read_magic(stream)
+        reader: Any = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        found, fortran, kind = reader(stream)
+    except (ValueError, SyntaxError, TypeError, tokenize.TokenError, RecursionError, MemoryError) as error:
+        raise InputError(f"{uri} is no array of numpy", "save it with numpy.save") from error
+    if len(found) != len(shape) or any(want not in (None, have) for want, have in zip(shape, found, strict=True)):
+        wanted = " x ".join("any" if length is None else str(length) for length in shape)
+        raise InputError(f"{uri} has shape {' x '.join(map(str, found))}", f"it must be {wanted}")
+    if kind.kind not in "fiu":
+        raise InputError(f"{uri} holds values of type {kind}", "save numbers")
+    count = math.prod(found)
+    if min(found) < 1 or len(data) - stream.tell() < count * kind.itemsize:
+        raise InputError(f"{uri} is cut off or empty", "copy it again")
+    flat = np.frombuffer(data, kind, count, stream.tell())
+    return flat.reshape(found, order="F" if fortran else "C").astype(np.float32)
+
+
+def _size(shape: Sequence[int]) -> str:
+    return f"{shape[1]} x {shape[0]}"

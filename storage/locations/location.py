@@ -1,0 +1,125 @@
+"""Where a store or an input is: a local path, or an address of an object store (s3://bucket/key, az://container/key).
+
+Credentials, endpoint and region come from the environment or from the usual profile files, never from the address.
+"""
+
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import icechunk
+import zarr.storage
+from obstore.store import AzureStore, LocalStore, ObjectStore, S3Store
+
+from glint.storage.errors import StorageError
+from glint.storage.locations.credentials import azure_options, s3_options
+
+_REMOTE = re.compile(r"(?P<scheme>[A-Za-z][A-Za-z0-9+.-]*)://(?P<rest>.*)", re.DOTALL)
+_CONTAINER = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{1,62}")
+_FORMS = "give a path, s3://bucket/key or az://container/key"
+
+
+class LocationError(StorageError):
+    """An address that cannot be understood, or that leaves its folder."""
+
+
+@dataclass(frozen=True, slots=True)
+class Location:
+    """scheme: `file`, `s3` or `az`; container: bucket or container, empty for `file`; path: absolute, or the key."""
+
+    scheme: str
+    container: str
+    path: str
+
+    @classmethod
+    def parse(cls, address: str | Path, folder: Path | None = None) -> "Location":
+        """The place of an address; a relative path counts from `folder` (by default the working folder).
+
+        Raises:
+            LocationError: another scheme, no container, credentials in the address, an empty one.
+        """
+        text = str(address)
+        if not text.strip() or "\0" in text:
+            raise LocationError(f"no usable address: {text!r}", _FORMS)
+        remote = _REMOTE.fullmatch(text)
+        if remote is None:
+            path = (folder or Path.cwd()) / os.path.expanduser(text)  # noqa: PTH111 - an unknown ~user stays
+            return cls("file", "", os.path.abspath(path))  # noqa: PTH100 - `..` goes
+        scheme, rest = remote["scheme"].lower(), remote["rest"]
+        if scheme == "file":
+            return cls("file", "", str(Path("/" + rest.lstrip("/"))))
+        container, _, key = rest.partition("/")
+        if scheme not in ("s3", "az"):
+            raise LocationError(f"addresses of {scheme}:// are not supported", _FORMS)
+        if "@" in container or ":" in container:
+            raise LocationError(
+                f"an address of {scheme}:// names only the container and the key",
+                "put credentials and the endpoint into the environment or a profile file",
+            )
+        if not _CONTAINER.fullmatch(container):
+            raise LocationError(f"{text!r} names no valid container", _FORMS)
+        parts = [part for part in key.split("/") if part]
+        if any(part in (".", "..") for part in parts):
+            raise LocationError(f"{text!r} has a step like '..' in its key", "write the key out")
+        return cls(scheme, container, "/".join(parts))
+
+    @property
+    def uri(self) -> str:
+        """The address, for people and for `parse`."""
+        if self.scheme == "file":
+            return self.path
+        return f"{self.scheme}://{self.container}" + (f"/{self.path}" if self.path else "")
+
+    @property
+    def local(self) -> Path | None:
+        """The path, None in an object store."""
+        return Path(self.path) if self.scheme == "file" else None
+
+    @property
+    def name(self) -> str:
+        """Last part of the path or key."""
+        return self.path.rpartition("/")[2]
+
+    @property
+    def parent(self) -> "Location":
+        """The folder or prefix around it."""
+        return Location(self.scheme, self.container, self.path.rpartition("/")[0] or ("/" * (self.scheme == "file")))
+
+    def child(self, *parts: str) -> "Location":
+        """A place below this one.
+
+        Raises:
+            LocationError: a part that is no plain name and could lead elsewhere.
+        """
+        for part in parts:
+            if part in ("", ".", "..") or any(sign in part for sign in "/\\\0"):
+                raise LocationError(f"{part!r} is no name inside {self.uri}", "use a plain name")
+        path = "/".join([self.path.rstrip("/"), *parts])
+        return Location(self.scheme, self.container, path if self.scheme == "file" else path.lstrip("/"))
+
+    def obstore(self) -> ObjectStore:
+        """Keys below this place; a local folder is made if absent."""
+        if self.scheme == "file":
+            return LocalStore(self.path, mkdir=True)
+        if self.scheme == "s3":
+            return S3Store(self.container, prefix=self.path or None, **s3_options().for_obstore())
+        return AzureStore(self.container, prefix=self.path or None, **azure_options().for_obstore())
+
+    def zarr_store(self, read_only: bool = False) -> Any:
+        """A zarr store of the keys below this place; nothing is made until something is written."""
+        if self.scheme == "file":
+            return zarr.storage.LocalStore(self.path, read_only=read_only)
+        return zarr.storage.ObjectStore(self.obstore(), read_only=read_only)
+
+    def icechunk_storage(self) -> icechunk.Storage:
+        """Where icechunk keeps a repository."""
+        if self.scheme == "file":
+            return icechunk.local_filesystem_storage(self.path)
+        if self.scheme == "s3":
+            return icechunk.s3_storage(bucket=self.container, prefix=self.path, **s3_options().for_icechunk())
+        options = azure_options()
+        return icechunk.azure_storage(
+            account=options.account, container=self.container, prefix=self.path, **options.for_icechunk()
+        )

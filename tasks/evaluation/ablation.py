@@ -1,0 +1,74 @@
+"""Ablation: what each ingredient of the labelling is worth, by switching it off on stored clusters."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from glint.storage.inputs.masks_and_truth import read_truth
+from glint.tasks.algorithms.candidates.clusters import Clusters
+from glint.tasks.algorithms.candidates.markup import Marks
+from glint.tasks.algorithms.evaluation.metrics import squared_errors
+from glint.tasks.algorithms.geometry.perspective import facing
+from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
+from glint.tasks.engine.capture_context import Workspace
+from glint.tasks.stages.clusters import faced, load_clusters
+from glint.tasks.stages.frames import views_of
+from glint.tasks.stages.markup import faced_marks, load_marks
+
+ABLATIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    {
+        "default": {},
+        "no symmetry": {"symmetry": False},
+        "no shape evidence": {"shape_weight": 0.0},
+        "no ties between neighbours": {"strength": 0.0},
+        "every accepted normal pulls": {"believed": 0.0},
+        "one round": {"rounds": 1},
+        "no tension": {"tension_length": 100.0},
+        "spread that does not grow": {"growth": 0.0},
+        "rim as weak as a normal": {"rim_weight": 0.1},
+        "two candidates": {"clusters": 2},
+        "one candidate": {"clusters": 1},
+        "no marks": {"marks": False},
+    }
+)
+"""Parameters of `reconstruct_normals` that switch an ingredient off; `clusters`: candidates that are left."""
+
+
+def ablate(work: Workspace) -> dict[str, tuple[float, float]] | None:
+    """Squared error over data and whole region with each ingredient off; None where there are no true normals.
+
+    Raises:
+        InputError: the truth is unusable; StoreError: the capture was not run.
+    """
+    if work.capture.truth is None:
+        return None
+    mask = work.load("mask").read("mask")
+    truth = read_truth(work.capture.truth, (mask.shape[0], mask.shape[1])).normals
+    if truth is None:
+        return None
+    clusters, marks, view = load_clusters(work), load_marks(work), views_of(work)
+    if view is not None:
+        clusters, marks, truth = faced(clusters, view), faced_marks(marks, view), facing(truth, view)
+    data = mask & (clusters.observations > 0)
+    results = {}
+    for name, parameters in ABLATIONS.items():
+        if name == "no marks" and marks is None:
+            continue
+        normals = _normals(clusters, mask, marks, dict(parameters))
+        results[name] = squared_errors(normals, truth, data), squared_errors(normals, truth, mask)
+    return results
+
+
+def _normals(clusters: Clusters, mask: np.ndarray, marks: Marks | None, parameters: dict[str, Any]) -> np.ndarray:
+    kept = clusters.normals[: parameters.pop("clusters", None)]
+    if not parameters.pop("marks", True):
+        marks = None
+    found = reconstruct_normals(
+        Clusters(kept, clusters.weight, clusters.spread, clusters.count, clusters.observations, clusters.winner),
+        mask,
+        marks=marks,
+        **parameters,
+    )
+    return found.normals

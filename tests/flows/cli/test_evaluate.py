@@ -1,0 +1,82 @@
+"""Careless captures: simulated once each, and judged by `glint evaluate --degraded --ablation`."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from glint.flows.cli import degraded
+from glint.flows.cli.degraded import simulate_degraded
+from glint.flows.reporting.events import Event
+from glint.storage.catalogue.loading import load
+from glint.tasks.simulation.simulate import DEGRADED, CaptureOptions
+
+ROOT = Path(__file__).parents[3]
+SMALL = {"frames": 250, "scale": 0.25, "rays": 1, "ball_radius": 20.0}
+FEW = {"careful": SMALL, "perspective": SMALL | DEGRADED["perspective"]}
+
+
+def test_every_defect_can_be_simulated() -> None:
+    careful = CaptureOptions()
+    assert DEGRADED["careful"] == {}
+    assert all(CaptureOptions(**options) != careful for name, options in DEGRADED.items() if name != "careful")
+
+
+def test_each_shape_is_simulated_once_for_each_defect(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(degraded, "SHAPES", ("hemisphere", "cylinder"))
+    monkeypatch.setattr(degraded, "DEGRADED", {name: each | {"frames": 5} for name, each in FEW.items()})
+    told: list[Event] = []
+    display = SimpleNamespace(show=told.append)
+    catalogue = load(simulate_degraded(tmp_path, True, display))  # type: ignore[arg-type]
+    assert [each.id for each in catalogue.objects] == [
+        "hemisphere-careful",
+        "hemisphere-perspective",
+        "cylinder-careful",
+        "cylinder-perspective",
+    ]
+    assert [each.captures[0].camera is not None for each in catalogue.objects] == [False, True, False, True]
+    assert told
+    told.clear()
+    video = Path(str(catalogue.objects[0].captures[0].frames))
+    written = video.stat().st_mtime_ns
+    simulate_degraded(tmp_path, True, display)  # type: ignore[arg-type]
+    assert not told and video.stat().st_mtime_ns == written
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Iterator[Path]:
+    from glint.flows.runtime.prefect_server import stop_server
+
+    yield tmp_path / "home"
+    stop_server(tmp_path / "home")
+
+
+@pytest.mark.server
+def test_careless_captures_are_judged_from_the_command_line(tmp_path: Path, home: Path) -> None:
+    """The command as it is, on one shape and one defect."""
+    few = {"perspective": FEW["perspective"]}
+    less = {"default": {}, "one candidate": {"clusters": 1}}
+    said = (
+        "import glint.flows.cli.degraded as d, glint.tasks.evaluation.ablation as a, glint.flows.cli.main as c;"
+        f"d.SHAPES = ('hemisphere',); d.DEGRADED = {few!r}; a.ABLATIONS = {less!r}; c.main()"
+    )
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(("PREFECT", "GLINT"))}
+    environment |= {"GLINT_HOME": str(home), "PYTHONPATH": str(ROOT)}
+    words = ["evaluate", "--degraded", "--quick", "--ablation", "--out", "out"]
+    done = subprocess.run(
+        [sys.executable, "-c", said, *words], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=200
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    facts = {each["name"]: each for each in json.loads((tmp_path / "out" / "evaluation.json").read_text())}
+    assert set(facts) == {"hemisphere-perspective/front"}
+    methods = facts["hemisphere-perspective/front"]["methods"]
+    errors = {method["method"]: method["whole"]["squared"] for method in methods}
+    assert errors["glint"] < 0.02 < errors["winner takes all"]
+    table = (tmp_path / "out" / "evaluation.md").read_text()
+    assert "| one candidate | " in table and "hemisphere-perspective/front" in table
+    assert {"evaluation.png", "reliability.png"} <= {path.name for path in (tmp_path / "out").iterdir()}

@@ -1,0 +1,140 @@
+"""The `glint` command from outside: exit status, what it says, what it leaves, and going on after a kill."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer.testing
+
+from glint.flows.cli.main import app
+from glint.storage.catalogue.loading import load, write
+
+pytestmark = pytest.mark.server
+GLINT = [sys.executable, "-c", "from glint.flows.cli.main import main; main()"]
+ROOT = Path(__file__).parents[3]
+
+
+def glint(*words: str, folder: Path, home: Path, check: int | None = 0) -> subprocess.CompletedProcess[str]:
+    """Run a command in a folder, with the embedded server of the tests."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(("PREFECT", "GLINT"))}
+    environment |= {"GLINT_HOME": str(home), "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([*GLINT, *words], cwd=folder, env=environment, capture_output=True, text=True, timeout=200)
+    assert check is None or done.returncode == check, f"{words}: {done.returncode}\n{done.stdout}\n{done.stderr}"
+    return done
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory):  # type: ignore[no-untyped-def]
+    from glint.flows.runtime.prefect_server import stop_server
+
+    folder = tmp_path_factory.mktemp("home")
+    yield folder
+    stop_server(folder)
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory, simulated: Path, home: Path) -> Path:
+    """A folder with a catalogue of one good and one bad capture, run once."""
+    folder = tmp_path_factory.mktemp("place")
+    good = load(simulated).objects[0]
+    bad = good.captures[0].model_copy(update={"id": "bad", "frames": str(folder / "missing.mp4")})
+    both = good.model_copy(update={"captures": (*good.captures, bad)})
+    write(load(simulated).model_copy(update={"objects": (both,)}), folder / "catalogue.yaml")
+    return folder
+
+
+def test_a_run_from_video_to_files(place: Path, home: Path) -> None:
+    first = glint("run", "catalogue.yaml", folder=place, home=home, check=1)
+    assert "missing.mp4" in first.stdout and "->" in first.stdout and "v1" in first.stdout
+    second = glint("run", "catalogue.yaml", "--only", "hemisphere/front", "--json", folder=place, home=home)
+    events = [json.loads(line) for line in second.stdout.splitlines()]
+    (where,) = [e["text"] for e in events if e["kind"] == "message"]
+    at = r"http://127.0.0.1:\d+"
+    assert re.fullmatch(rf"dashboard {at}, workers \d+, Dask's dashboard {at}/status", where)
+    summary = events[-1]
+    assert summary["kind"] == "summary" and [row["result"] for row in summary["captures"]] == ["unchanged"]
+    assert all(event.get("cached", True) for event in events if event["kind"] == "stage")
+    glint("export", "hemisphere", "--out", "out", folder=place, home=home)
+    assert np.isfinite(np.load(place / "out" / "front" / "depth.npy")).any()
+    assert "v1" in glint("history", "hemisphere", folder=place, home=home).stdout
+    assert "hemisphere" in glint("status", folder=place, home=home).stdout
+
+
+def test_rollback_brings_an_old_version_back(place: Path, home: Path) -> None:
+    said = load(place / "catalogue.yaml")
+    changed = said.model_copy(update={"parameters": {"depth": {"method": "least-squares"}}})
+    write(changed, place / "changed.yaml")
+    glint("run", "changed.yaml", "--only", "hemisphere/front", folder=place, home=home)
+    glint("rollback", "hemisphere", "v1", folder=place, home=home)
+    versions = [
+        json.loads(line)
+        for line in glint("history", "hemisphere", "--json", folder=place, home=home).stdout.splitlines()
+    ]
+    assert [each["version"] for each in versions] == ["v1", "v2", "v3"]
+
+
+def test_check_looks_before_anything_expensive(place: Path, home: Path) -> None:
+    done = glint("check", "catalogue.yaml", "--store", "other", folder=place, home=home, check=1)
+    assert "missing.mp4" in done.stderr and "hemisphere/front" in done.stdout
+    pictures = {path.name for path in (place / "glint-check" / "hemisphere" / "front").iterdir()}
+    assert {"coverage.png", "overview.png"} < pictures and any(name.startswith("keyframe_") for name in pictures)
+
+
+def test_evaluate_writes_table_json_and_pictures(place: Path, home: Path) -> None:
+    done = glint("evaluate", "catalogue.yaml", "--only", "hemisphere/front", folder=place, home=home)
+    assert "winner takes all" in done.stdout
+    facts = json.loads((place / "glint-evaluation" / "evaluation.json").read_text())
+    errors = {each["method"]: each["whole"]["squared"] for each in facts[0]["methods"]}
+    assert errors["glint"] < min(value for name, value in errors.items() if name != "glint")
+    assert (place / "glint-evaluation" / "evaluation.png").stat().st_size > 10_000
+
+
+def test_a_killed_run_goes_on_where_it_stopped(place: Path, home: Path, simulated: Path) -> None:
+    environment = os.environ | {"GLINT_HOME": str(home), "PYTHONPATH": str(ROOT)}
+    words = [*GLINT, "run", str(simulated), "--store", "killed", "--json"]
+    process = subprocess.Popen(
+        words, cwd=place, env=environment, stdout=subprocess.PIPE, text=True, start_new_session=True
+    )
+    assert process.stdout is not None
+    for line in process.stdout:
+        event = json.loads(line)
+        if event["kind"] == "stage" and event["stage"] == "lights":
+            os.killpg(process.pid, signal.SIGKILL)
+            break
+    process.wait(30)
+    process.stdout.close()
+    time.sleep(0.5)
+    again = glint("run", str(simulated), "--store", "killed", "--json", folder=place, home=home)
+    stages = {
+        e["stage"]: e.get("cached", False) for e in map(json.loads, again.stdout.splitlines()) if e["kind"] == "stage"
+    }
+    assert stages["survey"] and stages["frames"] and stages["lights"] and not stages["surface"]
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("run", "nothing.yaml"), "nothing.yaml"),
+        (("run", "catalogue.yaml", "--only", "hemisfere"), "did you mean hemisphere?"),
+        (("export", "nobody", "--out", "x"), "nobody"),
+        (("simulate", "teapot", "--out", "x"), "teapot"),
+        (("history", "../up"), "../up"),
+        (("run",), "CATALOGUE"),
+    ],
+)
+def test_wrong_use_ends_with_two_and_a_remedy(place: Path, home: Path, words: tuple[str, ...], told: str) -> None:
+    done = glint(*words, folder=place, home=home, check=2)
+    assert told in done.stderr and "Traceback" not in done.stderr
+
+
+def test_help_names_every_command() -> None:
+    shown = typer.testing.CliRunner().invoke(app, ["--help"]).output
+    for command in app.registered_commands:
+        assert command.callback is not None and command.callback.__name__ in shown

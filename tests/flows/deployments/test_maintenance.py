@@ -1,0 +1,174 @@
+"""Maintenance on real stores: what goes, what stays, and what a dry run says."""
+
+import os
+import time
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glint.flows.deployments.maintenance import Cleaning, Maintenance, maintain, size_of
+from glint.storage.blobs import store as blobs
+from glint.storage.frames.eviction import CachedFrames, cached_frames, mark_used, over_budget
+from glint.storage.locations.location import Location
+from glint.storage.locking.locks import run_lock
+from glint.storage.maintenance.disk_space import Room
+from glint.storage.versions.repository import ObjectRepository
+
+NOW = timedelta(0)
+STAGES = ("surface",)
+
+
+def save(location: Location, data: bytes, key: str, object_id: str = "glass") -> blobs.BlobReference:
+    """Save a stage that names a blob."""
+    repository = ObjectRepository.open(location, object_id)
+    reference = blobs.put(location, data, "model/ply")
+    arrays = {"depth": np.arange(6.0).reshape(2, 3)}
+    repository.save("front", "surface", key, arrays, {"counts": {}, "warnings": []}, {"surface.ply": reference})
+    return reference
+
+
+def versions(location: Location, count: int) -> list[blobs.BlobReference]:
+    """So many versions, each with a blob of its own."""
+    references = []
+    for number in range(count):
+        references.append(save(location, b"mesh %d" % number, f"key-{number}"))
+        ObjectRepository.open(location, "glass").publish(["front"], {}, STAGES)
+    return references
+
+
+def part(done: Maintenance, what: str) -> Cleaning:
+    return next(each for each in done.cleanings if each.what == what)
+
+
+def frames(location: Location, digest: str, size: int, age: timedelta) -> None:
+    """Something like a cache of frames that was last used so long ago."""
+    assert location.local is not None
+    folder = location.local / "frames" / digest / "object" / "c"
+    folder.mkdir(parents=True)
+    then = time.time() - age.total_seconds()
+    for path, data in ((folder.parents[1] / "zarr.json", b"{}"), (folder / "0", b"x" * (size - 2))):
+        path.write_bytes(data)
+        os.utime(path, (then, then))
+
+
+def test_what_a_version_names_stays(tmp_path: Path) -> None:
+    location = Location.parse(tmp_path)
+    references = versions(location, 3)
+    orphan = blobs.put(location, b"nobody names this", "image/png")
+    dry = maintain(location, True, None, NOW, None)
+    assert part(dry, "blobs") == Cleaning("blobs", 1, orphan.size) and blobs.exists(location, orphan)
+    done = maintain(location, False, None, NOW, None)
+    assert part(done, "blobs") == part(dry, "blobs") and not blobs.exists(location, orphan)
+    repository = ObjectRepository.open(location, "glass", create=False)
+    for number, reference in enumerate(references, 1):
+        found = repository.load("front", "surface", f"v{number}")
+        assert found.blobs["surface.ply"] == reference and found.read("depth").shape == (2, 3)
+        assert blobs.get(location, reference) == b"mesh %d" % (number - 1)
+
+
+def test_only_what_is_old_goes(tmp_path: Path) -> None:
+    location = Location.parse(tmp_path)
+    versions(location, 1)
+    orphan = blobs.put(location, b"just stored, named in a moment", "image/png")
+    assert part(maintain(location, False, None, timedelta(hours=1), None), "blobs").objects == 0
+    assert blobs.exists(location, orphan)
+
+
+def test_versions_are_given_up_only_when_asked(tmp_path: Path) -> None:
+    location = Location.parse(tmp_path)
+    references = versions(location, 4)
+    dry = maintain(location, True, 2, NOW, None)
+    assert part(dry, "glass").note == "would give up v1, v2"
+    repository = ObjectRepository.open(location, "glass", create=False)
+    assert repository.version_names() == ["v1", "v2", "v3", "v4"]
+    done = maintain(location, False, 2, NOW, None)
+    assert part(done, "glass").note == "gave up v1, v2" and part(done, "glass").bytes > 0
+    assert repository.version_names() == ["v3", "v4"]
+    assert [blobs.exists(location, each) for each in references] == [False, False, True, True]
+    assert repository.load("front", "surface", "v3").read("depth").shape == (2, 3)
+    save(location, b"mesh 4", "key-4")
+    assert ObjectRepository.open(location, "glass").publish(["front"], {}, STAGES).name == "v5"
+
+
+def test_what_a_run_holds_is_left_alone(tmp_path: Path) -> None:
+    location = Location.parse(tmp_path)
+    versions(location, 3)
+    frames(location, "a" * 64, 1000, timedelta(days=3))
+    repository = ObjectRepository.open(location, "glass")
+    repository.save("front", "frames", "key", {}, {"cache": "a" * 64, "counts": {}, "warnings": []})
+    orphan = blobs.put(location, b"the run will name this", "image/png")
+    with run_lock(location, "glass", "night"):
+        done = maintain(location, False, 1, NOW, 0)
+    assert repository.version_names() == ["v1", "v2", "v3"] and blobs.exists(location, orphan)
+    assert (tmp_path / "frames" / ("a" * 64) / "zarr.json").exists()
+    assert "being run" in part(done, "glass").note and "in use" in part(done, "frames").note
+    assert part(maintain(location, False, None, NOW, 0), "frames").objects == 1
+    assert not list((tmp_path / "frames").iterdir())
+
+
+def test_the_least_recently_used_frames_go_first(tmp_path: Path) -> None:
+    location = Location.parse(tmp_path)
+    for digest, days in (("a", 3), ("b", 9), ("c", 5), ("d", 1)):
+        frames(location, digest * 64, 1000, timedelta(days=days))
+    mark_used(location, "b" * 64)
+    assert [each.digest[0] for each in cached_frames(location)] == ["c", "a", "d", "b"]
+    dry = maintain(location, True, None, NOW, 2500)
+    assert part(dry, "frames").objects == 2 and len(cached_frames(location)) == 4
+    maintain(location, False, None, NOW, 2500)
+    assert [each.digest[0] for each in cached_frames(location)] == ["d", "b"]
+
+
+def test_links_in_a_store_lead_nothing_out_of_it_to_its_end(tmp_path: Path) -> None:
+    location, outside = Location.parse(tmp_path / "store"), tmp_path / "outside"
+    frames(location, "a" * 64, 1000, timedelta(days=3))
+    outside.mkdir()
+    (outside / "precious").write_bytes(b"not ours")
+    (outside / "zarr.json").write_bytes(b"nor this")
+    os.utime(outside / "precious", (0, 0))
+    os.utime(outside / "zarr.json", (0, 0))
+    (tmp_path / "store" / "frames" / ("b" * 64)).symlink_to(outside)
+    (tmp_path / "store" / "frames" / ("a" * 64) / "object" / "link").symlink_to(outside)
+    (tmp_path / "store" / "blobs" / "sha256").mkdir(parents=True)
+    (tmp_path / "store" / "blobs" / "sha256" / "ab").symlink_to(outside)
+    done = maintain(location, False, None, NOW, 0)
+    assert part(done, "frames").objects == 1 and part(done, "blobs").objects == 0
+    assert sorted(each.name for each in outside.iterdir()) == ["precious", "zarr.json"]
+
+
+def test_frames_that_were_used_just_now_stay_whatever_the_budget() -> None:
+    now = datetime.now(UTC)
+    old, fresh = CachedFrames("a", 10, now - timedelta(days=1)), CachedFrames("b", 10, now)
+    assert over_budget([old, fresh], 0, (), now) == [old]
+    assert over_budget([old, fresh], 0, {"a"}, now) == []
+    assert over_budget([old, fresh], 20, (), now) == []
+
+
+def test_an_object_that_cannot_be_read_stops_neither_the_rest_nor_loses_blobs(tmp_path: Path) -> None:
+    location = Location.parse(tmp_path)
+    versions(location, 1)
+    reference = save(location, b"of the broken one", "key", "broken")
+    for snapshot in (tmp_path / "objects" / "broken" / "repo" / "snapshots").iterdir():
+        snapshot.write_bytes(b"damaged")
+    done = maintain(location, False, None, NOW, None)
+    assert part(done, "broken").failed and not part(done, "glass").failed
+    assert "left alone" in part(done, "blobs").note and blobs.exists(location, reference)
+
+
+@pytest.mark.parametrize(("text", "size"), [("500MB", 5 * 10**8), ("1.5 tb", 15 * 10**11), ("0", 0)])
+def test_sizes(text: str, size: int) -> None:
+    assert size_of(text) == size
+
+
+@pytest.mark.parametrize("text", ["20G", "x", "-1GB", "", "1e30GB"])
+def test_what_is_no_size(text: str) -> None:
+    with pytest.raises(ValueError, match=r"is no size|could not convert"):
+        size_of(text)
+
+
+def test_the_disk_is_called_low_before_it_is_full() -> None:
+    assert Room(10, 100, 2).warning(5) == ""
+    assert "room for about 5" in Room(10, 100, 2).warning(6)
+    assert "are free" in Room(9, 100, None).warning(0)
+    assert Room(50, 100, None).warning(1000) == ""

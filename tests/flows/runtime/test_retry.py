@@ -1,0 +1,51 @@
+"""A server that dies while flows run: it comes back at its address, and what it interrupted is begun again."""
+
+import json
+from pathlib import Path
+
+import httpx
+import psutil
+import pytest
+from prefect import flow
+
+from glint.flows.errors import ServerError
+from glint.flows.runtime.prefect_server import start_server, stop_server
+from glint.flows.runtime.retry import ATTEMPTS, patiently
+
+pytestmark = [pytest.mark.server, pytest.mark.slow]
+
+
+@flow(name="short", persist_result=False)
+def short(number: int) -> int:
+    return number + 1
+
+
+def test_flows_outlive_the_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("PREFECT_API_URL", "PREFECT_HOME"):
+        monkeypatch.setenv(name, "")  # so that what the server sets is undone
+        monkeypatch.delenv(name)
+    server = start_server(tmp_path)
+    try:
+        with server.connected():
+            assert patiently(short, 1) == 2
+            assert server.process is not None
+            psutil.Process(server.process[0]).kill()
+            assert patiently(short, 2) == 3
+        (state,) = (tmp_path / "server").glob("*/server.json")
+        found = json.loads(state.read_text())
+        assert found["api_url"] == server.api_url and found["process"][0] != server.process[0]
+    finally:
+        stop_server(tmp_path)
+
+
+def test_a_server_that_never_stays_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    tries = []
+    monkeypatch.setattr("glint.flows.runtime.retry.wait_for_server", lambda: None)
+
+    def unlucky() -> None:
+        tries.append(1)
+        raise httpx.ConnectError("refused")
+
+    with pytest.raises(ServerError, match="went away"):
+        patiently(unlucky)
+    assert len(tries) == ATTEMPTS

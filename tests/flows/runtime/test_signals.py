@@ -1,0 +1,77 @@
+"""Being asked to stop, at any moment of a run: it ends, with its workers, and the dashboard knows."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from glint.flows.runtime import signals
+
+pytestmark = pytest.mark.server
+GLINT = [sys.executable, "-c", "from glint.flows.cli.main import main; main()", "run"]
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.mark.parametrize(
+    ("number", "moment"), [(signal.SIGTERM, "start"), (signal.SIGTERM, "stage"), (signal.SIGINT, "stage")]
+)
+def test_a_run_that_is_asked_to_stop_leaves_nothing(
+    number: signal.Signals, moment: str, tmp_path: Path, simulated: Path, glint_home: Path
+) -> None:
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(("PREFECT", "GLINT"))}
+    environment |= {"GLINT_HOME": str(glint_home), "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen(
+        [*GLINT, str(simulated), "--store", "store", "--workers", "1", "--json"],
+        cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stdout is not None
+    if moment == "start":
+        time.sleep(1.5)
+    else:
+        for line in process.stdout:
+            if '"frames", "seconds"' in line:
+                break
+    family = psutil.Process(process.pid).children(recursive=True)
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=200)
+    assert process.returncode == 130 and "Traceback" not in errors
+    psutil.wait_procs(family, 30)
+    # The server outlives every run; what else is left would be a worker.
+    assert not [each for each in family if each.is_running() and "server" not in each.cmdline()]
+
+
+def test_a_run_that_does_not_end_by_itself_is_ended() -> None:
+    code = (
+        "import threading, time\nfrom glint.flows.runtime import signals\nsignals.GRACE_SECONDS = 0.5\n"
+        "signals.install()\nthreading.Thread(target=time.sleep, args=[60]).start()\nprint('ready', flush=True)\n"
+        "time.sleep(60)"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    )
+    assert process.stdout is not None and process.stdout.readline()
+    process.terminate()
+    assert process.wait(30) == 130
+
+
+def test_a_signal_that_a_library_swallowed_is_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)]
+    try:
+        signals.install()
+        signals.check()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGTERM)
+        with pytest.raises(KeyboardInterrupt):
+            signals.check()
+    finally:
+        signals._asked.clear()
+        for timer in [each for each in threading.enumerate() if isinstance(each, threading.Timer)]:
+            timer.cancel()
+        for each, handler in zip((signal.SIGINT, signal.SIGTERM), before, strict=True):
+            signal.signal(each, handler)

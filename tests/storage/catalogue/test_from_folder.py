@@ -1,0 +1,144 @@
+"""Catalogues made from folders that follow the usual names."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glint.storage.catalogue.loading import Capture, Catalogue, from_folder, load, write
+from glint.storage.errors import InputError
+from glint.storage.footage.source import open_footage
+from tests.storage.footage.videos import ramp, write_images
+
+FRAMES = [ramp(index, 8, 10) for index in range(12)]
+
+
+def _touch(folder: Path, *names: str) -> None:
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(b"")
+
+
+def _captures(catalogue: Catalogue) -> dict[str, list[str]]:
+    return {each.id: [capture.id for capture in each.captures] for each in catalogue.objects}
+
+
+def _only(catalogue: Catalogue) -> Capture:
+    (each,) = catalogue.objects
+    (capture,) = each.captures
+    return capture
+
+
+def _kept(folder: Path, catalogue: Catalogue) -> None:
+    """Written and read again it is the same."""
+    write(catalogue, folder / "catalogue.yaml")
+    assert load(folder / "catalogue.yaml") == catalogue
+
+
+def test_an_object_with_one_video_and_all_beside_it(tmp_path: Path) -> None:
+    _touch(tmp_path, "duck/film.MP4", "duck/mask.png", "duck/lights.lp", "duck/markup.json", "duck/notes.txt")
+    _touch(tmp_path, "duck/truth/normals.npy", "duck/truth_model.ply")
+    catalogue = from_folder(tmp_path)
+    place = tmp_path / "duck"
+    capture = _only(catalogue)
+    assert (catalogue.name, catalogue.objects[0].id) == (tmp_path.name, "duck")
+    assert capture.frames == str(place / "film.MP4")
+    assert capture.mask == str(place / "mask.png")
+    assert capture.lights == str(place / "lights.lp")
+    assert capture.markup == str(place / "markup.json")
+    assert capture.truth == str(place / "truth")
+    assert catalogue.objects[0].truth_model == str(place / "truth_model.ply")
+    _kept(tmp_path, catalogue)
+
+
+def test_views_are_captures(tmp_path: Path) -> None:
+    _touch(tmp_path, "duck/view_10/a.mp4", "duck/view_2/b.mov", "duck/view_2/mask.png", "glass/c.avi", "empty/x.txt")
+    catalogue = from_folder(tmp_path)
+    assert _captures(catalogue) == {"duck": ["view_2", "view_10"], "glass": ["c"]}
+    assert catalogue.object("duck").capture("view_2").mask == str(tmp_path / "duck/view_2/mask.png")
+    _kept(tmp_path, catalogue)
+
+
+@pytest.mark.parametrize("view", ["duck", "duck/turn"])
+def test_several_videos_in_one_folder_each_have_their_own(tmp_path: Path, view: str) -> None:
+    _touch(tmp_path / view, "a.mp4", "b.mp4", "a.mask.png", "b.lp", "b.markup.json", "mask.png", "truth/depth.npy")
+    first, second = from_folder(tmp_path).objects[0].captures
+    prefix = "turn-" if view == "duck/turn" else ""
+    assert (first.id, second.id) == (f"{prefix}a", f"{prefix}b")
+    assert (first.mask, first.lights, first.markup) == (str(tmp_path / view / "a.mask.png"), None, None)
+    assert (second.mask, second.lights) == (None, str(tmp_path / view / "b.lp"))
+    assert second.markup == str(tmp_path / view / "b.markup.json")
+    assert first.truth is None
+
+
+@pytest.mark.parametrize("inside", [".", "frames", "images"])
+def test_images_are_a_pattern_that_leaves_out_what_is_no_frame(tmp_path: Path, inside: str) -> None:
+    write_images(tmp_path / "duck" / inside, FRAMES)
+    write_images(tmp_path / "duck", FRAMES[:1], "duck_mask.png")
+    write_images(tmp_path / "duck" / inside, FRAMES[:3], "preview_{}.png")
+    (tmp_path / "duck" / "lights_of_the_dome.lp").write_text("")
+    capture = _only(from_folder(tmp_path))
+    assert capture.id == "front"
+    assert capture.mask == str(tmp_path / "duck/duck_mask.png")
+    assert capture.lights == str(tmp_path / "duck/lights_of_the_dome.lp")
+    assert np.array_equal(np.stack(list(open_footage(capture.frames).frames())), np.stack(FRAMES))
+
+
+def test_masks_and_maps_beside_images_are_no_frames(tmp_path: Path) -> None:
+    write_images(tmp_path / "duck", FRAMES, "{}.png")
+    for name in ("mask", "normal", "normals", "normal_map", "depth", "albedo", "reference", "duck-mask"):
+        write_images(tmp_path / "duck", FRAMES[:1], f"{name}.png")
+    footage = open_footage(_only(from_folder(tmp_path)).frames)
+    assert footage.names == tuple(f"{number}.png" for number in range(1, 13))
+
+
+def test_folders_whose_names_hold_signs_of_patterns(tmp_path: Path) -> None:
+    write_images(tmp_path / "[duck] *", FRAMES, "a[1]_{}.png")
+    catalogue = from_folder(tmp_path)
+    assert catalogue.objects[0].id == "duck"
+    assert open_footage(_only(catalogue).frames).count == 12
+
+
+def test_names_become_ids(tmp_path: Path) -> None:
+    _touch(
+        tmp_path, "Großes Glas/Take 1.mp4", "grosses-glas/a.mp4", "gro-es-glas/a.mp4", "世界/a.mp4", f"{'x' * 90}/a.mp4"
+    )
+    catalogue = from_folder(tmp_path)
+    ids = [each.id for each in catalogue.objects]
+    assert len(set(ids)) == 5
+    assert set(ids) == {"gro-es-glas", "gro-es-glas-2", "grosses-glas", "capture", "x" * 56}
+    _kept(tmp_path, catalogue)
+
+
+def test_no_capture_takes_the_models_id(tmp_path: Path) -> None:
+    _touch(tmp_path, "duck/model/film.mp4", "duck/front/film.mp4")
+    assert set(_captures(from_folder(tmp_path))["duck"]) == {"model-2", "front"}
+
+
+def test_several_masks_are_nobodys(tmp_path: Path) -> None:
+    _touch(tmp_path, "duck/film.mp4", "duck/a_mask.png", "duck/b_mask.png", "duck/a.lp", "duck/b.lp")
+    capture = _only(from_folder(tmp_path))
+    assert (capture.mask, capture.lights) == (None, None)
+
+
+def test_hidden_files_and_folders_are_left_out(tmp_path: Path) -> None:
+    _touch(tmp_path, ".git/a.mp4", "duck/.hidden.mp4", "duck/film.mp4")
+    assert _captures(from_folder(tmp_path)) == {"duck": ["film"]}
+
+
+def test_nothing_there(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="holds no captures"):
+        from_folder(tmp_path)
+    with pytest.raises(InputError, match="cannot be read"):
+        from_folder(tmp_path / "none")
+    _touch(tmp_path, "film.mp4")
+    with pytest.raises(InputError, match="cannot be read"):
+        from_folder(tmp_path / "film.mp4")
+
+
+@pytest.mark.shared
+def test_the_shared_captures(shared_data: Path) -> None:
+    catalogue = from_folder(shared_data / "captures")
+    hemisphere = catalogue.object("hemisphere").capture("front")
+    with open_footage(hemisphere.frames) as footage:
+        assert footage.count > 0

@@ -1,0 +1,218 @@
+import csv
+import json
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tifffile
+
+from glint.storage.blobs import store as blobs
+from glint.storage.errors import StoreError
+from glint.storage.export import image_files as pictures
+from glint.storage.export.export import export
+from glint.storage.locations.location import Location
+from glint.storage.versions.repository import ObjectRepository
+from glint.storage.versions.stage_results import WHOLE_OBJECT
+from tests.storage.stores import PIXEL, PROVENANCE, REASONS, capture_arrays, local_place, save_capture
+
+FILES = {
+    *("normals.npy", "normals.png", "normals.exr", "initial_normals.npy", "depth.npy", "depth.tiff", "mask.png"),
+    *("observed.png", "provenance.png", "provenance.json", "confidence.npy", "lights.lp", "half_vectors.npy"),
+    *("frames.csv", "surface.ply", "relit_left.png", "report.json", "report.html"),
+}
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Location:
+    return local_place(tmp_path / "store")
+
+
+@pytest.fixture
+def repository(place: Location) -> ObjectRepository:
+    repository = ObjectRepository.open(place, "duck")
+    save_capture(repository, "front", "k1")
+    return repository
+
+
+def test_every_file_holds_what_was_stored(repository: ObjectRepository, place: Location, tmp_path: Path) -> None:
+    repository.publish(["front"], {"run": "r1"})
+    record = export(place, "duck", tmp_path / "out")
+    folder, arrays = tmp_path / "out" / "front", capture_arrays()
+    assert {path.name for path in folder.iterdir()} == FILES and record.files == len(FILES)
+    assert (record.version, record.captures) == ("v1", ("front",))
+    assert record.size == sum(path.stat().st_size for path in folder.iterdir())
+    normals, mask = arrays["labels"]["normals"], arrays["mask"]["mask"]
+    for name, expected in {
+        "normals": normals,
+        "initial_normals": arrays["silhouette"]["initial"],
+        "depth": arrays["depth"]["depth"],
+        "confidence": arrays["labels"]["confidence"],
+        "half_vectors": arrays["lights"]["half_vectors"],
+    }.items():
+        values = np.load(folder / f"{name}.npy")
+        assert values.dtype == np.float32
+        np.testing.assert_array_equal(values, expected)
+    np.testing.assert_array_equal(pictures.read_exr(folder / "normals.exr"), normals)
+    np.testing.assert_array_equal(tifffile.imread(folder / "depth.tiff"), arrays["depth"]["depth"])
+    picture = pictures.read_png(folder / "normals.png")
+    assert picture.dtype == np.uint16 and not picture[~mask].any()
+    np.testing.assert_array_equal(picture[mask], np.rint((normals[mask].astype(float) + 1) / 2 * 65535))
+    np.testing.assert_array_equal(pictures.read_png(folder / "mask.png") > 0, mask)
+    observed = (arrays["clusters"]["observations"] > 0) & mask
+    assert not np.array_equal(observed, mask)
+    np.testing.assert_array_equal(pictures.read_png(folder / "observed.png") > 0, observed)
+    np.testing.assert_array_equal(pictures.read_png(folder / "provenance.png"), arrays["labels"]["provenance"])
+    codes = json.loads((folder / "provenance.json").read_text())
+    assert codes == {str(code): name for code, name in enumerate(PROVENANCE)}
+    assert (folder / "surface.ply").read_bytes() == b"ply 0" and (folder / "relit_left.png").read_bytes() == PIXEL
+
+
+def test_lights_and_frames_are_told_one_by_one(repository: ObjectRepository, place: Location, tmp_path: Path) -> None:
+    repository.publish(["front"], {})
+    export(place, "duck", tmp_path / "out")
+    lights = capture_arrays()["lights"]
+    count, *lines = (tmp_path / "out/front/lights.lp").read_text().splitlines()
+    assert int(count) == len(lines) == 18
+    for line in lines:
+        name, *direction = line.split()
+        assert len(name) == 6 and int(name) not in (3, 7)
+        np.testing.assert_allclose(np.array(direction, float), lights["lights"][int(name)], atol=1e-6)
+    with (tmp_path / "out/front/frames.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 20 and rows[0] == {"frame": "0", "accepted": "true", "reason": ""}
+    assert [rows[frame]["reason"] for frame in (3, 7)] == [*REASONS[1:]]
+    assert rows[3]["accepted"] == "false"
+
+
+class _Page(HTMLParser):
+    """Tags, sources and text of a page."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.sources: list[str] = []
+        self.text = ""
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.sources += [value or "" for name, value in attrs if name in ("src", "href")]
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def test_the_reports_say_what_was_found(repository: ObjectRepository, place: Location, tmp_path: Path) -> None:
+    repository.publish(["front"], {"run": "r1", "note": "<script>alert(1)</script>"})
+    export(place, "duck", tmp_path / "out")
+    report = json.loads((tmp_path / "out/front/report.json").read_text())
+    arrays = capture_arrays()
+    mask = arrays["mask"]["mask"]
+    assert report["region"] == {"x": 5, "y": 6, "width": 16, "height": 12}
+    assert report["depth"]["unit"] == "mm" and report["depth"]["direction"] == "towards the camera"
+    assert report["version"]["name"] == "v1" and report["version"]["metadata"]["run"] == "r1"
+    assert report["seconds"] == {"lights": 1.5} and report["parameters"] == {"labels": {"method": "paper"}}
+    assert report["fingerprints"]["depth"] == "k1"
+    counts = report["counts"]
+    assert counts["pixels"] == mask.sum()
+    assert counts["observed_pixels"] == ((arrays["clusters"]["observations"] > 0) & mask).sum()
+    assert sum(counts["provenance"].values()) == mask.sum()
+    assert (counts["frames"], counts["accepted_frames"]) == (20, 18)
+    assert counts["rejected_frames"] == {"no light": 1, "two lights": 1}
+    page = _Page((tmp_path / "out/front/report.html").read_text())
+    assert "script" not in page.tags and "few <b>lights</b>" in page.text and "sweep & film again" in page.text
+    assert page.tags.count("img") == 5 and all(source.startswith("data:image/png;base64,") for source in page.sources)
+
+
+def test_any_version_can_be_exported(repository: ObjectRepository, place: Location, tmp_path: Path) -> None:
+    repository.publish(["front"], {})
+    save_capture(repository, "front", "k2", seed=2)
+    with pytest.raises(StoreError, match="no version 'v2'"):
+        export(place, "duck", tmp_path / "none", "v2")
+    assert not (tmp_path / "none").exists()
+    repository.publish(["front"], {})
+    for version, seed in (("v1", 0), ("v2", 2), (None, 2)):
+        export(place, "duck", tmp_path / "out", version)
+        np.testing.assert_array_equal(np.load(tmp_path / "out/front/depth.npy"), capture_arrays(seed)["depth"]["depth"])
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out", "store"], "nothing is left beside"
+
+
+def test_the_model_lies_beside_the_captures(repository: ObjectRepository, place: Location, tmp_path: Path) -> None:
+    reference = blobs.put(place, b"model", "model/ply")
+    repository.save(WHOLE_OBJECT, "model", "m", {}, {}, {"model.ply": reference})
+    repository.publish(["front", WHOLE_OBJECT], {})
+    export(place, "duck", tmp_path / "out")
+    assert (tmp_path / "out/model.ply").read_bytes() == b"model"
+
+
+def test_captures_of_an_older_export_go_and_other_files_stay(
+    repository: ObjectRepository, place: Location, tmp_path: Path
+) -> None:
+    save_capture(repository, "back", "k1")
+    repository.publish(["front", "back"], {})
+    export(place, "duck", tmp_path / "out")
+    (tmp_path / "out/mine").mkdir()
+    (tmp_path / "out/notes.txt").write_text("mine")
+    repository.publish([], {}, retire=["back"])
+    export(place, "duck", tmp_path / "out")
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["front", "mine", "notes.txt"]
+
+
+def test_a_folder_that_is_no_export_is_left_alone(
+    repository: ObjectRepository, place: Location, tmp_path: Path
+) -> None:
+    repository.publish(["front"], {})
+    (tmp_path / "out/front").mkdir(parents=True)
+    (tmp_path / "out/front/thesis.txt").write_text("mine")
+    with pytest.raises(StoreError, match="is not an export of duck"):
+        export(place, "duck", tmp_path / "out")
+    assert [path.name for path in (tmp_path / "out").rglob("*")] == ["front", "thesis.txt"]
+
+
+def test_damaged_or_hostile_content_leaves_nothing(
+    repository: ObjectRepository, place: Location, tmp_path: Path
+) -> None:
+    repository.publish(["front"], {})
+    reference = repository.load("front", "surface").blobs["surface.ply"]
+    good = (place.local / reference.key).read_bytes()
+    (place.local / reference.key).write_bytes(b"plx 0")
+    with pytest.raises(StoreError, match="does not hold the bytes"):
+        export(place, "duck", tmp_path / "out")
+    (place.local / reference.key).write_bytes(good)
+    for key, name in enumerate(("../../escape", "/tmp/escape", "a/b", ".bashrc", "report.json", "x\x00y")):
+        repository.save("front", "surface", f"bad{key}", {}, {}, {name: reference})
+        repository.publish(["front"], {})
+        with pytest.raises(StoreError, match="names a file"):
+            export(place, "duck", tmp_path / "out")
+    foreign = replace(reference, key="../secret")
+    (tmp_path / "secret").write_bytes(good)
+    repository.save("front", "surface", "foreign", {}, {}, {"surface.ply": foreign})
+    with pytest.raises(StoreError, match="does not follow from its digest"):
+        repository.publish(["front"], {})
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["secret", "store"]
+
+
+def test_what_is_optional_may_be_absent_and_what_is_required_may_not(place: Location, tmp_path: Path) -> None:
+    repository = ObjectRepository.open(place, "cup")
+    arrays = capture_arrays()
+    repository.save("front", "mask", "k", arrays["mask"], {})
+    repository.publish(["front"], {}, stages=["mask"])
+    with pytest.raises(StoreError, match="has no labels"):
+        export(place, "cup", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    repository.save("front", "labels", "k", arrays["labels"], {})
+    repository.publish(["front"], {}, stages=["mask"])
+    export(place, "cup", tmp_path / "out")
+    names = {path.name for path in (tmp_path / "out/front").iterdir()}
+    assert {"normals.npy", "provenance.json", "report.html"} <= names and "depth.npy" not in names
+
+
+def test_a_place_that_cannot_be_written_is_a_store_error(
+    repository: ObjectRepository, place: Location, tmp_path: Path
+) -> None:
+    repository.publish(["front"], {})
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StoreError, match="exporting duck failed"):
+        export(place, "duck", tmp_path / "file" / "out")

@@ -1,0 +1,352 @@
+"""What lies beside the frames is checked: masks, lights, markup, truth."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from glint.storage.catalogue.loading import Camera, Region
+from glint.storage.errors import InputError
+from glint.storage.inputs.masks_and_truth import (
+    camera_matrix,
+    read_lights,
+    read_markup,
+    read_mask,
+    read_truth,
+    write_lights,
+)
+
+SIZE = (20, 30)
+REGION = Region(x=5, y=4, width=12, height=10)
+
+
+def _image(path: Path, pixels: np.ndarray) -> Path:
+    assert cv2.imwrite(str(path), pixels)
+    return path
+
+
+def _disc(size: tuple[int, int] = SIZE) -> np.ndarray:
+    rows, columns = np.indices(size)
+    return np.asarray((rows - 8) ** 2 + (columns - 10) ** 2 < 16)
+
+
+def _refused(call: Any, *arguments: Any, **options: Any) -> InputError:
+    with pytest.raises(InputError) as caught:
+        call(*arguments, **options)
+    assert caught.value.remedy
+    return caught.value
+
+
+def test_a_mask_of_the_frame_or_of_the_region(tmp_path: Path) -> None:
+    whole, part = _disc(), _disc()[REGION.rows, REGION.columns]
+    frame = _image(tmp_path / "frame.png", whole.astype(np.uint8))
+    region = _image(tmp_path / "region.png", part.astype(np.uint8) * 255)
+    assert np.array_equal(read_mask(frame, SIZE), whole)
+    assert np.array_equal(read_mask(frame, SIZE, REGION), part)
+    assert np.array_equal(read_mask(region, SIZE, REGION), part)
+    assert read_mask(region, SIZE, REGION).dtype == bool
+
+
+@pytest.mark.parametrize("kind", ["colour", "alpha", "deep", "faint blue"])
+def test_depth_and_channels_of_a_mask_do_not_matter(tmp_path: Path, kind: str) -> None:
+    mask = _disc()
+    kinds: dict[str, np.ndarray] = {
+        "colour": np.repeat(mask[..., None], 3, axis=2).astype(np.uint8) * 255,
+        "alpha": np.dstack([mask * 255] * 3 + [np.full(SIZE, 255)]).astype(np.uint8),
+        "deep": mask.astype(np.uint16),
+        "faint blue": np.dstack([mask, np.zeros(SIZE), np.zeros(SIZE)]).astype(np.uint8),
+    }
+    assert np.array_equal(read_mask(_image(tmp_path / "mask.png", kinds[kind]), SIZE), mask)
+
+
+def test_a_mask_of_a_wrong_size(tmp_path: Path) -> None:
+    path = _image(tmp_path / "mask.png", np.ones((20, 31), np.uint8))
+    error = _refused(read_mask, path, SIZE, REGION)
+    assert "is 31 x 20" in error.message
+    assert error.remedy == "it must have the frame's 30 x 20 or the region's 12 x 10 pixels"
+
+
+def test_an_empty_mask(tmp_path: Path) -> None:
+    assert "is empty" in _refused(read_mask, _image(tmp_path / "a.png", np.zeros(SIZE, np.uint8)), SIZE).message
+    outside = np.zeros(SIZE, np.uint8)
+    outside[0, 0] = 255
+    path = _image(tmp_path / "b.png", outside)
+    assert "is empty inside the region" in _refused(read_mask, path, SIZE, REGION).message
+
+
+def test_a_mask_that_is_no_image(tmp_path: Path) -> None:
+    (tmp_path / "mask.png").write_bytes(b"no image")
+    assert str(tmp_path / "mask.png") in _refused(read_mask, tmp_path / "mask.png", SIZE).message
+    assert "does not exist" in _refused(read_mask, tmp_path / "none.png", SIZE).message
+    assert "is not a file" in _refused(read_mask, tmp_path, SIZE).message
+
+
+def test_the_matrix_of_a_camera() -> None:
+    assert camera_matrix(None) is None
+    matrix = camera_matrix(Camera(matrix=((9.0, 0, 3), (0, 9.0, 2), (0, 0, 1))))
+    assert matrix is not None
+    assert matrix.tolist() == [[9, 0, 3], [0, 9, 2], [0, 0, 1]]
+
+
+def _lights(folder: Path, text: str | bytes) -> Path:
+    path = folder / "lights.lp"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def test_lights_in_order_become_unit(tmp_path: Path) -> None:
+    lights = read_lights(_lights(tmp_path, "2\na.jpg 0 0 2\nb.jpg 3 0 4\n"), count=2)
+    assert lights.dtype == np.float32
+    assert np.allclose(lights, np.array([[0, 0, 1], [0.6, 0, 0.8]]))
+
+
+@pytest.mark.parametrize("rows", [("b.png", "a.png"), ("dir/b.png", "c:\\dir\\A.PNG"), ("b.tif", "a.jpg")])
+def test_lights_match_images_by_name(tmp_path: Path, rows: tuple[str, str]) -> None:
+    path = _lights(tmp_path, f"2\n{rows[0]} 1 0 0\n{rows[1]} 0 1 0\n")
+    assert read_lights(path, ["a.png", "b.png"]).tolist() == [[0, 1, 0], [1, 0, 0]]
+
+
+def test_names_may_hold_spaces_tabs_and_other_letters(tmp_path: Path) -> None:
+    path = _lights(tmp_path, "\ufeff2\r\n\r\nmy photo 1.png\t1 0 0\r\nphoto é.png   0 1 0\r\n\r\n")
+    assert read_lights(path, ["photo é.png", "my photo 1.png"]).tolist() == [[0, 1, 0], [1, 0, 0]]
+
+
+def test_more_rows_than_images_are_chosen_by_name(tmp_path: Path) -> None:
+    path = _lights(tmp_path, "3\na.png 1 0 0\nb.png 0 1 0\nc.png 0 0 1\n")
+    assert read_lights(path, ["c.png", "a.png"]).tolist() == [[0, 0, 1], [1, 0, 0]]
+
+
+def test_names_that_do_not_match_fall_back_to_the_order(tmp_path: Path) -> None:
+    path = _lights(tmp_path, "2\nx.png 1 0 0\ny.png 0 1 0\n")
+    assert read_lights(path, ["a.png", "b.png"]).tolist() == [[1, 0, 0], [0, 1, 0]]
+
+
+def test_twice_the_same_name_falls_back_to_the_order(tmp_path: Path) -> None:
+    path = _lights(tmp_path, "2\nb.png 1 0 0\nb.png 0 1 0\n")
+    assert read_lights(path, ["a.png", "b.png"]).tolist() == [[1, 0, 0], [0, 1, 0]]
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_lights_for_another_number_of_frames(tmp_path: Path, count: int) -> None:
+    path = _lights(tmp_path, "2\na 1 0 0\nb 0 1 0\n")
+    assert f"2 lights for {count} frames" in _refused(read_lights, path, count=count).message
+    names = [f"img_{number}.png" for number in range(count)]
+    assert f"2 lights for {count} frames" in _refused(read_lights, path, names).message
+
+
+def test_everything_wrong_with_lights_is_told_with_its_line(tmp_path: Path) -> None:
+    rows = ["7", "a 1 0 0", "b nan 0 1", "c 0 0 0", "d 1 0", "", "e 1 0 z", "f inf 0 0", "g 1e-9 0 0"]
+    path = _lights(tmp_path, "\n".join(rows))
+    error = _refused(read_lights, path)
+    for line in (3, 4, 5, 7, 8, 9):
+        assert f"{path}:{line}:" in error.message
+    for line in (1, 2, 6):
+        assert f"{path}:{line}:" not in error.message
+
+
+def test_a_count_that_is_not_true(tmp_path: Path) -> None:
+    path = _lights(tmp_path, "3\na 1 0 0\nb 0 1 0\n")
+    assert f"{path}:1: the first line says 3 lights, 2 follow" in _refused(read_lights, path).message
+
+
+@pytest.mark.parametrize(
+    "text", ["", "\n", "a 1 0 0\n", "-1\n", "1.0\na 1 0 0\n", "²\na 1 0 0\n", b"\xff\xfe\x00", "9" * 30]
+)
+def test_no_lights_at_all(tmp_path: Path, text: str | bytes) -> None:
+    path = _lights(tmp_path, text)
+    assert f"{path}:1:" in _refused(read_lights, path).message
+
+
+def test_no_light_for_no_frame_is_refused(tmp_path: Path) -> None:
+    assert _refused(read_lights, _lights(tmp_path, "0\n"))
+
+
+def test_written_lights_are_read_again(tmp_path: Path) -> None:
+    directions = np.array([[0, 0.6, 0.8], [0.28, 0, 0.96]], np.float32)
+    write_lights(tmp_path / "a.lp", directions, ["b 1.png", "a.png"])
+    assert np.allclose(read_lights(tmp_path / "a.lp", ["a.png", "b 1.png"]), directions[::-1], atol=1e-7)
+    with pytest.raises(ValueError, match="zip"):
+        write_lights(tmp_path / "b.lp", directions, ["a.png"])
+
+
+def _markup(folder: Path, value: Any) -> Path:
+    path = folder / "markup.json"
+    path.write_text(value if isinstance(value, str) else json.dumps(value, indent=1), encoding="utf-8")
+    return path
+
+
+def _mark(frame: int = 0, x: float = 10.0, y: float = 8.0, kind: str = "true") -> dict[str, Any]:
+    return {"frame": frame, "x": x, "y": y, "kind": kind}
+
+
+def test_marks_keep_their_order(tmp_path: Path) -> None:
+    path = _markup(tmp_path, [_mark(5, 10, 8.25, "false"), _mark(2)])
+    first, second = read_markup(path, SIZE, 6, REGION, _disc()[REGION.rows, REGION.columns])
+    assert (first.frame, first.x, first.y, first.kind) == (5, 10.0, 8.25, "false")
+    assert second.frame == 2
+    assert read_markup(_markup(tmp_path, []), SIZE) == []
+
+
+@pytest.mark.parametrize(
+    ("mark", "says"),
+    [
+        (_mark(frame=6), "is after the last frame, 5"),
+        (_mark(x=29.6), "outside the frame of 30 x 20"),
+        (_mark(y=-0.6), "outside the frame"),
+        (_mark(x=4.4), "outside the region"),
+        (_mark(y=14.0), "outside the region"),
+        (_mark(x=16.0), "outside the object"),
+    ],
+)
+def test_misplaced_marks_are_told_with_their_line(tmp_path: Path, mark: dict[str, Any], says: str) -> None:
+    path = _markup(tmp_path, [_mark(), mark])
+    error = _refused(read_markup, path, SIZE, 6, REGION, _disc()[REGION.rows, REGION.columns])
+    assert error.message.startswith(f"{path}:8: mark 1 at frame {mark['frame']}")
+    assert says in error.message
+
+
+def test_all_misplaced_marks_are_told(tmp_path: Path) -> None:
+    path = _markup(tmp_path, [_mark(x=99), _mark(), _mark(frame=9)])
+    error = _refused(read_markup, path, SIZE, 6)
+    assert f"{path}:2: mark 0" in error.message
+    assert f"{path}:14: mark 2" in error.message
+    assert "mark 1" not in error.message
+
+
+def test_borders_belong_to_the_frame(tmp_path: Path) -> None:
+    marks = [_mark(x=-0.5, y=-0.5), _mark(x=29.4, y=19.4)]
+    assert len(read_markup(_markup(tmp_path, marks), SIZE)) == 2
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("frame", -1),
+        ("frame", 1.5),
+        ("frame", "3"),
+        ("frame", True),
+        ("x", "10"),
+        ("x", float("nan")),
+        ("y", float("inf")),
+        ("y", None),
+        ("kind", True),
+        ("kind", "maybe"),
+        ("colour", "red"),
+    ],
+)
+def test_malformed_marks_are_told_with_their_line(tmp_path: Path, key: str, value: Any) -> None:
+    path = _markup(tmp_path, [_mark(), _mark() | {key: value}])
+    line = 8 + ["frame", "x", "y", "kind", "colour"].index(key) + 1
+    assert f"{path}:{line}:" in _refused(read_markup, path, SIZE).message
+
+
+def test_a_missing_key_and_the_nearest_known_one(tmp_path: Path) -> None:
+    path = _markup(tmp_path, '[{"fram": 0, "x": 1.0, "y": 1.0, "kind": "true"}]')
+    error = _refused(read_markup, path, SIZE)
+    assert "is missing" in error.message
+    assert "did you mean 'frame'?" in error.remedy
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{}", "3", "null", '"a"', "[", "[3]", "[[]]", '{"marks": []}', "[" * 5000, '[{"x": 1,']
+)
+def test_what_is_no_list_of_marks(tmp_path: Path, text: str) -> None:
+    path = _markup(tmp_path, text)
+    assert f"{path}:" in _refused(read_markup, path, SIZE).message
+
+
+def test_markup_that_is_not_utf_8(tmp_path: Path) -> None:
+    (tmp_path / "markup.json").write_bytes(b'["\xff"]')
+    assert "not UTF-8" in _refused(read_markup, tmp_path / "markup.json", SIZE).message
+
+
+def _truth(folder: Path, **arrays: np.ndarray) -> Path:
+    for name, array in arrays.items():
+        np.save(folder / f"{name}.npy", array, allow_pickle=True)
+    return folder
+
+
+def test_truth_is_read_as_it_is(tmp_path: Path) -> None:
+    random = np.random.default_rng(0)
+    normals, depth = random.normal(size=(10, 12, 3)), np.asfortranarray(random.normal(size=(10, 12)).astype(np.float32))
+    depth[0] = np.nan
+    truth = read_truth(_truth(tmp_path, normals=normals, depth=depth), (10, 12))
+    assert truth.normals is not None
+    assert truth.depth is not None
+    assert truth.lights is None
+    assert truth.normals.dtype == np.float32
+    assert np.array_equal(truth.normals, normals.astype(np.float32))
+    assert np.array_equal(truth.depth, depth, equal_nan=True)
+
+
+@pytest.mark.parametrize("kind", [">f8", "<f2", "<i4", ">u2"])
+def test_truth_of_any_kind_of_number(tmp_path: Path, kind: str) -> None:
+    lights = np.arange(12).reshape(4, 3)
+    truth = read_truth(_truth(tmp_path, lights=lights.astype(kind)))
+    assert truth.lights is not None
+    assert np.array_equal(truth.lights, lights.astype(np.float32))
+
+
+@pytest.mark.parametrize(
+    ("name", "shape"),
+    [("normals", (10, 12)), ("normals", (12, 10, 3)), ("depth", (10, 12, 1)), ("depth", (9, 12)), ("lights", (4, 2))],
+)
+def test_truth_of_a_wrong_shape(tmp_path: Path, name: str, shape: tuple[int, ...]) -> None:
+    error = _refused(read_truth, _truth(tmp_path, **{name: np.zeros(shape)}), (10, 12))
+    assert f"{name}.npy has shape {' x '.join(map(str, shape))}" in error.message
+
+
+def test_no_truth(tmp_path: Path) -> None:
+    assert "holds no truth" in _refused(read_truth, tmp_path).message
+    assert "holds no truth" in _refused(read_truth, tmp_path / "none").message
+
+
+class _Trap:
+    """Writes a file when it is unpickled."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> Any:
+        return Path.touch, (self.path,)
+
+
+def test_pickled_arrays_are_refused_and_never_run(tmp_path: Path) -> None:
+    trap = np.empty((10, 12), object)
+    trap[:] = _Trap(tmp_path / "sprung")
+    assert "object" in _refused(read_truth, _truth(tmp_path, depth=trap), (10, 12)).message
+    assert not (tmp_path / "sprung").exists()
+
+
+@pytest.mark.parametrize("kind", ["U3", "bool", "complex64", "M8[s]", "f4,f4"])
+def test_truth_that_is_no_numbers(tmp_path: Path, kind: str) -> None:
+    assert "values of type" in _refused(read_truth, _truth(tmp_path, depth=np.zeros((10, 12), kind))).message
+
+
+@pytest.mark.parametrize("keep", [0, 4, 8, 60, 128, 500])
+def test_truth_that_is_cut_off(tmp_path: Path, keep: int) -> None:
+    path = _truth(tmp_path, depth=np.zeros((10, 12))) / "depth.npy"
+    path.write_bytes(path.read_bytes()[:keep])
+    assert str(path) in _refused(read_truth, tmp_path).message
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999, 99999999999), }",
+        "{'descr': '<f8', 'fortran_order': False, 'shape': (3037000500, 3037000500), }",
+        "{'descr': '<f8', 'fortran_order': False, 'shape': (-1, -8), }",
+        "{'descr': '<f8', 'fortran_order': False, 'shape': (4294967296, 4294967296), }",
+        "__import__('os').abort()",
+        "{'descr': '<f8'}",
+        "(" * 3000,
+    ],
+)
+def test_hostile_headers_are_refused(tmp_path: Path, header: str) -> None:
+    text = header.encode().ljust(118) + b"\n"
+    data = b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text + bytes(64)
+    (tmp_path / "depth.npy").write_bytes(data)
+    assert str(tmp_path / "depth.npy") in _refused(read_truth, tmp_path).message

@@ -1,0 +1,41 @@
+from pathlib import Path
+from typing import Any
+
+import obstore
+import pytest
+
+from glint.storage.errors import StoreError
+from glint.storage.locations.probe import probe
+from tests.storage.stores import MemoryPlace, local_place
+
+
+def test_a_local_folder_passes_and_stays_clean(tmp_path: Path) -> None:
+    probe(local_place(tmp_path / "store"))
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
+def test_a_store_with_conditional_writes_passes() -> None:
+    place = MemoryPlace()
+    probe(place)
+    assert not list(obstore.list(place.store))
+
+
+@pytest.mark.parametrize(("ignored", "message"), [("create", "told to create"), ("swap", "stale writer")])
+def test_a_store_that_ignores_conditions_is_refused(
+    monkeypatch: pytest.MonkeyPatch, ignored: str, message: str
+) -> None:
+    put = obstore.put
+
+    def careless(store: Any, key: str, data: bytes, mode: Any = None, **options: Any) -> Any:
+        careless_here = mode == "create" if ignored == "create" else isinstance(mode, dict)
+        return put(store, key, data, mode=None if careless_here else mode, **options)
+
+    monkeypatch.setattr(obstore, "put", careless)
+    with pytest.raises(StoreError, match=message):
+        probe(MemoryPlace())
+
+
+def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StoreError, match="failed at"):
+        probe(local_place(tmp_path / "file"))

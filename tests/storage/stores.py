@@ -1,0 +1,111 @@
+"""What tests of the store share: places and a capture's results."""
+
+from pathlib import Path
+from typing import Any
+
+import icechunk
+import numpy as np
+from obstore.store import MemoryStore
+
+from glint.storage.blobs import store as blobs
+from glint.storage.locations.location import Location
+from glint.storage.versions.repository import ObjectRepository
+
+REASONS = ("accepted", "no light", "two lights")
+PROVENANCE = ("outside", "observed", "marked", "silhouette", "filled")
+
+
+def local_place(folder: Path) -> Location:
+    """A local store."""
+    return Location.parse(folder)
+
+
+class MemoryPlace:
+    """A store in this process that honours conditions and has no locks, as an object store does."""
+
+    uri, local = "memory://", None
+
+    def __init__(self, root: "MemoryPlace | None" = None, path: tuple[str, ...] = ()) -> None:
+        self.root, self.path = root or self, path
+        self.store = MemoryStore() if root is None else root.store
+        self.repositories: dict[tuple[str, ...], icechunk.Storage] = {} if root is None else root.repositories
+
+    def child(self, *parts: str) -> "MemoryPlace":
+        return MemoryPlace(self.root, self.path + parts)
+
+    def obstore(self) -> MemoryStore:
+        return MemoryStore() if self.path else self.store
+
+    def icechunk_storage(self) -> icechunk.Storage:
+        return self.repositories.setdefault(self.path, icechunk.in_memory_storage())
+
+
+def capture_arrays(seed: int = 0, height: int = 12, width: int = 16, frames: int = 20) -> dict[str, dict[str, Any]]:
+    """Arrays by stage of a small capture: known, different by seed, NaN where they must be."""
+    random = np.random.default_rng(seed)
+    mask = np.zeros((height, width), bool)
+    mask[2:-2, 3:-3] = True
+    normals = random.normal(size=(height, width, 3)).astype(np.float32)
+    normals[..., 2] = np.abs(normals[..., 2])
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    normals[~mask] = np.nan
+    reason = np.zeros(frames, np.uint8)
+    reason[3], reason[7] = 1, 2
+    lights = random.normal(size=(frames, 3)).astype(np.float32)
+    lights /= np.linalg.norm(lights, axis=-1, keepdims=True)
+    lights[reason > 0] = np.nan
+    layers = (3, height, width)
+    observations = random.integers(0, 4, (height, width)).astype(np.int32)
+    confidence = np.where(mask, random.random((height, width)), np.nan).astype(np.float32)
+    return {
+        "lights": {"half_vectors": lights * 0.5, "lights": lights, "reason": reason},
+        "mask": {"mask": mask},
+        "clusters": {
+            "normals": np.stack([normals] * 3),
+            "weight": random.random(layers).astype(np.float32),
+            "spread": random.random(layers).astype(np.float32),
+            "count": np.ones(layers, np.int32),
+            "observations": observations,
+            "winner": normals,
+        },
+        "silhouette": {"rim": mask, "initial": normals},
+        "labels": {
+            "labels": np.ones(layers, np.uint8),
+            "normals": normals,
+            "provenance": np.where(mask, np.where(observations > 0, 1, 4), 0).astype(np.uint8),
+            "confidence": confidence,
+        },
+        "depth": {"depth": np.where(mask, random.normal(size=mask.shape), np.nan).astype(np.float32)},
+        "surface": {},
+    }
+
+
+RECORDS: dict[str, dict[str, Any]] = {
+    "lights": {
+        "reasons": REASONS,
+        "seconds": 1.5,
+        "warnings": [{"message": "few <b>lights</b>", "remedy": "sweep & film again"}],
+    },
+    "mask": {"region": {"x": 5, "y": 6, "width": 16, "height": 12}},
+    "labels": {"provenance": PROVENANCE, "parameters": {"method": "paper"}},
+    "depth": {"unit": "mm", "pixel_size": 0.21},
+}
+
+
+def save_capture(repository: ObjectRepository, capture: str, key: str, seed: int = 0) -> dict[str, dict[str, Any]]:
+    """Save all stages of a capture under `key`, its surface with two files; the arrays."""
+    arrays = capture_arrays(seed)
+    for stage, values in arrays.items():
+        files = {}
+        if stage == "surface":
+            files["surface.ply"] = blobs.put(repository.location, f"ply {seed}".encode(), "model/ply")
+            files["relit_left.png"] = blobs.put(repository.location, PIXEL, "image/png")
+        repository.save(capture, stage, key, values, RECORDS.get(stage, {}), files)
+    return arrays
+
+
+PIXEL = bytes.fromhex(
+    "89504e470d0a1a0a0000000d4948445200000001000000010800000000"
+    "3a7e9b550000000a49444154789c636000000002000148afa4710000000049454e44ae426082"
+)
+"""The smallest PNG."""

@@ -1,0 +1,392 @@
+import multiprocessing
+import os
+import random
+import resource
+import signal
+import subprocess
+import threading
+import time
+from datetime import timedelta
+from pathlib import Path
+
+import icechunk
+import numpy as np
+import pytest
+import zarr
+
+from glint.storage.blobs import store as blobs
+from glint.storage.blobs.store import BlobReference
+from glint.storage.errors import StoreError
+from glint.storage.locations.location import Location
+from glint.storage.versions.repository import ObjectRepository
+from glint.storage.versions.stage_results import WHOLE_OBJECT, chunk_shape, jsonable
+from tests.storage.stores import MemoryPlace, capture_arrays, local_place, save_capture
+
+SPAWN = multiprocessing.get_context("spawn")
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Location:
+    return local_place(tmp_path / "store")
+
+
+@pytest.fixture
+def repository(place: Location) -> ObjectRepository:
+    return ObjectRepository.open(place, "duck")
+
+
+def test_a_saved_stage_is_read_back_as_it_was(repository: ObjectRepository, place: Location) -> None:
+    arrays = {
+        "values": np.array([[1.0, np.nan], [np.inf, -2.0]], np.float32),
+        "flags": np.array([True, False]),
+        "none": np.zeros((0, 2), np.int32),
+        "number": np.array(7, np.int16),
+    }
+    reference = blobs.put(place, b"mesh", "model/ply")
+    repository.save("front", "survey", "k1", arrays, {"share": np.float32(0.5), "bad": np.nan}, {"a.ply": reference})
+    result = ObjectRepository.open(place, "duck", create=False).load("front", "survey")
+    assert (result.key, result.record, result.blobs) == ("k1", {"share": 0.5, "bad": None}, {"a.ply": reference})
+    assert set(result.arrays) == set(arrays)
+    for name, values in arrays.items():
+        assert result.read(name).dtype == values.dtype
+        np.testing.assert_array_equal(result.read(name), values)
+    with pytest.raises(StoreError, match="no array 'other'"):
+        result.read("other")
+
+
+def test_saving_again_replaces_the_stage_whole(repository: ObjectRepository) -> None:
+    repository.save("front", "mask", "k1", {"old": np.ones(3)}, {"a": 1})
+    repository.save("front", "mask", "k2", {"new": np.zeros(2)}, {})
+    result = repository.load("front", "mask")
+    assert (result.key, set(result.arrays), result.record, result.blobs) == ("k2", {"new"}, {}, {})
+
+
+def test_what_is_absent_says_so(repository: ObjectRepository, place: Location) -> None:
+    assert repository.stage_key("front", "mask") is None
+    assert repository.captures() == [] and repository.history() == []
+    with pytest.raises(StoreError, match="no front/mask"):
+        repository.load("front", "mask")
+    with pytest.raises(StoreError, match="no version"):
+        repository.load("front", "mask", "v3")
+    with pytest.raises(StoreError, match="no version yet"):
+        repository.version()
+    with pytest.raises(StoreError, match="no object cup"):
+        ObjectRepository.open(place, "cup", create=False)
+
+
+@pytest.mark.parametrize("name", ["../out", "a/b", "", ".hidden", "A", "a" * 65, "a\nb"])
+def test_names_cannot_leave_their_place(repository: ObjectRepository, place: Location, name: str) -> None:
+    before = sorted(place.local.parent.rglob("*"))
+    with pytest.raises(StoreError):
+        ObjectRepository.open(place, name)
+    with pytest.raises(StoreError):
+        repository.save(name, "mask", "k", {}, {})
+    with pytest.raises(StoreError):
+        repository.save("front", name, "k", {}, {})
+    assert [path for path in sorted(place.local.parent.rglob("*")) if path.name != "repo.lock"] == [
+        path for path in before if path.name != "repo.lock"
+    ]
+
+
+def test_publishing_tags_and_moves_main(repository: ObjectRepository, place: Location) -> None:
+    arrays = save_capture(repository, "front", "k1")
+    assert repository.captures("main") == []
+    version = repository.publish(["front"], {"run": "r1", "loss": np.float64(2.0)})
+    assert version.created and version.name == "v1" and version.metadata == {"run": "r1", "loss": 2.0}
+    for ref in ("main", "v1", version.snapshot):
+        np.testing.assert_array_equal(
+            repository.load("front", "depth", ref).read("depth"), arrays["depth"]["depth"], strict=True
+        )
+    plain = icechunk.Repository.open(place.child("objects", "duck", "repo").icechunk_storage())
+    group = zarr.open_group(plain.readonly_session(tag="v1").store, mode="r")
+    assert group["front/labels/normals"].shape == (12, 16, 3)
+    assert plain.lookup_branch("main") == version.snapshot
+    assert plain.list_branches() == {"main", "work"}
+
+
+def test_publishing_the_same_again_makes_nothing(repository: ObjectRepository) -> None:
+    save_capture(repository, "front", "k1")
+    first = repository.publish(["front"], {"run": "r1"})
+    save_capture(repository, "front", "k1")
+    second = repository.publish(["front"], {"run": "r2"})
+    assert not second.created and second.snapshot == first.snapshot and second.metadata == {"run": "r1"}
+    assert [version.name for version in repository.history()] == ["v1"]
+
+
+def _without(stage: str, name: str) -> dict[str, np.ndarray]:
+    return {other: values for other, values in capture_arrays()[stage].items() if other != name}
+
+
+def _damaged(stage: str, name: str, values: np.ndarray) -> dict[str, np.ndarray]:
+    return {**capture_arrays()[stage], name: values}
+
+
+@pytest.mark.parametrize(
+    ("stage", "arrays", "problem"),
+    [
+        ("labels", _without("labels", "normals"), "labels has no array normals"),
+        ("depth", _damaged("depth", "depth", np.full((12, 16), np.nan, np.float32)), "values that are not finite"),
+        ("depth", _damaged("depth", "depth", np.zeros((12, 15), np.float32)), "W is 16"),
+        ("depth", _damaged("depth", "depth", np.zeros((12, 16), np.int32)), "is int32"),
+        ("labels", _damaged("labels", "confidence", np.zeros(16, np.float32)), "has shape (16,), not (H, W)"),
+        ("lights", _damaged("lights", "half_vectors", np.full((20, 3), np.nan, np.float32)), "lights/half_vectors has"),
+        ("lights", _damaged("lights", "lights", np.zeros((20, 2), np.float32)), "3 is 3"),
+    ],
+)
+def test_a_malformed_result_is_not_published(
+    repository: ObjectRepository, stage: str, arrays: dict[str, np.ndarray], problem: str
+) -> None:
+    save_capture(repository, "front", "k1")
+    repository.publish(["front"], {})
+    repository.save("front", stage, "k2", arrays, {})
+    with pytest.raises(StoreError) as refusal:
+        repository.publish(["front"], {})
+    assert problem in refusal.value.message.replace("3 is 3 after its layout", "3 is 3")
+    assert [version.name for version in repository.history()] == ["v1"]
+    assert repository.stage_key("front", stage, "main") == "k1"
+
+
+def test_a_missing_stage_or_blob_is_not_published(repository: ObjectRepository) -> None:
+    save_capture(repository, "front", "k1")
+    repository.save("back", "mask", "k1", capture_arrays()["mask"], {})
+    with pytest.raises(StoreError, match="stage depth is missing"):
+        repository.publish(["front", "back"], {})
+    lost = BlobReference("blobs/sha256/ab/" + "ab" * 32, "ab" * 32, 3, "model/ply")
+    repository.save("front", "surface", "k1", {}, {}, {"surface.ply": lost})
+    with pytest.raises(StoreError, match=r"names surface\.ply, which is not in the store"):
+        repository.publish(["front"], {})
+    with pytest.raises(StoreError, match="cannot be published: "):
+        repository.publish(["nowhere"], {})
+
+
+def test_captures_that_are_not_named_stay_as_they_were(repository: ObjectRepository) -> None:
+    save_capture(repository, "front", "k1", seed=1)
+    back = save_capture(repository, "back", "k1", seed=2)
+    repository.publish(["front", "back"], {})
+    front = save_capture(repository, "front", "k2", seed=3)
+    repository.save("back", "mask", "k2", {"mask": np.zeros((3, 3), bool)}, {})
+    repository.save("side", "mask", "k1", {"mask": np.zeros((3, 3), bool)}, {})
+    version = repository.publish(["front"], {})
+    assert version.name == "v2" and repository.captures("v2") == ["back", "front"]
+    np.testing.assert_array_equal(repository.load("back", "mask", "v2").read("mask"), back["mask"]["mask"])
+    np.testing.assert_array_equal(repository.load("front", "depth", "v2").read("depth"), front["depth"]["depth"])
+    assert repository.stage_key("back", "mask") == "k2", "work goes on where it was"
+    assert repository.publish(["front"], {}, retire=["back"]).name == "v3"
+    assert repository.captures("v3") == ["front"]
+
+
+def test_a_rollback_is_a_version_and_stands_until_something_changes(repository: ObjectRepository) -> None:
+    first = save_capture(repository, "front", "k1", seed=1)
+    repository.publish(["front"], {"run": "r1"})
+    save_capture(repository, "front", "k2", seed=2)
+    repository.publish(["front"], {"run": "r2"})
+    rolled = repository.rollback("v1")
+    assert rolled.created and rolled.name == "v3"
+    assert rolled.metadata == {"run": "r1", "rolled_back_to": "v1", "replaces": "v2"}
+    np.testing.assert_array_equal(repository.load("front", "depth", "main").read("depth"), first["depth"]["depth"])
+    assert not repository.publish(["front"], {"run": "r3"}).created, "the same results were rolled back from"
+    assert not repository.rollback("v3").created
+    third = save_capture(repository, "front", "k3", seed=3)
+    assert repository.publish(["front"], {"run": "r4"}).name == "v4"
+    np.testing.assert_array_equal(repository.load("front", "depth", "main").read("depth"), third["depth"]["depth"])
+    assert [version.name for version in repository.history()] == ["v1", "v2", "v3", "v4"]
+    assert repository.load("front", "depth", "v2").key == "k2", "what was replaced can still be read"
+    with pytest.raises(StoreError, match="no version 'v9'"):
+        repository.rollback("v9")
+
+
+def test_results_of_the_whole_object_are_no_capture(repository: ObjectRepository, place: Location) -> None:
+    save_capture(repository, "front", "k1")
+    repository.save(WHOLE_OBJECT, "model", "m", {}, {}, {"model.ply": blobs.put(place, b"ply", "model/ply")})
+    version = repository.publish(["front", WHOLE_OBJECT], {})
+    assert repository.captures(version.name) == ["front"]
+    assert repository.load(WHOLE_OBJECT, "model", "main").blobs["model.ply"].size == 3
+
+
+def test_main_follows_a_tag_whose_publisher_died(repository: ObjectRepository, place: Location) -> None:
+    save_capture(repository, "front", "k1")
+    first = repository.publish(["front"], {})
+    save_capture(repository, "front", "k2")
+    repository.publish(["front"], {})
+    inner = icechunk.Repository.open(place.child("objects", "duck", "repo").icechunk_storage())
+    inner.reset_branch("main", first.snapshot)
+    assert not repository.publish(["front"], {}).created
+    assert repository.stage_key("front", "mask", "main") == "k2"
+
+
+def test_a_death_while_the_repository_was_made_does_no_harm(place: Location) -> None:
+    folder = place.local / "objects" / "duck" / "repo"
+    ObjectRepository.open(place, "duck")
+    (folder / "repo").unlink()
+    repository = ObjectRepository.open(place, "duck")
+    repository.save("front", "mask", "k1", {}, {})
+    repository.save("front", "mask", "k2", {}, {})
+    (folder / "repo").unlink()
+    with pytest.raises(StoreError, match="overwritten"):
+        ObjectRepository.open(place, "duck")
+    newest = max((folder / "overwritten").iterdir(), key=lambda path: path.stat().st_mtime_ns)
+    newest.rename(folder / "repo")
+    assert ObjectRepository.open(place, "duck").stage_key("front", "mask") in ("k1", "k2")
+
+
+def test_collecting_garbage_keeps_versions_and_work(repository: ObjectRepository, place: Location) -> None:
+    old = save_capture(repository, "front", "k1", seed=1)
+    repository.publish(["front"], {})
+    for seed in range(4):
+        repository.save("front", "extra", f"e{seed}", {"noise": np.random.default_rng(seed).random((99, 99))}, {})
+    save_capture(repository, "front", "k2", seed=2)
+    files = {path for path in place.local.rglob("*") if path.is_file()}
+    repository.garbage_collect(dry_run=True, keep=timedelta(0))
+    assert {path for path in place.local.rglob("*") if path.is_file()} == files
+    garbage = repository.garbage_collect(keep=timedelta(0))
+    assert garbage.bytes > 3 * 70_000 and garbage.objects > 3
+    again = ObjectRepository.open(place, "duck", create=False)
+    np.testing.assert_array_equal(again.load("front", "depth", "v1").read("depth"), old["depth"]["depth"])
+    assert again.load("front", "extra").read("noise").shape == (99, 99)
+    assert again.publish(["front"], {}).name == "v2"
+    assert repository.garbage_collect().objects == 0, "younger than a day"
+
+
+def _save_many(place: Location, worker: int, saves: int) -> None:
+    repository = ObjectRepository.open(place, "duck")
+    for number in range(saves):
+        repository.save(f"capture-{worker}", f"stage-{number}", "k", {"a": np.full(9, worker * 100 + number)}, {})
+        repository.save("shared", f"stage-{worker}-{number}", "k", {"a": np.full(9, worker * 100 + number)}, {})
+
+
+def test_four_processes_lose_nothing(place: Location) -> None:
+    workers = [SPAWN.Process(target=_save_many, args=(place, worker, 5)) for worker in range(4)]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join(timeout=120)
+    assert [worker.exitcode for worker in workers] == [0] * 4
+    repository = ObjectRepository.open(place, "duck", create=False)
+    for worker in range(4):
+        for number in range(5):
+            for capture, stage in ((f"capture-{worker}", f"stage-{number}"), ("shared", f"stage-{worker}-{number}")):
+                assert (repository.load(capture, stage).read("a") == worker * 100 + number).all()
+
+
+def test_writers_without_a_lock_try_again_and_lose_nothing() -> None:
+    place, failures = MemoryPlace(), []
+
+    def work(writer: int) -> None:
+        try:
+            repository = ObjectRepository.open(place, "duck")
+            for number in range(4):
+                repository.save("shared", f"stage-{writer}-{number}", "k", {"a": np.full(9, writer)}, {})
+            save_capture(repository, f"view-{writer}", "k", seed=writer)
+            repository.publish([f"view-{writer}"], {})
+        except Exception as error:
+            failures.append(error)
+
+    writers = [threading.Thread(target=work, args=(writer,)) for writer in range(4)]
+    for writer in writers:
+        writer.start()
+    for writer in writers:
+        writer.join()
+    assert not failures
+    repository = ObjectRepository.open(place, "duck", create=False)
+    assert len(repository.contents()["shared"]) == 16
+    assert [len(version.stages) for version in repository.history()] == [1, 2, 3, 4]
+    assert repository.captures("main") == [f"view-{writer}" for writer in range(4)]
+
+
+def _publish_for_ever(place: Location, acknowledged: Path, start: int) -> None:
+    repository = ObjectRepository.open(place, "duck")
+    for round_ in range(start, start + 10_000):
+        save_capture(repository, "front", f"k{round_}", seed=round_)
+        version = repository.publish(["front"], {"round": round_})
+        with acknowledged.open("a") as file:
+            file.write(f"{version.name} {version.metadata['round']}\n")
+
+
+def test_a_killed_process_leaves_whole_versions(place: Location, tmp_path: Path) -> None:
+    acknowledged, chance = tmp_path / "acknowledged", random.Random(0)
+    for attempt in range(4):
+        lines = acknowledged.read_text().count("\n") if acknowledged.exists() else 0
+        worker = SPAWN.Process(target=_publish_for_ever, args=(place, acknowledged, attempt * 10_000))
+        worker.start()
+        deadline = time.monotonic() + 60
+        while time.monotonic() < deadline and (
+            not acknowledged.exists() or acknowledged.read_text().count("\n") <= lines
+        ):
+            time.sleep(0.01)
+        time.sleep(chance.uniform(0.0, 0.3))
+        assert worker.pid is not None
+        os.kill(worker.pid, signal.SIGKILL)
+        worker.join()
+        repository = ObjectRepository.open(place, "duck", create=False)
+        history = {version.name: version for version in repository.history()}
+        for line in acknowledged.read_text().splitlines():
+            name, round_ = line.split()
+            assert history[name].metadata == {"round": int(round_)}, "what was acknowledged is there"
+        for version in [*list(history.values())[-3:], repository.version()]:
+            expected = capture_arrays(version.metadata["round"])
+            for stage, arrays in expected.items():
+                result = repository.load("front", stage, version.name)
+                assert result.key == f"k{version.metadata['round']}"
+                for name, values in arrays.items():
+                    np.testing.assert_array_equal(result.read(name), values)
+        assert {version.name for version in history.values()} == {f"v{n + 1}" for n in range(len(history))}
+    save_capture(repository, "front", "last", seed=5)
+    assert repository.publish(["front"], {"round": -1}).created, "and it goes on"
+    assert repository.stage_key("front", "mask", "main") == "last"
+
+
+def test_a_store_below_a_file_is_refused_with_a_remedy(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StoreError, match="name another store"):
+        ObjectRepository.open(local_place(tmp_path / "file" / "store"), "duck")
+
+
+def _save_with_little_room(place: Location, outcome: Path) -> None:
+    repository = ObjectRepository.open(place, "duck")
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+    try:
+        repository.save("front", "noise", "k2", {"a": np.random.default_rng(0).random((300, 300))}, {})
+    except StoreError as error:
+        outcome.write_text(error.remedy)
+
+
+def test_a_file_that_cannot_grow_is_a_store_error_and_loses_nothing(place: Location, tmp_path: Path) -> None:
+    repository = ObjectRepository.open(place, "duck")
+    repository.save("front", "noise", "k1", {"a": np.ones(3)}, {})
+    worker = SPAWN.Process(target=_save_with_little_room, args=(place, tmp_path / "outcome"))
+    worker.start()
+    worker.join(timeout=60)
+    assert "free space" in (tmp_path / "outcome").read_text()
+    assert repository.load("front", "noise").key == "k1"
+
+
+def test_a_full_disk_is_a_store_error_and_loses_nothing(tmp_path: Path) -> None:
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(disk)], capture_output=True)
+    if mounted.returncode:
+        pytest.skip("may not mount a small disk here")
+    try:
+        place = local_place(disk / "store")
+        repository = ObjectRepository.open(place, "duck")
+        repository.save("front", "noise", "k1", {"a": np.ones(3)}, {})
+        with pytest.raises(StoreError, match="free space"):
+            repository.save("front", "noise", "k2", {"a": np.random.default_rng(0).random((400, 400))}, {})
+        assert ObjectRepository.open(place, "duck").load("front", "noise").key == "k1"
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)
+
+
+def test_chunks_are_bounded_and_whole_where_they_can_be() -> None:
+    assert chunk_shape((3, 221, 251, 3), 4) == (3, 221, 251, 3)
+    assert chunk_shape((0, 2), 4) == (1, 2) and chunk_shape((), 4) == ()
+    for shape in ((3, 2000, 2000, 3), (100_000, 3), (2000, 2000)):
+        assert 1 << 20 <= np.prod(chunk_shape(shape, 4)) * 4 <= 4 << 20 or np.prod(shape) * 4 < 4 << 20
+
+
+def test_records_become_json() -> None:
+    record = {"path": Path("a"), "set": {2, 1}, "array": np.array([1.0, np.inf]), 3: (np.int64(4), None, True)}
+    assert jsonable(record) == {"path": "a", "set": [1, 2], "array": [1.0, None], "3": [4, None, True]}
+    with pytest.raises(TypeError):
+        jsonable({"what": object()})

@@ -1,0 +1,226 @@
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.geometry.vectors import from_gradients
+from glint.tasks.algorithms.integration.bilateral import integrate
+from glint.tasks.algorithms.integration.edges import edges_of, shares
+
+METHODS = ("bilateral", "least-squares")
+
+
+def grid(height: int, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """x to the right and y upwards of a region, from its centre."""
+    rows, columns = np.indices((height, width))
+    return columns - (width - 1) / 2.0, (height - 1) / 2.0 - rows
+
+
+def sphere(size: int, radius: float, reach: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Normals, mask and height of a cap: the pixels within `reach` of the radius."""
+    x, y = grid(size, size)
+    mask = np.hypot(x, y) < reach * radius
+    height = np.sqrt(np.maximum(radius**2 - x**2 - y**2, 0.0))
+    normals = np.where(mask[..., None], np.stack([x, y, height], axis=-1) / radius, np.nan)
+    return normals, mask, height
+
+
+def deviation(depth: np.ndarray, truth: np.ndarray, where: np.ndarray) -> np.ndarray:
+    """Depth less truth, less its median."""
+    difference = (depth - truth)[where]
+    return difference - np.median(difference)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_plane_is_exact_and_grows_towards_the_camera(method):
+    x, y = grid(30, 41)
+    normals = np.broadcast_to(from_gradients(np.array(0.7), np.array(-0.3)), (30, 41, 3))
+    mask = np.hypot(x, y) < 14
+    result = integrate(normals, mask, method=method)
+    assert np.abs(deviation(result.depth, 0.7 * x - 0.3 * y, mask)).max() < 1e-3
+    assert np.isnan(result.depth[~mask]).all() and result.depth.dtype == np.float32
+    assert abs(np.nanmean(result.depth)) < 1e-4
+    assert result.energy < 1e-6 and not result.perspective
+
+
+@pytest.mark.parametrize(("reach", "bound"), [(0.9, 0.05), (0.999, 0.6)])
+@pytest.mark.parametrize("method", METHODS)
+def test_a_sphere_comes_back_up_to_its_rim(method, reach, bound):
+    normals, mask, height = sphere(121, 55.0, reach)
+    errors = deviation(integrate(normals, mask, method=method).depth, height, mask)
+    assert np.abs(errors).mean() < bound
+
+
+def test_components_are_labelled_and_each_has_mean_zero():
+    mask = np.zeros((12, 30), bool)
+    mask[2:10, 2:10] = mask[3:9, 15:28] = mask[11, 29] = True
+    normals = np.broadcast_to(from_gradients(np.array(0.5), np.array(0.0)), (12, 30, 3))
+    result = integrate(normals, mask)
+    assert result.components.max() == 3 and (result.components > 0).sum() == mask.sum()
+    for name in (1, 2, 3):
+        assert abs(result.depth[result.components == name].mean()) < 1e-4
+    assert result.depth[11, 29] == 0.0
+    assert np.allclose(np.diff(result.depth[5, 2:10]), 0.5, atol=1e-3)
+
+
+def test_diagonal_neighbours_are_components_of_their_own():
+    mask = np.eye(2, dtype=bool)
+    result = integrate(np.broadcast_to([0.0, 0.0, 1.0], (2, 2, 3)), mask)
+    assert sorted(result.components[mask]) == [1, 2]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_hole_does_not_bend_the_surface(method):
+    normals, mask, height = sphere(101, 60.0, 0.8)
+    mask &= np.hypot(*grid(101, 101)) > 20
+    normals[~mask] = (1.0, 0.0, 0.0)
+    errors = deviation(integrate(normals, mask, method=method).depth, height, mask)
+    assert np.abs(errors).max() < 0.2
+
+
+def handle() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """A sphere with a rod in front of it: normals, mask, height and where the rod is."""
+    normals, mask, height = sphere(121, 70.0, 0.8)
+    x, y = grid(121, 121)
+    rod = (np.abs(x - 8) < 9) & (y < 25) & mask
+    profile = np.sqrt(81.0 - np.clip(x - 8, -9, 9) ** 2)
+    normals[rod] = np.stack([(x - 8) / 9, np.zeros_like(x), profile / 9], axis=-1)[rod]
+    return normals, mask, np.where(rod, 85.0 + profile, height), rod
+
+
+def test_bilateral_steps_where_a_handle_stands_in_front_and_least_squares_does_not():
+    normals, mask, height, rod = handle()
+    body = mask & ~rod
+    bent = np.abs(deviation(integrate(normals, mask, method="least-squares").depth, height, body)).mean()
+    kept = np.abs(deviation(integrate(normals, mask, method="bilateral").depth, height, body)).mean()
+    assert kept < 0.5 * bent
+
+
+def camera() -> np.ndarray:
+    return np.array([[300.0, 0.0, 31.0], [0.0, 320.0, 22.0], [0.0, 0.0, 1.0]])
+
+
+def rays(height: int, width: int) -> np.ndarray:
+    """Directions (H, W, 3) of the pixels in the camera frame, z = -1."""
+    rows, columns = np.indices((height, width))
+    k = camera()
+    right, up = (columns - k[0, 2]) / k[0, 0], -(rows - k[1, 2]) / k[1, 1]
+    return np.stack([right, up, -np.ones_like(right)], axis=-1)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_plane_under_perspective_is_exact(method):
+    normal = np.array([0.4, -0.3, 0.8]) / np.linalg.norm([0.4, -0.3, 0.8])
+    truth = -500.0 * normal[2] / (rays(50, 70) @ normal)
+    mask = np.ones((50, 70), bool)
+    mask[:9, :9] = False
+    result = integrate(np.broadcast_to(normal, (50, 70, 3)), mask, method=method, camera=camera())
+    ratio = (result.depth / truth)[mask]
+    assert result.perspective and np.ptp(ratio) < 1e-5 * ratio.mean()
+    assert abs(np.log(result.depth[mask]).mean()) < 1e-5
+    nearer = result.towards_camera(500.0)
+    assert np.corrcoef(nearer[mask], truth[mask])[0, 1] < -0.999
+
+
+def test_a_sphere_under_perspective():
+    directions = rays(50, 70)
+    centre, radius = np.array([-5.0, 2.0, -400.0]), 40.0
+    along, square = directions @ centre, (directions**2).sum(axis=-1)
+    root = along**2 - square * (centre @ centre - radius**2)
+    mask = root > 0.1 * root.max()
+    distance = (along - np.sqrt(np.maximum(root, 0.0))) / square
+    normals = (directions * distance[..., None] - centre) / radius
+    result = integrate(normals, mask, camera=camera())
+    scaled = result.depth[mask] * np.median(distance[mask] / result.depth[mask])
+    assert np.abs(scaled - distance[mask]).mean() < 0.02 * radius
+
+
+def test_confidence_decides_between_true_and_false_normals():
+    x, y = grid(40, 40)
+    mask = np.hypot(x, y) < 19
+    normals = np.broadcast_to(from_gradients(np.array(0.2), np.array(0.1)), (40, 40, 3)).copy()
+    false = (np.abs(x) < 6) & (y > 0)
+    normals[false] = from_gradients(np.array(-1.5), np.array(1.0))
+    truth = 0.2 * x + 0.1 * y
+    for method in METHODS:
+        blind = np.abs(deviation(integrate(normals, mask, method=method).depth, truth, mask & ~false)).mean()
+        weighed = integrate(normals, mask, confidence=np.where(false, 0.001, 0.9), method=method)
+        assert np.abs(deviation(weighed.depth, truth, mask & ~false)).mean() < 0.2 * blind
+
+
+def test_pixels_of_little_trust_hardly_choose_between_their_sides():
+    mask = np.ones((1, 3), bool)
+    height = np.array([[0.0, 0.0, 2.0]])
+    chosen = []
+    for trust in (1.0, 0.01):
+        edges = edges_of(np.broadcast_to([0.0, 0.0, 1.0], (1, 3, 3)), mask, np.full((1, 3), trust), None, 0.01)
+        share, _ = shares(edges.inside, edges.here, edges.there, edges.facing, edges.trust, height, 5.0)
+        chosen.append(share[1, 0, 1])
+    assert chosen[0] < 1e-6 and 0.4 < chosen[1] < 0.5
+
+
+def test_missing_normals_and_confidences_follow_their_neighbours():
+    normals, mask, height = sphere(81, 60.0, 0.6)
+    normals[38:43, 38:43] = np.nan
+    confidence = np.where(mask, 0.8, np.nan)
+    confidence[30, 30] = np.nan
+    result = integrate(normals, mask, confidence=confidence)
+    assert np.isfinite(result.depth[mask]).all()
+    assert np.abs(deviation(result.depth, height, mask)).max() < 0.3
+
+
+def test_rim_normals_in_the_image_plane_stay_finite():
+    normals, mask, height = sphere(61, 28.0, 1.0)
+    rim = mask & (np.hypot(*grid(61, 61)) > 27.0)
+    normals[rim, 2] = 0.0
+    result = integrate(normals, mask)
+    assert np.abs(deviation(result.depth, height, mask & ~rim)).mean() < 1.0
+
+
+def test_the_result_does_not_depend_on_what_lies_outside_the_mask():
+    normals, mask, _ = sphere(61, 30.0, 0.8)
+    first = integrate(np.where(mask[..., None], normals, np.nan), mask)
+    second = integrate(np.where(mask[..., None], normals, 1.0), mask)
+    assert np.array_equal(first.depth, second.depth, equal_nan=True)
+
+
+def test_bad_input_is_refused():
+    normals, mask, _ = sphere(21, 10.0, 0.8)
+    with pytest.raises(UnusableCapture, match="empty"):
+        integrate(normals, np.zeros_like(mask))
+    with pytest.raises(UnusableCapture, match="normal"):
+        integrate(np.full_like(normals, np.nan), mask)
+    with pytest.raises(ValueError, match="agree"):
+        integrate(normals, mask[:-1])
+    with pytest.raises(ValueError, match="agree"):
+        integrate(normals, mask, confidence=np.ones(3))
+    with pytest.raises(ValueError, match="camera"):
+        integrate(normals, mask, camera=np.eye(2))
+    with pytest.raises(ValueError, match="unknown method"):
+        integrate(normals, mask, method="poisson")
+
+
+def test_a_mask_without_usable_confidence_is_integrated_all_the_same():
+    x, _ = grid(9, 9)
+    normals = np.broadcast_to(from_gradients(np.array(0.3), np.array(0.0)), (9, 9, 3))
+    result = integrate(normals, np.ones((9, 9), bool), confidence=np.zeros((9, 9)))
+    assert np.allclose(result.depth, 0.3 * x, atol=1e-3)
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize(
+    ("name", "bar"), [("bear", 0.367), ("buddha", 0.619), ("cow", 0.0638), ("pot1", 0.698), ("pot2", 0.175)]
+)
+def test_measured_objects_under_perspective(shared_data: Path, name: str, bar: float):
+    """Mean absolute error in millimetres after scaling by the median ratio, the one freedom under perspective."""
+    folder = shared_data / "real" / "diligent" / name
+    normals = cv2.imread(str(folder / "normal_map.png"), cv2.IMREAD_UNCHANGED)[..., ::-1] / 65535 * 2 - 1
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    mask = cv2.imread(str(folder / "mask.png"), cv2.IMREAD_GRAYSCALE) > 0
+    truth = np.load(folder / "depth_gt.npz")["depth_gt"].astype(float)
+    depth = integrate(normals, mask, camera=np.loadtxt(folder / "K.txt")).depth
+    seen = mask & np.isfinite(truth)
+    scale = np.median(truth[seen] / depth[seen])
+    assert np.abs(scale * depth - truth)[seen].mean() < bar

@@ -1,0 +1,68 @@
+import numpy as np
+
+from glint.tasks.algorithms.geometry.vectors import unit
+from glint.tasks.algorithms.labelling.graph_cut import CERTAIN, evidence, label_sheets, one_per_pixel
+
+SIZE = 30
+
+
+def crossing_sheets() -> np.ndarray:
+    """Two smooth sheets (2, H, W, 3) that cross on the middle column, the layers shuffled pixel by pixel."""
+    rows, columns = (np.indices((SIZE, SIZE)) - SIZE / 2) / SIZE
+    true = unit(np.stack([columns, -rows, np.ones_like(rows)], axis=-1))
+    false = unit(np.stack([-columns, -rows + 0.2, np.ones_like(rows)], axis=-1))
+    swap = np.random.default_rng(0).random((SIZE, SIZE)) < 0.5
+    return np.where(swap[None, ..., None], np.stack([false, true]), np.stack([true, false])).astype(np.float32), swap
+
+
+def test_evidence_prefers_the_field_and_knows_its_spread() -> None:
+    field = np.broadcast_to(np.array([0.0, 0.0, 1.0]), (1, 3, 3))
+    tilted = np.radians([0.0, 10.0, 40.0])
+    normals = np.stack([np.sin(tilted), np.zeros(3), np.cos(tilted)], axis=-1)[None, None]
+    sure = evidence(normals, field, np.full((1, 3), np.radians(5.0)))[0, 0]
+    unsure = evidence(normals, field, np.full((1, 3), np.radians(30.0)))[0, 0]
+    assert sure[0] > sure[1] > 0 > sure[2]
+    assert sure[0] > unsure[0] and sure[2] < unsure[2]
+
+
+def test_evidence_is_nan_without_a_cluster() -> None:
+    field = np.broadcast_to(np.array([0.0, 0.0, 1.0]), (1, 1, 3))
+    assert np.isnan(evidence(np.full((1, 1, 1, 3), np.nan), field, np.full((1, 1), 0.1))).all()
+
+
+def test_a_little_evidence_labels_the_whole_sheet() -> None:
+    normals, swap = crossing_sheets()
+    ratios = np.full((2, SIZE, SIZE), -0.01, np.float32)
+    right_layer = np.where(swap, 1, 0)
+    for column in (3, 4, 25, 26):
+        for row in range(SIZE):
+            ratios[right_layer[row, column], row, column] = 5.0
+            ratios[1 - right_layer[row, column], row, column] = -5.0
+    labels = label_sheets(normals, ratios)
+    true = np.take_along_axis(labels, right_layer[None], axis=0)[0]
+    false = np.take_along_axis(labels, 1 - right_layer[None], axis=0)[0]
+    assert true.mean() > 0.97 and false.mean() < 0.03
+
+
+def test_both_nodes_of_a_pixel_may_be_rejected() -> None:
+    normals, _ = crossing_sheets()
+    assert not label_sheets(normals, np.full((2, SIZE, SIZE), -1.0, np.float32)).any()
+
+
+def test_a_mark_decides_against_all_other_evidence() -> None:
+    normals, swap = crossing_sheets()
+    ratios = np.full((2, SIZE, SIZE), -0.05, np.float32)
+    ratios[np.where(swap, 1, 0)[15, 5], 15, 5] = CERTAIN
+    labels = label_sheets(normals, ratios)
+    assert labels[np.where(swap, 1, 0)[15, 5], 15, 5]
+
+
+def test_no_cluster_at_all() -> None:
+    empty = np.full((3, 4, 5, 3), np.nan, np.float32)
+    assert not label_sheets(empty, np.full((3, 4, 5), np.nan, np.float32)).any()
+
+
+def test_one_exterior_node_per_pixel_is_the_best() -> None:
+    labels = np.array([[[True, False, True]], [[True, False, False]]])
+    ratios = np.array([[[1.0, 1.0, -2.0]], [[2.0, 5.0, 9.0]]])
+    assert one_per_pixel(labels, ratios).tolist() == [[[False, False, True]], [[True, False, False]]]

@@ -1,0 +1,144 @@
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from glint.tasks.algorithms.candidates.markup import Marks
+from glint.tasks.algorithms.geometry.vectors import angles, unit
+from glint.tasks.algorithms.labelling.reconstruction import PROVENANCE, Reconstruction, reconstruct_normals
+
+Scene = tuple[SimpleNamespace, np.ndarray, np.ndarray]
+
+
+def pebble(size: int = 90, seed: int = 0) -> Scene:
+    """Clusters, mask and truth of a flattened solid: most exterior highlights within 45 degrees, and a false sheet."""
+    rng = np.random.default_rng(seed)
+    rows, columns = np.indices((size, size)) - (size - 1) / 2
+    a, b, c = 0.45 * size, 0.35 * size, 0.4 * size
+    square = (columns / a) ** 2 + (rows / b) ** 2
+    inside = square < 1
+    z = c * np.sqrt(np.maximum(1 - square**2, 1e-9))
+    truth = unit(np.stack([2 * square * columns / a**2, -2 * square * rows / b**2, z / c**2], axis=-1))
+    false = unit(np.stack([-0.6 * columns / a, 0.6 * rows / b + 0.15, np.ones_like(z)], axis=-1))
+    nodes = np.stack([truth, false]) + rng.normal(0, 0.01, (2, size, size, 3))
+    nodes[0][~inside | (truth[..., 2] < 0.75) | (rng.random((size, size)) < 0.2)] = np.nan
+    nodes[1][~inside | (rng.random((size, size)) < 0.2)] = np.nan
+    swap = rng.random((size, size)) < 0.5
+    nodes = unit(np.where(swap[None, ..., None], nodes[::-1], nodes)).astype(np.float32)
+    return SimpleNamespace(normals=nodes), inside, np.where(inside[..., None], truth, np.nan)
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return pebble()
+
+
+@pytest.fixture(scope="module")
+def result(scene: Scene) -> Reconstruction:
+    return reconstruct_normals(scene[0], scene[1])
+
+
+def test_the_exterior_sheet_is_found_and_the_false_one_rejected(scene: Scene, result: Reconstruction) -> None:
+    clusters, _, truth = scene
+    right = angles(clusters.normals, truth[None]) < 3
+    labels = result.labels > 0
+    assert (labels & right).sum() > 0.97 * labels.sum()
+    assert (labels & right).sum() > 0.95 * right.sum()
+    assert labels.sum(axis=0).max() == 1
+
+
+def test_it_is_better_than_the_silhouette_alone(scene: Scene, result: Reconstruction) -> None:
+    _, mask, truth = scene
+
+    def error(normals: np.ndarray) -> float:
+        return float(np.mean(((normals - truth)[mask] ** 2).sum(axis=-1)))
+
+    assert error(result.normals) < 0.5 * error(result.initial)
+    assert error(result.normals) < 0.02
+
+
+def test_the_rounds_end_by_themselves(result: Reconstruction) -> None:
+    assert len(result.rounds) < 10
+    assert result.rounds[-1].changed < result.rounds[0].changed
+
+
+def test_provenance_and_confidence_are_honest(scene: Scene, result: Reconstruction) -> None:
+    _, mask, truth = scene
+    observed = result.provenance == PROVENANCE.index("observed")
+    assert np.array_equal(observed, result.labels.any(axis=0))
+    assert np.array_equal(result.provenance == PROVENANCE.index("outside"), ~mask)
+    assert np.isnan(result.confidence[~mask]).all() and np.isfinite(result.confidence[mask]).all()
+    sure = mask & (result.confidence >= 0.95)
+    assert sure.sum() > mask.sum() / 3
+    assert (angles(result.normals, truth)[sure] < 5).mean() > 0.95
+
+
+def test_marks_pin_their_nodes(scene: Scene) -> None:
+    clusters, mask, truth = scene
+    row, column = np.argwhere(mask & np.isfinite(clusters.normals[..., 0]).all(axis=0))[300]
+    exterior = int(angles(clusters.normals[:, row, column], truth[row, column]).argmin())
+    lie = Marks(
+        pixels=np.array([[row, column], [row, column]]),
+        half_vectors=clusters.normals[[1 - exterior, exterior], row, column],
+        kind=np.array([1, 0]),
+    )
+    result = reconstruct_normals(clusters, mask, marks=lie)
+    assert result.labels[:, row, column].tolist() == [exterior, 1 - exterior]
+    assert result.provenance[row, column] == PROVENANCE.index("marked")
+    assert np.allclose(result.normals[row, column], clusters.normals[1 - exterior, row, column], atol=1e-5)
+
+
+def test_a_marked_normal_pulls_more_than_its_noisy_neighbours(scene: Scene) -> None:
+    clusters, mask, truth = scene
+    noise = np.random.default_rng(0).normal(0.0, 0.03, clusters.normals.shape)
+    noisy = SimpleNamespace(normals=unit(clusters.normals + noise))
+    near = np.nan_to_num(angles(clusters.normals, truth[None]), nan=180.0).min(axis=0) < 1.0
+    pixels = np.argwhere(mask & near)[::40]
+    marks = Marks(pixels, truth[tuple(pixels.T)].astype(np.float32), np.ones(len(pixels), np.int8))
+
+    def error(**weights: float) -> float:
+        return float(np.nanmean(angles(reconstruct_normals(noisy, mask, marks=marks, **weights).normals, truth)[near]))
+
+    assert error() < 0.98 * error(marked_weight=0.1)
+
+
+def test_without_highlights_the_silhouette_remains(scene: Scene) -> None:
+    clusters, mask, _ = scene
+    result = reconstruct_normals(SimpleNamespace(normals=np.full_like(clusters.normals, np.nan)), mask)
+    assert np.allclose(result.normals[mask], result.initial[mask])
+    assert not result.labels.any() and np.nanmax(result.confidence) < 0.95
+
+
+def test_a_mask_of_another_size_is_refused(scene: Scene) -> None:
+    with pytest.raises(ValueError, match="do not fit"):
+        reconstruct_normals(scene[0], np.ones((3, 3), dtype=bool))
+
+
+def test_expected_normals_take_the_place_of_the_rim(scene: Scene, result: Reconstruction) -> None:
+    clusters, mask, truth = scene
+    told = reconstruct_normals(clusters, mask, expected=np.where(mask[..., None], truth, np.nan))
+    assert np.nanmean(angles(told.normals, truth)) < 0.5 * np.nanmean(angles(result.normals, truth))
+    holed = truth.copy()
+    holed[mask.nonzero()[0][0], mask.nonzero()[1][0]] = np.nan
+    with pytest.raises(ValueError, match="leave pixels"):
+        reconstruct_normals(clusters, mask, expected=holed)
+
+
+def test_a_turned_glass_is_known_at_its_end() -> None:
+    from tests.tasks.algorithms.prior.test_symmetry import beaker, seen, view
+
+    truth = view(*beaker(), 20.0)
+    mask = np.isfinite(truth[..., 0])
+    clusters = SimpleNamespace(normals=seen(truth)[None].astype(np.float32))
+    found = reconstruct_normals(clusters, mask)
+    without = reconstruct_normals(clusters, mask, symmetry=False)
+    end = mask & (truth @ np.array([0.0, np.cos(np.radians(20.0)), np.sin(np.radians(20.0))]) > 0.99)
+    assert np.median(angles(found.normals, truth)[end]) < 8.0
+    assert np.median(angles(without.normals, truth)[end]) > 15.0
+
+
+def test_the_noise_of_accepted_normals_is_smoothed_away(scene: Scene, result: Reconstruction) -> None:
+    clusters, _, truth = scene
+    taken = result.provenance == PROVENANCE.index("observed")
+    raw = np.take_along_axis(clusters.normals, result.labels.argmax(axis=0)[None, :, :, None], axis=0)[0]
+    assert np.median(angles(result.normals, truth)[taken]) < 0.7 * np.median(angles(raw, truth)[taken])

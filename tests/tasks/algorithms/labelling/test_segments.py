@@ -1,0 +1,60 @@
+import numpy as np
+
+from glint.tasks.algorithms.labelling.segments import UNTOLD, connected_sheets, sheet_means, surprise
+
+
+def tilted(degrees: float) -> np.ndarray:
+    return np.array([np.sin(np.radians(degrees)), 0.0, np.cos(np.radians(degrees))])
+
+
+def two_sheets() -> np.ndarray:
+    """Left and right halves 20 degrees apart, without normals above; a scrap of four pixels stands apart below."""
+    normals = np.full((40, 60, 3), np.nan)
+    normals[10:30, :30], normals[10:30, 30:] = tilted(0.0), tilted(20.0)
+    normals[35:37, 10:12] = tilted(0.0)
+    return normals
+
+
+def test_sheets_end_at_creases_and_gaps() -> None:
+    sheets = connected_sheets(two_sheets())
+    assert len(np.unique(sheets[10:30, :30])) == len(np.unique(sheets[10:30, 30:])) == 1
+    assert len({sheets[20, 5], sheets[20, 50], sheets[35, 10]}) == 3
+    assert (sheets[:10] == -1).all()
+
+
+def test_diagonal_neighbours_belong_together_and_nothing_is_no_sheet() -> None:
+    normals = np.full((5, 5, 3), np.nan)
+    for i in range(5):
+        normals[i, 4 - i] = tilted(0.0)
+    assert set(connected_sheets(normals).ravel()) == {-1, 0}
+    assert (connected_sheets(np.full((5, 5, 3), np.nan)) == -1).all()
+
+
+def test_means_are_those_of_each_sheet() -> None:
+    sheets = connected_sheets(two_sheets())
+    values = np.where(np.arange(60)[None] < 30, 2.0, np.nan) * np.ones((40, 1))
+    means = sheet_means(sheets, values)
+    assert means[20, 5] == 2.0
+    assert means[20, 50] == 0.0
+    assert np.isnan(means[0, 0])
+
+
+def test_a_sheet_that_the_rest_of_the_object_contradicts_surprises() -> None:
+    normals = two_sheets()
+    sheets, known = connected_sheets(normals), np.isfinite(normals[..., 0])
+    asked = []
+
+    def predict(kept: np.ndarray) -> np.ndarray:
+        asked.append(kept)
+        return np.broadcast_to(tilted(0.0), normals.shape)
+
+    mask, rim = np.ones((40, 60), dtype=bool), np.zeros((40, 60), dtype=bool)
+    told = surprise(sheets, normals, known, rim, mask, 20.0, predict)
+    assert told[20, 5] < 1e-3
+    assert told[20, 50] > 0.7
+    assert told[35, 10] == UNTOLD
+    assert np.isnan(told[0, 0])
+    assert len(asked) == 2
+    assert not asked[0][20, 5]
+    assert asked[0][20, 50]
+    assert not asked[1][20, 50]

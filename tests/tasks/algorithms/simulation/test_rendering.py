@@ -1,0 +1,143 @@
+"""Rendered captures: geometry, energy, highlights where they must be, determinism."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from glint.storage.catalogue.loading import load
+from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of
+from glint.tasks.algorithms.simulation.environment import Room
+from glint.tasks.algorithms.simulation.light_path import sweep
+from glint.tasks.algorithms.simulation.ray_tracing import Paths, Scene, refraction
+from glint.tasks.algorithms.simulation.renderer import prepare
+from glint.tasks.algorithms.simulation.shapes import build
+from glint.tasks.algorithms.simulation.solids import GLASS, ball
+from glint.tasks.simulation.simulate import PRESETS, SHAPES, CaptureOptions, simulate
+
+RADIUS = 30.0
+
+
+@pytest.fixture(scope="module")
+def grid() -> tuple[np.ndarray, np.ndarray]:
+    y, x = np.mgrid[36:-37:-1, -36:37]
+    return x.astype(float), y.astype(float)
+
+
+@pytest.fixture(scope="module")
+def traced(grid: tuple[np.ndarray, np.ndarray]) -> tuple[Scene, Paths]:
+    scene = Scene([ball(np.zeros(3), RADIUS, GLASS)])
+    return scene, scene.trace(*grid, 2, np.random.default_rng(0))
+
+
+def test_truth_of_a_ball(grid: tuple[np.ndarray, np.ndarray], traced: tuple[Scene, Paths]) -> None:
+    truth = traced[0].truth(*grid)
+    x, y = grid
+    inside = np.hypot(x, y) < RADIUS - 1
+    z = np.sqrt(np.maximum(RADIUS**2 - x**2 - y**2, 0))
+    assert angles(truth.normals, np.stack([x, y, z], axis=-1) / RADIUS)[inside].max() < 0.1
+    np.testing.assert_allclose(truth.depth[inside], z[inside], atol=0.15)
+    assert np.isnan(truth.depth[np.hypot(x, y) > RADIUS + 1]).all()
+
+
+def test_light_is_neither_made_nor_lost(traced: tuple[Scene, Paths], grid: tuple[np.ndarray, np.ndarray]) -> None:
+    total = np.bincount(traced[1].pixel, traced[1].weight, grid[0].size)
+    assert total.max() < 1.0 + 1e-5
+    assert total.mean() > 0.98
+
+
+def test_fresnel_at_normal_incidence_and_total_reflection() -> None:
+    down, up = np.array([[0.0, 0.0, -1.0]]), np.array([[0.0, 0.0, 1.0]])
+    bent, reflectance = refraction(down, up)
+    np.testing.assert_allclose(bent[0], down[0], atol=1e-9)
+    assert reflectance[0] == pytest.approx(0.04)
+    steep = np.array([[np.sin(1.0), 0.0, np.cos(1.0)]])
+    assert refraction(steep, up)[1][0] == 1.0
+
+
+def test_the_direct_highlight_lies_where_the_normal_is_the_half_vector(
+    traced: tuple[Scene, Paths], grid: tuple[np.ndarray, np.ndarray]
+) -> None:
+    scene, paths = traced
+    room = Room.furnished(-80.0, np.random.default_rng(0))
+    renderer = prepare(paths, room, grid[0].shape, np.radians(5.4))
+    light = np.array([0.5, 0.3, np.sqrt(1 - 0.34)])
+    half_vector = half_vectors_of(light)
+    near = angles(scene.truth(*grid).normals, half_vector) < 1.5
+    dark, lit = renderer.render(np.full(3, np.nan)), renderer.render(light)
+    assert (lit - dark)[near].min() > 1.0
+    assert np.allclose(dark, renderer.static)
+
+
+def test_the_sweep_is_dense_enough_and_seeded() -> None:
+    lights = sweep(2000, np.random.default_rng(3))
+    np.testing.assert_array_equal(lights, sweep(2000, np.random.default_rng(3)))
+    front = lights[lights[:, 2] > 0]
+    assert 0.95 < len(front) / 2000 < 1.0
+    half_vectors = half_vectors_of(front)
+    middle = half_vectors[half_vectors[:, 2] > np.cos(np.radians(40))]
+    near = (angles(middle[::20, None], half_vectors[None]) < 1.5).sum(axis=1)
+    assert 2 <= np.median(near) <= 12
+    gap = sweep(2000, np.random.default_rng(3), missing_quarter=True)
+    around = np.degrees(np.arctan2(gap[:, 1], gap[:, 0]))[np.isfinite(gap[:, 0]) & (gap[:, 2] > 0) & (gap[:, 2] < 0.9)]
+    histogram = np.histogram(around, bins=36, range=(-180, 180))[0]
+    assert (histogram < 3).sum() >= 7
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_every_shape_fills_its_region(shape: str) -> None:
+    solids = build(shape, 120, 110)
+    outer = np.concatenate([solid.vertices for solid in solids if not solid.inner])
+    extent = np.ptp(outer, axis=0)[:2]
+    assert (extent <= [104.5, 94.5]).all() and (np.isclose(extent, [104, 94], atol=0.5)).any()
+    x, y = np.meshgrid(np.arange(-60.0, 61), np.arange(55.0, -56, -1))
+    truth = Scene(solids).truth(x, y)
+    mask = np.isfinite(truth.depth)
+    assert mask.mean() > 0.15
+    np.testing.assert_allclose(np.linalg.norm(truth.normals[mask], axis=-1), 1.0, atol=1e-4)
+    assert (truth.normals[mask][:, 2] >= 0).all()
+
+
+def test_the_jug_has_a_hole(grid: tuple[np.ndarray, np.ndarray]) -> None:
+    x, y = np.meshgrid(np.arange(-70.0, 71), np.arange(105.0, -106, -1))
+    mask = np.isfinite(Scene(build("jug", 140, 210)).truth(x, y).depth).astype(np.uint8)
+    outlines, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    assert max(len(outline) for outline in outlines[1:]) > 30
+
+
+def test_the_same_seed_gives_the_same_files(tmp_path: Path) -> None:
+    for name, seed in (("a", 5), ("b", 5), ("c", 6)):
+        simulate("fish", tmp_path / name, CaptureOptions(frames=12, scale=0.25, ball_radius=20.0, seed=seed))
+    for file in ("video.mp4", "markup.json", "truth/lights.npy", "truth/normals.npy", "truth/depth.npy"):
+        first, second = ((tmp_path / name / "fish" / "front" / file).read_bytes() for name in "ab")
+        assert first == second, file
+    other = (tmp_path / "c" / "fish" / "front" / "video.mp4").read_bytes()
+    assert other != (tmp_path / "a" / "fish" / "front" / "video.mp4").read_bytes()
+
+
+def test_views_turn_about_one_axis_and_agree_with_the_model(tmp_path: Path) -> None:
+    import trimesh
+
+    options = CaptureOptions(frames=6, scale=0.25, ball_radius=20.0, views=3)
+    record = simulate("bird", tmp_path, options)
+    entry = load(record.catalogue).object("bird")
+    assert [capture.pose.turntable for capture in entry.captures if capture.pose] == [0.0, 120.0, 240.0]
+    model = trimesh.load(str(entry.truth_model))
+    assert model.extents[1] > 5
+
+
+def test_shapes_are_added_to_a_catalogue_and_replaced(tmp_path: Path) -> None:
+    options = CaptureOptions(frames=4, scale=0.2, ball_radius=15.0)
+    for shape in ("cylinder", "hemisphere", "cylinder"):
+        simulate(shape, tmp_path, options)
+    assert sorted(each.id for each in load(tmp_path / "catalogue.yaml").objects) == ["cylinder", "hemisphere"]
+    assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
+
+
+def test_what_cannot_be_simulated_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="teapot"):
+        simulate("teapot", tmp_path, CaptureOptions())
+    with pytest.raises(ValueError, match="crf"):
+        CaptureOptions(crf=99)
+    assert set(PRESETS) < set(SHAPES)

@@ -1,0 +1,134 @@
+"""All stages on a scene drawn from formulas, against its exact truth; one mirror ball, two, and a misplaced one."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glint.storage.catalogue.loading import load
+from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of
+from glint.tasks.evaluation.captures import evaluate
+from glint.tasks.pipeline import STAGES
+from tests.scene import BALLS, REGION, Scene, draw_scene
+from tests.tasks.make_context import bench, perform_all
+
+NAMES = tuple(stage.name for stage in STAGES)
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    return draw_scene(tmp_path_factory.mktemp("scene"), balls=2)
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("store")
+
+
+def test_lights_agree_with_the_formula_and_the_balls_with_each_other(scene: Scene, store: Path) -> None:
+    work = bench(scene.catalogue, store)
+    perform_all(work, "lights")
+    found = work.load("lights")
+    error = angles(found.read("lights"), scene.lights)
+    assert (found.read("reason") == 0).all()
+    assert np.median(error) < 0.8 and np.max(error) < 3.0
+    assert np.abs(np.mean(found.read("lights") - scene.lights, axis=0)).max() < np.sin(np.radians(0.3)), "no bias"
+    assert 0.05 < found.record["disagreement_degrees"]["median"] < 1.0
+    assert found.record["near_lamp"] is None, "the lamp is far away"
+
+
+def test_two_balls_are_better_than_either(scene: Scene, store: Path, tmp_path: Path) -> None:
+    given = load(scene.catalogue).objects[0].captures[0].model_dump(mode="json")["spheres"]
+    errors: list[float] = []
+    for spheres in (given, given[:1], given[1:]):
+        work = bench(scene.catalogue, tmp_path / str(len(errors)), spheres=spheres)
+        perform_all(work, "lights")
+        errors.append(float(np.nanmean(angles(work.load("lights").read("lights"), scene.lights))))
+        assert (work.load("lights").record["disagreement_degrees"] is None) == (len(spheres) == 1)
+    assert errors[0] < min(errors[1:])
+
+
+def test_a_misplaced_ball_shows_in_the_disagreement(scene: Scene, tmp_path: Path) -> None:
+    given = load(scene.catalogue).objects[0].captures[0].model_dump(mode="json")["spheres"]
+    given[1]["x"] += 1.0
+    work = bench(scene.catalogue, tmp_path / "store", spheres=given)
+    perform_all(work, "lights")
+    assert work.load("lights").record["disagreement_degrees"]["median"] > 1.0
+
+
+def test_clusters_hold_the_true_and_the_false_directions(scene: Scene, store: Path) -> None:
+    work = bench(scene.catalogue, store)
+    perform_all(work, "clusters")
+    normals = work.load("clusters").read("normals")
+    for field in (scene.normals, scene.false):
+        seen = scene.mask & (np.nan_to_num(field[..., 2]) > np.cos(np.radians(40.0)))
+        apart = angles(np.nan_to_num(normals), np.nan_to_num(field)[None])
+        nearest = np.where(np.isfinite(normals[..., 0]), apart, 180.0).min(axis=0)[seen]
+        assert seen.sum() > 300
+        assert (nearest < 2.5).mean() > 0.9
+    assert (work.load("clusters").read("observations")[~scene.mask] == 0).all()
+
+
+def test_the_surface_is_that_of_the_formula(scene: Scene, store: Path) -> None:
+    work = bench(scene.catalogue, store)
+    perform_all(work)
+    found = evaluate(work, NAMES)
+    assert found is not None
+    ours, silhouette = found.method("glint"), found.method("silhouette only")
+    assert found.method("winner takes all").data.squared > 0.1, "the false highlights mislead whom they can"
+    assert ours.data.squared < 0.3 * silhouette.data.squared and ours.whole.squared < 0.5 * silhouette.whole.squared
+    assert ours.data.squared < 0.002 and ours.whole.squared < 0.004
+    labels = work.load("labels")
+    names = labels.record["provenance"]
+    observed = labels.read("provenance") == names.index("observed")
+    assert observed.sum() > 600
+    assert (angles(labels.read("normals"), scene.normals)[observed] < 5.0).mean() > 0.98
+    depth = work.load("depth").read("depth")
+    inner = scene.mask & (scene.depth > 8.0)
+    error = (depth - scene.depth)[inner]
+    assert np.std(error) < 0.03 * np.ptp(scene.depth[inner])
+
+
+def test_balls_are_found_beside_each_other(scene: Scene, tmp_path: Path) -> None:
+    work = bench(scene.catalogue, tmp_path / "store", spheres=[])
+    perform_all(work, "lights")
+    found = sorted(work.load("survey").record["spheres"], key=lambda each: each["y"])
+    assert len(found) == 2
+    for each, true in zip(found, BALLS, strict=True):
+        assert np.hypot(each["x"] - true.x, each["y"] - true.y) < 0.6 and abs(each["radius"] / true.radius - 1) < 0.03
+    assert np.median(angles(work.load("lights").read("lights"), scene.lights)) < 2.0
+
+
+def test_marks_overrule_what_the_highlights_say(scene: Scene, store: Path, tmp_path: Path) -> None:
+    """A highlight of the far side that is marked as true is believed: the user knows best."""
+    field = np.nan_to_num(scene.false)
+    half_vectors = half_vectors_of(scene.lights)
+    row, column = 22, 38
+    frame = int((half_vectors @ field[row, column]).argmax())
+    lit = np.argwhere((field @ half_vectors[frame]) > np.cos(np.radians(2.0)))
+    y, x = lit.mean(axis=0)
+    results = {}
+    for kind in ("true", "false"):
+        path = tmp_path / f"{kind}.json"
+        path.write_text(f'[{{"frame": {frame}, "x": {x + REGION.x:.1f}, "y": {y + REGION.y:.1f}, "kind": "{kind}"}}]')
+        work = bench(scene.catalogue, tmp_path / kind, markup=str(path))
+        perform_all(work, "labels")
+        pixels = work.load("markup").read("pixels")
+        assert len(pixels) and (np.hypot(*(pixels - (y, x)).T) < 1.5).any()
+        place = tuple(pixels[np.hypot(*(pixels - (y, x)).T).argmin()])
+        results[kind] = work.load("labels").read("normals")[place]
+        towards = field[place] if kind == "true" else scene.normals[place]
+        assert angles(results[kind], towards) < 6.0
+    assert angles(results["true"], results["false"]) > 15.0
+
+
+def test_few_frames_give_what_they_show(tmp_path: Path) -> None:
+    """Three dozen frames see little; the surface is still whole, and what was not seen is not called observed."""
+    few = draw_scene(tmp_path / "few", frames=36)
+    work = bench(few.catalogue, tmp_path / "store")
+    records = {record.stage: record for record in perform_all(work)}
+    assert any("of the object glinted" in warning for warning in records["clusters"].warnings)
+    labels, seen = work.load("labels"), work.load("clusters").read("observations") > 0
+    observed = labels.read("provenance") == labels.record["provenance"].index("observed")
+    assert not (observed & ~seen).any()
+    assert np.isfinite(labels.read("normals")[few.mask]).all() and np.isfinite(work.load("depth").read("depth")).any()

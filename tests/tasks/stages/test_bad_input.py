@@ -1,0 +1,221 @@
+"""Bad input of every kind is refused early, with the offending value and what to do about it."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from glint.storage.catalogue.loading import CatalogueError, load
+from glint.storage.errors import InputError, StorageError, StoreError
+from glint.storage.footage.source import open_footage
+from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.engine.references import load_catalogue
+from glint.tasks.simulation.simulate import CaptureOptions, simulate
+from tests.storage.footage.videos import write_video
+from tests.tasks.make_context import bench, perform_all
+
+
+@pytest.fixture(scope="module")
+def frames(simulated: Path) -> list[np.ndarray]:
+    with open_footage(load(simulated).objects[0].captures[0].frames) as footage:
+        return [frame.copy() for frame in footage.frames()][:120]
+
+
+Refused = Callable[..., Exception]
+
+
+@pytest.fixture
+def refused(simulated: Path, tmp_path: Path) -> Refused:
+    """Run the changed capture until it is refused, and give the refusal."""
+
+    def run(**changed: Any) -> Exception:
+        with pytest.raises((StorageError, UnusableCapture)) as caught:
+            perform_all(bench(simulated, tmp_path / "store", **changed))
+        error = caught.value
+        assert getattr(error, "remedy", ""), "says what to do"
+        return error
+
+    return run
+
+
+def test_missing_video(refused: Refused, tmp_path: Path) -> None:
+    assert str(tmp_path / "no.mp4") in str(refused(frames=str(tmp_path / "no.mp4")))
+
+
+def test_corrupt_video(refused: Refused, tmp_path: Path) -> None:
+    (tmp_path / "bad.mp4").write_bytes(os.urandom(20_000))
+    error = refused(frames=str(tmp_path / "bad.mp4"))
+    assert isinstance(error, InputError) and "bad.mp4" in error.message
+
+
+def test_empty_mask(refused: Refused, simulated: Path, tmp_path: Path) -> None:
+    mask = cv2.imread(str(load(simulated).objects[0].captures[0].mask), cv2.IMREAD_GRAYSCALE)
+    cv2.imwrite(str(tmp_path / "mask.png"), np.zeros_like(mask))
+    assert "empty" in str(refused(mask=str(tmp_path / "mask.png")))
+
+
+def test_mask_of_the_wrong_size(refused: Refused, tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "mask.png"), np.full((33, 44), 255, np.uint8))
+    assert "44 x 33" in str(refused(mask=str(tmp_path / "mask.png")))
+
+
+def test_sphere_out_of_frame(refused: Refused) -> None:
+    error = refused(spheres=[{"x": 400.0, "y": 20.0, "radius": 22.0}])
+    assert "400.0" in str(error) and "leaves the frame" in str(error)
+
+
+def test_no_sphere_to_be_found(refused: Refused, tmp_path: Path) -> None:
+    fish = simulate("fish", tmp_path / "fish", CaptureOptions(frames=80, scale=0.4)).catalogue
+    capture = load(fish).objects[0].captures[0]
+    left = int(capture.spheres[0].x - capture.spheres[0].radius) - 3
+    with open_footage(capture.frames) as footage:
+        cut = [np.ascontiguousarray(frame[:, : left - left % 2]) for frame in footage.frames()]
+    path = write_video(tmp_path / "cut.mp4", cut)
+    assert "no mirror ball" in str(refused(frames=str(path), spheres=[]))
+
+
+def test_region_out_of_frame(refused: Refused) -> None:
+    error = refused(region={"x": 10, "y": 10, "width": 5000, "height": 20}, mask=None)
+    assert "5009" in str(error)
+
+
+def test_no_light_in_any_frame(refused: Refused, frames: list[np.ndarray], tmp_path: Path) -> None:
+    still = [frames[0].clip(0, 60)] * 80
+    path = write_video(tmp_path / "still.mp4", still)
+    assert "no moving light" in str(refused(frames=str(path)))
+
+
+def test_one_frame(refused: Refused, frames: list[np.ndarray], tmp_path: Path) -> None:
+    path = write_video(tmp_path / "one.mp4", frames[40:41])
+    error = refused(frames=str(path))
+    assert isinstance(error, UnusableCapture) and "1" in error.message
+
+
+def test_all_frames_dark(refused: Refused, frames: list[np.ndarray], tmp_path: Path) -> None:
+    path = write_video(tmp_path / "dark.mp4", [np.full_like(frame, 3) for frame in frames])
+    assert isinstance(refused(frames=str(path)), UnusableCapture)
+
+
+def test_all_frames_saturated(refused: Refused, frames: list[np.ndarray], tmp_path: Path) -> None:
+    path = write_video(tmp_path / "white.mp4", [np.full_like(frame, 255) for frame in frames])
+    assert isinstance(refused(frames=str(path)), UnusableCapture)
+
+
+def test_object_that_never_glints(refused: Refused, frames: list[np.ndarray], simulated: Path, tmp_path: Path) -> None:
+    region = load(simulated).objects[0].captures[0].region
+    assert region is not None
+    dull = [frame.copy() for frame in frames]
+    for frame in dull:
+        frame[region.rows, region.columns] = 40
+    path = write_video(tmp_path / "dull.mp4", dull)
+    assert "never glints" in str(refused(frames=str(path)))
+
+
+def test_object_that_is_always_saturated(
+    refused: Refused, frames: list[np.ndarray], simulated: Path, tmp_path: Path
+) -> None:
+    region = load(simulated).objects[0].captures[0].region
+    assert region is not None
+    bright = [frame.copy() for frame in frames]
+    for frame in bright:
+        frame[region.rows, region.columns] = 254
+    path = write_video(tmp_path / "bright.mp4", bright)
+    assert "saturated" in str(refused(frames=str(path)))
+
+
+@pytest.mark.parametrize("row", ["a nan 0 1", "a 0 0 0", "a inf 0 1", "nothing"])
+def test_lights_that_are_no_directions(refused: Refused, tmp_path: Path, row: str) -> None:
+    rows = ["300", *["a 0 0.1 1"] * 150, row, *["a 0.1 0 1"] * 149]
+    (tmp_path / "lights.lp").write_text("\n".join(rows))
+    error = refused(spheres=[], lights=str(tmp_path / "lights.lp"))
+    assert "lights.lp:152" in str(error)
+
+
+def test_lights_of_the_wrong_number(refused: Refused, tmp_path: Path) -> None:
+    (tmp_path / "lights.lp").write_text("\n".join(["7", *["a 0 0.1 1"] * 7]))
+    error = refused(spheres=[], lights=str(tmp_path / "lights.lp"))
+    assert "7 lights for 300 frames" in str(error)
+
+
+def test_markup_outside_the_object(refused: Refused, tmp_path: Path) -> None:
+    (tmp_path / "markup.json").write_text(
+        '[{"frame": 3, "x": 1.0, "y": 2.0, "kind": "true"},\n {"frame": 900, "x": 40, "y": 40, "kind": "false"}]'
+    )
+    error = refused(markup=str(tmp_path / "markup.json"))
+    assert "outside the region" in str(error) and "after the last frame" in str(error)
+
+
+def test_truncated_video_gives_its_readable_part(simulated: Path, tmp_path: Path, frames: list[np.ndarray]) -> None:
+    whole = write_video(tmp_path / "whole.avi", frames, codec="mjpeg", pixels="yuvj420p")
+    (tmp_path / "cut.avi").write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    record = perform_all(bench(simulated, tmp_path / "store", frames=str(tmp_path / "cut.avi")), "frames")[-1]
+    assert 20 < record.counts["frames"] < 120
+    assert any(str(int(record.counts["frames"]) - 1) in warning for warning in record.warnings), record.warnings
+
+
+def test_catalogue_errors_all_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "catalogue.yaml"
+    path.write_text(
+        "schema: 1\nname: bad\nobjekts: []\nobjects:\n  - id: ../escape\n    captures:\n      - id: front\n"
+        "        frames: a.mp4\n        sphere: []\n        parameters: {labels: {metod: paper}}\n"
+        "      - id: front\n        frames: b.mp4\n        pixel_size: -1\n"
+    )
+    with pytest.raises(CatalogueError) as caught:
+        load_catalogue(path)
+    told = str(caught.value)
+    for part in ("objekts", "../escape", "sphere", "metod", "pixel_size", "front"):
+        assert part in told, part
+    for line in (":3:", ":5:", ":9:", ":10:", ":11:", ":13:"):
+        assert line in told, line
+    assert "spheres" in told and "method" in told and "objects" in told
+
+
+@pytest.mark.parametrize("name", ["../up", "/etc", "a/b", "A", "", "x" * 65, ".hidden"])
+def test_ids_that_try_to_leave_their_folder(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "catalogue.yaml"
+    path.write_text(f'schema: 1\nname: bad\nobjects:\n  - id: "{name}"\n    captures: [{{id: a, frames: a.mp4}}]\n')
+    with pytest.raises(CatalogueError, match="id"):
+        load_catalogue(path)
+
+
+def test_unwritable_store(simulated: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("not a folder")
+    with pytest.raises(StoreError) as caught:
+        perform_all(bench(simulated, tmp_path / "file" / "store"))
+    assert "file" in str(caught.value) and caught.value.remedy
+
+
+def test_full_disk(simulated: Path, tmp_path: Path) -> None:
+    """A store on two megabytes says that it is full, keeps what was acknowledged, and goes on when there is room."""
+    place = tmp_path / "small"
+    place.mkdir()
+    made = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", str(place)], capture_output=True)
+    if made.returncode != 0:
+        pytest.skip("needs the right to mount a small file system")
+    try:
+        with pytest.raises(StoreError, match="space"):
+            perform_all(bench(simulated, place / "store"))
+        subprocess.run(["mount", "-o", "remount,size=200m", str(place)], check=True)
+        records = perform_all(bench(simulated, place / "store"))
+        assert records[0].cached and not records[-1].cached
+    finally:
+        subprocess.run(["umount", "-l", str(place)], check=False)
+
+
+def test_killed_in_the_middle_goes_on(simulated: Path, tmp_path: Path) -> None:
+    """A process that dies without a word after its third stage leaves three stages done."""
+    script = (
+        "import os, sys\nfrom pathlib import Path\nfrom tests.tasks.bench import bench, perform_all\n"
+        f"perform_all(bench(Path({str(simulated)!r}), Path({str(tmp_path / 'store')!r})), 'lights')\n"
+        "os.kill(os.getpid(), 9)\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", script], cwd=Path(__file__).parents[3])
+    assert ended.returncode == -9
+    records = perform_all(bench(simulated, tmp_path / "store"))
+    assert [record.cached for record in records] == [True] * 3 + [False] * 7

@@ -1,0 +1,135 @@
+"""A simulated turntable through all stages to a published, exported model; what keeps views apart is told."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from glint.storage.catalogue.loading import Pose
+from glint.storage.export.export import export
+from glint.storage.locations.location import Location
+from glint.storage.versions.stage_results import WHOLE_OBJECT
+from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.engine.capture_context import Workspace
+from glint.tasks.engine.references import load_catalogue
+from glint.tasks.engine.stage import perform, stage_keys
+from glint.tasks.evaluation.models import evaluate_model
+from glint.tasks.pipeline import STAGES
+from glint.tasks.publish import publish
+from glint.tasks.simulation.simulate import CaptureOptions, simulate
+from glint.tasks.stages.model import model, model_key, perform_model, wants_model
+from glint.tasks.up_to_date import unchanged
+
+VIEWS = 6
+
+
+@pytest.fixture(scope="module")
+def works(tmp_path_factory: pytest.TempPathFactory) -> list[Workspace]:
+    """Six small views of a fish, all stages done."""
+    folder = tmp_path_factory.mktemp("turntable")
+    made = simulate("fish", folder, CaptureOptions(frames=250, scale=0.35, views=VIEWS, ball_radius=20.0, rays=1))
+    catalogue = load_catalogue(made.catalogue)
+    store = str(folder / "store")
+    works = [Workspace.of(catalogue, "fish", name, store, "run") for name in made.captures]
+    for work in works:
+        keys = stage_keys(work, STAGES)
+        for stage in STAGES:
+            perform(work, stage, keys[stage.name])
+    return works
+
+
+@pytest.fixture(scope="module")
+def modelled(works: list[Workspace]) -> list[Workspace]:
+    record = perform_model(works, model_key(works))
+    assert not record.cached and record.counts["views"] == VIEWS
+    publish(works, "run", "catalogue.yaml", model=True)
+    return works
+
+
+def test_the_model_beats_the_hull(modelled: list[Workspace]) -> None:
+    entry = load_catalogue(Path(str(modelled[0].capture.frames)).parents[2] / "catalogue.yaml").object("fish")
+    found = evaluate_model(entry, modelled)
+    assert found is not None and found.views == VIEWS and not found.left_out
+    ours, hull = found.scores["glint"], found.scores["visual hull"]
+    assert ours.watertight and ours.chamfer < 0.7 * hull.chamfer and ours.f_scores[1] > hull.f_scores[1]
+
+
+def test_the_model_is_exported_beside_its_captures(modelled: list[Workspace], tmp_path: Path) -> None:
+    export(Location.parse(modelled[0].store), "fish", tmp_path / "fish")
+    said = json.loads((tmp_path / "fish" / "model.json").read_text())
+    mesh = trimesh.load(tmp_path / "fish" / "model.ply", process=False)
+    assert said["unit"] == "mm" and said["watertight"] and len(said["views"]) == VIEWS
+    assert np.allclose(mesh.bounds, [said["bounding_box"]["low"], said["bounding_box"]["high"]], atol=1e-3)
+    assert said["volume"] == pytest.approx(mesh.volume, rel=1e-3)
+    rotation = np.array(said["views"][1]["camera_to_world"])[:3, :3]
+    assert np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6)
+    assert said["turntable"]["angles"]["view-01"] == pytest.approx(60.0, abs=1.0)
+    scene = trimesh.load(tmp_path / "fish" / "model.glb")
+    assert np.allclose(np.ptp(scene.bounds, axis=0), np.ptp(mesh.bounds, axis=0) / 1000.0, rtol=1e-3)
+    assert (tmp_path / "fish" / "model.png").stat().st_size > 1000
+
+
+def test_a_model_that_is_there_is_not_made_again(modelled: list[Workspace]) -> None:
+    assert perform_model(modelled, model_key(modelled)).cached
+    found = unchanged(modelled)
+    assert found is not None and found[0].stages[WHOLE_OBJECT]
+
+
+def test_another_pose_makes_another_model(modelled: list[Workspace]) -> None:
+    moved = replace(modelled[2], capture=modelled[2].capture.model_copy(update={"pose": Pose(turntable=121.0)}))
+    assert model_key([*modelled[:2], moved, *modelled[3:]]) != model_key(modelled)
+
+
+def without_pose(work: Workspace) -> Workspace:
+    return replace(work, capture=work.capture.model_copy(update={"pose": None}))
+
+
+def once(works: list[Workspace]) -> list[Workspace]:
+    """Merged without a second labelling."""
+    parameters = works[0].parameters
+    short = parameters.model_copy(update={"model": parameters.model.model_copy(update={"passes": 1})})
+    return [replace(work, parameters=short) for work in works]
+
+
+def test_captures_without_poses_want_no_model(works: list[Workspace]) -> None:
+    free = [without_pose(work) for work in works]
+    assert wants_model(works) and not wants_model(free) and not wants_model(works[:1])
+
+
+def test_one_pose_among_several_captures_is_too_few(works: list[Workspace]) -> None:
+    one = [works[0], *(without_pose(work) for work in works[1:])]
+    assert wants_model(one)
+    with pytest.raises(UnusableCapture, match="1 view with a pose"):
+        perform_model(one, "key")
+
+
+def test_a_capture_without_pose_is_found_and_one_without_labels_named(works: list[Workspace]) -> None:
+    failed = replace(works[1], capture=works[1].capture.model_copy(update={"id": "view-09"}))
+    some = [without_pose(works[0]), *works[1:]]
+    assert model_key(some) != model_key(works)
+    outcome = model(once([*some, failed]), lambda done, of: None)
+    assert outcome.warnings == [
+        "view-09 is not part of the model: it has no labels; see what is wrong with that capture"
+    ]
+    known = {each["capture"]: each["pose"] for each in outcome.record["views"]}
+    assert known == {work.capture.id: "found" if work is some[0] else "solved" for work in some}
+    assert np.cos(np.radians(outcome.record["turntable"]["angles"]["view-00"])) > np.cos(np.radians(3.0))
+
+
+def test_a_view_left_out_is_warned_of(works: list[Workspace]) -> None:
+    wrong = replace(works[3], capture=works[3].capture.model_copy(update={"pose": Pose(turntable=215.0)}))
+    outcome = model(once([*works[:3], wrong, *works[4:]]), lambda done, of: None)
+    assert [each["name"] for each in outcome.record["left_out"]] == ["view-03"]
+    (warning,) = outcome.warnings
+    assert warning.startswith("view-03 is not part of the model: its outline contradicts the others'")
+    assert warning.endswith("check its pose and its mask")
+
+
+def test_two_kinds_of_poses_are_refused(works: list[Workspace]) -> None:
+    matrix = Pose.model_validate({"camera_to_world": np.eye(4).tolist()})
+    other = replace(works[1], capture=works[1].capture.model_copy(update={"pose": matrix}))
+    with pytest.raises(UnusableCapture, match=r"view-00.*turntable.*view-01.*matrix"):
+        perform_model([works[0], other], "key")

@@ -1,0 +1,60 @@
+"""A capture by a near camera, from the simulator to depth: with its matrix as good as any other, without it told."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glint.storage.catalogue.loading import load
+from glint.tasks.engine.stage import Record
+from glint.tasks.evaluation.captures import Evaluation, evaluate
+from glint.tasks.pipeline import STAGES
+from glint.tasks.simulation.simulate import CaptureOptions, simulate
+from tests.tasks.make_context import bench, perform_all
+
+NAMES = tuple(stage.name for stage in STAGES)
+
+
+@pytest.fixture(scope="module")
+def near(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    options = CaptureOptions(frames=500, scale=0.4, seed=3, focal=0.9)
+    return simulate("hemisphere", tmp_path_factory.mktemp("near"), options).catalogue
+
+
+def judged(catalogue: Path, store: Path, **changed: object) -> tuple[Evaluation, list[Record]]:
+    work = bench(catalogue, store, **changed)
+    records = perform_all(work)
+    found = evaluate(work, NAMES)
+    assert found is not None
+    return found, records
+
+
+def test_a_near_camera_needs_its_matrix_and_is_told_without(near: Path, tmp_path: Path) -> None:
+    given, records = judged(near, tmp_path / "store")
+    without, told = judged(near, tmp_path / "without", camera=None)
+    assert given.method("glint").whole.mean < 2.5 < 5.0 < without.method("glint").whole.mean
+    assert given.depth is not None and without.depth is not None
+    assert given.depth.relative < 0.02 < 2 * given.depth.relative < without.depth.relative
+    assert given.trusted[1] > 0.95
+    assert not any("ellipse" in warning for record in records for warning in record.warnings)
+    assert any("camera: {matrix" in warning for record in told for warning in record.warnings)
+
+
+def test_the_truth_is_seen_through_the_camera(near: Path) -> None:
+    """On the rim the true normal is perpendicular to the pixel's ray; the object fills its region; marks glint."""
+    from scipy import ndimage
+
+    from glint.tasks.algorithms.geometry.perspective import views
+
+    capture = load(near).objects[0].captures[0]
+    assert capture.camera is not None and capture.region is not None and capture.truth is not None
+    normals = np.load(Path(str(capture.truth)) / "normals.npy")
+    mask = np.isfinite(normals[..., 0])
+    rim = mask & ~ndimage.binary_erosion(mask)
+    view = views(np.array(capture.camera.matrix), mask.shape, capture.region.x, capture.region.y)
+    towards = (normals * view).sum(axis=-1)
+    assert (towards[mask] >= -1e-6).all() and np.median(towards[rim]) < 0.2
+    assert np.degrees(np.arcsin(np.abs(normals[rim][:, 2]))).max() > 12
+    width = np.ptp(np.nonzero(mask.any(axis=0))[0])
+    height = np.ptp(np.nonzero(mask.any(axis=1))[0])
+    assert max(width / capture.region.width, height / capture.region.height) > 0.7

@@ -1,0 +1,116 @@
+"""Two versions beside each other: angles, depths, what changed, and when a surface counts as moved."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from glint.storage.errors import StoreError
+from glint.storage.locations.location import Location
+from glint.storage.versions.repository import ObjectRepository
+from glint.tasks.version_diff import angles_between, captures_of_both, compare, drifts
+
+STAGES = ("survey", "labels", "depth")
+REGION = {"x": 10, "y": 20, "width": 8, "height": 6}
+
+
+def tilted(degrees: float, share: float = 1.0) -> np.ndarray:
+    """Normals (6, 8, 3) towards the camera, a share of the columns turned about y; none in the first row."""
+    normals = np.zeros((6, 8, 3), np.float32)
+    normals[..., 2] = 1.0
+    turned = np.arange(8) < round(8 * share)
+    normals[:, turned] = np.sin(np.radians(degrees)), 0.0, np.cos(np.radians(degrees))
+    normals[0] = np.nan
+    return normals
+
+
+def publish(
+    repository: ObjectRepository,
+    normals: np.ndarray,
+    depth: np.ndarray,
+    region: dict[str, int] = REGION,
+    strength: float = 1.0,
+    capture: str = "front",
+) -> str:
+    """A version of one capture."""
+    about: dict[str, Any] = {"counts": {}, "warnings": [], "versions": {"glint": "1", "numpy": "2"}}
+    survey = {**about, "region": region, "parameters": {}, "inputs": {"frames": f"digest of {region['x']}"}}
+    key = f"{hash(normals.tobytes())}{depth[-1, -1]}{region}{strength}"
+    repository.save(capture, "survey", f"{region}", {}, survey)
+    labels = {**about, "parameters": {"strength": strength}}
+    flat = {"provenance": np.zeros((6, 8), np.uint8), "confidence": np.zeros((6, 8), np.float32)}
+    arrays = {"labels": np.zeros((2, 6, 8), np.uint8), "normals": normals, **flat}
+    repository.save(capture, "labels", key, arrays, labels)
+    repository.save(capture, "depth", key, {"depth": depth}, {**about, "unit": "mm", "parameters": {}})
+    return repository.publish([capture], {}, STAGES).name
+
+
+@pytest.fixture
+def repository(tmp_path: Path) -> ObjectRepository:
+    return ObjectRepository.open(Location.parse(tmp_path), "glass")
+
+
+def depth(offset: float = 0.0) -> np.ndarray:
+    values = np.add.outer(np.arange(6.0), np.arange(8.0)).astype(np.float32) + np.float32(offset)
+    values[0] = np.nan
+    return values
+
+
+def test_angles_between_are_exact_where_they_are_small() -> None:
+    first = np.array([[0.0, 0.0, 1.0]])
+    for degrees in (0.0, 1e-3, 1.0, 90.0, 180.0):
+        second = np.array([[np.sin(np.radians(degrees)), 0.0, np.cos(np.radians(degrees))]])
+        assert angles_between(first, second)[0] == pytest.approx(degrees, rel=1e-5)
+    assert np.isnan(angles_between(first, np.full((1, 3), np.nan)))[0]
+
+
+def test_what_moved_and_what_changed(repository: ObjectRepository) -> None:
+    publish(repository, tilted(0.0), depth())
+    publish(repository, tilted(7.0, 0.5), depth(3.0), strength=2.0)
+    found = compare(repository, "front", "v1", "v2")
+    assert found.figures["pixels"] == 40 and found.unit == "mm"
+    assert found.figures["mean angle"] == pytest.approx(3.5, abs=1e-3)
+    assert found.figures["largest angle"] == pytest.approx(7.0, abs=1e-3)
+    assert found.figures["moved beyond 5°"] == 0.5
+    assert found.figures["depth, root mean square"] == 0.0, "a common offset of depth means nothing"
+    assert found.changes == (("labels", "strength", 1.0, 2.0),)
+
+
+def test_regions_that_differ_are_laid_over_each_other(repository: ObjectRepository) -> None:
+    publish(repository, tilted(0.0), depth())
+    publish(repository, tilted(0.0), depth(), region=REGION | {"x": 12, "y": 21})
+    found = compare(repository, "front", "v1", "v2")
+    assert found.angles.shape == (7, 10) and found.figures["pixels"] == 4 * 6
+    assert np.isfinite(found.angles[2:6, 2:8]).all()
+    assert ("survey", "input frames", "digest of 10", "digest of 12") in found.changes
+
+
+def test_versions_without_a_common_pixel_have_no_figures(repository: ObjectRepository) -> None:
+    publish(repository, tilted(0.0), depth())
+    publish(repository, tilted(0.0), depth(), region=REGION | {"x": 200})
+    figures = compare(repository, "front", "v1", "v2").figures
+    assert figures.pop("pixels") == 0 and set(figures.values()) == {None}
+    assert [each.degrees for each in drifts(repository, "v1", "v2", 90.0)] == [180.0]
+
+
+def test_a_surface_has_moved_when_a_twentieth_of_it_has(repository: ObjectRepository) -> None:
+    publish(repository, tilted(0.0), depth())
+    publish(repository, tilted(6.0, 1 / 8), depth())
+    (moved,) = drifts(repository, "v1", "v2", 5.0)
+    assert moved.degrees == pytest.approx(6.0, abs=1e-3) and (moved.before, moved.after) == ("v1", "v2")
+    assert "glass/front" in str(moved) and "6.0 degrees" in str(moved)
+    assert drifts(repository, "v1", "v2", 6.5) == []
+    normals = tilted(0.0)
+    normals[1, 0] = 1.0, 0.0, 0.0
+    publish(repository, normals, depth())
+    assert drifts(repository, "v1", "v3", 1.0) == [], "one pixel of 40 is no drift"
+
+
+def test_captures_that_only_one_version_has(repository: ObjectRepository) -> None:
+    publish(repository, tilted(0.0), depth())
+    publish(repository, tilted(0.0), depth(), capture="back")
+    assert captures_of_both(repository, "v1", "v2") == (["front"], [], ["back"])
+    assert drifts(repository, "v1", "v2", 0.0) == []
+    with pytest.raises(StoreError, match="no version 'v7'"):
+        captures_of_both(repository, "v1", "v7")
