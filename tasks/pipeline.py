@@ -1,17 +1,11 @@
-"""The stages of a capture, in the order in which they run (METHOD 1-7)."""
+"""The stages of a capture, in the order in which they run: the one declaration of the pipeline."""
 
-import numpy as np
+from collections.abc import Callable, Mapping, Sequence
 
-from glint.tasks.algorithms.candidates.clusters import cluster_pixels, light_shares
-from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
-from glint.tasks.algorithms.integration.bilateral import integrate
-from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
-from glint.tasks.algorithms.lighting.lights import find_lights
-from glint.tasks.algorithms.lighting.spheres import Sphere
-from glint.tasks.algorithms.meshing.depth_mesh import surface as mesh_of
-from glint.tasks.algorithms.meshing.shading import draw_surface
-from glint.tasks.engine.stage import Stage
-from glint.tasks.stages.clusters import clusters
+from glint.storage.versions.array_schema import ArraySchema
+from glint.tasks.engine import parameters
+from glint.tasks.engine.stage import CaptureSize, Stage
+from glint.tasks.stages.clusters import TILE_BYTES, clusters
 from glint.tasks.stages.depth import depth
 from glint.tasks.stages.frames import frames
 from glint.tasks.stages.labels import labels
@@ -21,39 +15,147 @@ from glint.tasks.stages.mask import mask
 from glint.tasks.stages.silhouette import silhouette
 from glint.tasks.stages.surface import surface
 from glint.tasks.stages.survey import survey
+from glint.tasks.stages.thresholds import thresholds
+
+SHARDS_HELD = 5
+"""Shards of 64 frames that are held while frames are decoded, compressed and written."""
+TILES_HELD = 3
+"""Times the bytes of a tile's frames that clustering a tile takes."""
+
+
+def _per_pixel(peak_bytes: int) -> Callable[[CaptureSize], int]:
+    return lambda size: peak_bytes * size.region_pixels
+
+
+def _frames_bytes(size: CaptureSize) -> int:
+    return (SHARDS_HELD * 64 * size.region_pixels + 8 * size.frame_pixels) * size.pixel_bytes
+
 
 STAGES = (
-    Stage("survey", survey, facts=("spheres", "region", "pixel_size", "camera"), inputs=("frames", "mask", "lights")),
-    Stage("frames", frames, needs=("survey",), version=3),
-    Stage("lights", lights, needs=("frames",), inputs=("lights",), version=2),
-    Stage("mask", mask, needs=("frames",), inputs=("mask",)),
-    Stage("clusters", clusters, needs=("lights", "mask"), facts=("camera",), version=2),
-    Stage("markup", markup, needs=("clusters",), inputs=("markup",)),
-    Stage("silhouette", silhouette, needs=("mask", "markup")),
-    Stage("labels", labels, needs=("clusters", "silhouette", "markup"), version=5),
-    Stage("depth", depth, needs=("labels", "mask"), facts=("camera", "pixel_size")),
-    Stage("surface", surface, needs=("depth", "labels", "lights")),
+    Stage(
+        "survey",
+        survey,
+        parameters.SurveyParameters,
+        catalogue_keys=("spheres", "region", "pixel_size", "camera"),
+        files=("frames", "mask", "lights"),
+        progress_unit="frames",
+    ),
+    Stage(
+        "frames",
+        frames,
+        parameters.FramesParameters,
+        reads=("survey",),
+        files=("frames",),
+        arrays={"background": ArraySchema("HW", "u"), "peak": ArraySchema("HW", "u")},
+        peak_bytes=_frames_bytes,
+        progress_unit="frames",
+        version=4,
+    ),
+    Stage(
+        "lights",
+        lights,
+        parameters.LightsParameters,
+        reads=("survey", "frames"),
+        files=("lights",),
+        arrays={
+            "half_vectors": ArraySchema("T3", "f", "accepted"),
+            "lights": ArraySchema("T3", "f", "accepted"),
+            "reason": ArraySchema("T", "u"),
+        },
+        peak_bytes=_per_pixel(400),
+        progress_unit="spheres",
+        version=2,
+    ),
+    Stage(
+        "mask",
+        mask,
+        parameters.MaskParameters,
+        reads=("survey", "frames"),
+        files=("mask",),
+        arrays={"mask": ArraySchema("HW", "b")},
+    ),
+    Stage(
+        "thresholds",
+        thresholds,
+        parameters.ThresholdsParameters,
+        reads=("frames", "mask"),
+        arrays={"thresholds": ArraySchema("HW", "u")},
+    ),
+    Stage(
+        "markup",
+        markup,
+        parameters.MarkupParameters,
+        reads=("survey", "frames", "lights", "mask", "thresholds"),
+        files=("markup",),
+        arrays={
+            "pixels": ArraySchema("N2", "i"),
+            "half_vectors": ArraySchema("N3", "f", "all"),
+            "kind": ArraySchema("N", "i"),
+        },
+    ),
+    Stage(
+        "silhouette",
+        silhouette,
+        parameters.SilhouetteParameters,
+        reads=("survey", "mask", "markup"),
+        arrays={"rim": ArraySchema("HW", "b"), "initial": ArraySchema("HW3", "f", "mask")},
+        peak_bytes=_per_pixel(350),
+    ),
+    Stage(
+        "clusters",
+        clusters,
+        parameters.ClustersParameters,
+        reads=("survey", "frames", "lights", "mask", "thresholds"),
+        arrays={
+            "normals": ArraySchema("KHW3", "f"),
+            "weight": ArraySchema("KHW", "f"),
+            "spread": ArraySchema("KHW", "f"),
+            "count": ArraySchema("KHW", "i"),
+            "observations": ArraySchema("HW", "i"),
+            "winner": ArraySchema("HW3", "f", required=False),
+        },
+        peak_bytes=lambda size: TILES_HELD * TILE_BYTES,
+        progress_unit="tiles",
+        parallel_tiles=True,
+        version=2,
+    ),
+    Stage(
+        "labels",
+        labels,
+        parameters.LabelsParameters,
+        reads=("survey", "mask", "markup", "silhouette", "clusters"),
+        arrays={
+            "labels": ArraySchema("KHW", "u"),
+            "normals": ArraySchema("HW3", "f", "mask"),
+            "provenance": ArraySchema("HW", "u"),
+            "confidence": ArraySchema("HW", "f", "mask"),
+        },
+        peak_bytes=_per_pixel(900),
+        version=5,
+    ),
+    Stage(
+        "depth",
+        depth,
+        parameters.DepthParameters,
+        reads=("survey", "mask", "labels"),
+        arrays={"depth": ArraySchema("HW", "f", "mask")},
+        peak_bytes=_per_pixel(250),
+    ),
+    Stage(
+        "surface",
+        surface,
+        parameters.SurfaceParameters,
+        reads=("survey", "lights", "mask", "labels", "depth"),
+        peak_bytes=_per_pixel(450),
+    ),
 )
 """Survey comes first because everything is cropped by it; the object is published after its last capture."""
 BY_NAME = {stage.name: stage for stage in STAGES}
+NAMES = tuple(BY_NAME)
+SCHEMAS: Mapping[str, Mapping[str, ArraySchema]] = {stage.name: stage.arrays for stage in STAGES}
+"""Arrays that a version must hold, by stage."""
 
 
-def warm_up() -> None:
-    """Load the compiled kernels and the libraries of all stages by a capture of a few pixels.
-
-    A worker does it while it waits for its first task.
-    """
-    generator = np.random.default_rng(0)
-    half_vectors = half_vectors_of(unit(np.array([0, 0, 1]) + generator.normal(0, 0.4, (40, 3)))).astype(np.float32)
-    rows, columns = np.mgrid[-12:13, -12:13] / 11.0
-    mask = np.hypot(rows, columns) < 1.0
-    flat = np.clip(np.stack([columns, -rows], axis=-1), -0.7, 0.7)
-    normals = np.concatenate([flat, np.sqrt(1.0 - (flat**2).sum(axis=-1, keepdims=True))], axis=-1)
-    lit = np.linalg.norm(normals[None] - half_vectors[:, None, None], axis=-1) < 0.3
-    frames = np.where(lit & mask, 250, 20).astype(np.uint8)
-    find_lights(frames, Sphere(12.0, 12.0, 11.0))
-    bars = np.full(mask.shape, 200, np.uint8)
-    clusters = cluster_pixels(frames, bars, half_vectors, light_shares(half_vectors))
-    found = reconstruct_normals(clusters, mask)
-    depth = integrate(found.normals, mask, confidence=found.confidence).depth
-    draw_surface(mesh_of(depth, mask, found.normals, steepest=1e3), size=16)
+def stages_until(last: str) -> Sequence[Stage]:
+    """Return the stages up to the named one."""
+    return STAGES[: NAMES.index(last) + 1]

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from glint.flows.results import RunResult
     from glint.storage.locations.location import Location
 
-WARMED = ("glint.tasks.pipeline",)
+WARMED = ("glint.tasks.pipeline", "glint.tasks.warm_up")
 """Modules that every worker imports before its first task."""
 
 

@@ -4,7 +4,7 @@ import io
 import os
 import posixpath
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -84,8 +84,15 @@ def load(path: Address, parameters_model: type[BaseModel] | None = None) -> Cata
     return catalogue
 
 
-def parameters_for(catalogue: Catalogue, object_id: str, capture_id: str) -> dict[str, Any]:
-    """Overrides of step parameters of a capture: the catalogue's, overridden by the object's, by the capture's.
+def parameters_for(
+    catalogue: Catalogue,
+    object_id: str,
+    capture_id: str,
+    with_current_names: Callable[[Mapping[str, Any]], Mapping[str, Any]] = dict,
+) -> dict[str, Any]:
+    """Return the overrides of a capture's parameters: the catalogue's, overridden by the object's, by the capture's.
+
+    with_current_names: applied to those of each level before they are merged.
 
     Raises:
         KeyError: no such object or capture.
@@ -93,7 +100,7 @@ def parameters_for(catalogue: Catalogue, object_id: str, capture_id: str) -> dic
     each = catalogue.object(object_id)
     merged: dict[str, Any] = {}
     for level in (catalogue.parameters, each.parameters, each.capture(capture_id).parameters):
-        merged = _merge(merged, level)
+        merged = _merge(merged, with_current_names(level))
     return merged
 
 

@@ -92,6 +92,10 @@ class ImageSet:
                 waiting.extend(pool.submit(self._checked, file) for file in islice(chosen, 1))
                 yield frame
 
+    def spread(self, count: int) -> list[np.ndarray]:
+        """Return about `count` images spread over the set, luma (H, W), the first one first."""
+        return list(self.frames(step=max(1, self.count // count)))
+
     def _checked(self, file: Location) -> np.ndarray:
         frame = self._read(file)
         if frame.shape != (self.height, self.width):

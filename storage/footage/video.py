@@ -16,6 +16,10 @@ from glint.storage.locations.location import Location
 _TURNS = {90: cv2.ROTATE_90_COUNTERCLOCKWISE, -90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, -180: cv2.ROTATE_180}
 _HELD = 64
 """Damaged frames in a row that may turn out to be the end of a truncated file."""
+MIN_KEYFRAMES = 8
+"""Keyframes from which on they stand for the whole video."""
+UNKNOWN_LENGTH_STEP = 64
+"""Frames from one that is taken to the next in a video that does not say how many it has."""
 
 
 class Video:
@@ -67,6 +71,35 @@ class Video:
                 of = f" of {self.count}" if self.count else ""
                 warnings.append(f"the video ends early: frames 0 to {done - 1}{of} can be read")
         self.warnings = warnings
+
+    def spread(self, count: int) -> list[np.ndarray]:
+        """Return about `count` frames spread over the video, luma (H, W), the first one first.
+
+        Keyframes are taken where there are enough of them, since they alone are decoded without those before them.
+        """
+        frames = self._keyframes(count)
+        if len(frames) >= min(count, MIN_KEYFRAMES):
+            return frames
+        return list(self.frames(step=max(1, self.count // count) if self.count else UNKNOWN_LENGTH_STEP))
+
+    def _keyframes(self, count: int) -> list[np.ndarray]:
+        """Return the distinct keyframes at or before `count` moments spread evenly over the video."""
+        frames: dict[int, np.ndarray] = {}
+        with self._open() as container:
+            stream = container.streams.video[0]
+            duration = int(_seconds(container) / stream.time_base) if stream.time_base else 0
+            try:
+                for number in range(count if duration else 0):
+                    container.seek((stream.start_time or 0) + duration * number // count, stream=stream)
+                    frame = next(self._decoded(container), None)
+                    if frame is None or frame.pts is None or frame.is_corrupt:
+                        return []
+                    if frame.pts not in frames:
+                        frames[frame.pts] = Luma(frame).of(frame)
+            except av.FFmpegError:
+                return []
+        same = [frame for frame in frames.values() if frame.shape == (self.height, self.width)]
+        return same if len(same) == len(frames) else []
 
     def _sound(self, container: Any, warnings: list[str]) -> Iterator[av.VideoFrame]:
         """Frames in order; damaged ones are given out with a warning unless nothing sound follows them."""

@@ -1,8 +1,9 @@
-"""Parameters of the steps: every default that matters, with its range; a catalogue overrides them by stage and name."""
+"""Parameters of the stages: every default that matters, with its range; a catalogue overrides them by stage and name."""
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Share = Annotated[float, Field(ge=0, le=1)]
 Degrees = Annotated[float, Field(gt=0, le=90)]
@@ -10,65 +11,86 @@ NonNegative = Annotated[float, Field(ge=0)]
 Positive = Annotated[float, Field(gt=0)]
 Count = Annotated[int, Field(ge=1)]
 
+FORMER_NAMES = {
+    ("lights", "seed"): ("lights", "peak_level"),
+    ("lights", "low"): ("lights", "edge_level"),
+    ("lights", "high"): ("lights", "full_level"),
+    ("lights", "second"): ("lights", "second_light_ratio"),
+    ("lights", "odd"): ("lights", "area_ratio"),
+    ("clusters", "share"): ("thresholds", "threshold"),
+    ("clusters", "apart"): ("clusters", "separation"),
+    ("clusters", "within"): ("clusters", "dwell"),
+    ("depth", "confident"): ("depth", "use_confidence"),
+    ("surface", "cut"): ("surface", "max_step"),
+    ("surface", "steepest"): ("surface", "max_slope"),
+}
+"""Stage and name under which catalogues may still give a parameter, and its present stage and name."""
 
-class _Stage(BaseModel):
+
+class StageParameters(BaseModel):
+    """Parameters of one stage."""
+
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-class Survey(_Stage):
-    """sample: frames looked at where sphere or region must be found; margin: pixels around the mask."""
+class SurveyParameters(StageParameters):
+    """sample: frames read where the spheres or the region must be found; margin: pixels around the mask."""
 
     sample: Annotated[int, Field(ge=3, le=5000)] = 600
     margin: Annotated[int, Field(ge=2, le=500)] = 8
 
 
-class Frames(_Stage):
+class FramesParameters(StageParameters):
     """Frames are stored as they are."""
 
 
-class Lights(_Stage):
-    """seed, low, high: levels of a highlight on the sphere between its static level (0) and white (1); second: area
-    of a second light relative to the first; odd: ratio of areas that is ambiguous; tolerance: degrees between spheres;
-    distance: of a near lamp in mm (two spheres measure it themselves).
-    """
+class LightsParameters(StageParameters):
+    """peak_level, edge_level, full_level: levels of a highlight on the sphere between its background level (0) and
+    saturation (1): of its brightest pixel, of its edge, and from which a pixel counts in full; second_light_ratio: area
+    of a second light relative to the first; area_ratio: ratio of two highlights' areas from which they are no pair;
+    tolerance: degrees between spheres; distance: of a near light in mm (two spheres measure it themselves)."""
 
-    seed: Share = 0.6
-    low: Share = 0.25
-    high: Share = 0.75
-    second: Positive = 0.5
-    odd: Annotated[float, Field(gt=1)] = 3.0
+    peak_level: Share = 0.6
+    edge_level: Share = 0.25
+    full_level: Share = 0.75
+    second_light_ratio: Positive = 0.5
+    area_ratio: Annotated[float, Field(gt=1)] = 3.0
     tolerance: Degrees = 5.0
     distance: Positive | None = None
 
 
-class Mask(_Stage):
+class MaskParameters(StageParameters):
     """A given mask is taken as it is; an estimated one has no parameters."""
 
 
-class Clusters(_Stage):
-    """clusters: kept per pixel; radius: of a lamp's disc in half vectors, degrees; apart: least distance of two
-    clusters in radii; share: how far a highlight rises from the pixel's static level to white; within: degrees over
-    which lingering lights share one vote."""
+class ThresholdsParameters(StageParameters):
+    """threshold: share of the way from a pixel's background level to saturation from which the pixel is lit."""
+
+    threshold: Share = 0.85
+
+
+class ClustersParameters(StageParameters):
+    """clusters: kept per pixel; radius: of a light's disc in half vectors, degrees; separation: least distance of two
+    clusters in radii; dwell: degrees within which a lingering light's frames share one vote."""
 
     clusters: Annotated[int, Field(ge=2, le=6)] = 3
     radius: Degrees = 2.2
-    apart: Positive = 1.6
-    share: Share = 0.85
-    within: Degrees = 1.0
+    separation: Positive = 1.6
+    dwell: Degrees = 1.0
 
 
-class Markup(_Stage):
+class MarkupParameters(StageParameters):
     """Marks are tracked from keyframe to keyframe."""
 
 
-class Silhouette(_Stage):
-    """rim_weight: pull of a rim pixel on the smooth field; tension_length: in inradii, see `field`."""
+class SilhouetteParameters(StageParameters):
+    """rim_weight: weight of the occluding contour in the smooth normal field; tension_length: in inradii."""
 
     rim_weight: Positive = 1.0
     tension_length: Positive = 0.12
 
 
-class Labels(_Stage):
+class LabelsParameters(StageParameters):
     """method: `sheets`, the literal `paper`, or `winner` takes all (for opaque shiny objects); edges, weight: of the
     paper's graph; the others belong to `sheets`."""
 
@@ -82,41 +104,60 @@ class Labels(_Stage):
     shape_weight: NonNegative = 1.0
 
 
-class Depth(_Stage):
-    """method, sharpness: see `integration`; confident: whether confidence weighs the normals."""
+class DepthParameters(StageParameters):
+    """method, sharpness, rounds: of the integration; use_confidence: whether confidence weighs the normals."""
 
     method: Literal["bilateral", "least-squares"] = "bilateral"
     sharpness: Positive = 5.25
     rounds: Count = 9
-    confident: bool = True
+    use_confidence: bool = True
 
 
-class Surface(_Stage):
-    """cut, steepest: where the mesh is torn, see `surface`."""
+class SurfaceParameters(StageParameters):
+    """max_step, max_slope: in pixels, beyond which the mesh is torn between two pixels."""
 
-    cut: Positive = 1.0
-    steepest: Positive = 12.0
+    max_step: Positive = 1.0
+    max_slope: Positive = 12.0
 
 
-class Model(_Stage):
-    """passes: times that the views are merged, each labelled by the model of the one before. Given for the catalogue
-    or an object; a capture's own is not heeded. most_triangles: the model is reduced to so many."""
+class ModelParameters(StageParameters):
+    """passes: times that the views are merged, each labelled by the model of the pass before. Given for the catalogue
+    or an object; a capture's own is ignored. most_triangles: the model is reduced to so many."""
 
     passes: Annotated[int, Field(ge=1, le=5)] = 2
     most_triangles: Annotated[int, Field(ge=100)] | None = None
 
 
-class Parameters(_Stage):
+class Parameters(StageParameters):
     """Parameters of all stages, by stage."""
 
-    survey: Survey = Survey()
-    frames: Frames = Frames()
-    lights: Lights = Lights()
-    mask: Mask = Mask()
-    clusters: Clusters = Clusters()
-    markup: Markup = Markup()
-    silhouette: Silhouette = Silhouette()
-    labels: Labels = Labels()
-    depth: Depth = Depth()
-    surface: Surface = Surface()
-    model: Model = Model()
+    survey: SurveyParameters = SurveyParameters()
+    frames: FramesParameters = FramesParameters()
+    lights: LightsParameters = LightsParameters()
+    mask: MaskParameters = MaskParameters()
+    thresholds: ThresholdsParameters = ThresholdsParameters()
+    markup: MarkupParameters = MarkupParameters()
+    silhouette: SilhouetteParameters = SilhouetteParameters()
+    clusters: ClustersParameters = ClustersParameters()
+    labels: LabelsParameters = LabelsParameters()
+    depth: DepthParameters = DepthParameters()
+    surface: SurfaceParameters = SurfaceParameters()
+    model: ModelParameters = ModelParameters()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_current_names(cls, values: Any) -> Any:
+        return with_current_names(values) if isinstance(values, Mapping) else values
+
+
+def with_current_names(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a catalogue's parameters, by stage, with former names replaced; a present name beside it wins."""
+    renamed = {stage: dict(values) if isinstance(values, Mapping) else values for stage, values in parameters.items()}
+    for (old_stage, old), (stage, name) in FORMER_NAMES.items():
+        values = renamed.get(old_stage)
+        if isinstance(values, dict) and old in values and isinstance(renamed.get(stage, {}), dict):
+            value = values.pop(old)
+            renamed.setdefault(stage, {}).setdefault(name, value)
+            if not values:
+                del renamed[old_stage]
+    return renamed

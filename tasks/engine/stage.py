@@ -1,8 +1,8 @@
-"""Stages of a capture: what each needs, the key of its result, and performing it once.
+"""Stages of a capture: what a stage declares, the key of its result, and computing it once.
 
-A stage's key is the digest of everything its result follows from: its version, its parameters, what the catalogue says,
-the content of the inputs it reads and the keys of the stages before it. A result that is stored under that very key is
-not computed again.
+A stage's key is the digest of everything that its result follows from: its version, its parameters, the catalogue keys
+and the content of the files that it declares, and the keys of the stages whose results it reads. A result that is
+stored under that very key is not computed again.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -12,48 +12,83 @@ from time import perf_counter
 from typing import Any, Protocol
 
 import numpy as np
+from pydantic import BaseModel
 
-from glint.storage.blobs.store import BlobReference, exists
 from glint.storage.inputs.digests import digest_of
-from glint.tasks.engine.capture_context import Workspace, facts_of
+from glint.storage.versions.array_schema import ArraySchema
+from glint.storage.versions.stage_results import StoredFile
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.engine.stage_inputs import StageInputs
 
 Progress = Callable[[int, int | None], None]
-"""Told how much is done, and of how much (None: not known)."""
+"""Called with the parts that are done and their total (None: unknown)."""
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What a step computed: arrays and blobs to store; `record` of JSON values; `counts` and `warnings` go into it."""
+class StageOutput:
+    """What a stage computed.
+
+    arrays and files: to be stored; record: JSON values; counts: figures for people; warnings: sentences, each with what
+    to do.
+    """
 
     arrays: Mapping[str, Any] = field(default_factory=dict)
     record: Mapping[str, Any] = field(default_factory=dict)
-    blobs: Mapping[str, BlobReference] = field(default_factory=dict)
+    files: Mapping[str, StoredFile] = field(default_factory=dict)
     counts: Mapping[str, float] = field(default_factory=dict)
     warnings: Sequence[str] = ()
 
 
-class Step(Protocol):
-    """A stage's function: loads what it needs, computes, and returns what is to be saved."""
+class StageFunction(Protocol):
+    """A stage's function: loads what the stage declares, computes, and returns what is to be saved."""
 
-    def __call__(self, work: Workspace, progress: Progress) -> Outcome:
+    def __call__(self, inputs: StageInputs, progress: Progress) -> StageOutput:
         """Compute the stage's result."""
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureSize:
+    """What decides the memory of a stage: pixels of the region and of the whole frame, and bytes of a pixel."""
+
+    region_pixels: int
+    frame_pixels: int
+    pixel_bytes: int
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A stage: its step, the stages it needs, the capture's keys and inputs it reads; a new `version` redoes it."""
+    """The declaration of a stage; everything else that is known of a stage is derived from it.
+
+    name: of the stage, of its group in the store and of its parameters in the catalogue
+    run: its function, given only what is declared
+    parameters: the model of its parameters
+    reads: stages whose results it loads
+    catalogue_keys: keys of the capture in the catalogue that it reads
+    files: keys of the capture that name files whose content it reads
+    arrays: the arrays that its result must have
+    peak_bytes: memory at its peak beyond the loaded libraries, by the size of the capture; measured by
+        `python -m tests.benchmarks.stage_memory`, rounded up
+    progress_unit: what its progress counts
+    parallel_tiles: whether several workers can share its work
+    version: a new one computes the stage again everywhere
+    """
 
     name: str
-    step: Step
-    needs: tuple[str, ...] = ()
-    facts: tuple[str, ...] = ()
-    inputs: tuple[str, ...] = ()
+    run: StageFunction
+    parameters: type[BaseModel]
+    reads: tuple[str, ...] = ()
+    catalogue_keys: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
+    arrays: Mapping[str, ArraySchema] = field(default_factory=dict)
+    peak_bytes: Callable[[CaptureSize], int] = lambda size: 0
+    progress_unit: str = "parts"
+    parallel_tiles: bool = False
     version: int = 1
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
-    """What performing a stage says: whether it was there already (`cached`), its seconds, counts and warnings."""
+class StageRecord:
+    """How a stage ended: `cached` if its result was stored already, its seconds, counts and warnings."""
 
     stage: str
     key: str
@@ -63,77 +98,90 @@ class Record:
     warnings: tuple[str, ...]
 
 
-def stage_keys(work: Workspace, stages: Sequence[Stage]) -> dict[str, str]:
-    """Key of every stage, in the order in which they run."""
+def stage_keys(context: CaptureContext, stages: Sequence[Stage]) -> dict[str, str]:
+    """Return the key of every stage, in the order in which they run."""
     keys: dict[str, str] = {}
     for stage in stages:
         keys[stage.name] = digest_of(
             {
                 "stage": stage.name,
                 "version": stage.version,
-                "parameters": _parameters(work, stage.name),
-                "facts": facts_of(work.capture, stage.facts),
-                "inputs": [work.digest(name) for name in stage.inputs],
-                "needs": [keys[name] for name in stage.needs],
+                "parameters": _parameters(context, stage.name),
+                "catalogue": context.entry_digest(stage.catalogue_keys),
+                "files": [context.digest(name) for name in stage.files],
+                "reads": [keys[name] for name in stage.reads],
             }
         )
     return keys
 
 
-def stored(saved: Mapping[str, tuple[str, Mapping[str, Any]]], keys: Mapping[str, str]) -> tuple[Record, ...]:
-    """What performing stages would say if all of them were `saved` (key and record) under these keys, else nothing."""
+def cached_records(
+    saved: Mapping[str, tuple[str, Mapping[str, Any]]], keys: Mapping[str, str]
+) -> tuple[StageRecord, ...]:
+    """Return the records of all stages if each is saved (key and record) under its key, else an empty tuple."""
     if any(stage not in saved or saved[stage][0] != key for stage, key in keys.items()):
         return ()
-    return tuple(_record_of(stage, key, saved[stage][1], 0.0) for stage, key in keys.items())
+    return tuple(_cached_record(stage, key, saved[stage][1], 0.0) for stage, key in keys.items())
 
 
-def perform(work: Workspace, stage: Stage, key: str, progress: Progress | None = None) -> Record:
+def perform(context: CaptureContext, stage: Stage, key: str, progress: Progress | None = None) -> StageRecord:
     """Compute and save a stage's result, unless it is stored under its key already.
 
     Raises:
-        InputError, StoreError, UnusableCapture: as the step does.
+        InputError, StoreError, UnusableCapture: as the stage does.
     """
-    facts = {
-        "parameters": _parameters(work, stage.name),
-        "inputs": {name: work.digest(name) for name in stage.inputs if work.digest(name) is not None},
+    about = {
+        "parameters": _parameters(context, stage.name),
+        "inputs": {name: context.digest(name) for name in stage.files if context.digest(name) is not None},
         "versions": {stage.name: stage.version},
     }
-    return recall_or_save(work, work.capture.id, stage.name, key, facts, lambda: stage.step(work, progress or silent))
+
+    def compute() -> StageOutput:
+        return stage.run(StageInputs(context, stage), progress or no_progress)
+
+    return load_or_compute(context, context.capture.id, stage.name, key, about, compute)
 
 
-def recall_or_save(
-    work: Workspace, capture: str, stage: str, key: str, facts: Mapping[str, Any], compute: Callable[[], Outcome]
-) -> Record:
-    """The record of what is stored whole under this key of a capture, or of the whole object; else compute and save it.
+def load_or_compute(
+    context: CaptureContext,
+    capture: str,
+    stage: str,
+    key: str,
+    about: Mapping[str, Any],
+    compute: Callable[[], StageOutput],
+) -> StageRecord:
+    """Return the record stored under this key of a capture (or of the whole object); else compute and save it.
 
-    facts: of the stage itself, for its record; its `versions` are joined by those of the code.
+    about: the stage's own part of the record; its `versions` are joined by those of the code.
     """
-    started, repository = perf_counter(), work.repository
+    started, repository = perf_counter(), context.repository
     if repository.stage_key(capture, stage) == key:
-        found = repository.load(capture, stage)
-        if all(exists(work.location, reference) for reference in found.blobs.values()):
-            return _record_of(stage, key, found.record, perf_counter() - started)
-    outcome = compute()
+        stored = repository.load(capture, stage)
+        return _cached_record(stage, key, stored.record, perf_counter() - started)
+    output = compute()
     record = {
-        **facts,
+        **about,
         "seconds": round(perf_counter() - started, 3),
-        "counts": dict(outcome.counts),
-        "warnings": list(outcome.warnings),
-        "versions": {"glint": version("glint"), "numpy": np.__version__, **facts["versions"]},
-        **outcome.record,
+        "counts": dict(output.counts),
+        "warnings": list(output.warnings),
+        "versions": {"glint": version("glint"), "numpy": np.__version__, **about["versions"]},
+        **output.record,
     }
-    repository.save(capture, stage, key, outcome.arrays, record, outcome.blobs)
-    return Record(stage, key, False, perf_counter() - started, dict(outcome.counts), tuple(outcome.warnings))
+    repository.save(capture, stage, key, output.arrays, record, output.files)
+    return StageRecord(stage, key, False, perf_counter() - started, dict(output.counts), tuple(output.warnings))
 
 
-def _record_of(stage: str, key: str, saved: Mapping[str, Any], seconds: float) -> Record:
-    return Record(stage, key, True, seconds, saved["counts"], tuple(saved["warnings"]))
+def no_progress(done: int, total: int | None) -> None:
+    """Ignore progress."""
 
 
-def _parameters(work: Workspace, stage: str) -> dict[str, Any]:
-    said: dict[str, Any] = getattr(work.parameters, stage).model_dump(mode="json")
-    return said
+def _cached_record(stage: str, key: str, saved: Mapping[str, Any], seconds: float) -> StageRecord:
+    return StageRecord(stage, key, True, seconds, saved["counts"], tuple(saved["warnings"]))
 
 
-def silent(done: int, total: int | None) -> None:
-    """Nobody listens."""
+def _parameters(context: CaptureContext, stage: str) -> dict[str, Any]:
+    values: dict[str, Any] = getattr(context.parameters, stage).model_dump(mode="json")
+    return values
+
+
+Outcome, Record, recall_or_save, silent, stored = StageOutput, StageRecord, load_or_compute, no_progress, cached_records

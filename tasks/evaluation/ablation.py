@@ -14,7 +14,7 @@ from glint.tasks.algorithms.geometry.perspective import facing
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.engine.capture_context import Workspace
 from glint.tasks.stages.clusters import faced, load_clusters
-from glint.tasks.stages.frames import views_of
+from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.markup import faced_marks, load_marks
 
 ABLATIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
@@ -48,7 +48,7 @@ def ablate(work: Workspace) -> dict[str, tuple[float, float]] | None:
     truth = read_truth(work.capture.truth, (mask.shape[0], mask.shape[1])).normals
     if truth is None:
         return None
-    clusters, marks, view = load_clusters(work), load_marks(work), views_of(work)
+    clusters, marks, view = load_clusters(work), load_marks(work), load_geometry(work).view_vectors
     if view is not None:
         clusters, marks, truth = faced(clusters, view), faced_marks(marks, view), facing(truth, view)
     data = mask & (clusters.observations > 0)

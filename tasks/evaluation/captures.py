@@ -18,9 +18,9 @@ from glint.tasks.algorithms.evaluation.metrics import (
 )
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.engine.capture_context import Workspace
-from glint.tasks.engine.parameters import Labels, Parameters
+from glint.tasks.engine.parameters import LabelsParameters
 from glint.tasks.stages.clusters import load_clusters
-from glint.tasks.stages.frames import views_of
+from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.labels import reconstruct
 from glint.tasks.stages.markup import load_marks
 
@@ -83,13 +83,13 @@ def evaluate(work: Workspace, stages: tuple[str, ...]) -> Evaluation | None:
     if truth.normals is None:
         return None
     clusters, initial = load_clusters(work), work.load("silhouette").read("initial")
-    labels, view = work.load("labels"), views_of(work)
-    literal = Parameters(silhouette=work.parameters.silhouette, labels=Labels(method="paper"))
+    labels, view = work.load("labels"), load_geometry(work).view_vectors
+    literal, silhouette = LabelsParameters(method="paper"), work.parameters.silhouette
     winner = np.where(np.isfinite(clusters.winner), clusters.winner, initial)
     normals = {
         "winner takes all": winner,
         "silhouette only": initial,
-        "paper": reconstruct(clusters, mask, initial, load_marks(work), literal, view=view).normals,
+        "paper": reconstruct(clusters, mask, initial, load_marks(work), literal, silhouette, view=view).normals,
         "glint": labels.read("normals"),
     }
     data = mask & (clusters.observations > 0)

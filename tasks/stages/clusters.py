@@ -10,105 +10,94 @@ from glint.storage.frames.cache import FrameCache
 from glint.storage.locations.location import Location
 from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, light_shares
 from glint.tasks.algorithms.geometry.perspective import facing, towards
-from glint.tasks.engine.capture_context import Workspace
-from glint.tasks.engine.parameters import Clusters as Parameters
-from glint.tasks.engine.stage import Outcome, Progress
-from glint.tasks.stages.frames import OBJECT, bars_of, open_frames, region_of, views_of
-from glint.tasks.stages.lights import near_lamp_of
+from glint.tasks.engine.parameters import ClustersParameters
+from glint.tasks.engine.stage import Progress, StageOutput
+from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
+from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
+from glint.tasks.stages.frames import open_frames
+from glint.tasks.stages.lights import load_point_light
 
 Mapper = Callable[[Callable[[Any, Any], Any], Iterable[Any], Any], Iterable[Any]]
-"""Applies a function to each of the tasks and to what they have in common, anywhere; gives results in their order."""
-TILE = 64
+"""Applies a function to tasks and to what they share, anywhere; yields the results in the tasks' order."""
+TILE_PX = 64
 TILE_BYTES = 96 << 20
 """Most bytes of frames that one tile holds."""
+MIN_OBSERVED_SHARE = 0.3
+"""Share of the object's pixels with a highlight below which the recording is too short or too dark."""
 
 Tile = tuple[slice, slice]
 
 
 @dataclass(frozen=True, slots=True)
-class Common:
-    """What all tiles share: where the frames are, half_vectors (T, 3) and shares (T,) of the lights."""
+class SharedInputs:
+    """What all tiles share: where the frames are, half_vectors (T, 3) and weights (T,) of the lights."""
 
     store: str
     digest: str
     half_vectors: np.ndarray
-    shares: np.ndarray
-    parameters: Parameters
+    weights: np.ndarray
+    parameters: ClustersParameters
 
 
-def one_by_one(function: Callable[[Any, Any], Any], tasks: Iterable[Any], common: Any) -> Iterator[Any]:
-    """The mapper of this process alone."""
-    return (function(task, common) for task in tasks)
+def serial_map(function: Callable[[Any, Any], Any], tasks: Iterable[Any], shared: Any) -> Iterator[Any]:
+    """Map in this process alone."""
+    return (function(task, shared) for task in tasks)
 
 
-def clusters(work: Workspace, progress: Progress, mapper: Mapper = one_by_one) -> Outcome:
-    """Cluster every pixel of the mask, tile by tile.
-
-    Raises:
-        UnusableCapture: the object never glints, or is saturated all the time.
-    """
-    cache, mask = open_frames(work), work.load("mask").read("mask")
-    half_vectors = work.load("lights").read("half_vectors")
-    parameters = work.parameters.clusters
-    bars = bars_of(work, cache, mask)
-    shares = light_shares(half_vectors, parameters.within)
+def clusters(inputs: StageInputs, progress: Progress, mapper: Mapper = serial_map) -> StageOutput:
+    """Cluster every pixel of the mask, tile by tile (paper, section 3.2)."""
+    parameters: ClustersParameters = inputs.parameters
+    cache, mask = open_frames(inputs), inputs.load("mask").read("mask")
+    half_vectors = inputs.load("lights").read("half_vectors")
+    thresholds = inputs.load("thresholds").read("thresholds")
+    weights = light_shares(half_vectors, parameters.dwell)
     tiles = [tile for tile in tiles_of(mask.shape, cache.frames * cache.bits // 8) if mask[tile].any()]
-    common = Common(work.store, cache.digest, half_vectors, shares, parameters)
-    tasks = [(tile, bars[tile]) for tile in tiles]
-    result = empty(parameters.clusters, mask.shape)
-    for done, (tile, found) in enumerate(zip(tiles, mapper(cluster_tile, tasks, common), strict=True), 1):
-        place(result, tile, found)
+    shared = SharedInputs(inputs.location.uri, cache.digest, half_vectors, weights, parameters)
+    tasks = [(tile, thresholds[tile]) for tile in tiles]
+    result = empty_clusters(parameters.clusters, mask.shape)
+    for done, (tile, part) in enumerate(zip(tiles, mapper(cluster_tile, tasks, shared), strict=True), 1):
+        paste(result, tile, part)
         progress(done, len(tiles))
-    region, lamp = region_of(work), near_lamp_of(work)
-    seen = {"normals": result.normals, "winner": result.winner}
-    if lamp is not None:
-        grid = np.indices(mask.shape)
-        columns, rows = grid[1] + region.x, grid[0] + region.y
-        seen = {name: lamp.seen_from(found, columns, rows) for name, found in seen.items()}
-    view = views_of(work)
-    if view is not None:
-        seen = {name: towards(found, view) for name, found in seen.items()}
-    arrays = {each.name: getattr(result, each.name) for each in fields(result)} | seen
     observed = (result.observations > 0) & mask
-    return Outcome(
-        arrays=arrays,
+    return StageOutput(
+        arrays=_arrays(inputs, result),
         counts={"observed pixels": int(observed.sum()), "observations": int(result.observations.sum())},
         warnings=_warnings(observed, mask),
     )
 
 
-def cluster_tile(task: tuple[Tile, np.ndarray], common: Common) -> Clusters:
-    """Clusters of one tile, read from the cache of frames; the task names its place and bars."""
-    (rows, columns), bars = task
-    cache = FrameCache.open(Location.parse(common.store), common.digest)
+def cluster_tile(task: tuple[Tile, np.ndarray], shared: SharedInputs) -> Clusters:
+    """Cluster one tile, read from the cache of frames; the task names its place and thresholds."""
+    (rows, columns), thresholds = task
+    cache = FrameCache.open(Location.parse(shared.store), shared.digest)
     return cluster_pixels(
         cache.read(OBJECT, rows=rows, columns=columns),
-        bars,
-        common.half_vectors,
-        common.shares,
-        clusters=common.parameters.clusters,
-        radius=common.parameters.radius,
-        apart=common.parameters.apart,
+        thresholds,
+        shared.half_vectors,
+        shared.weights,
+        clusters=shared.parameters.clusters,
+        radius=shared.parameters.radius,
+        apart=shared.parameters.separation,
     )
 
 
 def tiles_of(shape: tuple[int, ...], pixel_bytes: int) -> Iterator[Tile]:
-    """Tiles of a region (H, W) of `pixel_bytes` over all frames: whole rows of chunks, or less where that is too much.
+    """Yield tiles of a region (H, W) of `pixel_bytes` over all frames: whole rows of chunks, or less for memory.
 
     Chunks are 64 pixels wide; a video so long that one of them exceeds the memory of a tile is cut finer.
     """
     height, width = shape
-    tall = TILE
-    while tall > 1 and tall * min(TILE, width) * pixel_bytes > TILE_BYTES:
+    tall = TILE_PX
+    while tall > 1 and tall * min(TILE_PX, width) * pixel_bytes > TILE_BYTES:
         tall //= 2
-    wide = TILE * max(1, min(-(-width // TILE), TILE_BYTES // (tall * TILE * pixel_bytes)))
+    wide = TILE_PX * max(1, min(-(-width // TILE_PX), TILE_BYTES // (tall * TILE_PX * pixel_bytes)))
     for top in range(0, height, tall):
         for left in range(0, width, wide):
             yield slice(top, min(top + tall, height)), slice(left, min(left + wide, width))
 
 
-def empty(count: int, shape: tuple[int, ...]) -> Clusters:
-    """Clusters (`count` per pixel) of a region (H, W) in which nothing was observed."""
+def empty_clusters(count: int, shape: tuple[int, ...]) -> Clusters:
+    """Return clusters (`count` per pixel) of a region (H, W) in which nothing was observed."""
     vectors, scalars = (count, *shape, 3), (count, *shape)
     return Clusters(
         np.full(vectors, np.nan, np.float32),
@@ -120,30 +109,44 @@ def empty(count: int, shape: tuple[int, ...]) -> Clusters:
     )
 
 
-def place(result: Clusters, tile: Tile, found: Clusters) -> None:
+def paste(result: Clusters, tile: Tile, part: Clusters) -> None:
     """Write a tile's clusters into the region's."""
-    for each in ("normals", "weight", "spread", "count"):
-        getattr(result, each)[:, tile[0], tile[1]] = getattr(found, each)
-    for each in ("observations", "winner"):
-        getattr(result, each)[tile] = getattr(found, each)
+    for name in ("normals", "weight", "spread", "count"):
+        getattr(result, name)[:, tile[0], tile[1]] = getattr(part, name)
+    for name in ("observations", "winner"):
+        getattr(result, name)[tile] = getattr(part, name)
 
 
-def load_clusters(work: Workspace) -> Clusters:
-    """What was saved."""
-    saved = work.load("clusters")
-    return Clusters(**{each.name: saved.read(each.name) for each in fields(Clusters)})
+def load_clusters(results: CaptureResults) -> Clusters:
+    """Load the clusters that were saved."""
+    saved = results.load("clusters")
+    return Clusters(**{field.name: saved.read(field.name) for field in fields(Clusters)})
 
 
 def faced(clusters: Clusters, view: np.ndarray) -> Clusters:
-    """Clusters as seen along view vectors (H, W, 3)."""
+    """Return clusters as seen along view vectors (H, W, 3)."""
     return replace(clusters, normals=facing(clusters.normals, view), winner=facing(clusters.winner, view))
+
+
+def _arrays(inputs: StageInputs, result: Clusters) -> dict[str, np.ndarray]:
+    """Return the arrays to save, their half vectors corrected for a near light and turned into normals."""
+    geometry, point_light = load_geometry(inputs), load_point_light(inputs)
+    vectors = {"normals": result.normals, "winner": result.winner}
+    if point_light is not None:
+        grid = np.indices(result.observations.shape)
+        columns, rows = grid[1] + geometry.region.x, grid[0] + geometry.region.y
+        vectors = {name: point_light.seen_from(values, columns, rows) for name, values in vectors.items()}
+    view = geometry.view_vectors
+    if view is not None:
+        vectors = {name: towards(values, view) for name, values in vectors.items()}
+    return {field.name: getattr(result, field.name) for field in fields(result)} | vectors
 
 
 def _warnings(observed: np.ndarray, mask: np.ndarray) -> list[str]:
     share = observed.sum() / mask.sum()
-    if share > 0.3:
+    if share > MIN_OBSERVED_SHARE:
         return []
     return [
-        f"only {share:.0%} of the object glinted: film for longer, with a brighter lamp or exposure, and sweep the lamp"
-        " over the whole hemisphere before the object"
+        f"only {share:.0%} of the object showed a highlight: record for longer, with a brighter light or exposure, and"
+        " sweep the light over the whole hemisphere before the object"
     ]

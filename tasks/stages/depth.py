@@ -3,38 +3,39 @@
 import numpy as np
 
 from glint.tasks.algorithms.integration.bilateral import integrate
-from glint.tasks.engine.capture_context import Workspace
-from glint.tasks.engine.stage import Outcome, Progress
-from glint.tasks.stages.frames import camera_within, region_of
+from glint.tasks.engine.parameters import DepthParameters
+from glint.tasks.engine.stage import Progress, StageOutput
+from glint.tasks.engine.stage_inputs import StageInputs
+from glint.tasks.stages.capture_geometry import load_geometry
 
 
-def depth(work: Workspace, progress: Progress) -> Outcome:
-    """Depth towards the camera, in millimetres where the scale is known, else in pixels.
+def depth(inputs: StageInputs, progress: Progress) -> StageOutput:
+    """Integrate the normals to depth towards the camera, in millimetres where the scale is known, else in pixels.
 
     Under perspective the object's distance is that at which a pixel covers `pixel_size`; it cannot be known otherwise.
     """
-    labels, survey, region = work.load("labels"), work.load("survey").record, region_of(work)
-    parameters, camera = work.parameters.depth, work.camera_matrix
-    found = integrate(
+    parameters: DepthParameters = inputs.parameters
+    labels, geometry = inputs.load("labels"), load_geometry(inputs)
+    result = integrate(
         labels.read("normals"),
-        work.load("mask").read("mask"),
-        confidence=labels.read("confidence") if parameters.confident else None,
+        inputs.load("mask").read("mask"),
+        confidence=labels.read("confidence") if parameters.use_confidence else None,
         method=parameters.method,
-        camera=camera_within(work, region),
+        camera=geometry.camera_within(geometry.region),
         sharpness=parameters.sharpness,
         rounds=parameters.rounds,
     )
-    pixel_size = survey["pixel_size"] or 1.0
+    pixel_size, camera = geometry.pixel_size or 1.0, geometry.camera
     distance = None if camera is None else pixel_size * float(np.sqrt(camera[0, 0] * camera[1, 1]))
-    towards = found.depth * np.float32(pixel_size) if distance is None else found.towards_camera(distance)
-    return Outcome(
-        arrays={"depth": towards.astype(np.float32)},
+    towards_camera = result.depth * np.float32(pixel_size) if distance is None else result.towards_camera(distance)
+    return StageOutput(
+        arrays={"depth": towards_camera.astype(np.float32)},
         record={
-            "unit": survey["unit"],
-            "pixel_size": survey["pixel_size"],
+            "unit": geometry.unit,
+            "pixel_size": geometry.pixel_size,
             "distance": distance,
-            "components": int(found.components.max()),
-            "energy": found.energy,
+            "components": int(result.components.max()),
+            "energy": result.energy,
         },
-        counts={"components": int(found.components.max()), "iterations": found.iterations},
+        counts={"components": int(result.components.max()), "iterations": result.iterations},
     )

@@ -18,38 +18,39 @@ from glint.tasks.algorithms.labelling.reconstruction import (
     reconstruct_normals,
 )
 from glint.tasks.algorithms.labelling.winner_takes_all import reconstruct_winner
-from glint.tasks.engine.capture_context import Workspace
-from glint.tasks.engine.parameters import Parameters
-from glint.tasks.engine.stage import Outcome, Progress
+from glint.tasks.engine.parameters import LabelsParameters, SilhouetteParameters
+from glint.tasks.engine.stage import Progress, StageOutput
+from glint.tasks.engine.stage_inputs import StageInputs
+from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.clusters import faced, load_clusters
-from glint.tasks.stages.frames import views_of
 from glint.tasks.stages.markup import faced_marks, load_marks
 
 
-def labels(work: Workspace, progress: Progress) -> Outcome:
-    """Labels, normals, their provenance and confidence."""
-    found = reconstruct(
-        load_clusters(work),
-        work.load("mask").read("mask"),
-        work.load("silhouette").read("initial"),
-        load_marks(work),
-        work.parameters,
-        view=views_of(work),
+def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
+    """Label the candidates: labels, normals, their provenance and confidence."""
+    result = reconstruct(
+        load_clusters(inputs),
+        inputs.load("mask").read("mask"),
+        inputs.load("silhouette").read("initial"),
+        load_marks(inputs),
+        inputs.parameters,
+        inputs.parameters_of("silhouette"),
+        view=load_geometry(inputs).view_vectors,
     )
-    names = {PROVENANCE[code]: int((found.provenance == code).sum()) for code in (OBSERVED, MARKED, FILLED)}
-    sure = float((found.confidence[found.provenance != OUTSIDE] >= 0.5).mean())
-    return Outcome(
+    names = {PROVENANCE[code]: int((result.provenance == code).sum()) for code in (OBSERVED, MARKED, FILLED)}
+    confident = float((result.confidence[result.provenance != OUTSIDE] >= 0.5).mean())
+    return StageOutput(
         arrays={
-            "labels": found.labels,
-            "normals": found.normals,
-            "provenance": found.provenance,
-            "confidence": found.confidence,
+            "labels": result.labels,
+            "normals": result.normals,
+            "provenance": result.provenance,
+            "confidence": result.confidence,
         },
         record={
             "provenance": list(PROVENANCE),
-            "rounds": [{"exterior": each.exterior, "changed": each.changed} for each in found.rounds],
+            "rounds": [{"exterior": round_.exterior, "changed": round_.changed} for round_ in result.rounds],
         },
-        counts={f"{name} pixels": count for name, count in names.items()} | {"confident share": round(sure, 4)},
+        counts={f"{name} pixels": count for name, count in names.items()} | {"confident share": round(confident, 4)},
     )
 
 
@@ -58,35 +59,35 @@ def reconstruct(
     mask: np.ndarray,
     initial: np.ndarray,
     marks: Marks | None,
-    parameters: Parameters,
+    parameters: LabelsParameters,
+    silhouette: SilhouetteParameters,
     expected: np.ndarray | None = None,
     view: np.ndarray | None = None,
 ) -> Reconstruction:
-    """Normals of one view by the method that `parameters.labels` names.
+    """Reconstruct the normals of one view by the method that `parameters` names.
 
-    expected: normals (H, W, 3) that a model of all views shows, for the method `sheets`. view: view vectors (H, W, 3)
-    under a perspective camera; each pixel's normals are labelled as seen along its own ray.
+    expected: normals (H, W, 3) of a model of all views, for the method `sheets`. view: view vectors (H, W, 3) under a
+    perspective camera; each pixel's normals are labelled as seen along its own ray.
     """
     if view is not None:
-        seen = None if expected is None else facing(expected, view)
+        expected = None if expected is None else facing(expected, view)
         clusters, marks = faced(clusters, view), faced_marks(marks, view)
-        found = reconstruct(clusters, mask, facing(initial, view), marks, parameters, seen)
-        return replace(found, normals=in_camera(found.normals, view), initial=in_camera(found.initial, view))
-    chosen, outline = parameters.labels, parameters.silhouette
-    if chosen.method == "paper":
-        return reconstruct_dual_layer(clusters, mask, initial, marks=marks, edges=chosen.edges, weight=chosen.weight)
-    if chosen.method == "winner":
-        return reconstruct_winner(clusters, mask, initial, marks=marks, tension_length=outline.tension_length)
+        result = reconstruct(clusters, mask, facing(initial, view), marks, parameters, silhouette, expected)
+        return replace(result, normals=in_camera(result.normals, view), initial=in_camera(result.initial, view))
+    if parameters.method == "paper":
+        return reconstruct_dual_layer(clusters, mask, initial, marks=marks, edges=parameters.edges, weight=parameters.weight)
+    if parameters.method == "winner":
+        return reconstruct_winner(clusters, mask, initial, marks=marks, tension_length=silhouette.tension_length)
     return reconstruct_normals(
         clusters,
         mask,
         marks=marks,
         expected=expected,
-        rounds=chosen.rounds,
-        strength=chosen.strength,
-        contrast=chosen.contrast,
-        prior=chosen.prior,
-        shape_weight=chosen.shape_weight,
-        rim_weight=outline.rim_weight,
-        tension_length=outline.tension_length,
+        rounds=parameters.rounds,
+        strength=parameters.strength,
+        contrast=parameters.contrast,
+        prior=parameters.prior,
+        shape_weight=parameters.shape_weight,
+        rim_weight=silhouette.rim_weight,
+        tension_length=silhouette.tension_length,
     )

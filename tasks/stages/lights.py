@@ -24,131 +24,141 @@ from glint.tasks.algorithms.lighting.lights import (
 )
 from glint.tasks.algorithms.lighting.near_light import NearLamp, find_near_lamp, lamp_beside
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from glint.tasks.engine.capture_context import Workspace
-from glint.tasks.engine.stage import Outcome, Progress
-from glint.tasks.stages.frames import camera_within, crops_of, levels, open_frames, spheres_of
+from glint.tasks.engine.parameters import LightsParameters
+from glint.tasks.engine.stage import Progress, StageOutput
+from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
+from glint.tasks.stages.capture_geometry import CaptureGeometry, load_geometry, sphere_name
+from glint.tasks.stages.frames import load_levels, open_frames
 
-BLOCK = 1024
+BLOCK_FRAMES = 1024
+"""Frames whose highlights are measured at once."""
 SAMPLED_SHARDS = 50
+"""Most shards from which a sphere's static reflection is taken."""
 
 
-def lights(work: Workspace, progress: Progress) -> Outcome:
-    """Half vector, light and reason of every frame.
+def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
+    """Find half vector, light and reason of every frame.
 
     Raises:
-        InputError: the known lights are unusable; a distance of the lamp without a scale.
+        InputError: the known lights cannot be used; a distance of the light without a scale.
         UnusableCapture: no frame has a light before the object.
     """
-    cache = open_frames(work)
-    if work.capture.lights:
-        found, lamp, told = _known(work, cache.frames), None, []
+    cache, geometry, known = open_frames(inputs), load_geometry(inputs), inputs.file("lights")
+    if known is not None:
+        result, point_light, warnings = _known(inputs, known, cache.frames), None, list[str]()
     else:
-        found, lamp = _seen(work, cache, progress)
-        told = _near_camera(work, cache)
-    accepted = int(found.accepted.sum())
+        result, point_light = _measured(inputs, geometry, cache, progress)
+        warnings = _near_camera(inputs, geometry)
+    accepted = int(result.accepted.sum())
     if accepted < 2:
         raise UnusableCapture(
             f"{accepted} of {cache.frames} frames has a light before the object",
-            "film for longer and move the lamp over the whole hemisphere before the object",
+            "record for longer and move the light over the whole hemisphere before the object",
         )
-    median, worst = disagreement_of(found)
-    swept = coverage(found.half_vectors)
+    median, worst = disagreement_of(result)
+    sweep = coverage(result.half_vectors)
     record = {
         "reasons": list(REASONS),
         "coverage": {
-            "within_degrees": {f"{limit:g}": round(share, 4) for limit, share in swept.within.items()},
-            "gaps": [str(gap) for gap in swept.gaps],
+            "within_degrees": {f"{limit:g}": round(share, 4) for limit, share in sweep.within.items()},
+            "gaps": [str(gap) for gap in sweep.gaps],
         },
-        "near_lamp": None if lamp is None else asdict(lamp),
+        "near_lamp": None if point_light is None else asdict(point_light),
         "disagreement_degrees": None if np.isnan(median) else {"median": median, "95th percentile": worst},
     }
     rejected = {
-        f"rejected: {reason}": int((found.reason == code).sum())
+        f"rejected: {reason}": int((result.reason == code).sum())
         for code, reason in enumerate(REASONS)
-        if code != ACCEPTED and (found.reason == code).any()
+        if code != ACCEPTED and (result.reason == code).any()
     }
-    return Outcome(
-        arrays={"half_vectors": found.half_vectors, "lights": found.lights, "reason": found.reason},
+    return StageOutput(
+        arrays={"half_vectors": result.half_vectors, "lights": result.lights, "reason": result.reason},
         record=record,
         counts={"accepted": accepted, **rejected},
-        warnings=[str(gap) for gap in swept.gaps] + told,
+        warnings=[str(gap) for gap in sweep.gaps] + warnings,
     )
 
 
-def _known(work: Workspace, count: int) -> Lights:
-    """Lights of an `.lp` file; those behind the object are rejected."""
-    assert work.capture.lights is not None
-    with open_footage(work.capture.frames) as footage:
-        directions = read_lights(work.capture.lights, footage.names, count)
+def load_point_light(results: CaptureResults) -> NearLamp | None:
+    """Load the near light that was measured or given; None: far away."""
+    saved = results.load("lights").record["near_lamp"]
+    return None if saved is None else NearLamp(**saved)
+
+
+def _known(inputs: StageInputs, address: str, count: int) -> Lights:
+    """Read the lights of an `.lp` file; those behind the object are rejected."""
+    video = inputs.file("frames")
+    assert video is not None
+    with open_footage(video) as footage:
+        directions = read_lights(address, footage.names, count)
     reason = np.where(directions[:, 2] >= 0, ACCEPTED, BEHIND).astype(np.uint8)
     kept = np.where((reason == ACCEPTED)[:, None], directions, np.nan).astype(np.float32)
     unknown = np.full(len(kept), np.nan, np.float32)
     return Lights(half_vectors_of(kept).astype(np.float32), kept, reason, unknown, unknown)
 
 
-def near_lamp_of(work: Workspace) -> NearLamp | None:
-    """The near lamp that was found or given; None: far away."""
-    said = work.load("lights").record["near_lamp"]
-    return None if said is None else NearLamp(**said)
-
-
-def _seen(work: Workspace, cache: FrameCache, progress: Progress) -> tuple[Lights, NearLamp | None]:
-    crops, spheres = crops_of(work), spheres_of(work)
-    each = []
-    for number, sphere in enumerate(spheres):
-        crop = crops[f"sphere-{number}"]
-        camera = camera_within(work, crop)
-        each.append(_of_sphere(work, cache, f"sphere-{number}", sphere.within(crop.x, crop.y), camera))
-        progress(number + 1, len(spheres))
-    combined = combine_lights(each, tolerance=work.parameters.lights.tolerance)
-    distance = work.parameters.lights.distance
-    if distance is None:
-        return combined, find_near_lamp([found.half_vectors for found in each], spheres)
-    pixel_size = work.load("survey").record["pixel_size"]
-    if pixel_size is None:
+def _measured(
+    inputs: StageInputs, geometry: CaptureGeometry, cache: FrameCache, progress: Progress
+) -> tuple[Lights, NearLamp | None]:
+    """Measure the lights on all spheres; with two, or a given distance, the near light as well."""
+    parameters: LightsParameters = inputs.parameters
+    by_sphere = []
+    for number, sphere in enumerate(geometry.spheres):
+        crop = geometry.crops[sphere_name(number)]
+        within, camera = sphere.within(crop.x, crop.y), geometry.camera_within(crop)
+        by_sphere.append(_of_sphere(parameters, cache, sphere_name(number), within, camera))
+        progress(number + 1, len(geometry.spheres))
+    combined = combine_lights(by_sphere, tolerance=parameters.tolerance)
+    if parameters.distance is None:
+        return combined, find_near_lamp([lights.half_vectors for lights in by_sphere], geometry.spheres)
+    if geometry.pixel_size is None:
         raise InputError(
-            "the lamp's distance is given in millimetres, but nothing gives the scale",
+            "the light's distance is given in millimetres, but nothing gives the scale",
             "give a sphere's diameter_mm, or the capture's pixel_size",
         )
-    return combined, lamp_beside(spheres, distance / pixel_size)
+    return combined, lamp_beside(geometry.spheres, parameters.distance / geometry.pixel_size)
 
 
-def _near_camera(work: Workspace, cache: FrameCache) -> list[str]:
-    """A warning where a ball's outline shows a near camera whose matrix is not given."""
-    if work.camera_matrix is not None:
+def _near_camera(inputs: StageInputs, geometry: CaptureGeometry) -> list[str]:
+    """Warn where a sphere's contour shows a near camera whose matrix is not given."""
+    if geometry.camera is not None:
         return []
-    width, height = work.load("survey").record["frame_size"]
-    for number, sphere in enumerate(spheres_of(work)):
-        crop = crops_of(work)[f"sphere-{number}"]
-        typical, brightest = levels(cache, f"sphere-{number}", shards=8)
+    width, height = geometry.frame_size
+    for number, sphere in enumerate(geometry.spheres):
+        crop = geometry.crops[sphere_name(number)]
+        background, peak = load_levels(inputs, sphere_name(number))
         middle = (width - 1) / 2 - crop.x, (height - 1) / 2 - crop.y
-        focal = find_focal(typical, brightest, sphere.within(crop.x, crop.y), middle, width)
+        focal = find_focal(background, peak, sphere.within(crop.x, crop.y), middle, width)
         if focal is not None:
             return [
-                f"the ball at ({sphere.x:.0f}, {sphere.y:.0f}) is seen as an ellipse, as by a near camera with a focal"
-                f" length of some {focal:.1f} frame widths: give `camera: {{matrix: ..}}`, or film from farther away"
-                " with a longer lens"
+                f"the sphere at ({sphere.x:.0f}, {sphere.y:.0f}) is seen as an ellipse, as by a near camera with a"
+                f" focal length of some {focal:.1f} frame widths: give `camera: {{matrix: ..}}`, or record from farther"
+                " away with a longer lens"
             ]
     return []
 
 
-def _of_sphere(work: Workspace, cache: FrameCache, name: str, sphere: Sphere, camera: np.ndarray | None) -> Lights:
-    parameters = work.parameters.lights
+def _of_sphere(
+    parameters: LightsParameters, cache: FrameCache, name: str, sphere: Sphere, camera: np.ndarray | None
+) -> Lights:
+    """Measure the lights on one sphere, in the pixels of its crop."""
     starts = np.arange(0, cache.frames, 64)
     chosen = starts[np.unique(np.linspace(0, len(starts) - 1, min(SAMPLED_SHARDS, len(starts))).round().astype(int))]
-    every = 16 if cache.frames > 640 else 1
-    sample = np.concatenate([cache.read(name, slice(start, start + 64))[::every] for start in chosen.tolist()])
+    step = 16 if cache.frames > 640 else 1
+    sample = np.concatenate([cache.read(name, slice(start, start + 64))[::step] for start in chosen.tolist()])
     static = static_level(sample, sphere, camera=camera)
     blocks = [
         measure_highlights(
-            cache.read(name, slice(start, start + BLOCK)),
+            cache.read(name, slice(start, start + BLOCK_FRAMES)),
             sphere,
             static,
-            seed=parameters.seed,
-            low=parameters.low,
-            high=parameters.high,
+            seed=parameters.peak_level,
+            low=parameters.edge_level,
+            high=parameters.full_level,
             camera=camera,
         )
-        for start in range(0, cache.frames, BLOCK)
+        for start in range(0, cache.frames, BLOCK_FRAMES)
     ]
-    return decide_lights(blocks, static, sphere, second=parameters.second, odd=parameters.odd)
+    return decide_lights(
+        blocks, static, sphere, second=parameters.second_light_ratio, odd=parameters.area_ratio
+    )

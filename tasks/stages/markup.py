@@ -5,52 +5,56 @@ from functools import partial
 
 import numpy as np
 
-from glint.storage.inputs.masks_and_truth import read_markup
+from glint.storage.inputs.markup import read_markup
 from glint.tasks.algorithms.candidates.markup import Mark, Marks, track
 from glint.tasks.algorithms.geometry.perspective import facing, towards
-from glint.tasks.engine.capture_context import Workspace
-from glint.tasks.engine.stage import Outcome, Progress
-from glint.tasks.stages.frames import OBJECT, bars_of, open_frames, region_of, views_of
-from glint.tasks.stages.lights import near_lamp_of
+from glint.tasks.engine.stage import Progress, StageOutput
+from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
+from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
+from glint.tasks.stages.frames import open_frames
+from glint.tasks.stages.lights import load_point_light
 
 
-def markup(work: Workspace, progress: Progress) -> Outcome:
-    """Pixels, half vectors and kinds of the marks and their tracks; none without markup.
+def markup(inputs: StageInputs, progress: Progress) -> StageOutput:
+    """Track the marks: pixels, half vectors and kinds of the marks and their tracks; none without markup.
 
     Raises:
         InputError: the markup is malformed or lies outside the object.
     """
-    if work.capture.markup is None:
-        return Outcome(arrays=_arrays(Marks.none()))
-    cache, region = open_frames(work), region_of(work)
-    mask = work.load("mask").read("mask")
-    said = read_markup(work.capture.markup, cache.frame_size, cache.frames, region, mask)
-    marks = [Mark(each.frame, each.x - region.x, each.y - region.y, each.kind == "true") for each in said]
-    bars, half_vectors = bars_of(work, cache, mask), work.load("lights").read("half_vectors")
-    tracks = track(marks, partial(cache.read, OBJECT), bars, half_vectors, mask, (region.x, region.y))
-    found, lamp = tracks.marks, near_lamp_of(work)
-    if lamp is not None and len(found.kind):
-        rows, columns = found.pixels.T
-        found = replace(found, half_vectors=lamp.seen_from(found.half_vectors, columns + region.x, rows + region.y))
-    view = views_of(work)
-    if view is not None and len(found.kind):
-        found = replace(found, half_vectors=towards(found.half_vectors, view[tuple(found.pixels.T)]))
-    return Outcome(
-        arrays=_arrays(found),
+    address = inputs.file("markup")
+    if address is None:
+        return StageOutput(arrays=_arrays(Marks.none()))
+    cache, geometry = open_frames(inputs), load_geometry(inputs)
+    region, mask = geometry.region, inputs.load("mask").read("mask")
+    entries = read_markup(address, cache.frame_size, cache.frames, region, mask)
+    marks = [Mark(entry.frame, entry.x - region.x, entry.y - region.y, entry.kind == "true") for entry in entries]
+    thresholds = inputs.load("thresholds").read("thresholds")
+    half_vectors = inputs.load("lights").read("half_vectors")
+    tracks = track(marks, partial(cache.read, OBJECT), thresholds, half_vectors, mask, (region.x, region.y))
+    tracked, point_light = tracks.marks, load_point_light(inputs)
+    if point_light is not None and len(tracked.kind):
+        rows, columns = tracked.pixels.T
+        vectors = point_light.seen_from(tracked.half_vectors, columns + region.x, rows + region.y)
+        tracked = replace(tracked, half_vectors=vectors)
+    view = geometry.view_vectors
+    if view is not None and len(tracked.kind):
+        tracked = replace(tracked, half_vectors=towards(tracked.half_vectors, view[tuple(tracked.pixels.T)]))
+    return StageOutput(
+        arrays=_arrays(tracked),
         counts={"marks": len(marks), "marked pixels": len(tracks.marks.kind)},
         warnings=[*tracks.conflicts, *tracks.warnings],
     )
 
 
-def load_marks(work: Workspace) -> Marks | None:
-    """What was saved; None where nothing is marked."""
-    saved = work.load("markup")
+def load_marks(results: CaptureResults) -> Marks | None:
+    """Load the marks that were saved; None where nothing is marked."""
+    saved = results.load("markup")
     marks = Marks(saved.read("pixels"), saved.read("half_vectors"), saved.read("kind"))
     return marks if len(marks.kind) else None
 
 
 def faced_marks(marks: Marks | None, view: np.ndarray) -> Marks | None:
-    """Marks as seen along view vectors (H, W, 3)."""
+    """Return marks as seen along view vectors (H, W, 3)."""
     if marks is None:
         return None
     return replace(marks, half_vectors=facing(marks.half_vectors, view[tuple(marks.pixels.T)]))

@@ -2,30 +2,31 @@
 
 from glint.storage.inputs.masks_and_truth import read_mask
 from glint.tasks.algorithms.frames.mask import estimate_mask
-from glint.tasks.engine.capture_context import Workspace
-from glint.tasks.engine.stage import Outcome, Progress
-from glint.tasks.stages.frames import levels, open_frames, region_of, spheres_of
+from glint.tasks.engine.stage import Progress, StageOutput
+from glint.tasks.engine.stage_inputs import StageInputs
+from glint.tasks.stages.capture_geometry import load_geometry
+from glint.tasks.stages.frames import load_levels
 
 
-def mask(work: Workspace, progress: Progress) -> Outcome:
-    """The mask of the region.
+def mask(inputs: StageInputs, progress: Progress) -> StageOutput:
+    """Read or estimate the mask of the region.
 
     Raises:
-        InputError: the given mask is unusable.
+        InputError: the given mask cannot be used.
         UnusableCapture: nothing in the region looks like the object.
     """
-    region = region_of(work)
-    if work.capture.mask is not None:
-        width, height = work.load("survey").record["frame_size"]
-        found = read_mask(work.capture.mask, (height, width), region)
-    elif "mask" in work.load("survey").arrays:
-        found = work.load("survey").read("mask")
+    geometry, address = load_geometry(inputs), inputs.file("mask")
+    region, (width, height) = geometry.region, geometry.frame_size
+    if address is not None:
+        pixels = read_mask(address, (height, width), region)
+    elif "mask" in inputs.load("survey").arrays:
+        pixels = inputs.load("survey").read("mask")
     else:
-        typical, brightest = levels(open_frames(work))
-        spheres = [sphere.within(region.x, region.y) for sphere in spheres_of(work)]
-        found = estimate_mask(typical, brightest, spheres=spheres)
-    return Outcome(
-        arrays={"mask": found},
-        record={"region": region.model_dump(), "estimated": work.capture.mask is None},
-        counts={"object pixels": int(found.sum())},
+        background, peak = load_levels(inputs)
+        spheres = [sphere.within(region.x, region.y) for sphere in geometry.spheres]
+        pixels = estimate_mask(background, peak, spheres=spheres)
+    return StageOutput(
+        arrays={"mask": pixels},
+        record={"region": region.model_dump(), "estimated": address is None},
+        counts={"object pixels": int(pixels.sum())},
     )

@@ -29,7 +29,7 @@ from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.engine.capture_context import Workspace, facts_of
 from glint.tasks.engine.stage import Outcome, Progress, Record, recall_or_save, silent
 from glint.tasks.stages.clusters import load_clusters
-from glint.tasks.stages.frames import region_of, views_of
+from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.labels import reconstruct
 from glint.tasks.stages.markup import load_marks
 from glint.tasks.stages.surface import METRES_PER_MM
@@ -153,17 +153,16 @@ def _placed(named: Mapping[str, Workspace]) -> Placed:
 
 def view_of(work: Workspace) -> View:
     """What a capture's stages left, its camera where the catalogue says."""
-    survey, labels, region = work.load("survey").record, work.load("labels"), region_of(work)
-    pixel_size = survey["pixel_size"] or 1.0
+    labels, geometry = work.load("labels"), load_geometry(work)
+    pixel_size = geometry.pixel_size or 1.0
     rotation, translation = np.eye(3), np.zeros(3)
-    pose, camera = work.capture.pose, work.camera_matrix
+    pose, camera = work.capture.pose, geometry.camera
     if pose is not None and pose.camera_to_world is not None:
         matrix = np.array(pose.camera_to_world, float)
         rotation, translation = matrix[:3, :3].T, -matrix[:3, :3].T @ matrix[:3, 3]
     elif camera is not None:
         # A turntable stands where a pixel covers pixel_size.
         translation = np.array([0.0, 0.0, -pixel_size * float(np.sqrt(camera[0, 0] * camera[1, 1]))])
-    width, height = survey["frame_size"]
     return View(
         name=work.capture.id,
         mask=work.load("mask").read("mask"),
@@ -171,8 +170,8 @@ def view_of(work: Workspace) -> View:
         confidence=labels.read("confidence"),
         rotation=rotation,
         translation=translation,
-        origin=(region.x, region.y),
-        frame=(width, height),
+        origin=(geometry.region.x, geometry.region.y),
+        frame=geometry.frame_size,
         pixel_size=pixel_size,
         matrix=camera,
     )
@@ -185,7 +184,16 @@ def _labelled_anew(view: View, merged: Model, work: Workspace) -> View:
         return view
     initial = work.load("silhouette").read("initial")
     clusters, marks = load_clusters(work), load_marks(work)
-    found = reconstruct(clusters, view.mask, initial, marks, work.parameters, expected, views_of(work))
+    found = reconstruct(
+        clusters,
+        view.mask,
+        initial,
+        marks,
+        work.parameters.labels,
+        work.parameters.silhouette,
+        expected,
+        load_geometry(work).view_vectors,
+    )
     return view.seeing(found.normals, found.confidence)
 
 

@@ -1,21 +1,23 @@
-"""Silhouette: rim and initial normals from the mask, with marked highlights as constraints."""
+"""Silhouette: the occluding contour and initial normals from the mask, with marked highlights as constraints."""
 
 from glint.tasks.algorithms.geometry.perspective import in_camera
 from glint.tasks.algorithms.prior.silhouette import initial_normals
-from glint.tasks.engine.capture_context import Workspace
-from glint.tasks.engine.stage import Outcome, Progress
-from glint.tasks.stages.frames import views_of
+from glint.tasks.engine.parameters import SilhouetteParameters
+from glint.tasks.engine.stage import Progress, StageOutput
+from glint.tasks.engine.stage_inputs import StageInputs
+from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.markup import faced_marks, load_marks
 
 
-def silhouette(work: Workspace, progress: Progress) -> Outcome:
-    """Rim pixels and the smooth field of initial normals."""
-    parameters, view, marks = work.parameters.silhouette, views_of(work), load_marks(work)
-    found = initial_normals(
-        work.load("mask").read("mask"),
+def silhouette(inputs: StageInputs, progress: Progress) -> StageOutput:
+    """Find the pixels of the occluding contour and the smooth field of initial normals."""
+    parameters: SilhouetteParameters = inputs.parameters
+    view, marks = load_geometry(inputs).view_vectors, load_marks(inputs)
+    result = initial_normals(
+        inputs.load("mask").read("mask"),
         marks=marks if view is None else faced_marks(marks, view),
         rim_weight=parameters.rim_weight,
         tension_length=parameters.tension_length,
     )
-    initial = found.initial if view is None else in_camera(found.initial, view)
-    return Outcome(arrays={"rim": found.rim, "initial": initial}, counts={"rim pixels": int(found.rim.sum())})
+    initial = result.initial if view is None else in_camera(result.initial, view)
+    return StageOutput(arrays={"rim": result.rim, "initial": initial}, counts={"rim pixels": int(result.rim.sum())})

@@ -1,19 +1,23 @@
-"""Survey: what the footage is, where the spheres and the object are."""
+"""Survey: what the video is, whether its camera stood still, where the spheres and the object are."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
-from glint.storage.catalogue import loading as catalogue
+from glint.storage.catalogue import models
 from glint.storage.catalogue.loading import Region
 from glint.storage.errors import InputError
 from glint.storage.footage.source import Footage, open_footage
-from glint.storage.inputs.masks_and_truth import read_mask
+from glint.storage.inputs.masks_and_truth import camera_matrix, read_mask
 from glint.tasks.algorithms.frames.mask import estimate_mask
 from glint.tasks.algorithms.geometry.perspective import cone_of
 from glint.tasks.algorithms.lighting.spheres import Sphere, find_spheres
-from glint.tasks.engine.capture_context import Workspace
-from glint.tasks.engine.stage import Outcome, Progress
+from glint.tasks.engine.parameters import SurveyParameters
+from glint.tasks.engine.stage import Progress, StageOutput
+from glint.tasks.engine.stage_inputs import StageInputs
+from glint.tasks.stages.stabilization import measure_shake
 
 SAMPLE_BYTES = 256 << 20
 """Most bytes of full frames that are held for their median."""
@@ -21,39 +25,43 @@ SAMPLE_BYTES = 256 << 20
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """The full frame over time: `typical` the temporal median, `brightest` the maximum, both (H, W) float32."""
+    """The full frame over time: temporal `median` and `peak`, both (H, W) float32, 0 to 255."""
 
-    typical: np.ndarray
-    brightest: np.ndarray
+    median: np.ndarray
+    peak: np.ndarray
 
 
-def survey(work: Workspace, progress: Progress) -> Outcome:
-    """Frame size and count, spheres and region, found where the catalogue does not give them; a mask found on the way.
+def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
+    """Find frame size and count, the camera's shake, spheres and region, where the catalogue does not give them.
 
     Raises:
-        InputError: footage or mask unusable; a sphere or region outside the frame.
+        InputError: the video or the mask cannot be used; a sphere or region lies outside the frame.
         UnusableCapture: no sphere or no object can be found.
     """
-    capture, parameters = work.capture, work.parameters.survey
-    with open_footage(capture.frames) as footage:
+    parameters: SurveyParameters = inputs.parameters
+    given_spheres, given_region, mask = inputs.field("spheres"), inputs.field("region"), inputs.file("mask")
+    camera = camera_matrix(inputs.field("camera"))
+    frames = inputs.file("frames")
+    assert frames is not None
+    with open_footage(frames) as footage:
         size = (footage.height, footage.width)
-        mask_region = _around_mask(work, size) if capture.region is None and capture.mask is not None else None
-        seek_spheres = not capture.spheres and capture.lights is None
-        seek_region = capture.region is None and mask_region is None
+        mask_region = around(read_mask(mask, size), parameters.margin) if given_region is None and mask else None
+        seek_spheres = not given_spheres and inputs.file("lights") is None
+        seek_region = given_region is None and mask_region is None
         sample = take_sample(footage, parameters.sample, progress) if seek_spheres or seek_region else None
-        spheres = [Sphere(each.x, each.y, each.radius) for each in capture.spheres]
+        spheres = [Sphere(sphere.x, sphere.y, sphere.radius) for sphere in given_spheres]
         if sample is not None and seek_spheres:
-            spheres = find_spheres(sample.typical, sample.brightest, camera=work.camera_matrix)
+            spheres = find_spheres(sample.median, sample.peak, camera=camera)
         _check_spheres(spheres, size)
-        region, arrays = capture.region or mask_region, {}
+        region, arrays = given_region or mask_region, dict[str, np.ndarray]()
         if region is None:
             assert sample is not None
-            found = estimate_mask(sample.typical, sample.brightest, spheres=spheres)
-            region = around(found, 2 * parameters.margin)
-            arrays = {"mask": found[region.rows, region.columns]}
+            estimate = estimate_mask(sample.median, sample.peak, spheres=spheres)
+            region = around(estimate, 2 * parameters.margin)
+            arrays["mask"] = estimate[region.rows, region.columns]
         _check_region(region, size)
-        scales = [_scale(each, work.camera_matrix) for each in capture.spheres if each.diameter_mm]
-        pixel_size = capture.pixel_size or (float(np.mean(scales)) if scales else None)
+        # Whoever gives spheres or a mask has read them off the first frame.
+        shake = measure_shake(footage, to_first=bool(given_spheres or mask))
         record = {
             "frame_size": [footage.width, footage.height],
             "frames_claimed": footage.count,
@@ -61,44 +69,37 @@ def survey(work: Workspace, progress: Progress) -> Outcome:
             "codec": footage.codec,
             "region": region.model_dump(),
             "spheres": [asdict(sphere) | {"found": seek_spheres} for sphere in spheres],
-            "pixel_size": pixel_size,
-            "unit": "pixels" if pixel_size is None else "mm",
+            "camera": None if camera is None else camera.tolist(),
+            "stabilization": shake.record,
+            **_scale(inputs, camera),
         }
-        return Outcome(arrays=arrays, record=record, counts={"spheres": len(spheres)})
-
-
-def _scale(sphere: catalogue.Sphere, camera: np.ndarray | None) -> float:
-    """Millimetres of a pixel at a sphere's centre, from its diameter."""
-    assert sphere.diameter_mm is not None
-    if camera is None:
-        return sphere.diameter_mm / (2.0 * sphere.radius)
-    cone = cone_of(sphere.x, sphere.y, sphere.radius, camera)
-    away = sphere.diameter_mm / (2.0 * cone.sine) * abs(float(cone.axis[2]))
-    return away / float(np.sqrt(camera[0, 0] * camera[1, 1]))
+    return StageOutput(
+        arrays=arrays | shake.arrays, record=record, counts={"spheres": len(spheres)}, warnings=shake.warnings
+    )
 
 
 def take_sample(footage: Footage, count: int, progress: Progress) -> Sample:
-    """Median and maximum of about `count` frames spread over the footage; of long footage, at most so many bytes."""
+    """Compute median and maximum of about `count` frames spread over a video; of a long one, of fewer for memory."""
     expected = footage.count or 10 * count
     step = max(1, expected // count)
     frame_bytes = footage.width * footage.height * footage.bits // 8
     held = max(5, min(count, SAMPLE_BYTES // frame_bytes))
-    every = max(1, -(-(expected // step) // held))
+    interval = max(1, -(-(expected // step) // held))
     kept: list[np.ndarray] = []
-    brightest: np.ndarray | None = None
+    peak: np.ndarray | None = None
     for number, frame in enumerate(footage.frames(step=step)):
-        brightest = frame.copy() if brightest is None else np.maximum(brightest, frame, out=brightest)
-        if number % every == 0:
+        peak = frame.copy() if peak is None else np.maximum(peak, frame, out=peak)
+        if number % interval == 0:
             kept.append(frame.copy())
         progress(number * step, footage.count or None)
-    if brightest is None:
-        raise InputError(f"{footage.uri} holds no frame", "film or copy it again")
+    if peak is None:
+        raise InputError(f"{footage.uri} holds no frame", "record or copy it again")
     scale = np.float32(1.0 if footage.bits == 8 else 1.0 / 257.0)
-    return Sample(np.median(kept, axis=0).astype(np.float32) * scale, brightest.astype(np.float32) * scale)
+    return Sample(np.median(kept, axis=0).astype(np.float32) * scale, peak.astype(np.float32) * scale)
 
 
 def around(mask: np.ndarray, margin: int) -> Region:
-    """The rectangle around a mask (H, W) of the full frame with so many pixels beside it, inside the frame."""
+    """Return the rectangle around a mask (H, W) of the full frame, `margin` pixels wider, inside the frame."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     top, left = max(int(rows[0]) - margin, 0), max(int(columns[0]) - margin, 0)
     bottom = min(int(rows[-1]) + margin + 1, mask.shape[0])
@@ -106,9 +107,21 @@ def around(mask: np.ndarray, margin: int) -> Region:
     return Region(x=left, y=top, width=right - left, height=bottom - top)
 
 
-def _around_mask(work: Workspace, size: tuple[int, int]) -> Region:
-    assert work.capture.mask is not None
-    return around(read_mask(work.capture.mask, size), work.parameters.survey.margin)
+def _scale(inputs: StageInputs, camera: np.ndarray | None) -> Mapping[str, Any]:
+    """Return the millimetres of a pixel and the unit of depth: as given, or from the spheres' diameters."""
+    sizes = [_pixel_size(sphere, camera) for sphere in inputs.field("spheres") if sphere.diameter_mm]
+    pixel_size = inputs.field("pixel_size") or (float(np.mean(sizes)) if sizes else None)
+    return {"pixel_size": pixel_size, "unit": "pixels" if pixel_size is None else "mm"}
+
+
+def _pixel_size(sphere: models.Sphere, camera: np.ndarray | None) -> float:
+    """Return the millimetres of a pixel at a sphere's centre, from its diameter."""
+    assert sphere.diameter_mm is not None
+    if camera is None:
+        return sphere.diameter_mm / (2.0 * sphere.radius)
+    cone = cone_of(sphere.x, sphere.y, sphere.radius, camera)
+    distance = sphere.diameter_mm / (2.0 * cone.sine) * abs(float(cone.axis[2]))
+    return distance / float(np.sqrt(camera[0, 0] * camera[1, 1]))
 
 
 def _check_spheres(spheres: list[Sphere], size: tuple[int, int]) -> None:

@@ -15,6 +15,7 @@ from time import perf_counter
 import av
 import cv2
 
+from glint.flows.pipeline.run import WARMED
 from glint.flows.runtime.dask_cluster import Cluster
 from glint.flows.runtime.prefect_server import ensure_server
 
@@ -45,7 +46,7 @@ def main() -> None:
     with (
         tempfile.TemporaryDirectory() as folder,
         ensure_server().connected(),
-        Cluster(modules=("glint.tasks.pipeline",)) as cluster,
+        Cluster(modules=WARMED) as cluster,
     ):
         from glint.flows.pipeline.catalogue import run_catalogue
         from glint.flows.pipeline.context import share

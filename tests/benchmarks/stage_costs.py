@@ -21,7 +21,8 @@ from glint.storage.catalogue.loading import load
 from glint.storage.locations.location import Location
 from glint.tasks.engine.references import CaptureReference
 from glint.tasks.engine.stage import perform, stage_keys
-from glint.tasks.pipeline import STAGES, warm_up
+from glint.tasks.pipeline import STAGES
+from glint.tasks.warm_up import warm_up
 from glint.tasks.publish import publish
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from tests.benchmarks.sizing import requests

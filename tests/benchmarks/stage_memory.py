@@ -22,7 +22,8 @@ from glint.storage.export.image_files import write_png
 from glint.storage.footage.source import open_footage
 from glint.tasks.engine.references import CaptureReference
 from glint.tasks.engine.stage import perform, stage_keys
-from glint.tasks.pipeline import BY_NAME, STAGES, warm_up
+from glint.tasks.pipeline import BY_NAME, STAGES
+from glint.tasks.warm_up import warm_up
 from tests.scene import draw_scene
 from tests.storage.footage.videos import write_video
 

@@ -5,7 +5,9 @@ from pathlib import Path
 from glint.storage.catalogue.loading import load
 from glint.tasks.engine.capture_context import Workspace
 from glint.tasks.engine.parameters import Parameters
-from glint.tasks.memory import BASE, CLUSTER_BYTES, largest_need
+from glint.tasks.memory import LOADED_BYTES, largest_need
+from glint.tasks.pipeline import TILES_HELD
+from glint.tasks.stages.clusters import TILE_BYTES
 
 
 def need(simulated: Path, store: Path, edge: int, bits: int = 8, frame: int = 4000) -> tuple[int, str]:
@@ -19,11 +21,11 @@ def need(simulated: Path, store: Path, edge: int, bits: int = 8, frame: int = 40
 
 
 def test_the_need_grows_with_the_region_and_names_the_stage(simulated: Path, tmp_path: Path) -> None:
-    assert need(simulated, tmp_path, 10, frame=100) == (BASE + CLUSTER_BYTES, "clusters")
+    assert need(simulated, tmp_path, 10, frame=100) == (LOADED_BYTES + TILES_HELD * TILE_BYTES, "clusters")
     small, large = need(simulated, tmp_path, 1000), need(simulated, tmp_path, 2000)
-    assert small[1] == large[1] == "labels" and large[0] - BASE == 4 * (small[0] - BASE)
+    assert small[1] == large[1] == "labels" and large[0] - LOADED_BYTES == 4 * (small[0] - LOADED_BYTES)
 
 
 def test_frames_of_16_bits_and_huge_frames_count(simulated: Path, tmp_path: Path) -> None:
     assert need(simulated, tmp_path, 1000, bits=16, frame=12_000)[1] == "frames"
-    assert need(simulated, tmp_path, 100, frame=20_000)[0] > BASE + 8 * 20_000**2
+    assert need(simulated, tmp_path, 100, frame=20_000)[0] > LOADED_BYTES + 8 * 20_000**2

@@ -72,7 +72,7 @@ def test_read_only_store(scene: Scene, small: Path) -> None:
 def test_files_that_may_not_grow(scene: Scene, tmp_path: Path) -> None:
     """A limit on the size of files, as quotas set it; needs no rights."""
     script = (
-        "import sys\nfrom pathlib import Path\nfrom tests.tasks.bench import bench, perform_all\n"
+        "import sys\nfrom pathlib import Path\nfrom tests.tasks.make_context import bench, perform_all\n"
         "from glint.storage.errors import StoreError\n"
         f"work = bench(Path({str(scene.catalogue)!r}), Path({str(tmp_path / 'store')!r}))\n"
         "try:\n    perform_all(work)\nexcept StoreError as error:\n    sys.exit(f'{error.message}: {error.remedy}')\n"

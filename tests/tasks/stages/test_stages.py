@@ -66,7 +66,7 @@ def test_a_changed_parameter_redoes_what_follows_from_it(simulated: Path, store:
     with_radius = stage_keys(bench(simulated, store, {"clusters": {"radius": 2.5}}), STAGES)
     plain = stage_keys(bench(simulated, store), STAGES)
     same = [name for name in NAMES if with_radius[name] == plain[name]]
-    assert same == ["survey", "frames", "lights", "mask"]
+    assert same == ["survey", "frames", "lights", "mask", "thresholds", "markup", "silhouette"]
 
 
 def test_a_changed_mask_is_noticed(simulated: Path, tmp_path: Path) -> None:

@@ -1,0 +1,80 @@
+"""Geometry of a capture as the survey left it: frame, region, spheres, crops, camera, scale."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from glint.storage.catalogue.loading import Region
+from glint.tasks.algorithms.geometry.perspective import views
+from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.engine.stage_inputs import CaptureResults
+
+OBJECT = "object"
+"""The object's crop."""
+SPHERE_MARGIN_PX = 4
+"""Pixels beyond a sphere's contour that its crop holds."""
+
+
+@dataclass(frozen=True)
+class CaptureGeometry:
+    """frame_size: (width, height) in pixels; region: the object's, in pixels of the full frame; spheres: in pixels of
+    the full frame; camera: the perspective camera's matrix (3, 3) in pixels of the full frame, None: orthographic;
+    pixel_size: millimetres of a pixel, None: unknown; unit: of depth, `mm` or `pixels`."""
+
+    frame_size: tuple[int, int]
+    region: Region
+    spheres: tuple[Sphere, ...]
+    camera: np.ndarray | None
+    pixel_size: float | None
+    unit: str
+
+    @classmethod
+    def of(cls, record: Mapping[str, Any]) -> "CaptureGeometry":
+        """Read the survey's record."""
+        width, height = record["frame_size"]
+        camera = record["camera"]
+        return cls(
+            (int(width), int(height)),
+            Region(**record["region"]),
+            tuple(Sphere(sphere["x"], sphere["y"], sphere["radius"], sphere["score"]) for sphere in record["spheres"]),
+            None if camera is None else np.array(camera, float),
+            record["pixel_size"],
+            record["unit"],
+        )
+
+    @cached_property
+    def crops(self) -> dict[str, Region]:
+        """Crops of the full frame by name: `object`, `sphere-0`, .."""
+        return {OBJECT: self.region} | {
+            sphere_name(number): self._crop(sphere) for number, sphere in enumerate(self.spheres)
+        }
+
+    def camera_within(self, crop: Region) -> np.ndarray | None:
+        """Return the perspective camera's matrix (3, 3) in the pixels of a crop; None: orthographic."""
+        return None if self.camera is None else self.camera - np.array([[0, 0, crop.x], [0, 0, crop.y], [0, 0, 0]])
+
+    @cached_property
+    def view_vectors(self) -> np.ndarray | None:
+        """View vectors (H, W, 3) of the region's pixels under a perspective camera; None: all are (0, 0, 1)."""
+        region = self.region
+        return None if self.camera is None else views(self.camera, (region.height, region.width), region.x, region.y)
+
+    def _crop(self, sphere: Sphere) -> Region:
+        left = max(int(sphere.x - sphere.radius) - SPHERE_MARGIN_PX, 0)
+        top = max(int(sphere.y - sphere.radius) - SPHERE_MARGIN_PX, 0)
+        right = min(int(sphere.x + sphere.radius) + SPHERE_MARGIN_PX + 2, self.frame_size[0])
+        bottom = min(int(sphere.y + sphere.radius) + SPHERE_MARGIN_PX + 2, self.frame_size[1])
+        return Region(x=left, y=top, width=right - left, height=bottom - top)
+
+
+def sphere_name(number: int) -> str:
+    """Return the name of a sphere's crop."""
+    return f"sphere-{number}"
+
+
+def load_geometry(results: CaptureResults) -> CaptureGeometry:
+    """Load the geometry that the survey saved."""
+    return CaptureGeometry.of(results.load("survey").record)
