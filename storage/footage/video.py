@@ -91,7 +91,7 @@ class Video:
             try:
                 for number in range(count if duration else 0):
                     container.seek((stream.start_time or 0) + duration * number // count, stream=stream)
-                    frame = next(self._decoded(container), None)
+                    frame = next(container.decode(stream), None)
                     if frame is None or frame.pts is None or frame.is_corrupt:
                         return []
                     if frame.pts not in frames:

@@ -31,7 +31,8 @@ def frames(inputs: StageInputs, progress: Progress) -> StageOutput:
         InputError: the video cannot be read.
         StoreError: the store cannot be written.
     """
-    cache = _opened(inputs, progress)
+    digest = _digest(inputs)
+    cache = _complete(inputs.location, digest) or _ingest(inputs, digest, progress)
     arrays = {}
     for name in cache.crops:
         background, peak = levels(cache, name)
@@ -50,7 +51,8 @@ def open_frames(results: CaptureResults) -> FrameCache:
     Raises:
         InputError: the video cannot be read; StoreError: the store fails.
     """
-    return _opened(results)
+    digest = str(results.load("frames").record["cache"])
+    return _complete(results.location, digest) or _ingest(results, digest)
 
 
 def load_levels(results: CaptureResults, crop: str = OBJECT) -> tuple[np.ndarray, np.ndarray]:
@@ -82,26 +84,35 @@ def levels(cache: FrameCache, crop: str) -> tuple[np.ndarray, np.ndarray]:
     return np.partition(stack, middle, axis=0)[middle], peak
 
 
-def _opened(results: CaptureResults, progress: Progress | None = None) -> FrameCache:
-    survey, crops = results.load("survey"), load_geometry(results).crops
-    stabilized = survey.record["stabilization"]["applied"]
-    content = results.digest("frames") or ""
-    if stabilized:
+def _digest(results: CaptureResults) -> str:
+    """Return the name of the cache: it follows from the video's content, the crops and the stabilization."""
+    survey, content = results.load("survey"), results.digest("frames") or ""
+    stabilization = survey.record["stabilization"]
+    if stabilization["applied"]:
         reference = sha256(survey.read(REFERENCE).tobytes()).hexdigest()
-        content = f"{content} stabilized to {reference} at {survey.record['stabilization']['origin']}"
-    digest = cache_digest(content, crops)
+        content = f"{content} stabilized to {reference} at {stabilization['origin']}"
+    return cache_digest(content, load_geometry(results).crops)
+
+
+def _complete(location: Location, digest: str) -> FrameCache | None:
+    """Open the cache; None where it is gone or incomplete."""
     try:
-        cache = FrameCache.open(results.location, digest)
-        if cache.complete:
-            _mark_used(results.location, digest, int(monotonic() // USE_SECONDS))
-            return cache
+        cache = FrameCache.open(location, digest)
     except StoreError:
-        pass
-    address = results.file("frames")
+        return None
+    if cache.complete:
+        _mark_used(location, digest, int(monotonic() // USE_SECONDS))
+    return cache if cache.complete else None
+
+
+def _ingest(results: CaptureResults, digest: str, progress: Progress | None = None) -> FrameCache:
+    """Decode the video, moved back where the camera was shaken, into the cache."""
+    survey, address = results.load("survey"), results.file("frames")
     assert address is not None
     with open_footage(address) as footage:
+        stabilized = survey.record["stabilization"]["applied"]
         source = StabilizedFootage(footage, survey) if stabilized else footage
-        return FrameCache.ingest(source, results.location, digest, crops, progress)
+        return FrameCache.ingest(source, results.location, digest, load_geometry(results).crops, progress)
 
 
 @lru_cache(maxsize=256)
