@@ -71,9 +71,7 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
         lights=int(np.isfinite(half_vectors[:, 0]).sum()),
         could=float(could.mean()),
         observed=float(observed[mask].mean()),
-        spheres=tuple(
-            f"x {sphere.x:.1f}, y {sphere.y:.1f}, radius {sphere.radius:.1f}" for sphere in geometry.spheres
-        ),
+        spheres=tuple(f"x {sphere.x:.1f}, y {sphere.y:.1f}, radius {sphere.radius:.1f}" for sphere in geometry.spheres),
         warnings=tuple(warning for record in records for warning in record.warnings),
         pictures=write_check_pictures(video, geometry, cache, mask, half_vectors, lit, out),
         seconds=sum(record.seconds for record in records),

@@ -12,6 +12,7 @@ from typing import Any
 from glint.storage.versions.repository import Version
 from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.tasks.engine.capture_context import INPUTS, Workspace
+from glint.tasks.pipeline import NAMES, SCHEMAS
 
 PACKAGES = (
     "numpy", "scipy", "numba", "opencv-python-headless", "PyMaxflow", "open3d-cpu", "trimesh", "av", "zarr",
@@ -34,11 +35,12 @@ def publish(works: Sequence[Workspace], run: str, catalogue: str, model: bool | 
         "run": run,
         "catalogue": catalogue,
         **code_facts(),
+        "stages": NAMES,
         "captures": {work.capture.id: said_of(work) for work in works},
     }
     names = [work.capture.id for work in works] + [WHOLE_OBJECT] * (model is True)
     retired = [WHOLE_OBJECT] if model is False else []
-    return works[0].repository.publish(names, metadata, message=f"run {run}", retire=retired)
+    return works[0].repository.publish(names, metadata, NAMES, message=f"run {run}", retire=retired, schemas=SCHEMAS)
 
 
 def said_of(work: Workspace) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Parameters of the stages: every default that matters, with its range; a catalogue overrides them by stage and name."""
+"""Parameters of the stages: each default that matters, with its range; a catalogue overrides them by stage and name."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal

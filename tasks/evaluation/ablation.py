@@ -13,8 +13,8 @@ from glint.tasks.algorithms.evaluation.metrics import squared_errors
 from glint.tasks.algorithms.geometry.perspective import facing
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.engine.capture_context import Workspace
-from glint.tasks.stages.clusters import faced, load_clusters
 from glint.tasks.stages.capture_geometry import load_geometry
+from glint.tasks.stages.clusters import faced, load_clusters
 from glint.tasks.stages.markup import faced_marks, load_marks
 
 ABLATIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(

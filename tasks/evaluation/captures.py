@@ -19,8 +19,8 @@ from glint.tasks.algorithms.evaluation.metrics import (
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.engine.capture_context import Workspace
 from glint.tasks.engine.parameters import LabelsParameters
-from glint.tasks.stages.clusters import load_clusters
 from glint.tasks.stages.capture_geometry import load_geometry
+from glint.tasks.stages.clusters import load_clusters
 from glint.tasks.stages.labels import reconstruct
 from glint.tasks.stages.markup import load_marks
 

@@ -75,7 +75,9 @@ def reconstruct(
         result = reconstruct(clusters, mask, facing(initial, view), marks, parameters, silhouette, expected)
         return replace(result, normals=in_camera(result.normals, view), initial=in_camera(result.initial, view))
     if parameters.method == "paper":
-        return reconstruct_dual_layer(clusters, mask, initial, marks=marks, edges=parameters.edges, weight=parameters.weight)
+        return reconstruct_dual_layer(
+            clusters, mask, initial, marks=marks, edges=parameters.edges, weight=parameters.weight
+        )
     if parameters.method == "winner":
         return reconstruct_winner(clusters, mask, initial, marks=marks, tension_length=silhouette.tension_length)
     return reconstruct_normals(

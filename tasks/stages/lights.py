@@ -159,6 +159,4 @@ def _of_sphere(
         )
         for start in range(0, cache.frames, BLOCK_FRAMES)
     ]
-    return decide_lights(
-        blocks, static, sphere, second=parameters.second_light_ratio, odd=parameters.area_ratio
-    )
+    return decide_lights(blocks, static, sphere, second=parameters.second_light_ratio, odd=parameters.area_ratio)

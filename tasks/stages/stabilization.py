@@ -47,9 +47,9 @@ def measure_shake(footage: Footage, to_first: bool) -> Shake:
         return Shake({"shake_pixels": round(shake, 3), "applied": False})
     origin = shifts[0] if to_first else np.median(shifts, axis=0)
     record = {"shake_pixels": round(shake, 3), "applied": True, "origin": origin.tolist(), "reduction": reduction}
+    target = "the first one" if to_first else "the middle"
     warning = (
-        f"the camera moved by {shake:.1f} pixels: frames are moved back to {'the first one' if to_first else 'the middle'};"
-        " a firm tripod gives better normals"
+        f"the camera moved by {shake:.1f} pixels: frames are moved back to {target}; a firm tripod gives better normals"
     )
     return Shake(record, {REFERENCE: reference}, [warning])
 

@@ -36,9 +36,9 @@ from glint.tasks.engine.references import load_catalogue
 from glint.tasks.engine.stage import perform, stage_keys
 from glint.tasks.evaluation.models import believed, merged_views, score, true_mesh
 from glint.tasks.pipeline import STAGES
-from glint.tasks.warm_up import warm_up
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from glint.tasks.stages.model import STAGE, model_key, perform_model
+from glint.tasks.warm_up import warm_up
 
 TRUNCATED = 4.0
 """Cells from a surface within which the TSDF is integrated."""

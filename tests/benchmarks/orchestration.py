@@ -23,8 +23,8 @@ from glint.storage.catalogue.loading import Catalogue, Region, load, write
 from glint.tasks.engine.references import CaptureReference
 from glint.tasks.engine.stage import perform, stage_keys
 from glint.tasks.pipeline import STAGES
-from glint.tasks.warm_up import warm_up
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
+from glint.tasks.warm_up import warm_up
 
 RUN = [sys.executable, "-c", "from glint.flows.cli.main import main; main()", "run"]
 SHAPES = ("hemisphere", "fish", "bird", "cylinder")

@@ -22,9 +22,9 @@ from glint.storage.locations.location import Location
 from glint.tasks.engine.references import CaptureReference
 from glint.tasks.engine.stage import perform, stage_keys
 from glint.tasks.pipeline import STAGES
-from glint.tasks.warm_up import warm_up
 from glint.tasks.publish import publish
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
+from glint.tasks.warm_up import warm_up
 from tests.benchmarks.sizing import requests
 from tests.s3_gateway import Gateway
 
