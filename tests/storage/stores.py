@@ -15,7 +15,12 @@ from glint.storage.versions.stage_results import StoredFile
 REASONS = ("accepted", "no light", "two lights")
 PROVENANCE = ("outside", "observed", "marked", "silhouette", "filled")
 SCHEMAS = {
-    "lights": {"half_vectors": ArraySchema("T3", "f", "accepted"), "reason": ArraySchema("T", "u")},
+    "clusters": {"observations": ArraySchema("HW", "i")},
+    "lights": {
+        "half_vectors": ArraySchema("T3", "f", "accepted"),
+        "lights": ArraySchema("T3", "f", "accepted"),
+        "reason": ArraySchema("T", "u"),
+    },
     "mask": {"mask": ArraySchema("HW", "b")},
     "labels": {"normals": ArraySchema("HW3", "f", "mask"), "confidence": ArraySchema("HW", "f", "mask")},
     "depth": {"depth": ArraySchema("HW", "f", "mask")},
