@@ -11,12 +11,14 @@ import numpy as np
 from glint.storage.export.image_files import write_png
 from glint.storage.footage.source import open_footage
 from glint.storage.frames.cache import FrameCache
-from glint.tasks.algorithms.frames.keyframes import draw_keyframe, keyframes
-from glint.tasks.algorithms.geometry.perspective import in_camera, straight
-from glint.tasks.algorithms.lighting.coverage import could_observe, coverage, draw_coverage
+from glint.tasks.algorithms.frames.keyframes import keyframes
+from glint.tasks.algorithms.geometry.perspective import half_vectors_on_axis, rotate_from_view
+from glint.tasks.algorithms.lighting.coverage import coverage, is_observable
 from glint.tasks.algorithms.prior.silhouette import initial_normals
 from glint.tasks.engine.capture_context import Workspace
 from glint.tasks.engine.stage import perform, stage_keys
+from glint.tasks.figures.coverage_map import draw_coverage
+from glint.tasks.figures.keyframe_picture import draw_keyframe
 from glint.tasks.pipeline import BY_NAME, STAGES
 from glint.tasks.stages.frames import OBJECT, bars_of, open_frames, region_of, spheres_of, views_of
 
@@ -56,10 +58,10 @@ def check(work: Workspace, out: Path, progress: Callable[[str, int, int | None],
     half_vectors = work.load("lights").read("half_vectors")
     bars = bars_of(work, cache, mask)
     observed, lit = _lit(cache, bars, half_vectors, progress)
-    expected, view = initial_normals(mask).initial, views_of(work)
+    expected, view = initial_normals(mask).normals, views_of(work)
     if view is not None:
-        expected = straight(in_camera(expected, view), view)
-    could = could_observe(expected[mask], half_vectors, TOLERANCE)
+        expected = half_vectors_on_axis(rotate_from_view(expected, view), view)
+    could = is_observable(expected[mask], half_vectors, TOLERANCE)
     pictures = _pictures(work, cache, mask, half_vectors, lit, out)
     return Check(
         name=work.name,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from glint.tasks.algorithms.candidates.clusters import cluster_pixels, light_shares
+from glint.tasks.algorithms.candidates.clusters import cluster_pixels, inverse_density_weights
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
 from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
@@ -53,7 +53,7 @@ def warm_up() -> None:
     frames = np.where(lit & mask, 250, 20).astype(np.uint8)
     find_lights(frames, Sphere(12.0, 12.0, 11.0))
     bars = np.full(mask.shape, 200, np.uint8)
-    clusters = cluster_pixels(frames, bars, half_vectors, light_shares(half_vectors))
+    clusters = cluster_pixels(frames, bars, half_vectors, inverse_density_weights(half_vectors))
     found = reconstruct_normals(clusters, mask)
     depth = integrate(found.normals, mask, confidence=found.confidence).depth
     draw_surface(mesh_of(depth, mask, found.normals, steepest=1e3), size=16)

@@ -8,8 +8,8 @@ import numpy as np
 
 from glint.storage.frames.cache import FrameCache
 from glint.storage.locations.location import Location
-from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, light_shares
-from glint.tasks.algorithms.geometry.perspective import facing, towards
+from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, inverse_density_weights
+from glint.tasks.algorithms.geometry.perspective import half_vectors_for_view, rotate_to_view
 from glint.tasks.engine.capture_context import Workspace
 from glint.tasks.engine.parameters import Clusters as Parameters
 from glint.tasks.engine.stage import Outcome, Progress
@@ -51,7 +51,7 @@ def clusters(work: Workspace, progress: Progress, mapper: Mapper = one_by_one) -
     half_vectors = work.load("lights").read("half_vectors")
     parameters = work.parameters.clusters
     bars = bars_of(work, cache, mask)
-    shares = light_shares(half_vectors, parameters.within)
+    shares = inverse_density_weights(half_vectors, parameters.within)
     tiles = [tile for tile in tiles_of(mask.shape, cache.frames * cache.bits // 8) if mask[tile].any()]
     common = Common(work.store, cache.digest, half_vectors, shares, parameters)
     tasks = [(tile, bars[tile]) for tile in tiles]
@@ -64,10 +64,10 @@ def clusters(work: Workspace, progress: Progress, mapper: Mapper = one_by_one) -
     if lamp is not None:
         grid = np.indices(mask.shape)
         columns, rows = grid[1] + region.x, grid[0] + region.y
-        seen = {name: lamp.seen_from(found, columns, rows) for name, found in seen.items()}
+        seen = {name: lamp.half_vectors_at(found, columns, rows) for name, found in seen.items()}
     view = views_of(work)
     if view is not None:
-        seen = {name: towards(found, view) for name, found in seen.items()}
+        seen = {name: half_vectors_for_view(found, view) for name, found in seen.items()}
     arrays = {each.name: getattr(result, each.name) for each in fields(result)} | seen
     observed = (result.observations > 0) & mask
     return Outcome(
@@ -87,8 +87,8 @@ def cluster_tile(task: tuple[Tile, np.ndarray], common: Common) -> Clusters:
         common.half_vectors,
         common.shares,
         clusters=common.parameters.clusters,
-        radius=common.parameters.radius,
-        apart=common.parameters.apart,
+        radius_deg=common.parameters.radius,
+        separation=common.parameters.apart,
     )
 
 
@@ -136,7 +136,9 @@ def load_clusters(work: Workspace) -> Clusters:
 
 def faced(clusters: Clusters, view: np.ndarray) -> Clusters:
     """Clusters as seen along view vectors (H, W, 3)."""
-    return replace(clusters, normals=facing(clusters.normals, view), winner=facing(clusters.winner, view))
+    return replace(
+        clusters, normals=rotate_to_view(clusters.normals, view), winner=rotate_to_view(clusters.winner, view)
+    )
 
 
 def _warnings(observed: np.ndarray, mask: np.ndarray) -> list[str]:

@@ -13,9 +13,9 @@ from glint.storage.footage.source import Footage, open_footage
 from glint.storage.frames.cache import FrameCache, cache_digest, reduced
 from glint.storage.frames.eviction import mark_used
 from glint.storage.locations.location import Location
-from glint.tasks.algorithms.candidates.clusters import thresholds, white_level
-from glint.tasks.algorithms.frames.stabilization import Steadier, aligned, moved, wander
-from glint.tasks.algorithms.geometry.perspective import views
+from glint.tasks.algorithms.candidates.thresholds import highlight_thresholds, saturation_level
+from glint.tasks.algorithms.frames.stabilization import TranslationEstimator, register, shake_amplitude, translate
+from glint.tasks.algorithms.geometry.perspective import view_vectors
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.capture_context import Workspace
 from glint.tasks.engine.stage import Outcome, Progress
@@ -40,7 +40,7 @@ def frames(work: Workspace, progress: Progress) -> Outcome:
     """
     cache = _opened(work, None, progress)
     warnings = list(cache.warnings)
-    shaken = cache.reduction * wander(aligned(cache.overview())[1]) if cache.frames >= LEAST_FRAMES else 0.0
+    shaken = cache.reduction * shake_amplitude(register(cache.overview())[1]) if cache.frames >= LEAST_FRAMES else 0.0
     if shaken > STEADY:
         cache = _opened(work, cache, progress)
         warnings.append(
@@ -93,8 +93,8 @@ class Steadied:
 
     def __init__(self, footage: Footage, overview: np.ndarray, reduction: int, to_first: bool) -> None:
         self._footage, self._reduction = footage, reduction
-        reference, shifts = aligned(overview)
-        self._steadier = Steadier(reference)
+        reference, shifts = register(overview)
+        self._steadier = TranslationEstimator(reference)
         self._origin = shifts[0] if to_first else np.median(shifts, axis=0)
 
     def __getattr__(self, name: str) -> Any:
@@ -104,8 +104,8 @@ class Steadied:
     def frames(self, *arguments: Any, **named: Any) -> Iterator[np.ndarray]:
         """The footage's frames, each moved back."""
         for frame in self._footage.frames(*arguments, **named):
-            shift = self._steadier.shift(reduced(frame, self._reduction))
-            yield moved(frame, self._reduction * (self._origin - shift))
+            shift = self._steadier.estimate(reduced(frame, self._reduction))
+            yield translate(frame, self._reduction * (self._origin - shift))
 
 
 def _placed_by_hand(work: Workspace) -> bool:
@@ -154,7 +154,7 @@ def camera_within(work: Workspace, crop: Region) -> np.ndarray | None:
 def views_of(work: Workspace) -> np.ndarray | None:
     """View vectors (H, W, 3) of the region's pixels under a perspective camera; None: all are (0, 0, 1)."""
     region, camera = region_of(work), work.camera_matrix
-    return None if camera is None else views(camera, (region.height, region.width), region.x, region.y)
+    return None if camera is None else view_vectors(camera, (region.height, region.width), region.x, region.y)
 
 
 def levels(cache: FrameCache, name: str = OBJECT, shards: int = 24, every: int = 16) -> tuple[np.ndarray, np.ndarray]:
@@ -185,6 +185,6 @@ def bars_of(work: Workspace, cache: FrameCache, mask: np.ndarray) -> np.ndarray:
         UnusableCapture: the object never glints, or is saturated all the time.
     """
     static, brightest = levels(cache)
-    bars = thresholds(static, white_level(brightest[mask], static[mask]), work.parameters.clusters.share)
+    bars = highlight_thresholds(static, saturation_level(brightest[mask], static[mask]), work.parameters.clusters.share)
     bars[~mask] = np.iinfo(bars.dtype).max
     return bars

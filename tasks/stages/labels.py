@@ -6,7 +6,7 @@ import numpy as np
 
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks
-from glint.tasks.algorithms.geometry.perspective import facing, in_camera
+from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view
 from glint.tasks.algorithms.labelling.dual_layer import reconstruct_dual_layer
 from glint.tasks.algorithms.labelling.reconstruction import (
     FILLED,
@@ -68,10 +68,12 @@ def reconstruct(
     under a perspective camera; each pixel's normals are labelled as seen along its own ray.
     """
     if view is not None:
-        seen = None if expected is None else facing(expected, view)
+        seen = None if expected is None else rotate_to_view(expected, view)
         clusters, marks = faced(clusters, view), faced_marks(marks, view)
-        found = reconstruct(clusters, mask, facing(initial, view), marks, parameters, seen)
-        return replace(found, normals=in_camera(found.normals, view), initial=in_camera(found.initial, view))
+        found = reconstruct(clusters, mask, rotate_to_view(initial, view), marks, parameters, seen)
+        return replace(
+            found, normals=rotate_from_view(found.normals, view), initial=rotate_from_view(found.initial, view)
+        )
     chosen, outline = parameters.labels, parameters.silhouette
     if chosen.method == "paper":
         return reconstruct_dual_layer(clusters, mask, initial, marks=marks, edges=chosen.edges, weight=chosen.weight)

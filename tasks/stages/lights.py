@@ -11,18 +11,18 @@ from glint.storage.inputs.masks_and_truth import read_lights
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of
 from glint.tasks.algorithms.lighting.coverage import coverage
-from glint.tasks.algorithms.lighting.focal_length import find_focal
-from glint.tasks.algorithms.lighting.highlights import measure_highlights, static_level
+from glint.tasks.algorithms.lighting.focal_length import estimate_focal_length
+from glint.tasks.algorithms.lighting.highlights import measure_highlights, static_background
 from glint.tasks.algorithms.lighting.lights import (
     ACCEPTED,
     BEHIND,
     REASONS,
     Lights,
-    combine_lights,
-    decide_lights,
-    disagreement_of,
+    classify_frames,
+    inter_sphere_angles,
+    merge_spheres,
 )
-from glint.tasks.algorithms.lighting.near_light import NearLamp, find_near_lamp, lamp_beside
+from glint.tasks.algorithms.lighting.near_light import PointLight, estimate_point_light
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.capture_context import Workspace
 from glint.tasks.engine.stage import Outcome, Progress
@@ -51,12 +51,12 @@ def lights(work: Workspace, progress: Progress) -> Outcome:
             f"{accepted} of {cache.frames} frames has a light before the object",
             "film for longer and move the lamp over the whole hemisphere before the object",
         )
-    median, worst = disagreement_of(found)
+    median, worst = inter_sphere_angles(found)
     swept = coverage(found.half_vectors)
     record = {
         "reasons": list(REASONS),
         "coverage": {
-            "within_degrees": {f"{limit:g}": round(share, 4) for limit, share in swept.within.items()},
+            "within_degrees": {f"{limit:g}": round(share, 4) for limit, share in swept.covered_shares.items()},
             "gaps": [str(gap) for gap in swept.gaps],
         },
         "near_lamp": None if lamp is None else asdict(lamp),
@@ -86,31 +86,31 @@ def _known(work: Workspace, count: int) -> Lights:
     return Lights(half_vectors_of(kept).astype(np.float32), kept, reason, unknown, unknown)
 
 
-def near_lamp_of(work: Workspace) -> NearLamp | None:
+def near_lamp_of(work: Workspace) -> PointLight | None:
     """The near lamp that was found or given; None: far away."""
     said = work.load("lights").record["near_lamp"]
-    return None if said is None else NearLamp(**said)
+    return None if said is None else PointLight(**said)
 
 
-def _seen(work: Workspace, cache: FrameCache, progress: Progress) -> tuple[Lights, NearLamp | None]:
+def _seen(work: Workspace, cache: FrameCache, progress: Progress) -> tuple[Lights, PointLight | None]:
     crops, spheres = crops_of(work), spheres_of(work)
     each = []
     for number, sphere in enumerate(spheres):
         crop = crops[f"sphere-{number}"]
         camera = camera_within(work, crop)
-        each.append(_of_sphere(work, cache, f"sphere-{number}", sphere.within(crop.x, crop.y), camera))
+        each.append(_of_sphere(work, cache, f"sphere-{number}", sphere.in_crop(crop.x, crop.y), camera))
         progress(number + 1, len(spheres))
-    combined = combine_lights(each, tolerance=work.parameters.lights.tolerance)
+    combined = merge_spheres(each, tolerance=work.parameters.lights.tolerance)
     distance = work.parameters.lights.distance
     if distance is None:
-        return combined, find_near_lamp([found.half_vectors for found in each], spheres)
+        return combined, estimate_point_light([found.half_vectors for found in each], spheres)
     pixel_size = work.load("survey").record["pixel_size"]
     if pixel_size is None:
         raise InputError(
             "the lamp's distance is given in millimetres, but nothing gives the scale",
             "give a sphere's diameter_mm, or the capture's pixel_size",
         )
-    return combined, lamp_beside(spheres, distance / pixel_size)
+    return combined, PointLight.from_distance(spheres, distance / pixel_size)
 
 
 def _near_camera(work: Workspace, cache: FrameCache) -> list[str]:
@@ -122,7 +122,7 @@ def _near_camera(work: Workspace, cache: FrameCache) -> list[str]:
         crop = crops_of(work)[f"sphere-{number}"]
         typical, brightest = levels(cache, f"sphere-{number}", shards=8)
         middle = (width - 1) / 2 - crop.x, (height - 1) / 2 - crop.y
-        focal = find_focal(typical, brightest, sphere.within(crop.x, crop.y), middle, width)
+        focal = estimate_focal_length(typical, brightest, sphere.in_crop(crop.x, crop.y), middle, width)
         if focal is not None:
             return [
                 f"the ball at ({sphere.x:.0f}, {sphere.y:.0f}) is seen as an ellipse, as by a near camera with a focal"
@@ -138,17 +138,17 @@ def _of_sphere(work: Workspace, cache: FrameCache, name: str, sphere: Sphere, ca
     chosen = starts[np.unique(np.linspace(0, len(starts) - 1, min(SAMPLED_SHARDS, len(starts))).round().astype(int))]
     every = 16 if cache.frames > 640 else 1
     sample = np.concatenate([cache.read(name, slice(start, start + 64))[::every] for start in chosen.tolist()])
-    static = static_level(sample, sphere, camera=camera)
+    static = static_background(sample, sphere, camera=camera)
     blocks = [
         measure_highlights(
             cache.read(name, slice(start, start + BLOCK)),
             sphere,
             static,
-            seed=parameters.seed,
-            low=parameters.low,
-            high=parameters.high,
+            peak_level=parameters.seed,
+            edge_level=parameters.low,
+            full_level=parameters.high,
             camera=camera,
         )
         for start in range(0, cache.frames, BLOCK)
     ]
-    return decide_lights(blocks, static, sphere, second=parameters.second, odd=parameters.odd)
+    return classify_frames(blocks, static, sphere, second_light_ratio=parameters.second, area_ratio=parameters.odd)

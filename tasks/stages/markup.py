@@ -6,8 +6,9 @@ from functools import partial
 import numpy as np
 
 from glint.storage.inputs.masks_and_truth import read_markup
-from glint.tasks.algorithms.candidates.markup import Mark, Marks, track
-from glint.tasks.algorithms.geometry.perspective import facing, towards
+from glint.tasks.algorithms.candidates.markup import Mark, Marks
+from glint.tasks.algorithms.candidates.tracking import track
+from glint.tasks.algorithms.geometry.perspective import half_vectors_for_view, rotate_to_view
 from glint.tasks.engine.capture_context import Workspace
 from glint.tasks.engine.stage import Outcome, Progress
 from glint.tasks.stages.frames import OBJECT, bars_of, open_frames, region_of, views_of
@@ -21,7 +22,7 @@ def markup(work: Workspace, progress: Progress) -> Outcome:
         InputError: the markup is malformed or lies outside the object.
     """
     if work.capture.markup is None:
-        return Outcome(arrays=_arrays(Marks.none()))
+        return Outcome(arrays=_arrays(Marks.empty()))
     cache, region = open_frames(work), region_of(work)
     mask = work.load("mask").read("mask")
     said = read_markup(work.capture.markup, cache.frame_size, cache.frames, region, mask)
@@ -31,10 +32,12 @@ def markup(work: Workspace, progress: Progress) -> Outcome:
     found, lamp = tracks.marks, near_lamp_of(work)
     if lamp is not None and len(found.kind):
         rows, columns = found.pixels.T
-        found = replace(found, half_vectors=lamp.seen_from(found.half_vectors, columns + region.x, rows + region.y))
+        found = replace(
+            found, half_vectors=lamp.half_vectors_at(found.half_vectors, columns + region.x, rows + region.y)
+        )
     view = views_of(work)
     if view is not None and len(found.kind):
-        found = replace(found, half_vectors=towards(found.half_vectors, view[tuple(found.pixels.T)]))
+        found = replace(found, half_vectors=half_vectors_for_view(found.half_vectors, view[tuple(found.pixels.T)]))
     return Outcome(
         arrays=_arrays(found),
         counts={"marks": len(marks), "marked pixels": len(tracks.marks.kind)},
@@ -53,7 +56,7 @@ def faced_marks(marks: Marks | None, view: np.ndarray) -> Marks | None:
     """Marks as seen along view vectors (H, W, 3)."""
     if marks is None:
         return None
-    return replace(marks, half_vectors=facing(marks.half_vectors, view[tuple(marks.pixels.T)]))
+    return replace(marks, half_vectors=rotate_to_view(marks.half_vectors, view[tuple(marks.pixels.T)]))
 
 
 def _arrays(marks: Marks) -> dict[str, np.ndarray]:

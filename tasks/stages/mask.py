@@ -22,7 +22,7 @@ def mask(work: Workspace, progress: Progress) -> Outcome:
         found = work.load("survey").read("mask")
     else:
         typical, brightest = levels(open_frames(work))
-        spheres = [sphere.within(region.x, region.y) for sphere in spheres_of(work)]
+        spheres = [sphere.in_crop(region.x, region.y) for sphere in spheres_of(work)]
         found = estimate_mask(typical, brightest, spheres=spheres)
     return Outcome(
         arrays={"mask": found},

@@ -1,6 +1,6 @@
 """Silhouette: rim and initial normals from the mask, with marked highlights as constraints."""
 
-from glint.tasks.algorithms.geometry.perspective import in_camera
+from glint.tasks.algorithms.geometry.perspective import rotate_from_view
 from glint.tasks.algorithms.prior.silhouette import initial_normals
 from glint.tasks.engine.capture_context import Workspace
 from glint.tasks.engine.stage import Outcome, Progress
@@ -14,8 +14,8 @@ def silhouette(work: Workspace, progress: Progress) -> Outcome:
     found = initial_normals(
         work.load("mask").read("mask"),
         marks=marks if view is None else faced_marks(marks, view),
-        rim_weight=parameters.rim_weight,
+        contour_weight=parameters.rim_weight,
         tension_length=parameters.tension_length,
     )
-    initial = found.initial if view is None else in_camera(found.initial, view)
-    return Outcome(arrays={"rim": found.rim, "initial": initial}, counts={"rim pixels": int(found.rim.sum())})
+    initial = found.normals if view is None else rotate_from_view(found.normals, view)
+    return Outcome(arrays={"rim": found.contour, "initial": initial}, counts={"rim pixels": int(found.contour.sum())})

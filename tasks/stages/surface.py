@@ -4,12 +4,13 @@ import numpy as np
 
 from glint.storage.blobs import store as blobs
 from glint.storage.export.image_files import encode_png
-from glint.tasks.algorithms.lighting.coverage import coverage, draw_coverage
+from glint.tasks.algorithms.lighting.coverage import coverage
 from glint.tasks.algorithms.meshing.depth_mesh import glb_bytes, ply_bytes
 from glint.tasks.algorithms.meshing.depth_mesh import surface as mesh_of
 from glint.tasks.algorithms.meshing.shading import draw_surface, relit_pictures
 from glint.tasks.engine.capture_context import Workspace
 from glint.tasks.engine.stage import Outcome, Progress
+from glint.tasks.figures.coverage_map import draw_coverage
 from glint.tasks.stages.frames import region_of
 
 METRES_PER_MM = 0.001

@@ -10,7 +10,7 @@ from glint.storage.errors import InputError
 from glint.storage.footage.source import Footage, open_footage
 from glint.storage.inputs.masks_and_truth import read_mask
 from glint.tasks.algorithms.frames.mask import estimate_mask
-from glint.tasks.algorithms.geometry.perspective import cone_of
+from glint.tasks.algorithms.geometry.perspective import Cone
 from glint.tasks.algorithms.lighting.spheres import Sphere, find_spheres
 from glint.tasks.engine.capture_context import Workspace
 from glint.tasks.engine.stage import Outcome, Progress
@@ -72,7 +72,7 @@ def _scale(sphere: catalogue.Sphere, camera: np.ndarray | None) -> float:
     assert sphere.diameter_mm is not None
     if camera is None:
         return sphere.diameter_mm / (2.0 * sphere.radius)
-    cone = cone_of(sphere.x, sphere.y, sphere.radius, camera)
+    cone = Cone.from_ellipse(sphere.x, sphere.y, sphere.radius, camera)
     away = sphere.diameter_mm / (2.0 * cone.sine) * abs(float(cone.axis[2]))
     return away / float(np.sqrt(camera[0, 0] * camera[1, 1]))
 
