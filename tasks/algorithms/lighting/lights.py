@@ -25,7 +25,7 @@ from glint.tasks.algorithms.lighting.spheres import Sphere
 
 REASONS = ("accepted", "no light", "behind the object", "two lights", "clipped or ambiguous", "outside the sphere")
 """Names of the codes in `Lights.reason`."""
-ACCEPTED, NO_LIGHT, BEHIND, TWO_LIGHTS, AMBIGUOUS, OUTSIDE = range(len(REASONS))
+ACCEPTED, NO_LIGHT, BEHIND, TWO_LIGHTS, AMBIGUOUS, OUTSIDE_SPHERE = range(len(REASONS))
 
 MIN_HALF_VECTOR_NZ = float(np.cos(np.radians(45.0)))
 """n_z of the sphere's normal below which the light is more than 90 degrees from the view vector."""
@@ -102,7 +102,7 @@ def classify_frames(
     reason[unusual | (occluded[:, 0] > MAX_OCCLUDED_FRACTION)] = AMBIGUOUS
     reason[front[:, 1] & (area[:, 1] >= second_light_ratio * np.maximum(area[:, 0], usual))] = TWO_LIGHTS
     reason[~front[:, 0]] = BEHIND
-    reason[~front[:, 0] & (half[:, 0, 2] < MIN_ON_SPHERE_NZ)] = OUTSIDE
+    reason[~front[:, 0] & (half[:, 0, 2] < MIN_ON_SPHERE_NZ)] = OUTSIDE_SPHERE
     reason[area[:, 0] > MAX_AREA_FRACTION * front_disc_area] = AMBIGUOUS
     reason[area[:, 0] <= 0] = NO_LIGHT
     return _lights(half[:, 0], reason, area[:, 0])
