@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from glint.storage.frames.cache import FrameCache
-from glint.tasks.algorithms.geometry.perspective import in_camera, straight
-from glint.tasks.algorithms.lighting.coverage import could_observe
+from glint.tasks.algorithms.geometry.perspective import half_vectors_on_axis, rotate_from_view
+from glint.tasks.algorithms.lighting.coverage import is_observable
 from glint.tasks.algorithms.prior.silhouette import initial_normals
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import perform, stage_keys
@@ -59,10 +59,10 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
     cache, geometry = open_frames(context), load_geometry(context)
     mask, half_vectors = context.load("mask").read("mask"), context.load("lights").read("half_vectors")
     observed, lit = _lit(cache, context.load("thresholds").read("thresholds"), half_vectors, progress)
-    expected, view = initial_normals(mask).initial, geometry.view_vectors
+    expected, view = initial_normals(mask).normals, geometry.view_vectors
     if view is not None:
-        expected = straight(in_camera(expected, view), view)
-    could = could_observe(expected[mask], half_vectors, MAX_HIGHLIGHT_ANGLE_DEG)
+        expected = half_vectors_on_axis(rotate_from_view(expected, view), view)
+    could = is_observable(expected[mask], half_vectors, MAX_HIGHLIGHT_ANGLE_DEG)
     video = context.file("frames")
     assert video is not None
     return Check(

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from glint.tasks.algorithms.candidates.clusters import cluster_pixels, light_shares
+from glint.tasks.algorithms.candidates.clusters import cluster_pixels, inverse_density_weights
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
 from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
@@ -27,7 +27,7 @@ def warm_up() -> None:
     frames = np.where(lit & mask, 250, 20).astype(np.uint8)
     find_lights(frames, Sphere(12.0, 12.0, 11.0))
     thresholds = np.full(mask.shape, 200, np.uint8)
-    clusters = cluster_pixels(frames, thresholds, half_vectors, light_shares(half_vectors))
+    clusters = cluster_pixels(frames, thresholds, half_vectors, inverse_density_weights(half_vectors))
     result = reconstruct_normals(clusters, mask)
     depth = integrate(result.normals, mask, confidence=result.confidence).depth
     draw_surface(surface(depth, mask, result.normals, steepest=1e3), size=16)

@@ -15,7 +15,7 @@ from glint.storage.catalogue.loading import Sphere as Entry
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from tests.storage.footage.videos import write_video
-from tests.tasks.algorithms.lighting.mirror_ball import directions, pooled
+from tests.tasks.algorithms.lighting.chrome_sphere import pooled, reflected_directions
 
 HEIGHT, WIDTH = 120, 168
 REGION = Region(x=20, y=30, width=64, height=56)
@@ -50,7 +50,7 @@ def draw_scene(folder: Path, *, frames: int = 500, balls: int = 1, seed: int = 0
     ground = np.clip(70 + 12 * texture / texture.std(), 35, 110)
     spheres = [(slice(int(each.y) - 26, int(each.y) + 27), slice(int(each.x) - 26, int(each.x) + 27)) for each in BALLS]
     mirrors = [
-        directions(each.within(columns.start, rows.start), (53, 53), 4)
+        reflected_directions(each.in_crop(columns.start, rows.start), (53, 53), 4)
         for each, (rows, columns) in zip(BALLS, spheres, strict=True)
     ]
     film = []

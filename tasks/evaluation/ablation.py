@@ -10,7 +10,7 @@ from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.evaluation.metrics import squared_errors
-from glint.tasks.algorithms.geometry.perspective import facing
+from glint.tasks.algorithms.geometry.perspective import rotate_to_view
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.engine.capture_context import Workspace
 from glint.tasks.stages.capture_geometry import load_geometry
@@ -50,7 +50,7 @@ def ablate(work: Workspace) -> dict[str, tuple[float, float]] | None:
         return None
     clusters, marks, view = load_clusters(work), load_marks(work), load_geometry(work).view_vectors
     if view is not None:
-        clusters, marks, truth = faced(clusters, view), faced_marks(marks, view), facing(truth, view)
+        clusters, marks, truth = faced(clusters, view), faced_marks(marks, view), rotate_to_view(truth, view)
     data = mask & (clusters.observations > 0)
     results = {}
     for name, parameters in ABLATIONS.items():

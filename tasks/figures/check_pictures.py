@@ -8,8 +8,10 @@ import numpy as np
 from glint.storage.export.image_files import write_png
 from glint.storage.footage.source import open_footage
 from glint.storage.frames.cache import FrameCache
-from glint.tasks.algorithms.frames.keyframes import draw_keyframe, keyframes
-from glint.tasks.algorithms.lighting.coverage import coverage, draw_coverage
+from glint.tasks.algorithms.frames.keyframes import keyframes
+from glint.tasks.algorithms.lighting.coverage import coverage
+from glint.tasks.figures.coverage_map import draw_coverage
+from glint.tasks.figures.keyframe_picture import draw_keyframe
 from glint.tasks.stages.capture_geometry import OBJECT, CaptureGeometry
 
 REGION_RGB, MASK_RGB, SPHERE_RGB = (255, 190, 60), (80, 220, 120), (90, 160, 255)

@@ -16,7 +16,7 @@ from scipy import ndimage
 from glint.storage.catalogue.loading import Camera, Capture, Catalogue, Object, Pose, Region, Sphere, load, write
 from glint.storage.export.image_files import write_png
 from glint.tasks.algorithms.frames.keyframes import keyframes
-from glint.tasks.algorithms.geometry.perspective import Cone, straight, views
+from glint.tasks.algorithms.geometry.perspective import Cone, half_vectors_on_axis, view_vectors
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of, to_camera
 from glint.tasks.algorithms.multiview.view import turned
 from glint.tasks.algorithms.simulation.camera_poses import ROOM, Placement, placements
@@ -243,8 +243,8 @@ def _glinting(truth: Truth, stage: Stage, options: CaptureOptions) -> np.ndarray
     camera, normals = _camera(stage, options), truth.normals[stage.region.rows, stage.region.columns]
     if camera is None:
         return normals
-    view = views(np.array(camera.matrix), normals.shape, stage.region.x, stage.region.y)
-    return straight(normals, view)
+    view = view_vectors(np.array(camera.matrix), normals.shape, stage.region.x, stage.region.y)
+    return half_vectors_on_axis(normals, view)
 
 
 def _write_markup(
@@ -300,7 +300,7 @@ def _outline(column: float, stage: Stage, camera: Camera | None) -> tuple[float,
     x, y = to_camera(np.array(column), np.array(stage.y), stage.width, stage.height)
     centre = np.array([float(x), float(y), -camera.matrix[0][0]])
     away = float(np.linalg.norm(centre))
-    return Cone(centre / away, stage.radius / away).outline(np.array(camera.matrix))
+    return Cone(centre / away, stage.radius / away).project(np.array(camera.matrix))
 
 
 def _pose(stage: Stage, options: CaptureOptions, placed: Placement) -> Pose:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from glint.storage.catalogue.loading import Region
-from glint.tasks.algorithms.geometry.perspective import views
+from glint.tasks.algorithms.geometry.perspective import view_vectors
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.stage_inputs import CaptureResults
 
@@ -60,7 +60,11 @@ class CaptureGeometry:
     def view_vectors(self) -> np.ndarray | None:
         """View vectors (H, W, 3) of the region's pixels under a perspective camera; None: all are (0, 0, 1)."""
         region = self.region
-        return None if self.camera is None else views(self.camera, (region.height, region.width), region.x, region.y)
+        return (
+            None
+            if self.camera is None
+            else view_vectors(self.camera, (region.height, region.width), region.x, region.y)
+        )
 
     def _crop(self, sphere: Sphere) -> Region:
         left = max(int(sphere.x - sphere.radius) - SPHERE_MARGIN_PX, 0)

@@ -8,8 +8,8 @@ import numpy as np
 
 from glint.storage.frames.cache import FrameCache
 from glint.storage.locations.location import Location
-from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, light_shares
-from glint.tasks.algorithms.geometry.perspective import facing, towards
+from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, inverse_density_weights
+from glint.tasks.algorithms.geometry.perspective import half_vectors_for_view, rotate_to_view
 from glint.tasks.engine.parameters import ClustersParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
@@ -50,7 +50,7 @@ def clusters(inputs: StageInputs, progress: Progress, mapper: Mapper = serial_ma
     cache, mask = open_frames(inputs), inputs.load("mask").read("mask")
     half_vectors = inputs.load("lights").read("half_vectors")
     thresholds = inputs.load("thresholds").read("thresholds")
-    weights = light_shares(half_vectors, parameters.dwell)
+    weights = inverse_density_weights(half_vectors, parameters.dwell)
     tiles = [tile for tile in tiles_of(mask.shape, cache.frames * cache.bits // 8) if mask[tile].any()]
     shared = SharedInputs(inputs.location.uri, cache.digest, half_vectors, weights, parameters)
     tasks = [(tile, thresholds[tile]) for tile in tiles]
@@ -76,8 +76,8 @@ def cluster_tile(task: tuple[Tile, np.ndarray], shared: SharedInputs) -> Cluster
         shared.half_vectors,
         shared.weights,
         clusters=shared.parameters.clusters,
-        radius=shared.parameters.radius,
-        apart=shared.parameters.separation,
+        radius_deg=shared.parameters.radius,
+        separation=shared.parameters.separation,
     )
 
 
@@ -125,7 +125,9 @@ def load_clusters(results: CaptureResults) -> Clusters:
 
 def faced(clusters: Clusters, view: np.ndarray) -> Clusters:
     """Return clusters as seen along view vectors (H, W, 3)."""
-    return replace(clusters, normals=facing(clusters.normals, view), winner=facing(clusters.winner, view))
+    return replace(
+        clusters, normals=rotate_to_view(clusters.normals, view), winner=rotate_to_view(clusters.winner, view)
+    )
 
 
 def _arrays(inputs: StageInputs, result: Clusters) -> dict[str, np.ndarray]:
@@ -135,10 +137,10 @@ def _arrays(inputs: StageInputs, result: Clusters) -> dict[str, np.ndarray]:
     if point_light is not None:
         grid = np.indices(result.observations.shape)
         columns, rows = grid[1] + geometry.region.x, grid[0] + geometry.region.y
-        vectors = {name: point_light.seen_from(values, columns, rows) for name, values in vectors.items()}
+        vectors = {name: point_light.half_vectors_at(values, columns, rows) for name, values in vectors.items()}
     view = geometry.view_vectors
     if view is not None:
-        vectors = {name: towards(values, view) for name, values in vectors.items()}
+        vectors = {name: half_vectors_for_view(values, view) for name, values in vectors.items()}
     return {field.name: getattr(result, field.name) for field in fields(result)} | vectors
 
 

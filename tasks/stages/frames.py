@@ -33,7 +33,7 @@ def frames(inputs: StageInputs, progress: Progress) -> StageOutput:
     """
     digest = _digest(inputs)
     cache = _complete(inputs.location, digest) or _ingest(inputs, digest, progress)
-    arrays = {}
+    arrays: dict[str, np.ndarray] = {}
     for name in cache.crops:
         background, peak = levels(cache, name)
         arrays |= {level_name("background", name): background, level_name("peak", name): peak}

@@ -6,7 +6,7 @@ import numpy as np
 
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks
-from glint.tasks.algorithms.geometry.perspective import facing, in_camera
+from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view
 from glint.tasks.algorithms.labelling.dual_layer import reconstruct_dual_layer
 from glint.tasks.algorithms.labelling.reconstruction import (
     FILLED,
@@ -70,10 +70,12 @@ def reconstruct(
     perspective camera; each pixel's normals are labelled as seen along its own ray.
     """
     if view is not None:
-        expected = None if expected is None else facing(expected, view)
+        expected = None if expected is None else rotate_to_view(expected, view)
         clusters, marks = faced(clusters, view), faced_marks(marks, view)
-        result = reconstruct(clusters, mask, facing(initial, view), marks, parameters, silhouette, expected)
-        return replace(result, normals=in_camera(result.normals, view), initial=in_camera(result.initial, view))
+        result = reconstruct(clusters, mask, rotate_to_view(initial, view), marks, parameters, silhouette, expected)
+        return replace(
+            result, normals=rotate_from_view(result.normals, view), initial=rotate_from_view(result.initial, view)
+        )
     if parameters.method == "paper":
         return reconstruct_dual_layer(
             clusters, mask, initial, marks=marks, edges=parameters.edges, weight=parameters.weight

@@ -11,18 +11,18 @@ from glint.storage.inputs.masks_and_truth import read_lights
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of
 from glint.tasks.algorithms.lighting.coverage import coverage
-from glint.tasks.algorithms.lighting.focal_length import find_focal
-from glint.tasks.algorithms.lighting.highlights import measure_highlights, static_level
+from glint.tasks.algorithms.lighting.focal_length import estimate_focal_length
+from glint.tasks.algorithms.lighting.highlights import measure_highlights, static_background
 from glint.tasks.algorithms.lighting.lights import (
     ACCEPTED,
     BEHIND,
     REASONS,
     Lights,
-    combine_lights,
-    decide_lights,
-    disagreement_of,
+    classify_frames,
+    inter_sphere_angles,
+    merge_spheres,
 )
-from glint.tasks.algorithms.lighting.near_light import NearLamp, find_near_lamp, lamp_beside
+from glint.tasks.algorithms.lighting.near_light import PointLight, estimate_point_light
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.parameters import LightsParameters
 from glint.tasks.engine.stage import Progress, StageOutput
@@ -55,12 +55,12 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
             f"{accepted} of {cache.frames} frames has a light before the object",
             "record for longer and move the light over the whole hemisphere before the object",
         )
-    median, worst = disagreement_of(result)
+    median, worst = inter_sphere_angles(result)
     sweep = coverage(result.half_vectors)
     record = {
         "reasons": list(REASONS),
         "coverage": {
-            "within_degrees": {f"{limit:g}": round(share, 4) for limit, share in sweep.within.items()},
+            "within_degrees": {f"{limit:g}": round(share, 4) for limit, share in sweep.covered_shares.items()},
             "gaps": [str(gap) for gap in sweep.gaps],
         },
         "near_lamp": None if point_light is None else asdict(point_light),
@@ -79,10 +79,10 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
     )
 
 
-def load_point_light(results: CaptureResults) -> NearLamp | None:
+def load_point_light(results: CaptureResults) -> PointLight | None:
     """Load the near light that was measured or given; None: far away."""
     saved = results.load("lights").record["near_lamp"]
-    return None if saved is None else NearLamp(**saved)
+    return None if saved is None else PointLight(**saved)
 
 
 def _known(inputs: StageInputs, address: str, count: int) -> Lights:
@@ -99,24 +99,24 @@ def _known(inputs: StageInputs, address: str, count: int) -> Lights:
 
 def _measured(
     inputs: StageInputs, geometry: CaptureGeometry, cache: FrameCache, progress: Progress
-) -> tuple[Lights, NearLamp | None]:
+) -> tuple[Lights, PointLight | None]:
     """Measure the lights on all spheres; with two, or a given distance, the near light as well."""
     parameters: LightsParameters = inputs.parameters
     by_sphere = []
     for number, sphere in enumerate(geometry.spheres):
         crop = geometry.crops[sphere_name(number)]
-        within, camera = sphere.within(crop.x, crop.y), geometry.camera_within(crop)
-        by_sphere.append(_of_sphere(parameters, cache, sphere_name(number), within, camera))
+        in_crop, camera = sphere.in_crop(crop.x, crop.y), geometry.camera_within(crop)
+        by_sphere.append(_of_sphere(parameters, cache, sphere_name(number), in_crop, camera))
         progress(number + 1, len(geometry.spheres))
-    combined = combine_lights(by_sphere, tolerance=parameters.tolerance)
+    combined = merge_spheres(by_sphere, tolerance=parameters.tolerance)
     if parameters.distance is None:
-        return combined, find_near_lamp([lights.half_vectors for lights in by_sphere], geometry.spheres)
+        return combined, estimate_point_light([lights.half_vectors for lights in by_sphere], geometry.spheres)
     if geometry.pixel_size is None:
         raise InputError(
             "the light's distance is given in millimetres, but nothing gives the scale",
             "give a sphere's diameter_mm, or the capture's pixel_size",
         )
-    return combined, lamp_beside(geometry.spheres, parameters.distance / geometry.pixel_size)
+    return combined, PointLight.from_distance(geometry.spheres, parameters.distance / geometry.pixel_size)
 
 
 def _near_camera(inputs: StageInputs, geometry: CaptureGeometry) -> list[str]:
@@ -128,7 +128,7 @@ def _near_camera(inputs: StageInputs, geometry: CaptureGeometry) -> list[str]:
         crop = geometry.crops[sphere_name(number)]
         background, peak = load_levels(inputs, sphere_name(number))
         middle = (width - 1) / 2 - crop.x, (height - 1) / 2 - crop.y
-        focal = find_focal(background, peak, sphere.within(crop.x, crop.y), middle, width)
+        focal = estimate_focal_length(background, peak, sphere.in_crop(crop.x, crop.y), middle, width)
         if focal is not None:
             return [
                 f"the sphere at ({sphere.x:.0f}, {sphere.y:.0f}) is seen as an ellipse, as by a near camera with a"
@@ -146,17 +146,19 @@ def _of_sphere(
     chosen = starts[np.unique(np.linspace(0, len(starts) - 1, min(SAMPLED_SHARDS, len(starts))).round().astype(int))]
     step = 16 if cache.frames > 640 else 1
     sample = np.concatenate([cache.read(name, slice(start, start + 64))[::step] for start in chosen.tolist()])
-    static = static_level(sample, sphere, camera=camera)
+    static = static_background(sample, sphere, camera=camera)
     blocks = [
         measure_highlights(
             cache.read(name, slice(start, start + BLOCK_FRAMES)),
             sphere,
             static,
-            seed=parameters.peak_level,
-            low=parameters.edge_level,
-            high=parameters.full_level,
+            peak_level=parameters.peak_level,
+            edge_level=parameters.edge_level,
+            full_level=parameters.full_level,
             camera=camera,
         )
         for start in range(0, cache.frames, BLOCK_FRAMES)
     ]
-    return decide_lights(blocks, static, sphere, second=parameters.second_light_ratio, odd=parameters.area_ratio)
+    return classify_frames(
+        blocks, static, sphere, second_light_ratio=parameters.second_light_ratio, area_ratio=parameters.area_ratio
+    )

@@ -6,8 +6,9 @@ from functools import partial
 import numpy as np
 
 from glint.storage.inputs.markup import read_markup
-from glint.tasks.algorithms.candidates.markup import Mark, Marks, track
-from glint.tasks.algorithms.geometry.perspective import facing, towards
+from glint.tasks.algorithms.candidates.markup import Mark, Marks
+from glint.tasks.algorithms.candidates.tracking import track
+from glint.tasks.algorithms.geometry.perspective import half_vectors_for_view, rotate_to_view
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
@@ -23,7 +24,7 @@ def markup(inputs: StageInputs, progress: Progress) -> StageOutput:
     """
     address = inputs.file("markup")
     if address is None:
-        return StageOutput(arrays=_arrays(Marks.none()))
+        return StageOutput(arrays=_arrays(Marks.empty()))
     cache, geometry = open_frames(inputs), load_geometry(inputs)
     region, mask = geometry.region, inputs.load("mask").read("mask")
     entries = read_markup(address, cache.frame_size, cache.frames, region, mask)
@@ -34,11 +35,13 @@ def markup(inputs: StageInputs, progress: Progress) -> StageOutput:
     tracked, point_light = tracks.marks, load_point_light(inputs)
     if point_light is not None and len(tracked.kind):
         rows, columns = tracked.pixels.T
-        vectors = point_light.seen_from(tracked.half_vectors, columns + region.x, rows + region.y)
+        vectors = point_light.half_vectors_at(tracked.half_vectors, columns + region.x, rows + region.y)
         tracked = replace(tracked, half_vectors=vectors)
     view = geometry.view_vectors
     if view is not None and len(tracked.kind):
-        tracked = replace(tracked, half_vectors=towards(tracked.half_vectors, view[tuple(tracked.pixels.T)]))
+        tracked = replace(
+            tracked, half_vectors=half_vectors_for_view(tracked.half_vectors, view[tuple(tracked.pixels.T)])
+        )
     return StageOutput(
         arrays=_arrays(tracked),
         counts={"marks": len(marks), "marked pixels": len(tracks.marks.kind)},
@@ -57,7 +60,7 @@ def faced_marks(marks: Marks | None, view: np.ndarray) -> Marks | None:
     """Return marks as seen along view vectors (H, W, 3)."""
     if marks is None:
         return None
-    return replace(marks, half_vectors=facing(marks.half_vectors, view[tuple(marks.pixels.T)]))
+    return replace(marks, half_vectors=rotate_to_view(marks.half_vectors, view[tuple(marks.pixels.T)]))
 
 
 def _arrays(marks: Marks) -> dict[str, np.ndarray]:

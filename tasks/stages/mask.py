@@ -23,7 +23,7 @@ def mask(inputs: StageInputs, progress: Progress) -> StageOutput:
         pixels = inputs.load("survey").read("mask")
     else:
         background, peak = load_levels(inputs)
-        spheres = [sphere.within(region.x, region.y) for sphere in geometry.spheres]
+        spheres = [sphere.in_crop(region.x, region.y) for sphere in geometry.spheres]
         pixels = estimate_mask(background, peak, spheres=spheres)
     return StageOutput(
         arrays={"mask": pixels},

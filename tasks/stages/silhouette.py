@@ -1,6 +1,6 @@
 """Silhouette: the occluding contour and initial normals from the mask, with marked highlights as constraints."""
 
-from glint.tasks.algorithms.geometry.perspective import in_camera
+from glint.tasks.algorithms.geometry.perspective import rotate_from_view
 from glint.tasks.algorithms.prior.silhouette import initial_normals
 from glint.tasks.engine.parameters import SilhouetteParameters
 from glint.tasks.engine.stage import Progress, StageOutput
@@ -16,8 +16,10 @@ def silhouette(inputs: StageInputs, progress: Progress) -> StageOutput:
     result = initial_normals(
         inputs.load("mask").read("mask"),
         marks=marks if view is None else faced_marks(marks, view),
-        rim_weight=parameters.rim_weight,
+        contour_weight=parameters.rim_weight,
         tension_length=parameters.tension_length,
     )
-    initial = result.initial if view is None else in_camera(result.initial, view)
-    return StageOutput(arrays={"rim": result.rim, "initial": initial}, counts={"rim pixels": int(result.rim.sum())})
+    initial = result.normals if view is None else rotate_from_view(result.normals, view)
+    return StageOutput(
+        arrays={"rim": result.contour, "initial": initial}, counts={"rim pixels": int(result.contour.sum())}
+    )

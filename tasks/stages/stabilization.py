@@ -9,7 +9,7 @@ import numpy as np
 from glint.storage.footage.source import Footage
 from glint.storage.frames.cache import reduced
 from glint.storage.versions.stage_results import StageResult
-from glint.tasks.algorithms.frames.stabilization import Steadier, aligned, moved, wander
+from glint.tasks.algorithms.frames.stabilization import TranslationEstimator, register, shake_amplitude, translate
 
 SAMPLED_FRAMES = 12
 """Frames over the video in which the shake is measured."""
@@ -41,8 +41,8 @@ def measure_shake(footage: Footage, to_first: bool) -> Shake:
         return Shake({"shake_pixels": 0.0, "applied": False})
     reduction = max(1, round((footage.height * footage.width / SAMPLED_PIXELS) ** 0.5))
     frames = np.stack([reduced(frame, reduction) for frame in footage.spread(SAMPLED_FRAMES)])
-    reference, shifts = aligned(frames)
-    shake = reduction * wander(shifts)
+    reference, shifts = register(frames)
+    shake = reduction * shake_amplitude(shifts)
     if shake <= STEADY_PX:
         return Shake({"shake_pixels": round(shake, 3), "applied": False})
     origin = shifts[0] if to_first else np.median(shifts, axis=0)
@@ -60,7 +60,7 @@ class StabilizedFootage:
     def __init__(self, footage: Footage, survey: StageResult) -> None:
         about = survey.record["stabilization"]
         self._footage, self._reduction = footage, int(about["reduction"])
-        self._estimator, self._origin = Steadier(survey.read(REFERENCE)), np.array(about["origin"])
+        self._estimator, self._origin = TranslationEstimator(survey.read(REFERENCE)), np.array(about["origin"])
         self.uri, self.count, self.codec = footage.uri, footage.count, footage.codec
         self.bits, self.height, self.width, self.names = footage.bits, footage.height, footage.width, footage.names
 
@@ -72,8 +72,8 @@ class StabilizedFootage:
     def frames(self, start: int = 0, step: int = 1) -> Iterator[np.ndarray]:
         """Yield the luma (H, W) of frames start, start + step, .., each moved back."""
         for frame in self._footage.frames(start, step):
-            shift = self._estimator.shift(reduced(frame, self._reduction))
-            yield moved(frame, self._reduction * (self._origin - shift))
+            shift = self._estimator.estimate(reduced(frame, self._reduction))
+            yield translate(frame, self._reduction * (self._origin - shift))
 
     def spread(self, count: int) -> list[np.ndarray]:
         """Return about `count` frames spread over the video, as they were recorded."""

@@ -4,13 +4,14 @@ import numpy as np
 
 from glint.storage.export.image_files import encode_png
 from glint.storage.versions.stage_results import StoredFile
-from glint.tasks.algorithms.lighting.coverage import coverage, draw_coverage
+from glint.tasks.algorithms.lighting.coverage import coverage
 from glint.tasks.algorithms.meshing.depth_mesh import glb_bytes, ply_bytes
 from glint.tasks.algorithms.meshing.depth_mesh import surface as mesh_of
 from glint.tasks.algorithms.meshing.shading import draw_surface, relit_pictures
 from glint.tasks.engine.parameters import SurfaceParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
+from glint.tasks.figures.coverage_map import draw_coverage
 from glint.tasks.stages.capture_geometry import load_geometry
 
 METRES_PER_MM = 0.001

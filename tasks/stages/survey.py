@@ -12,7 +12,7 @@ from glint.storage.errors import InputError
 from glint.storage.footage.source import Footage, open_footage
 from glint.storage.inputs.masks_and_truth import camera_matrix, read_mask
 from glint.tasks.algorithms.frames.mask import estimate_mask
-from glint.tasks.algorithms.geometry.perspective import cone_of
+from glint.tasks.algorithms.geometry.perspective import Cone
 from glint.tasks.algorithms.lighting.spheres import Sphere, find_spheres
 from glint.tasks.engine.parameters import SurveyParameters
 from glint.tasks.engine.stage import Progress, StageOutput
@@ -74,7 +74,7 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
             **_scale(inputs, camera),
         }
     return StageOutput(
-        arrays=arrays | shake.arrays, record=record, counts={"spheres": len(spheres)}, warnings=shake.warnings
+        arrays={**arrays, **shake.arrays}, record=record, counts={"spheres": len(spheres)}, warnings=shake.warnings
     )
 
 
@@ -119,7 +119,7 @@ def _pixel_size(sphere: models.Sphere, camera: np.ndarray | None) -> float:
     assert sphere.diameter_mm is not None
     if camera is None:
         return sphere.diameter_mm / (2.0 * sphere.radius)
-    cone = cone_of(sphere.x, sphere.y, sphere.radius, camera)
+    cone = Cone.from_ellipse(sphere.x, sphere.y, sphere.radius, camera)
     distance = sphere.diameter_mm / (2.0 * cone.sine) * abs(float(cone.axis[2]))
     return distance / float(np.sqrt(camera[0, 0] * camera[1, 1]))
 

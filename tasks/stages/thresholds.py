@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from glint.tasks.algorithms.candidates.clusters import thresholds as pixel_thresholds
-from glint.tasks.algorithms.candidates.clusters import white_level
+from glint.tasks.algorithms.candidates.thresholds import highlight_thresholds, saturation_level
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.stages.frames import load_levels
@@ -16,7 +15,7 @@ def thresholds(inputs: StageInputs, progress: Progress) -> StageOutput:
         UnusableCapture: the object has no highlight, or is saturated all the time.
     """
     (background, peak), mask = load_levels(inputs), inputs.load("mask").read("mask")
-    saturation = white_level(peak[mask], background[mask])
-    image = pixel_thresholds(background, saturation, inputs.parameters.threshold)
+    saturation = saturation_level(peak[mask], background[mask])
+    image = highlight_thresholds(background, saturation, inputs.parameters.threshold)
     image[~mask] = np.iinfo(image.dtype).max
     return StageOutput(arrays={"thresholds": image}, record={"saturation_level": float(saturation)})

@@ -13,7 +13,7 @@ from time import perf_counter
 import numpy as np
 from numba import njit
 
-from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, light_shares
+from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, inverse_density_weights
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
 from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
@@ -72,7 +72,7 @@ def main() -> None:
     mask, normals = scene(arguments.height, arguments.width)
     frames = footage(normals.astype(np.float32), half_vectors, mask)
     bars = np.where(mask, 220, 255).astype(np.uint8)
-    shares = light_shares(half_vectors)
+    shares = inverse_density_weights(half_vectors)
     flat = frames.reshape(len(frames), -1)
     _, counting = best(count_lit, flat, 225)
     found, clustering = best(cluster_pixels, frames, bars, half_vectors, shares)

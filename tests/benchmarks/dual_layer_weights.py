@@ -16,7 +16,8 @@ from typing import get_args
 import cv2
 import numpy as np
 
-from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, light_shares, thresholds, white_level
+from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, inverse_density_weights
+from glint.tasks.algorithms.candidates.thresholds import highlight_thresholds, saturation_level
 from glint.tasks.algorithms.evaluation.metrics import normal_errors
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
 from glint.tasks.algorithms.labelling.dual_layer import Edges, label_dual_layer, nodes_of, reconstruct_dual_layer
@@ -46,9 +47,9 @@ def load(captures: Path, name: str) -> Scene:
     half_vectors = half_vectors_of(np.load(folder / "truth" / "lights.npy")).astype(np.float32)
     half_vectors[half_vectors[:, 2] < np.cos(np.pi / 4)] = np.nan
     static = np.median(frames[:: max(1, len(frames) // 64)], axis=0).astype(np.uint8)
-    bars = thresholds(static, white_level(frames.max(axis=0)[mask], static[mask]))
+    bars = highlight_thresholds(static, saturation_level(frames.max(axis=0)[mask], static[mask]))
     bars[~mask] = 255
-    clusters = cluster_pixels(frames, bars, half_vectors, light_shares(half_vectors))
+    clusters = cluster_pixels(frames, bars, half_vectors, inverse_density_weights(half_vectors))
     return Scene(name, clusters, mask, np.load(folder / "truth" / "normals.npy"))
 
 
@@ -93,7 +94,7 @@ def main() -> None:
     initials, timings = [], []
     for scene in scenes:
         started = perf_counter()
-        initials.append(initial_normals(scene.mask).initial)
+        initials.append(initial_normals(scene.mask).normals)
         timings.append(perf_counter() - started)
     print(f"{'data/whole, seconds':22s}" + "".join(f"{scene.name:>22s}" for scene in scenes))
     cells = [

@@ -31,7 +31,7 @@ def report(name: str, frames: np.ndarray, truth: Sphere, lights: np.ndarray, *, 
         left, top = max(int(sphere.x - margin), 0), max(int(sphere.y - margin), 0)
         crop = frames[:, top : int(sphere.y + margin) + 1, left : int(sphere.x + margin) + 1]
         start = time.perf_counter()
-        result = find_lights(crop, sphere.within(left, top))
+        result = find_lights(crop, sphere.in_crop(left, top))
         seconds = time.perf_counter() - start
         errors = angles(result.half_vectors, half_vectors_of(lights)) if half else angles(result.lights, lights)
         mean, median, worst = np.nanmean(errors), np.nanmedian(errors), np.nanpercentile(errors, 95)

@@ -1,9 +1,10 @@
-"""From a pixel's highlights to clusters of candidate normals (paper 4.1, METHOD 3).
+"""Clusters of candidate normals from each pixel's highlights ("normal clustering", section 4.1 of Yeung et al. 2009).
 
-A pixel glints in those frames whose half vector is a normal of one of its light paths. The lamp is no point, so each
-direct path lights a small disc of half vectors; false ones light discs too, or arcs. The paper finds them by k-means
-with K by minimum description length. Knowing the disc's size is worth more: here each cluster is the densest disc of
-what the heavier ones left: an arc beside a disc cannot pull its centre away, and a disc seen in one frame stays.
+A pixel shows a highlight in those frames whose half vector is a normal of one of its light paths. The light is not a
+point, so each direct path lights a small disc of half vectors; false paths light discs too, or arcs. The paper uses
+k-means, with K by minimum description length. Here the size of the disc is known, and each cluster is the densest disc
+of the highlights that the heavier clusters left, centred by mean shift with a flat kernel (Cheng 1995): an arc beside a
+disc cannot pull its centre, and a disc that only one frame shows is kept.
 """
 
 from dataclasses import dataclass
@@ -12,20 +13,22 @@ import numpy as np
 from numba import njit
 from scipy.spatial import cKDTree
 
-from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.candidates.lit_frames import collect_lit_frames
 
-CELL = 1.1
-"""Edge in degrees of the cells that are searched for dense places: half a usual lamp's disc."""
+CELL_DEG = 1.1
+"""Edge in degrees of the cells in which densities are counted: half the disc of a usual light."""
+MEAN_SHIFT_STEPS = 6
+POWER_ITERATIONS = 30
 
 
 @dataclass(frozen=True, slots=True)
 class Clusters:
     """Candidate normals of each pixel, heaviest first.
 
-    normals (K, H, W, 3) float32, unit, NaN where there is no such cluster; weight (K, H, W) float32, the solid angle
-    of half vectors that it covers in units of the lights' spacing; spread (K, H, W) float32, RMS angle in radians to
-    the normal; count (K, H, W) int32 frames; observations (H, W) int32 = M, bright frames; winner (H, W, 3) float32,
-    the top eigenvector of sum h h^T over all of them (Chen et al. 2006).
+    normals: (K, H, W, 3) float32, unit, camera frame, NaN where there is no such cluster. weight: (K, H, W) float32,
+    solid angle of half vectors that it covers, in units of the lights' spacing. spread: (K, H, W) float32, RMS angle in
+    radians to the normal. count: (K, H, W) int32, frames. observations: (H, W) int32, the paper's M: frames in which
+    the pixel is lit. winner: (H, W, 3) float32, top eigenvector of sum h h^T over all of them (Chen et al. 2006).
     """
 
     normals: np.ndarray
@@ -36,72 +39,51 @@ class Clusters:
     winner: np.ndarray
 
 
-def thresholds(static: np.ndarray, white: float, share: float = 0.85) -> np.ndarray:
-    """Luma (H, W), of the frames' dtype, above which a pixel counts as lit.
+def inverse_density_weights(half_vectors: np.ndarray, radius_deg: float = 1.0) -> np.ndarray:
+    """Return each frame's weight (T,) float32: one over the number of frames within `radius_deg`, 0 without a light.
 
-    static (H, W): the pixel's own level without the lamp; white: level of clipped highlights. `share` is how far from
-    the one to the other a highlight must reach: a picture behind the glass is no highlight, however bright.
+    A hand-held light lingers; unweighted, a place where it rested would outvote the rest of the sweep.
+
+    Args:
+        half_vectors: (T, 3), NaN where the frame was rejected.
+        radius_deg: angle within which lights share one vote.
     """
-    level = static + share * np.maximum(white - static.astype(np.float64), 0.02 * white)
-    return np.floor(level).astype(static.dtype)
-
-
-def white_level(brightest: np.ndarray, static: np.ndarray) -> float:
-    """Level of the highlights from temporal maximum and static level (N,) of the object's pixels.
-
-    Raises UnusableCapture where nothing glints.
-    """
-    top = float(np.iinfo(brightest.dtype).max)
-    white, dark = float(np.percentile(brightest, 95.0)), float(np.median(static))
-    if dark >= 0.93 * top:
-        raise UnusableCapture(
-            f"the object is saturated all the time (its static level is {dark:.0f} of {top:.0f})",
-            "lower the exposure until only the highlights clip, and darken the room",
-        )
-    if white - dark < 0.12 * top:
-        raise UnusableCapture(
-            f"the object never glints (its brightest level is {white:.0f}, its static one {dark:.0f}, of {top:.0f})",
-            "move a bright lamp around the object, expose so that its highlights clip, and check the region",
-        )
-    return white
-
-
-def light_shares(half_vectors: np.ndarray, within: float = 1.0) -> np.ndarray:
-    """Weight (T,) float32 of each frame: one over the number of frames within so many degrees; 0 without light.
-
-    The hand lingers: without it a place where it rested would outvote the rest of the sweep.
-    """
-    shares = np.zeros(len(half_vectors), np.float32)
+    weights = np.zeros(len(half_vectors), np.float32)
     known = np.isfinite(half_vectors[:, 0])
     if known.any():
         tree = cKDTree(half_vectors[known])
-        chord = 2.0 * np.sin(np.radians(within) / 2.0)
-        shares[known] = 1.0 / tree.query_ball_point(half_vectors[known], chord, return_length=True)
-    return shares
+        chord = 2.0 * np.sin(np.radians(radius_deg) / 2.0)
+        weights[known] = 1.0 / tree.query_ball_point(half_vectors[known], chord, return_length=True)
+    return weights
 
 
 def cluster_pixels(
     frames: np.ndarray,
-    bars: np.ndarray,
+    thresholds: np.ndarray,
     half_vectors: np.ndarray,
-    shares: np.ndarray,
+    weights: np.ndarray,
     *,
     clusters: int = 3,
-    radius: float = 2.2,
-    apart: float = 1.6,
+    radius_deg: float = 2.2,
+    separation: float = 1.6,
 ) -> Clusters:
-    """Clusters of a tile.
+    """Cluster the highlights of a tile's pixels.
 
-    frames (T, H, W) uint8 or uint16; bars (H, W), same dtype, from `thresholds` (the dtype's largest value leaves a
-    pixel out); half_vectors (T, 3) float32, NaN where the frame was rejected; shares (T,) float32 from `light_shares`;
-    radius: of a lamp's disc in degrees; apart: least distance in radii of another cluster's highlights.
+    Args:
+        frames: (T, H, W) uint8 or uint16.
+        thresholds: (H, W), of the same dtype, from `highlight_thresholds`; the dtype's largest value excludes a pixel.
+        half_vectors: (T, 3) float32, NaN where the frame was rejected.
+        weights: (T,) float32 from `inverse_density_weights`.
+        clusters: largest number per pixel, K.
+        radius_deg: of the light's disc of half vectors.
+        separation: least distance, in radii, of another cluster's highlights.
     """
     length, height, width = frames.shape
     usable = np.flatnonzero(np.isfinite(half_vectors[:, 0]))
-    starts, lit = _collect(frames.reshape(length, height * width), usable, bars.reshape(-1))
+    starts, lit = collect_lit_frames(frames.reshape(length, height * width), usable, thresholds.reshape(-1))
     cells, size = _cells(half_vectors)
     normals, weight, spread, count, winner = _cluster(
-        starts, lit, half_vectors, shares, cells, size, clusters, np.radians(radius), apart
+        starts, lit, half_vectors, weights, cells, size, clusters, np.radians(radius_deg), separation
     )
     shape = (clusters, height, width)
     return Clusters(
@@ -115,8 +97,11 @@ def cluster_pixels(
 
 
 def _cells(half_vectors: np.ndarray) -> tuple[np.ndarray, int]:
-    """Cell (T,) int32 of each half vector in an equal-area map of the hemisphere, and the map's edge in cells."""
-    cell = np.radians(CELL)
+    """Return the cell (T,) int32 of each half vector in an equal-area map of the hemisphere, and its edge in cells.
+
+    Two cells of margin on every side let `_densest` read neighbours without tests.
+    """
+    cell = np.radians(CELL_DEG)
     size = int(np.ceil(2.0 * np.sqrt(2.0) / cell)) + 5
     known = np.where(np.isfinite(half_vectors), half_vectors, (0.0, 0.0, 1.0))
     plane = known[:, :2] / np.sqrt(np.maximum((1.0 + known[:, 2:]) / 2.0, 1e-9))
@@ -124,89 +109,48 @@ def _cells(half_vectors: np.ndarray) -> tuple[np.ndarray, int]:
     return row * size + column, size
 
 
-@njit(cache=True, nogil=True)
-def _collect(frames: np.ndarray, usable: np.ndarray, bars: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Frames in which each pixel is lit: those of pixel i are lit[starts[i] : starts[i + 1]], in order.
-
-    A frame is compared at the speed of memory, then searched eight pixels at a time: hardly any are lit.
-    """
-    pixels = frames.shape[1]
-    words = np.zeros(-(-pixels // 8), np.uint64)
-    above = words.view(np.uint8)
-    room = max(1024, pixels)
-    who, when = np.empty(room, np.int32), np.empty(room, np.int32)
-    found = 0
-    starts = np.zeros(pixels + 1, np.int64)
-    for t in usable:
-        row = frames[t]
-        for i in range(pixels):
-            above[i] = row[i] > bars[i]
-        if found + pixels > room:
-            room = 2 * room + pixels
-            who, when = _grown(who, room), _grown(when, room)
-        for word in range(len(words)):
-            if words[word] == 0:
-                continue
-            for i in range(8 * word, 8 * word + 8):
-                if above[i]:
-                    who[found], when[found] = i, t
-                    found += 1
-                    starts[i + 1] += 1
-    for i in range(pixels):
-        starts[i + 1] += starts[i]
-    end = starts[:pixels].copy()
-    lit = np.empty(found, np.int32)
-    for k in range(found):
-        lit[end[who[k]]] = when[k]
-        end[who[k]] += 1
-    return starts, lit
-
-
-@njit(cache=True, nogil=True)
-def _grown(values: np.ndarray, room: int) -> np.ndarray:
-    larger = np.empty(room, values.dtype)
-    larger[: len(values)] = values
-    return larger
-
-
 @njit(cache=True, nogil=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _cluster(
     starts: np.ndarray,
     lit: np.ndarray,
     half_vectors: np.ndarray,
-    shares: np.ndarray,
+    weights: np.ndarray,
     cells: np.ndarray,
     size: int,
-    kept: int,
+    clusters: int,
     radius: float,
-    apart: float,
+    separation: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return normals (K, N, 3), weight, spread, count (K, N) and winner (N, 3) of N pixels; radius in radians."""
     pixels = len(starts) - 1
-    normals = np.full((kept, pixels, 3), np.nan, np.float32)
-    weight = np.zeros((kept, pixels), np.float32)
-    spread = np.full((kept, pixels), np.nan, np.float32)
-    count = np.zeros((kept, pixels), np.int32)
+    normals = np.full((clusters, pixels, 3), np.nan, np.float32)
+    weight = np.zeros((clusters, pixels), np.float32)
+    spread = np.full((clusters, pixels), np.nan, np.float32)
+    count = np.zeros((clusters, pixels), np.int32)
     winner = np.full((pixels, 3), np.nan, np.float32)
+    # Weight per cell of the present pixel's highlights; all zero between pixels.
     density = np.zeros(size * size, np.float32)
-    near, clear = np.cos(radius), np.cos(apart * radius)
+    cos_radius, cos_separation = np.cos(radius), np.cos(separation * radius)
     for pixel in range(pixels):
         frames = lit[starts[pixel] : starts[pixel + 1]]
         if len(frames) == 0:
             continue
-        h, w = half_vectors[frames], shares[frames]
+        h, w = half_vectors[frames], weights[frames]
         _top_eigenvector(h, winner[pixel])
-        for k in range(kept):
+        for k in range(clusters):
+            # 1. Start at the densest place, between the first and the last highlight of one disc.
             first, last = _densest(cells[frames], w, density, size, k == 0)
             if first < 0:
                 break
             centre = h[first].copy()
-            if h[first, 0] * h[last, 0] + h[first, 1] * h[last, 1] + h[first, 2] * h[last, 2] > near:
+            if h[first, 0] * h[last, 0] + h[first, 1] * h[last, 1] + h[first, 2] * h[last, 2] > cos_radius:
                 centre += h[last]
                 centre /= np.sqrt((centre**2).sum())
-            for _ in range(6):
+            # 2. Mean shift: move the disc to the weighted mean of the highlights inside it.
+            for _ in range(MEAN_SHIFT_STEPS):
                 x = y = z = np.float32(0.0)
                 for i in range(len(w)):
-                    if w[i] > 0 and h[i, 0] * centre[0] + h[i, 1] * centre[1] + h[i, 2] * centre[2] > near:
+                    if w[i] > 0 and h[i, 0] * centre[0] + h[i, 1] * centre[1] + h[i, 2] * centre[2] > cos_radius:
                         x += w[i] * h[i, 0]
                         y += w[i] * h[i, 1]
                         z += w[i] * h[i, 2]
@@ -214,14 +158,16 @@ def _cluster(
                 if length == 0:
                     break
                 centre[0], centre[1], centre[2] = x / length, y / length, z / length
+            # 3. Measure the cluster inside the disc, and withdraw all highlights within the separation from the
+            # clusters to come; a weight of zero marks them. The squared chord 2 (1 - cos) stands for the squared angle.
             total = square = np.float32(0.0)
             for i in range(len(w)):
                 cosine = h[i, 0] * centre[0] + h[i, 1] * centre[1] + h[i, 2] * centre[2]
-                if w[i] > 0 and cosine > near:
+                if w[i] > 0 and cosine > cos_radius:
                     total += w[i]
                     square += w[i] * 2.0 * (1.0 - cosine)
                     count[k, pixel] += 1
-                if w[i] > 0 and cosine > clear:
+                if w[i] > 0 and cosine > cos_separation:
                     density[cells[frames[i]]] -= w[i]
                     w[i] = 0.0
             normals[k, pixel] = centre
@@ -234,35 +180,44 @@ def _cluster(
 
 @njit(cache=True, nogil=True)
 def _densest(cells: np.ndarray, w: np.ndarray, density: np.ndarray, size: int, fill: bool) -> tuple[int, int]:
-    """The first and the last highlight around which a disc of five cells across holds the most weight; -1 if none is
-    left. Of the many that see the same disc, either alone would draw it along the lamp's way."""
+    """Return the first and the last highlight around which a disc of five cells across holds the most weight.
+
+    All highlights in one disc tie; using only the first or the last would bias the centre along the light's path. Both
+    are -1 if none is left.
+
+    cells, w: cell and weight (M,) of a pixel's highlights, a weight of 0 being withdrawn; density: weight per cell,
+    which `fill` computes first.
+    """
     if fill:
         for i in range(len(cells)):
             density[cells[i]] += w[i]
-    first, last, most = -1, -1, np.float32(0.0)
+    first, last, highest = -1, -1, np.float32(0.0)
     for i in range(len(cells)):
         if w[i] <= 0:
             continue
         cell = cells[i]
+        # Consecutive frames mostly share a cell, whose sum is known already.
         if i > 0 and cells[i - 1] == cell and w[i - 1] > 0:
             if last == i - 1:
                 last = i
             continue
+        # Sum over a disc of cells: five by five without the corners.
         total = np.float32(0.0)
         for row in range(-2, 3):
             reach = 1 if abs(row) == 2 else 2
             for column in range(-reach, reach + 1):
                 total += density[cell + row * size + column]
-        if total > most * np.float32(1.0001):
-            first, most = i, total
-        if total >= most * np.float32(0.9999):
+        # Rounding must not break a tie.
+        if total > highest * np.float32(1.0001):
+            first, highest = i, total
+        if total >= highest * np.float32(0.9999):
             last = i
     return first, last
 
 
 @njit(cache=True, nogil=True)
 def _top_eigenvector(h: np.ndarray, vector: np.ndarray) -> None:
-    """Of sum h h^T over rows (M, 3), turned towards the camera, by powers of the matrix; written to `vector` (3,)."""
+    """Write the top eigenvector of sum h h^T over rows (M, 3), with n_z > 0, to `vector` (3,), by power iteration."""
     xx = xy = xz = yy = yz = zz = 0.0
     for i in range(len(h)):
         xx += h[i, 0] * h[i, 0]
@@ -271,13 +226,14 @@ def _top_eigenvector(h: np.ndarray, vector: np.ndarray) -> None:
         yy += h[i, 1] * h[i, 1]
         yz += h[i, 1] * h[i, 2]
         zz += h[i, 2] * h[i, 2]
+    # All half vectors have n_z > 0, so the third column is a good start with the right sign.
     x, y, z = xz, yz, zz
-    for _ in range(30):
+    for _ in range(POWER_ITERATIONS):
         u, v, w = xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
         scale = 1.0 / np.sqrt(u * u + v * v + w * w)
         u, v, w = u * scale, v * scale, w * scale
-        still = abs(u - x) + abs(v - y) + abs(w - z) < 1e-7
+        is_converged = abs(u - x) + abs(v - y) + abs(w - z) < 1e-7
         x, y, z = u, v, w
-        if still:
+        if is_converged:
             break
     vector[0], vector[1], vector[2] = x, y, z

@@ -1,8 +1,12 @@
-"""A perspective camera: each pixel has its own line of sight, and a ball is seen as an ellipse.
+"""Perspective camera: every pixel has its own view vector, and a sphere projects to an ellipse.
 
-Half vectors are kept between the light and V0 = (0, 0, 1), whatever the camera: one per frame. `towards` makes of them
-what a pixel sees along its own ray. To label normals, each pixel's are turned so that its ray is the z axis (`facing`):
-there a rim normal has n_z = 0, and the slope of a smooth surface is that of the logarithm of its distance.
+Half vectors are stored relative to the optical axis V0 = (0, 0, 1), one per frame, for either camera model.
+`half_vectors_for_view` converts them to a pixel's own view vector. Normals are labelled in a per-pixel frame whose
+z axis is that view vector (`rotate_to_view`): there an occluding-contour normal has n_z = 0, and the gradient of a
+smooth surface is that of the logarithm of its distance.
+
+Source: the pinhole camera of Hartley and Zisserman 2004 (chapter 6; a sphere's contour: section 8.3) in place of the
+orthographic camera of Yeung et al. 2009, section 3.
 """
 
 from dataclasses import dataclass
@@ -12,89 +16,115 @@ import numpy as np
 
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of, lights_of, unit
 
-AHEAD = np.array([1.0, -1.0, -1.0])
-"""Turns the camera frame (y up, z to the camera) into that of camera matrices (y down, z ahead), and back."""
-STRAIGHT = np.array([0.0, 0.0, 1.0])
+CAMERA_FLIP = np.array([1.0, -1.0, -1.0])
+"""Factors between the camera frame (y up, z towards the camera) and that of camera matrices (y down, z forward)."""
+Z_AXIS = np.array([0.0, 0.0, 1.0])
+
+ELLIPSE_ITERATIONS = 8
+"""Fixed-point steps in which a cone is fitted to its ellipse; the error shrinks at least tenfold in each."""
+MAX_CONE_SINE = 0.9
+"""Upper bound of the sine of a cone's half angle while it is fitted."""
+VIRTUAL_HALF_WIDTH = 1.6
+"""Half the width of a virtual camera's image, in radii of the sphere."""
 
 
-def views(camera: np.ndarray, shape: tuple[int, ...], left: float, top: float) -> np.ndarray:
-    """View vectors (H, W, 3), unit, from the surface to the camera, of a region whose first pixel is (left, top).
+def view_vectors(camera: np.ndarray, shape: tuple[int, ...], left: float, top: float) -> np.ndarray:
+    """Return the unit view vectors (H, W, 3), from the surface to the camera, of a region of the frame.
 
-    camera (3, 3) is the matrix of the full frame in pixels.
+    Args:
+        camera: matrix (3, 3) of the full frame, in pixels.
+        shape: (H, W) of the region.
+        left: column of the region's first pixel in the full frame.
+        top: row of the region's first pixel in the full frame.
     """
     rows, columns = np.mgrid[: shape[0], : shape[1]]
-    return _view(camera, columns + left, rows + top)
+    return _view_vectors_at(camera, columns + left, rows + top)
 
 
-def towards(half_vectors: np.ndarray, view: np.ndarray) -> np.ndarray:
-    """Half vectors (..., 3) float32 between the same lights and view vectors (..., 3) instead of V0."""
+def half_vectors_for_view(half_vectors: np.ndarray, view: np.ndarray) -> np.ndarray:
+    """Return half vectors (..., 3) float32 of the same lights relative to view vectors (..., 3) instead of V0."""
     return unit(lights_of(half_vectors.astype(np.float64)) + view).astype(np.float32)
 
 
-def straight(normals: np.ndarray, view: np.ndarray) -> np.ndarray:
-    """The half vectors (..., 3) float32 under which normals (..., 3) glint along view vectors (..., 3)."""
+def half_vectors_on_axis(normals: np.ndarray, view: np.ndarray) -> np.ndarray:
+    """Return the half vectors (..., 3) float32 relative to V0 at which normals (..., 3) show a highlight.
+
+    This inverts `half_vectors_for_view`: the light is the mirror image of the view vector (..., 3) at the normal.
+    """
     lights = 2.0 * (normals * view).sum(axis=-1, keepdims=True) * normals - view
     return half_vectors_of(lights).astype(np.float32)
 
 
-def facing(vectors: np.ndarray, view: np.ndarray) -> np.ndarray:
-    """Vectors (..., 3) float32 turned, the shortest way, so that view vectors (..., 3) become the z axis."""
-    return _turned(vectors, view, STRAIGHT)
+def rotate_to_view(vectors: np.ndarray, view: np.ndarray) -> np.ndarray:
+    """Rotate vectors (..., 3) by the smallest rotation that takes view vectors (..., 3) to the z axis; float32."""
+    return _smallest_rotation(vectors, view, Z_AXIS)
 
 
-def in_camera(vectors: np.ndarray, view: np.ndarray) -> np.ndarray:
-    """The inverse of `facing`."""
-    return _turned(vectors, STRAIGHT, view)
+def rotate_from_view(vectors: np.ndarray, view: np.ndarray) -> np.ndarray:
+    """Rotate vectors (..., 3) back to the camera frame: the inverse of `rotate_to_view`; float32."""
+    return _smallest_rotation(vectors, Z_AXIS, view)
 
 
 @dataclass(frozen=True, slots=True)
 class Cone:
-    """The rays that meet a ball: direction (3,), unit, from the camera to its centre; sine of the half angle, which is
-    the ball's radius over its distance."""
+    """Tangent cone of a sphere, with its apex at the camera.
+
+    axis (3,): unit vector from the camera to the sphere's centre, camera frame. sine: of the cone's half angle, which
+    is the sphere's radius over its distance.
+    """
 
     axis: np.ndarray
     sine: float
 
-    def slopes(self, view: np.ndarray) -> np.ndarray:
-        """Sine (...) of the angle between view vectors (..., 3) and the ball's normals; above 1 beside the ball."""
+    @classmethod
+    def from_ellipse(cls, x: float, y: float, radius: float, camera: np.ndarray) -> "Cone":
+        """Return the cone whose ellipse has the centre (x, y) and the mean radius, in pixels of a camera (3, 3).
+
+        The ellipse's centre is not the projection of the sphere's, so both are corrected by fixed-point iteration.
+        """
+        cone = cls(-_view_vectors_at(camera, np.array(x), np.array(y)), 0.0)
+        centre, size = np.array([x, y]), radius
+        for _ in range(ELLIPSE_ITERATIONS):
+            focal = np.sqrt(camera[0, 0] * camera[1, 1])
+            sine = float(size / focal * abs(cone.axis[2]) ** 1.5)
+            cone = cls(-_view_vectors_at(camera, *centre), min(sine, MAX_CONE_SINE))
+            projection = cone.project(camera)
+            centre = centre + np.array([x, y]) - projection[:2]
+            size *= radius / projection[2]
+        return cone
+
+    def sines(self, view: np.ndarray) -> np.ndarray:
+        """Return the sines (...) of the angles between view vectors (..., 3) and the sphere's normals.
+
+        They exceed 1 where the ray misses the sphere.
+        """
         return np.linalg.norm(np.cross(view, self.axis), axis=-1) / self.sine
 
     def normals(self, view: np.ndarray) -> np.ndarray:
-        """The ball's normals (..., 3) where view vectors (..., 3) come from; beside the ball the nearest rim's."""
+        """Return the sphere's unit normals (..., 3) where it is met by the rays of view vectors (..., 3).
+
+        A ray that misses the sphere gets the normal of the nearest point of the contour.
+        """
         rays = -view
         along = rays @ self.axis
-        near = along - np.sqrt(np.maximum(along**2 - (1.0 - self.sine**2), 0.0))
-        return unit(rays * near[..., None] - self.axis)
+        nearest = along - np.sqrt(np.maximum(along**2 - (1.0 - self.sine**2), 0.0))
+        return unit(rays * nearest[..., None] - self.axis)
 
-    def outline(self, camera: np.ndarray) -> tuple[float, float, float]:
-        """The outline's centre x, y and mean radius (that of a circle of its area) in pixels of the camera's frame."""
-        across, down, ahead = self.axis * AHEAD
-        room = ahead**2 - self.sine**2
-        x, y, _ = camera @ np.array([across * ahead / room, down * ahead / room, 1.0])
-        area = self.sine**2 * np.sqrt(1.0 - self.sine**2) / room**1.5
+    def project(self, camera: np.ndarray) -> tuple[float, float, float]:
+        """Return centre x, y and mean radius (of the circle of equal area) of the ellipse, in a camera's pixels."""
+        right, down, forward = self.axis * CAMERA_FLIP
+        denominator = forward**2 - self.sine**2
+        x, y, _ = camera @ np.array([right * forward / denominator, down * forward / denominator, 1.0])
+        area = self.sine**2 * np.sqrt(1.0 - self.sine**2) / denominator**1.5
         return float(x), float(y), float(np.sqrt(area * camera[0, 0] * camera[1, 1]))
 
 
-def cone_of(x: float, y: float, radius: float, camera: np.ndarray) -> Cone:
-    """The ball whose outline has the centre (x, y) and the mean radius in pixels, seen by a camera (3, 3)."""
-    cone = Cone(-_view(camera, np.array(x), np.array(y)), 0.0)
-    sight, size = np.array([x, y]), radius
-    for _ in range(8):
-        focal = np.sqrt(camera[0, 0] * camera[1, 1])
-        sine = float(size / focal * abs(cone.axis[2]) ** 1.5)
-        cone = Cone(-_view(camera, *sight), min(sine, 0.9))
-        found = cone.outline(camera)
-        sight = sight + np.array([x, y]) - found[:2]
-        size *= radius / found[2]
-    return cone
-
-
 @dataclass(frozen=True, slots=True)
-class Turned:
-    """A camera turned to look at a ball, whose outline is a circle then.
+class VirtualCamera:
+    """Camera rotated so that it looks at a sphere, whose contour is then a circle.
 
-    camera (3, 3) as it stands; matrix (3, 3) of the turned one, whose small square frame has the ball in its `middle`;
-    rotation (3, 3) to it; both have y down and z ahead here.
+    camera (3, 3): matrix of the real camera. matrix (3, 3): of the virtual one, whose small square image has the
+    sphere at its `centre`. rotation (3, 3): from the real to the virtual camera; both have y down and z forward.
     """
 
     camera: np.ndarray
@@ -102,40 +132,47 @@ class Turned:
     rotation: np.ndarray
 
     @classmethod
-    def to(cls, x: float, y: float, radius: float, camera: np.ndarray) -> "Turned":
-        """Turn a camera (3, 3) to the ball with an outline of that centre and mean radius, which it keeps."""
-        ahead = cone_of(x, y, radius, camera).axis * AHEAD
-        middle = float(np.ceil(1.6 * radius))
-        focal = float(np.sqrt(camera[0, 0] * camera[1, 1]) / ahead[2] ** 1.5)
-        right = unit(np.cross([0.0, 1.0, 0.0], ahead))
-        matrix = np.array([[focal, 0.0, middle], [0.0, focal, middle], [0.0, 0.0, 1.0]])
-        return cls(camera, matrix, np.stack([right, np.cross(ahead, right), ahead]))
+    def aimed_at(cls, x: float, y: float, radius: float, camera: np.ndarray) -> "VirtualCamera":
+        """Return a camera (3, 3) aimed at the sphere whose ellipse has that centre and mean radius; it keeps both.
+
+        The focal length is that at which the sphere's circle has the ellipse's mean radius.
+        """
+        forward = Cone.from_ellipse(x, y, radius, camera).axis * CAMERA_FLIP
+        centre = float(np.ceil(VIRTUAL_HALF_WIDTH * radius))
+        focal = float(np.sqrt(camera[0, 0] * camera[1, 1]) / forward[2] ** 1.5)
+        right = unit(np.cross([0.0, 1.0, 0.0], forward))
+        matrix = np.array([[focal, 0.0, centre], [0.0, focal, centre], [0.0, 0.0, 1.0]])
+        return cls(camera, matrix, np.stack([right, np.cross(forward, right), forward]))
 
     @property
-    def middle(self) -> float:
-        """Column and row of the ball's centre."""
+    def centre(self) -> float:
+        """Column and row of the sphere's centre in the virtual image."""
         return float(self.matrix[0, 2])
 
-    def picture(self, picture: np.ndarray) -> np.ndarray:
-        """What the turned camera sees, float32, of the other's picture (H, W)."""
-        back = self.camera @ self.rotation.T @ np.linalg.inv(self.matrix)
-        size = (2 * int(self.middle) + 1,) * 2
-        flags, edge = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, cv2.BORDER_REPLICATE
-        return cv2.warpPerspective(picture.astype(np.float32), back, size, flags=flags, borderMode=edge)
+    def warp(self, image: np.ndarray) -> np.ndarray:
+        """Return the virtual camera's image (N, N) float32 of the real camera's image (H, W)."""
+        homography = self.camera @ self.rotation.T @ np.linalg.inv(self.matrix)
+        size = (2 * int(self.centre) + 1,) * 2
+        flags, border = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, cv2.BORDER_REPLICATE
+        return cv2.warpPerspective(image.astype(np.float32), homography, size, flags=flags, borderMode=border)
 
-    def back(self, x: float, y: float, radius: float) -> tuple[float, float, float]:
-        """Centre and mean radius, in the camera's own frame, of an outline that is a circle in the turned one."""
-        cone = cone_of(x, y, radius, self.matrix)
-        return Cone(self.rotation.T @ (cone.axis * AHEAD) * AHEAD, cone.sine).outline(self.camera)
+    def project_back(self, x: float, y: float, radius: float) -> tuple[float, float, float]:
+        """Return centre and mean radius, in the real camera's pixels, of a contour that the virtual one sees."""
+        cone = Cone.from_ellipse(x, y, radius, self.matrix)
+        return Cone(self.rotation.T @ (cone.axis * CAMERA_FLIP) * CAMERA_FLIP, cone.sine).project(self.camera)
 
 
-def _view(camera: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _view_vectors_at(camera: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     rays = np.stack([x, y, np.ones(np.shape(x))], axis=-1) @ np.linalg.inv(camera).T
-    return unit(-rays * AHEAD)
+    return unit(-rays * CAMERA_FLIP)
 
 
-def _turned(vectors: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    middle = start + end
-    share = (vectors * middle).sum(axis=-1, keepdims=True) / (1.0 + (start * end).sum(axis=-1, keepdims=True))
-    turned = vectors - share * middle + 2.0 * (vectors * start).sum(axis=-1, keepdims=True) * end
-    return turned.astype(np.float32)
+def _smallest_rotation(vectors: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Rotate vectors (..., 3) by the smallest rotation that takes unit vectors `start` to `end` (..., 3); float32.
+
+    The rotation is the product of two reflections: at `start`, then at the bisector of both.
+    """
+    bisector = start + end
+    share = (vectors * bisector).sum(axis=-1, keepdims=True) / (1.0 + (start * end).sum(axis=-1, keepdims=True))
+    rotated = vectors - share * bisector + 2.0 * (vectors * start).sum(axis=-1, keepdims=True) * end
+    return rotated.astype(np.float32)

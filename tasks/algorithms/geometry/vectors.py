@@ -1,46 +1,51 @@
-"""The camera frame (x right, y up, z to the camera) and what normals, lights and half vectors are in it.
+"""Vectors in the camera frame: normals, lights, half vectors, gradients.
 
-The view vector is V = (0, 0, 1) everywhere under the orthographic camera (paper, section 3).
+Camera frame: x right, y up, z towards the camera; the origin is the centre of the full frame. Under the orthographic
+camera the view vector is V = (0, 0, 1) at every pixel (Yeung et al. 2009, section 3).
 """
 
 import numpy as np
 
 NZ_FLOOR = 0.05
-"""Least n_z used in gradients, so that rim normals (n_z = 0) keep finite ones."""
+"""Lower bound of n_z in gradients, which keeps those of occluding-contour normals (n_z = 0) finite."""
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
-    """Vectors (..., 3) scaled to unit length; zero vectors become NaN."""
+    """Return vectors (..., 3) scaled to unit length; zero vectors become NaN."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
 def half_vectors_of(lights: np.ndarray) -> np.ndarray:
-    """Half vectors (..., 3) between unit light directions (..., 3) and the view vector."""
+    """Return the half vectors (..., 3) between unit light directions (..., 3) and the view vector (0, 0, 1)."""
     return unit(np.asarray(lights) + np.array([0.0, 0.0, 1.0]))
 
 
 def lights_of(half_vectors: np.ndarray) -> np.ndarray:
-    """Light directions (..., 3) that the half vectors (..., 3) mirror into the view vector: L = 2 (n.V) n - V."""
+    """Return the light directions (..., 3) that half vectors n (..., 3) reflect into V: L = 2 (n.V) n - V."""
     return 2.0 * half_vectors[..., 2:3] * half_vectors - np.array([0.0, 0.0, 1.0])
 
 
 def gradients(normals: np.ndarray, floor: float = NZ_FLOOR) -> tuple[np.ndarray, np.ndarray]:
-    """Gradients p = -n_x/n_z, q = -n_y/n_z of normals (..., 3), with n_z clamped from below to `floor`."""
+    """Return the gradients p = -n_x/n_z and q = -n_y/n_z (...) of normals (..., 3), n_z clamped from below to `floor`.
+
+    Both are slopes of the depth in the camera frame (pixels per pixel), as in section 4.2 of Yeung et al. 2009.
+    """
     nz = np.maximum(normals[..., 2], floor)
     return -normals[..., 0] / nz, -normals[..., 1] / nz
 
 
-def from_gradients(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Unit normals (..., 3) of the gradients p and q (...)."""
-    return unit(np.stack([-p, -q, np.ones_like(p)], axis=-1))
-
-
 def angles(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Angles in degrees between unit vectors (..., 3), accurate for small angles too."""
+    """Return the angles (...) in degrees between unit vectors (..., 3).
+
+    They follow from the chord, since the arc cosine of the dot product loses its digits for small angles.
+    """
     return np.degrees(2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(first - second, axis=-1), 0.0, 1.0)))
 
 
 def to_camera(columns: np.ndarray, rows: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Camera-frame x, y (pixels) of full-frame pixel positions: the origin is the centre of the full frame."""
+    """Return x and y (pixels, camera frame) of pixel positions in a frame of `width` x `height` pixels.
+
+    Columns and rows count from 0 at the centre of the top-left pixel; the origin is the centre of the frame.
+    """
     return columns - (width - 1) / 2, (height - 1) / 2 - rows

@@ -12,7 +12,7 @@ import maxflow
 import numpy as np
 
 from glint.tasks.algorithms.candidates.clusters import Clusters
-from glint.tasks.algorithms.candidates.markup import Marks, pinned
+from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
 from glint.tasks.algorithms.geometry.vectors import NZ_FLOOR, angles, gradients
 from glint.tasks.algorithms.labelling.confidence import RIM_TRUST, field_confidence, field_growth, observed_confidence
 from glint.tasks.algorithms.labelling.reconstruction import (
@@ -24,7 +24,7 @@ from glint.tasks.algorithms.labelling.reconstruction import (
     Reconstruction,
     Round,
 )
-from glint.tasks.algorithms.prior.smooth_normals import inradius, rim_normals, smooth_field
+from glint.tasks.algorithms.prior.smooth_normals import contour_normals, inradius, smooth_normal_field
 
 Edges = Literal["layers", "surface"]
 """The two readings of a node's nine edges: the four neighbours in both layers, or the eight in its own; and in both the
@@ -135,9 +135,9 @@ def reconstruct_dual_layer(
     if clusters.normals.shape[1:3] != mask.shape:
         raise ValueError(f"clusters of {clusters.normals.shape[1:3]} pixels do not fit a mask of {mask.shape}")
     normals = np.where(mask[None, :, :, None], clusters.normals[:2], np.nan)
-    marked, marked_normals, pins = pinned(marks, normals, mask)
-    rim, outward = rim_normals(mask)
-    scale, surface = inradius(mask), smooth_field(mask, tension_length) if rounds else None
+    marked, marked_normals, pins = mark_constraints(marks, normals, mask)
+    rim, outward = contour_normals(mask)
+    scale, surface = inradius(mask), smooth_normal_field(mask, tension_length) if rounds else None
 
     def labelled(field: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         nodes = nodes_of(normals, field, mask, pins)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from glint.tasks.algorithms.candidates.markup import Marks, pinned
+from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.labelling.confidence import (
     field_confidence,
@@ -22,14 +22,14 @@ from glint.tasks.algorithms.labelling.graph_cut import CERTAIN, evidence, label_
 from glint.tasks.algorithms.labelling.integrability import shape_evidence
 from glint.tasks.algorithms.labelling.segments import connected_sheets, sheet_means, surprise
 from glint.tasks.algorithms.prior.smooth_normals import (
-    SmoothField,
+    SmoothNormalField,
+    contour_normals,
     field_spread,
     inradius,
-    rim_normals,
-    smooth_field,
+    smooth_normal_field,
     thickness,
 )
-from glint.tasks.algorithms.prior.symmetry import turned_normals
+from glint.tasks.algorithms.prior.symmetry import surface_of_revolution_normals
 
 if TYPE_CHECKING:
     from glint.tasks.algorithms.candidates.clusters import Clusters
@@ -109,13 +109,13 @@ def reconstruct_normals(
         raise ValueError("the expected normals leave pixels of the mask out")
     normals = np.where(mask[None, :, :, None], normals, np.nan)
     scale, local_scale = inradius(mask), thickness(mask)
-    surface = smooth_field(mask, tension_length)
-    rim, outward = rim_normals(mask)
+    surface = smooth_normal_field(mask, tension_length)
+    rim, outward = contour_normals(mask)
     shape = shape_weight * shape_evidence(normals, scale)
-    marked, marked_normals, pins = pinned(marks, normals, mask)
+    marked, marked_normals, pins = mark_constraints(marks, normals, mask)
     labels = np.zeros(normals.shape[:3], dtype=bool)
 
-    def field_of(known: np.ndarray, values: np.ndarray, surface: SmoothField = surface) -> np.ndarray:
+    def field_of(known: np.ndarray, values: np.ndarray, surface: SmoothNormalField = surface) -> np.ndarray:
         if expected is None:
             targets, weights = outward, np.where(rim, rim_weight, 0.0)
         else:
@@ -144,14 +144,16 @@ def reconstruct_normals(
         if expected is None and symmetry:
             plain = surface.solve(outward, np.where(rim, rim_weight, 0.0))
             counted = np.where(marked, marked_weight / normal_weight, 1.0)
-            expected = turned_normals(mask, np.where(known[..., None], values, np.nan), normals, plain, counted)
+            expected = surface_of_revolution_normals(
+                mask, np.where(known[..., None], values, np.nan), normals, plain, counted
+            )
             if expected is not None:
                 field = field_of(known, values)
                 continue
         break
 
     accepted = np.isfinite(sure)
-    coarse = smooth_field(mask, tension_length, COARSE)
+    coarse = smooth_normal_field(mask, tension_length, COARSE)
     sheets = connected_sheets(values)
     shown = np.take_along_axis(shape, labels.argmax(axis=0)[None], axis=0)[0]
     told = surprise(sheets, values, known, rim, mask, scale, lambda kept: field_of(kept, values, coarse))

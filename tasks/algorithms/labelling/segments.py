@@ -73,7 +73,7 @@ def surprise(
     for sheet in np.flatnonzero(sizes >= max(LEAST_SIZE * mask.sum(), 1)):
         withheld = sheets == sheet
         kept = known & ~withheld
-        spread = field_spread(kept | rim, scale, most=np.inf)[withheld]
+        spread = field_spread(kept | rim, scale, ceiling_deg=np.inf)[withheld]
         off = np.minimum(angles(predict(kept)[withheld], normals[withheld]), FAR)
         result[withheld] = off.mean() / np.degrees(spread).mean()
     return result

@@ -7,7 +7,7 @@ highlights are all on their surface.
 import numpy as np
 
 from glint.tasks.algorithms.candidates.clusters import Clusters
-from glint.tasks.algorithms.candidates.markup import Marks, pinned
+from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
 from glint.tasks.algorithms.labelling.confidence import field_confidence, field_growth, observed_confidence
 from glint.tasks.algorithms.labelling.reconstruction import (
     FILLED,
@@ -18,7 +18,7 @@ from glint.tasks.algorithms.labelling.reconstruction import (
     Reconstruction,
     Round,
 )
-from glint.tasks.algorithms.prior.smooth_normals import inradius, rim_normals, smooth_field
+from glint.tasks.algorithms.prior.smooth_normals import contour_normals, inradius, smooth_normal_field
 
 
 def reconstruct_winner(
@@ -35,12 +35,12 @@ def reconstruct_winner(
 
     clusters of the region's (H, W); mask (H, W) bool; initial (H, W, 3); the parameters are those of `rounds`.
     """
-    marked, marked_normals, _ = pinned(marks, clusters.normals, mask)
+    marked, marked_normals, _ = mark_constraints(marks, clusters.normals, mask)
     seen = mask & np.isfinite(clusters.winner[..., 0])
     values = np.where(marked[..., None], marked_normals, np.where(seen[..., None], clusters.winner, np.nan))
     known = marked | seen
-    rim, outward = rim_normals(mask)
-    surface, scale = smooth_field(mask, tension_length), inradius(mask)
+    rim, outward = contour_normals(mask)
+    surface, scale = smooth_normal_field(mask, tension_length), inradius(mask)
 
     def field_of(kept: np.ndarray) -> np.ndarray:
         weights = np.where(kept, normal_weight, np.where(rim, rim_weight, 0.0))

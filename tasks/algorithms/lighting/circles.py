@@ -1,4 +1,8 @@
-"""Circles in pictures: seeds by voting along gradients, and an outline score that is fitted below a pixel."""
+"""Circles in images: a Hough transform along gradients, and a contour score that is fitted to subpixel accuracy.
+
+Sources: the gradient-directed Hough transform for circles (Kimme, Ballard and Sklansky 1975) gives the seeds; the fit
+maximizes an integro-differential score over centre and radius, as Daugman 1993 does for irises.
+"""
 
 from dataclasses import dataclass
 
@@ -6,128 +10,166 @@ import cv2
 import numpy as np
 from numba import njit
 
-ARC = 3
-"""Pixels per arc of an outline: each arc counts by how coherent its edge is, not by how strong."""
+ARC_SAMPLES = 3
+"""Samples, a pixel apart, per arc of a contour: each arc counts by how coherent its edge is, not by how strong."""
 
-SIDE = 2.0
-"""Pixels to either side of the outline where the radial gradient must be weaker: shading has no edge there."""
+SIDE_OFFSET_PX = 2.0
+"""Pixels to either side of the contour where the radial gradient must be weaker: shading has no edge there."""
 
+IMAGE_WEIGHT_RATIO = 0.2
+"""Weight of each image relative to the one before it: moving light leaves edges of its own in the maximum."""
 
-LATER = 0.2
-"""Weight of each picture relative to the one before it: what moves leaves edges of its own in the maximum."""
+RADIUS_POWER = 4.5
+"""Power of the radius in a fit: reflections near a sphere's rim make false edges inside the contour, none outside."""
 
-OUTWARD = 4.5
-"""Power of the radius in a fit: what a ball mirrors near its rim makes false edges inside the outline, none outside."""
+HORIZON_RADIUS_RATIO = float(np.sin(np.radians(45.0)))
+"""Radius, as a share of the sphere's, at which a chrome sphere reflects directions perpendicular to the view. The edge
+between the lit space before the object and the far parts of the table often lies there."""
+HORIZON_WEIGHT = 0.25
+"""Weight of the contour score on that circle."""
 
-HORIZON, HORIZON_WEIGHT = float(np.sin(np.radians(45.0))), 0.25
-"""On a mirror ball the plane through it across the view (lamps before the object, the table's far parts) shows here."""
+MIN_GRADIENT_FLOOR = 0.004
+"""Lower bound of an image's usual gradient, for images without structure."""
 
 
 @dataclass(frozen=True, slots=True)
-class EdgePicture:
-    """Gradient of the logarithm of a picture: `gradient` (2, H, W) float32 (x, y) and its usual magnitude."""
+class LogGradient:
+    """Gradient of an image's logarithm.
+
+    gradient: (2, H, W) float32, along x (right) and y (down), per pixel. floor: the median of its magnitude.
+    """
 
     gradient: np.ndarray
     floor: float
 
 
-def edge_picture(picture: np.ndarray, *, sigma: float = 0.8, dark: float = 4.0) -> EdgePicture:
-    """Gradient of log(picture + dark), so that an edge in the dark counts as much as one in the light."""
-    smooth = cv2.GaussianBlur(np.log(picture.astype(np.float32) + np.float32(dark)), (0, 0), sigma)
+def log_gradient(image: np.ndarray, *, sigma: float = 0.8, offset: float = 4.0) -> LogGradient:
+    """Compute the gradient of log(image + offset), in which edges in the dark count like edges in the light.
+
+    Args:
+        image: (H, W), in levels of 8 bits.
+        sigma: standard deviation in pixels of the smoothing.
+        offset: level that keeps noise in the dark from counting.
+    """
+    smooth = cv2.GaussianBlur(np.log(image.astype(np.float32) + np.float32(offset)), (0, 0), sigma)
     gradient = np.stack([cv2.Sobel(smooth, cv2.CV_32F, *axes, scale=0.125) for axes in ((1, 0), (0, 1))])
-    return EdgePicture(gradient, max(float(np.median(np.hypot(*gradient))), 0.004))
+    return LogGradient(gradient, max(float(np.median(np.hypot(*gradient))), MIN_GRADIENT_FLOOR))
 
 
-def strongest_circles(edges: EdgePicture, radii: np.ndarray, most: int) -> list[tuple[float, float, float]]:
-    """Circles (x, y, radius) that most edge pixels point to, one per neighbourhood of centres, strongest first.
+def strongest_circles(edges: LogGradient, radii: np.ndarray, count: int) -> list[tuple[float, float, float]]:
+    """Return up to `count` circles (x, y, radius) with the most votes, strongest first, one per neighbourhood.
 
-    Every edge pixel votes for the two centres at each radius along its gradient; a vote counts as a share of the
-    outline, and an edge much stronger than usual counts no more than others.
+    Every edge pixel votes for the two centres at each radius along its gradient. A vote counts as a share of the
+    circumference, and an edge much stronger than usual counts no more than others.
     """
     gx, gy = edges.gradient
     strength = np.hypot(gx, gy)
     nx, ny = gx / (strength + 1e-9), gy / (strength + 1e-9)
-    rows, columns = np.mgrid[: strength.shape[0], : strength.shape[1]].astype(np.float32)
-    ahead = cv2.remap(strength, columns + nx, rows + ny, cv2.INTER_LINEAR)
-    behind = cv2.remap(strength, columns - nx, rows - ny, cv2.INTER_LINEAR)
-    ridge = (strength >= ahead) & (strength > behind) & (strength > 1.5 * edges.floor)
-    ridge[:2] = ridge[-2:] = ridge[:, :2] = ridge[:, -2:] = False
-    y, x = np.nonzero(ridge)
-    weight = strength[ridge] / (strength[ridge] + 4.0 * edges.floor)
-    best, of = np.zeros_like(strength), np.zeros_like(strength)
+    edge = _ridges(strength, nx, ny, edges.floor)
+    y, x = np.nonzero(edge)
+    weight = strength[edge] / (strength[edge] + 4.0 * edges.floor)
+    # Best share of the circumference over all radii, for every centre, and the radius that has it.
+    best_share, best_radius = np.zeros_like(strength), np.zeros_like(strength)
     for radius in radii:
         share = np.zeros_like(strength)
-        _vote(x, y, nx[ridge], ny[ridge], weight, float(radius), share)
+        _vote(x, y, nx[edge], ny[edge], weight, float(radius), share)
         share = cv2.GaussianBlur(share, (0, 0), 1.2) / np.float32(radius)
-        of[share > best] = radius
-        np.maximum(best, share, out=best)
-    row, column = np.nonzero((best == cv2.dilate(best, np.ones((7, 7), np.uint8))) & (best > 0))
-    order = np.argsort(-best[row, column])[:most]
-    return [(float(column[k]), float(row[k]), float(of[row[k], column[k]])) for k in order]
+        best_radius[share > best_share] = radius
+        np.maximum(best_share, share, out=best_share)
+    is_peak = (best_share == cv2.dilate(best_share, np.ones((7, 7), np.uint8))) & (best_share > 0)
+    row, column = np.nonzero(is_peak)
+    order = np.argsort(-best_share[row, column])[:count]
+    return [(float(column[k]), float(row[k]), float(best_radius[row[k], column[k]])) for k in order]
 
 
-def outline(edges: list[EdgePicture], x: float, y: float, radius: float) -> float:
-    """Share 0..1 of the circle's arcs along which the pictures have a coherent edge."""
-    return max(float(_outline(*_stack(edges), x, y, radius)), 0.0)
+def contour_score(edges: list[LogGradient], x: float, y: float, radius: float) -> float:
+    """Return the share 0..1 of a circle's arcs along which the images have a coherent edge, earlier images first."""
+    return max(float(_contour_score(*_stack(edges), x, y, radius)), 0.0)
 
 
-def fit_outline(
-    edges: list[EdgePicture],
+def fit_circle(
+    edges: list[LogGradient],
     x: float,
     y: float,
-    least: float,
-    largest: float,
+    min_radius: float,
+    max_radius: float,
     *,
     reach: float,
     step: float,
-    finest: float = 0.02,
+    final_step: float = 0.02,
 ) -> tuple[float, float, float, float]:
-    """Circle (x, y, radius, score) of the best outline within `reach` of a centre and between two radii, in pixels.
+    """Fit a sphere's circle (x, y, radius, score), in pixels, to the images' edges.
 
-    All circles on a grid of `step`, then uphill from the best one with steps halved until `finest`.
+    All circles on a grid are scored, then the best one is improved by coordinate search with steps that are halved
+    until `final_step`.
+
+    Args:
+        edges: of the images, the most reliable first.
+        x: column of the first centre.
+        y: row of the first centre.
+        min_radius: smallest radius on the grid.
+        max_radius: largest radius on the grid.
+        reach: distance of the grid's outermost centres from the first one, along x and y.
+        step: distance of the grid's circles in x, y and radius.
+        final_step: accuracy of the result.
     """
-    return _search(*_stack(edges), x, y, least, largest, reach, step, finest)
+    return _search(*_stack(edges), x, y, min_radius, max_radius, reach, step, final_step)
 
 
-def _stack(edges: list[EdgePicture]) -> tuple[np.ndarray, np.ndarray]:
-    return np.stack([picture.gradient for picture in edges]), np.array([picture.floor for picture in edges], np.float32)
+def _ridges(strength: np.ndarray, nx: np.ndarray, ny: np.ndarray, floor: float) -> np.ndarray:
+    """Return the edge pixels (H, W) bool: maxima of the gradient's strength along its direction (Canny 1986)."""
+    rows, columns = np.mgrid[: strength.shape[0], : strength.shape[1]].astype(np.float32)
+    after = cv2.remap(strength, columns + nx, rows + ny, cv2.INTER_LINEAR)
+    before = cv2.remap(strength, columns - nx, rows - ny, cv2.INTER_LINEAR)
+    ridges = (strength >= after) & (strength > before) & (strength > 1.5 * floor)
+    ridges[:2] = ridges[-2:] = ridges[:, :2] = ridges[:, -2:] = False
+    return ridges
+
+
+def _stack(edges: list[LogGradient]) -> tuple[np.ndarray, np.ndarray]:
+    return np.stack([image.gradient for image in edges]), np.array([image.floor for image in edges], np.float32)
 
 
 @njit(cache=True, nogil=True)
 def _vote(
-    x: np.ndarray, y: np.ndarray, nx: np.ndarray, ny: np.ndarray, weight: np.ndarray, radius: float, into: np.ndarray
+    x: np.ndarray, y: np.ndarray, nx: np.ndarray, ny: np.ndarray, weight: np.ndarray, radius: float, votes: np.ndarray
 ) -> None:
-    height, width = into.shape
+    """Add the weights (N,) of edge pixels to `votes` (H, W) at both centres at `radius` along their gradients."""
+    height, width = votes.shape
     for k in range(x.size):
         for side in (-radius, radius):
             column, row = int(np.rint(x[k] + side * nx[k])), int(np.rint(y[k] + side * ny[k]))
             if 0 <= row < height and 0 <= column < width:
-                into[row, column] += weight[k]
+                votes[row, column] += weight[k]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _outline(gradient: np.ndarray, floor: np.ndarray, x: float, y: float, radius: float) -> float:
-    pictures, _, height, width = gradient.shape
-    share = LATER ** np.arange(pictures)
+def _contour_score(gradient: np.ndarray, floor: np.ndarray, x: float, y: float, radius: float) -> float:
+    """Return the contour score of gradients (N, 2, H, W) with usual magnitudes floor (N,)."""
+    images, _, height, width = gradient.shape
+    share = IMAGE_WEIGHT_RATIO ** np.arange(images)
     share /= share.sum()
-    arcs = max(12, int(2.0 * np.pi * radius / ARC))
-    turn = 2.0 * np.pi / (arcs * ARC)
+    # At least 12 arcs; a rotation by `turn` leads from one sample to the next without a sine per sample.
+    arcs = max(12, int(2.0 * np.pi * radius / ARC_SAMPLES))
+    turn = 2.0 * np.pi / (arcs * ARC_SAMPLES)
     cos_turn, sin_turn = np.cos(turn), np.sin(turn)
     score = 0.0
-    along = np.zeros(3)
-    for p in range(pictures):
+    # Sums of the radial gradient just inside, on, and just outside the contour.
+    radial = np.zeros(3)
+    for p in range(images):
         c, s = np.cos(0.5 * turn), np.sin(0.5 * turn)
         for _ in range(arcs):
-            along[:] = 0.0
-            whole = 0.0
-            seen = 0
-            for _ in range(ARC):
+            radial[:] = 0.0
+            magnitude = 0.0
+            samples = 0
+            for _ in range(ARC_SAMPLES):
                 for side in range(3):
-                    distance = radius + (side - 1) * SIDE
+                    distance = radius + (side - 1) * SIDE_OFFSET_PX
                     u, v = x + distance * c, y + distance * s
                     i, j = int(np.floor(v)), int(np.floor(u))
                     if i < 0 or j < 0 or i >= height - 1 or j >= width - 1:
                         continue
+                    # Bilinear interpolation of both components at (u, v).
                     fy, fx = v - i, u - j
                     a, b = (1 - fx) * (1 - fy), fx * (1 - fy)
                     d, e = (1 - fx) * fy, fx * fy
@@ -135,21 +177,24 @@ def _outline(gradient: np.ndarray, floor: np.ndarray, x: float, y: float, radius
                     gx += d * gradient[p, 0, i + 1, j] + e * gradient[p, 0, i + 1, j + 1]
                     gy = a * gradient[p, 1, i, j] + b * gradient[p, 1, i, j + 1]
                     gy += d * gradient[p, 1, i + 1, j] + e * gradient[p, 1, i + 1, j + 1]
-                    along[side] += gx * c + gy * s
+                    radial[side] += gx * c + gy * s
                     if side == 1:
-                        whole += np.hypot(gx, gy)
-                        seen += 1
+                        magnitude += np.hypot(gx, gy)
+                        samples += 1
                 c, s = c * cos_turn - s * sin_turn, s * cos_turn + c * sin_turn
-            if seen > 0:
-                sharp = abs(along[1]) - 0.5 * (abs(along[0]) + abs(along[2]))
-                score += share[p] * max(sharp, 0.0) / (whole + 3.0 * seen * floor[p])
+            if samples > 0:
+                # An edge on the contour exceeds its surroundings; shading is as steep on both sides. Relative to the
+                # magnitude, an arc counts fully if all its gradients are radial, and little if they are mere noise.
+                sharp = abs(radial[1]) - 0.5 * (abs(radial[0]) + abs(radial[2]))
+                score += share[p] * max(sharp, 0.0) / (magnitude + 3.0 * samples * floor[p])
     return score / arcs
 
 
 @njit(cache=True, nogil=True)
-def _ball(gradient: np.ndarray, floor: np.ndarray, x: float, y: float, radius: float) -> float:
-    horizon = _outline(gradient, floor, x, y, HORIZON * radius)
-    return (_outline(gradient, floor, x, y, radius) + HORIZON_WEIGHT * horizon) * radius**OUTWARD
+def _sphere_score(gradient: np.ndarray, floor: np.ndarray, x: float, y: float, radius: float) -> float:
+    """Return the score that a fit maximizes: contour and horizon, with preference for the outermost circle."""
+    horizon = _contour_score(gradient, floor, x, y, HORIZON_RADIUS_RATIO * radius)
+    return (_contour_score(gradient, floor, x, y, radius) + HORIZON_WEIGHT * horizon) * radius**RADIUS_POWER
 
 
 @njit(cache=True, nogil=True)
@@ -158,24 +203,26 @@ def _search(
     floor: np.ndarray,
     x: float,
     y: float,
-    least: float,
-    largest: float,
+    min_radius: float,
+    max_radius: float,
     reach: float,
     step: float,
-    finest: float,
+    final_step: float,
 ) -> tuple[float, float, float, float]:
-    best = (x, y, 0.5 * (least + largest), -1.0)
+    best = (x, y, 0.5 * (min_radius + max_radius), -1.0)
+    # Exhaustive: the score has many local maxima, since any edge inside a sphere is part of some circle.
     side = int(np.ceil(reach / step))
-    radii = int(np.ceil((largest - least) / step))
+    radii = int(np.ceil((max_radius - min_radius) / step))
     for k in range(radii + 1):
-        radius = least + k * step
+        radius = min_radius + k * step
         for i in range(-side, side + 1):
             for j in range(-side, side + 1):
-                score = _ball(gradient, floor, x + j * step, y + i * step, radius)
+                score = _sphere_score(gradient, floor, x + j * step, y + i * step, radius)
                 if score > best[3]:
                     best = (x + j * step, y + i * step, radius, score)
+    # Then uphill among the 26 neighbours, at most three moves per step size.
     finer = step
-    while finer > finest:
+    while finer > final_step:
         finer *= 0.5
         for _ in range(3):
             centre = best
@@ -183,7 +230,7 @@ def _search(
                 for i in range(-1, 2):
                     for j in range(-1, 2):
                         u, v, r = centre[0] + j * finer, centre[1] + i * finer, centre[2] + k * finer
-                        score = _ball(gradient, floor, u, v, r)
+                        score = _sphere_score(gradient, floor, u, v, r)
                         if score > best[3]:
                             best = (u, v, r, score)
             if best == centre:

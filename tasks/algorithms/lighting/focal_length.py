@@ -1,6 +1,8 @@
-"""A camera that is near shows a ball beside the frame's middle as an ellipse, longer towards the middle.
+"""Focal length from the ellipse of a sphere beside the frame's centre (tangent cone: Hartley and Zisserman 2004, 8.3).
 
-Its outline then fits a circle best as a camera of the right focal length, turned to the ball, would see it.
+A near camera projects a sphere to an ellipse that is elongated towards the frame's centre. Seen by a virtual camera of
+the right focal length, aimed at the sphere, its contour is a circle; so the focal length is the one with the best
+contour score.
 """
 
 from itertools import product
@@ -8,50 +10,60 @@ from itertools import product
 import cv2
 import numpy as np
 
-from glint.tasks.algorithms.geometry.perspective import Turned
-from glint.tasks.algorithms.lighting.circles import edge_picture, outline
-from glint.tasks.algorithms.lighting.spheres import LEAST_SCORE, Sphere
+from glint.tasks.algorithms.geometry.perspective import VirtualCamera
+from glint.tasks.algorithms.lighting.circles import contour_score, log_gradient
+from glint.tasks.algorithms.lighting.spheres import MIN_SPHERE_SCORE, Sphere
 
-FOCALS = tuple(np.round(np.geomspace(0.6, 2.4, 5), 3).tolist())
-"""Focal lengths in frame widths that are tried; longer ones leave too little of an ellipse."""
-FAR = 20.0
-SHIFTS, SHARES = (-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5), tuple(np.arange(0.94, 1.061, 0.015).tolist())
-"""Pixels by which the ball may lie beside its given place, and ratios of its radius to the given one."""
-BETTER = 1.03
-"""Ratio of the best outline's score to that of a far camera from which the outline counts as an ellipse."""
-MEASURED = 50.0
-"""Radius in pixels to which larger balls are shrunk."""
+FOCAL_WIDTHS = tuple(np.round(np.geomspace(0.6, 2.4, 5), 3).tolist())
+"""Focal lengths in frame widths that are tried; longer ones make too small a difference from a circle."""
+ORTHOGRAPHIC_FOCAL_WIDTHS = 20.0
+"""Focal length in frame widths that stands for an orthographic camera."""
+CENTRE_SHIFTS_PX = (-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5)
+"""Offsets of the circle's centre from the given one, along x and y."""
+RADIUS_RATIOS = tuple(np.arange(0.94, 1.061, 0.015).tolist())
+"""Ratios of the circle's radius to the given one."""
+MIN_SCORE_RATIO = 1.03
+"""Ratio of the best score to an orthographic camera's from which the contour counts as an ellipse."""
+SCORED_RADIUS_PX = 50.0
+"""Radius to which larger spheres are reduced."""
 
 
-def find_focal(
-    typical: np.ndarray, brightest: np.ndarray, sphere: Sphere, middle: tuple[float, float], width: float
+def estimate_focal_length(
+    median: np.ndarray, maximum: np.ndarray, sphere: Sphere, frame_centre: tuple[float, float], width: float
 ) -> float | None:
-    """Focal length in frame widths that a ball's outline tells, None where it may as well be a far camera's.
+    """Estimate the focal length in frame widths from a sphere's contour; None if the camera may be orthographic.
 
-    typical, brightest (h, w): temporal median and maximum round the ball; sphere and the frame's middle (x, y) in their
-    pixels; width of the frame in pixels. The length is rough, by half; that there is an ellipse is surer.
+    The value is accurate to a factor of about 1.5; that there is an ellipse at all is more certain.
+
+    Args:
+        median: temporal median (h, w) around the sphere.
+        maximum: temporal maximum (h, w).
+        sphere: in these pixels.
+        frame_centre: x and y of the full frame's centre in these pixels.
+        width: of the full frame in pixels.
     """
-    scale = max(1, int(sphere.radius / MEASURED))
-    size = (typical.shape[1] // scale, typical.shape[0] // scale)
-    pictures = [
-        cv2.resize(each.astype(np.float32), size, interpolation=cv2.INTER_AREA) for each in (typical, brightest)
-    ]
+    scale = max(1, int(sphere.radius / SCORED_RADIUS_PX))
+    size = (median.shape[1] // scale, median.shape[0] // scale)
+    images = [cv2.resize(image.astype(np.float32), size, interpolation=cv2.INTER_AREA) for image in (median, maximum)]
     shift = 0.5 * (scale - 1)
-    ball = Sphere((sphere.x - shift) / scale, (sphere.y - shift) / scale, sphere.radius / scale)
-    column, row = ((each - shift) / scale for each in middle)
+    reduced = Sphere((sphere.x - shift) / scale, (sphere.y - shift) / scale, sphere.radius / scale)
+    column, row = ((position - shift) / scale for position in frame_centre)
     scores = []
-    for focal in (FAR, *FOCALS):
+    for focal in (ORTHOGRAPHIC_FOCAL_WIDTHS, *FOCAL_WIDTHS):
         pixels = focal * width / scale
         camera = np.array([[pixels, 0.0, column], [0.0, pixels, row], [0.0, 0.0, 1.0]])
-        turned = Turned.to(ball.x, ball.y, ball.radius, camera)
-        edges = [edge_picture(turned.picture(each)) for each in pictures]
-        scores.append(
-            max(
-                outline(edges, turned.middle + right, turned.middle + down, share * ball.radius)
-                for right, down, share in product(SHIFTS, SHIFTS, SHARES)
-            )
-        )
+        scores.append(_circle_score(images, reduced, camera))
     best = int(np.argmax(scores))
-    if best == 0 or scores[best] < max(BETTER * scores[0], LEAST_SCORE):
+    if best == 0 or scores[best] < max(MIN_SCORE_RATIO * scores[0], MIN_SPHERE_SCORE):
         return None
-    return FOCALS[best - 1]
+    return FOCAL_WIDTHS[best - 1]
+
+
+def _circle_score(images: list[np.ndarray], sphere: Sphere, camera: np.ndarray) -> float:
+    """Return the best contour score of circles near a sphere, as seen by a camera (3, 3) aimed at it."""
+    virtual = VirtualCamera.aimed_at(sphere.x, sphere.y, sphere.radius, camera)
+    edges = [log_gradient(virtual.warp(image)) for image in images]
+    return max(
+        contour_score(edges, virtual.centre + right, virtual.centre + down, ratio * sphere.radius)
+        for right, down, ratio in product(CENTRE_SHIFTS_PX, CENTRE_SHIFTS_PX, RADIUS_RATIOS)
+    )

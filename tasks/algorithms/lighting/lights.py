@@ -1,9 +1,9 @@
-"""Light and half vector of every frame from the highlight on a mirror ball (paper, section 3: orientation consistency).
+"""Light and half vector of every frame, from the highlight on a chrome sphere.
 
-The normal of the ball where it shows the lamp is the half vector H of the lamp L and the view V = (0, 0, 1), and it is
-what a highlighted object pixel receives as candidate normal. A long video passes through in blocks: `static_level` of
-a sample of its frames, `measure_highlights` of each block, `decide_lights` over all of them; `find_lights` is the
-three in a row.
+Source: orientation consistency (section 3 of Yeung et al. 2009). The sphere's normal where it shows the light is the
+half vector H of the light L and the view V = (0, 0, 1), and an object pixel that shows a highlight in the same frame
+has it as a candidate normal. A long video is processed in blocks: `static_background` of a sample of its frames,
+`measure_highlights` of each block, `classify_frames` over all of them. `find_lights` runs the three in a row.
 """
 
 from collections.abc import Sequence
@@ -14,130 +14,173 @@ import numpy as np
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of, lights_of, unit
-from glint.tasks.algorithms.lighting.highlights import REMEDY, Highlights, StaticLevel, measure_highlights, static_level
+from glint.tasks.algorithms.lighting.highlights import (
+    LIGHT_REMEDY,
+    Highlights,
+    StaticBackground,
+    measure_highlights,
+    static_background,
+)
 from glint.tasks.algorithms.lighting.spheres import Sphere
 
 REASONS = ("accepted", "no light", "behind the object", "two lights", "clipped or ambiguous", "outside the sphere")
-"""Words of the codes in `Lights.reason`."""
-ACCEPTED, NO_LIGHT, BEHIND, TWO_LIGHTS, AMBIGUOUS, OUTSIDE = range(len(REASONS))
+"""Names of the codes in `Lights.reason`."""
+ACCEPTED, NO_LIGHT, BEHIND, TWO_LIGHTS, AMBIGUOUS, OUTSIDE_SPHERE = range(len(REASONS))
 
-BEHIND_NZ = float(np.cos(np.radians(45.0)))
-"""n_z of the ball's normal below which the light is more than 90 degrees from the view vector."""
+MIN_HALF_VECTOR_NZ = float(np.cos(np.radians(45.0)))
+"""n_z of the sphere's normal below which the light is more than 90 degrees from the view vector."""
+MIN_ON_SPHERE_NZ = 0.2
+"""n_z below which a highlight lies so near the contour that it is none of the sphere's."""
+MIN_CONTRAST, MIN_CONTRAST_NOISE_RATIO = 12.0, 8.0
+"""Contrast of the highlight, in levels and in noise levels, below which there is no moving light."""
+MAX_OCCLUDED_FRACTION = 0.25
+MAX_AREA_FRACTION = 0.25
+"""Share of the disc of lights before the object beyond which a highlight's area is ambiguous."""
 
 
 @dataclass(frozen=True, slots=True)
 class Lights:
-    """half_vectors and lights (T, 3) float32 in the camera frame, NaN where rejected; reason (T,) uint8 into REASONS.
+    """Lights of T frames.
 
-    `extent` (T,) float32 is the area in pixels of each accepted highlight; `disagreement` (T,) float32 the largest
-    angle in degrees between any one sphere's half vector and the combined one (NaN with a single sphere).
+    half_vectors, lights: (T, 3) float32, unit, camera frame, NaN where rejected. reason: (T,) uint8, index into
+    `REASONS`. area: (T,) float32, pixels of each highlight. inter_sphere_angle: (T,) float32, largest angle in degrees
+    between one sphere's half vector and the spheres' mean; NaN with a single sphere.
     """
 
     half_vectors: np.ndarray
     lights: np.ndarray
     reason: np.ndarray
-    extent: np.ndarray
-    disagreement: np.ndarray
+    area: np.ndarray
+    inter_sphere_angle: np.ndarray
 
     @property
     def accepted(self) -> np.ndarray:
-        """(T,) bool: frames with a light."""
+        """Frames with a light, (T,) bool."""
         return self.reason == ACCEPTED
 
 
-def decide_lights(
-    highlights: Sequence[Highlights], static: StaticLevel, sphere: Sphere, *, second: float = 0.5, odd: float = 3.0
+def classify_frames(
+    highlights: Sequence[Highlights],
+    static: StaticBackground,
+    sphere: Sphere,
+    *,
+    second_light_ratio: float = 0.5,
+    area_ratio: float = 3.0,
 ) -> Lights:
-    """One light per frame or the reason why there is none, from the blobs of all blocks in order.
+    """Return one light per frame, or the reason why there is none.
 
-    Two blobs before the object are two lights where the second has at least `second` of the first one's area; an
-    area that differs from the capture's median by more than `odd` times is ambiguous (the lamp's area is constant).
+    Args:
+        highlights: of all blocks of the capture, in order.
+        static: the background that they were measured with.
+        sphere: in the frames' pixels.
+        second_light_ratio: two blobs before the object are two lights if the second has at least this share of the
+            first one's area.
+        area_ratio: a highlight whose area differs from the capture's median by a larger factor is ambiguous, since the
+            light's area is constant.
+
+    Raises:
+        UnusableCapture: no frame shows a moving light.
     """
-    light = np.concatenate([block.light for block in highlights])
-    extent = np.concatenate([block.extent for block in highlights])
-    blind = np.concatenate([block.blind for block in highlights])
-    contrast = static.white - float(np.median(static.level))
-    if contrast < max(12.0, 8.0 * static.noise) or not (extent > 0).any():
+    direction = np.concatenate([block.directions for block in highlights])
+    area = np.concatenate([block.area for block in highlights])
+    occluded = np.concatenate([block.occluded_fraction for block in highlights])
+    contrast = static.saturation - float(np.median(static.background))
+    if contrast < max(MIN_CONTRAST, MIN_CONTRAST_NOISE_RATIO * static.noise) or not (area > 0).any():
         raise UnusableCapture(
-            f"no moving light on the sphere at ({sphere.x:.1f}, {sphere.y:.1f}) in any of {len(light)} frames "
-            f"(the brightest spot is {max(contrast, 0.0):.0f} levels above the static picture)",
-            REMEDY,
+            f"no moving light on the sphere at ({sphere.x:.1f}, {sphere.y:.1f}) in any of {len(direction)} frames "
+            f"(the brightest spot is {max(contrast, 0.0):.0f} levels above the static background)",
+            LIGHT_REMEDY,
         )
-    half = half_vectors_of(light.astype(np.float64))
-    front = (half[..., 2] >= BEHIND_NZ) & (extent > 0)
-    reason = np.full(len(light), ACCEPTED, np.uint8)
-    usual = float(np.median(extent[:, 0][front[:, 0]])) if front[:, 0].any() else 0.0
-    inner_area = 0.5 * np.pi * sphere.radius**2
-    unusual = (extent[:, 0] > odd * usual) | (extent[:, 0] < usual / odd)
-    reason[unusual | (blind[:, 0] > 0.25)] = AMBIGUOUS
-    reason[front[:, 1] & (extent[:, 1] >= second * np.maximum(extent[:, 0], usual))] = TWO_LIGHTS
+    half = half_vectors_of(direction.astype(np.float64))
+    front = (half[..., 2] >= MIN_HALF_VECTOR_NZ) & (area > 0)
+    usual = float(np.median(area[:, 0][front[:, 0]])) if front[:, 0].any() else 0.0
+    # Lights before the object lie within r sin 45 of the sphere's centre.
+    front_disc_area = 0.5 * np.pi * sphere.radius**2
+    unusual = (area[:, 0] > area_ratio * usual) | (area[:, 0] < usual / area_ratio)
+    # Later assignments take precedence: the plainest reason is reported.
+    reason = np.full(len(direction), ACCEPTED, np.uint8)
+    reason[unusual | (occluded[:, 0] > MAX_OCCLUDED_FRACTION)] = AMBIGUOUS
+    reason[front[:, 1] & (area[:, 1] >= second_light_ratio * np.maximum(area[:, 0], usual))] = TWO_LIGHTS
     reason[~front[:, 0]] = BEHIND
-    reason[~front[:, 0] & (half[:, 0, 2] < 0.2)] = OUTSIDE
-    reason[extent[:, 0] > 0.25 * inner_area] = AMBIGUOUS
-    reason[extent[:, 0] <= 0] = NO_LIGHT
-    return _lights(half[:, 0], reason, extent[:, 0])
+    reason[~front[:, 0] & (half[:, 0, 2] < MIN_ON_SPHERE_NZ)] = OUTSIDE_SPHERE
+    reason[area[:, 0] > MAX_AREA_FRACTION * front_disc_area] = AMBIGUOUS
+    reason[area[:, 0] <= 0] = NO_LIGHT
+    return _lights(half[:, 0], reason, area[:, 0])
 
 
 def find_lights(
     frames: np.ndarray, sphere: Sphere, *, block: int = 1024, sample: int = 200, **parameters: Any
 ) -> Lights:
-    """Lights of frames (T, h, w) uint8 or uint16 cropped around a sphere given in the crop's pixels.
+    """Find the lights of frames (T, h, w) uint8 or uint16, cropped around a sphere given in the crop's pixels.
 
-    Parameters are those of `static_level`, `measure_highlights` and `decide_lights` by name.
-    Raises UnusableCapture where no frame shows a light.
+    Args:
+        frames: of one sphere.
+        sphere: in the frames' pixels.
+        block: frames measured at once.
+        sample: frames from which the static background is estimated.
+        **parameters: of `static_background`, `measure_highlights` and `classify_frames`, by name.
+
+    Raises:
+        UnusableCapture: no frame shows a light.
     """
     steps = np.unique(np.linspace(0, len(frames) - 1, min(sample, len(frames))).round().astype(int))
-    static = static_level(frames[steps], sphere, **_only(parameters, "percentile", "camera"))
-    measuring = _only(parameters, "seed", "low", "high", "reach", "camera")
+    static = static_background(frames[steps], sphere, **_subset(parameters, "percentile", "camera"))
+    measuring = _subset(parameters, "peak_level", "edge_level", "full_level", "trim_ratio", "camera")
     blocks = [
         measure_highlights(frames[start : start + block], sphere, static, **measuring)
         for start in range(0, len(frames), block)
     ]
-    return decide_lights(blocks, static, sphere, **_only(parameters, "second", "odd"))
+    return classify_frames(blocks, static, sphere, **_subset(parameters, "second_light_ratio", "area_ratio"))
 
 
-def _lights(half: np.ndarray, reason: np.ndarray, extent: np.ndarray, disagreement: np.ndarray | None = None) -> Lights:
-    half = np.where((reason == ACCEPTED)[:, None], half, np.nan)
-    lights = lights_of(half)
-    if disagreement is None:
-        disagreement = np.full(len(half), np.nan, np.float32)
-    return Lights(
-        half.astype(np.float32),
-        lights.astype(np.float32),
-        reason.astype(np.uint8),
-        extent.astype(np.float32),
-        disagreement,
-    )
-
-
-def _only(parameters: dict[str, Any], *names: str) -> dict[str, Any]:
-    return {name: parameters[name] for name in names if name in parameters}
-
-
-def disagreement_of(lights: Lights) -> tuple[float, float]:
-    """Median and 95th percentile in degrees of the spheres' disagreement; NaN where no frame has two spheres."""
-    known = lights.disagreement[np.isfinite(lights.disagreement)]
+def inter_sphere_angles(lights: Lights) -> tuple[float, float]:
+    """Return median and 95th percentile in degrees of the inter-sphere angle; NaN if no frame has two spheres."""
+    known = lights.inter_sphere_angle[np.isfinite(lights.inter_sphere_angle)]
     return (float(np.median(known)), float(np.percentile(known, 95.0))) if known.size else (np.nan, np.nan)
 
 
-def combine_lights(per_sphere: Sequence[Lights], *, tolerance: float = 5.0) -> Lights:
-    """Lights of several spheres as one: the mean half vector of those that accept the frame.
+def merge_spheres(per_sphere: Sequence[Lights], *, tolerance: float = 5.0) -> Lights:
+    """Merge the lights of several spheres: the mean half vector of the spheres that accept a frame.
 
-    A frame whose spheres lie further than `tolerance` degrees from their mean is ambiguous; a frame that no sphere
-    accepts keeps the first sphere's reason.
+    A frame in which a sphere's half vector lies further than `tolerance` degrees from the mean is ambiguous. A frame
+    that no sphere accepts keeps the first sphere's reason.
+
+    Raises:
+        ValueError: no lights, or different numbers of frames.
     """
     if not per_sphere:
-        raise ValueError("no lights to combine")
+        raise ValueError("no lights to merge")
     if len({len(lights.reason) for lights in per_sphere}) != 1:
-        raise ValueError(f"frames differ: {[len(lights.reason) for lights in per_sphere]}")
+        raise ValueError(f"numbers of frames differ: {[len(lights.reason) for lights in per_sphere]}")
     if len(per_sphere) == 1:
         return per_sphere[0]
     stack = np.stack([lights.half_vectors for lights in per_sphere]).astype(np.float64)
     accepted = np.stack([lights.accepted for lights in per_sphere])
     mean = unit(np.where(accepted[..., None], stack, 0.0).sum(axis=0))
-    apart = np.where(accepted, angles(np.where(accepted[..., None], stack, mean), mean), 0.0).max(axis=0)
+    deviation = np.where(accepted, angles(np.where(accepted[..., None], stack, mean), mean), 0.0).max(axis=0)
     several = accepted.sum(axis=0) > 1
     reason = np.where(accepted.any(axis=0), ACCEPTED, per_sphere[0].reason)
-    reason[several & (apart > tolerance)] = AMBIGUOUS
-    extent = np.where(accepted, [lights.extent for lights in per_sphere], 0.0).max(axis=0)
-    return _lights(mean, reason, extent, np.where(several, apart, np.nan).astype(np.float32))
+    reason[several & (deviation > tolerance)] = AMBIGUOUS
+    area = np.where(accepted, [lights.area for lights in per_sphere], 0.0).max(axis=0)
+    return _lights(mean, reason, area, np.where(several, deviation, np.nan).astype(np.float32))
+
+
+def _lights(
+    half: np.ndarray, reason: np.ndarray, area: np.ndarray, inter_sphere_angle: np.ndarray | None = None
+) -> Lights:
+    """Return lights of half vectors (T, 3), which become NaN where the frame is rejected."""
+    half = np.where((reason == ACCEPTED)[:, None], half, np.nan)
+    lights = lights_of(half)
+    if inter_sphere_angle is None:
+        inter_sphere_angle = np.full(len(half), np.nan, np.float32)
+    return Lights(
+        half.astype(np.float32),
+        lights.astype(np.float32),
+        reason.astype(np.uint8),
+        area.astype(np.float32),
+        inter_sphere_angle,
+    )
+
+
+def _subset(parameters: dict[str, Any], *names: str) -> dict[str, Any]:
+    return {name: parameters[name] for name in names if name in parameters}

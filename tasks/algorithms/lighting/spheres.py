@@ -1,49 +1,61 @@
-"""Mirror balls in a static camera's frame: found from the temporal median and maximum, refined below a pixel.
+"""Chrome spheres in a static camera's frame: detection in the temporal median and maximum, and subpixel refinement.
 
-Two things together tell a mirror ball from everything round. Its outline is a circle, edges along which point at one
-centre. And in the temporal maximum the lamp's highlights lie within r sin 45 of the centre (lamps before the object)
-while the ring inside the outline stays as it was: glass lights up to its rim and beyond.
+Yeung et al. 2009 take the reference sphere as given (section 3). Two cues together distinguish a chrome sphere. Its
+contour is a circle, whose edge gradients point at one centre (Kimme, Ballard and Sklansky 1975). And in the temporal
+maximum the light's highlights lie within r sin 45 of the centre (lights before the object), while the ring inside the
+contour stays as it was; glass lights up to its contour and beyond.
 """
 
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.geometry.perspective import Turned
-from glint.tasks.algorithms.lighting.circles import EdgePicture, edge_picture, fit_outline, outline, strongest_circles
+from glint.tasks.algorithms.geometry.perspective import VirtualCamera
+from glint.tasks.algorithms.lighting.circles import contour_score, fit_circle, log_gradient, strongest_circles
+from glint.tasks.algorithms.lighting.pyramid import (
+    MAX_LEVEL_RADIUS_PX,
+    MIN_LEVEL_RADIUS_PX,
+    PyramidLevel,
+    pyramid,
+    pyramid_level,
+    reduced_image,
+)
 
-MOST = 8
-"""Spheres returned at most."""
+MAX_SPHERES = 8
 
-SMALLEST, LARGEST = 18.0, 44.0
-"""Radii looked for on a pyramid level, in its pixels; larger balls are found on coarser levels."""
+COARSE_RADIUS_PX, FINE_RADIUS_PX = 40.0, 150.0
+"""Radius, in pixels of the reduced images, at least kept where refinement begins, and where it ends if the frame has as
+many: the contour of a larger sphere is out of focus or rough by more than a pixel."""
 
-FINE = 150.0
-"""Radius in pixels that a ball has at least where it is measured, if the frame has so many."""
+SEEDS_PER_IMAGE = 25
+"""Strongest circles of each image and level that are examined as spheres."""
+DISC_RADIUS_RATIOS = 1.25, 1.7
+"""Radius of a sphere relative to that of the disc of highlights inside it, which the maximum shows: lowest, highest."""
+MIN_SEED_EVIDENCE = 0.1
+"""Highlight evidence below which a seed is not fitted."""
 
-SEEDS = 25
-"""Strongest circles of each picture and level that are examined as balls."""
+MAX_REFINED = 12
+"""Best candidates that are refined and scored again at full resolution."""
+MIN_REFINED_RATIO = 0.25
+"""Score relative to the best candidate's below which a candidate is not refined."""
 
-EXAMINED = 12
-"""Best candidates that are refined at the finest scale and judged again there."""
+MIN_SPHERE_SCORE = 0.14
+"""Lower bound of the product of contour score and highlight evidence."""
 
-LEAST_SCORE = 0.14
-"""Least product of outline and highlight evidence."""
-
-REMEDY = (
-    "put a chrome ball of at least 40 pixels across beside the object, wholly in the frame and against a plain "
+SPHERE_REMEDY = (
+    "put a chrome sphere of at least 40 pixels across beside the object, wholly in the frame and against a plain "
     "background, or give its centre and radius as `spheres: [{x: .., y: .., radius: ..}]` in the catalogue"
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Sphere:
-    """A mirror ball: centre x, y and radius in pixels (centre of the top-left pixel = (0, 0), y down).
+    """Chrome sphere in an image.
 
-    Under a perspective camera the outline is an ellipse: its centre, and the radius of a circle of its area.
-    `score` in 0..1 says how well it was seen; a sphere that the user gave has 1.
+    x, y, radius: in pixels (the centre of the top-left pixel is (0, 0), y down). Under a perspective camera the contour
+    is an ellipse: its centre, and the radius of a circle of its area. score: quality of the detection, 0..1; 1 for a
+    sphere that the user gave.
     """
 
     x: float
@@ -51,164 +63,149 @@ class Sphere:
     radius: float
     score: float = 1.0
 
-    def within(self, left: float, top: float) -> "Sphere":
-        """The same sphere in the pixels of a crop whose top-left pixel is (left, top)."""
+    def in_crop(self, left: float, top: float) -> "Sphere":
+        """Return the sphere in the pixels of a crop whose top-left pixel is (left, top)."""
         return replace(self, x=self.x - left, y=self.y - top)
 
 
-@dataclass(frozen=True, slots=True)
-class Level:
-    """A pyramid level: its pictures, their edges and the scale to full-frame pixels."""
-
-    typical: np.ndarray
-    excess: np.ndarray
-    edges: list[EdgePicture]
-    scale: float
-
-    def full(self, x: float, y: float, radius: float, score: float) -> Sphere:
-        """A circle of this level in full-frame pixels."""
-        shift = 0.5 * (self.scale - 1.0)
-        return Sphere(x * self.scale + shift, y * self.scale + shift, radius * self.scale, score)
-
-
 def find_spheres(
-    typical: np.ndarray,
-    brightest: np.ndarray,
+    median: np.ndarray,
+    maximum: np.ndarray,
     *,
-    smallest_radius: float = 20.0,
-    least_score: float = LEAST_SCORE,
+    min_radius: float = 20.0,
+    min_score: float = MIN_SPHERE_SCORE,
     camera: np.ndarray | None = None,
 ) -> list[Sphere]:
-    """Mirror balls of at least `smallest_radius` pixels, best first.
+    """Find chrome spheres, best first.
 
-    `typical` (H, W) is the static picture (temporal median), `brightest` (H, W) the temporal maximum, any real dtype.
-    With a perspective camera's matrix (3, 3) candidates are judged and measured as a camera turned to them sees them.
-    Raises UnusableCapture where there is none.
+    Args:
+        median: temporal median (H, W), any real dtype, in levels of 8 bits.
+        maximum: temporal maximum (H, W).
+        min_radius: smallest radius in pixels.
+        min_score: smallest product of contour score and highlight evidence.
+        camera: perspective camera's matrix (3, 3); candidates are then scored and measured by virtual cameras aimed
+            at them.
+
+    Raises:
+        UnusableCapture: there is no sphere.
+        ValueError: the images differ in shape.
     """
-    if typical.shape != brightest.shape or typical.ndim != 2:
-        raise ValueError(f"pictures have shapes {typical.shape} and {brightest.shape}, expected two equal (H, W)")
-    found: list[Sphere] = []
-    for level in pyramid(typical, brightest):
-        found += _balls(level, max(smallest_radius / level.scale, SMALLEST))
-    found = _distinct(found, 0.03)[:EXAMINED]
-    found = [_judged(typical, brightest, sphere, camera) for sphere in found if sphere.score > 0.25 * found[0].score]
-    found.sort(key=lambda sphere: -sphere.score)
-    kept = [sphere for sphere in _distinct(found, 1.0) if sphere.score >= least_score]
-    if not kept:
-        best = f"; the best candidate scores {found[0].score:.2f} of {least_score:.2f}" if found else ""
+    if median.shape != maximum.shape or median.ndim != 2:
+        raise ValueError(f"images have shapes {median.shape} and {maximum.shape}, expected two equal (H, W)")
+    candidates: list[Sphere] = []
+    for level in pyramid(median, maximum):
+        candidates += _candidates(level, max(min_radius / level.scale, MIN_LEVEL_RADIUS_PX))
+    candidates = _distinct(candidates, 0.03)[:MAX_REFINED]
+    candidates = [
+        _refined_and_scored(median, maximum, sphere, camera)
+        for sphere in candidates
+        if sphere.score > MIN_REFINED_RATIO * candidates[0].score
+    ]
+    candidates.sort(key=lambda sphere: -sphere.score)
+    accepted = [sphere for sphere in _distinct(candidates, 1.0) if sphere.score >= min_score]
+    if not accepted:
+        best = f"; the best candidate scores {candidates[0].score:.2f} of {min_score:.2f}" if candidates else ""
         raise UnusableCapture(
-            f"no mirror ball found in a frame of {typical.shape[1]} x {typical.shape[0]}{best}", REMEDY
+            f"no chrome sphere found in a frame of {median.shape[1]} x {median.shape[0]}{best}", SPHERE_REMEDY
         )
-    return kept[:MOST]
+    return accepted[:MAX_SPHERES]
 
 
-def refine_sphere(pictures: list[np.ndarray], sphere: Sphere, *, reach: float = 0.03) -> Sphere:
-    """The sphere whose outline fits the pictures (H, W) best within `reach` of its radius, to a fraction of a pixel.
+def refine_sphere(images: list[np.ndarray], sphere: Sphere, *, reach: float = 0.03) -> Sphere:
+    """Refine a sphere to subpixel accuracy, coarse to fine; its score stays.
 
-    From a scale where the radius is some 40 to 80 pixels down to the coarsest one where it is `FINE` or the full one:
-    the outline of a larger ball is out of focus or rough by more than a pixel.
+    The images are reduced until the radius is 40 to 80 pixels, then less and less, down to `FINE_RADIUS_PX`.
+
+    Args:
+        images: (H, W) each, the most reliable first.
+        sphere: approximate, in the images' pixels.
+        reach: distance searched in x, y and radius, in radii.
     """
-    finest = 2 ** max(0, int(np.floor(np.log2(sphere.radius / FINE))))
-    scale = 2 ** max(0, int(np.floor(np.log2(sphere.radius / 40.0))))
+    final_scale = 2 ** max(0, int(np.floor(np.log2(sphere.radius / FINE_RADIUS_PX))))
+    scale = 2 ** max(0, int(np.floor(np.log2(sphere.radius / COARSE_RADIUS_PX))))
     x, y, radius, score = sphere.x, sphere.y, sphere.radius, sphere.score
     span = reach * radius
-    while scale >= finest:
+    while scale >= final_scale:
+        # Pixel centres of a reduced image lie `shift` full pixels inside.
         shift = 0.5 * (scale - 1)
-        edges = [edge_picture(_shrunk(picture, scale)) for picture in pictures]
+        edges = [log_gradient(reduced_image(image, scale)) for image in images]
         centre = ((x - shift) / scale, (y - shift) / scale)
         span = min(span, 8.0 * scale) / scale
-        x, y, radius, _ = fit_outline(
-            edges, *centre, radius / scale - span, radius / scale + span, reach=span, step=0.5
-        )
+        x, y, radius, _ = fit_circle(edges, *centre, radius / scale - span, radius / scale + span, reach=span, step=0.5)
         x, y, radius = x * scale + shift, y * scale + shift, radius * scale
+        # The finer scale searches within one pixel of this one.
         span, scale = 1.0 * scale, scale // 2
     return Sphere(x, y, radius, score)
 
 
-def pyramid(typical: np.ndarray, brightest: np.ndarray) -> list[Level]:
-    """Levels of halved pictures, down to where a ball of the frame's size has the largest radius looked for."""
-    levels, scale = [], 1
-    while min(typical.shape) / scale >= 2 * SMALLEST:
-        levels.append(_level(typical, brightest, scale))
-        if min(typical.shape) / scale < 2 * LARGEST:
-            break
-        scale *= 2
-    return levels
+def highlight_evidence(residual: np.ndarray, x: float, y: float, radius: float) -> float:
+    """Return how well, 0..1, the moving light stays within the inner disc of a sphere.
 
-
-def _level(typical: np.ndarray, brightest: np.ndarray, scale: int) -> Level:
-    pair = [_shrunk(picture, scale) for picture in (typical, brightest)]
-    return Level(pair[0], pair[1] - pair[0], [edge_picture(picture) for picture in pair], float(scale))
-
-
-def highlight_evidence(excess: np.ndarray, x: float, y: float, radius: float) -> float:
-    """How far, 0..1, the moving light kept to the inner disc of a ball in `excess` (H, W) = maximum - median."""
+    residual: maximum - median, (H, W); x, y, radius: of the sphere, in its pixels.
+    """
     top, left = max(int(y - radius), 0), max(int(x - radius), 0)
-    window = excess[top : int(y + radius) + 2, left : int(x + radius) + 2]
+    window = residual[top : int(y + radius) + 2, left : int(x + radius) + 2]
     rows, columns = np.mgrid[: window.shape[0], : window.shape[1]]
-    slope = np.hypot(columns + left - x, rows + top - y) / radius
-    inner, ring = window[slope < 0.75], window[(slope > 0.85) & (slope < 0.97)]
+    distance = np.hypot(columns + left - x, rows + top - y) / radius
+    inner, ring = window[distance < 0.75], window[(distance > 0.85) & (distance < 0.97)]
     if inner.size == 0 or ring.size == 0:
         return 0.0
-    bright = float(np.percentile(inner, 98.0))
-    if bright <= 0.0:
+    peak = float(np.percentile(inner, 98.0))
+    if peak <= 0.0:
         return 0.0
-    dark = max(1.0 - float(np.median(ring)) / bright, 0.0)
-    lit = float((ring > 0.35 * bright).mean())
-    return dark * min(max(1.8 - 2.5 * lit, 0.0), 1.0) * min(bright / 100.0, 1.0)
+    # The ring is darker than the disc, hardly any of it is lit, and the disc is bright at all.
+    contrast = max(1.0 - float(np.median(ring)) / peak, 0.0)
+    lit = float((ring > 0.35 * peak).mean())
+    return contrast * min(max(1.8 - 2.5 * lit, 0.0), 1.0) * min(peak / 100.0, 1.0)
 
 
-def _balls(level: Level, smallest: float) -> list[Sphere]:
-    radii = np.arange(0.6 * smallest, LARGEST + 1.0)
+def _candidates(level: PyramidLevel, min_radius: float) -> list[Sphere]:
+    """Return scored spheres of a level, in full-frame pixels, from the strongest circles of both images."""
+    radii = np.arange(0.6 * min_radius, MAX_LEVEL_RADIUS_PX + 1.0)
+    # Seeds: centre, smallest and largest radius. A circle of the maximum may also be the disc of highlights inside.
     seeds: list[tuple[float, float, float, float]] = []
-    for edges, discs in zip(level.edges, (False, True), strict=True):
-        for x, y, radius in strongest_circles(edges, radii, SEEDS):
+    for edges, has_discs in zip(level.edges, (False, True), strict=True):
+        for x, y, radius in strongest_circles(edges, radii, SEEDS_PER_IMAGE):
             seeds.append((x, y, 0.94 * radius, 1.06 * radius))
-            if discs:
-                seeds.append((x, y, 1.25 * radius, 1.7 * radius))
-    balls: list[Sphere] = []
-    for x, y, least, largest in seeds:
-        least, largest = max(least, smallest), min(largest, 1.05 * LARGEST)
-        if least >= largest or highlight_evidence(level.excess, x, y, 0.5 * (least + largest)) < 0.1:
+            if has_discs:
+                seeds.append((x, y, DISC_RADIUS_RATIOS[0] * radius, DISC_RADIUS_RATIOS[1] * radius))
+    spheres: list[Sphere] = []
+    for x, y, low, high in seeds:
+        low, high = max(low, min_radius), min(high, 1.05 * MAX_LEVEL_RADIUS_PX)
+        if low >= high or highlight_evidence(level.residual, x, y, 0.5 * (low + high)) < MIN_SEED_EVIDENCE:
             continue
-        u, v, radius, _ = fit_outline(level.edges, x, y, least, largest, reach=3.0, step=1.0, finest=0.25)
-        evidence = highlight_evidence(level.excess, u, v, radius)
-        balls.append(level.full(u, v, radius, evidence * outline(level.edges, u, v, radius)))
-    return balls
+        u, v, radius, _ = fit_circle(level.edges, x, y, low, high, reach=3.0, step=1.0, final_step=0.25)
+        evidence = highlight_evidence(level.residual, u, v, radius)
+        spheres.append(Sphere(*level.to_full_frame(u, v, radius), evidence * contour_score(level.edges, u, v, radius)))
+    return spheres
 
 
-def _shrunk(picture: np.ndarray, scale: int) -> np.ndarray:
-    picture = picture.astype(np.float32)
-    if scale == 1:
-        return picture
-    height, width = (side // scale * scale for side in picture.shape)
-    return cv2.resize(picture[:height, :width], (width // scale, height // scale), interpolation=cv2.INTER_AREA)
-
-
-def _judged(typical: np.ndarray, brightest: np.ndarray, sphere: Sphere, camera: np.ndarray | None) -> Sphere:
+def _refined_and_scored(median: np.ndarray, maximum: np.ndarray, sphere: Sphere, camera: np.ndarray | None) -> Sphere:
     if camera is not None:
-        turned = Turned.to(sphere.x, sphere.y, sphere.radius, camera)
-        there = Sphere(turned.middle, turned.middle, sphere.radius)
-        seen = _judged(turned.picture(typical), turned.picture(brightest), there, None)
-        return Sphere(*turned.back(seen.x, seen.y, seen.radius), seen.score)
-    refined = refine_sphere([typical, brightest], sphere)
-    scale = 2 ** max(0, int(np.floor(np.log2(refined.radius / 40.0))))
-    level = _level(typical, brightest, scale)
+        # Seen by a virtual camera aimed at it, the contour is a circle, as under an orthographic camera.
+        virtual = VirtualCamera.aimed_at(sphere.x, sphere.y, sphere.radius, camera)
+        centred = Sphere(virtual.centre, virtual.centre, sphere.radius)
+        circle = _refined_and_scored(virtual.warp(median), virtual.warp(maximum), centred, None)
+        return Sphere(*virtual.project_back(circle.x, circle.y, circle.radius), circle.score)
+    refined = refine_sphere([median, maximum], sphere)
+    scale = 2 ** max(0, int(np.floor(np.log2(refined.radius / COARSE_RADIUS_PX))))
+    level = pyramid_level(median, maximum, scale)
     shift = 0.5 * (scale - 1)
-    circle = (refined.x - shift) / scale, (refined.y - shift) / scale, refined.radius / scale
-    return replace(refined, score=highlight_evidence(level.excess, *circle) * outline(level.edges, *circle))
+    reduced = (refined.x - shift) / scale, (refined.y - shift) / scale, refined.radius / scale
+    score = highlight_evidence(level.residual, *reduced) * contour_score(level.edges, *reduced)
+    return replace(refined, score=score)
 
 
 def _distinct(spheres: list[Sphere], share: float) -> list[Sphere]:
-    """The best of the spheres that lie within `share` of a radius of one another, best first."""
+    """Keep the best of spheres that lie within `share` of a radius of one another; best first."""
     kept: list[Sphere] = []
-    for one in sorted(spheres, key=lambda sphere: -sphere.score):
-        if all(_distance(one, other) > share * max(one.radius, other.radius) for other in kept):
-            kept.append(one)
+    for sphere in sorted(spheres, key=lambda sphere: -sphere.score):
+        if all(_distance(sphere, better) > share * max(sphere.radius, better.radius) for better in kept):
+            kept.append(sphere)
     return kept
 
 
 def _distance(first: Sphere, second: Sphere) -> float:
-    """Between centres where circles lie apart; at least the difference of the radii where they are concentric."""
-    apart = float(np.hypot(first.x - second.x, first.y - second.y))
-    return max(apart, abs(first.radius - second.radius)) if apart < 0.1 * first.radius else apart
+    """Return the distance of the centres; of concentric circles at least the difference of the radii."""
+    distance = float(np.hypot(first.x - second.x, first.y - second.y))
+    return max(distance, abs(first.radius - second.radius)) if distance < 0.1 * first.radius else distance

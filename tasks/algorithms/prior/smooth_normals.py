@@ -1,8 +1,9 @@
-"""The smooth field of normals between what is known: rim and accepted highlights (paper 4.1, METHOD 4).
+"""Smooth normal field between known normals: a thin-plate interpolant under tension (Terzopoulos 1988).
 
-The field is solved for (n_x, n_y), not for gradients: both are finite on the rim, and on a sphere or a cylinder they
-are linear in the image, so a thin plate under slight tension interpolates and extrapolates them well. Lengths are
-measured in the silhouette's inradius, so the result does not depend on the camera's resolution.
+It replaces the Markov random field of section 4.1 of Yeung et al. 2009. The field is solved for (n_x, n_y), not for
+gradients: both are finite on the occluding contour, and on a sphere or a cylinder they are linear in the image, so a
+thin plate under slight tension interpolates and extrapolates them well. Lengths are measured in the silhouette's
+inradius, so the result does not depend on the camera's resolution.
 """
 
 from dataclasses import dataclass
@@ -13,42 +14,53 @@ from scipy import ndimage
 from scipy.sparse.linalg import splu
 
 MAX_NODES = 30_000
-"""Grid nodes of the solve; larger regions get one node for several pixels, which keeps time and memory linear."""
+"""Grid nodes of the solve; larger regions get one node for several pixels, which bounds time and memory."""
+MIN_DIAGONAL = 1e-9
+"""Added to the matrix's diagonal, so that components without any known normal stay solvable."""
+
+Stencil = list[tuple[int, int, float]]
+"""Finite difference: row offset, column offset and coefficient of each node."""
 
 
-def rim_normals(mask: np.ndarray, blur: float = 2.0) -> tuple[np.ndarray, np.ndarray]:
-    """Rim pixels and their outward normals in the image plane.
+def contour_normals(mask: np.ndarray, blur: float = 2.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return the pixels of the occluding contour and their outward normals in the image plane.
 
-    mask (H, W) bool -> rim (H, W) bool, normals (H, W, 3) float32 with n_z = 0, NaN off the rim. `blur` is the
-    standard deviation in pixels of the smoothing of the silhouette's staircase. Where the mask runs into the region's
-    border its outline is a cut, not a contour: no rim there, nor so near that the blur would see the cut.
+    Where the mask runs into the region's border it is cut off, and has no contour; nor has it so near that the blur
+    would reach the cut.
+
+    Args:
+        mask: (H, W) bool.
+        blur: standard deviation in pixels of the smoothing of the mask's staircase.
+
+    Returns:
+        contour (H, W) bool; normals (H, W, 3) float32 with n_z = 0, NaN off the contour.
     """
-    rim = mask & ~ndimage.binary_erosion(np.pad(mask, 1, mode="edge"))[1:-1, 1:-1]
+    contour = mask & ~ndimage.binary_erosion(np.pad(mask, 1, mode="edge"))[1:-1, 1:-1]
     cut = np.zeros_like(mask)
     for edge in (np.s_[0], np.s_[-1], np.s_[:, 0], np.s_[:, -1]):
         cut[edge] = mask[edge]
     if cut.any():
-        rim &= ndimage.distance_transform_edt(~cut) > 2 * blur
+        contour &= ndimage.distance_transform_edt(~cut) > 2 * blur
     smooth = ndimage.gaussian_filter(mask.astype(np.float32), blur, mode="nearest")
     down, right = np.gradient(smooth)
     normals = np.stack([-right, down, np.zeros_like(right)], axis=-1)
     length = np.linalg.norm(normals, axis=-1)
-    rim &= length > 1e-6
-    normals = np.where(rim[..., None], normals / np.maximum(length, 1e-6)[..., None], np.nan)
-    return rim, normals.astype(np.float32)
+    contour &= length > 1e-6
+    normals = np.where(contour[..., None], normals / np.maximum(length, 1e-6)[..., None], np.nan)
+    return contour, normals.astype(np.float32)
 
 
 def inradius(mask: np.ndarray) -> float:
-    """Radius in pixels of the largest circle inside the mask (H, W): the object's scale in the image."""
+    """Return the radius in pixels of the largest circle inside the mask (H, W): the object's scale in the image."""
     return float(ndimage.distance_transform_edt(np.pad(mask, 1)).max())
 
 
 @dataclass(frozen=True, slots=True)
-class SmoothField:
-    """Interpolates normals over a mask; built once, solved for changing constraints.
+class SmoothNormalField:
+    """Interpolant of normals over a mask; built once, solved for changing constraints.
 
-    `sampling` (pixels, nodes) interpolates bilinearly from the grid; `smoothness` (nodes, nodes) is the quadratic
-    form of plate and tension.
+    mask: (H, W) bool. sampling: (pixels, nodes), bilinear interpolation from the grid. smoothness: (nodes, nodes),
+    quadratic form of plate and tension.
     """
 
     mask: np.ndarray
@@ -56,42 +68,62 @@ class SmoothField:
     smoothness: sparse.csc_matrix
 
     def solve(self, normals: np.ndarray, weights: np.ndarray, base: np.ndarray | None = None) -> np.ndarray:
-        """The field that minimises smoothness plus sum of w |(n_x, n_y) - target|^2.
+        """Return the field that minimizes smoothness + sum of w |(n_x, n_y) - target|^2.
 
-        normals (H, W, 3), read only where weights (H, W) > 0 -> unit normals (H, W, 3) float32, n_z >= 0, NaN outside.
-        base (H, W, 3), finite in the mask: an expected field, creases and all; what departs from it is smooth.
+        Args:
+            normals: (H, W, 3), the targets, read only where the weight is positive.
+            weights: (H, W).
+            base: (H, W, 3), finite in the mask: expected normals, creases included; the smooth part is the deviation.
+
+        Returns:
+            Unit normals (H, W, 3) float32, n_z >= 0, NaN outside the mask.
         """
         weight = weights[self.mask].astype(float)
         expected = np.zeros((len(weight), 2)) if base is None else base[self.mask][:, :2].astype(float)
         target = np.where(weight[:, None] > 0, normals[self.mask][:, :2], expected) - expected
+        # Normal equations; symmetric and positive definite, so no pivoting is needed.
         matrix = self.smoothness + self.sampling.T @ sparse.diags(weight) @ self.sampling
-        matrix = (matrix + 1e-9 * sparse.identity(matrix.shape[0])).tocsc()
+        matrix = (matrix + MIN_DIAGONAL * sparse.identity(matrix.shape[0])).tocsc()
         factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
         plane = expected + self.sampling @ factor.solve(self.sampling.T @ (weight[:, None] * target))
+        # Where the plate leaves the unit disc, the normal lies in the image plane.
         plane /= np.maximum(np.linalg.norm(plane, axis=-1, keepdims=True), 1.0)
         result = np.full((*self.mask.shape, 3), np.nan, np.float32)
         result[self.mask] = np.column_stack([plane, np.sqrt(np.maximum(1.0 - (plane**2).sum(axis=-1), 0.0))])
         return result
 
 
-def smooth_field(mask: np.ndarray, tension_length: float = 0.12, max_nodes: int = MAX_NODES) -> SmoothField:
-    """Prepare the field of a mask (H, W) bool.
+def smooth_normal_field(
+    mask: np.ndarray, tension_length: float = 0.12, max_nodes: int = MAX_NODES
+) -> SmoothNormalField:
+    """Prepare the interpolant of a mask.
 
-    Beyond `tension_length` (in inradii) from any constraint the plate becomes a membrane, which does not overshoot.
+    Args:
+        mask: (H, W) bool.
+        tension_length: distance in inradii from any constraint beyond which the plate acts as a membrane, which does
+            not overshoot.
+        max_nodes: of the grid.
     """
     step = max(1, int(np.ceil(np.sqrt(mask.sum() / max_nodes))))
     sampling, grid = _grid(mask, step)
     tension = 1.0 / max(tension_length * inradius(mask), 1.0) ** 2
-    first = [[(0, 0, -1.0), (0, 1, 1.0)], [(0, 0, -1.0), (1, 0, 1.0)]]
-    second = [[(0, -1, 1.0), (0, 0, -2.0), (0, 1, 1.0)], [(-1, 0, 1.0), (0, 0, -2.0), (1, 0, 1.0)]]
-    twist = [(0, 0, 2**0.5), (0, 1, -(2**0.5)), (1, 0, -(2**0.5)), (1, 1, 2**0.5)]
-    smoothness = sum(tension * _form(grid, stencil) for stencil in first)
-    smoothness = smoothness + sum(_form(grid, stencil) for stencil in [*second, twist]) / step**2
-    return SmoothField(mask, sampling, smoothness.tocsc())
+    # Membrane energy |grad n|^2 and plate energy n_xx^2 + n_yy^2 + 2 n_xy^2, as finite differences.
+    first: list[Stencil] = [[(0, 0, -1.0), (0, 1, 1.0)], [(0, 0, -1.0), (1, 0, 1.0)]]
+    second: list[Stencil] = [
+        [(0, -1, 1.0), (0, 0, -2.0), (0, 1, 1.0)],
+        [(-1, 0, 1.0), (0, 0, -2.0), (1, 0, 1.0)],
+    ]
+    mixed: Stencil = [(0, 0, 2**0.5), (0, 1, -(2**0.5)), (1, 0, -(2**0.5)), (1, 1, 2**0.5)]
+    smoothness = sum(tension * _quadratic_form(grid, stencil) for stencil in first)
+    smoothness = smoothness + sum(_quadratic_form(grid, stencil) for stencil in [*second, mixed]) / step**2
+    return SmoothNormalField(mask, sampling, smoothness.tocsc())
 
 
 def _grid(mask: np.ndarray, step: int) -> tuple[sparse.csr_matrix, np.ndarray]:
-    """Bilinear interpolation (pixels, nodes) from the nodes at every `step`-th pixel, and the grid of their numbers."""
+    """Return the bilinear interpolation (pixels, nodes) from every `step`-th pixel, and the grid of node numbers.
+
+    The grid (rows, columns) has -1 where no pixel of the mask needs a node.
+    """
     rows, columns = np.nonzero(mask)
     grid = np.full((mask.shape[0] // step + 2, mask.shape[1] // step + 2), -1)
     corners, weights = [], []
@@ -112,23 +144,24 @@ def _grid(mask: np.ndarray, step: int) -> tuple[sparse.csr_matrix, np.ndarray]:
     return sampling, grid
 
 
-def _form(grid: np.ndarray, stencil: list[tuple[int, int, float]]) -> sparse.csr_matrix:
-    """Quadratic form of a finite difference, taken wherever all its nodes exist: free boundaries."""
+def _quadratic_form(grid: np.ndarray, stencil: Stencil) -> sparse.csr_matrix:
+    """Return the sum of squares of a finite difference, taken wherever all its nodes exist: free boundaries."""
     height, width = grid.shape
     padded = np.pad(grid, 2, constant_values=-1)
     nodes = [padded[2 + dy : 2 + dy + height, 2 + dx : 2 + dx + width] for dy, dx, _ in stencil]
-    whole = np.all([node >= 0 for node in nodes], axis=0)
-    count = int(whole.sum())
+    complete = np.all([node >= 0 for node in nodes], axis=0)
+    count = int(complete.sum())
     values = np.repeat([value for *_, value in stencil], count)
-    places = (np.tile(np.arange(count), len(stencil)), np.concatenate([node[whole] for node in nodes]))
-    difference = sparse.csr_matrix((values, places), shape=(count, int(grid.max()) + 1))
+    entries = (np.tile(np.arange(count), len(stencil)), np.concatenate([node[complete] for node in nodes]))
+    difference = sparse.csr_matrix((values, entries), shape=(count, int(grid.max()) + 1))
     return difference.T @ difference
 
 
 def thickness(mask: np.ndarray, levels: int = 12) -> np.ndarray:
-    """Radius (H, W) in pixels, in `levels` steps, of the largest circle inside the mask (H, W) that covers each pixel.
+    """Return the local thickness (H, W): radius in pixels of the largest circle inside the mask that covers a pixel.
 
-    A fin is thin and turns to its rim within a few pixels, whatever the size of the body.
+    (Hildebrand and Ruegsegger 1997.) It is rounded down to `levels` radii. A fin is thin, and turns to its contour
+    within a few pixels whatever the size of the body.
     """
     depth = ndimage.distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1]
     result = np.ones(mask.shape)
@@ -140,14 +173,23 @@ def thickness(mask: np.ndarray, levels: int = 12) -> np.ndarray:
 
 
 def field_spread(
-    known: np.ndarray, scale: np.ndarray | float, near: float = 4.0, growth: float = 25.0, most: float = 30.0
+    known: np.ndarray,
+    scale: np.ndarray | float,
+    floor_deg: float = 4.0,
+    slope_deg: float = 25.0,
+    ceiling_deg: float = 30.0,
 ) -> np.ndarray:
-    """Standard deviation in radians (H, W) of the field: `near` degrees at a known pixel, `growth` more per `scale`.
+    """Return the field's error model: its standard deviation (H, W) in radians.
 
-    known (H, W) bool; scale: the object's thickness there in pixels, (H, W) or one for all. Never above `most` degrees:
-    the field is smooth, not arbitrary.
+    Args:
+        known: (H, W) bool, pixels with a known normal.
+        scale: thickness of the object in pixels, (H, W) or one for all.
+        floor_deg: standard deviation at a known pixel.
+        slope_deg: increase per `scale` of distance from the nearest known pixel.
+        ceiling_deg: upper bound, since the field is smooth, not arbitrary.
     """
     if not known.any():
-        return np.full(known.shape, np.radians(most))
+        return np.full(known.shape, np.radians(ceiling_deg))
     distance = ndimage.distance_transform_edt(~known)
-    return np.asarray(np.radians(np.minimum(near + growth * distance / np.maximum(scale, 1.0), most)))
+    spread = np.minimum(floor_deg + slope_deg * distance / np.maximum(scale, 1.0), ceiling_deg)
+    return np.asarray(np.radians(spread))

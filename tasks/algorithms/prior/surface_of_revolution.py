@@ -1,6 +1,7 @@
-"""Bodies of revolution: the largest one inside a silhouette, what rays see of it, and its profile told by normals.
+"""Surfaces of revolution: the largest one inside a silhouette, its normals along view rays, and the fit of its profile.
 
-Each circle is as wide as its ellipse fits the outline.
+Source: reconstruction from a single view (Wong, Mendonca and Cipolla 2004). The contour gives the profile once axis and
+tilt are known: each circle is as wide as its ellipse fits inside the silhouette.
 """
 
 from dataclasses import dataclass, replace
@@ -10,212 +11,170 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
-from glint.tasks.algorithms.prior.reflection_axes import Axis
+from glint.tasks.algorithms.prior.profile import smooth_profile, trimmed_profile
+from glint.tasks.algorithms.prior.reflection_axes import ReflectionAxis
 
-DEPTHS = 160
-"""Steps along a ray in which the body is looked for, before the place is refined."""
-BLOCK = 4096
-"""Rays that are followed at once."""
-STEEPEST_WALL = 60.0
-"""Degrees of a normal from the circle's plane up to which it belongs to a wall, not to a flat end."""
-FARTHEST = 30.0
-"""Degrees from the outline's slope beyond which a normal is not that of the wall."""
-SMOOTHED = 1.0
-"""Standard deviation in pixels along the axis over which normals are averaged."""
-OUTLINE_WEIGHT = 5.0
-"""Normals at a height that count as much as its outline."""
+DEPTH_SAMPLES = 160
+"""Samples along a ray among which the surface is bracketed."""
+BISECTION_STEPS = 12
+"""Halvings of that bracket."""
+RAYS_PER_BLOCK = 4096
+"""Rays that are intersected at once, which bounds memory."""
+MAX_WALL_SLOPE_DEG = 60.0
+"""Angle of a normal from the circle's plane up to which it belongs to a wall, not to a flat end."""
+MAX_SLOPE_CORRECTION_DEG = 30.0
+"""Angle from the contour's slope beyond which a normal is not that of the wall."""
+SLOPE_SIGMA_PX = 1.0
+"""Standard deviation along the axis of the smoothing of slope corrections."""
+CONTOUR_SLOPE_WEIGHT = 5.0
+"""Weight of the contour's slope at a height, in normals."""
+CONTOUR_SIGMA_PX = 1.5
+"""Standard deviation of the smoothing along the contour, against the staircase of pixels."""
+MIN_SIN_TILT = 0.02
+"""Lower bound of the sine of the tilt by which circles are flattened to ellipses."""
 
 
 @dataclass(frozen=True, slots=True)
-class Entries:
-    """Where rays along -z meet a turned body: height (N,) along the axis and the way there from the axis, outward
-    (N, 3), as long as the radius, in pixels; NaN beside the body."""
+class RayHits:
+    """Intersections of N rays along -z with a surface of revolution, in pixels; NaN for rays that miss it.
+
+    heights: (N,), along the axis. outward: (N, 3), from the axis to the surface, as long as the radius, camera frame.
+    """
 
     heights: np.ndarray
     outward: np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
-class Turned:
-    """A turned body: its axis in the image, the tilt of its upper end towards the camera (radians), and its profile:
-    squared radii (N,) and half their slopes (N,) at heights (N,) along the axis, all in pixels."""
+class SurfaceOfRevolution:
+    """Surface of revolution under an orthographic camera; lengths in pixels.
 
-    axis: Axis
+    axis: its image. tilt: of its upper end towards the camera, radians. heights: (N,), samples along the axis.
+    squared_radii: (N,) at these heights. half_slopes: (N,), half the slopes of the squared radii, that is radius times
+    its slope.
+    """
+
+    axis: ReflectionAxis
     tilt: float
     heights: np.ndarray
-    squares: np.ndarray
-    slopes: np.ndarray
+    squared_radii: np.ndarray
+    half_slopes: np.ndarray
+
+    @classmethod
+    def from_silhouette(
+        cls, mask: np.ndarray, axis: ReflectionAxis, tilt: float, step: float = 0.5
+    ) -> "SurfaceOfRevolution":
+        """Return the largest surface with that axis and tilt (radians) inside a silhouette (H, W) bool.
+
+        step: distance of the samples along the axis in pixels.
+        """
+        contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        longest = max(contours, key=len)[:, 0].astype(float)
+        contour = ndimage.gaussian_filter1d(longest, CONTOUR_SIGMA_PX, axis=0, mode="wrap")
+        position = np.stack(to_camera(contour[:, 0], contour[:, 1], mask.shape[1], mask.shape[0]), axis=-1) - axis.point
+        side, up = position @ axis.normal, position @ axis.direction
+        cos_tilt, sin_tilt = np.cos(tilt), max(abs(np.sin(tilt)), MIN_SIN_TILT)
+        heights = np.arange(up.min() / cos_tilt, up.max() / cos_tilt + step, step)
+        # A circle's image is an ellipse flattened by the sine of the tilt. The largest one inside the silhouette
+        # touches the contour: its radius is the least distance to the contour, stretched along the axis.
+        distance = np.subtract.outer(heights * (cos_tilt / sin_tilt), up / sin_tilt)
+        np.multiply(distance, distance, out=distance)
+        squared_distance = np.add(distance, side**2, out=distance).min(axis=1)
+        # The contour runs through the centres of the outermost pixels, half a pixel inside the edge.
+        squared_radii = (np.sqrt(squared_distance) + 0.5) ** 2
+        smooth, slopes = smooth_profile(squared_radii, heights)
+        smooth, slopes = trimmed_profile(np.sqrt(squared_radii), smooth, slopes, heights, tilt)
+        return cls(axis, tilt, heights, smooth, slopes / 2.0)
 
     @property
     def upward(self) -> np.ndarray:
         """Direction (3,) of the axis in the camera frame."""
-        return np.append(self.axis.along * np.cos(self.tilt), np.sin(self.tilt))
+        return np.append(self.axis.direction * np.cos(self.tilt), np.sin(self.tilt))
 
     def normals(self, x: np.ndarray, y: np.ndarray, far: bool = False) -> np.ndarray:
-        """Normals (N, 3) where rays along -z at x, y (N,) enter the body, NaN beside it.
+        """Return the unit normals (N, 3) where rays along -z at x, y (N,) enter the body, NaN for rays that miss it.
 
-        far: instead those of the wall's inside where the rays would leave it.
+        far: instead those of the wall's inner side, where the rays leave the body.
         """
-        entries = self.entries(x, y, far)
-        axial = -np.interp(entries.heights, self.heights, self.slopes)
-        normals = entries.outward + np.outer(axial, self.upward)
+        hits = self.intersect(x, y, far)
+        axial = -np.interp(hits.heights, self.heights, self.half_slopes)
+        normals = hits.outward + np.outer(axial, self.upward)
         return np.asarray(unit(normals) * (-1.0 if far else 1.0))
 
-    def entries(self, x: np.ndarray, y: np.ndarray, far: bool = False) -> Entries:
-        """Where rays along -z at x, y (N,) enter the body; far: where they leave it."""
-        blocks = [slice(start, start + BLOCK) for start in range(0, len(x), BLOCK)]
+    def intersect(self, x: np.ndarray, y: np.ndarray, far: bool = False) -> RayHits:
+        """Intersect rays along -z at x, y (N,), camera frame, where they enter the body; far: where they leave it."""
+        blocks = [slice(start, start + RAYS_PER_BLOCK) for start in range(0, len(x), RAYS_PER_BLOCK)]
         depths = np.concatenate([self._depths(x[block], y[block], far) for block in blocks] or [np.zeros(0)])
-        side, up = self._place(x, y)
+        side, up = self._image_position(x, y)
         c, s = np.cos(self.tilt), np.sin(self.tilt)
-        towards = depths * c - up * s
-        flat = np.outer(side, self.axis.across) - np.outer(towards * s, self.axis.along)
-        outward = np.column_stack([flat, towards * c])
-        return Entries(depths * s + up * c, outward)
+        # Component of the radius in the plane of axis and view.
+        forward = depths * c - up * s
+        flat = np.outer(side, self.axis.normal) - np.outer(forward * s, self.axis.direction)
+        outward = np.column_stack([flat, forward * c])
+        return RayHits(depths * s + up * c, outward)
 
-    def _place(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Across and along the axis in the image."""
-        place = np.stack([x, y], axis=-1) - self.axis.point
-        return place @ self.axis.across, place @ self.axis.along
+    def with_fitted_slopes(
+        self, x: np.ndarray, y: np.ndarray, normals: np.ndarray, weights: np.ndarray
+    ) -> "SurfaceOfRevolution":
+        """Return the surface with its profile's slopes corrected by measured normals.
 
-    def _depths(self, x: np.ndarray, y: np.ndarray, far: bool) -> np.ndarray:
-        side, up = self._place(x, y)
-        c, s = np.cos(self.tilt), np.sin(self.tilt)
-        reach = float(np.sqrt(self.squares.max()) * c + np.abs(self.heights).max() * abs(s)) + 1.0
+        The silhouette gives radii to subpixel accuracy but slopes only to several degrees; a normal gives the slope to
+        one degree, for its whole circle. The slope at each height is corrected by the weighted mean residual, smoothed
+        along the axis and applied twice (Tukey's twicing). Flat ends are left unchanged.
 
-        def room(depth: np.ndarray, across: np.ndarray, upward: np.ndarray) -> np.ndarray:
-            """Squared radius less squared distance from the axis: positive inside."""
-            square = np.interp(depth * s + upward * c, self.heights, self.squares, left=0.0, right=0.0)
-            return np.asarray(square - across**2 - (depth * c - upward * s) ** 2)
-
-        depths = np.linspace(reach, -reach, DEPTHS) * (-1.0 if far else 1.0)
-        inside = room(depths[None], side[:, None], up[:, None]) > 0
-        first = inside.argmax(axis=1)
-        within, beyond = depths[first], depths[np.maximum(first - 1, 0)]
-        for _ in range(12):
-            middle = (within + beyond) / 2
-            enters = room(middle, side, up) > 0
-            within, beyond = np.where(enters, middle, within), np.where(enters, beyond, middle)
-        return np.where(inside.any(axis=1), within, np.nan)
-
-    def fitted_to(self, x: np.ndarray, y: np.ndarray, seen: np.ndarray, weights: np.ndarray) -> "Turned":
-        """The body with its profile's slope turned to normals (N, 3) that were seen at x, y (N,), with weights (N,).
-
-        The outline tells radii to a part of a pixel, but slopes to some degrees only. A normal errs by a degree, and
-        what it says holds for its whole circle. Each height turns by the weighted mean of what it saw, smoothed, and
-        then of what that left (Tukey's twicing); flat ends stay.
+        Args:
+            x: (N,), camera frame.
+            y: (N,).
+            normals: (N, 3), measured there.
+            weights: (N,).
         """
-        entries = self.entries(x, y)
-        radii = np.sqrt(self.squares)
+        hits = self.intersect(x, y)
+        radii = np.sqrt(self.squared_radii)
         step = self.heights[1] - self.heights[0]
-        angle = np.arctan2(-self.slopes, radii)
-        wall = np.abs(angle) < np.radians(STEEPEST_WALL)
-        reach = np.linalg.norm(entries.outward, axis=1)
-        shown = np.arctan2(reach * (seen @ self.upward), (seen * entries.outward).sum(axis=1))
+        # Slope angles: of the profile, and of the normals, from the circle's plane.
+        angle = np.arctan2(-self.half_slopes, radii)
+        is_wall = np.abs(angle) < np.radians(MAX_WALL_SLOPE_DEG)
+        radius = np.linalg.norm(hits.outward, axis=1)
+        measured = np.arctan2(radius * (normals @ self.upward), (normals * hits.outward).sum(axis=1))
         for _ in range(2):
-            off = shown - np.interp(entries.heights, self.heights, angle)
-            told = np.isfinite(off) & (np.abs(off) < np.radians(FARTHEST))
-            place = np.rint((entries.heights[told] - self.heights[0]) / step).astype(int).clip(0, len(angle) - 1)
+            residual = measured - np.interp(hits.heights, self.heights, angle)
+            used = np.isfinite(residual) & (np.abs(residual) < np.radians(MAX_SLOPE_CORRECTION_DEG))
+            sample = np.rint((hits.heights[used] - self.heights[0]) / step).astype(int).clip(0, len(angle) - 1)
             total, sums = (
                 ndimage.gaussian_filter1d(
-                    np.bincount(place, each, minlength=len(angle)).astype(float), SMOOTHED / step, mode="constant"
+                    np.bincount(sample, values, minlength=len(angle)).astype(float),
+                    SLOPE_SIGMA_PX / step,
+                    mode="constant",
                 )
-                for each in (weights[told], weights[told] * off[told])
+                for values in (weights[used], weights[used] * residual[used])
             )
-            angle = angle + np.where(wall, sums / (total + OUTLINE_WEIGHT), 0.0)
-        slopes = np.where(wall, -radii * np.tan(angle.clip(-1.4, 1.4)), self.slopes)
-        return replace(self, slopes=slopes)
+            angle = angle + np.where(is_wall, sums / (total + CONTOUR_SLOPE_WEIGHT), 0.0)
+        half_slopes = np.where(is_wall, -radii * np.tan(angle.clip(-1.4, 1.4)), self.half_slopes)
+        return replace(self, half_slopes=half_slopes)
 
+    def _image_position(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return positions (N,) perpendicular to the axis and along it, in the image."""
+        position = np.stack([x, y], axis=-1) - self.axis.point
+        return position @ self.axis.normal, position @ self.axis.direction
 
-def turned_body(mask: np.ndarray, axis: Axis, tilt: float, step: float = 0.5) -> Turned:
-    """The largest body turned about an axis of that tilt (radians) inside a silhouette (H, W) bool."""
-    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    outline = ndimage.gaussian_filter1d(max(contours, key=len)[:, 0].astype(float), 1.5, axis=0, mode="wrap")
-    place = np.stack(to_camera(outline[:, 0], outline[:, 1], mask.shape[1], mask.shape[0]), axis=-1) - axis.point
-    side, up = place @ axis.across, place @ axis.along
-    foreshortened, flattened = np.cos(tilt), max(abs(np.sin(tilt)), 0.02)
-    heights = np.arange(up.min() / foreshortened, up.max() / foreshortened + step, step)
-    # The outline runs through the centres of the outermost pixels, half a pixel inside the edge.
-    apart = np.subtract.outer(heights * (foreshortened / flattened), up / flattened)
-    np.multiply(apart, apart, out=apart)
-    squares = (np.sqrt(np.add(apart, side**2, out=apart).min(axis=1)) + 0.5) ** 2
-    smooth, slopes = _profile(squares, heights)
-    smooth, slopes = _ended(np.sqrt(squares), smooth, slopes, heights, tilt)
-    return Turned(axis, tilt, heights, smooth, slopes / 2.0)
+    def _depths(self, x: np.ndarray, y: np.ndarray, far: bool) -> np.ndarray:
+        """Return z (N,) of the first point inside the body along each ray, from the far end if `far`; NaN for none."""
+        side, up = self._image_position(x, y)
+        c, s = np.cos(self.tilt), np.sin(self.tilt)
+        limit = float(np.sqrt(self.squared_radii.max()) * c + np.abs(self.heights).max() * abs(s)) + 1.0
 
+        def clearance(depth: np.ndarray, side: np.ndarray, up: np.ndarray) -> np.ndarray:
+            """Compute the squared radius less the squared distance from the axis: positive inside."""
+            square = np.interp(depth * s + up * c, self.heights, self.squared_radii, left=0.0, right=0.0)
+            return np.asarray(square - side**2 - (depth * c - up * s) ** 2)
 
-def _ended(
-    widest: np.ndarray, squares: np.ndarray, slopes: np.ndarray, heights: np.ndarray, tilt: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Take away what the outline cannot rule out: cones that the camera sees edge-on above feet, flat ends and domes.
-
-    widest (N,): radii before they were smoothed. Behind a corner of the profile the surface is taken to be flat, behind
-    a smooth shoulder to go on as on a ball.
-    """
-    if tilt < 0:
-        kept, grade = _ended(widest[::-1], squares[::-1], -slopes[::-1], -heights[::-1], -tilt)
-        return kept[::-1], -grade[::-1]
-    step = heights[1] - heights[0]
-    edge_on = -1.0 / max(np.tan(tilt), 0.02)
-    reach = max(1, round(1.0 / step))
-    fall = (np.append(widest[reach:], np.zeros(reach)) - np.append(np.zeros(reach), widest[:-reach])) / (
-        2 * reach * step
-    )
-    cone = ndimage.binary_closing((fall < 0.7 * edge_on) & (widest > 2.0), iterations=reach)
-    runs, count = ndimage.label(cone)
-    before = max(2, round(0.03 * widest.max() / step))
-    kept = squares.copy()
-    for run in ndimage.find_objects(runs)[:count]:
-        below, above = run[0].start, run[0].stop
-        # The corner between a foot and its stem is rounded by the outline: the stem is what comes a little above.
-        rest = kept[above : above + round(6.0 / step)].min() if above * step < len(kept) * step - 4.0 else 0.0
-        shoulder = max(below - before, 0)
-        if slopes[shoulder] / (2.0 * max(widest[shoulder], 1.0)) > 0.4 * edge_on:
-            kept[below:above] = rest
-        else:
-            distance = heights[below:above] - heights[shoulder]
-            kept[below:above] = np.maximum(kept[shoulder] + slopes[shoulder] * distance - distance**2, rest)
-        if rest == 0.0:
-            kept[above:] = 0.0
-            break
-    kept[-1] = 0.0
-    changed = ndimage.binary_dilation(kept != squares, iterations=1)
-    return kept, np.where(changed, np.gradient(kept, heights), slopes)
-
-
-def _profile(squares: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Squared radii (N,) and slopes (N,) without the staircase of the pixels, their corners kept.
-
-    Straight lines are fitted to windows about and beside each height: the widest that fits is taken.
-    """
-    radius = np.sqrt(squares)
-    step = heights[1] - heights[0]
-    best = np.full(len(squares), np.inf)
-    value, slope = squares.copy(), np.gradient(squares, heights)
-    for pixels, limit in ((24.0, 0.35), (12.0, 0.35), (6.0, 0.35), (3.0, 0.5)):
-        reach = max(2, round(pixels / step))
-        line = _lines(squares, reach, step)
-        for shift in (0, reach, -reach):
-            at, grade, residual = (np.roll(each, shift) for each in line)
-            at = at + grade * shift * step
-            error = residual / (2.0 * radius + 2.0) / limit * (1.0 if shift == 0 else 1.3)
-            error[_rolled_in(len(error), shift)] = np.inf
-            better = (error < best) & ~(best <= 1.0)
-            best, value, slope = (
-                np.where(better, new, old) for new, old in ((error, best), (at, value), (grade, slope))
-            )
-    return np.maximum(value, 0.0), slope
-
-
-def _rolled_in(length: int, shift: int) -> slice:
-    """Where `np.roll` puts what came over the other end."""
-    return slice(0, shift) if shift >= 0 else slice(length + shift, length)
-
-
-def _lines(values: np.ndarray, reach: int, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Value, slope and RMS residual of the line fitted to the window of `reach` samples either side; each (N,)."""
-    place = np.arange(-reach, reach + 1) * step
-    mean = ndimage.uniform_filter1d(values, 2 * reach + 1, mode="nearest")
-    slope = ndimage.correlate1d(values, place / (place**2).sum(), mode="nearest")
-    square = ndimage.uniform_filter1d((values - values.mean()) ** 2, 2 * reach + 1, mode="nearest")
-    variance = square - (mean - values.mean()) ** 2 - slope**2 * (place**2).mean()
-    return mean, slope, np.sqrt(np.maximum(variance, 0.0))
+        depths = np.linspace(limit, -limit, DEPTH_SAMPLES) * (-1.0 if far else 1.0)
+        is_inside = clearance(depths[None], side[:, None], up[:, None]) > 0
+        # Bisect between the first sample inside and the one before it.
+        first = is_inside.argmax(axis=1)
+        inside, outside = depths[first], depths[np.maximum(first - 1, 0)]
+        for _ in range(BISECTION_STEPS):
+            middle = (inside + outside) / 2
+            enters = clearance(middle, side, up) > 0
+            inside, outside = np.where(enters, middle, inside), np.where(enters, outside, middle)
+        return np.where(is_inside.any(axis=1), inside, np.nan)

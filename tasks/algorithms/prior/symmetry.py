@@ -1,111 +1,129 @@
-"""Turned objects: most glasses, bottles and domes are surfaces of revolution, and their outline shows it.
+"""Rotationally symmetric objects: fit of a surface of revolution, as most glasses, bottles and domes are.
 
-A mirror axis of the silhouette may be the image of an axis of revolution. For a tilt of that axis towards the camera,
-the largest turned body inside the silhouette follows from it (`turned_body`). Accepted highlights tell the tilt, if the
-object is turned at all, and the slopes of its profile. The body then knows what no highlight shows and no smooth
-field guesses: feet, shoulders, flat ends, and the far wall seen through an opening.
+A reflection symmetry axis of the silhouette may be the image of an axis of revolution. For a tilt of that axis towards
+the camera, the largest surface of revolution inside the silhouette follows (after Wong, Mendonca and Cipolla 2004).
+Accepted normals decide whether the object is one at all, its tilt, and the slopes of its profile. The surface supplies
+what neither highlights nor a smooth field can: feet, shoulders, flat ends, and the far wall seen through an opening.
 """
 
 import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.vectors import angles, to_camera
-from glint.tasks.algorithms.prior.reflection_axes import Axis, mirror_axes
-from glint.tasks.algorithms.prior.surface_of_revolution import Turned, turned_body
+from glint.tasks.algorithms.prior.reflection_axes import ReflectionAxis, reflection_axes
+from glint.tasks.algorithms.prior.surface_of_revolution import SurfaceOfRevolution
 
-STEEPEST = 75
-"""Degrees of tilt that are tried: circles are ellipses up to there."""
-FITTING = 5.0
-"""Mean angle in degrees (each capped at FAR) between accepted normals and those of a turned object's body."""
-FAR = 20.0
-SAMPLES = 1500
-"""Accepted normals that are compared for each tilt."""
-TILT = 3.75
-"""Degrees either side of each tilt that is tried first; the best is refined from there."""
-ROUGHLY = 2.0, 8
-"""Step in pixels along the axis, and every which sample, for that first look."""
-LIKELY = 1.3
-"""Times the least error of that look up to which an axis is followed up."""
-OPEN_WITHIN, OPEN_SHARE = 8.0, 0.5
-"""An end is an opening where so large a share of its pixels has a candidate within so many degrees of the far wall."""
-LEAST_OPENING = 0.005
-"""Share of the object's pixels through which the far wall must be seen."""
-EXCELS = 0.4
-"""Share of the smooth field's mean angle to the accepted normals below which a turned body's must be."""
-OBSERVABLE = float(np.cos(np.radians(40.0)))
+MAX_TILT_DEG = 75
+"""Largest tilt that is tried."""
+TILT_STEP_DEG, FINAL_TILT_STEP_DEG = 3.75, 0.1
+"""Half the distance of the tilts tried first, and the step at which their refinement ends."""
+MAX_MEAN_ERROR_DEG = 5.0
+"""Mean angle between accepted normals and those of a surface of revolution, each angle capped."""
+ERROR_CAP_DEG = 20.0
+"""Cap of an angle, so that false normals do not decide the mean."""
+MAX_SMOOTH_ERROR_RATIO = 0.4
+"""A surface of revolution is accepted only if its mean angular error is below this fraction of the smooth field's."""
+MIN_NORMALS, SAMPLED_NORMALS = 20, 1500
+"""Accepted normals without which no surface is fitted, and number of those compared for each tilt."""
+COARSE_STEP_PX, COARSE_STRIDE = 2.0, 8
+"""Step along the axis, and subsampling of the normals, for the tilts tried first."""
+REFINED_ERROR_RATIO = 1.3
+"""Ratio to the least error of those tilts up to which an axis is refined."""
+END_CONE_DEG = 25.0
+"""Angle from the axis within which normals belong to the end that faces the camera."""
+OPEN_END_DEG, OPEN_END_SHARE = 8.0, 0.5
+"""An end is an opening if this share of its pixels has a candidate within this angle of the far wall."""
+MIN_OPENING_SHARE = 0.005
+"""Share of the object's pixels through which the far wall must be visible."""
+MIN_OBSERVED_NZ = float(np.cos(np.radians(40.0)))
+"""n_z from which a normal is well within the data capture range of 45 degrees."""
 
 
-def turned_normals(
+def surface_of_revolution_normals(
     mask: np.ndarray,
     accepted: np.ndarray,
     candidates: np.ndarray,
     field: np.ndarray | None = None,
     weights: np.ndarray | None = None,
 ) -> np.ndarray | None:
-    """The normals (H, W, 3) float32 of the turned object that a silhouette shows, NaN outside; None where it is none.
+    """Return the normals (H, W, 3) float32 of a rotationally symmetric object, NaN outside; None if it is not one.
 
-    mask (H, W) bool; accepted (H, W, 3) normals of accepted highlights, NaN elsewhere; candidates (K, H, W, 3), NaN
-    where there is none, tell whether an end is an opening; field (H, W, 3): the silhouette's smooth field, which the
-    turned object must clearly excel; weights (H, W): of the accepted normals in the profile, 1 each if not given.
+    Args:
+        mask: (H, W) bool, the silhouette.
+        accepted: (H, W, 3), normals of accepted highlights, NaN elsewhere.
+        candidates: (K, H, W, 3), NaN where there is none; they decide whether an end is an opening.
+        field: (H, W, 3), the silhouette's smooth normal field, which the surface must fit much better than.
+        weights: (H, W) of the accepted normals in the profile; None: 1 each.
     """
-    bar = FITTING
+    limit = MAX_MEAN_ERROR_DEG
     if field is not None and np.isfinite(accepted[..., 0]).any():
-        off = np.minimum(angles(field, accepted), FAR)
-        bar = min(bar, EXCELS * float(off[np.isfinite(off)].mean()))
-    body = _fitted(mask, accepted, bar)
-    if body is None:
+        error = np.minimum(angles(field, accepted), ERROR_CAP_DEG)
+        limit = min(limit, MAX_SMOOTH_ERROR_RATIO * float(error[np.isfinite(error)].mean()))
+    surface = _fitted_surface(mask, accepted, limit)
+    if surface is None:
         return None
     rows, columns = np.nonzero(mask)
     x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
-    seen = np.isfinite(accepted[rows, columns, 0])
-    counted = np.ones(len(rows)) if weights is None else weights[rows, columns]
-    body = body.fitted_to(x[seen], y[seen], accepted[rows, columns][seen], counted[seen])
-    normals = body.normals(x, y)
-    cap = normals @ (body.upward * np.sign(body.tilt)) > np.cos(np.radians(25.0))
-    if cap.any():
-        inner = body.normals(x[cap], y[cap], far=True)
-        told = inner[:, 2] > OBSERVABLE
-        nearest = angles(candidates[:, rows[cap], columns[cap]], inner[None])
-        open_here = (np.nan_to_num(nearest, nan=180.0).min(axis=0) < OPEN_WITHIN)[told]
-        if told.sum() > LEAST_OPENING * len(rows) and open_here.mean() > OPEN_SHARE:
-            normals[cap] = np.where(inner[:, 2:] > 0, inner, normals[cap])
+    known = np.isfinite(accepted[rows, columns, 0])
+    weight = np.ones(len(rows)) if weights is None else weights[rows, columns]
+    surface = surface.with_fitted_slopes(x[known], y[known], accepted[rows, columns][known], weight[known])
+    normals = surface.normals(x, y)
+    is_end = normals @ (surface.upward * np.sign(surface.tilt)) > np.cos(np.radians(END_CONE_DEG))
+    if is_end.any():
+        far_wall = surface.normals(x[is_end], y[is_end], far=True)
+        if _is_opening(far_wall, candidates[:, rows[is_end], columns[is_end]], len(rows)):
+            normals[is_end] = np.where(far_wall[:, 2:] > 0, far_wall, normals[is_end])
     result = np.full((*mask.shape, 3), np.nan, np.float32)
     result[rows, columns] = normals
+    # Rays at the contour may miss the surface: such pixels get the normal of the nearest pixel.
     nearest = ndimage.distance_transform_edt(np.isnan(result[..., 0]), return_distances=False, return_indices=True)
     return np.where(mask[..., None], result[tuple(nearest)], np.nan)
 
 
-def _fitted(mask: np.ndarray, accepted: np.ndarray, bar: float = FITTING) -> Turned | None:
-    """The turned body that agrees best with the accepted normals, if its mean angle to them is below the bar."""
+def _is_opening(far_wall: np.ndarray, candidates: np.ndarray, object_pixels: int) -> bool:
+    """Return whether the N pixels of an end show the far wall: normals (N, 3), and candidates (K, N, 3) there."""
+    observable = far_wall[:, 2] > MIN_OBSERVED_NZ
+    if not observable.sum() > MIN_OPENING_SHARE * object_pixels:
+        return False
+    error = np.nan_to_num(angles(candidates, far_wall[None]), nan=180.0).min(axis=0)
+    return bool((error < OPEN_END_DEG)[observable].mean() > OPEN_END_SHARE)
+
+
+def _fitted_surface(mask: np.ndarray, accepted: np.ndarray, limit: float) -> SurfaceOfRevolution | None:
+    """Return the surface with the least mean angle to the accepted normals (H, W, 3), if below `limit` degrees."""
     rows, columns = np.nonzero(mask & np.isfinite(accepted[..., 0]))
-    if len(rows) < 20:
+    if len(rows) < MIN_NORMALS:
         return None
-    # At random: every so many pixels in order are a few columns of the image.
-    chosen = np.random.default_rng(0).permutation(len(rows))[:SAMPLES]
+    # A random sample: every n-th pixel in order would be a few columns of the image.
+    chosen = np.random.default_rng(0).permutation(len(rows))[:SAMPLED_NORMALS]
     rows, columns = rows[chosen], columns[chosen]
     x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
-    seen = accepted[rows, columns]
+    normals = accepted[rows, columns]
 
-    def misfit(axis: Axis, tilt: float, step: float = 1.0, every: int = 1) -> float:
-        body = turned_body(mask, axis, tilt, step)
-        off = np.nan_to_num(angles(body.normals(x[::every], y[::every]), seen[::every]), nan=FAR)
-        return float(np.minimum(off, FAR).mean())
+    def mean_error(axis: ReflectionAxis, tilt: float, step: float = 1.0, stride: int = 1) -> float:
+        surface = SurfaceOfRevolution.from_silhouette(mask, axis, tilt, step)
+        error = np.nan_to_num(angles(surface.normals(x[::stride], y[::stride]), normals[::stride]), nan=ERROR_CAP_DEG)
+        return float(np.minimum(error, ERROR_CAP_DEG).mean())
 
-    best, found = bar, None
-    tilts = np.radians(np.arange(-STEEPEST, STEEPEST + 1, 2 * TILT))
-    rough = {axis: [misfit(axis, tilt, *ROUGHLY) for tilt in tilts] for axis in mirror_axes(mask)}
-    for axis, errors in rough.items():
-        if min(errors) > LIKELY * min(map(min, rough.values())):
+    least_error, best = limit, None
+    tilts = np.radians(np.arange(-MAX_TILT_DEG, MAX_TILT_DEG + 1, 2 * TILT_STEP_DEG))
+    coarse = {
+        axis: [mean_error(axis, tilt, COARSE_STEP_PX, COARSE_STRIDE) for tilt in tilts]
+        for axis in reflection_axes(mask)
+    }
+    for axis, errors in coarse.items():
+        if min(errors) > REFINED_ERROR_RATIO * min(map(min, coarse.values())):
             continue
-        tilt, turn = float(tilts[int(np.argmin(errors))]), np.radians(TILT)
-        least = misfit(axis, tilt)
-        while turn > np.radians(0.1):
-            near = [each for each in (tilt - turn, tilt + turn) if abs(each) <= np.radians(STEEPEST)]
-            error, other = min((misfit(axis, each), each) for each in near)
-            if error < least:
-                least, tilt = error, other
+        # Search either side of the best tilt, with steps that are halved where neither side is better.
+        tilt, turn = float(tilts[int(np.argmin(errors))]), np.radians(TILT_STEP_DEG)
+        error = mean_error(axis, tilt)
+        while turn > np.radians(FINAL_TILT_STEP_DEG):
+            neighbours = [angle for angle in (tilt - turn, tilt + turn) if abs(angle) <= np.radians(MAX_TILT_DEG)]
+            neighbour_error, neighbour = min((mean_error(axis, angle), angle) for angle in neighbours)
+            if neighbour_error < error:
+                error, tilt = neighbour_error, neighbour
             else:
                 turn /= 2
-        if least < best:
-            best, found = least, turned_body(mask, axis, tilt)
-    return found
+        if error < least_error:
+            least_error, best = error, SurfaceOfRevolution.from_silhouette(mask, axis, tilt)
+    return best

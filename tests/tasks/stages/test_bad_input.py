@@ -77,7 +77,7 @@ def test_no_sphere_to_be_found(refused: Refused, tmp_path: Path) -> None:
     with open_footage(capture.frames) as footage:
         cut = [np.ascontiguousarray(frame[:, : left - left % 2]) for frame in footage.frames()]
     path = write_video(tmp_path / "cut.mp4", cut)
-    assert "no mirror ball" in str(refused(frames=str(path), spheres=[]))
+    assert "no chrome sphere" in str(refused(frames=str(path), spheres=[]))
 
 
 def test_region_out_of_frame(refused: Refused) -> None:
@@ -114,7 +114,7 @@ def test_object_that_never_glints(refused: Refused, frames: list[np.ndarray], si
     for frame in dull:
         frame[region.rows, region.columns] = 40
     path = write_video(tmp_path / "dull.mp4", dull)
-    assert "never glints" in str(refused(frames=str(path)))
+    assert "shows no highlights" in str(refused(frames=str(path)))
 
 
 def test_object_that_is_always_saturated(

@@ -44,14 +44,14 @@ def test_the_truth_is_seen_through_the_camera(near: Path) -> None:
     """On the rim the true normal is perpendicular to the pixel's ray; the object fills its region; marks glint."""
     from scipy import ndimage
 
-    from glint.tasks.algorithms.geometry.perspective import views
+    from glint.tasks.algorithms.geometry.perspective import view_vectors
 
     capture = load(near).objects[0].captures[0]
     assert capture.camera is not None and capture.region is not None and capture.truth is not None
     normals = np.load(Path(str(capture.truth)) / "normals.npy")
     mask = np.isfinite(normals[..., 0])
     rim = mask & ~ndimage.binary_erosion(mask)
-    view = views(np.array(capture.camera.matrix), mask.shape, capture.region.x, capture.region.y)
+    view = view_vectors(np.array(capture.camera.matrix), mask.shape, capture.region.x, capture.region.y)
     towards = (normals * view).sum(axis=-1)
     assert (towards[mask] >= -1e-6).all() and np.median(towards[rim]) < 0.2
     assert np.degrees(np.arcsin(np.abs(normals[rim][:, 2]))).max() > 12

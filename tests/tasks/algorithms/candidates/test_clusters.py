@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, light_shares, thresholds, white_level
-from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, inverse_density_weights
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of, unit
 
 DISC = 2.1
 
 
 def sweep(count: int = 20_000, seed: int = 0) -> np.ndarray:
-    """Half vectors (count, 3) float32 spread over the cap of 45 degrees."""
+    """Return half vectors (count, 3) float32 spread over the cap of 45 degrees."""
     generator = np.random.default_rng(seed)
     z = generator.uniform(np.cos(np.pi / 4), 1.0, count)
     around = generator.uniform(0, 2 * np.pi, count)
@@ -20,14 +19,14 @@ def sweep(count: int = 20_000, seed: int = 0) -> np.ndarray:
 
 
 def lit(half_vectors: np.ndarray, normals: list[np.ndarray], disc: float = DISC) -> np.ndarray:
-    """Frames (T, 1, 1) of a pixel that is lit wherever a half vector lies in the disc of one of the normals."""
+    """Return frames (T, 1, 1) of a pixel that is lit where a half vector lies in the disc of one of the normals."""
     near = np.any([angles(half_vectors, unit(normal)) < disc for normal in normals], axis=0)
     return np.where(near, 255, 30).astype(np.uint8)[:, None, None]
 
 
-def clustered(half_vectors: np.ndarray, frames: np.ndarray, **parameters: float) -> Clusters:
-    bars = np.full(frames.shape[1:], 200, frames.dtype)
-    return cluster_pixels(frames, bars, half_vectors, light_shares(half_vectors), **parameters)
+def cluster_frames(half_vectors: np.ndarray, frames: np.ndarray, **parameters: float) -> Clusters:
+    thresholds = np.full(frames.shape[1:], 200, frames.dtype)
+    return cluster_pixels(frames, thresholds, half_vectors, inverse_density_weights(half_vectors), **parameters)
 
 
 def test_discs_become_their_centres_heaviest_first() -> None:
@@ -35,7 +34,7 @@ def test_discs_become_their_centres_heaviest_first() -> None:
     narrow, wide = unit(np.array([0.3, 0.2, 1.0])), unit(np.array([-0.4, 0.1, 1.0]))
     frames = lit(half_vectors, [wide])
     frames[angles(half_vectors, narrow) < 1.0] = 255
-    found = clustered(half_vectors, frames)
+    found = cluster_frames(half_vectors, frames)
     assert angles(found.normals[0, 0, 0], wide) < 0.3
     assert angles(found.normals[1, 0, 0], narrow) < 0.6
     assert np.isnan(found.normals[2, 0, 0]).all()
@@ -44,33 +43,33 @@ def test_discs_become_their_centres_heaviest_first() -> None:
     assert np.degrees(found.spread[0, 0, 0]) == pytest.approx(DISC / np.sqrt(2), rel=0.15)
 
 
-def test_an_arc_beside_a_disc_does_not_pull_it() -> None:
+def test_an_arc_beside_a_disc_does_not_pull_its_centre() -> None:
     half_vectors = sweep()
     centre = unit(np.array([0.1, 0.0, 1.0]))
     arc = [unit(np.array([0.1 + 0.11 * np.cos(a), 0.11 * np.sin(a), 1.0])) for a in np.linspace(0, np.pi, 12)]
     frames = lit(half_vectors, [centre])
     frames[np.any([angles(half_vectors, part) < 0.7 for part in arc], axis=0)] = 255
-    assert angles(clustered(half_vectors, frames).normals[0, 0, 0], centre) < 0.5
+    assert angles(cluster_frames(half_vectors, frames).normals[0, 0, 0], centre) < 0.5
 
 
-def test_a_lingering_hand_has_one_vote() -> None:
+def test_a_lingering_light_has_one_vote() -> None:
     half_vectors = sweep()
-    seen_often, seen_well = unit(np.array([0.35, 0.0, 1.0])), unit(np.array([-0.35, 0.0, 1.0]))
-    rest = np.repeat(seen_often[None].astype(np.float32), 9000, axis=0)
+    frequent, disc = unit(np.array([0.35, 0.0, 1.0])), unit(np.array([-0.35, 0.0, 1.0]))
+    rest = np.repeat(frequent[None].astype(np.float32), 9000, axis=0)
     half_vectors = np.concatenate([half_vectors, rest])
-    frames = lit(half_vectors, [seen_well])
-    frames[angles(half_vectors, seen_often) < 0.4] = 255
-    found = clustered(half_vectors, frames)
-    assert angles(found.normals[0, 0, 0], seen_well) < 0.3
-    assert angles(found.winner[0, 0], seen_often) < 5
+    frames = lit(half_vectors, [disc])
+    frames[angles(half_vectors, frequent) < 0.4] = 255
+    found = cluster_frames(half_vectors, frames)
+    assert angles(found.normals[0, 0, 0], disc) < 0.3
+    assert angles(found.winner[0, 0], frequent) < 5
 
 
-def test_one_frame_is_enough_and_rejected_frames_count_for_nothing() -> None:
+def test_one_frame_is_enough_and_rejected_frames_do_not_count() -> None:
     half_vectors = sweep(50)
     frames = np.full((50, 1, 2), 30, np.uint8)
     frames[7, 0, 0] = frames[9, 0, 1] = 255
     half_vectors[9] = np.nan
-    found = clustered(half_vectors, frames)
+    found = cluster_frames(half_vectors, frames)
     assert angles(found.normals[0, 0, 0], half_vectors[7]) < 0.05
     assert found.observations.tolist() == [[1, 0]]
     assert np.isnan(found.normals[:, 0, 1]).all() and np.isnan(found.winner[0, 1]).all()
@@ -81,12 +80,14 @@ def test_tiles_of_any_width_and_depth_agree_with_their_pixels() -> None:
     generator = np.random.default_rng(1)
     normals = unit(generator.normal((0, 0, 1), 0.3, (5, 13, 3)))
     frames = np.where(angles(half_vectors[:, None, None], normals[None]) < 4, 60000, 9000).astype(np.uint16)
-    bars = np.full((5, 13), 40000, np.uint16)
-    bars[2, 3] = 65535
-    whole = cluster_pixels(frames, bars, half_vectors, light_shares(half_vectors))
-    part = cluster_pixels(frames[:, 1:3, 2:9], bars[1:3, 2:9], half_vectors, light_shares(half_vectors))
+    thresholds = np.full((5, 13), 40000, np.uint16)
+    thresholds[2, 3] = 65535
+    whole = cluster_pixels(frames, thresholds, half_vectors, inverse_density_weights(half_vectors))
+    part = cluster_pixels(
+        frames[:, 1:3, 2:9], thresholds[1:3, 2:9], half_vectors, inverse_density_weights(half_vectors)
+    )
     np.testing.assert_array_equal(part.normals, whole.normals[:, 1:3, 2:9])
-    np.testing.assert_array_equal(whole.observations, np.where(bars == 65535, 0, (frames > 50000).sum(axis=0)))
+    np.testing.assert_array_equal(whole.observations, np.where(thresholds == 65535, 0, (frames > 50000).sum(axis=0)))
 
 
 def test_winner_is_the_top_eigenvector() -> None:
@@ -94,26 +95,12 @@ def test_winner_is_the_top_eigenvector() -> None:
     frames = lit(half_vectors, [np.array([0.2, 0.1, 1.0]), np.array([-0.2, 0.4, 1.0])], 12.0)
     rows = half_vectors[frames[:, 0, 0] == 255].astype(np.float64)
     expected = np.linalg.eigh(rows.T @ rows)[1][:, -1]
-    found = clustered(half_vectors, frames).winner[0, 0]
+    found = cluster_frames(half_vectors, frames).winner[0, 0]
     assert angles(found, expected * np.sign(expected[2])) < 0.1
 
 
-def test_bars_rise_with_the_picture_behind_the_glass() -> None:
-    static = np.array([[0, 100, 200]], np.uint8)
-    bars = thresholds(static, 255.0, 0.8)
-    np.testing.assert_array_equal(bars, [[204, 224, 244]])
-    assert (thresholds(np.full((1, 1), 254, np.uint8), 255.0) < 256).all()
-
-
-def test_white_level_refuses_what_never_glints() -> None:
-    dark = np.full(100, 20, np.uint8)
-    assert white_level(np.full(100, 240, np.uint8), dark) == 240
-    with pytest.raises(UnusableCapture, match="never glints"):
-        white_level(dark + 5, dark)
-    with pytest.raises(UnusableCapture, match="saturated"):
-        white_level(np.full(100, 255, np.uint8), np.full(100, 255, np.uint8))
-
-
-def test_half_vectors_of_lights_behind_are_no_votes() -> None:
-    shares = light_shares(np.array([[0, 0, 1], [0, 0, 1], [np.nan] * 3, half_vectors_of(np.array([1.0, 0, 0]))]))
-    np.testing.assert_allclose(shares, [0.5, 0.5, 0, 1])
+def test_rejected_frames_have_no_weight() -> None:
+    weights = inverse_density_weights(
+        np.array([[0, 0, 1], [0, 0, 1], [np.nan] * 3, half_vectors_of(np.array([1.0, 0, 0]))])
+    )
+    np.testing.assert_allclose(weights, [0.5, 0.5, 0, 1])

@@ -1,8 +1,8 @@
-"""Which frames are offered for marking, and how they are drawn."""
+"""Selection of the frames that are offered for marking."""
 
 import numpy as np
 
-from glint.tasks.algorithms.frames.keyframes import draw_keyframe, keyframes
+from glint.tasks.algorithms.frames.keyframes import keyframes
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
 
 
@@ -17,11 +17,3 @@ def test_keyframes_are_spread_over_the_sweep_and_show_highlights() -> None:
     gaps = np.linalg.norm(half_vectors[chosen][:, None] - half_vectors[chosen][None], axis=-1)
     assert gaps[~np.eye(6, dtype=bool)].min() > 0.25
     assert keyframes(np.full((5, 3), np.nan), np.ones(5)) == []
-
-
-def test_a_keyframe_is_enlarged_with_its_grid() -> None:
-    frame = np.zeros((40, 70), np.uint8)
-    picture = draw_keyframe(frame, 12, 100, 200, width=700)
-    assert picture.dtype == np.uint8 and picture.shape[1] >= 700
-    assert (picture == 255).all(axis=-1).any() and picture[200:, 200:].max() > 0
-    assert draw_keyframe(frame.astype(np.uint16) * 257, 1, 0, 0).shape[2] == 3

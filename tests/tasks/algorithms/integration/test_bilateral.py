@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.geometry.vectors import from_gradients
 from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.integration.edges import edges_of, shares
+from tests.tasks.algorithms.geometry.gradient_normals import from_gradients
 
 METHODS = ("bilateral", "least-squares")
 

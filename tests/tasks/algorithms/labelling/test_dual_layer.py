@@ -128,7 +128,7 @@ def clusters_of(normals: np.ndarray) -> Clusters:
 def test_true_clusters_are_told_from_those_of_the_far_side() -> None:
     mask, truth = ball()
     normals = np.stack([truth * (-1, -1, 1), truth, np.full_like(truth, np.nan)])
-    initial = initial_normals(mask).initial
+    initial = initial_normals(mask).normals
     found = reconstruct_dual_layer(clusters_of(normals), mask, initial)
     steep = mask & (truth[..., 2] < 0.9)
     assert (found.labels[1][steep] == 1).mean() > 0.97 and (found.labels[0][steep] == 0).mean() > 0.97
@@ -141,7 +141,7 @@ def test_marks_decide() -> None:
     odd = unit(np.array([0.0, 0.3, 1.0]))
     normals = np.full((3, *truth.shape), np.nan)
     normals[0, 20, 20] = odd
-    initial = initial_normals(mask).initial
+    initial = initial_normals(mask).normals
     for kind, expected in ((1, MARKED), (0, SILHOUETTE)):
         marks = Marks(np.array([[20, 20]]), odd[None].astype(np.float32), np.array([kind], np.int8))
         found = reconstruct_dual_layer(clusters_of(normals), mask, initial, marks=marks)
@@ -153,7 +153,7 @@ def test_what_no_highlight_tells_stays_as_the_silhouette_has_it() -> None:
     mask, truth = ball()
     normals = np.full((3, *truth.shape), np.nan)
     normals[0, 18:23, 26:31] = truth[18:23, 26:31]
-    initial = initial_normals(mask).initial
+    initial = initial_normals(mask).normals
     found = reconstruct_dual_layer(clusters_of(normals), mask, initial)
     seen = np.isfinite(normals[0, ..., 0])
     assert (found.provenance[seen] == OBSERVED).all() and (found.provenance[~mask] == OUTSIDE).all()
@@ -195,7 +195,7 @@ def test_rounds_fill_afresh_from_what_was_accepted() -> None:
 
 def test_wrong_use_is_refused() -> None:
     mask, truth = ball()
-    clusters, initial = clusters_of(np.stack([truth] * 3)), initial_normals(mask).initial
+    clusters, initial = clusters_of(np.stack([truth] * 3)), initial_normals(mask).normals
     with pytest.raises(ValueError, match="do not fit"):
         reconstruct_dual_layer(clusters, mask[:-1], initial)
     with pytest.raises(ValueError, match="negative"):

@@ -125,11 +125,11 @@ def test_expected_normals_take_the_place_of_the_rim(scene: Scene, result: Recons
 
 
 def test_a_turned_glass_is_known_at_its_end() -> None:
-    from tests.tasks.algorithms.prior.test_symmetry import beaker, seen, view
+    from tests.tasks.algorithms.prior.beaker import beaker_normals, observable
 
-    truth = view(*beaker(), 20.0)
+    truth = beaker_normals(20.0)
     mask = np.isfinite(truth[..., 0])
-    clusters = SimpleNamespace(normals=seen(truth)[None].astype(np.float32))
+    clusters = SimpleNamespace(normals=observable(truth)[None].astype(np.float32))
     found = reconstruct_normals(clusters, mask)
     without = reconstruct_normals(clusters, mask, symmetry=False)
     end = mask & (truth @ np.array([0.0, np.cos(np.radians(20.0)), np.sin(np.radians(20.0))]) > 0.99)

@@ -28,7 +28,7 @@ def test_winners_are_kept_and_the_rest_is_filled_from_them() -> None:
     mask, truth = scene()
     winner = truth.copy()
     winner[20:28, 20:28] = np.nan
-    found = reconstruct_winner(clusters_of(winner), mask, initial_normals(mask).initial)
+    found = reconstruct_winner(clusters_of(winner), mask, initial_normals(mask).normals)
     hole = mask & np.isnan(winner[..., 0])
     np.testing.assert_array_equal(found.normals[mask & ~hole], truth[mask & ~hole])
     assert angles(found.normals, truth)[hole].max() < 2.0
@@ -42,6 +42,6 @@ def test_a_true_mark_overrules_the_winner() -> None:
     mask, truth = scene()
     said = unit(np.array([0.3, 0.1, 1.0])).astype(np.float32)
     marks = Marks(np.array([[25, 25]]), said[None], np.array([1], np.int8))
-    found = reconstruct_winner(clusters_of(truth), mask, initial_normals(mask).initial, marks=marks)
+    found = reconstruct_winner(clusters_of(truth), mask, initial_normals(mask).normals, marks=marks)
     np.testing.assert_allclose(found.normals[25, 25], said)
     assert found.provenance[25, 25] == MARKED and found.confidence[25, 25] == 1.0

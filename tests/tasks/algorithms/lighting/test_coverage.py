@@ -1,16 +1,8 @@
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.geometry.vectors import half_vectors_of
-from glint.tasks.algorithms.lighting.coverage import cap_directions, could_observe, coverage, draw_coverage
-
-
-def sweep(count, keep=lambda lights: np.ones(len(lights), bool), seed=0):
-    """Half vectors of lights spread evenly in area over the hemisphere before the object, where `keep` says so."""
-    z, azimuth = np.random.default_rng(seed).random((2, count))
-    radius = np.sqrt(1 - z**2)
-    lights = np.stack([radius * np.cos(2 * np.pi * azimuth), radius * np.sin(2 * np.pi * azimuth), z], axis=-1)
-    return half_vectors_of(lights[keep(lights)])
+from glint.tasks.algorithms.lighting.coverage import cap_directions, coverage, is_observable
+from tests.tasks.algorithms.lighting.light_sweep import sweep
 
 
 def test_the_map_is_equal_in_area_and_ends_at_45_degrees():
@@ -24,9 +16,9 @@ def test_the_map_is_equal_in_area_and_ends_at_45_degrees():
     assert directions[20, 100, 1] > 0 and directions[100, 180, 0] > 0
 
 
-def test_a_dense_sweep_covers_everything():
+def test_a_dense_sweep_covers_the_cap():
     result = coverage(sweep(8000))
-    assert result.within[3.0] > 0.99
+    assert result.covered_shares[3.0] > 0.99
     assert result.gaps == ()
     assert result.frames == 8000
 
@@ -53,7 +45,7 @@ def test_a_missing_corner_is_named_with_its_angles():
         return ~corner
 
     gap = coverage(sweep(8000, keep)).gaps[0]
-    assert (gap.side, gap.nearest, gap.farthest) == ("upper left", 30.0, 60.0)
+    assert (gap.side, gap.inner_deg, gap.outer_deg) == ("upper left", 30.0, 60.0)
 
 
 def test_rejected_frames_do_not_count():
@@ -65,22 +57,13 @@ def test_rejected_frames_do_not_count():
 def test_no_light_at_all_covers_nothing():
     result = coverage(np.full((10, 3), np.nan))
     assert result.frames == 0
-    assert result.within == {1.5: 0.0, 3.0: 0.0}
+    assert result.covered_shares == {1.5: 0.0, 3.0: 0.0}
     assert sum(gap.share for gap in result.gaps) > 0.9
-    assert draw_coverage(result, np.full((10, 3), np.nan)).shape == (640, 640, 3)
 
 
-def test_normals_near_a_frame_could_be_observed():
+def test_normals_near_a_half_vector_are_observable():
     half = np.array([[0.0, 0.0, 1.0], [np.nan] * 3])
     tilted = np.radians([1.0, 2.0])
     normals = np.stack([np.sin(tilted), 0 * tilted, np.cos(tilted)], axis=-1)[None]
     normals = np.concatenate([normals, np.full((1, 2, 3), np.nan)])
-    assert could_observe(normals, half, 1.5).tolist() == [[True, False], [False, False]]
-
-
-def test_the_picture_marks_the_gap_red():
-    half_vectors = sweep(8000, lambda lights: lights[:, 0] > 0)
-    picture = draw_coverage(coverage(half_vectors), half_vectors, size=400)
-    assert picture.shape == (400, 400, 3) and picture.dtype == np.uint8
-    red = (picture[..., 0].astype(int) - picture[..., 1] > 120).sum(axis=0)
-    assert red[:180].sum() > 1000 and red[230:].sum() == 0
+    assert is_observable(normals, half, 1.5).tolist() == [[True, False], [False, False]]

@@ -4,7 +4,7 @@ import pytest
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of
-from glint.tasks.algorithms.lighting.highlights import measure_highlights, static_level
+from glint.tasks.algorithms.lighting.highlights import measure_highlights, static_background
 from glint.tasks.algorithms.lighting.lights import (
     ACCEPTED,
     AMBIGUOUS,
@@ -12,52 +12,52 @@ from glint.tasks.algorithms.lighting.lights import (
     NO_LIGHT,
     REASONS,
     TWO_LIGHTS,
-    combine_lights,
-    decide_lights,
-    disagreement_of,
+    classify_frames,
     find_lights,
+    inter_sphere_angles,
+    merge_spheres,
 )
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from tests.tasks.algorithms.lighting.mirror_ball import ball_frame, lamp
+from tests.tasks.algorithms.lighting.chrome_sphere import light_direction, sphere_frame
 
 SPHERE = Sphere(43.3, 41.8, 36.0)
 SHAPE = (86, 88)
-LAMPS = [lamp(37.0 * k, 8.0 + 3.2 * k) for k in range(24)]
+LIGHTS = [light_direction(37.0 * k, 8.0 + 3.2 * k) for k in range(24)]
 
 
-def frames_of(lamps, **options):
-    return np.stack([ball_frame(SPHERE, [one], SHAPE, seed=k, **options) for k, one in enumerate(lamps)])
+def sphere_frames(lights, **options):
+    return np.stack([sphere_frame(SPHERE, [light], SHAPE, seed=k, **options) for k, light in enumerate(lights)])
 
 
 @pytest.mark.parametrize("window", [False, True])
 def test_half_vectors_are_found_to_a_fraction_of_a_degree(window):
-    lights = find_lights(frames_of(LAMPS, window=window), SPHERE)
-    errors = angles(lights.half_vectors, half_vectors_of(np.array(LAMPS)))
-    assert lights.accepted.sum() >= len(LAMPS) - 1
+    lights = find_lights(sphere_frames(LIGHTS, window=window), SPHERE)
+    errors = angles(lights.half_vectors, half_vectors_of(np.array(LIGHTS)))
+    assert lights.accepted.sum() >= len(LIGHTS) - 1
     assert np.nanmedian(errors) < 0.1
     assert np.nanmax(errors) < 0.6
     assert lights.half_vectors.dtype == np.float32 and lights.reason.dtype == np.uint8
 
 
-def test_blocks_give_what_the_whole_gives():
-    frames = frames_of(LAMPS)
-    static = static_level(frames, SPHERE)
+def test_blocks_give_the_same_lights_as_the_whole():
+    frames = sphere_frames(LIGHTS)
+    static = static_background(frames, SPHERE)
     blocks = [measure_highlights(frames[start : start + 7], SPHERE, static) for start in range(0, len(frames), 7)]
-    in_blocks = decide_lights(blocks, static, SPHERE)
+    in_blocks = classify_frames(blocks, static, SPHERE)
     np.testing.assert_array_equal(in_blocks.half_vectors, find_lights(frames, SPHERE).half_vectors)
 
 
 def test_sixteen_bits_give_the_same_lights():
-    frames = frames_of(LAMPS)
+    frames = sphere_frames(LIGHTS)
     wide = find_lights(frames.astype(np.uint16) * 257, SPHERE)
     assert np.nanmax(angles(wide.half_vectors, find_lights(frames, SPHERE).half_vectors)) < 0.01
 
 
-def test_each_rejected_frame_has_its_reason():
-    frames = [ball_frame(SPHERE, [one], SHAPE, seed=k) for k, one in enumerate(LAMPS)]
-    frames[3] = ball_frame(SPHERE, [], SHAPE, seed=3)
-    frames[5] = ball_frame(SPHERE, [lamp(200.0, 115.0)], SHAPE, seed=5)
-    frames[7] = ball_frame(SPHERE, [lamp(20.0, 40.0), lamp(190.0, 50.0)], SHAPE, seed=7)
+def test_every_rejected_frame_has_its_reason():
+    frames = [sphere_frame(SPHERE, [light], SHAPE, seed=k) for k, light in enumerate(LIGHTS)]
+    frames[3] = sphere_frame(SPHERE, [], SHAPE, seed=3)
+    frames[5] = sphere_frame(SPHERE, [light_direction(200.0, 115.0)], SHAPE, seed=5)
+    frames[7] = sphere_frame(SPHERE, [light_direction(20.0, 40.0), light_direction(190.0, 50.0)], SHAPE, seed=7)
     frames[9] = np.full(SHAPE, 255, np.uint8)
     frames[11] = np.zeros(SHAPE, np.uint8)
     lights = find_lights(np.stack(frames), SPHERE)
@@ -68,78 +68,78 @@ def test_each_rejected_frame_has_its_reason():
 
 
 def test_dim_second_reflections_are_no_second_light():
-    frames = frames_of(LAMPS)
+    frames = sphere_frames(LIGHTS)
     for frame in frames:
         cv2.circle(frame, (46, 60), 5, 110, -1)
-    still_one = find_lights(frames, SPHERE)
-    assert (still_one.reason == TWO_LIGHTS).sum() == 0
-    assert still_one.accepted.mean() > 0.8
+    lights = find_lights(frames, SPHERE)
+    assert (lights.reason == TWO_LIGHTS).sum() == 0
+    assert lights.accepted.mean() > 0.8
 
 
 def test_a_glare_streak_does_not_pull_the_light():
     sphere = Sphere(220.0, 221.0, 200.0)
-    lamps = [lamp(60.0 * k, 15.0 + 3 * k) for k in range(6)]
-    frames = np.stack([ball_frame(sphere, [one], (442, 440), seed=k) for k, one in enumerate(lamps)])
-    for frame, one in zip(frames, lamps, strict=True):
-        h = half_vectors_of(one)
+    directions = [light_direction(60.0 * k, 15.0 + 3 * k) for k in range(6)]
+    frames = np.stack([sphere_frame(sphere, [light], (442, 440), seed=k) for k, light in enumerate(directions)])
+    for frame, light in zip(frames, directions, strict=True):
+        h = half_vectors_of(light)
         x, y = int(220 + 200 * h[0]), int(221 - 200 * h[1])
         streak = cv2.line(np.zeros_like(frame), (x, y), (x + 30, y + 90), 215, 7)
         np.maximum(frame, streak, out=frame)
-    errors = angles(find_lights(frames, sphere).lights, np.array(lamps))
+    errors = angles(find_lights(frames, sphere).lights, np.array(directions))
     assert np.nanmax(errors) < 0.5
 
 
 def test_one_frame_works():
-    lights = find_lights(frames_of(LAMPS[:1]), SPHERE)
+    lights = find_lights(sphere_frames(LIGHTS[:1]), SPHERE)
     assert lights.accepted.all()
-    assert angles(lights.half_vectors[0], half_vectors_of(LAMPS[0])) < 0.3
+    assert angles(lights.half_vectors[0], half_vectors_of(LIGHTS[0])) < 0.3
 
 
 @pytest.mark.parametrize("value", [0, 7, 255])
 def test_frames_without_any_light_are_unusable(value):
-    with pytest.raises(UnusableCapture, match="lamp"):
+    with pytest.raises(UnusableCapture, match="no moving light"):
         find_lights(np.full((5, *SHAPE), value, np.uint8), SPHERE)
 
 
-def test_only_a_static_window_is_no_light():
-    frames = np.stack([ball_frame(SPHERE, [], SHAPE, window=True, seed=k) for k in range(20)])
+def test_a_static_window_is_no_light():
+    frames = np.stack([sphere_frame(SPHERE, [], SHAPE, window=True, seed=k) for k in range(20)])
     with pytest.raises(UnusableCapture):
         find_lights(frames, SPHERE)
 
 
 def test_a_sphere_outside_its_frames_is_unusable():
     with pytest.raises(UnusableCapture, match="outside"):
-        find_lights(frames_of(LAMPS[:3]), Sphere(500.0, 500.0, 36.0))
+        find_lights(sphere_frames(LIGHTS[:3]), Sphere(500.0, 500.0, 36.0))
 
 
 def test_wrong_shapes_are_programming_errors():
     with pytest.raises(ValueError, match="sample"):
-        static_level(np.zeros((0, 4, 4), np.uint8), SPHERE)
-    static = static_level(frames_of(LAMPS[:2]), SPHERE)
-    with pytest.raises(ValueError, match="static level"):
+        static_background(np.zeros((0, 4, 4), np.uint8), SPHERE)
+    static = static_background(sphere_frames(LIGHTS[:2]), SPHERE)
+    with pytest.raises(ValueError, match="static background"):
         measure_highlights(np.zeros((2, 3, 3), np.uint8), SPHERE, static)
 
 
-def test_several_spheres_are_averaged_and_their_disagreement_told():
-    first = find_lights(frames_of(LAMPS), SPHERE)
+def test_several_spheres_are_averaged_with_their_inter_sphere_angle():
+    first = find_lights(sphere_frames(LIGHTS), SPHERE)
     off = Sphere(SPHERE.x + 0.02 * SPHERE.radius, SPHERE.y, SPHERE.radius)
-    second = find_lights(frames_of(LAMPS), off)
-    both = combine_lights([first, second])
-    median, worst = disagreement_of(both)
+    second = find_lights(sphere_frames(LIGHTS), off)
+    merged = merge_spheres([first, second])
+    median, worst = inter_sphere_angles(merged)
     assert 0.3 < median < 1.0 and worst < 2.0
-    assert both.accepted.sum() == (first.accepted | second.accepted).sum()
-    assert np.nanmax(angles(both.half_vectors, first.half_vectors)) < 1.5
-    assert combine_lights([first]) is first
+    assert merged.accepted.sum() == (first.accepted | second.accepted).sum()
+    assert np.nanmax(angles(merged.half_vectors, first.half_vectors)) < 1.5
+    assert merge_spheres([first]) is first
     with pytest.raises(ValueError):
-        combine_lights([])
+        merge_spheres([])
 
 
 def test_spheres_that_contradict_each_other_reject_the_frame():
-    first = find_lights(frames_of(LAMPS), SPHERE)
-    second = find_lights(frames_of(LAMPS[::-1]), SPHERE)
-    both = combine_lights([first, second])
-    assert (both.reason == AMBIGUOUS).sum() > len(LAMPS) // 2
-    assert np.isnan(both.half_vectors[both.reason == AMBIGUOUS]).all()
+    first = find_lights(sphere_frames(LIGHTS), SPHERE)
+    second = find_lights(sphere_frames(LIGHTS[::-1]), SPHERE)
+    merged = merge_spheres([first, second])
+    assert (merged.reason == AMBIGUOUS).sum() > len(LIGHTS) // 2
+    assert np.isnan(merged.half_vectors[merged.reason == AMBIGUOUS]).all()
 
 
 @pytest.mark.shared
@@ -160,7 +160,7 @@ def test_lights_of_a_shared_capture(shared_data, capture, x, y, radius):
         frame = video.read()[1]
         frames.append(cv2.cvtColor(frame[top : top + side, left : left + side], cv2.COLOR_BGR2GRAY))
     truth = half_vectors_of(np.load(folder / "truth" / "lights.npy")[:400])
-    lights = find_lights(np.stack(frames), Sphere(x, y, radius).within(left, top))
+    lights = find_lights(np.stack(frames), Sphere(x, y, radius).in_crop(left, top))
     errors = angles(lights.half_vectors, truth)
     assert lights.accepted.mean() > 0.98
     assert np.nanmedian(errors) < 0.3

@@ -5,8 +5,8 @@ import pytest
 import trimesh
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.geometry.vectors import from_gradients
 from glint.tasks.algorithms.meshing.depth_mesh import glb_bytes, ply_bytes, surface
+from tests.tasks.algorithms.geometry.gradient_normals import from_gradients
 
 
 def plane(height: int = 12, width: int = 17, p: float = 0.5) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -1,0 +1,38 @@
+"""A slightly conical solid with flat ends, rendered from formulas."""
+
+import numpy as np
+
+from glint.tasks.algorithms.geometry.vectors import to_camera
+from glint.tasks.algorithms.prior.reflection_axes import ReflectionAxis
+from glint.tasks.algorithms.prior.surface_of_revolution import SurfaceOfRevolution
+
+SHAPE = (200, 140)
+
+
+def camera_positions() -> tuple[np.ndarray, np.ndarray]:
+    """Return x and y (H, W) of the pixels in the camera frame."""
+    rows, columns = np.indices(SHAPE).astype(float)
+    return to_camera(columns, rows, SHAPE[1], SHAPE[0])
+
+
+def beaker_profile() -> tuple[np.ndarray, np.ndarray]:
+    """Return radii and heights (N,)."""
+    heights = np.arange(-75.0, 76.0, 0.5)
+    radii = 40.0 + 0.1 * heights
+    radii[[0, -1]] = 0.0
+    return radii, heights
+
+
+def beaker_normals(tilt: float, far: bool = False) -> np.ndarray:
+    """Return the normals (H, W, 3) of the beaker at a tilt in degrees, NaN beside it; far: of the wall's inner side."""
+    radii, heights = beaker_profile()
+    slopes = np.gradient(radii**2, heights) / 2.0
+    axis = ReflectionAxis(np.zeros(2), np.array([1.0, 0.0]), 1.0)
+    surface = SurfaceOfRevolution(axis, np.radians(tilt), heights, radii**2, slopes)
+    x, y = camera_positions()
+    return surface.normals(x.ravel(), y.ravel(), far).reshape(*SHAPE, 3)
+
+
+def observable(normals: np.ndarray) -> np.ndarray:
+    """Return the normals (H, W, 3) that highlights can show: those within 40 degrees of the view axis; else NaN."""
+    return np.where(normals[..., 2:] > np.cos(np.radians(40.0)), normals, np.nan)
