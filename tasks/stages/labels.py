@@ -8,15 +8,9 @@ from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.geometry.perspective import facing, in_camera
 from glint.tasks.algorithms.labelling.dual_layer import reconstruct_dual_layer
-from glint.tasks.algorithms.labelling.reconstruction import (
-    FILLED,
-    MARKED,
-    OBSERVED,
-    OUTSIDE,
-    PROVENANCE,
-    Reconstruction,
-    reconstruct_normals,
-)
+from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
+from glint.tasks.algorithms.labelling.results import FILLED, MARKED, OBSERVED, OUTSIDE, PROVENANCE, Reconstruction
+from glint.tasks.algorithms.labelling.weights import FieldWeights, GraphCutWeights
 from glint.tasks.algorithms.labelling.winner_takes_all import reconstruct_winner
 from glint.tasks.engine.capture_context import Workspace
 from glint.tasks.engine.parameters import Parameters
@@ -47,7 +41,7 @@ def labels(work: Workspace, progress: Progress) -> Outcome:
         },
         record={
             "provenance": list(PROVENANCE),
-            "rounds": [{"exterior": each.exterior, "changed": each.changed} for each in found.rounds],
+            "rounds": [{"exterior": each.exterior, "changed": each.changed} for each in found.iterations],
         },
         counts={f"{name} pixels": count for name, count in names.items()} | {"confident share": round(sure, 4)},
     )
@@ -74,19 +68,18 @@ def reconstruct(
         return replace(found, normals=in_camera(found.normals, view), initial=in_camera(found.initial, view))
     chosen, outline = parameters.labels, parameters.silhouette
     if chosen.method == "paper":
-        return reconstruct_dual_layer(clusters, mask, initial, marks=marks, edges=chosen.edges, weight=chosen.weight)
+        return reconstruct_dual_layer(
+            clusters, mask, initial, marks=marks, connectivity=chosen.edges, weight=chosen.weight
+        )
     if chosen.method == "winner":
-        return reconstruct_winner(clusters, mask, initial, marks=marks, tension_length=outline.tension_length)
+        filling = FieldWeights(tension_length=outline.tension_length)
+        return reconstruct_winner(clusters, mask, initial, marks=marks, field_weights=filling)
     return reconstruct_normals(
         clusters,
         mask,
         marks=marks,
         expected=expected,
-        rounds=chosen.rounds,
-        strength=chosen.strength,
-        contrast=chosen.contrast,
-        prior=chosen.prior,
-        shape_weight=chosen.shape_weight,
-        rim_weight=outline.rim_weight,
-        tension_length=outline.tension_length,
+        max_iterations=chosen.rounds,
+        graph_cut_weights=GraphCutWeights(chosen.strength, chosen.contrast, chosen.prior, chosen.shape_weight),
+        field_weights=FieldWeights(rim=outline.rim_weight, tension_length=outline.tension_length),
     )
