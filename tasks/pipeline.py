@@ -8,7 +8,7 @@ from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.lighting.lights import find_lights
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from glint.tasks.algorithms.meshing.depth_mesh import surface as mesh_of
+from glint.tasks.algorithms.meshing.depth_mesh import mesh_from_depth
 from glint.tasks.algorithms.meshing.shading import draw_surface
 from glint.tasks.engine.stage import Stage
 from glint.tasks.stages.clusters import clusters
@@ -56,4 +56,4 @@ def warm_up() -> None:
     clusters = cluster_pixels(frames, bars, half_vectors, light_shares(half_vectors))
     found = reconstruct_normals(clusters, mask)
     depth = integrate(found.normals, mask, confidence=found.confidence).depth
-    draw_surface(mesh_of(depth, mask, found.normals, steepest=1e3), size=16)
+    draw_surface(mesh_from_depth(depth, mask, found.normals, max_slope=1e3), size=16)

@@ -22,11 +22,11 @@ def depth(work: Workspace, progress: Progress) -> Outcome:
         method=parameters.method,
         camera=camera_within(work, region),
         sharpness=parameters.sharpness,
-        rounds=parameters.rounds,
+        max_iterations=parameters.rounds,
     )
     pixel_size = survey["pixel_size"] or 1.0
     distance = None if camera is None else pixel_size * float(np.sqrt(camera[0, 0] * camera[1, 1]))
-    towards = found.depth * np.float32(pixel_size) if distance is None else found.towards_camera(distance)
+    towards = found.depth * np.float32(pixel_size) if distance is None else found.height(distance)
     return Outcome(
         arrays={"depth": towards.astype(np.float32)},
         record={

@@ -5,8 +5,7 @@ import numpy as np
 from glint.storage.blobs import store as blobs
 from glint.storage.export.image_files import encode_png
 from glint.tasks.algorithms.lighting.coverage import coverage, draw_coverage
-from glint.tasks.algorithms.meshing.depth_mesh import glb_bytes, ply_bytes
-from glint.tasks.algorithms.meshing.depth_mesh import surface as mesh_of
+from glint.tasks.algorithms.meshing.depth_mesh import glb_bytes, mesh_from_depth, ply_bytes
 from glint.tasks.algorithms.meshing.shading import draw_surface, relit_pictures
 from glint.tasks.engine.capture_context import Workspace
 from glint.tasks.engine.stage import Outcome, Progress
@@ -21,7 +20,7 @@ def surface(work: Workspace, progress: Progress) -> Outcome:
     mask, normals = work.load("mask").read("mask"), labels.read("normals")
     depth, about = work.load("depth").read("depth"), work.load("depth").record
     pixel_size, parameters = survey["pixel_size"] or 1.0, work.parameters.surface
-    mesh = mesh_of(
+    mesh = mesh_from_depth(
         depth / np.float32(pixel_size) if about["distance"] is None else np.float32(about["distance"]) - depth,
         mask,
         normals,
@@ -30,8 +29,8 @@ def surface(work: Workspace, progress: Progress) -> Outcome:
         pixel_size=pixel_size,
         camera=work.camera_matrix,
         confidence=labels.read("confidence"),
-        cut=parameters.cut,
-        steepest=parameters.steepest,
+        max_step=parameters.cut,
+        max_slope=parameters.steepest,
     )
     files = {"surface.ply": (ply_bytes(mesh), "model/ply")}
     files["surface.glb"] = (glb_bytes(mesh, METRES_PER_MM if survey["pixel_size"] else 1.0), "model/gltf-binary")

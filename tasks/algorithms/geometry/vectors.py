@@ -31,11 +31,6 @@ def gradients(normals: np.ndarray, floor: float = NZ_FLOOR) -> tuple[np.ndarray,
     return -normals[..., 0] / nz, -normals[..., 1] / nz
 
 
-def from_gradients(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Unit normals (..., 3) of the gradients p and q (...)."""
-    return unit(np.stack([-p, -q, np.ones_like(p)], axis=-1))
-
-
 def angles(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Angles in degrees between unit vectors (..., 3), accurate for small angles too."""
     return np.degrees(2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(first - second, axis=-1), 0.0, 1.0)))

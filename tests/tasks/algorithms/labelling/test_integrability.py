@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.geometry.vectors import from_gradients
 from glint.tasks.algorithms.labelling.integrability import shape_log_ratio, sheet_jacobian
+from tests.tasks.algorithms.gradients import from_gradients
 
 SIZE, RADIUS = 41, 40.0
 
