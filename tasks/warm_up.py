@@ -8,7 +8,7 @@ from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.lighting.lights import find_lights
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from glint.tasks.algorithms.meshing.depth_mesh import surface
+from glint.tasks.algorithms.meshing.depth_mesh import mesh_from_depth
 from glint.tasks.algorithms.meshing.shading import draw_surface
 
 
@@ -30,4 +30,4 @@ def warm_up() -> None:
     clusters = cluster_pixels(frames, thresholds, half_vectors, inverse_density_weights(half_vectors))
     result = reconstruct_normals(clusters, mask)
     depth = integrate(result.normals, mask, confidence=result.confidence).depth
-    draw_surface(surface(depth, mask, result.normals, steepest=1e3), size=16)
+    draw_surface(mesh_from_depth(depth, mask, result.normals, max_slope=1e3), size=16)

@@ -12,6 +12,7 @@ from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.evaluation.metrics import squared_errors
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
+from glint.tasks.algorithms.labelling.weights import FieldError, FieldWeights, GraphCutWeights
 from glint.tasks.engine.capture_context import Workspace
 from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.clusters import faced, load_clusters
@@ -21,13 +22,13 @@ ABLATIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "default": {},
         "no symmetry": {"symmetry": False},
-        "no shape evidence": {"shape_weight": 0.0},
-        "no ties between neighbours": {"strength": 0.0},
-        "every accepted normal pulls": {"believed": 0.0},
-        "one round": {"rounds": 1},
-        "no tension": {"tension_length": 100.0},
-        "spread that does not grow": {"growth": 0.0},
-        "rim as weak as a normal": {"rim_weight": 0.1},
+        "no shape evidence": {"graph_cut_weights": GraphCutWeights(shape_weight=0.0)},
+        "no ties between neighbours": {"graph_cut_weights": GraphCutWeights(strength=0.0)},
+        "every accepted normal pulls": {"min_confidence": 0.0},
+        "one round": {"max_iterations": 1},
+        "no tension": {"field_weights": FieldWeights(tension_length=100.0)},
+        "spread that does not grow": {"field_error": FieldError(slope=0.0)},
+        "rim as weak as a normal": {"field_weights": FieldWeights(rim=0.1)},
         "two candidates": {"clusters": 2},
         "one candidate": {"clusters": 1},
         "no marks": {"marks": False},

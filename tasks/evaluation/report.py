@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from glint.storage.export.image_files import colour_normals, colour_values
-from glint.tasks.algorithms.evaluation.metrics import WITHIN
+from glint.tasks.algorithms.evaluation.metrics import ANGLE_LIMITS_DEG
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.evaluation.captures import METHODS, Evaluation
 
@@ -78,7 +78,7 @@ def as_json(evaluations: Sequence[Evaluation]) -> list[dict[str, Any]]:
     skipped = ("normals", "truth", "confidence")
     return [
         {each.name: _plain(getattr(one, each.name)) for each in fields(one) if each.name not in skipped}
-        | {"degrees_within": list(WITHIN)}
+        | {"degrees_within": list(ANGLE_LIMITS_DEG)}
         for one in evaluations
     ]
 

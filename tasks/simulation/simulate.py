@@ -19,15 +19,14 @@ from glint.tasks.algorithms.frames.keyframes import keyframes
 from glint.tasks.algorithms.geometry.perspective import Cone, half_vectors_on_axis, view_vectors
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of, to_camera
 from glint.tasks.algorithms.multiview.view import turned
-from glint.tasks.algorithms.simulation.camera_poses import ROOM, Placement, placements
-from glint.tasks.algorithms.simulation.environment import Room
-from glint.tasks.algorithms.simulation.light_path import sweep
-from glint.tasks.algorithms.simulation.options import DEGRADED, OTHER, PRESETS, SHAPES, CaptureOptions
-from glint.tasks.algorithms.simulation.ray_tracing import Scene, Truth
-from glint.tasks.algorithms.simulation.renderer import expose, prepare
-from glint.tasks.algorithms.simulation.shapes import MARGIN as EDGE
-from glint.tasks.algorithms.simulation.shapes import build
-from glint.tasks.algorithms.simulation.solids import CHROME, Solid, ball
+from glint.tasks.algorithms.simulation.camera_poses import FREE_POSE_SCALE, CameraPose, camera_poses
+from glint.tasks.algorithms.simulation.environment import Environment
+from glint.tasks.algorithms.simulation.light_path import light_path
+from glint.tasks.algorithms.simulation.options import DEFAULT_PRESET, DEGRADED, PRESETS, SHAPES, CaptureOptions
+from glint.tasks.algorithms.simulation.ray_tracing import RenderedTruth, Scene
+from glint.tasks.algorithms.simulation.renderer import camera_response, prepare_renderer
+from glint.tasks.algorithms.simulation.shapes import REGION_MARGIN_PX, build_solids
+from glint.tasks.algorithms.simulation.solids import CHROME, Solid, sphere
 
 __all__ = ["DEGRADED", "PRESETS", "SHAPES", "CaptureOptions", "SimulationRecord", "simulate"]
 
@@ -76,12 +75,12 @@ def simulate(
     if shape not in SHAPES:
         raise ValueError(f"no shape {shape!r}; there are {', '.join(SHAPES)}")
     out.mkdir(parents=True, exist_ok=True)
-    preset = PRESETS.get(shape, OTHER)
+    preset = PRESETS.get(shape, DEFAULT_PRESET)
     frames = options.frames or preset.frames
     stage = _stage(round(preset.width * options.scale), round(preset.height * options.scale), options)
     captures = []
     with tempfile.TemporaryDirectory(dir=out, prefix=f".{shape}-") as temporary:
-        for view, placed in enumerate(placements(options)):
+        for view, placed in enumerate(camera_poses(options)):
             name = "front" if options.views == 1 else f"view-{view:02d}"
             folder = Path(temporary) / shape / name
             folder.mkdir(parents=True)
@@ -128,7 +127,7 @@ def _write_view(
     options: CaptureOptions,
     frames: int,
     view: int,
-    placed: Placement,
+    placed: CameraPose,
     folder: Path,
     tell: Callable[[int], None],
 ) -> None:
@@ -140,21 +139,21 @@ def _write_view(
     place = placed.rotation @ np.array([0.0, row, 0.0]) + np.array([sideways + placed.offset, 0.0, 0.0])
     if options.focal is None:
         width, height = _room(stage, options)
-        made = build(shape, width, height, placed.turn, level=options.views > 1)
-        solids = [each.moved(placed.rotation, place) for each in made]
+        made = build_solids(shape, width, height, placed.turn, level=options.views > 1)
+        solids = [each.transformed(placed.rotation, place) for each in made]
     else:
         solids = _fitted(shape, stage, options.focal * stage.width)
     behind = min(float(solid.vertices[:, 2].min()) for solid in solids)
     for column in stage.balls:
         at = [float(v) for v in to_camera(np.array(column), np.array(stage.y), stage.width, stage.height)]
-        solids.append(ball(np.array([*at, 0.0]), stage.radius, CHROME))
+        solids.append(sphere(np.array([*at, 0.0]), stage.radius, CHROME))
     scene = Scene(solids)
     away = None if options.focal is None else options.focal * stage.width
     truth = scene.truth(x, y, away)
     paths = scene.trace(x, y, options.rays, generator, away)
-    room = Room.furnished(behind - 40.0, np.random.default_rng(options.seed))
-    renderer = prepare(paths, room, (stage.height, stage.width), np.radians(options.lamp_radius))
-    lights = sweep(frames, generator, options.missing_quarter)
+    room = Environment.random(behind - 40.0, np.random.default_rng(options.seed))
+    renderer = prepare_renderer(paths, room, (stage.height, stage.width), np.radians(options.lamp_radius))
+    lights = light_path(frames, generator, options.missing_quarter)
     distance = None if options.lamp_distance is None else options.lamp_distance * stage.width
 
     def exposed() -> Iterator[np.ndarray]:
@@ -164,7 +163,7 @@ def _write_view(
         for number in range(frames):
             noise = np.roll(noises[number % NOISES], int(generator.integers(0, stage.height)), axis=0)
             shift = (0.0, 0.0) if wander is None else (float(wander[number, 0]), float(wander[number, 1]))
-            yield expose(renderer.render(lights[number], distance), noise, float(drift[number]), shift)
+            yield camera_response(renderer.render(lights[number], distance), noise, float(drift[number]), shift)
             tell(number + 1)
 
     lit = _write_video(folder / "video.mp4", exposed(), stage, options.crf)
@@ -177,15 +176,18 @@ def _write_view(
 def _fitted(shape: str, stage: Stage, away: float) -> list[Solid]:
     """The solids of a shape so large, and at such a place, that a camera at z = `away` sees them fill the region."""
     width, height, place = float(stage.region.width), float(stage.region.height), np.array([*_middle(stage), 0.0])
-    room = np.array([width, height]) - 2.0 * EDGE
+    room = np.array([width, height]) - 2.0 * REGION_MARGIN_PX
     for _ in range(12):
-        solids = [each.moved(np.eye(3), place) for each in build(shape, round(width), round(height))]
+        solids = [each.transformed(np.eye(3), place) for each in build_solids(shape, round(width), round(height))]
         points = np.concatenate([each.vertices for each in solids if not each.inner])
         seen = points[:, :2] * away / (away - points[:, 2:])
         low, high = seen.min(axis=0), seen.max(axis=0)
         place[:2] += np.array(_middle(stage)) - (low + high) / 2.0
         share = float((room / (high - low)).min())
-        width, height = 2.0 * EDGE + (width - 2.0 * EDGE) * share, 2.0 * EDGE + (height - 2.0 * EDGE) * share
+        width, height = (
+            2.0 * REGION_MARGIN_PX + (width - 2.0 * REGION_MARGIN_PX) * share,
+            2.0 * REGION_MARGIN_PX + (height - 2.0 * REGION_MARGIN_PX) * share,
+        )
     return solids
 
 
@@ -222,7 +224,7 @@ _LIMITED = np.round(16 + 219 * np.arange(256) / 255).astype(np.uint8)
 """A video's luma runs from 16 to 235."""
 
 
-def _write_truth(folder: Path, truth: Truth, lights: np.ndarray, stage: Stage, options: CaptureOptions) -> None:
+def _write_truth(folder: Path, truth: RenderedTruth, lights: np.ndarray, stage: Stage, options: CaptureOptions) -> None:
     (folder / "truth").mkdir()
     normals, depth = (values[stage.region.rows, stage.region.columns] for values in (truth.normals, truth.depth))
     mask = np.isfinite(depth)
@@ -238,7 +240,7 @@ def _write_truth(folder: Path, truth: Truth, lights: np.ndarray, stage: Stage, o
     write_png(folder / "mask.png", mask)
 
 
-def _glinting(truth: Truth, stage: Stage, options: CaptureOptions) -> np.ndarray:
+def _glinting(truth: RenderedTruth, stage: Stage, options: CaptureOptions) -> np.ndarray:
     """Half vectors (H, W, 3) under which the outer surface glints in the region."""
     camera, normals = _camera(stage, options), truth.normals[stage.region.rows, stage.region.columns]
     if camera is None:
@@ -268,7 +270,7 @@ def _write_markup(
     path.write_text(json.dumps(marks, indent=0) + "\n")
 
 
-def _capture(folder: Path, name: str, stage: Stage, options: CaptureOptions, placed: Placement) -> Capture:
+def _capture(folder: Path, name: str, stage: Stage, options: CaptureOptions, placed: CameraPose) -> Capture:
     camera = _camera(stage, options)
     balls = [
         Sphere(x=x, y=y, radius=radius, diameter_mm=options.ball_diameter)
@@ -303,11 +305,11 @@ def _outline(column: float, stage: Stage, camera: Camera | None) -> tuple[float,
     return Cone(centre / away, stage.radius / away).project(np.array(camera.matrix))
 
 
-def _pose(stage: Stage, options: CaptureOptions, placed: Placement) -> Pose:
+def _pose(stage: Stage, options: CaptureOptions, placed: CameraPose) -> Pose:
     """As a user would give it: the turntable's angle, or the camera's matrix in millimetres."""
     if not options.free_poses:
-        return Pose(turntable=placed.said)
-    rotation = placed.rotation @ turned(placed.said)
+        return Pose(turntable=placed.nominal_angle)
+    rotation = placed.rotation @ turned(placed.nominal_angle)
     matrix = np.eye(4)
     matrix[:3, :3] = rotation.T
     matrix[:3, 3] = -rotation.T @ np.array([_middle(stage)[0] + placed.offset, 0.0, 0.0]) * _scale(stage, options)
@@ -324,7 +326,7 @@ def _middle(stage: Stage) -> tuple[float, float]:
 
 def _room(stage: Stage, options: CaptureOptions) -> tuple[int, int]:
     """Width and height that the object may fill."""
-    share = ROOM if options.free_poses else 1.0
+    share = FREE_POSE_SCALE if options.free_poses else 1.0
     return round(stage.region.width * share), round(stage.region.height * share)
 
 
@@ -335,7 +337,7 @@ def _scale(stage: Stage, options: CaptureOptions) -> float:
 
 def _write_model(shape: str, stage: Stage, options: CaptureOptions, path: Path) -> None:
     """The outer surface in world coordinates, millimetres: the turntable's axis is y, y = 0 the frame's middle row."""
-    outer = [each for each in build(shape, *_room(stage, options), 0.0, level=True) if not each.inner]
+    outer = [each for each in build_solids(shape, *_room(stage, options), 0.0, level=True) if not each.inner]
     shift = np.array([0.0, _middle(stage)[1], 0.0])
     meshes = [
         trimesh.Trimesh((each.vertices + shift) * _scale(stage, options), each.triangles, process=False)

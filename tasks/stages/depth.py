@@ -23,11 +23,11 @@ def depth(inputs: StageInputs, progress: Progress) -> StageOutput:
         method=parameters.method,
         camera=geometry.camera_within(geometry.region),
         sharpness=parameters.sharpness,
-        rounds=parameters.rounds,
+        max_iterations=parameters.rounds,
     )
     pixel_size, camera = geometry.pixel_size or 1.0, geometry.camera
     distance = None if camera is None else pixel_size * float(np.sqrt(camera[0, 0] * camera[1, 1]))
-    towards_camera = result.depth * np.float32(pixel_size) if distance is None else result.towards_camera(distance)
+    towards_camera = result.depth * np.float32(pixel_size) if distance is None else result.height(distance)
     return StageOutput(
         arrays={"depth": towards_camera.astype(np.float32)},
         record={

@@ -8,15 +8,9 @@ from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view
 from glint.tasks.algorithms.labelling.dual_layer import reconstruct_dual_layer
-from glint.tasks.algorithms.labelling.reconstruction import (
-    FILLED,
-    MARKED,
-    OBSERVED,
-    OUTSIDE,
-    PROVENANCE,
-    Reconstruction,
-    reconstruct_normals,
-)
+from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
+from glint.tasks.algorithms.labelling.results import FILLED, MARKED, OBSERVED, OUTSIDE, PROVENANCE, Reconstruction
+from glint.tasks.algorithms.labelling.weights import FieldWeights, GraphCutWeights
 from glint.tasks.algorithms.labelling.winner_takes_all import reconstruct_winner
 from glint.tasks.engine.parameters import LabelsParameters, SilhouetteParameters
 from glint.tasks.engine.stage import Progress, StageOutput
@@ -48,7 +42,9 @@ def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
         },
         record={
             "provenance": list(PROVENANCE),
-            "rounds": [{"exterior": round_.exterior, "changed": round_.changed} for round_ in result.rounds],
+            "rounds": [
+                {"exterior": iteration.exterior, "changed": iteration.changed} for iteration in result.iterations
+            ],
         },
         counts={f"{name} pixels": count for name, count in names.items()} | {"confident share": round(confident, 4)},
     )
@@ -78,20 +74,19 @@ def reconstruct(
         )
     if parameters.method == "paper":
         return reconstruct_dual_layer(
-            clusters, mask, initial, marks=marks, edges=parameters.edges, weight=parameters.weight
+            clusters, mask, initial, marks=marks, connectivity=parameters.edges, weight=parameters.weight
         )
     if parameters.method == "winner":
-        return reconstruct_winner(clusters, mask, initial, marks=marks, tension_length=silhouette.tension_length)
+        filling = FieldWeights(tension_length=silhouette.tension_length)
+        return reconstruct_winner(clusters, mask, initial, marks=marks, field_weights=filling)
     return reconstruct_normals(
         clusters,
         mask,
         marks=marks,
         expected=expected,
-        rounds=parameters.rounds,
-        strength=parameters.strength,
-        contrast=parameters.contrast,
-        prior=parameters.prior,
-        shape_weight=parameters.shape_weight,
-        rim_weight=silhouette.rim_weight,
-        tension_length=silhouette.tension_length,
+        max_iterations=parameters.rounds,
+        graph_cut_weights=GraphCutWeights(
+            parameters.strength, parameters.contrast, parameters.prior, parameters.shape_weight
+        ),
+        field_weights=FieldWeights(rim=silhouette.rim_weight, tension_length=silhouette.tension_length),
     )

@@ -5,8 +5,7 @@ import numpy as np
 from glint.storage.export.image_files import encode_png
 from glint.storage.versions.stage_results import StoredFile
 from glint.tasks.algorithms.lighting.coverage import coverage
-from glint.tasks.algorithms.meshing.depth_mesh import glb_bytes, ply_bytes
-from glint.tasks.algorithms.meshing.depth_mesh import surface as mesh_of
+from glint.tasks.algorithms.meshing.depth_mesh import glb_bytes, mesh_from_depth, ply_bytes
 from glint.tasks.algorithms.meshing.shading import draw_surface, relit_pictures
 from glint.tasks.engine.parameters import SurfaceParameters
 from glint.tasks.engine.stage import Progress, StageOutput
@@ -23,7 +22,7 @@ def surface(inputs: StageInputs, progress: Progress) -> StageOutput:
     geometry, labels, depth = load_geometry(inputs), inputs.load("labels"), inputs.load("depth")
     mask, normals, heights = inputs.load("mask").read("mask"), labels.read("normals"), depth.read("depth")
     region, pixel_size, distance = geometry.region, geometry.pixel_size or 1.0, depth.record["distance"]
-    mesh = mesh_of(
+    mesh = mesh_from_depth(
         heights / np.float32(pixel_size) if distance is None else np.float32(distance) - heights,
         mask,
         normals,
@@ -32,8 +31,8 @@ def surface(inputs: StageInputs, progress: Progress) -> StageOutput:
         pixel_size=pixel_size,
         camera=geometry.camera,
         confidence=labels.read("confidence"),
-        cut=parameters.max_step,
-        steepest=parameters.max_slope,
+        max_step=parameters.max_step,
+        max_slope=parameters.max_slope,
     )
     scale = METRES_PER_MM if geometry.pixel_size else 1.0
     files = {

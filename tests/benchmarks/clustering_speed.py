@@ -18,7 +18,7 @@ from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
 from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.prior.silhouette import initial_normals
-from glint.tasks.algorithms.simulation.light_path import sweep
+from glint.tasks.algorithms.simulation.light_path import light_path
 
 
 @njit(cache=True, nogil=True)
@@ -68,7 +68,7 @@ def main() -> None:
     parser.add_argument("--width", type=int, default=251)
     parser.add_argument("--height", type=int, default=221)
     arguments = parser.parse_args()
-    half_vectors = half_vectors_of(sweep(arguments.frames, np.random.default_rng(0))).astype(np.float32)
+    half_vectors = half_vectors_of(light_path(arguments.frames, np.random.default_rng(0))).astype(np.float32)
     mask, normals = scene(arguments.height, arguments.width)
     frames = footage(normals.astype(np.float32), half_vectors, mask)
     bars = np.where(mask, 220, 255).astype(np.uint8)

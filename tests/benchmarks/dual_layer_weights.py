@@ -20,7 +20,12 @@ from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels,
 from glint.tasks.algorithms.candidates.thresholds import highlight_thresholds, saturation_level
 from glint.tasks.algorithms.evaluation.metrics import normal_errors
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
-from glint.tasks.algorithms.labelling.dual_layer import Edges, label_dual_layer, nodes_of, reconstruct_dual_layer
+from glint.tasks.algorithms.labelling.dual_layer import (
+    Connectivity,
+    label_dual_layer,
+    node_terms,
+    reconstruct_dual_layer,
+)
 from glint.tasks.algorithms.prior.silhouette import initial_normals
 
 CAPTURES = ("hemisphere", "cylinder", "duck")
@@ -70,7 +75,7 @@ def score(scene: Scene, normals: np.ndarray) -> str:
     return "/".join(f"{normal_errors(normals, scene.truth, region).squared:.4f}" for region in (data, scene.mask))
 
 
-def largest_seconds(edges: Edges, weight: float) -> float:
+def largest_seconds(connectivity: Connectivity, weight: float) -> float:
     """Seconds of nodes and cut on a full rectangle of the paper's largest size, all pixels seeing two directions."""
     generator = np.random.default_rng(0)
     rows, columns = np.mgrid[: JUG[0], : JUG[1]]
@@ -80,7 +85,7 @@ def largest_seconds(edges: Edges, weight: float) -> float:
     normals = unit(np.stack([flat, flat * (-1, -1, 1)]) + noise * (1, 1, 0))
     mask, free = np.ones(JUG, bool), np.zeros((2, *JUG), np.int8)
     started = perf_counter()
-    label_dual_layer(nodes_of(normals, initial, mask, free), mask, edges=edges, weight=weight)
+    label_dual_layer(node_terms(normals, initial, mask, free), mask, connectivity=connectivity, weight=weight)
     return perf_counter() - started
 
 
@@ -107,16 +112,18 @@ def main() -> None:
         for scene, initial in zip(scenes, initials, strict=True)
     ]
     print(f"{'winner takes all':22s}" + "".join(f"{cell:>22s}" for cell in cells))
-    for edges in get_args(Edges):
+    for connectivity in get_args(Connectivity):
         for weight in arguments.weights:
             cells = []
             for scene, initial in zip(scenes, initials, strict=True):
                 started = perf_counter()
-                found = reconstruct_dual_layer(scene.clusters, scene.mask, initial, edges=edges, weight=weight)
+                found = reconstruct_dual_layer(
+                    scene.clusters, scene.mask, initial, connectivity=connectivity, weight=weight
+                )
                 cells.append(f"{score(scene, found.normals)} {perf_counter() - started:6.2f}")
-            print(f"{edges + f' {weight:g}':22s}" + "".join(f"{cell:>22s}" for cell in cells), flush=True)
-    for edges in get_args(Edges):
-        print(f"cut of {JUG[1]} x {JUG[0]} pixels, {edges}: {largest_seconds(edges, 0.1):.2f} s")
+            print(f"{connectivity + f' {weight:g}':22s}" + "".join(f"{cell:>22s}" for cell in cells), flush=True)
+    for connectivity in get_args(Connectivity):
+        print(f"cut of {JUG[1]} x {JUG[0]} pixels, {connectivity}: {largest_seconds(connectivity, 0.1):.2f} s")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,11 @@
-"""What normals say about depth along the edges between neighbouring pixels, and the grid equations made of it.
+"""Grid edges of normal integration: predicted rises, bilateral weights, and the weighted Poisson equations.
 
-Axis 0 leads to the next row, axis 1 to the next column. The normal at either end of an edge predicts the rise of height
-along it; a pixel's misfit to a neighbour is the difference from its own prediction, along its normal.
+After Cao et al., Bilateral Normal Integration, ECCV 2022: the normal at either end of an edge between neighbouring
+pixels predicts the rise of height along it (for perspective cameras, of the logarithm of the distance), and a sigmoid
+of the difference of squared misfits weighs a pixel's two sides along each axis. A pixel's misfit to a neighbour is the
+difference of the rise from its own prediction, measured along its normal.
+
+Axis 0 leads to the next row, axis 1 to the next column. Height grows towards the camera.
 """
 
 import math
@@ -10,122 +14,148 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+MAX_SIGMOID_ARGUMENT = 40.0
+"""Arguments of the sigmoid are clipped to this, so that the exponential stays finite and the weights positive."""
+
 
 @dataclass(frozen=True, slots=True)
-class Edges:
-    """Predictions of the normals along the edges of a region.
+class GridEdges:
+    """Edges of a region and the rises that normals predict along them.
 
     inside: (2, H, W) bool, whether the pixel and its next one along the axis both lie in the mask.
-    here, there: (2, H, W) float64, rise of height (pixels) along the edge by the pixel's and by the next one's normal.
-    facing: (H, W) float64, cosine between normal and line of sight, at least the floor.
-    trust: (H, W) float64 in 0..1, weight of the pixel's normal.
+    forward_rise: (2, H, W) float64, rise of height (pixels) from the pixel to its next one, by the pixel's normal.
+    backward_rise: (2, H, W) float64, the same rise by the next pixel's normal.
+    cos_incidence: (H, W) float64, cosine between normal and line of sight, clamped from below.
+    weight: (H, W) float64 in 0..1, weight of the pixel's normal.
     """
 
     inside: np.ndarray
-    here: np.ndarray
-    there: np.ndarray
-    facing: np.ndarray
-    trust: np.ndarray
+    forward_rise: np.ndarray
+    backward_rise: np.ndarray
+    cos_incidence: np.ndarray
+    weight: np.ndarray
 
 
-def edges_of(
-    normals: np.ndarray, mask: np.ndarray, trust: np.ndarray, camera: np.ndarray | None, floor: float
-) -> Edges:
-    """Edges of normals (H, W, 3; finite) inside the mask (H, W).
+def grid_edges(
+    normals: np.ndarray, mask: np.ndarray, weight: np.ndarray, camera: np.ndarray | None, min_cosine: float
+) -> GridEdges:
+    """Compute the edges of a mask (H, W) and the rises predicted by normals (H, W, 3; finite, camera frame).
 
-    Height is towards the camera: in pixels for an orthographic one, minus `focal_length(camera)` times the logarithm of
-    the distance for a perspective one. Planes are predicted exactly by both.
+    Height is in pixels for an orthographic camera, and minus `focal_length(camera)` times the logarithm of the distance
+    for a perspective one. Both predict planes exactly.
+
+    Args:
+        normals: (H, W, 3) unit, x right, y up, z to the camera.
+        mask: (H, W) bool.
+        weight: (H, W), weight of each normal.
+        camera: (3, 3) intrinsic matrix in pixels of these arrays, None for an orthographic camera.
+        min_cosine: the cosine of incidence is clamped from below to this.
     """
     height, width = mask.shape
     inside = np.zeros((2, height, width), bool)
     inside[0, :-1] = mask[:-1] & mask[1:]
     inside[1, :, :-1] = mask[:, :-1] & mask[:, 1:]
-    here, there = np.zeros(inside.shape), np.zeros(inside.shape)
+    forward, backward = np.zeros(inside.shape), np.zeros(inside.shape)
     if camera is None:
-        facing = np.maximum(normals[..., 2], floor)
-        for axis, slope in enumerate((normals[..., 1] / facing, -normals[..., 0] / facing)):
-            here[axis] = slope
-            there[axis] = np.roll(slope, -1, axis)
-        return Edges(inside, here, there, facing, trust)
+        cos_incidence = np.maximum(normals[..., 2], min_cosine)
+        # Rows run downwards and y upwards: the slope along axis 0 has the sign of n_y.
+        for axis, slope in enumerate((normals[..., 1] / cos_incidence, -normals[..., 0] / cos_incidence)):
+            forward[axis] = slope
+            backward[axis] = np.roll(slope, -1, axis)
+        return GridEdges(inside, forward, backward, cos_incidence, weight)
 
     right = (np.arange(width) - camera[0, 2]) / camera[0, 0]
     below = ((np.arange(height) - camera[1, 2]) / camera[1, 1])[:, None]
     focal = focal_length(camera)
-    facing = normals[..., 2] - normals[..., 0] * right + normals[..., 1] * below
+    # Minus the product of normal and ray (right, -below, -1).
+    cos_incidence = normals[..., 2] - normals[..., 0] * right + normals[..., 1] * below
     steps = (normals[..., 1] / camera[1, 1], -normals[..., 0] / camera[0, 0])
     for axis, step in enumerate(steps):
         # A plane n.X = const has distance const / (n.ray), and n.ray changes linearly from pixel to pixel.
-        here[axis] = focal * _log_ratio(facing, facing + step, floor)
-        there[axis] = np.roll(focal * _log_ratio(facing - step, facing, floor), -1, axis)
-    return Edges(inside, here, there, np.maximum(facing, floor), trust)
+        forward[axis] = focal * _log_ratio(cos_incidence, cos_incidence + step, min_cosine)
+        backward[axis] = np.roll(focal * _log_ratio(cos_incidence - step, cos_incidence, min_cosine), -1, axis)
+    return GridEdges(inside, forward, backward, np.maximum(cos_incidence, min_cosine), weight)
 
 
 def focal_length(camera: np.ndarray) -> float:
-    """Mean focal length in pixels of an intrinsic matrix (3, 3)."""
+    """Return the mean focal length in pixels of an intrinsic matrix (3, 3)."""
     return float((camera[0, 0] + camera[1, 1]) / 2)
 
 
-def _log_ratio(first: np.ndarray, second: np.ndarray, floor: float) -> np.ndarray:
-    lift = np.maximum(floor - np.minimum(first, second), 0.0)
+def _log_ratio(first: np.ndarray, second: np.ndarray, minimum: float) -> np.ndarray:
+    """Return log(second / first), both shifted by the same amount so that neither is below `minimum`."""
+    lift = np.maximum(minimum - np.minimum(first, second), 0.0)
     return np.log((second + lift) / (first + lift))
 
 
 @njit(cache=True, nogil=True)
-def shares(
+def bilateral_weights(
     inside: np.ndarray,
-    here: np.ndarray,
-    there: np.ndarray,
-    facing: np.ndarray,
-    trust: np.ndarray,
+    forward_rise: np.ndarray,
+    backward_rise: np.ndarray,
+    cos_incidence: np.ndarray,
+    weight: np.ndarray,
     height: np.ndarray,
     sharpness: float,
 ) -> tuple[np.ndarray, float]:
-    """How much of its say each pixel gives to its next neighbour along each axis (2, H, W), the rest to its previous.
+    """Compute each pixel's bilateral weights for a height (H, W), and the energy.
 
-    The side with the smaller misfit gets more, by a sigmoid over the difference of the squared misfits; the less a
-    normal is trusted, the less its misfits say about steps. Also the energy: the sum of the squared misfits (square
-    pixels), weighted by share and trust.
+    The first five arguments are the fields of `GridEdges`. The side with the smaller misfit gets more, by a sigmoid of
+    the difference of squared misfits times `sharpness` (per square pixel) and the pixel's weight: an uncertain normal
+    is no evidence of a step.
+
+    Returns:
+        (2, H, W) float64 in 0..1, the weight of the edge to the next neighbour along each axis, whose complement is
+        that of the edge to the previous one; and the sum of the weighted squared misfits, square pixels.
     """
     rows, columns = height.shape
-    out = np.full(here.shape, 0.5)
+    bilateral = np.full(forward_rise.shape, 0.5)
     energy = 0.0
     for axis in range(2):
         di, dj = 1 - axis, axis
         for i in range(rows):
             for j in range(columns):
-                ahead, back = 0.0, 0.0
+                # Squared misfits along the normal: cos_incidence turns a difference of heights into a distance.
+                next_misfit, previous_misfit = 0.0, 0.0
                 if inside[axis, i, j]:
-                    ahead = ((height[i + di, j + dj] - height[i, j] - here[axis, i, j]) * facing[i, j]) ** 2
+                    rise = height[i + di, j + dj] - height[i, j]
+                    next_misfit = ((rise - forward_rise[axis, i, j]) * cos_incidence[i, j]) ** 2
                 if i >= di and j >= dj and inside[axis, i - di, j - dj]:
                     rise = height[i, j] - height[i - di, j - dj]
-                    back = ((rise - there[axis, i - di, j - dj]) * facing[i, j]) ** 2
-                argument = min(max(sharpness * trust[i, j] * (ahead - back), -40.0), 40.0)
+                    previous_misfit = ((rise - backward_rise[axis, i - di, j - dj]) * cos_incidence[i, j]) ** 2
+                argument = sharpness * weight[i, j] * (next_misfit - previous_misfit)
+                argument = min(max(argument, -MAX_SIGMOID_ARGUMENT), MAX_SIGMOID_ARGUMENT)
                 share = 1.0 / (1.0 + math.exp(argument))
-                out[axis, i, j] = share
-                energy += trust[i, j] * (share * ahead + (1.0 - share) * back)
-    return out, energy
+                bilateral[axis, i, j] = share
+                energy += weight[i, j] * (share * next_misfit + (1.0 - share) * previous_misfit)
+    return bilateral, energy
 
 
 @njit(cache=True, nogil=True)
-def equations(
+def assemble(
     inside: np.ndarray,
-    here: np.ndarray,
-    there: np.ndarray,
-    facing: np.ndarray,
-    trust: np.ndarray,
-    share: np.ndarray,
+    forward_rise: np.ndarray,
+    backward_rise: np.ndarray,
+    cos_incidence: np.ndarray,
+    weight: np.ndarray,
+    bilateral: np.ndarray,
     weight_power: float,
     rise_power: float,
-    keep: float,
+    min_edge_weight: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Weights (2, H, W) of the edges and the source (H, W) of their Laplacian, for the shares (2, H, W).
+    """Assemble the weighted Poisson equations of the grid for given bilateral weights (2, H, W).
 
-    Either end speaks for an edge with share x trust x a power of facing: `rise_power` when the two predictions are
-    averaged, `weight_power` in the weight. An edge never weighs less than `keep`.
+    The first five arguments are the fields of `GridEdges`. Each end of an edge counts with bilateral weight x weight x
+    a power of its cosine of incidence: `rise_power` when the two predicted rises are averaged, `weight_power` in the
+    weight of the edge, which is at least `min_edge_weight`.
+
+    Returns:
+        Weights (2, H, W) float64 of the edges, 0 outside, and the right-hand side (H, W) float64 of their Laplacian,
+        which sums to zero over each component.
     """
-    rows, columns = facing.shape
-    weights = np.zeros(here.shape)
-    source = np.zeros(facing.shape)
+    rows, columns = cos_incidence.shape
+    weights = np.zeros(forward_rise.shape)
+    source = np.zeros(cos_incidence.shape)
     for axis in range(2):
         di, dj = 1 - axis, axis
         for i in range(rows):
@@ -133,12 +163,15 @@ def equations(
                 if not inside[axis, i, j]:
                     continue
                 k, m = i + di, j + dj
-                first = share[axis, i, j] * trust[i, j]
-                second = (1.0 - share[axis, k, m]) * trust[k, m]
-                a, b = first * facing[i, j] ** rise_power, second * facing[k, m] ** rise_power
-                rise = (a * here[axis, i, j] + b * there[axis, i, j]) / (a + b + 1e-300)
-                weight = max(first * facing[i, j] ** weight_power + second * facing[k, m] ** weight_power, keep)
-                weights[axis, i, j] = weight
-                source[i, j] -= weight * rise
-                source[k, m] += weight * rise
+                first = bilateral[axis, i, j] * weight[i, j]
+                second = (1.0 - bilateral[axis, k, m]) * weight[k, m]
+                a, b = first * cos_incidence[i, j] ** rise_power, second * cos_incidence[k, m] ** rise_power
+                # Both ends may have given their weight to the opposite side: the tiny addend avoids 0 / 0.
+                rise = (a * forward_rise[axis, i, j] + b * backward_rise[axis, i, j]) / (a + b + 1e-300)
+                edge = first * cos_incidence[i, j] ** weight_power + second * cos_incidence[k, m] ** weight_power
+                edge = max(edge, min_edge_weight)
+                weights[axis, i, j] = edge
+                # The gradient of weight / 2 * (height[k, m] - height[i, j] - rise)^2 at both ends.
+                source[i, j] -= edge * rise
+                source[k, m] += edge * rise
     return weights, source

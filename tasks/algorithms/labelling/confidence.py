@@ -1,10 +1,10 @@
-"""The probability that a pixel's normal is within 5 degrees of the truth.
+"""Confidence: the probability that a pixel's normal is within 5 degrees of the truth. The paper gives none.
 
-Observed normals are wrong when their sheet is: that shows in how smoothly the normals vary, in whether they integrate
-(a normal field's gradients have no curl; the half vectors of an internal path have) and turn outwards, and in whether
-the rest of the object expects such a sheet there. While labels still change, what the neighbourhood shows must do.
-Elsewhere the field is as good as it proves where the object lets it be checked: it is asked to predict blocks of
-accepted normals that are withheld from it.
+An observed normal is wrong if its sheet is. Logistic regressions fitted to simulated captures judge that by the
+roughness of the normals, by curl (a normal field's gradients have none; half vectors of internal paths have), by the
+integrability and convexity prior, and by the held-out residual (`segments`). While labels still change, only
+neighbourhood cues are used. Between observations the field is trusted as far as it proves itself by cross-validation:
+blocks of accepted normals are held out, and its error is taken to grow linearly with the distance from known pixels.
 """
 
 from collections.abc import Callable
@@ -14,56 +14,73 @@ from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.vectors import angles, gradients, unit
 
-TOLERANCE = np.radians(5.0)
-OBSERVED_WEIGHTS = (2.5, 4.5, -1.2, -5.5)
-"""Logit of an observed normal being right by its neighbourhood: constant, cover, roughness, curl of `sheet_quality`."""
-SHEET_WEIGHTS = (4.7, -0.9, -2.0, 0.8, -1.7)
-"""The same by its whole sheet: constant, roughness, curl, mean evidence of shape and surprise of the sheet.
+TOLERANCE_RAD = np.radians(5.0)
+NEIGHBOURHOOD_LOGIT = (2.5, 4.5, -1.2, -5.5)
+"""Logit of an observed normal being right by its neighbourhood: constant, then cover, roughness, curl."""
+SHEET_LOGIT = (4.7, -0.9, -2.0, 0.8, -1.7)
+"""The same by its sheet: constant, then roughness, curl, the sheet's mean shape ratio and its held-out residual.
 
 Fitted to simulated captures of 600 to 1,200 frames of fish, bird, jug and glasses."""
-RIM_TRUST = 0.7
-"""Share of rims that are occluding contours, not creases or cuts: no field extrapolated to one is surer."""
+OCCLUDING_CONTOUR_SHARE = 0.7
+"""Share of silhouettes that are occluding contours and not creases or cuts; bounds confidence in extrapolation."""
+DEFAULT_SLOPE_DEG = 150.0
+"""Error-model slope, degrees per inradius, of an object on which nothing can be held out."""
+BLOCK_INRADII = 0.25
+"""Side of the held-out blocks, in inradii."""
+MIN_DISTANCE_PX = 2.0
+"""Added to the distance from known pixels, in pixels: the error does not vanish beside them."""
 RAYLEIGH_NINTH_DECILE = 2.146
+"""Ninth decile of an angular error in standard deviations per axis, sqrt(2 ln 10)."""
 
 
-def within_tolerance(spread: np.ndarray) -> np.ndarray:
-    """Probability that an error of standard deviation `spread` (radians, per axis) is below 5 degrees."""
-    return 1.0 - np.exp(-(TOLERANCE**2) / (2.0 * np.maximum(spread, 1e-6) ** 2))
+def probability_within_tolerance(spread: np.ndarray) -> np.ndarray:
+    """Return the probability that an error of standard deviation `spread` (radians, per axis) is below 5 degrees.
+
+    The two components of an angular error are normal, so its size has a Rayleigh distribution.
+    """
+    return 1.0 - np.exp(-(TOLERANCE_RAD**2) / (2.0 * np.maximum(spread, 1e-6) ** 2))
 
 
 def sheet_quality(normals: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Cover, roughness and curl of the accepted normals (H, W, 3; NaN where there are none), each (H, W) float.
+    """Measure cover, roughness and curl of accepted normals.
 
-    Cover: share of the neighbourhood (a tenth of the inradius `scale`) that is accepted. Roughness: angle to the local
-    mean normal in tolerances. Curl: |p_y - q_x| over the size of the gradients' Jacobian, 0 for a surface.
+    normals (H, W, 3), camera frame, NaN where there is none; scale: inradius in pixels -> three (H, W) float. Cover:
+    share of the neighbourhood (about a tenth of the inradius) that is accepted. Roughness: angle to the local mean
+    normal, in tolerances. Curl: |p_y - q_x| over the norm of the gradients' Jacobian, 0 for a surface.
     """
     known = np.isfinite(normals[..., 0])
     cover = ndimage.gaussian_filter(known.astype(float), max(2.0, 0.08 * scale))
     weight = np.maximum(ndimage.gaussian_filter(known.astype(float), 2.0), 1e-6)
 
+    # Normalised convolution: gaps neither pull the mean nor spread.
     def local_mean(values: np.ndarray) -> np.ndarray:
         return ndimage.gaussian_filter(np.where(known, values, 0.0), 2.0) / weight
 
     mean = unit(np.stack([local_mean(normals[..., axis]) for axis in range(3)], axis=-1))
-    roughness = np.radians(angles(normals, mean)) / TOLERANCE
-    (p_down, p_x), (q_down, q_x) = (np.gradient(local_mean(g)) for g in gradients(normals))
+    roughness = np.radians(angles(normals, mean)) / TOLERANCE_RAD
+    # Rows run downwards and y upwards, so p_y = -p_down.
+    (p_down, p_x), (q_down, q_x) = (np.gradient(local_mean(gradient)) for gradient in gradients(normals))
     jacobian = np.sqrt(p_x**2 + p_down**2 + q_x**2 + q_down**2)
     curl = np.abs(-p_down - q_x) / (jacobian + 1e-3)
     return cover, roughness, curl
 
 
 def observed_confidence(normals: np.ndarray, scale: float) -> np.ndarray:
-    """Confidence (H, W) of accepted normals (H, W, 3; NaN elsewhere) by their neighbourhood; NaN where is none."""
-    return _logistic(OBSERVED_WEIGHTS, *sheet_quality(normals, scale))
+    """Return the confidence (H, W) of accepted normals (H, W, 3; NaN elsewhere) by their neighbourhood, NaN elsewhere.
+
+    scale: inradius in pixels.
+    """
+    return _logistic(NEIGHBOURHOOD_LOGIT, *sheet_quality(normals, scale))
 
 
-def sheet_confidence(normals: np.ndarray, shape: np.ndarray, surprise: np.ndarray, scale: float) -> np.ndarray:
-    """Confidence (H, W) of accepted normals (H, W, 3; NaN elsewhere) by their sheets; NaN where there are none.
+def sheet_confidence(normals: np.ndarray, shape: np.ndarray, residual: np.ndarray, scale: float) -> np.ndarray:
+    """Return the confidence (H, W) of accepted normals (H, W, 3; NaN elsewhere) by their sheets, NaN elsewhere.
 
-    shape (H, W): mean of the sheet's `shape_evidence`; surprise (H, W): see `connected_sheets`.
+    shape (H, W): the sheet's mean `shape_log_ratio`; residual (H, W): its `held_out_residual`; scale: inradius in
+    pixels.
     """
     _, roughness, curl = sheet_quality(normals, scale)
-    return _logistic(SHEET_WEIGHTS, roughness, np.minimum(curl, 2.0), shape, surprise)
+    return _logistic(SHEET_LOGIT, roughness, np.minimum(curl, 2.0), shape, residual)
 
 
 def _logistic(weights: tuple[float, ...], *cues: np.ndarray) -> np.ndarray:
@@ -71,14 +88,21 @@ def _logistic(weights: tuple[float, ...], *cues: np.ndarray) -> np.ndarray:
     return np.asarray(1.0 / (1.0 + np.exp(-logit)))
 
 
-def field_growth(predict: Callable[[np.ndarray], np.ndarray], normals: np.ndarray, scale: float) -> float:
-    """How fast the field's error grows with the distance from accepted normals on this object, radians per pixel.
+def field_error_slope(predict: Callable[[np.ndarray], np.ndarray], normals: np.ndarray, scale: float) -> float:
+    """Estimate how fast the field's error grows with the distance from accepted normals, by two-fold cross-validation.
 
-    predict(known (H, W) bool) -> field (H, W, 3) from these accepted normals (H, W, 3; NaN elsewhere) and the rim.
-    Chequered blocks of a quarter inradius are withheld in turn. With nothing to withhold: 150 degrees an inradius.
+    The folds are the two colours of a chequerboard of blocks.
+
+    Args:
+        predict: maps known pixels (H, W) bool to the field (H, W, 3) from these normals and the occluding contour.
+        normals: (H, W, 3) accepted normals, NaN elsewhere.
+        scale: inradius in pixels.
+
+    Returns:
+        Standard deviation per axis, radians per pixel; DEFAULT_SLOPE_DEG per inradius if nothing can be held out.
     """
     known = np.isfinite(normals[..., 0])
-    block = max(4, round(0.25 * scale))
+    block = max(4, round(BLOCK_INRADII * scale))
     rows, columns = np.indices(known.shape) // block
     ratios = []
     for parity in (0, 1):
@@ -88,24 +112,31 @@ def field_growth(predict: Callable[[np.ndarray], np.ndarray], normals: np.ndarra
             continue
         distance = ndimage.distance_transform_edt(~kept)[tested]
         error = np.radians(angles(predict(kept)[tested], normals[tested]))
-        ratios.append(error / (distance + 2.0))
+        ratios.append(error / (distance + MIN_DISTANCE_PX))
     if not ratios:
-        return np.radians(150.0) / scale
+        return np.radians(DEFAULT_SLOPE_DEG) / scale
+    # A quantile instead of the RMS is robust against the false normals among the tested.
     return float(np.quantile(np.concatenate(ratios), 0.9)) / RAYLEIGH_NINTH_DECILE
 
 
-def field_confidence(known: np.ndarray, rim: np.ndarray, growth: float, scale: float) -> np.ndarray:
-    """Confidence (H, W) of the field between accepted pixels `known` and rim pixels `rim` (H, W bool each).
+def field_confidence(known: np.ndarray, rim: np.ndarray, slope: float, scale: float) -> np.ndarray:
+    """Return the confidence (H, W) of the field between accepted pixels and the occluding contour.
 
-    growth: `field_growth`, radians per pixel; scale: the inradius in pixels. Full confidence needs accepted normals all
-    around; towards the rim it is extrapolation and no surer than that the rim is an occluding contour.
+    Full confidence needs accepted normals all around; towards the contour the field is extrapolated, and no better
+    known than that the silhouette is an occluding contour.
+
+    Args:
+        known, rim: (H, W) bool, accepted pixels and the occluding contour.
+        slope: `field_error_slope`, radians per pixel.
+        scale: inradius in pixels.
     """
 
-    def reached_from(places: np.ndarray) -> np.ndarray:
-        if not places.any():
-            return np.zeros(places.shape)
-        return within_tolerance(growth * (ndimage.distance_transform_edt(~places) + 2.0))
+    def confidence_from(sources: np.ndarray) -> np.ndarray:
+        if not sources.any():
+            return np.zeros(sources.shape)
+        distance = ndimage.distance_transform_edt(~sources) + MIN_DISTANCE_PX
+        return probability_within_tolerance(slope * distance)
 
-    around = np.minimum(1.3 * ndimage.gaussian_filter(known.astype(float), max(2.0, 0.08 * scale)), 1.0)
-    inside = RIM_TRUST + (1.0 - RIM_TRUST) * around
-    return np.maximum(inside * reached_from(known), RIM_TRUST * reached_from(rim))
+    surrounded = np.minimum(1.3 * ndimage.gaussian_filter(known.astype(float), max(2.0, 0.08 * scale)), 1.0)
+    inside = OCCLUDING_CONTOUR_SHARE + (1.0 - OCCLUDING_CONTOUR_SHARE) * surrounded
+    return np.maximum(inside * confidence_from(known), OCCLUDING_CONTOUR_SHARE * confidence_from(rim))

@@ -1,8 +1,9 @@
-"""The paper's dual-layer graph cut, taken literally (paper 4.2, Eqn 2; METHOD 6).
+"""The paper's dual-layer graph cut, taken literally (section 4.2, Eqn 1 to 3).
 
-Each pixel has two nodes, one for each of its two heaviest clusters. Label 1 says that a node's normal is the exterior
-surface's. A node's own term compares its gradient with that of the initial normal and with that of the counter normal,
-to which a highlight from the far side would point; neighbours with different labels pay for how alike they are.
+Each pixel has two nodes, for its two heaviest clusters. Label 1 means that a node's normal is that of the exterior
+surface. The likelihood term E1 compares a node's gradient with that of the initial normal and with that of the counter
+normal, to which a highlight from the far side would point; the prior term E2 charges neighbours of different labels by
+how alike their gradients are.
 """
 
 from dataclasses import dataclass
@@ -14,102 +15,131 @@ import numpy as np
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
 from glint.tasks.algorithms.geometry.vectors import NZ_FLOOR, angles, gradients
-from glint.tasks.algorithms.labelling.confidence import RIM_TRUST, field_confidence, field_growth, observed_confidence
-from glint.tasks.algorithms.labelling.reconstruction import (
+from glint.tasks.algorithms.labelling.confidence import (
+    OCCLUDING_CONTOUR_SHARE,
+    field_confidence,
+    field_error_slope,
+    observed_confidence,
+)
+from glint.tasks.algorithms.labelling.results import (
     FILLED,
     MARKED,
     OBSERVED,
     OUTSIDE,
     SILHOUETTE,
+    Iteration,
     Reconstruction,
-    Round,
 )
+from glint.tasks.algorithms.labelling.weights import DEFAULT_FIELD, FieldWeights
 from glint.tasks.algorithms.prior.smooth_normals import contour_normals, inradius, smooth_normal_field
 
-Edges = Literal["layers", "surface"]
-"""The two readings of a node's nine edges: the four neighbours in both layers, or the eight in its own; and in both the
-pixel's other node."""
-FORBIDDEN = 1e6
-"""Stands for the infinite cost that a mark sets on the other label."""
-LABEL_TRUST = 0.9
-"""Share of accepted normals in good sheets that are right: the cut takes whole false sheets for exterior ones too."""
+Connectivity = Literal["layers", "surface"]
+"""The two readings of "up to 9 edges" of a node (Figure 6): the four neighbours in both layers, or the eight in its own
+layer; and in either reading the pixel's second node."""
+FORBIDDEN_COST = 1e6
+"""Stands for the infinite cost that a mark sets on the opposite label (Eqn 2)."""
+LABEL_PRECISION = 0.9
+"""Share of accepted normals in good sheets that are right: the cut accepts whole false sheets, too."""
 
 
 @dataclass(frozen=True, slots=True)
-class Nodes:
-    """p, q (2, H, W) gradients of the nodes; one, zero (2, H, W) costs E1(1) and E1(0) of labelling them so."""
+class NodeTerms:
+    """Gradients p, q (2, H, W) of the nodes, and their likelihood costs (2, H, W): exterior_cost = E1(1), false_cost =
+    E1(0)."""
 
     p: np.ndarray
     q: np.ndarray
-    one: np.ndarray
-    zero: np.ndarray
+    exterior_cost: np.ndarray
+    false_cost: np.ndarray
 
 
-def nodes_of(
-    normals: np.ndarray, initial: np.ndarray, mask: np.ndarray, pins: np.ndarray, floor: float = NZ_FLOOR
-) -> Nodes:
-    """Gradients and own terms of the two nodes of each pixel.
+def node_terms(
+    normals: np.ndarray, initial: np.ndarray, mask: np.ndarray, pins: np.ndarray, min_nz: float = NZ_FLOOR
+) -> NodeTerms:
+    """Compute gradients and likelihood terms of the two nodes of each pixel (Eqn 2).
 
-    normals (2, H, W, 3), NaN where a pixel has no such cluster; initial (H, W, 3); pins (2, H, W): +1 marked true, -1
-    marked false. A pixel with one cluster holds it in both nodes; one with none holds the initial normal in both.
+    A pixel with one cluster holds it in both nodes; one with none holds the initial normal in both.
+
+    Args:
+        normals: (2, H, W, 3) unit, camera frame, NaN where a pixel has no such cluster.
+        initial: (H, W, 3) normals from the silhouette.
+        mask: (H, W) bool; terms are 0 outside.
+        pins: (2, H, W), +1 marked true, -1 marked false, 0 unmarked.
+        min_nz: n_z is clamped from below to this in gradients.
     """
-    seen = np.isfinite(normals[..., 0])
-    first = np.where(seen[0][..., None], normals[0], initial)
-    both = np.stack([first, np.where(seen[1][..., None], normals[1], first)])
-    p, q = gradients(both, floor)
-    front_p, front_q = gradients(initial, floor)
+    observed = np.isfinite(normals[..., 0])
+    first = np.where(observed[0][..., None], normals[0], initial)
+    nodes = np.stack([first, np.where(observed[1][..., None], normals[1], first)])
+    p, q = gradients(nodes, min_nz)
+    # The counter normal has the opposite gradient, so its differences are sums.
+    front_p, front_q = gradients(initial, min_nz)
     front = np.abs(p - front_p) + np.abs(q - front_q)
     counter = np.abs(p + front_p) + np.abs(q + front_q)
     total = front + counter
-    one = np.where(seen[0] & (total > 0), front / np.maximum(total, 1e-12), 0.5)
-    zero = 1.0 - one
-    both_pins = np.stack([pins[0], np.where(seen[1], pins[1], pins[0])])
-    one = np.where(both_pins > 0, 0.0, np.where(both_pins < 0, FORBIDDEN, one))
-    zero = np.where(both_pins > 0, FORBIDDEN, np.where(both_pins < 0, 0.0, zero))
-    return Nodes(*(np.where(mask, values, 0.0) for values in (p, q, one, zero)))
+    exterior_cost = np.where(observed[0] & (total > 0), front / np.maximum(total, 1e-12), 0.5)
+    false_cost = 1.0 - exterior_cost
+    # A single cluster stands in both nodes, so its mark holds for both.
+    node_pins = np.stack([pins[0], np.where(observed[1], pins[1], pins[0])])
+    exterior_cost = np.where(node_pins > 0, 0.0, np.where(node_pins < 0, FORBIDDEN_COST, exterior_cost))
+    false_cost = np.where(node_pins > 0, FORBIDDEN_COST, np.where(node_pins < 0, 0.0, false_cost))
+    return NodeTerms(*(np.where(mask, values, 0.0) for values in (p, q, exterior_cost, false_cost)))
 
 
-def label_dual_layer(nodes: Nodes, mask: np.ndarray, *, edges: Edges = "layers", weight: float = 0.1) -> np.ndarray:
-    """Labels (2, H, W) uint8 of least energy sum E1 + weight sum E2, 1 = exterior.
+def label_dual_layer(
+    nodes: NodeTerms, mask: np.ndarray, *, connectivity: Connectivity = "layers", weight: float = 0.1
+) -> np.ndarray:
+    """Return the labelling (2, H, W) uint8 of minimum energy sum E1 + weight sum E2 (Eqn 1), 1 = exterior.
 
-    mask (H, W) bool; weight: of the neighbours' terms, which the paper leaves at 1.
+    mask (H, W) bool; weight: of the prior term, which the paper leaves at 1.
+
+    Raises:
+        ValueError: the weight is negative.
     """
     if weight < 0:
-        raise ValueError(f"weight {weight} is negative: a graph cut needs ties that cost")
+        raise ValueError(f"weight {weight} is negative: a graph cut needs non-negative edge costs")
     count = int(mask.sum())
     numbers = np.full(nodes.p.shape, -1)
     numbers[:, mask] = np.arange(2 * count).reshape(2, count)
-    ends = [edge_ends(numbers, edges, shift) for shift in shifts_of(edges)]
+    # Edges between neighbouring pixels, then those between the two nodes of each pixel.
+    ends = [edge_ends(numbers, connectivity, offset) for offset in neighbour_offsets(connectivity)]
     first, second = (np.concatenate(parts) for parts in zip(*ends, (numbers[0][mask], numbers[1][mask]), strict=True))
     p, q = (np.concatenate([values[0][mask], values[1][mask]]) for values in (nodes.p, nodes.q))
-    ties = weight / (np.abs(p[first] - p[second]) + np.abs(q[first] - q[second]) + 1.0)
+    costs = weight / (np.abs(p[first] - p[second]) + np.abs(q[first] - q[second]) + 1.0)
     graph = maxflow.GraphFloat(2 * count, len(first))
     graph.add_nodes(2 * count)
-    graph.add_edges(first, second, ties, ties)
-    one, zero = (np.concatenate([cost[0][mask], cost[1][mask]]) for cost in (nodes.one, nodes.zero))
-    graph.add_grid_tedges(np.arange(2 * count), zero, one)
+    graph.add_edges(first, second, costs, costs)
+    exterior_cost, false_cost = (
+        np.concatenate([cost[0][mask], cost[1][mask]]) for cost in (nodes.exterior_cost, nodes.false_cost)
+    )
+    # A node on the source's side is exterior: cutting it off the source costs what calling it false does.
+    graph.add_grid_tedges(np.arange(2 * count), false_cost, exterior_cost)
     graph.maxflow()
     labels = np.zeros(nodes.p.shape, np.uint8)
     labels[:, mask] = ~graph.get_grid_segments(np.arange(2 * count)).reshape(2, count)
     return labels
 
 
-def shifts_of(edges: Edges) -> list[tuple[int, int]]:
-    """Steps (rows, columns) to the neighbours; each pair of pixels is taken once."""
-    return [(0, 1), (1, 0)] if edges == "layers" else [(0, 1), (1, 0), (1, 1), (1, -1)]
+def neighbour_offsets(connectivity: Connectivity) -> list[tuple[int, int]]:
+    """Return the steps (rows, columns) to the neighbours, so that each pair of pixels is taken once."""
+    return [(0, 1), (1, 0)] if connectivity == "layers" else [(0, 1), (1, 0), (1, 1), (1, -1)]
 
 
-def edge_ends(numbers: np.ndarray, edges: Edges, shift: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the nodes at both ends of all edges between pixels a step apart; numbers (2, H, W), -1 outside."""
-    down, right = shift
+def edge_ends(
+    numbers: np.ndarray, connectivity: Connectivity, offset: tuple[int, int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the node numbers at either end of all edges between pixels an offset apart, two (E,).
+
+    numbers (2, H, W): those of the nodes, -1 outside the mask.
+    """
+    down, right = offset
     height, width = numbers.shape[1:]
-    here = numbers[:, : height - down, max(0, -right) : width - max(0, right)]
-    there = numbers[:, down:, max(0, right) : width - max(0, -right)]
-    layers = ((0, 0), (1, 1), (0, 1), (1, 0)) if edges == "layers" else ((0, 0), (1, 1))
-    inside = (here[0] >= 0) & (there[0] >= 0)
+    pixel = numbers[:, : height - down, max(0, -right) : width - max(0, right)]
+    neighbour = numbers[:, down:, max(0, right) : width - max(0, -right)]
+    layers = ((0, 0), (1, 1), (0, 1), (1, 0)) if connectivity == "layers" else ((0, 0), (1, 1))
+    inside = (pixel[0] >= 0) & (neighbour[0] >= 0)
     return (
-        np.concatenate([here[a][inside] for a, _ in layers]),
-        np.concatenate([there[b][inside] for _, b in layers]),
+        np.concatenate([pixel[a][inside] for a, _ in layers]),
+        np.concatenate([neighbour[b][inside] for _, b in layers]),
     )
 
 
@@ -119,73 +149,81 @@ def reconstruct_dual_layer(
     initial: np.ndarray,
     *,
     marks: Marks | None = None,
-    edges: Edges = "layers",
+    connectivity: Connectivity = "layers",
     weight: float = 0.1,
-    rounds: int = 0,
-    rim_weight: float = 1.0,
-    normal_weight: float = 0.1,
-    tension_length: float = 0.12,
+    iterations: int = 0,
+    field_weights: FieldWeights = DEFAULT_FIELD,
 ) -> Reconstruction:
-    """Normals as the paper has them: the cluster labelled 1 (of two, the one that fits better), else the initial one.
+    """Reconstruct normals as the paper does: the cluster labelled 1 (of two, the better one), else the initial normal.
 
-    clusters of the region's (H, W); mask (H, W) bool; initial (H, W, 3). rounds: how often the rejected and unobserved
-    pixels are filled afresh from the accepted normals and the rim, and between two fillings labelled anew against
-    them; none is the paper's method. The last three are those of `rounds` and shape that filling.
+    Args:
+        clusters: candidates of the region; `normals` (K, H, W, 3), of which the first two layers are used.
+        mask: (H, W) bool, the object.
+        initial: (H, W, 3) normals from the silhouette.
+        marks: true and false highlights marked by a user.
+        connectivity, weight: see `Connectivity` and `label_dual_layer`.
+        iterations: 0 is the paper's method. Otherwise rejected and unobserved pixels are filled so many times from the
+            accepted normals and the occluding contour; between two fillings, nodes are labelled again against them.
+        field_weights: `rim`, `observed` and `tension_length` of the filling.
+
+    Raises:
+        ValueError: clusters and mask differ in size, or the weight is negative.
     """
     if clusters.normals.shape[1:3] != mask.shape:
         raise ValueError(f"clusters of {clusters.normals.shape[1:3]} pixels do not fit a mask of {mask.shape}")
     normals = np.where(mask[None, :, :, None], clusters.normals[:2], np.nan)
     marked, marked_normals, pins = mark_constraints(marks, normals, mask)
     rim, outward = contour_normals(mask)
-    scale, surface = inradius(mask), smooth_normal_field(mask, tension_length) if rounds else None
+    scale, surface = inradius(mask), smooth_normal_field(mask, field_weights.tension_length) if iterations else None
 
-    def labelled(field: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        nodes = nodes_of(normals, field, mask, pins)
-        labels = label_dual_layer(nodes, mask, edges=edges, weight=weight)
+    def label_against(field: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        nodes = node_terms(normals, field, mask, pins)
+        labels = label_dual_layer(nodes, mask, connectivity=connectivity, weight=weight)
         labels[~np.isfinite(normals[..., 0])] = 0
-        best = np.where(labels == 1, nodes.one, np.inf).argmin(axis=0)
+        best = np.where(labels == 1, nodes.exterior_cost, np.inf).argmin(axis=0)
         chosen = np.take_along_axis(normals, best[None, :, :, None], axis=0)[0]
         return labels, np.where(labels.any(axis=0)[..., None], chosen, marked_normals)
 
-    def filled(known: np.ndarray) -> np.ndarray:
+    def solve_field(known: np.ndarray) -> np.ndarray:
         assert surface is not None
-        weights = np.where(known, normal_weight, np.where(rim, rim_weight, 0.0))
+        weights = np.where(known, field_weights.observed, np.where(rim, field_weights.rim, 0.0))
         return surface.solve(np.where(known[..., None], chosen, outward), weights)
 
     field, changes = initial, []
-    labels, chosen = labelled(field)
-    for number in range(rounds):
+    labels, chosen = label_against(field)
+    for number in range(iterations):
         if number:
-            previous, (labels, chosen) = labels, labelled(field)
+            previous, (labels, chosen) = labels, label_against(field)
             changes.append(int((previous != labels).any(axis=0).sum()))
-        field = filled(np.isfinite(chosen[..., 0]))
+        field = solve_field(np.isfinite(chosen[..., 0]))
     accepted = np.isfinite(chosen[..., 0])
-    if rounds:
-        expected = field_confidence(accepted, rim, field_growth(filled, chosen, scale), scale)
+    if iterations:
+        slope = field_error_slope(solve_field, chosen, scale)
+        unobserved = field_confidence(accepted, rim, slope, scale)
     else:
-        expected = np.full(mask.shape, _agreement(initial, chosen))
-    sure = np.where(marked, 1.0, LABEL_TRUST * observed_confidence(chosen, scale))
+        unobserved = np.full(mask.shape, _initial_accuracy(initial, chosen))
+    observed = np.where(marked, 1.0, LABEL_PRECISION * observed_confidence(chosen, scale))
     kept = np.zeros(clusters.normals.shape[:3], np.uint8)
     kept[:2] = labels
-    elsewhere = np.where(rim, SILHOUETTE, FILLED) if rounds else SILHOUETTE
+    elsewhere = np.where(rim, SILHOUETTE, FILLED) if iterations else SILHOUETTE
     provenance = np.select([~mask, marked, accepted], [OUTSIDE, MARKED, OBSERVED], elsewhere)
     return Reconstruction(
         labels=kept,
         normals=np.where(accepted[..., None], chosen, field).astype(np.float32),
         initial=initial,
         provenance=provenance.astype(np.uint8),
-        confidence=np.where(mask, np.where(accepted, sure, expected), np.nan).astype(np.float32),
-        rounds=tuple(Round(int(accepted.sum()), changed) for changed in [int(accepted.sum()), *changes]),
+        confidence=np.where(mask, np.where(accepted, observed, unobserved), np.nan).astype(np.float32),
+        iterations=tuple(Iteration(int(accepted.sum()), changed) for changed in [int(accepted.sum()), *changes]),
     )
 
 
-def _agreement(initial: np.ndarray, accepted: np.ndarray) -> float:
-    """Share of the accepted normals (H, W, 3; NaN elsewhere) within 5 degrees of the initial ones (H, W, 3).
+def _initial_accuracy(initial: np.ndarray, accepted: np.ndarray) -> float:
+    """Return the share of accepted normals (H, W, 3; NaN elsewhere) within 5 degrees of the initial ones (H, W, 3).
 
-    They did not shape the initial normals, so they are the one place where those can be checked. Where nothing was
-    accepted nothing speaks for them, and however many agree, they are no surer than the rim.
+    Accepted normals did not shape the initial ones, so they are an independent check; 0 if nothing was accepted. The
+    share is bounded by that of occluding contours, since the initial normals rest on the silhouette alone.
     """
     known = np.isfinite(accepted[..., 0])
     if not known.any():
         return 0.0
-    return min(RIM_TRUST, float((angles(initial[known], accepted[known]) < 5.0).mean()))
+    return min(OCCLUDING_CONTOUR_SHARE, float((angles(initial[known], accepted[known]) < 5.0).mean()))

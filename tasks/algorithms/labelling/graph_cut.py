@@ -1,57 +1,69 @@
-"""Labelling of whole sheets: the graph cut over (pixel, cluster) nodes (paper 4.2, with other weights).
+"""Binary labelling of candidate normals by a graph cut over (pixel, cluster) nodes: section 4.2, with other weights.
 
-Each kind of light path maps the image smoothly to half vectors, so the nodes of one kind form smooth sheets across
-neighbouring pixels and layers. Neighbouring nodes are tied by how well their normals agree, in all layers at once, so
-that the cut runs between sheets; the unary term says how well a node fits the expected field.
+As in the paper, an energy of unary and pairwise terms is minimised by max-flow (Boykov and Kolmogorov 2004). Unlike the
+paper's, the pairwise term is contrast-sensitive (Boykov and Jolly 2001) and ties mutually nearest nodes across all
+layers: nodes of one sheet (see `reconstruction`) are tied strongly, so the cut runs between sheets and labels them
+whole. The unary term is the log-likelihood ratio of a node under the smooth field's error model.
 """
 
 import maxflow
 import numpy as np
 from numba import njit
 
-CAP = 2.0 * np.pi * (1.0 - np.cos(np.pi / 4))
-"""Solid angle of the normals that can be observed (within 45 degrees of the view vector)."""
-CERTAIN = 1e6
-"""Evidence of a marked node, in nats: beyond any sum of the others."""
+OBSERVABLE_SOLID_ANGLE = 2.0 * np.pi * (1.0 - np.cos(np.pi / 4))
+"""Steradians: normals within 45 degrees of the view vector, the only ones that can be observed."""
+HARD_CONSTRAINT = 1e6
+"""Unary log-likelihood ratio of a marked node, nats: larger than any sum of the remaining terms at a node."""
+MAX_TIED_CONTRASTS = 7.0
+"""Squared differences of normals, in squared contrasts, above which two nodes are not tied: exp(-7) is negligible."""
 
 
-def evidence(normals: np.ndarray, field: np.ndarray, spread: np.ndarray, prior: float = 0.5) -> np.ndarray:
-    """Log likelihood ratio of exterior against false for each node.
+def unary_log_ratio(normals: np.ndarray, field: np.ndarray, spread: np.ndarray, prior: float = 0.5) -> np.ndarray:
+    """Compute the unary log-likelihood ratio of exterior against false for each node.
 
-    normals (K, H, W, 3), field (H, W, 3) and its spread (H, W) in radians -> (K, H, W) float32, NaN without cluster.
     An exterior normal is normally distributed about the field on the sphere, a false one uniform over the observable
-    cap; `prior` is the share of exterior nodes.
+    cap.
+
+    Args:
+        normals: (K, H, W, 3) unit, NaN without cluster.
+        field: (H, W, 3) unit, the expected normals.
+        spread: (H, W) standard deviation of the field in radians.
+        prior: share of the nodes that are exterior.
+
+    Returns:
+        (K, H, W) float32, nats, NaN without cluster.
     """
     chord = np.linalg.norm(normals - field[None], axis=-1)
     angle = 2.0 * np.arcsin(np.clip(chord / 2.0, 0.0, 1.0))
-    ratio = np.log(CAP / (2.0 * np.pi * spread**2)) - angle**2 / (2.0 * spread**2) + np.log(prior / (1.0 - prior))
+    normalisation = np.log(OBSERVABLE_SOLID_ANGLE / (2.0 * np.pi * spread**2))
+    ratio = normalisation - angle**2 / (2.0 * spread**2) + np.log(prior / (1.0 - prior))
     return ratio.astype(np.float32)
 
 
 @njit(cache=True, nogil=True)
-def _nearest(normals: np.ndarray, nodes: np.ndarray, k: int, y: int, x: int, v: int, u: int) -> tuple[int, float]:
-    """The layer at pixel (v, u) whose normal is nearest to node (k, y, x), -1 if none, and the squared difference."""
-    best, least = -1, np.inf
+def _nearest_layer(normals: np.ndarray, nodes: np.ndarray, k: int, y: int, x: int, v: int, u: int) -> tuple[int, float]:
+    """Return the layer at pixel (v, u) nearest to node (k, y, x), -1 if none, and the squared difference."""
+    nearest, min_gap = -1, np.inf
     for j in range(len(nodes)):
         if nodes[j, v, u] >= 0:
             gap = 0.0
             for a in range(3):
                 gap += (normals[k, y, x, a] - normals[j, v, u, a]) ** 2
-            if gap < least:
-                best, least = j, gap
-    return best, least
+            if gap < min_gap:
+                nearest, min_gap = j, gap
+    return nearest, min_gap
 
 
 @njit(cache=True, nogil=True)
-def _ties(
+def _pairwise_edges(
     normals: np.ndarray, nodes: np.ndarray, strength: float, contrast: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Edges between 8-neighbouring pixels: numbers of the two nodes and the weight.
+    """Return the edges between 8-neighbouring pixels: ids of the two nodes (E,) int64 and weights (E,) float64.
 
-    Only nodes that are each other's nearest are tied: a sheet passes each pixel once, and where two sheets cross they
-    must not be glued together.
+    Only mutually nearest nodes are tied: a sheet passes each pixel once, and two sheets that cross must stay separate.
     """
     layers, height, width = nodes.shape
+    # Each node has at most one edge to each of the four neighbours that follow it in raster order.
     first = np.empty(4 * (nodes >= 0).sum(), np.int64)
     second, weight = np.empty_like(first), np.empty(len(first), np.float64)
     size = 0
@@ -64,8 +76,11 @@ def _ties(
                     v, u = y + dy, x + dx
                     if v >= height or u < 0 or u >= width:
                         continue
-                    j, gap = _nearest(normals, nodes, k, y, x, v, u)
-                    if j < 0 or gap > 7.0 * contrast**2 or _nearest(normals, nodes, j, v, u, y, x)[0] != k:
+                    j, gap = _nearest_layer(normals, nodes, k, y, x, v, u)
+                    if j < 0 or gap > MAX_TIED_CONTRASTS * contrast**2:
+                        continue
+                    # The relation must be mutual, or a node near two sheets would join them.
+                    if _nearest_layer(normals, nodes, j, v, u, y, x)[0] != k:
                         continue
                     first[size], second[size] = nodes[k, y, x], nodes[j, v, u]
                     weight[size] = strength * np.exp(-gap / contrast**2)
@@ -73,11 +88,13 @@ def _ties(
     return first[:size], second[:size], weight[:size]
 
 
-def label_sheets(normals: np.ndarray, ratios: np.ndarray, strength: float = 10.0, contrast: float = 0.1) -> np.ndarray:
-    """Labels (K, H, W) bool of least energy: true = exterior surface.
+def graph_cut(normals: np.ndarray, ratios: np.ndarray, strength: float = 10.0, contrast: float = 0.1) -> np.ndarray:
+    """Return the labelling of minimum energy, (K, H, W) bool, true = exterior surface.
 
-    normals (K, H, W, 3) unit, NaN where a pixel has no such cluster; ratios (K, H, W) log likelihood ratios. Two
-    neighbouring nodes with different labels cost strength exp(-|n_i - n_j|^2 / contrast^2) (nats).
+    Args:
+        normals: (K, H, W, 3) unit, NaN without cluster.
+        ratios: (K, H, W) unary log-likelihood ratios, nats.
+        strength, contrast: neighbouring nodes of different labels cost strength exp(-|n_i - n_j|^2 / contrast^2), nats.
     """
     present = np.isfinite(normals[..., 0])
     labels = np.zeros(present.shape, dtype=bool)
@@ -86,7 +103,7 @@ def label_sheets(normals: np.ndarray, ratios: np.ndarray, strength: float = 10.0
         return labels
     nodes = np.full(present.shape, -1, dtype=np.int64)
     nodes[present] = np.arange(count)
-    first, second, weight = _ties(normals, nodes, strength, contrast)
+    first, second, weight = _pairwise_edges(normals, nodes, strength, contrast)
     graph = maxflow.GraphFloat(count, len(first))
     graph.add_nodes(count)
     if len(first):
@@ -98,7 +115,10 @@ def label_sheets(normals: np.ndarray, ratios: np.ndarray, strength: float = 10.0
     return labels
 
 
-def one_per_pixel(labels: np.ndarray, ratios: np.ndarray) -> np.ndarray:
-    """Keep of several exterior nodes in a pixel the best (K, H, W) bool: light meets the exterior surface once."""
+def keep_best_per_pixel(labels: np.ndarray, ratios: np.ndarray) -> np.ndarray:
+    """Keep, of several exterior nodes of a pixel, the one with the highest ratio: light meets the surface once.
+
+    labels (K, H, W) bool, ratios (K, H, W) -> (K, H, W) bool.
+    """
     best = np.where(labels, ratios, -np.inf).argmax(axis=0)
     return labels & (np.arange(len(labels))[:, None, None] == best[None])

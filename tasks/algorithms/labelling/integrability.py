@@ -1,43 +1,60 @@
-"""What a sheet's own shape says of it, whatever the expected field: does it integrate, and is it convex?
+"""Integrability and convexity prior: a sheet's log-likelihood ratio from its own shape, independent of the field.
 
-The gradients of a surface have no curl, and a solid's outside is mostly convex: its normals turn outwards. The half
-vectors of a path through the glass need not integrate, and refraction mostly turns them the other way.
+The gradients of a surface have no curl (integrability, Frankot and Chellappa 1988), and the outside of a solid is
+mostly convex. Half vectors of a path through the glass need not integrate, and refraction mostly turns them inwards.
+The paper leaves this cue unused: section 4.2 only ties neighbours of similar gradients.
 """
 
 import numpy as np
 from numba import njit
 
-REACH = np.cos(np.radians(15.0))
-"""Nodes belong to one sheet while their normals differ by less, cosine."""
-LEAST_SUPPORT = 8
+WINDOW_SHEET_COSINE = np.cos(np.radians(15.0))
+"""A normal in the window belongs to the node's sheet if it differs from the node's by less than 15 degrees."""
+MIN_WINDOW_SAMPLES = 8
+"""Samples of the sheet that a fit of the Jacobian needs, of 49."""
+RIDGE = 1e-3
+"""Added to the diagonal of the normal equations, in squared pixels, so that samples in one line stay solvable."""
 CURL_SCALE = 0.1
-"""Mean curl of exterior sheets, as a share of the Jacobian: noise and bumps smaller than the window."""
-CURL_OUTLIERS = 0.15
-CONVEX_MIDDLE, CONVEX_WIDTH, CONVEX_MOST = 0.5, 0.6, 1.65
-"""Where, how fast and to how many nats convexity (in units of 1/inradius) turns from false to exterior."""
+"""Mean curl of exterior sheets as a share of the Jacobian's norm, from noise and from bumps smaller than the window."""
+CURL_OUTLIER_SHARE = 0.15
+"""Share of exterior nodes whose curl is uniform instead."""
+MIN_JACOBIAN_PER_INRADIUS = 0.1
+"""Added to the Jacobian's norm, per inradius: the curl of a flat sheet is noise."""
+CONVEXITY_MIDPOINT, CONVEXITY_WIDTH, CONVEXITY_MAX_NATS = 0.5, 0.6, 1.65
+"""Centre and width (in 1/inradius) of the tanh that maps convexity to a log-likelihood ratio, and its bound."""
+SCRAP_LOG_RATIO = -2.0
+"""Nats for scraps that are too small to have a shape: more often false than exterior."""
 
 
-def shape_evidence(normals: np.ndarray, scale: float) -> np.ndarray:
-    """Log likelihood ratio of exterior against false from the shape of each node's sheet.
+def shape_log_ratio(normals: np.ndarray, scale: float) -> np.ndarray:
+    """Compute the log-likelihood ratio of exterior against false from the shape of each node's sheet.
 
-    normals (K, H, W, 3), NaN without cluster; scale: the inradius in pixels -> (K, H, W) float32, NaN without cluster.
-    Curl is exponential (with outliers) for exterior sheets and uniform for false ones. Scraps too small to have a shape
-    count as slightly false.
+    Relative curl is exponential (with uniform outliers) for exterior sheets and uniform for false ones; the ratio of
+    convexity is a tanh fitted to simulated captures.
+
+    Args:
+        normals: (K, H, W, 3) unit, camera frame, NaN without cluster.
+        scale: inradius of the mask in pixels.
+
+    Returns:
+        (K, H, W) float32, nats, NaN without cluster.
     """
     curl, jacobian, convexity = np.moveaxis(sheet_jacobian(normals, max(1, round(scale / 100.0))), -1, 0)
-    share = np.abs(curl) / (jacobian + 0.1 / scale)
-    integrable = np.log((1.0 - CURL_OUTLIERS) / CURL_SCALE * np.exp(-share / CURL_SCALE) + CURL_OUTLIERS)
-    convex = CONVEX_MOST * np.tanh((convexity * scale - CONVEX_MIDDLE) / CONVEX_WIDTH)
-    ratio = np.where(np.isfinite(curl), integrable + convex, -2.0)
+    relative_curl = np.abs(curl) / (jacobian + MIN_JACOBIAN_PER_INRADIUS / scale)
+    exterior = (1.0 - CURL_OUTLIER_SHARE) / CURL_SCALE * np.exp(-relative_curl / CURL_SCALE) + CURL_OUTLIER_SHARE
+    integrable = np.log(exterior)
+    convex = CONVEXITY_MAX_NATS * np.tanh((convexity * scale - CONVEXITY_MIDPOINT) / CONVEXITY_WIDTH)
+    ratio = np.where(np.isfinite(curl), integrable + convex, SCRAP_LOG_RATIO)
     return np.where(np.isfinite(normals[..., 0]), ratio, np.nan).astype(np.float32)
 
 
 @njit(cache=True, nogil=True)
 def sheet_jacobian(normals: np.ndarray, step: int) -> np.ndarray:
-    """Curl p_y - q_x, norm of the Jacobian and convexity -(p_x + q_y) of the gradients about each node, per pixel.
+    """Fit the Jacobian of the gradients (p, q) of each node's sheet.
 
-    A plane is fitted to the gradients of the sheet that passes the node, in a window of 7 x 7 samples `step` pixels
-    apart. normals (K, H, W, 3) -> (K, H, W, 3) float32, NaN where fewer than LEAST_SUPPORT samples hold the sheet.
+    By least squares over a window of 7 x 7 samples `step` pixels apart. normals (K, H, W, 3), camera frame, NaN without
+    cluster -> (K, H, W, 3) float32, per pixel: curl p_y - q_x, Frobenius norm of the Jacobian, convexity -(p_x + q_y);
+    NaN where fewer than MIN_WINDOW_SAMPLES samples hold the sheet.
     """
     layers, height, width, _ = normals.shape
     result = np.full((layers, height, width, 3), np.nan, np.float32)
@@ -47,6 +64,7 @@ def sheet_jacobian(normals: np.ndarray, step: int) -> np.ndarray:
                 centre = normals[k, y, x]
                 if np.isnan(centre[0]):
                     continue
+                # Normal equations of the two planes p, q = c0 + c1 x + c2 y: A^T A and A^T (p, q).
                 products = np.zeros((3, 3))
                 sums = np.zeros((3, 2))
                 support = 0
@@ -55,26 +73,28 @@ def sheet_jacobian(normals: np.ndarray, step: int) -> np.ndarray:
                         v, u = y + down * step, x + right * step
                         if v < 0 or v >= height or u < 0 or u >= width:
                             continue
-                        best, nearest = REACH, -1
+                        # Clusters are not sorted by sheet: follow the sheet to the layer of the nearest normal.
+                        max_cosine, nearest = WINDOW_SHEET_COSINE, -1
                         for j in range(layers):
-                            other = normals[j, v, u]
-                            cosine = centre[0] * other[0] + centre[1] * other[1] + centre[2] * other[2]
-                            if cosine > best:
-                                best, nearest = cosine, j
+                            normal = normals[j, v, u]
+                            cosine = centre[0] * normal[0] + centre[1] * normal[1] + centre[2] * normal[2]
+                            if cosine > max_cosine:
+                                max_cosine, nearest = cosine, j
                         if nearest < 0:
                             continue
                         support += 1
-                        other = normals[nearest, v, u]
+                        normal = normals[nearest, v, u]
+                        # Rows run downwards, y upwards.
                         row = (1.0, float(right * step), float(-down * step))
                         for a in range(3):
                             for b in range(3):
                                 products[a, b] += row[a] * row[b]
-                            sums[a, 0] -= row[a] * other[0] / other[2]
-                            sums[a, 1] -= row[a] * other[1] / other[2]
-                if support < LEAST_SUPPORT:
+                            sums[a, 0] -= row[a] * normal[0] / normal[2]
+                            sums[a, 1] -= row[a] * normal[1] / normal[2]
+                if support < MIN_WINDOW_SAMPLES:
                     continue
                 for a in range(3):
-                    products[a, a] += 1e-3
+                    products[a, a] += RIDGE
                 plane = np.linalg.solve(products, sums)
                 result[k, y, x, 0] = plane[2, 0] - plane[1, 1]
                 result[k, y, x, 1] = np.sqrt((plane[1:] ** 2).sum())

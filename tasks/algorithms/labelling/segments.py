@@ -1,7 +1,8 @@
-"""Connected sheets of accepted normals, and how each stands when the rest of the object is asked about it.
+"""Segment accepted normals into connected sheets, and score each by its residual against the field of all the rest.
 
-A false sheet can be smooth, and once it is accepted the field follows it, so that the one seems to confirm the other.
-Therefore a whole sheet is withheld at a time, and the field from the rim and all other sheets predicts it.
+A false sheet can be smooth, and once it is accepted the field follows it, so that each seems to confirm the other.
+Therefore a whole sheet is held out at a time and predicted from the occluding contour and all remaining sheets
+(leave-one-out cross-validation with sheets as folds). For sheets see `reconstruction`; the paper has no such test.
 """
 
 from collections.abc import Callable
@@ -13,38 +14,42 @@ from scipy.sparse.csgraph import connected_components
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.prior.smooth_normals import field_spread
 
-TIED = float(np.cos(np.radians(5.0)))
-"""Neighbouring normals that differ by less belong to one sheet, cosine."""
-LEAST_SIZE = 0.004
-"""Share of the mask from which a sheet is withheld by itself: many smaller ones cost as many solves."""
-UNTOLD = 2.0
-"""Surprise of the smaller ones: as large as that of most false sheets."""
-FAR = 20.0
-"""Degrees beyond which a prediction is no more wrong."""
+SAME_SHEET_COSINE = float(np.cos(np.radians(5.0)))
+"""Neighbouring normals belong to one sheet if they differ by less than 5 degrees."""
+MIN_HELD_OUT_SHARE = 0.004
+"""Sheets of at least this share of the mask are held out; each costs a solve, and smaller ones are many."""
+SMALL_SHEET_RESIDUAL = 2.0
+"""Residual given to smaller sheets: as large as that of most false sheets."""
+MAX_RESIDUAL_DEG = 20.0
+"""Angles to the prediction are clipped here: beyond it a sheet is no more wrong."""
 
 
-def connected_sheets(normals: np.ndarray) -> np.ndarray:
-    """Numbers (H, W) int from 0 of the connected sheets of normals (H, W, 3; NaN where there is none); -1 there."""
+def segment_sheets(normals: np.ndarray) -> np.ndarray:
+    """Label the connected sheets of normals.
+
+    normals (H, W, 3), NaN where there is none -> (H, W) int, sheets numbered from 0, -1 without normal. Pixels are
+    8-connected.
+    """
     known = np.isfinite(normals[..., 0])
     height, width = known.shape
     numbers = np.full(known.shape, -1)
     numbers[known] = np.arange(known.sum())
     first, second = [], []
     for down, right in ((0, 1), (1, -1), (1, 0), (1, 1)):
-        here = (slice(0, height - down), slice(max(0, -right), width - max(0, right)))
-        there = (slice(down, height), slice(max(0, right), width + min(0, right)))
-        tied = (normals[here] * normals[there]).sum(axis=-1) > TIED
-        first.append(numbers[here][tied])
-        second.append(numbers[there][tied])
+        pixel = (slice(0, height - down), slice(max(0, -right), width - max(0, right)))
+        neighbour = (slice(down, height), slice(max(0, right), width + min(0, right)))
+        tied = (normals[pixel] * normals[neighbour]).sum(axis=-1) > SAME_SHEET_COSINE
+        first.append(numbers[pixel][tied])
+        second.append(numbers[neighbour][tied])
     pairs = (np.concatenate(first), np.concatenate(second))
-    ties = sparse.coo_matrix((np.ones(len(pairs[0])), pairs), shape=(known.sum(), known.sum()))
+    adjacency = sparse.coo_matrix((np.ones(len(pairs[0])), pairs), shape=(known.sum(), known.sum()))
     sheets = np.full(known.shape, -1)
-    sheets[known] = connected_components(ties, directed=False)[1]
+    sheets[known] = connected_components(adjacency, directed=False)[1]
     return sheets
 
 
 def sheet_means(sheets: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Mean (H, W) of values (H, W) over each pixel's sheet (H, W), NaN outside sheets; a NaN among them counts as 0."""
+    """Average values (H, W) over each pixel's sheet (H, W): (H, W), NaN outside sheets; a NaN value counts as 0."""
     inside = sheets >= 0
     numbers = sheets[inside]
     sums = np.bincount(numbers, np.nan_to_num(values[inside]))
@@ -53,7 +58,7 @@ def sheet_means(sheets: np.ndarray, values: np.ndarray) -> np.ndarray:
     return result
 
 
-def surprise(
+def held_out_residual(
     sheets: np.ndarray,
     normals: np.ndarray,
     known: np.ndarray,
@@ -62,18 +67,26 @@ def surprise(
     scale: float,
     predict: Callable[[np.ndarray], np.ndarray],
 ) -> np.ndarray:
-    """How far each sheet lies from what the rest of the object makes of its place: (H, W), NaN outside sheets.
+    """Compute each sheet's held-out (leave-one-out) residual: its mean angle to the field of all remaining data.
 
-    sheets, normals (H, W, 3), known, rim, mask (H, W) bool, scale (inradius in pixels); predict(known) -> field
-    (H, W, 3) from these normals and the rim. The mean angle, in units of the spread that a field has so far from what
-    it knows (`field_spread`); UNTOLD for small sheets.
+    Args:
+        sheets: (H, W) int, numbers of the sheets, -1 outside.
+        normals: (H, W, 3) accepted normals.
+        known, rim, mask: (H, W) bool; accepted normals of the field, occluding contour, object.
+        scale: inradius of the mask in pixels.
+        predict: maps known pixels (H, W) bool to the field (H, W, 3) from these normals and the contour.
+
+    Returns:
+        (H, W), in units of the field's expected error at the sheet's distance from the remaining data (`field_spread`);
+        SMALL_SHEET_RESIDUAL for small sheets, NaN outside sheets.
     """
-    result = np.where(sheets >= 0, UNTOLD, np.nan)
+    result = np.where(sheets >= 0, SMALL_SHEET_RESIDUAL, np.nan)
     sizes = np.bincount(sheets[sheets >= 0])
-    for sheet in np.flatnonzero(sizes >= max(LEAST_SIZE * mask.sum(), 1)):
+    for sheet in np.flatnonzero(sizes >= max(MIN_HELD_OUT_SHARE * mask.sum(), 1)):
         withheld = sheets == sheet
         kept = known & ~withheld
+        # Without a ceiling: a sheet far from everything else must not be blamed for a poor prediction.
         spread = field_spread(kept | rim, scale, ceiling_deg=np.inf)[withheld]
-        off = np.minimum(angles(predict(kept)[withheld], normals[withheld]), FAR)
-        result[withheld] = off.mean() / np.degrees(spread).mean()
+        residual = np.minimum(angles(predict(kept)[withheld], normals[withheld]), MAX_RESIDUAL_DEG)
+        result[withheld] = residual.mean() / np.degrees(spread).mean()
     return result

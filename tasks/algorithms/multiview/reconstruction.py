@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.meshing.implicit import mesh_of
+from glint.tasks.algorithms.meshing.implicit import surface_nets
 from glint.tasks.algorithms.multiview.mesh_refinement import sculpt
 from glint.tasks.algorithms.multiview.normal_fusion import fuse, vertex_normals
 from glint.tasks.algorithms.multiview.poisson import close, reduced, tidy
@@ -52,11 +52,11 @@ def visual_hull(views: Sequence[View], outlines: Sequence[Outline], most: int = 
     pixel = float(np.median([view.footprint((low + high)[None] / 2)[0] for view in views]))
     field = hull_field(views, outlines)
     cell = max(FINEST * pixel, float(np.prod(high - low) ** (1 / 3)) / 40.0)
-    vertices, triangles = mesh_of(field, low, high, cell)
+    vertices, triangles = surface_nets(field, low, high, cell)
     finer = cell * np.sqrt(len(vertices) / most)
     if len(vertices) and abs(np.log(finer / cell)) > 0.1:
         cell = max(FINEST * pixel, float(finer))
-        vertices, triangles = mesh_of(field, low, high, cell)
+        vertices, triangles = surface_nets(field, low, high, cell)
     if len(vertices) < 4:
         raise UnusableCapture("the silhouettes of the views have hardly a point in common", "check the poses")
     vertices, triangles = tidy(vertices, triangles)

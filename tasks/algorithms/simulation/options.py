@@ -1,4 +1,4 @@
-"""What a simulated capture is like: one frozen record, every field with its unit; and the paper's presets."""
+"""Options of a simulated capture, each with its unit; presets of the sizes in the paper's Tables 2 and 3."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class Preset:
-    """Region (width, height) in pixels and frames of one of the paper's captures, and the shape it simulates."""
+    """Size of the object's region in pixels and number of frames of one of the paper's captures."""
 
     width: int
     height: int
@@ -23,62 +23,66 @@ PRESETS = {
 }
 """Sizes and lengths of the paper's Tables 2 and 3."""
 SHAPES = (*PRESETS, "bird")
-"""Everything that can be simulated; the bird is a second figurine that the paper has not."""
-OTHER = Preset(240, 220, 2000)
-"""Size and length of the shapes that are no preset."""
+"""All shapes that can be simulated; the bird, a second figurine, is not in the paper."""
+DEFAULT_PRESET = Preset(240, 220, 2000)
+"""Size and length of shapes without a preset of their own."""
 
 
 @dataclass(frozen=True, slots=True)
 class CaptureOptions:
-    """How to simulate a shape. The defaults give a careful capture; the later fields degrade it."""
+    """Options of simulating a shape. The defaults give a careful capture; the later fields degrade it.
+
+    Raises:
+        ValueError: an option is out of its range.
+    """
 
     frames: int | None = None
-    """Frames of each view; None: as the preset."""
+    """Frames of each view; None: as in the preset."""
     scale: float = 1.0
     """Size relative to the preset's pixels."""
     seed: int = 0
-    """Of the hand, the noise, the jitter, the room and the background."""
+    """Seed of the light's path, the noise, the jitter, the room and the background."""
     views: int = 1
-    """Turntable angles, evenly spaced over 360 degrees; more than one: the camera looks level at the object."""
+    """Number of turntable angles, evenly spaced over 360 degrees; with more than one the camera looks level."""
     free_poses: bool = False
-    """Whether cameras of several views also look from above and below; the catalogue then gives matrices."""
+    """Whether cameras of several views also look from above and below; the catalogue then states matrices."""
     axis_offset: float = 0.0
-    """Pixels by which the turntable's axis stands to the right of the region's middle."""
+    """Distance in pixels of the turntable's axis to the right of the region's centre."""
     axis_lean: float = 0.0
-    """Degrees by which the turntable's axis leans, half as much again to the right as to the camera."""
+    """Lean of the turntable's axis in degrees, 1.5 times as much to the right as to the camera."""
     angle_error: float = 0.0
-    """Largest error, degrees, of the angles that the catalogue gives; seeded."""
+    """Largest error in degrees of the angles that the catalogue states; seeded."""
     wrong_view: int | None = None
-    """A view whose angle in the catalogue is 25 degrees too large."""
+    """Number of a view whose stated angle is 25 degrees too large; None: no view."""
     ball_radius: float = 30.0
-    """Radius of the chrome ball in pixels."""
+    """Radius of the chrome sphere in pixels."""
     balls: int = 1
-    """Chrome balls: one on the right of the object, or two, on both sides."""
+    """Number of chrome spheres: 1, to the right of the object, or 2, on both sides."""
     ball_diameter: float = 25.0
-    """Diameter of the chrome ball in millimetres, which gives the scale."""
+    """Diameter of the chrome sphere in millimetres, which sets the scale."""
     lamp_radius: float = 5.4
-    """Angular radius of the lamp in degrees, where its glow has fallen to 1/e."""
+    """Angular radius of the light in degrees, at which its lobe has fallen to 1/e."""
     rays: int = 2
-    """Rays per pixel are rays x rays, each jittered in its cell."""
+    """Square root of the number of rays per pixel, each jittered in its cell."""
     missing_quarter: bool = False
-    """Whether the hand never sweeps one seeded quarter of the hemisphere."""
+    """Whether the light never visits one quarter of the hemisphere; seeded."""
     lamp_distance: float | None = None
-    """Distance of the lamp from the object's centre in frame widths; None: far away."""
+    """Distance of the light from the object's centre in frame widths; None: infinite."""
     focal: float | None = None
-    """Focal length of the camera in frame widths, 0.8 as of a phone; its distance follows. None: parallel rays."""
+    """Focal length of the camera in frame widths (0.8: a phone), which sets its distance; None: orthographic."""
     exposure_drift: float = 0.0
     """Relative amplitude of a slow drift of the exposure."""
     shake: float = 0.0
-    """Standard deviation of a slow wander of the camera, pixels."""
+    """Amplitude of the camera's shake, a slow random walk, in pixels."""
     noise: float = 1.8
     """Standard deviation of the sensor's noise in 8-bit levels."""
     crf: int = 14
     """Constant rate factor of H.264: 18 looks lossless, 35 is poor."""
     mask_error: int = 0
-    """Pixels by which the mask that is written is too large (negative: too small)."""
+    """Pixels by which the written mask is too large (negative: too small)."""
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be simulated."""
+        """Check all ranges."""
         checks = {
             "frames": self.frames is None or self.frames >= 2,
             "scale": 0.1 <= self.scale <= 16,
@@ -119,4 +123,4 @@ DEGRADED: dict[str, dict[str, Any]] = {
     "noise": {"noise": 6.0},
     "mask-too-large": {"mask_error": 3},
 }
-"""Careless captures, by what is wrong with them: options of a careful one that differ."""
+"""Degraded captures by defect: the options in which each differs from a careful one."""

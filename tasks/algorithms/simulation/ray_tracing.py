@@ -1,7 +1,8 @@
-"""Light paths of a static scene, traced once: where each of a pixel's rays leaves it, and with what weight.
+"""Light paths of a static scene, traced once: how each of a pixel's rays leaves the scene, and with what weight.
 
-Camera and object do not move and the lamp is far away, so a frame is a weighted sum over the paths whose exit
-direction lies near the lamp (METHOD, "Simulating a capture physically").
+Whitted-style recursive ray tracing (Whitted 1980) with Fresnel weights, unpolarised, at dielectric surfaces. Camera and
+object do not move and the light is distant, so a frame is a weighted sum over the paths whose exit direction lies near
+the light (`renderer`); paths need to be traced only once for all frames.
 """
 
 from collections.abc import Sequence
@@ -13,23 +14,29 @@ import open3d as o3d
 
 from glint.tasks.algorithms.simulation.solids import CHROME, GLASS, MATTE, Solid
 
-INDEX = 1.5
-"""Refractive index of the glass."""
-BOUNCES = 9
-LEAST = 0.004
-"""Weight below which a path is followed no further."""
-MIRROR = 0.9
-"""Reflectance of chrome."""
-FAR = 1e4
-"""Pixels before the object at which parallel rays start."""
-NUDGE = 2e-3
-"""Pixels by which a path starts off the surface that it leaves."""
+REFRACTIVE_INDEX = 1.5
+"""Of the glass, relative to air."""
+MAX_BOUNCES = 9
+MIN_PATH_WEIGHT = 0.004
+"""Weight, as a share of the ray's, below which a path is abandoned."""
+CHROME_REFLECTANCE = 0.9
+RAY_START_PX = 1e4
+"""Height z in pixels at which parallel rays start."""
+SURFACE_OFFSET_PX = 2e-3
+"""Distance by which a path starts off the surface that it leaves, so that it does not meet it again."""
 
 
 @dataclass(frozen=True, slots=True)
 class Paths:
-    """Paths out of the scene: pixel (N,) int32 of the frame, origin (N, 3) of the last surface, direction (N, 3) unit,
-    weight (N,); `depth` bounces before. matte (H, W): weight of diffuse surfaces seen, their normals' z averaged in."""
+    """Paths that leave the scene, camera frame, pixels.
+
+    pixel: (N,) int32, flat number of the pixel that a path contributes to.
+    origin: (N, 3) float32, point on the last surface.
+    direction: (N, 3) float32, unit, direction of exit.
+    weight: (N,) float32; the weights of a pixel's paths add up to at most 1.
+    bounces: (N,) int8, surfaces met before.
+    matte: (H, W) float64, weight that ends on diffuse surfaces.
+    """
 
     pixel: np.ndarray
     origin: np.ndarray
@@ -40,9 +47,12 @@ class Paths:
 
 
 @dataclass(frozen=True, slots=True)
-class Truth:
-    """What the camera sees first of the outer glass: normals (H, W, 3) towards the camera, depth (H, W) in pixels; NaN
-    where the pixel's centre misses it."""
+class RenderedTruth:
+    """First intersection of each pixel's central ray with the outer glass.
+
+    normals: (H, W, 3) float32, unit, camera frame, facing the camera; depth: (H, W) float32, z in pixels. NaN where the
+    ray misses.
+    """
 
     normals: np.ndarray
     depth: np.ndarray
@@ -61,40 +71,50 @@ class Scene:
         self._materials = np.array([solid.material for solid in self.solids])
 
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Distance (N,), inf where nothing is met; number of the solid (N,); its outward normal there (N, 3)."""
+        """Cast rays from origins (N, 3) in unit directions (N, 3).
+
+        Returns:
+            Distance (N,) float64, inf where a ray meets nothing; number of the solid (N,) int64, 0 there; the solid's
+            outward normal (N, 3) float64, interpolated over its mesh, 0 there.
+        """
         rays = np.concatenate([origins, directions], axis=1).astype(np.float32)
         tensor: Any = o3d.core.Tensor
-        found = self._scene.cast_rays(tensor(rays))
-        distance = found["t_hit"].numpy().astype(np.float64)
+        hits = self._scene.cast_rays(tensor(rays))
+        distance = hits["t_hit"].numpy().astype(np.float64)
         hit = np.isfinite(distance)
-        which = np.where(hit, found["geometry_ids"].numpy(), 0).astype(np.int64)
-        triangle, uv = found["primitive_ids"].numpy().astype(np.int64), found["primitive_uvs"].numpy()
+        numbers = np.where(hit, hits["geometry_ids"].numpy(), 0).astype(np.int64)
+        triangle, uv = hits["primitive_ids"].numpy().astype(np.int64), hits["primitive_uvs"].numpy()
         normals = np.zeros((len(origins), 3))
         for number, solid in enumerate(self.solids):
-            here = hit & (which == number)
-            corner = solid.vertex_normals[solid.triangles[triangle[here]]]
-            weights = np.column_stack([1.0 - uv[here].sum(axis=1), uv[here]])
-            normals[here] = np.einsum("nkc,nk->nc", corner, weights)
+            chosen = hit & (numbers == number)
+            corner = solid.vertex_normals[solid.triangles[triangle[chosen]]]
+            weights = np.column_stack([1.0 - uv[chosen].sum(axis=1), uv[chosen]])
+            normals[chosen] = np.einsum("nkc,nk->nc", corner, weights)
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-        return distance, which, normals
+        return distance, numbers, normals
 
-    def truth(self, columns: np.ndarray, rows: np.ndarray, away: float | None = None) -> Truth:
-        """What rays through x = columns, y = rows of the plane z = 0 (H, W each, camera frame) meet of the outer glass
-        first: along -z, or from a camera at z = `away`."""
-        origins, directions = _rays(columns.ravel().astype(np.float64), rows.ravel().astype(np.float64), away)
-        distance, which, normals = self.cast(origins, directions)
-        seen = np.isfinite(distance) & (self._materials[which] == GLASS)
+    def truth(self, columns: np.ndarray, rows: np.ndarray, camera_distance: float | None = None) -> RenderedTruth:
+        """Return what each pixel's central ray meets first of the outer glass.
+
+        columns, rows: (H, W) camera-frame x and y in pixels of the points of the plane z = 0 that the rays run through,
+        along -z or, with `camera_distance`, from a camera at z = `camera_distance`.
+        """
+        x, y = columns.ravel().astype(np.float64), rows.ravel().astype(np.float64)
+        origins, directions = _camera_rays(x, y, camera_distance)
+        distance, numbers, normals = self.cast(origins, directions)
+        observed = np.isfinite(distance) & (self._materials[numbers] == GLASS)
+        # Interpolated normals are good enough for rendering; the truth takes exact ones where there are any.
         for number, solid in enumerate(self.solids):
-            here = seen & (which == number)
-            if solid.field is not None and here.any():
-                triangle = np.zeros(int(here.sum()), np.int64)
-                points = origins[here] + directions[here] * distance[here, None]
-                normals[here] = solid.normals(points, triangle, np.zeros((len(triangle), 2)))
+            chosen = observed & (numbers == number)
+            if solid.function is not None and chosen.any():
+                triangle = np.zeros(int(chosen.sum()), np.int64)
+                points = origins[chosen] + directions[chosen] * distance[chosen, None]
+                normals[chosen] = solid.normals(points, triangle, np.zeros((len(triangle), 2)))
         normals = np.where((normals * directions).sum(axis=1, keepdims=True) > 0, -normals, normals)
-        depth = origins[:, 2] + directions[:, 2] * np.where(seen, distance, 0.0)
-        return Truth(
-            np.where(seen[:, None], normals, np.nan).reshape(*columns.shape, 3).astype(np.float32),
-            np.where(seen, depth, np.nan).reshape(columns.shape).astype(np.float32),
+        depth = origins[:, 2] + directions[:, 2] * np.where(observed, distance, 0.0)
+        return RenderedTruth(
+            np.where(observed[:, None], normals, np.nan).reshape(*columns.shape, 3).astype(np.float32),
+            np.where(observed, depth, np.nan).reshape(columns.shape).astype(np.float32),
         )
 
     def trace(
@@ -103,9 +123,12 @@ class Scene:
         rows: np.ndarray,
         rays: int,
         generator: np.random.Generator,
-        away: float | None = None,
+        camera_distance: float | None = None,
     ) -> Paths:
-        """Follow rays x rays jittered rays of each pixel through the scene; columns, rows, away as in `truth`."""
+        """Trace rays x rays jittered rays of each pixel (stratified sampling) through the scene.
+
+        columns, rows, camera_distance: see `truth`.
+        """
         height, width = columns.shape
         cells = (np.arange(rays) + 0.5) / rays - 0.5
         parts: list[tuple[np.ndarray, ...]] = []
@@ -114,9 +137,8 @@ class Scene:
             for right in cells:
                 jitter = generator.uniform(-0.5 / rays, 0.5 / rays, (2, columns.size))
                 x, y = columns.ravel() + right + jitter[0], rows.ravel() + down + jitter[1]
-                parts += self._follow(*_rays(x, y, away), 1.0 / rays**2, matte)
-        merged = [np.concatenate(each) for each in zip(*parts, strict=True)]
-        pixel, origin, direction, weight, bounces = merged
+                parts += self._follow(*_camera_rays(x, y, camera_distance), 1.0 / rays**2, matte)
+        pixel, origin, direction, weight, bounces = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
         return Paths(
             pixel.astype(np.int32),
             origin.astype(np.float32),
@@ -129,64 +151,82 @@ class Scene:
     def _follow(
         self, origins: np.ndarray, directions: np.ndarray, share: float, matte: np.ndarray
     ) -> list[tuple[np.ndarray, ...]]:
+        """Follow one ray of weight `share` per pixel through all reflections and refractions.
+
+        Returns the paths that leave the scene, by bounce, as tuples of pixel, origin, direction, weight and bounces;
+        adds the weight that ends on matte surfaces to `matte` (pixels,).
+        """
         pixel, weight = np.arange(len(origins)), np.full(len(origins), share)
-        left: list[tuple[np.ndarray, ...]] = []
-        for bounce in range(BOUNCES):
-            distance, which, normals = self.cast(origins, directions)
-            met = np.isfinite(distance)
-            out = ~met
-            left.append((pixel[out], origins[out], directions[out], weight[out], np.full(int(out.sum()), bounce)))
-            origins, directions, pixel, weight = origins[met], directions[met], pixel[met], weight[met]
-            normals, material = normals[met], self._materials[which[met]]
-            origins = origins + directions * distance[met, None]
-            dull = material == MATTE
-            np.add.at(matte, pixel[dull], weight[dull])
+        escaped: list[tuple[np.ndarray, ...]] = []
+        for bounce in range(MAX_BOUNCES):
+            distance, numbers, normals = self.cast(origins, directions)
+            hit = np.isfinite(distance)
+            out = ~hit
+            escaped.append((pixel[out], origins[out], directions[out], weight[out], np.full(int(out.sum()), bounce)))
+            origins, directions, pixel, weight = origins[hit], directions[hit], pixel[hit], weight[hit]
+            normals, material = normals[hit], self._materials[numbers[hit]]
+            origins = origins + directions * distance[hit, None]
+            diffuse = material == MATTE
+            np.add.at(matte, pixel[diffuse], weight[diffuse])
+            # At glass a path splits into its reflection and its refraction, unless that is negligible.
             glass, chrome = material == GLASS, material == CHROME
-            mirrored = _mirrored(directions, normals)
-            bent, reflectance = refraction(directions, normals)
-            kept = [
-                (chrome, mirrored, weight * MIRROR),
-                (glass, mirrored, weight * reflectance),
-                (glass & (reflectance < 1.0), bent, weight * (1.0 - reflectance)),
+            reflected = _reflected(directions, normals)
+            refracted, reflectance = refraction(directions, normals)
+            branches = [
+                (chrome, reflected, weight * CHROME_REFLECTANCE),
+                (glass, reflected, weight * reflectance),
+                (glass & (reflectance < 1.0), refracted, weight * (1.0 - reflectance)),
             ]
-            choices = [(where & (of >= LEAST * share), to, of) for where, to, of in kept]
-            pixel = np.concatenate([pixel[where] for where, _, _ in choices])
-            origins = np.concatenate([origins[where] + NUDGE * to[where] for where, to, _ in choices])
-            weight = np.concatenate([of[where] for where, _, of in choices])
-            directions = np.concatenate([to[where] for where, to, _ in choices])
+            kept = [
+                (chosen & (branch_weight >= MIN_PATH_WEIGHT * share), direction, branch_weight)
+                for chosen, direction, branch_weight in branches
+            ]
+            pixel = np.concatenate([pixel[chosen] for chosen, _, _ in kept])
+            origins = np.concatenate(
+                [origins[chosen] + SURFACE_OFFSET_PX * direction[chosen] for chosen, direction, _ in kept]
+            )
+            weight = np.concatenate([branch_weight[chosen] for chosen, _, branch_weight in kept])
+            directions = np.concatenate([direction[chosen] for chosen, direction, _ in kept])
             if len(pixel) == 0:
                 break
-        return left
+        return escaped
 
 
-def _rays(x: np.ndarray, y: np.ndarray, away: float | None) -> tuple[np.ndarray, np.ndarray]:
-    """Origins and directions (N, 3) of the camera's rays through (x, y, 0)."""
-    if away is None:
-        return np.stack([x, y, np.full(len(x), FAR)], axis=1), np.tile([0.0, 0.0, -1.0], (len(x), 1))
-    directions = np.stack([x, y, np.full(len(x), -away)], axis=1)
+def _camera_rays(x: np.ndarray, y: np.ndarray, camera_distance: float | None) -> tuple[np.ndarray, np.ndarray]:
+    """Return origins and unit directions (N, 3) of the camera's rays through (x, y, 0)."""
+    if camera_distance is None:
+        return np.stack([x, y, np.full(len(x), RAY_START_PX)], axis=1), np.tile([0.0, 0.0, -1.0], (len(x), 1))
+    directions = np.stack([x, y, np.full(len(x), -camera_distance)], axis=1)
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    return np.tile([0.0, 0.0, away], (len(x), 1)), directions
+    return np.tile([0.0, 0.0, camera_distance], (len(x), 1)), directions
 
 
 def refraction(directions: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Refracted directions (N, 3) and Fresnel reflectances (N,), 1 at total reflection.
+    """Refract unit directions (N, 3) at a glass surface, by Snell's law and the Fresnel equations.
 
-    normals (N, 3) point out of the glass; a direction against its normal enters it.
+    normals (N, 3), unit, point out of the glass; a direction against its normal enters it.
+
+    Returns:
+        Refracted unit directions (N, 3), and reflectances (N,) for unpolarised light, 1 at total internal reflection
+        (where the direction is meaningless).
     """
     entering = (directions * normals).sum(axis=1) < 0
-    facing = np.where(entering[:, None], normals, -normals)
-    cosine = np.clip(-(facing * directions).sum(axis=1), 0.0, 1.0)
-    ratio = np.where(entering, 1.0 / INDEX, INDEX)
+    # The normal on the side that the light comes from.
+    incident_normals = np.where(entering[:, None], normals, -normals)
+    cosine = np.clip(-(incident_normals * directions).sum(axis=1), 0.0, 1.0)
+    ratio = np.where(entering, 1.0 / REFRACTIVE_INDEX, REFRACTIVE_INDEX)
+    # Square of the cosine beyond the surface; negative at total internal reflection.
     square = 1.0 - ratio**2 * (1.0 - cosine**2)
     total = square < 0
-    beyond = np.sqrt(np.maximum(square, 0.0))
-    first, second = np.where(entering, 1.0, INDEX), np.where(entering, INDEX, 1.0)
-    across = (first * cosine - second * beyond) / (first * cosine + second * beyond + 1e-12)
-    along = (first * beyond - second * cosine) / (first * beyond + second * cosine + 1e-12)
-    bent = ratio[:, None] * directions + (ratio * cosine - beyond)[:, None] * facing
-    bent /= np.maximum(np.linalg.norm(bent, axis=1, keepdims=True), 1e-12)
-    return bent, np.where(total, 1.0, 0.5 * (across**2 + along**2))
+    transmitted = np.sqrt(np.maximum(square, 0.0))
+    first, second = np.where(entering, 1.0, REFRACTIVE_INDEX), np.where(entering, REFRACTIVE_INDEX, 1.0)
+    s_polarised = (first * cosine - second * transmitted) / (first * cosine + second * transmitted + 1e-12)
+    p_polarised = (first * transmitted - second * cosine) / (first * transmitted + second * cosine + 1e-12)
+    refracted = ratio[:, None] * directions + (ratio * cosine - transmitted)[:, None] * incident_normals
+    refracted /= np.maximum(np.linalg.norm(refracted, axis=1, keepdims=True), 1e-12)
+    return refracted, np.where(total, 1.0, 0.5 * (s_polarised**2 + p_polarised**2))
 
 
-def _mirrored(directions: np.ndarray, normals: np.ndarray) -> np.ndarray:
+def _reflected(directions: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Return directions (N, 3) mirrored at surfaces of unit normals (N, 3)."""
     return directions - 2.0 * (directions * normals).sum(axis=1, keepdims=True) * normals

@@ -9,9 +9,9 @@ from glint.tasks.algorithms.evaluation.metrics import depth_errors, label_errors
 def test_a_tilt_is_measured() -> None:
     truth = np.tile([0.0, 0.0, 1.0], (6, 5, 1))
     tilt = np.radians(10.0)
-    found = np.tile([np.sin(tilt), 0.0, np.cos(tilt)], (6, 5, 1))
-    found[0, 0] = truth[0, 1] = np.nan
-    errors = normal_errors(found, truth, np.ones((6, 5), bool))
+    estimated = np.tile([np.sin(tilt), 0.0, np.cos(tilt)], (6, 5, 1))
+    estimated[0, 0] = truth[0, 1] = np.nan
+    errors = normal_errors(estimated, truth, np.ones((6, 5), bool))
     assert errors.mean == errors.median == pytest.approx(10.0)
     assert errors.squared == pytest.approx(2 - 2 * np.cos(tilt))
     assert errors.within == (0.0, 1.0, 1.0) and (errors.pixels, errors.missing) == (29, 1)
@@ -28,20 +28,20 @@ def test_each_component_of_depth_has_its_own_offset() -> None:
     mask = np.ones((8, 9), bool)
     mask[:, 4] = False
     truth = np.fromfunction(lambda y, x: 0.5 * x + y, (8, 9))
-    found = truth.copy()
-    found[:, :4] += 100.0
-    assert depth_errors(found, truth, mask).mean == pytest.approx(0.0)
-    found[0, 0] += 3.0
-    errors = depth_errors(found, truth, mask)
+    estimated = truth.copy()
+    estimated[:, :4] += 100.0
+    assert depth_errors(estimated, truth, mask).mean == pytest.approx(0.0)
+    estimated[0, 0] += 3.0
+    errors = depth_errors(estimated, truth, mask)
     assert errors.mean == pytest.approx(3.0 / 64) and errors.rms == pytest.approx(np.sqrt(9 / 64))
 
 
 def test_depth_is_related_to_the_size_of_the_object_and_missing_depth_is_counted() -> None:
     truth = np.zeros((4, 5))
     truth[0, 0] = np.nan
-    found = np.tile([1.0, -1.0], 10).reshape(4, 5)
-    found[3, 4] = np.nan
-    errors = depth_errors(found, truth, np.ones((4, 5), bool))
+    estimated = np.tile([1.0, -1.0], 10).reshape(4, 5)
+    estimated[3, 4] = np.nan
+    errors = depth_errors(estimated, truth, np.ones((4, 5), bool))
     assert errors.missing == 1
     assert errors.relative == pytest.approx(errors.mean / np.hypot(4, 5))
 
@@ -53,7 +53,7 @@ def test_depth_that_cannot_be_compared_is_refused() -> None:
         depth_errors(np.full((2, 2), np.nan), np.ones((2, 2)), np.ones((2, 2), bool))
 
 
-def test_labels_are_judged_by_what_they_take_and_what_they_leave() -> None:
+def test_labels_have_precision_and_recall() -> None:
     up, aslant = np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.0, 0.8])
     truth = np.broadcast_to(up, (1, 4, 3))
     candidates = np.stack([[[up, up, aslant, aslant]], [[aslant, aslant, up, np.full(3, np.nan)]]])
@@ -64,7 +64,7 @@ def test_labels_are_judged_by_what_they_take_and_what_they_leave() -> None:
     assert np.isnan(label_errors(np.zeros_like(labels), candidates, truth).precision)
 
 
-def test_a_confidence_is_compared_with_what_is_right() -> None:
+def test_confidence_is_compared_with_the_share_that_is_right() -> None:
     up, aslant = np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.0, 0.8])
     truth = np.broadcast_to(up, (1, 5, 3))
     normals = np.array([[up, up, up, aslant, aslant]])

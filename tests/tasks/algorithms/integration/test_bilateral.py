@@ -6,7 +6,7 @@ import pytest
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.integration.bilateral import integrate
-from glint.tasks.algorithms.integration.edges import edges_of, shares
+from glint.tasks.algorithms.integration.edges import bilateral_weights, grid_edges
 from tests.tasks.algorithms.geometry.gradient_normals import from_gradients
 
 METHODS = ("bilateral", "least-squares")
@@ -47,7 +47,7 @@ def test_a_plane_is_exact_and_grows_towards_the_camera(method):
 
 @pytest.mark.parametrize(("reach", "bound"), [(0.9, 0.05), (0.999, 0.6)])
 @pytest.mark.parametrize("method", METHODS)
-def test_a_sphere_comes_back_up_to_its_rim(method, reach, bound):
+def test_a_sphere_is_recovered_up_to_its_rim(method, reach, bound):
     normals, mask, height = sphere(121, 55.0, reach)
     errors = deviation(integrate(normals, mask, method=method).depth, height, mask)
     assert np.abs(errors).mean() < bound
@@ -120,7 +120,7 @@ def test_a_plane_under_perspective_is_exact(method):
     ratio = (result.depth / truth)[mask]
     assert result.perspective and np.ptp(ratio) < 1e-5 * ratio.mean()
     assert abs(np.log(result.depth[mask]).mean()) < 1e-5
-    nearer = result.towards_camera(500.0)
+    nearer = result.height(500.0)
     assert np.corrcoef(nearer[mask], truth[mask])[0, 1] < -0.999
 
 
@@ -150,14 +150,22 @@ def test_confidence_decides_between_true_and_false_normals():
         assert np.abs(deviation(weighed.depth, truth, mask & ~false)).mean() < 0.2 * blind
 
 
-def test_pixels_of_little_trust_hardly_choose_between_their_sides():
+def test_pixels_of_little_weight_hardly_choose_between_their_sides():
     mask = np.ones((1, 3), bool)
     height = np.array([[0.0, 0.0, 2.0]])
     chosen = []
-    for trust in (1.0, 0.01):
-        edges = edges_of(np.broadcast_to([0.0, 0.0, 1.0], (1, 3, 3)), mask, np.full((1, 3), trust), None, 0.01)
-        share, _ = shares(edges.inside, edges.here, edges.there, edges.facing, edges.trust, height, 5.0)
-        chosen.append(share[1, 0, 1])
+    for weight in (1.0, 0.01):
+        edges = grid_edges(np.broadcast_to([0.0, 0.0, 1.0], (1, 3, 3)), mask, np.full((1, 3), weight), None, 0.01)
+        bilateral, _ = bilateral_weights(
+            edges.inside,
+            edges.forward_rise,
+            edges.backward_rise,
+            edges.cos_incidence,
+            edges.weight,
+            height,
+            5.0,
+        )
+        chosen.append(bilateral[1, 0, 1])
     assert chosen[0] < 1e-6 and 0.4 < chosen[1] < 0.5
 
 
@@ -211,9 +219,9 @@ def test_a_mask_without_usable_confidence_is_integrated_all_the_same():
 
 @pytest.mark.shared
 @pytest.mark.parametrize(
-    ("name", "bar"), [("bear", 0.367), ("buddha", 0.619), ("cow", 0.0638), ("pot1", 0.698), ("pot2", 0.175)]
+    ("name", "bound"), [("bear", 0.367), ("buddha", 0.619), ("cow", 0.0638), ("pot1", 0.698), ("pot2", 0.175)]
 )
-def test_measured_objects_under_perspective(shared_data: Path, name: str, bar: float):
+def test_measured_objects_under_perspective(shared_data: Path, name: str, bound: float):
     """Mean absolute error in millimetres after scaling by the median ratio, the one freedom under perspective."""
     folder = shared_data / "real" / "diligent" / name
     normals = cv2.imread(str(folder / "normal_map.png"), cv2.IMREAD_UNCHANGED)[..., ::-1] / 65535 * 2 - 1
@@ -221,6 +229,6 @@ def test_measured_objects_under_perspective(shared_data: Path, name: str, bar: f
     mask = cv2.imread(str(folder / "mask.png"), cv2.IMREAD_GRAYSCALE) > 0
     truth = np.load(folder / "depth_gt.npz")["depth_gt"].astype(float)
     depth = integrate(normals, mask, camera=np.loadtxt(folder / "K.txt")).depth
-    seen = mask & np.isfinite(truth)
-    scale = np.median(truth[seen] / depth[seen])
-    assert np.abs(scale * depth - truth)[seen].mean() < bar
+    known = mask & np.isfinite(truth)
+    scale = np.median(truth[known] / depth[known])
+    assert np.abs(scale * depth - truth)[known].mean() < bound

@@ -2,10 +2,10 @@ import numpy as np
 
 from glint.tasks.algorithms.labelling.confidence import (
     field_confidence,
-    field_growth,
+    field_error_slope,
     observed_confidence,
+    probability_within_tolerance,
     sheet_confidence,
-    within_tolerance,
 )
 
 
@@ -15,12 +15,12 @@ def plane(size: int = 60) -> np.ndarray:
     return normals
 
 
-def test_within_tolerance_matches_a_simulation() -> None:
+def test_the_probability_matches_a_simulation() -> None:
     errors = np.hypot(*np.random.default_rng(0).normal(0, np.radians(3.0), (2, 200_000)))
-    assert abs(within_tolerance(np.radians(3.0)) - (errors < np.radians(5)).mean()) < 0.01
+    assert abs(probability_within_tolerance(np.radians(3.0)) - (errors < np.radians(5)).mean()) < 0.01
 
 
-def test_dense_smooth_sheets_are_surer_than_scraps_noise_and_curl() -> None:
+def test_dense_smooth_sheets_have_more_confidence_than_scraps_noise_and_curl() -> None:
     dense = np.nanmedian(observed_confidence(plane(), 30.0))
     scrap = plane()
     scrap[np.random.default_rng(0).random((60, 60)) < 0.9] = np.nan
@@ -34,26 +34,26 @@ def test_dense_smooth_sheets_are_surer_than_scraps_noise_and_curl() -> None:
         assert np.nanmedian(observed_confidence(worse, 30.0)) < dense - 0.02
 
 
-def test_a_sheet_of_odd_shape_or_place_is_not_sure() -> None:
+def test_a_sheet_of_odd_shape_or_large_residual_is_not_confident() -> None:
     even = np.zeros((60, 60))
-    sure = sheet_confidence(plane(), even + 2.0, even + 0.5, 30.0)
-    assert sure.min() > 0.97
-    for shape, told in ((0.0, 2.0), (-1.0, 1.0), (2.0, 3.5)):
-        assert sheet_confidence(plane(), even + shape, even + told, 30.0).max() < 0.95
-    gone = np.full((60, 60, 3), np.nan)
-    assert np.isnan(sheet_confidence(gone, even, even, 30.0)).all()
+    confidence = sheet_confidence(plane(), even + 2.0, even + 0.5, 30.0)
+    assert confidence.min() > 0.97
+    for shape, residual in ((0.0, 2.0), (-1.0, 1.0), (2.0, 3.5)):
+        assert sheet_confidence(plane(), even + shape, even + residual, 30.0).max() < 0.95
+    absent = np.full((60, 60, 3), np.nan)
+    assert np.isnan(sheet_confidence(absent, even, even, 30.0)).all()
 
 
-def test_growth_is_what_the_withheld_blocks_show() -> None:
+def test_the_slope_is_that_of_the_held_out_blocks() -> None:
     normals = plane()
-    exact = field_growth(lambda known: normals, normals, 30.0)
+    exact = field_error_slope(lambda known: normals, normals, 30.0)
     tilt = np.radians(20.0)
     wrong = np.broadcast_to(np.array([np.sin(tilt), 0.0, np.cos(tilt)]), normals.shape)
-    assert exact < 1e-6 < field_growth(lambda known: wrong, normals, 30.0)
-    assert field_growth(lambda known: normals, np.full_like(normals, np.nan), 30.0) > np.radians(1.0)
+    assert exact < 1e-6 < field_error_slope(lambda known: wrong, normals, 30.0)
+    assert field_error_slope(lambda known: normals, np.full_like(normals, np.nan), 30.0) > np.radians(1.0)
 
 
-def test_the_field_is_less_sure_far_away_and_towards_a_rim() -> None:
+def test_the_field_is_less_confident_at_a_distance_and_near_the_contour() -> None:
     known, rim = np.zeros((2, 80, 80), dtype=bool)
     known[:, :40] = True
     known[:, 20:22] = False

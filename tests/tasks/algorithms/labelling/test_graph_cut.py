@@ -1,7 +1,7 @@
 import numpy as np
 
 from glint.tasks.algorithms.geometry.vectors import unit
-from glint.tasks.algorithms.labelling.graph_cut import CERTAIN, evidence, label_sheets, one_per_pixel
+from glint.tasks.algorithms.labelling.graph_cut import HARD_CONSTRAINT, graph_cut, keep_best_per_pixel, unary_log_ratio
 
 SIZE = 30
 
@@ -15,22 +15,22 @@ def crossing_sheets() -> np.ndarray:
     return np.where(swap[None, ..., None], np.stack([false, true]), np.stack([true, false])).astype(np.float32), swap
 
 
-def test_evidence_prefers_the_field_and_knows_its_spread() -> None:
+def test_the_log_ratio_prefers_the_field_by_its_spread() -> None:
     field = np.broadcast_to(np.array([0.0, 0.0, 1.0]), (1, 3, 3))
     tilted = np.radians([0.0, 10.0, 40.0])
     normals = np.stack([np.sin(tilted), np.zeros(3), np.cos(tilted)], axis=-1)[None, None]
-    sure = evidence(normals, field, np.full((1, 3), np.radians(5.0)))[0, 0]
-    unsure = evidence(normals, field, np.full((1, 3), np.radians(30.0)))[0, 0]
-    assert sure[0] > sure[1] > 0 > sure[2]
-    assert sure[0] > unsure[0] and sure[2] < unsure[2]
+    certain = unary_log_ratio(normals, field, np.full((1, 3), np.radians(5.0)))[0, 0]
+    uncertain = unary_log_ratio(normals, field, np.full((1, 3), np.radians(30.0)))[0, 0]
+    assert certain[0] > certain[1] > 0 > certain[2]
+    assert certain[0] > uncertain[0] and certain[2] < uncertain[2]
 
 
-def test_evidence_is_nan_without_a_cluster() -> None:
+def test_the_log_ratio_is_nan_without_a_cluster() -> None:
     field = np.broadcast_to(np.array([0.0, 0.0, 1.0]), (1, 1, 3))
-    assert np.isnan(evidence(np.full((1, 1, 1, 3), np.nan), field, np.full((1, 1), 0.1))).all()
+    assert np.isnan(unary_log_ratio(np.full((1, 1, 1, 3), np.nan), field, np.full((1, 1), 0.1))).all()
 
 
-def test_a_little_evidence_labels_the_whole_sheet() -> None:
+def test_a_few_decided_nodes_label_the_whole_sheet() -> None:
     normals, swap = crossing_sheets()
     ratios = np.full((2, SIZE, SIZE), -0.01, np.float32)
     right_layer = np.where(swap, 1, 0)
@@ -38,7 +38,7 @@ def test_a_little_evidence_labels_the_whole_sheet() -> None:
         for row in range(SIZE):
             ratios[right_layer[row, column], row, column] = 5.0
             ratios[1 - right_layer[row, column], row, column] = -5.0
-    labels = label_sheets(normals, ratios)
+    labels = graph_cut(normals, ratios)
     true = np.take_along_axis(labels, right_layer[None], axis=0)[0]
     false = np.take_along_axis(labels, 1 - right_layer[None], axis=0)[0]
     assert true.mean() > 0.97 and false.mean() < 0.03
@@ -46,23 +46,23 @@ def test_a_little_evidence_labels_the_whole_sheet() -> None:
 
 def test_both_nodes_of_a_pixel_may_be_rejected() -> None:
     normals, _ = crossing_sheets()
-    assert not label_sheets(normals, np.full((2, SIZE, SIZE), -1.0, np.float32)).any()
+    assert not graph_cut(normals, np.full((2, SIZE, SIZE), -1.0, np.float32)).any()
 
 
-def test_a_mark_decides_against_all_other_evidence() -> None:
+def test_a_mark_decides_against_all_neighbours() -> None:
     normals, swap = crossing_sheets()
     ratios = np.full((2, SIZE, SIZE), -0.05, np.float32)
-    ratios[np.where(swap, 1, 0)[15, 5], 15, 5] = CERTAIN
-    labels = label_sheets(normals, ratios)
+    ratios[np.where(swap, 1, 0)[15, 5], 15, 5] = HARD_CONSTRAINT
+    labels = graph_cut(normals, ratios)
     assert labels[np.where(swap, 1, 0)[15, 5], 15, 5]
 
 
 def test_no_cluster_at_all() -> None:
     empty = np.full((3, 4, 5, 3), np.nan, np.float32)
-    assert not label_sheets(empty, np.full((3, 4, 5), np.nan, np.float32)).any()
+    assert not graph_cut(empty, np.full((3, 4, 5), np.nan, np.float32)).any()
 
 
 def test_one_exterior_node_per_pixel_is_the_best() -> None:
     labels = np.array([[[True, False, True]], [[True, False, False]]])
     ratios = np.array([[[1.0, 1.0, -2.0]], [[2.0, 5.0, 9.0]]])
-    assert one_per_pixel(labels, ratios).tolist() == [[[False, False, True]], [[True, False, False]]]
+    assert keep_best_per_pixel(labels, ratios).tolist() == [[[False, False, True]], [[True, False, False]]]

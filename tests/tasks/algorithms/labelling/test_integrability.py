@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.labelling.integrability import shape_evidence, sheet_jacobian
+from glint.tasks.algorithms.labelling.integrability import shape_log_ratio, sheet_jacobian
 from tests.tasks.algorithms.geometry.gradient_normals import from_gradients
 
 SIZE, RADIUS = 41, 40.0
@@ -21,7 +21,7 @@ def test_jacobian_of_a_linear_sheet_in_the_camera_frame() -> None:
     assert convexity == pytest.approx(1.6, abs=0.02)
 
 
-def test_it_follows_the_sheet_through_the_layers() -> None:
+def test_the_jacobian_follows_the_sheet_through_the_layers() -> None:
     dome, bowl = sheet((-1.0, 0.0), (0.0, -1.0)), sheet((1.0, 0.0), (0.0, 1.0)) + np.array([0.4, 0.0, 0.0], np.float32)
     swap = np.random.default_rng(0).random((1, SIZE, SIZE, 1)) < 0.5
     layers = np.concatenate([np.where(swap, dome, bowl), np.where(swap, bowl, dome)])
@@ -30,16 +30,16 @@ def test_it_follows_the_sheet_through_the_layers() -> None:
     assert np.allclose(sheet_jacobian(layers, 1)[layer, 10, 10], alone, atol=1e-4)
 
 
-def test_convex_surfaces_are_exterior_and_turned_or_curled_sheets_are_not() -> None:
+def test_convex_surfaces_are_exterior_and_concave_or_curled_sheets_are_not() -> None:
     middle = (0, 20, 20)
-    dome = shape_evidence(sheet((-1.0, 0.0), (0.0, -1.0)), RADIUS)[middle]
-    bowl = shape_evidence(sheet((1.0, 0.0), (0.0, 1.0)), RADIUS)[middle]
-    curled = shape_evidence(sheet((-0.3, 1.0), (-1.0, -0.3)), RADIUS)[middle]
+    dome = shape_log_ratio(sheet((-1.0, 0.0), (0.0, -1.0)), RADIUS)[middle]
+    bowl = shape_log_ratio(sheet((1.0, 0.0), (0.0, 1.0)), RADIUS)[middle]
+    curled = shape_log_ratio(sheet((-0.3, 1.0), (-1.0, -0.3)), RADIUS)[middle]
     assert dome > 2.0 and dome > bowl + 2.0 and dome > curled + 2.0 and curled < 0.0
 
 
 def test_scraps_count_slightly_against() -> None:
     lonely = np.full((1, SIZE, SIZE, 3), np.nan, np.float32)
     lonely[0, 20, 20] = (0.0, 0.0, 1.0)
-    ratio = shape_evidence(lonely, RADIUS)
+    ratio = shape_log_ratio(lonely, RADIUS)
     assert ratio[0, 20, 20] < 0 and np.isnan(ratio).sum() == SIZE * SIZE - 1

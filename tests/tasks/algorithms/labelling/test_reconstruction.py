@@ -5,7 +5,9 @@ import pytest
 
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.geometry.vectors import angles, unit
-from glint.tasks.algorithms.labelling.reconstruction import PROVENANCE, Reconstruction, reconstruct_normals
+from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
+from glint.tasks.algorithms.labelling.results import PROVENANCE, Reconstruction
+from glint.tasks.algorithms.labelling.weights import FieldWeights
 
 Scene = tuple[SimpleNamespace, np.ndarray, np.ndarray]
 
@@ -47,7 +49,7 @@ def test_the_exterior_sheet_is_found_and_the_false_one_rejected(scene: Scene, re
     assert labels.sum(axis=0).max() == 1
 
 
-def test_it_is_better_than_the_silhouette_alone(scene: Scene, result: Reconstruction) -> None:
+def test_the_result_is_better_than_the_silhouette_alone(scene: Scene, result: Reconstruction) -> None:
     _, mask, truth = scene
 
     def error(normals: np.ndarray) -> float:
@@ -57,32 +59,32 @@ def test_it_is_better_than_the_silhouette_alone(scene: Scene, result: Reconstruc
     assert error(result.normals) < 0.02
 
 
-def test_the_rounds_end_by_themselves(result: Reconstruction) -> None:
-    assert len(result.rounds) < 10
-    assert result.rounds[-1].changed < result.rounds[0].changed
+def test_the_iterations_converge(result: Reconstruction) -> None:
+    assert len(result.iterations) < 10
+    assert result.iterations[-1].changed < result.iterations[0].changed
 
 
-def test_provenance_and_confidence_are_honest(scene: Scene, result: Reconstruction) -> None:
+def test_provenance_and_confidence_are_right(scene: Scene, result: Reconstruction) -> None:
     _, mask, truth = scene
     observed = result.provenance == PROVENANCE.index("observed")
     assert np.array_equal(observed, result.labels.any(axis=0))
     assert np.array_equal(result.provenance == PROVENANCE.index("outside"), ~mask)
     assert np.isnan(result.confidence[~mask]).all() and np.isfinite(result.confidence[mask]).all()
-    sure = mask & (result.confidence >= 0.95)
-    assert sure.sum() > mask.sum() / 3
-    assert (angles(result.normals, truth)[sure] < 5).mean() > 0.95
+    confident = mask & (result.confidence >= 0.95)
+    assert confident.sum() > mask.sum() / 3
+    assert (angles(result.normals, truth)[confident] < 5).mean() > 0.95
 
 
 def test_marks_pin_their_nodes(scene: Scene) -> None:
     clusters, mask, truth = scene
     row, column = np.argwhere(mask & np.isfinite(clusters.normals[..., 0]).all(axis=0))[300]
     exterior = int(angles(clusters.normals[:, row, column], truth[row, column]).argmin())
-    lie = Marks(
+    wrong = Marks(
         pixels=np.array([[row, column], [row, column]]),
         half_vectors=clusters.normals[[1 - exterior, exterior], row, column],
         kind=np.array([1, 0]),
     )
-    result = reconstruct_normals(clusters, mask, marks=lie)
+    result = reconstruct_normals(clusters, mask, marks=wrong)
     assert result.labels[:, row, column].tolist() == [exterior, 1 - exterior]
     assert result.provenance[row, column] == PROVENANCE.index("marked")
     assert np.allclose(result.normals[row, column], clusters.normals[1 - exterior, row, column], atol=1e-5)
@@ -96,10 +98,11 @@ def test_a_marked_normal_pulls_more_than_its_noisy_neighbours(scene: Scene) -> N
     pixels = np.argwhere(mask & near)[::40]
     marks = Marks(pixels, truth[tuple(pixels.T)].astype(np.float32), np.ones(len(pixels), np.int8))
 
-    def error(**weights: float) -> float:
-        return float(np.nanmean(angles(reconstruct_normals(noisy, mask, marks=marks, **weights).normals, truth)[near]))
+    def error(weights: FieldWeights) -> float:
+        normals = reconstruct_normals(noisy, mask, marks=marks, field_weights=weights).normals
+        return float(np.nanmean(angles(normals, truth)[near]))
 
-    assert error() < 0.98 * error(marked_weight=0.1)
+    assert error(FieldWeights()) < 0.98 * error(FieldWeights(marked=0.1))
 
 
 def test_without_highlights_the_silhouette_remains(scene: Scene) -> None:
@@ -114,10 +117,10 @@ def test_a_mask_of_another_size_is_refused(scene: Scene) -> None:
         reconstruct_normals(scene[0], np.ones((3, 3), dtype=bool))
 
 
-def test_expected_normals_take_the_place_of_the_rim(scene: Scene, result: Reconstruction) -> None:
+def test_expected_normals_replace_the_occluding_contour(scene: Scene, result: Reconstruction) -> None:
     clusters, mask, truth = scene
-    told = reconstruct_normals(clusters, mask, expected=np.where(mask[..., None], truth, np.nan))
-    assert np.nanmean(angles(told.normals, truth)) < 0.5 * np.nanmean(angles(result.normals, truth))
+    informed = reconstruct_normals(clusters, mask, expected=np.where(mask[..., None], truth, np.nan))
+    assert np.nanmean(angles(informed.normals, truth)) < 0.5 * np.nanmean(angles(result.normals, truth))
     holed = truth.copy()
     holed[mask.nonzero()[0][0], mask.nonzero()[1][0]] = np.nan
     with pytest.raises(ValueError, match="leave pixels"):
@@ -130,10 +133,10 @@ def test_a_turned_glass_is_known_at_its_end() -> None:
     truth = beaker_normals(20.0)
     mask = np.isfinite(truth[..., 0])
     clusters = SimpleNamespace(normals=observable(truth)[None].astype(np.float32))
-    found = reconstruct_normals(clusters, mask)
+    result = reconstruct_normals(clusters, mask)
     without = reconstruct_normals(clusters, mask, symmetry=False)
     end = mask & (truth @ np.array([0.0, np.cos(np.radians(20.0)), np.sin(np.radians(20.0))]) > 0.99)
-    assert np.median(angles(found.normals, truth)[end]) < 8.0
+    assert np.median(angles(result.normals, truth)[end]) < 8.0
     assert np.median(angles(without.normals, truth)[end]) > 15.0
 
 

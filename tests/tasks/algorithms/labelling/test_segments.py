@@ -1,6 +1,11 @@
 import numpy as np
 
-from glint.tasks.algorithms.labelling.segments import UNTOLD, connected_sheets, sheet_means, surprise
+from glint.tasks.algorithms.labelling.segments import (
+    SMALL_SHEET_RESIDUAL,
+    held_out_residual,
+    segment_sheets,
+    sheet_means,
+)
 
 
 def tilted(degrees: float) -> np.ndarray:
@@ -16,7 +21,7 @@ def two_sheets() -> np.ndarray:
 
 
 def test_sheets_end_at_creases_and_gaps() -> None:
-    sheets = connected_sheets(two_sheets())
+    sheets = segment_sheets(two_sheets())
     assert len(np.unique(sheets[10:30, :30])) == len(np.unique(sheets[10:30, 30:])) == 1
     assert len({sheets[20, 5], sheets[20, 50], sheets[35, 10]}) == 3
     assert (sheets[:10] == -1).all()
@@ -26,12 +31,12 @@ def test_diagonal_neighbours_belong_together_and_nothing_is_no_sheet() -> None:
     normals = np.full((5, 5, 3), np.nan)
     for i in range(5):
         normals[i, 4 - i] = tilted(0.0)
-    assert set(connected_sheets(normals).ravel()) == {-1, 0}
-    assert (connected_sheets(np.full((5, 5, 3), np.nan)) == -1).all()
+    assert set(segment_sheets(normals).ravel()) == {-1, 0}
+    assert (segment_sheets(np.full((5, 5, 3), np.nan)) == -1).all()
 
 
 def test_means_are_those_of_each_sheet() -> None:
-    sheets = connected_sheets(two_sheets())
+    sheets = segment_sheets(two_sheets())
     values = np.where(np.arange(60)[None] < 30, 2.0, np.nan) * np.ones((40, 1))
     means = sheet_means(sheets, values)
     assert means[20, 5] == 2.0
@@ -39,22 +44,22 @@ def test_means_are_those_of_each_sheet() -> None:
     assert np.isnan(means[0, 0])
 
 
-def test_a_sheet_that_the_rest_of_the_object_contradicts_surprises() -> None:
+def test_a_sheet_that_the_rest_of_the_object_contradicts_has_a_large_residual() -> None:
     normals = two_sheets()
-    sheets, known = connected_sheets(normals), np.isfinite(normals[..., 0])
-    asked = []
+    sheets, known = segment_sheets(normals), np.isfinite(normals[..., 0])
+    predicted = []
 
     def predict(kept: np.ndarray) -> np.ndarray:
-        asked.append(kept)
+        predicted.append(kept)
         return np.broadcast_to(tilted(0.0), normals.shape)
 
     mask, rim = np.ones((40, 60), dtype=bool), np.zeros((40, 60), dtype=bool)
-    told = surprise(sheets, normals, known, rim, mask, 20.0, predict)
-    assert told[20, 5] < 1e-3
-    assert told[20, 50] > 0.7
-    assert told[35, 10] == UNTOLD
-    assert np.isnan(told[0, 0])
-    assert len(asked) == 2
-    assert not asked[0][20, 5]
-    assert asked[0][20, 50]
-    assert not asked[1][20, 50]
+    residual = held_out_residual(sheets, normals, known, rim, mask, 20.0, predict)
+    assert residual[20, 5] < 1e-3
+    assert residual[20, 50] > 0.7
+    assert residual[35, 10] == SMALL_SHEET_RESIDUAL
+    assert np.isnan(residual[0, 0])
+    assert len(predicted) == 2
+    assert not predicted[0][20, 5]
+    assert predicted[0][20, 50]
+    assert not predicted[1][20, 50]

@@ -1,11 +1,11 @@
-"""Winner takes all: right where every highlight is on the surface, led astray where most are not."""
+"""Winner takes all: right where all highlights are on the surface, wrong where most are not."""
 
 import numpy as np
 
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.geometry.vectors import angles, unit
-from glint.tasks.algorithms.labelling.reconstruction import FILLED, MARKED, OBSERVED, OUTSIDE
+from glint.tasks.algorithms.labelling.results import FILLED, MARKED, OBSERVED, OUTSIDE
 from glint.tasks.algorithms.labelling.winner_takes_all import reconstruct_winner
 from glint.tasks.algorithms.prior.silhouette import initial_normals
 
@@ -20,28 +20,28 @@ def scene() -> tuple[np.ndarray, np.ndarray]:
 
 
 def clusters_of(winner: np.ndarray) -> Clusters:
-    seen = np.isfinite(winner[..., 0])[None].repeat(3, axis=0)
-    return Clusters(np.stack([winner] * 3), seen * 1.0, seen * 0.0, seen * 1, seen[0] * 5, winner)
+    observed = np.isfinite(winner[..., 0])[None].repeat(3, axis=0)
+    return Clusters(np.stack([winner] * 3), observed * 1.0, observed * 0.0, observed * 1, observed[0] * 5, winner)
 
 
 def test_winners_are_kept_and_the_rest_is_filled_from_them() -> None:
     mask, truth = scene()
     winner = truth.copy()
     winner[20:28, 20:28] = np.nan
-    found = reconstruct_winner(clusters_of(winner), mask, initial_normals(mask).normals)
+    result = reconstruct_winner(clusters_of(winner), mask, initial_normals(mask).normals)
     hole = mask & np.isnan(winner[..., 0])
-    np.testing.assert_array_equal(found.normals[mask & ~hole], truth[mask & ~hole])
-    assert angles(found.normals, truth)[hole].max() < 2.0
-    assert (found.provenance[mask & ~hole] == OBSERVED).all() and (found.provenance[hole] == FILLED).all()
-    assert (found.provenance[~mask] == OUTSIDE).all() and np.isnan(found.normals[~mask]).all()
-    np.testing.assert_array_equal(found.labels[0] == 1, mask & ~hole)
-    assert not found.labels[1:].any()
+    np.testing.assert_array_equal(result.normals[mask & ~hole], truth[mask & ~hole])
+    assert angles(result.normals, truth)[hole].max() < 2.0
+    assert (result.provenance[mask & ~hole] == OBSERVED).all() and (result.provenance[hole] == FILLED).all()
+    assert (result.provenance[~mask] == OUTSIDE).all() and np.isnan(result.normals[~mask]).all()
+    np.testing.assert_array_equal(result.labels[0] == 1, mask & ~hole)
+    assert not result.labels[1:].any()
 
 
 def test_a_true_mark_overrules_the_winner() -> None:
     mask, truth = scene()
-    said = unit(np.array([0.3, 0.1, 1.0])).astype(np.float32)
-    marks = Marks(np.array([[25, 25]]), said[None], np.array([1], np.int8))
-    found = reconstruct_winner(clusters_of(truth), mask, initial_normals(mask).normals, marks=marks)
-    np.testing.assert_allclose(found.normals[25, 25], said)
-    assert found.provenance[25, 25] == MARKED and found.confidence[25, 25] == 1.0
+    marked = unit(np.array([0.3, 0.1, 1.0])).astype(np.float32)
+    marks = Marks(np.array([[25, 25]]), marked[None], np.array([1], np.int8))
+    result = reconstruct_winner(clusters_of(truth), mask, initial_normals(mask).normals, marks=marks)
+    np.testing.assert_allclose(result.normals[25, 25], marked)
+    assert result.provenance[25, 25] == MARKED and result.confidence[25, 25] == 1.0

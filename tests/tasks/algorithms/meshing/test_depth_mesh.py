@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.meshing.depth_mesh import glb_bytes, ply_bytes, surface
+from glint.tasks.algorithms.meshing.depth_mesh import glb_bytes, mesh_from_depth, ply_bytes
 from tests.tasks.algorithms.geometry.gradient_normals import from_gradients
 
 
@@ -21,9 +21,9 @@ def face_normals(mesh) -> np.ndarray:
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
-def test_every_pixel_is_a_vertex_and_every_square_two_triangles():
+def test_each_pixel_is_a_vertex_and_each_square_two_triangles():
     depth, mask, normals = plane()
-    mesh = surface(depth, mask, normals)
+    mesh = mesh_from_depth(depth, mask, normals)
     assert mesh.vertices.shape == (12 * 17, 3) and mesh.triangles.shape == (2 * 11 * 16, 3)
     assert mesh.vertices.dtype == np.float32 and mesh.triangles.dtype == np.int32
     assert (face_normals(mesh)[:, 2] > 0).all()
@@ -33,7 +33,7 @@ def test_every_pixel_is_a_vertex_and_every_square_two_triangles():
 
 def test_vertices_are_in_the_camera_frame_of_the_full_picture():
     depth, mask, normals = plane(3, 4)
-    mesh = surface(depth, mask, normals, origin=(10, 20), frame=(101, 51), pixel_size=0.2)
+    mesh = mesh_from_depth(depth, mask, normals, origin=(10, 20), frame=(101, 51), pixel_size=0.2)
     assert np.allclose(mesh.vertices[0], [0.2 * (10 - 50), 0.2 * (25 - 20), 0.0])
     assert np.allclose(mesh.vertices[-1], [0.2 * (13 - 50), 0.2 * (25 - 22), 0.2 * 1.5])
 
@@ -42,7 +42,7 @@ def test_perspective_projects_pixels_back():
     camera = np.array([[400.0, 0.0, 30.0], [0.0, 410.0, 25.0], [0.0, 0.0, 1.0]])
     depth = np.full((6, 8), 200.0, np.float32)
     normals = np.broadcast_to([0.0, 0.0, 1.0], (6, 8, 3))
-    mesh = surface(depth, np.ones((6, 8), bool), normals, origin=(27, 20), camera=camera)
+    mesh = mesh_from_depth(depth, np.ones((6, 8), bool), normals, origin=(27, 20), camera=camera)
     assert np.allclose(mesh.vertices[:, 2], -200.0)
     assert np.allclose(mesh.vertices[0], [200 * (27 - 30) / 400, -200 * (20 - 25) / 410, -200.0])
     assert (face_normals(mesh)[:, 2] > 0).all()
@@ -50,19 +50,19 @@ def test_perspective_projects_pixels_back():
 
 def test_a_step_is_cut_and_a_steep_slope_is_not():
     depth, mask, normals = plane(10, 20, p=8.0)
-    assert len(surface(depth, mask, normals).triangles) == 2 * 9 * 19
+    assert len(mesh_from_depth(depth, mask, normals).triangles) == 2 * 9 * 19
     depth[:, 10:] += 30.0
-    mesh = surface(depth, mask, normals)
+    mesh = mesh_from_depth(depth, mask, normals)
     assert len(mesh.triangles) == 2 * 9 * 18
     assert trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False).body_count == 2
-    assert len(surface(depth, mask, normals, cut=100.0, steepest=100.0).triangles) == 2 * 9 * 19
+    assert len(mesh_from_depth(depth, mask, normals, max_step=100.0, max_slope=100.0).triangles) == 2 * 9 * 19
 
 
-def test_a_slope_steeper_than_can_be_seen_is_cut():
+def test_a_slope_too_steep_to_be_observed_is_cut():
     depth, mask, normals = plane(6, 6, p=20.0)
     with pytest.raises(UnusableCapture):
-        surface(depth, mask, normals)
-    assert len(surface(depth, mask, normals, steepest=25.0).triangles) == 50
+        mesh_from_depth(depth, mask, normals)
+    assert len(mesh_from_depth(depth, mask, normals, max_slope=25.0).triangles) == 50
 
 
 def test_no_two_triangles_overlap_at_broken_squares():
@@ -70,7 +70,7 @@ def test_no_two_triangles_overlap_at_broken_squares():
     depth = rng.choice([0.0, 0.4, 3.0], size=(40, 40)).astype(np.float32)
     mask = rng.random((40, 40)) > 0.1
     normals = np.broadcast_to([0.0, 0.0, 1.0], (40, 40, 3))
-    mesh = surface(depth, mask, normals)
+    mesh = mesh_from_depth(depth, mask, normals)
     square = np.floor(mesh.vertices[mesh.triangles][..., :2].mean(axis=1) + 19.5)
     _, counts = np.unique(square, axis=0, return_counts=True)
     assert counts.max() <= 2
@@ -83,7 +83,7 @@ def test_holes_and_missing_depth_have_no_triangles_and_lone_pixels_no_vertices()
     mask[4, 4] = False
     depth[0, 0] = np.nan
     mask[:, 7] = False
-    mesh = surface(depth, mask, normals)
+    mesh = mesh_from_depth(depth, mask, normals)
     assert len(mesh.vertices) == 9 * 7 - 2
     assert np.isfinite(mesh.vertices).all() and mesh.triangles.max() < len(mesh.vertices)
 
@@ -93,14 +93,14 @@ def test_missing_normals_are_those_of_the_triangles():
     normals = normals.copy()
     expected = normals[5, 5].copy()
     normals[5, 5] = np.nan
-    mesh = surface(depth, mask, normals)
+    mesh = mesh_from_depth(depth, mask, normals)
     assert np.allclose(mesh.normals[5 * 17 + 5], expected, atol=1e-5)
 
 
 def test_files_open_again_with_normals_to_the_camera_and_their_confidence():
     depth, mask, normals = plane()
     confidence = np.linspace(0, 1, mask.size, dtype=np.float32).reshape(mask.shape)
-    mesh = surface(depth, mask, normals, confidence=confidence)
+    mesh = mesh_from_depth(depth, mask, normals, confidence=confidence)
 
     ply = trimesh.load_mesh(io.BytesIO(ply_bytes(mesh)), file_type="ply", process=False)
     assert np.allclose(ply.vertices, mesh.vertices) and np.array_equal(ply.faces, mesh.triangles)
@@ -115,7 +115,7 @@ def test_files_open_again_with_normals_to_the_camera_and_their_confidence():
 
 def test_open3d_reads_the_ply(tmp_path):
     open3d = pytest.importorskip("open3d")
-    mesh = surface(*plane())
+    mesh = mesh_from_depth(*plane())
     (tmp_path / "surface.ply").write_bytes(ply_bytes(mesh))
     read = open3d.io.read_triangle_mesh(str(tmp_path / "surface.ply"))
     assert np.asarray(read.triangles).shape == mesh.triangles.shape
@@ -125,10 +125,10 @@ def test_open3d_reads_the_ply(tmp_path):
 def test_bad_input_is_refused():
     depth, mask, normals = plane()
     with pytest.raises(ValueError, match="agree"):
-        surface(depth[:-1], mask, normals)
+        mesh_from_depth(depth[:-1], mask, normals)
     with pytest.raises(UnusableCapture, match="no triangle"):
-        surface(depth, np.zeros_like(mask), normals)
-    alone = np.zeros_like(mask)
-    alone[3] = True
+        mesh_from_depth(depth, np.zeros_like(mask), normals)
+    line = np.zeros_like(mask)
+    line[3] = True
     with pytest.raises(UnusableCapture, match="no triangle"):
-        surface(depth, alone, normals)
+        mesh_from_depth(depth, line, normals)

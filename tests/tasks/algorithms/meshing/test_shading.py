@@ -1,18 +1,10 @@
 import numpy as np
 
-from glint.tasks.algorithms.meshing.depth_mesh import Surface, surface
-from glint.tasks.algorithms.meshing.shading import (
-    LIGHTS,
-    confidence_picture,
-    depth_picture,
-    draw_surface,
-    normal_picture,
-    relit,
-    relit_pictures,
-)
+from glint.tasks.algorithms.meshing.depth_mesh import Surface, mesh_from_depth
+from glint.tasks.algorithms.meshing.shading import RELIGHT_DIRECTIONS, draw_surface, relit, relit_pictures
 
 
-def ball(size: int = 41, radius: float = 18.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def sphere(size: int = 41, radius: float = 18.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Normals (NaN outside), mask and depth of a sphere."""
     rows, columns = np.indices((size, size))
     x, y = columns - (size - 1) / 2, (size - 1) / 2 - rows
@@ -23,15 +15,15 @@ def ball(size: int = 41, radius: float = 18.0) -> tuple[np.ndarray, np.ndarray, 
 
 
 def meshed() -> Surface:
-    normals, mask, depth = ball()
-    return surface(depth, mask, normals)
+    normals, mask, depth = sphere()
+    return mesh_from_depth(depth, mask, normals)
 
 
 def test_relit_pictures_are_brightest_where_the_normal_is_the_light():
-    normals, mask, _ = ball()
+    normals, mask, _ = sphere()
     pictures = relit_pictures(normals, mask)
-    assert pictures.keys() == LIGHTS.keys()
-    for name, light in LIGHTS.items():
+    assert pictures.keys() == RELIGHT_DIRECTIONS.keys()
+    for name, light in RELIGHT_DIRECTIONS.items():
         picture = pictures[name]
         assert picture.dtype == np.uint8 and picture.shape == mask.shape
         row, column = np.unravel_index(picture.argmax(), picture.shape)
@@ -45,22 +37,7 @@ def test_normals_turned_from_the_light_and_missing_ones_are_black():
     assert relit(normals, np.ones((1, 3), bool), (0.0, 0.0, 1.0)).tolist() == [[255, 0, 0]]
 
 
-def test_normal_picture_is_the_agreed_coding():
-    normals = np.array([[[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [np.nan] * 3]])
-    picture = normal_picture(normals, np.array([[True, True, False, True]]))
-    assert picture.dtype == np.uint16
-    assert picture.tolist() == [[[65535, 32768, 32768], [32768, 0, 32768], [0, 0, 0], [0, 0, 0]]]
-
-
-def test_coloured_pictures_show_the_values_and_leave_the_outside_white():
-    _, mask, depth = ball()
-    for picture in (depth_picture(depth, "mm"), confidence_picture(np.where(mask, 0.5, 0.0), mask)):
-        assert picture.dtype == np.uint8 and picture.shape[2] == 3
-        assert (picture[0, 0] == 255).all()
-        assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 20
-
-
-def test_the_drawn_surface_seen_from_the_camera_is_its_outline():
+def test_the_drawn_surface_covers_its_silhouette():
     picture = draw_surface(meshed(), size=101)
     assert picture.dtype == np.uint8 and picture.shape == (101, 101)
     drawn = picture < 255

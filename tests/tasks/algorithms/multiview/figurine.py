@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import trimesh
 
-from glint.tasks.algorithms.meshing.implicit import capsule, ellipsoid, mesh_of, union, without
+from glint.tasks.algorithms.meshing.implicit import ImplicitFunction, capsule, ellipsoid, surface_nets, union
 from glint.tasks.algorithms.multiview.raycast import cast
 from glint.tasks.algorithms.multiview.reconstruction import Model
 from glint.tasks.algorithms.multiview.turntable import Turntable
@@ -16,12 +16,22 @@ SEEN = 45.0
 """Degrees from the camera's axis within which normals are observed."""
 
 
+def difference(solid: ImplicitFunction, removed: ImplicitFunction, blend: float) -> ImplicitFunction:
+    """The first solid less the second, smooth over about `blend` along the edge."""
+
+    def function(points: np.ndarray) -> np.ndarray:
+        a, b = solid(points), -removed(points)
+        return np.maximum(a, b) + blend * np.log1p(np.exp(-np.abs(a - b) / blend))
+
+    return function
+
+
 def body() -> trimesh.Trimesh:
     """The true surface, about 70 units across."""
     solid = union([ellipsoid((0, -8, 0), (30, 18, 16)), ellipsoid((18, 14, 3), (12, 12, 10))], 3.0)
     solid = union([solid, capsule((-26, -4, 0), (-34, 14, -4), 6.0, 3.0)], 2.0)
-    solid = without(solid, ellipsoid((-2, -6, 20), (12, 9, 8)), 1.5)
-    vertices, triangles = mesh_of(solid, np.array([-42.0, -30, -22]), np.array([38.0, 30, 22]), 0.8)
+    solid = difference(solid, ellipsoid((-2, -6, 20), (12, 9, 8)), 1.5)
+    vertices, triangles = surface_nets(solid, np.array([-42.0, -30, -22]), np.array([38.0, 30, 22]), 0.8)
     return trimesh.Trimesh(vertices, triangles, process=False)
 
 

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from glint.tasks.algorithms.meshing.implicit import ellipsoid, mesh_of
+from glint.tasks.algorithms.meshing.implicit import ellipsoid, surface_nets
 from glint.tasks.algorithms.multiview.reconstruction import Model, rough_model
 from glint.tasks.algorithms.multiview.registration import (
     place_by_matrices,
@@ -67,7 +67,7 @@ def test_a_pose_is_found_among_matrices(upright: list[View], rough: Model) -> No
 
 
 def test_a_view_of_something_else_fits_nowhere(upright: list[View], rough: Model) -> None:
-    vertices, triangles = mesh_of(ellipsoid((0, 0, 0), (10, 34, 10)), np.full(3, -40.0), np.full(3, 40.0), 1.0)
+    vertices, triangles = surface_nets(ellipsoid((0, 0, 0), (10, 34, 10)), np.full(3, -40.0), np.full(3, 40.0), 1.0)
     (other,) = views_of(trimesh.Trimesh(vertices, triangles, process=False), Turntable(0.0, 0.0, 0.0, np.zeros(1)))
     stranger = replace(nowhere(other), name="stranger")
     for placed in (
@@ -81,7 +81,7 @@ def test_a_view_of_something_else_fits_nowhere(upright: list[View], rough: Model
 
 
 def test_a_turned_body_fits_everywhere() -> None:
-    vertices, triangles = mesh_of(ellipsoid((0, 0, 0), (18, 30, 18)), np.full(3, -40.0), np.full(3, 40.0), 1.0)
+    vertices, triangles = surface_nets(ellipsoid((0, 0, 0), (18, 30, 18)), np.full(3, -40.0), np.full(3, 40.0), 1.0)
     views = views_of(trimesh.Trimesh(vertices, triangles, process=False), Turntable(0.0, 0.0, 0.0, ANGLES))
     placed = place_on_turntable(views[:-1], ANGLES[:-1].tolist())
     found = place_others(placed, [nowhere(views[-1])], rough_model(placed.views))

@@ -8,12 +8,12 @@ import pytest
 
 from glint.storage.catalogue.loading import load
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of
-from glint.tasks.algorithms.simulation.environment import Room
-from glint.tasks.algorithms.simulation.light_path import sweep
+from glint.tasks.algorithms.simulation.environment import Environment
+from glint.tasks.algorithms.simulation.light_path import light_path
 from glint.tasks.algorithms.simulation.ray_tracing import Paths, Scene, refraction
-from glint.tasks.algorithms.simulation.renderer import prepare
-from glint.tasks.algorithms.simulation.shapes import build
-from glint.tasks.algorithms.simulation.solids import GLASS, ball
+from glint.tasks.algorithms.simulation.renderer import prepare_renderer
+from glint.tasks.algorithms.simulation.shapes import build_solids
+from glint.tasks.algorithms.simulation.solids import GLASS, sphere
 from glint.tasks.simulation.simulate import PRESETS, SHAPES, CaptureOptions, simulate
 
 RADIUS = 30.0
@@ -27,11 +27,11 @@ def grid() -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.fixture(scope="module")
 def traced(grid: tuple[np.ndarray, np.ndarray]) -> tuple[Scene, Paths]:
-    scene = Scene([ball(np.zeros(3), RADIUS, GLASS)])
+    scene = Scene([sphere(np.zeros(3), RADIUS, GLASS)])
     return scene, scene.trace(*grid, 2, np.random.default_rng(0))
 
 
-def test_truth_of_a_ball(grid: tuple[np.ndarray, np.ndarray], traced: tuple[Scene, Paths]) -> None:
+def test_truth_of_a_sphere(grid: tuple[np.ndarray, np.ndarray], traced: tuple[Scene, Paths]) -> None:
     truth = traced[0].truth(*grid)
     x, y = grid
     inside = np.hypot(x, y) < RADIUS - 1
@@ -49,8 +49,8 @@ def test_light_is_neither_made_nor_lost(traced: tuple[Scene, Paths], grid: tuple
 
 def test_fresnel_at_normal_incidence_and_total_reflection() -> None:
     down, up = np.array([[0.0, 0.0, -1.0]]), np.array([[0.0, 0.0, 1.0]])
-    bent, reflectance = refraction(down, up)
-    np.testing.assert_allclose(bent[0], down[0], atol=1e-9)
+    refracted, reflectance = refraction(down, up)
+    np.testing.assert_allclose(refracted[0], down[0], atol=1e-9)
     assert reflectance[0] == pytest.approx(0.04)
     steep = np.array([[np.sin(1.0), 0.0, np.cos(1.0)]])
     assert refraction(steep, up)[1][0] == 1.0
@@ -60,8 +60,8 @@ def test_the_direct_highlight_lies_where_the_normal_is_the_half_vector(
     traced: tuple[Scene, Paths], grid: tuple[np.ndarray, np.ndarray]
 ) -> None:
     scene, paths = traced
-    room = Room.furnished(-80.0, np.random.default_rng(0))
-    renderer = prepare(paths, room, grid[0].shape, np.radians(5.4))
+    environment = Environment.random(-80.0, np.random.default_rng(0))
+    renderer = prepare_renderer(paths, environment, grid[0].shape, np.radians(5.4))
     light = np.array([0.5, 0.3, np.sqrt(1 - 0.34)])
     half_vector = half_vectors_of(light)
     near = angles(scene.truth(*grid).normals, half_vector) < 1.5
@@ -70,24 +70,24 @@ def test_the_direct_highlight_lies_where_the_normal_is_the_half_vector(
     assert np.allclose(dark, renderer.static)
 
 
-def test_the_sweep_is_dense_enough_and_seeded() -> None:
-    lights = sweep(2000, np.random.default_rng(3))
-    np.testing.assert_array_equal(lights, sweep(2000, np.random.default_rng(3)))
+def test_the_light_path_is_dense_enough_and_seeded() -> None:
+    lights = light_path(2000, np.random.default_rng(3))
+    np.testing.assert_array_equal(lights, light_path(2000, np.random.default_rng(3)))
     front = lights[lights[:, 2] > 0]
     assert 0.95 < len(front) / 2000 < 1.0
     half_vectors = half_vectors_of(front)
     middle = half_vectors[half_vectors[:, 2] > np.cos(np.radians(40))]
     near = (angles(middle[::20, None], half_vectors[None]) < 1.5).sum(axis=1)
     assert 2 <= np.median(near) <= 12
-    gap = sweep(2000, np.random.default_rng(3), missing_quarter=True)
-    around = np.degrees(np.arctan2(gap[:, 1], gap[:, 0]))[np.isfinite(gap[:, 0]) & (gap[:, 2] > 0) & (gap[:, 2] < 0.9)]
-    histogram = np.histogram(around, bins=36, range=(-180, 180))[0]
+    gap = light_path(2000, np.random.default_rng(3), missing_quarter=True)
+    azimuth = np.degrees(np.arctan2(gap[:, 1], gap[:, 0]))[np.isfinite(gap[:, 0]) & (gap[:, 2] > 0) & (gap[:, 2] < 0.9)]
+    histogram = np.histogram(azimuth, bins=36, range=(-180, 180))[0]
     assert (histogram < 3).sum() >= 7
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_every_shape_fills_its_region(shape: str) -> None:
-    solids = build(shape, 120, 110)
+def test_each_shape_fills_its_region(shape: str) -> None:
+    solids = build_solids(shape, 120, 110)
     outer = np.concatenate([solid.vertices for solid in solids if not solid.inner])
     extent = np.ptp(outer, axis=0)[:2]
     assert (extent <= [104.5, 94.5]).all() and (np.isclose(extent, [104, 94], atol=0.5)).any()
@@ -101,7 +101,7 @@ def test_every_shape_fills_its_region(shape: str) -> None:
 
 def test_the_jug_has_a_hole(grid: tuple[np.ndarray, np.ndarray]) -> None:
     x, y = np.meshgrid(np.arange(-70.0, 71), np.arange(105.0, -106, -1))
-    mask = np.isfinite(Scene(build("jug", 140, 210)).truth(x, y).depth).astype(np.uint8)
+    mask = np.isfinite(Scene(build_solids("jug", 140, 210)).truth(x, y).depth).astype(np.uint8)
     outlines, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     assert max(len(outline) for outline in outlines[1:]) > 30
 
@@ -112,8 +112,8 @@ def test_the_same_seed_gives_the_same_files(tmp_path: Path) -> None:
     for file in ("video.mp4", "markup.json", "truth/lights.npy", "truth/normals.npy", "truth/depth.npy"):
         first, second = ((tmp_path / name / "fish" / "front" / file).read_bytes() for name in "ab")
         assert first == second, file
-    other = (tmp_path / "c" / "fish" / "front" / "video.mp4").read_bytes()
-    assert other != (tmp_path / "a" / "fish" / "front" / "video.mp4").read_bytes()
+    different = (tmp_path / "c" / "fish" / "front" / "video.mp4").read_bytes()
+    assert different != (tmp_path / "a" / "fish" / "front" / "video.mp4").read_bytes()
 
 
 def test_views_turn_about_one_axis_and_agree_with_the_model(tmp_path: Path) -> None:
@@ -131,7 +131,7 @@ def test_shapes_are_added_to_a_catalogue_and_replaced(tmp_path: Path) -> None:
     options = CaptureOptions(frames=4, scale=0.2, ball_radius=15.0)
     for shape in ("cylinder", "hemisphere", "cylinder"):
         simulate(shape, tmp_path, options)
-    assert sorted(each.id for each in load(tmp_path / "catalogue.yaml").objects) == ["cylinder", "hemisphere"]
+    assert sorted(entry.id for entry in load(tmp_path / "catalogue.yaml").objects) == ["cylinder", "hemisphere"]
     assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
 
 

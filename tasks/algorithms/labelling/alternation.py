@@ -1,0 +1,178 @@
+"""Working state of the alternating reconstruction of one view: label, solve the field, judge the result.
+
+Sections 4.1 and 4.2 of the paper, alternated; see `reconstruction`, which drives it.
+"""
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
+from glint.tasks.algorithms.geometry.vectors import unit
+from glint.tasks.algorithms.labelling.confidence import (
+    field_confidence,
+    field_error_slope,
+    observed_confidence,
+    sheet_confidence,
+)
+from glint.tasks.algorithms.labelling.graph_cut import HARD_CONSTRAINT, graph_cut, keep_best_per_pixel, unary_log_ratio
+from glint.tasks.algorithms.labelling.integrability import shape_log_ratio
+from glint.tasks.algorithms.labelling.results import (
+    Iteration,
+)
+from glint.tasks.algorithms.labelling.segments import held_out_residual, segment_sheets, sheet_means
+from glint.tasks.algorithms.labelling.weights import (
+    FieldError,
+    FieldWeights,
+    GraphCutWeights,
+)
+from glint.tasks.algorithms.prior.smooth_normals import (
+    SmoothNormalField,
+    contour_normals,
+    field_spread,
+    inradius,
+    smooth_normal_field,
+    thickness,
+)
+from glint.tasks.algorithms.prior.symmetry import surface_of_revolution_normals
+
+if TYPE_CHECKING:
+    pass
+
+HELD_OUT_MAX_NODES = 5_000
+"""Grid nodes of the coarser field that predicts held-out sheets: it is solved once per sheet."""
+
+
+@dataclass(slots=True)
+class Alternation:
+    """Working state of the alternation: constants of the view, then what each iteration replaces.
+
+    labels (K, H, W) bool: exterior nodes. values (H, W, 3): accepted normals, NaN elsewhere. confidence (H, W): theirs,
+    NaN elsewhere. known (H, W) bool: where they enter the field. smooth (H, W, 3): the field.
+    """
+
+    normals: np.ndarray
+    mask: np.ndarray
+    marks: Marks | None
+    expected: np.ndarray | None
+    graph_cut_weights: GraphCutWeights
+    field_weights: FieldWeights
+    field_error: FieldError
+    scale: float = field(init=False)
+    local_scale: np.ndarray = field(init=False)
+    surface: SmoothNormalField = field(init=False)
+    rim: np.ndarray = field(init=False)
+    outward: np.ndarray = field(init=False)
+    shape: np.ndarray = field(init=False)
+    marked: np.ndarray = field(init=False)
+    marked_normals: np.ndarray = field(init=False)
+    pins: np.ndarray = field(init=False)
+    labels: np.ndarray = field(init=False)
+    known: np.ndarray = field(init=False)
+    values: np.ndarray = field(init=False)
+    confidence: np.ndarray = field(init=False)
+    smooth: np.ndarray = field(init=False)
+    history: list[Iteration] = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Prepare the field, and solve it once from contour and marks."""
+        self.scale, self.local_scale = inradius(self.mask), thickness(self.mask)
+        self.surface = smooth_normal_field(self.mask, self.field_weights.tension_length)
+        self.rim, self.outward = contour_normals(self.mask)
+        self.shape = self.graph_cut_weights.shape_weight * shape_log_ratio(self.normals, self.scale)
+        self.marked, self.marked_normals, self.pins = mark_constraints(self.marks, self.normals, self.mask)
+        self.labels = np.zeros(self.normals.shape[:3], dtype=bool)
+        self.known, self.values = self.marked, self.marked_normals
+        self.confidence = np.where(self.marked, 1.0, np.nan)
+        self.smooth = self.solve_field(self.known, self.values)
+        self.history = []
+
+    def solve_field(
+        self, known: np.ndarray, values: np.ndarray, surface: SmoothNormalField | None = None
+    ) -> np.ndarray:
+        """Solve the field (H, W, 3) from normals `values` at `known` pixels (H, W) and the contour or expectation."""
+        weights = self.field_weights
+        if self.expected is None:
+            targets, pull = self.outward, np.where(self.rim, weights.rim, 0.0)
+        else:
+            targets, pull = self.expected, np.full(self.mask.shape, weights.expected)
+        pull = np.where(known, weights.observed, pull)
+        # A mark with a cluster is averaged with it and so less noisy; a mark alone must hold against its neighbours.
+        mark = np.where(self.labels.any(axis=0), weights.marked, weights.mark_alone)
+        pull = np.where(self.marked & known, mark, pull)
+        return (surface or self.surface).solve(np.where(known[..., None], values, targets), pull, self.expected)
+
+    def iterate(self, max_iterations: int, convergence_tolerance: float, min_confidence: float) -> None:
+        """Alternate labelling and field until the labels settle."""
+        for _ in range(max_iterations):
+            changed = self.label()
+            self.values = _accepted_normals(self.normals, self.labels, self.marked_normals)
+            self.confidence = np.where(self.marked, 1.0, observed_confidence(self.values, self.scale))
+            self.known = self.confidence >= min_confidence
+            self.smooth = self.solve_field(self.known, self.values)
+            self.history.append(Iteration(int(self.labels.any(axis=0).sum()), changed))
+            if changed <= convergence_tolerance * self.mask.sum():
+                break
+
+    def label(self) -> int:
+        """Label all nodes against the present field; return the number of pixels whose labels changed."""
+        weights, error = self.graph_cut_weights, self.field_error
+        observed = self.known & self.labels.any(axis=0)
+        # The field is trusted near what shaped it: the contour too, unless expected normals took its place.
+        sources = observed if self.expected is not None else self.rim | observed
+        spread = field_spread(sources, self.local_scale, error.floor, error.slope, error.ceiling)
+        ratios = unary_log_ratio(self.normals, self.smooth, spread, weights.prior) + self.shape
+        ratios = np.where(self.pins != 0, self.pins * HARD_CONSTRAINT, ratios)
+        previous = self.labels
+        cut = graph_cut(self.normals, ratios, weights.strength, weights.contrast)
+        self.labels = keep_best_per_pixel(cut, ratios)
+        return int((previous != self.labels).any(axis=0).sum())
+
+    def adopt_symmetry(self) -> bool:
+        """Make a surface of revolution the expected field if the accepted normals support it."""
+        weights = self.field_weights
+        plain = self.surface.solve(self.outward, np.where(self.rim, weights.rim, 0.0))
+        relative_weights = np.where(self.marked, weights.marked / weights.observed, 1.0)
+        accepted = np.where(self.known[..., None], self.values, np.nan)
+        self.expected = surface_of_revolution_normals(self.mask, accepted, self.normals, plain, relative_weights)
+        if self.expected is None:
+            return False
+        self.smooth = self.solve_field(self.known, self.values)
+        return True
+
+    def final_confidence(self, min_confidence: float) -> np.ndarray:
+        """Compute the confidence (H, W): of whole sheets at accepted normals, of the field elsewhere."""
+        # While labels change, the neighbourhood has to do; now each sheet is tested against the rest of the object.
+        coarse = smooth_normal_field(self.mask, self.field_weights.tension_length, HELD_OUT_MAX_NODES)
+        sheets = segment_sheets(self.values)
+        shape = np.take_along_axis(self.shape, self.labels.argmax(axis=0)[None], axis=0)[0]
+        residual = held_out_residual(
+            sheets,
+            self.values,
+            self.known,
+            self.rim,
+            self.mask,
+            self.scale,
+            lambda kept: self.solve_field(kept, self.values, coarse),
+        )
+        observed = sheet_confidence(self.values, sheet_means(sheets, shape), residual, self.scale)
+        observed = np.where(self.marked, 1.0, observed)
+        slope = field_error_slope(
+            lambda kept: self.solve_field(kept, self.values),
+            np.where(self.known[..., None], self.values, np.nan),
+            self.scale,
+        )
+        certain = self.known & (observed >= min_confidence)
+        between = field_confidence(certain, self.rim, slope, self.scale)
+        return np.where(np.isfinite(self.confidence), observed, between)
+
+
+def _accepted_normals(normals: np.ndarray, labels: np.ndarray, marked: np.ndarray) -> np.ndarray:
+    """Return the accepted normal of each pixel (H, W, 3), NaN where there is none.
+
+    It is that of the exterior node or of the mark, and the direction midway between them where a pixel has both.
+    """
+    chosen = np.take_along_axis(normals, labels.argmax(axis=0)[None, :, :, None], axis=0)[0]
+    chosen = np.where(labels.any(axis=0)[..., None], chosen, np.nan)
+    return unit(np.where(np.isnan(chosen), marked, np.where(np.isnan(marked), chosen, chosen + marked)))

@@ -1,0 +1,56 @@
+"""Weights of the alternating reconstruction: of the graph cut, of the smooth field, and of the field's error model.
+
+The paper states no weights; the defaults were chosen on simulated captures.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class GraphCutWeights:
+    """Terms of the graph cut's energy (see `graph_cut` and `integrability`).
+
+    strength: cost in nats of labelling two identical neighbours differently; contrast: difference of unit normals at
+    which that cost has fallen to 1/e; prior: share of the nodes that are exterior; shape_weight: factor of the
+    integrability and convexity prior, which is a log-likelihood ratio.
+    """
+
+    strength: float = 10.0
+    contrast: float = 0.1
+    prior: float = 0.5
+    shape_weight: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class FieldWeights:
+    """Data terms of the smooth normal field (see `smooth_normals`), as weights of a squared difference per pixel.
+
+    rim: a pixel of the occluding contour; observed: an accepted normal; marked: a marked pixel that also has an
+    accepted cluster; mark_alone: a marked pixel without one; expected: an expected normal. tension_length: distance
+    from any data, in inradii, beyond which the thin plate becomes a membrane.
+    """
+
+    rim: float = 1.0
+    observed: float = 0.1
+    marked: float = 0.5
+    mark_alone: float = 10.0
+    expected: float = 0.03
+    tension_length: float = 0.12
+
+
+@dataclass(frozen=True, slots=True)
+class FieldError:
+    """Error model of the smooth field: its standard deviation in degrees, linear in the distance from known pixels.
+
+    floor: at a known pixel; slope: added per local thickness of the object; ceiling: upper bound, since the field is
+    smooth and not arbitrary.
+    """
+
+    floor: float = 4.0
+    slope: float = 25.0
+    ceiling: float = 30.0
+
+
+DEFAULT_GRAPH_CUT = GraphCutWeights()
+DEFAULT_FIELD = FieldWeights()
+DEFAULT_FIELD_ERROR = FieldError()

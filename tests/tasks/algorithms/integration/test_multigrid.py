@@ -1,0 +1,109 @@
+"""The multigrid solver against a direct solution of the same equations."""
+
+import numpy as np
+import pytest
+from scipy import ndimage, sparse
+from scipy.sparse.linalg import spsolve
+
+from glint.tasks.algorithms.integration.multigrid import solve_poisson
+
+SIZES = [(1, 40), (40, 1), (2, 2), (5, 7), (6, 6), (7, 6), (13, 13), (31, 64), (64, 33), (101, 87)]
+
+
+def masks(height: int, width: int) -> dict[str, np.ndarray]:
+    """Shapes of a region (H, W): whole, a disc, a ring, separate pieces, and scattered pixels."""
+    rows, columns = np.indices((height, width))
+    radius = np.hypot((rows - (height - 1) / 2) / height, (columns - (width - 1) / 2) / width)
+    scattered = np.random.default_rng(height * 1000 + width).random((height, width)) < 0.8
+    return {
+        "rectangle": np.ones((height, width), bool),
+        "disc": radius <= 0.5,
+        "ring": (radius <= 0.5) & (radius >= 0.25),
+        "pieces": (rows % 11 != 5) & (columns % 9 != 4),
+        "scattered": scattered,
+    }
+
+
+def random_graph(mask: np.ndarray, generator: np.random.Generator) -> np.ndarray:
+    """Weights (2, H, W) inside a mask, log-uniform over six orders of magnitude."""
+    weights = 10.0 ** generator.uniform(-6.0, 0.0, (2, *mask.shape))
+    weights[0, :-1] *= mask[:-1] & mask[1:]
+    weights[1, :, :-1] *= mask[:, :-1] & mask[:, 1:]
+    weights[0, -1] = weights[1, :, -1] = 0.0
+    return weights
+
+
+def incidence(mask: np.ndarray) -> tuple[sparse.csr_matrix, np.ndarray]:
+    """Differences along all inner edges (E, pixels), and their places in the flat weights (2, H, W)."""
+    numbers = np.arange(mask.size).reshape(mask.shape)
+    down, across = mask[:-1] & mask[1:], mask[:, :-1] & mask[:, 1:]
+    first = np.concatenate([numbers[:-1][down], numbers[:, :-1][across]])
+    second = np.concatenate([numbers[1:][down], numbers[:, 1:][across]])
+    places = np.concatenate([numbers[:-1][down], mask.size + numbers[:, :-1][across]])
+    edges = np.arange(len(first))
+    signs = np.concatenate([-np.ones(len(first)), np.ones(len(first))])
+    positions = (np.concatenate([edges, edges]), np.concatenate([first, second]))
+    return sparse.csr_matrix((signs, positions), shape=(len(first), mask.size)), places
+
+
+def without_means(values: np.ndarray, components: np.ndarray) -> np.ndarray:
+    """Values (H, W) less the mean of each component (0 outside)."""
+    result = np.zeros(values.shape)
+    for number in range(1, components.max() + 1):
+        inside = components == number
+        result[inside] = values[inside] - values[inside].mean()
+    return result
+
+
+def direct_solution(matrix: sparse.csr_matrix, source: np.ndarray, components: np.ndarray) -> np.ndarray:
+    """scipy's direct solution (H, W): one pixel of each component is held at zero, which makes the matrix regular."""
+    flat = components.ravel()
+    anchors = np.unique(flat, return_index=True)[1]
+    free = np.setdiff1d(np.flatnonzero(flat), anchors)
+    solution = np.zeros(flat.size)
+    if len(free):
+        solution[free] = spsolve(matrix[free][:, free].tocsc(), source.ravel()[free])
+    return solution.reshape(components.shape)
+
+
+@pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
+@pytest.mark.parametrize("shape", ["rectangle", "disc", "ring", "pieces", "scattered"])
+def test_the_solver_agrees_with_a_direct_one_over_six_orders_of_magnitude(shape: str, size: tuple[int, int]) -> None:
+    mask = masks(*size)[shape]
+    generator = np.random.default_rng(size[0] + 7 * size[1])
+    weights = random_graph(mask, generator)
+    differences, places = incidence(mask)
+    edge_weights = weights.ravel()[places]
+    # The source is that of random rises along the edges, as integration has it, so each component's sums to zero.
+    source = (differences.T @ (edge_weights * generator.normal(size=len(places)))).reshape(size)
+    matrix = (differences.T @ sparse.diags(edge_weights) @ differences).tocsr()
+    components = ndimage.label(mask)[0]
+
+    solution, iterations = solve_poisson(weights, source, np.zeros(size), tolerance=1e-12, max_iterations=6000)
+    exact = without_means(direct_solution(matrix, source, components), components)
+    error = np.abs(without_means(solution, components) - exact).max()
+    assert error <= 1e-7 * max(1.0, np.abs(exact).max())
+    assert iterations < 6000
+    assert not solution[~mask].any()
+
+
+def test_the_start_changes_nothing_but_the_constants_of_components() -> None:
+    mask = masks(23, 30)["pieces"]
+    components = ndimage.label(mask)[0]
+    generator = np.random.default_rng(0)
+    weights = random_graph(mask, generator)
+    differences, places = incidence(mask)
+    source = (differences.T @ (weights.ravel()[places] * generator.normal(size=len(places)))).reshape(mask.shape)
+    start = 10.0 * components
+    solution, _ = solve_poisson(weights, source, start, tolerance=1e-12, max_iterations=6000)
+    plain, _ = solve_poisson(weights, source, np.zeros(mask.shape), tolerance=1e-12, max_iterations=6000)
+    assert np.allclose(without_means(solution, components), without_means(plain, components), atol=1e-6)
+
+
+def test_a_solution_as_start_takes_no_iteration() -> None:
+    weights = random_graph(np.ones((17, 9), bool), np.random.default_rng(1))
+    source = np.zeros((17, 9))
+    source[3, 4], source[12, 2] = 1.0, -1.0
+    solution, iterations = solve_poisson(weights, source, np.zeros((17, 9)), tolerance=1e-9)
+    assert iterations > 0
+    assert solve_poisson(weights, source, solution, tolerance=1e-6)[1] == 0
