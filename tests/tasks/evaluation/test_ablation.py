@@ -10,7 +10,8 @@ from glint.tasks.algorithms.evaluation.metrics import Reliability
 from glint.tasks.engine.capture_context import Workspace
 from glint.tasks.evaluation.ablation import ABLATIONS, ablate
 from glint.tasks.evaluation.captures import Evaluation, evaluate
-from glint.tasks.evaluation.report import ablation_table, reliability_picture
+from glint.tasks.evaluation.report import ablation_table
+from glint.tasks.figures.evaluation_sheet import reliability_diagram
 from glint.tasks.pipeline import STAGES
 from tests.tasks.make_context import bench, perform_all
 
@@ -34,7 +35,7 @@ def test_every_ingredient_is_switched_off_by_itself(work: Workspace, evaluation:
     found = ablate(work)
     assert found is not None and set(found) == set(ABLATIONS)
     stored = evaluation.method("glint")
-    assert found["default"] == pytest.approx((stored.data.squared, stored.whole.squared), abs=1e-9)
+    assert found["default"] == pytest.approx((stored.observed_region.squared, stored.whole_mask.squared), abs=1e-9)
     changed = {name for name, errors in found.items() if errors != found["default"]}
     assert {"no marks", "one candidate", "one round"} <= changed
     assert found["one candidate"][0] > found["default"][0]
@@ -56,7 +57,7 @@ def _line(picture: np.ndarray, column: int) -> float:
     return float(np.nonzero((blue - red > 60) & (blue - green > 30))[0].mean())
 
 
-def test_the_reliability_picture_shows_what_is_right(evaluation: Evaluation) -> None:
+def test_the_reliability_diagram_shows_what_is_right(evaluation: Evaluation) -> None:
     """A line that climbs where confidence keeps its word, and lies low where it does not; captures weigh by pixels."""
     lows = (0.0, 0.5, 0.9)
     honest = tuple(Reliability(low, 100, low + 0.05, low + 0.05) for low in lows)
@@ -64,7 +65,7 @@ def test_the_reliability_picture_shows_what_is_right(evaluation: Evaluation) -> 
     size = 400
     middle = 44 + round(0.55 * size)
     pictures = [
-        reliability_picture([replace(evaluation, reliability=each) for each in chosen], size)
+        reliability_diagram([replace(evaluation, reliability=each) for each in chosen], size)
         for chosen in ([honest], [boastful], [honest, boastful])
     ]
     assert all(picture.shape == (size + 60, size + 60, 3) and picture.dtype == np.uint8 for picture in pictures)

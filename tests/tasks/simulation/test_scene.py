@@ -75,9 +75,12 @@ def test_the_surface_is_that_of_the_formula(scene: Scene, store: Path) -> None:
     found = evaluate(work, NAMES)
     assert found is not None
     ours, silhouette = found.method("glint"), found.method("silhouette only")
-    assert found.method("winner takes all").data.squared > 0.1, "the false highlights mislead whom they can"
-    assert ours.data.squared < 0.3 * silhouette.data.squared and ours.whole.squared < 0.5 * silhouette.whole.squared
-    assert ours.data.squared < 0.002 and ours.whole.squared < 0.004
+    assert found.method("winner takes all").observed_region.squared > 0.1, "the false highlights mislead whom they can"
+    assert (
+        ours.observed_region.squared < 0.3 * silhouette.observed_region.squared
+        and ours.whole_mask.squared < 0.5 * silhouette.whole_mask.squared
+    )
+    assert ours.observed_region.squared < 0.002 and ours.whole_mask.squared < 0.004
     labels = work.load("labels")
     names = labels.record["provenance"]
     observed = labels.read("provenance") == names.index("observed")
