@@ -14,11 +14,11 @@ MAX_ERROR_DEG = 45.0
 """Degrees of error at the end of the colour scale."""
 CELL_PX = 220
 """Pixels along each side of a cell of the sheet, without its title."""
-TITLE_PX = 22
+CELL_TITLE_PX = 22
 """Height of a cell's title in pixels."""
 LEFT_PX, TOP_PX, BORDER_PX = 44, 16, 60
 """Corner of the reliability diagram in its picture, and the pixels around it, horizontally and vertically."""
-GRID_COLOUR, DIAGONAL_COLOUR, LINE_COLOUR = (225, 225, 225), (150, 150, 150), (60, 120, 190)
+DIAGRAM_GRID_COLOUR, DIAGRAM_DIAGONAL_COLOUR, DIAGRAM_LINE_COLOUR = (225, 225, 225), (150, 150, 150), (60, 120, 190)
 """RGB colours of the reliability diagram."""
 
 
@@ -57,17 +57,17 @@ def reliability_diagram(evaluations: Sequence[Evaluation], size: int = 420) -> n
         vertical = position(tick, 0.0), position(tick, 1.0)
         horizontal = position(0.0, tick), position(1.0, tick)
         for ends in (vertical, horizontal):
-            cv2.line(picture, *ends, GRID_COLOUR, 1, cv2.LINE_AA)
+            cv2.line(picture, *ends, DIAGRAM_GRID_COLOUR, 1, cv2.LINE_AA)
         _write(picture, f"{tick:.1f}", (vertical[0][0] - 10, size + 32))
         _write(picture, f"{tick:.1f}", (12, horizontal[0][1] + 4))
     _write(picture, "confidence (areas: pixels); upwards: share within 5 degrees", (LEFT_PX, size + 52))
-    cv2.line(picture, position(0.0, 0.0), position(1.0, 1.0), DIAGONAL_COLOUR, 1, cv2.LINE_AA)
+    cv2.line(picture, position(0.0, 0.0), position(1.0, 1.0), DIAGRAM_DIAGONAL_COLOUR, 1, cv2.LINE_AA)
     bins = _pooled([bin_ for evaluation in evaluations for bin_ in evaluation.reliability])
     total = max(sum(pixels for _, _, pixels in bins), 1)
     points = [position(confidence, right_share) for confidence, right_share, _ in bins]
     for point, (_, _, pixels) in zip(points, bins, strict=True):
-        cv2.circle(picture, point, 3 + round(40.0 * float(np.sqrt(pixels / total))), LINE_COLOUR, 1)
-    cv2.polylines(picture, [np.array(points, np.int32)], False, LINE_COLOUR, 2, cv2.LINE_AA)
+        cv2.circle(picture, point, 3 + round(40.0 * float(np.sqrt(pixels / total))), DIAGRAM_LINE_COLOUR, 1)
+    cv2.polylines(picture, [np.array(points, np.int32)], False, DIAGRAM_LINE_COLOUR, 2, cv2.LINE_AA)
     return picture
 
 
@@ -88,8 +88,8 @@ def _cell(picture: np.ndarray, title: str) -> np.ndarray:
     scale = min((CELL_PX - 4) / picture.shape[1], (CELL_PX - 4) / picture.shape[0])
     size = max(1, round(picture.shape[1] * scale)), max(1, round(picture.shape[0] * scale))
     scaled = cv2.resize(picture, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_NEAREST)
-    cell = np.full((CELL_PX + TITLE_PX, CELL_PX, 3), 255, np.uint8)
-    left, top = (CELL_PX - size[0]) // 2, TITLE_PX + (CELL_PX - size[1]) // 2
+    cell = np.full((CELL_PX + CELL_TITLE_PX, CELL_PX, 3), 255, np.uint8)
+    left, top = (CELL_PX - size[0]) // 2, CELL_TITLE_PX + (CELL_PX - size[1]) // 2
     cell[top : top + size[1], left : left + size[0]] = scaled
     _write(cell, title, (4, 15))
     return cell

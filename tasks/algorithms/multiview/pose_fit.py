@@ -109,9 +109,9 @@ class PoseFitter:
         model = self.model
         cosine = (model.normals * posed.view_vectors(model.vertices)).sum(axis=1)
         grazing = np.flatnonzero(np.abs(cosine) < MAX_RIM_COSINE)
-        seen = np.flatnonzero(visible(self.scene, model.vertices, model.normals, posed))
-        columns, rows = posed.project(model.vertices[seen])
-        return grazing, seen[sample(np.nan_to_num(posed.confidence), columns, rows) > MIN_FIT_CONFIDENCE]
+        observed = np.flatnonzero(visible(self.scene, model.vertices, model.normals, posed))
+        columns, rows = posed.project(model.vertices[observed])
+        return grazing, observed[sample(np.nan_to_num(posed.confidence), columns, rows) > MIN_FIT_CONFIDENCE]
 
     def _residuals(
         self, posed: View, grazing: np.ndarray, confident: np.ndarray

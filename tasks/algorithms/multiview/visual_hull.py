@@ -19,7 +19,7 @@ SPHERE_MARGIN = 1.2
 """Radius of the bounding sphere relative to half the largest diagonal of the masks' bounding boxes."""
 MAX_VERTICES = 24_000
 """Vertices of the mesh that is refined; detail below its edges comes from the last Poisson reconstruction."""
-MIN_EDGE_PX = 1.0
+MIN_HULL_EDGE_PX = 1.0
 """Finest edge of a mesh in pixels: the masks hold nothing finer."""
 
 
@@ -92,12 +92,12 @@ def hull_model(views: Sequence[View], max_vertices: int = MAX_VERTICES) -> Model
     low, high = bounding_box(views)
     pixel = float(np.median([view.footprint((low + high)[None] / 2)[0] for view in views]))
     field = hull_field(views)
-    cell = max(MIN_EDGE_PX * pixel, float(np.prod(high - low) ** (1 / 3)) / 40.0)
+    cell = max(MIN_HULL_EDGE_PX * pixel, float(np.prod(high - low) ** (1 / 3)) / 40.0)
     vertices, triangles = mesh_of(field, low, high, cell)
     # The number of vertices of a surface grows with the inverse square of the cell.
     finer_cell = cell * np.sqrt(len(vertices) / max_vertices)
     if len(vertices) and abs(np.log(finer_cell / cell)) > 0.1:
-        cell = max(MIN_EDGE_PX * pixel, float(finer_cell))
+        cell = max(MIN_HULL_EDGE_PX * pixel, float(finer_cell))
         vertices, triangles = mesh_of(field, low, high, cell)
     if len(vertices) < 4:
         raise UnusableCapture("the silhouettes of the views have hardly a point in common", "check the poses")
