@@ -1,4 +1,4 @@
-"""Two versions beside each other: angles, depths, what changed, and when a surface counts as moved."""
+"""Differences of two versions: angles, depths, parameters and inputs, and when a surface counts as changed."""
 
 from pathlib import Path
 from typing import Any
