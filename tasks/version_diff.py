@@ -1,6 +1,6 @@
-"""Two versions of an object beside each other: how far its surface moved, and what was changed to move it."""
+"""Difference of two versions of an object: of its normals and depths, and of parameters, inputs and code."""
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,14 +8,19 @@ import numpy as np
 
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import WHOLE_OBJECT
+from glint.tasks.algorithms.geometry import vectors
 
-QUANTILE = 0.95
-"""Of the angles between two versions' normals: a surface moved when more than a twentieth of it did."""
+DRIFT_QUANTILE = 0.95
+"""Quantile of the angles between two versions' normals by which a surface counts as changed."""
+CHANGED_ANGLE_DEG = 5.0
+"""Degrees from which a pixel's normal counts as changed in the figures."""
+INCOMPARABLE_DEG = 180.0
+"""Drift of a capture whose versions share no pixel."""
 
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """A capture whose normals moved: the 95th percentile of the angle in degrees, between which versions."""
+    """A capture whose normals changed between two versions; degrees: the 95th percentile of the angle."""
 
     object_id: str
     capture_id: str
@@ -24,7 +29,7 @@ class Drift:
     after: str
 
     def __str__(self) -> str:
-        """In words."""
+        """Describe the drift in a sentence."""
         return (
             f"{self.object_id}/{self.capture_id}: a twentieth of the normals moved by {self.degrees:.1f} degrees or"
             f" more from {self.before} to {self.after}"
@@ -33,11 +38,11 @@ class Drift:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """What differs between two versions of a capture.
+    """Difference between two versions of a capture.
 
-    angles (H, W) degrees between the normals, depths (H, W) after minus before, less its median, in `unit`; both NaN
-    where not both versions have a value, on the smallest region of the frame that holds those of both. `changes` say
-    what is different in parameters, inputs and code: stage, what, before, after.
+    angles (H, W) float32: degrees between the normals; depths (H, W) float32: after minus before, less the median, in
+    `unit`. Both cover the smallest rectangle of the frame that contains both versions' regions, and are NaN where one
+    of the versions has no value. changes: (stage, name, before, after) of parameters, inputs and versions of code.
     """
 
     capture: str
@@ -48,44 +53,46 @@ class Difference:
 
     @property
     def figures(self) -> dict[str, float | int | None]:
-        """Angles in degrees, depths in `unit`; None where the versions share no pixel."""
+        """Summary of angles in degrees and depths in `unit`; None where the versions share no pixel."""
         angles, depths = self.angles[np.isfinite(self.angles)], self.depths[np.isfinite(self.depths)]
         return {
             "pixels": int(angles.size),
             "mean angle": _rounded(angles.mean() if angles.size else None),
-            "angle of 95%": _rounded(np.quantile(angles, QUANTILE) if angles.size else None),
+            "angle of 95%": _rounded(np.quantile(angles, DRIFT_QUANTILE) if angles.size else None),
             "largest angle": _rounded(angles.max() if angles.size else None),
-            "moved beyond 5°": _rounded((angles > 5.0).mean() if angles.size else None),
+            "moved beyond 5°": _rounded((angles > CHANGED_ANGLE_DEG).mean() if angles.size else None),
             "depth, root mean square": _rounded(np.sqrt((depths**2).mean()) if depths.size else None),
         }
 
 
 def captures_of_both(repository: ObjectRepository, before: str, after: str) -> tuple[list[str], list[str], list[str]]:
-    """Captures that both versions hold, those that only `before` and those that only `after` holds.
+    """Return the captures that both versions hold, those that only `before` and those that only `after` holds.
 
     Raises:
-        StoreError: one of the versions is not there.
+        StoreError: one of the versions does not exist.
     """
     old, new = repository.version(before).stages.keys(), repository.version(after).stages.keys()
-    names = (sorted(old & new), sorted(old - new), sorted(new - old))
-    both, gone, added = ([name for name in each if name != WHOLE_OBJECT] for each in names)
-    return both, gone, added
+    shared, gone, added = (
+        [name for name in sorted(names) if name != WHOLE_OBJECT] for names in (old & new, old - new, new - old)
+    )
+    return shared, gone, added
 
 
 def compare(repository: ObjectRepository, capture: str, before: str, after: str) -> Difference:
-    """The difference of a capture between two versions.
+    """Compare a capture in two versions.
 
     Raises:
-        StoreError: a version is not there or has no such capture.
+        StoreError: a version does not exist or has no such capture.
     """
-    (old_normals, old_depth), (new_normals, new_depth) = _placed(repository, capture, (before, after))
+    (old_normals, old_depth), (new_normals, new_depth) = _on_common_region(repository, capture, (before, after))
     depths = new_depth - old_depth
     known = np.isfinite(depths)
     if known.any():
+        # A common offset of depth is unknowable from one view and means nothing.
         depths -= np.median(depths[known])
     return Difference(
         capture,
-        angles_between(old_normals, new_normals),
+        _angles(old_normals, new_normals),
         depths,
         str(repository.load(capture, "depth", after).record.get("unit", "pixels")),
         tuple(_changes(repository, capture, before, after)),
@@ -93,35 +100,34 @@ def compare(repository: ObjectRepository, capture: str, before: str, after: str)
 
 
 def drifts(repository: ObjectRepository, before: str, after: str, degrees: float) -> list[Drift]:
-    """Captures whose normals moved by more than `degrees` (95th percentile) between two versions."""
-    found = []
+    """Return the captures whose normals changed by more than `degrees` (95th percentile) between two versions."""
+    changed = []
     for capture in captures_of_both(repository, before, after)[0]:
         if repository.version(before).stages[capture] == repository.version(after).stages[capture]:
             continue
-        (old, _), (new, _) = _placed(repository, capture, (before, after))
-        angles = angles_between(old, new)
+        (old, _), (new, _) = _on_common_region(repository, capture, (before, after))
+        angles = _angles(old, new)
         known = angles[np.isfinite(angles)]
-        moved = float(np.quantile(known, QUANTILE)) if known.size else 180.0
-        if moved > degrees:
-            found.append(Drift(repository.object_id, capture, moved, before, after))
-    return found
+        percentile = float(np.quantile(known, DRIFT_QUANTILE)) if known.size else INCOMPARABLE_DEG
+        if percentile > degrees:
+            changed.append(Drift(repository.object_id, capture, percentile, before, after))
+    return changed
 
 
-def angles_between(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Degrees (H, W) float32 between unit vectors (H, W, 3), NaN where one is; exact for small angles too."""
-    chord = np.linalg.norm(first.astype(np.float64) - second, axis=-1)
-    return np.degrees(2.0 * np.arcsin(np.clip(chord / 2.0, 0.0, 1.0))).astype(np.float32)
+def _angles(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return degrees (H, W) float32 between unit normals (H, W, 3), NaN where one is NaN."""
+    return vectors.angles(first.astype(np.float64), second).astype(np.float32)
 
 
-def _placed(
+def _on_common_region(
     repository: ObjectRepository, capture: str, versions: tuple[str, str]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Normals (H, W, 3) and depth (H, W) of both versions on the rectangle around both regions, NaN elsewhere."""
+    """Return normals (H, W, 3) and depth (H, W) of both versions on the rectangle around both regions, NaN outside."""
     regions = [repository.load(capture, "survey", version).record["region"] for version in versions]
     left, top = (min(region[name] for region in regions) for name in ("x", "y"))
     width = max(region["x"] + region["width"] for region in regions) - left
     height = max(region["y"] + region["height"] for region in regions) - top
-    placed = []
+    arrays = []
     for version, region in zip(versions, regions, strict=True):
         normals = np.full((height, width, 3), np.nan, np.float32)
         depth = np.full((height, width), np.nan, np.float32)
@@ -129,28 +135,32 @@ def _placed(
         columns = slice(region["x"] - left, region["x"] - left + region["width"])
         normals[rows, columns] = repository.load(capture, "labels", version).read("normals")
         depth[rows, columns] = repository.load(capture, "depth", version).read("depth")
-        placed.append((normals, depth))
-    return placed
+        arrays.append((normals, depth))
+    return arrays
 
 
 def _changes(
     repository: ObjectRepository, capture: str, before: str, after: str
 ) -> Iterator[tuple[str, str, Any, Any]]:
-    """Parameters, inputs and versions of stages that differ."""
+    """Yield (stage, name, before, after) of parameters, inputs and versions of code that differ, stage by stage."""
     old, new = repository.version(before).stages[capture], repository.version(after).stages[capture]
     for stage in sorted(old.keys() | new.keys()):
         if stage not in old or stage not in new:
-            yield stage, "stage", "there" if stage in old else "absent", "there" if stage in new else "absent"
+            yield stage, "stage", _presence(stage, old), _presence(stage, new)
             continue
         if old[stage] == new[stage]:
             continue
         records = [repository.load(capture, stage, version).record for version in (before, after)]
         for group in ("parameters", "inputs", "versions"):
-            was, now = (record.get(group, {}) for record in records)
-            for name in sorted(was.keys() | now.keys()):
-                if was.get(name) != now.get(name):
-                    what = name if group == "parameters" else f"{group.removesuffix('s')} {name}"
-                    yield stage, what, was.get(name), now.get(name)
+            old_values, new_values = (record.get(group, {}) for record in records)
+            for name in sorted(old_values.keys() | new_values.keys()):
+                if old_values.get(name) != new_values.get(name):
+                    label = name if group == "parameters" else f"{group.removesuffix('s')} {name}"
+                    yield stage, label, old_values.get(name), new_values.get(name)
+
+
+def _presence(stage: str, stages: Container[str]) -> str:
+    return "present" if stage in stages else "absent"
 
 
 def _rounded(value: float | None) -> float | None:

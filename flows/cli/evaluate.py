@@ -52,23 +52,23 @@ def evaluate_catalogue(
             scale, frames = (QUICK_SCALE, QUICK_FRAMES) if quick else (1.0, None)
             file = simulate_presets(folder, scale, frames, display)
         summary = run(file, place, display, only=only)
-        from glint.tasks.evaluation import model_report
-        from glint.tasks.evaluation import report as evaluation_report
+        from glint.tasks.evaluation import report
+        from glint.tasks.figures.evaluation_sheet import evaluation_sheet, reliability_diagram
 
         evaluations = evaluations_of(str(file), place, summary.result, display.show)
         models = models_of(str(file), place, summary.result)
         ablations = ablations_of(str(file), place, summary.result, display.show) if ablation else {}
     if evaluations:
-        table = evaluation_report.markdown(evaluations)
+        table = report.capture_tables(evaluations)
         if models:
-            table += model_report.markdown(models)
+            table += report.model_table(models)
         if ablations:
-            table += evaluation_report.ablation_table(ablations)
+            table += report.ablation_table(ablations)
         (out / "evaluation.md").write_text(table, encoding="utf-8")
-        facts = evaluation_report.as_json(evaluations) + model_report.as_json(models)
+        facts = report.captures_as_json(evaluations) + report.models_as_json(models)
         (out / "evaluation.json").write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
-        write_png(out / "evaluation.png", evaluation_report.picture_sheet(evaluations))
-        write_png(out / "reliability.png", evaluation_report.reliability_picture(evaluations))
+        write_png(out / "evaluation.png", evaluation_sheet(evaluations))
+        write_png(out / "reliability.png", reliability_diagram(evaluations))
         if as_json:
             typer.echo(json.dumps({"kind": "evaluation", "captures": facts}))
         else:

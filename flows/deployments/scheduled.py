@@ -85,9 +85,9 @@ def evaluate_reference(
         result = _run(catalogue, store, cluster, drift=drift, rehash=True)
         evaluations = evaluations_of(catalogue, Location.parse(store).uri, result, lambda event: None)
     if evaluations:
-        from glint.tasks.evaluation.report import markdown
+        from glint.tasks.evaluation.report import capture_tables
 
-        create_markdown_artifact(markdown(evaluations), key=artifact_key(f"evaluation {catalogue}"))
+        create_markdown_artifact(capture_tables(evaluations), key=artifact_key(f"evaluation {catalogue}"))
     if result.failed:
         first = result.failed[0]
         return Failed(message=f"{len(result.failed)} captures failed; {first.name}: {first.error} -> {first.remedy}")

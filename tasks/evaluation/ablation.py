@@ -1,4 +1,4 @@
-"""Ablation: what each ingredient of the labelling is worth, by switching it off on stored clusters."""
+"""Ablation: the errors with each ingredient of the labelling switched off, on stored clusters."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -38,7 +38,7 @@ ABLATIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
 
 
 def ablate(work: Workspace) -> dict[str, tuple[float, float]] | None:
-    """Squared error over data and whole region with each ingredient off; None where there are no true normals.
+    """Return squared errors over observed region and whole mask, by ingredient switched off; None without true normals.
 
     Raises:
         InputError: the truth is unusable; StoreError: the capture was not run.
@@ -52,24 +52,27 @@ def ablate(work: Workspace) -> dict[str, tuple[float, float]] | None:
     clusters, marks, view = load_clusters(work), load_marks(work), load_geometry(work).view_vectors
     if view is not None:
         clusters, marks, truth = faced(clusters, view), faced_marks(marks, view), rotate_to_view(truth, view)
-    data = mask & (clusters.observations > 0)
+    observed = mask & (clusters.observations > 0)
     results = {}
     for name, parameters in ABLATIONS.items():
         if name == "no marks" and marks is None:
             continue
-        normals = _normals(clusters, mask, marks, dict(parameters))
-        results[name] = squared_errors(normals, truth, data), squared_errors(normals, truth, mask)
+        normals = _labelled_normals(clusters, mask, marks, dict(parameters))
+        results[name] = squared_errors(normals, truth, observed), squared_errors(normals, truth, mask)
     return results
 
 
-def _normals(clusters: Clusters, mask: np.ndarray, marks: Marks | None, parameters: dict[str, Any]) -> np.ndarray:
+def _labelled_normals(
+    clusters: Clusters, mask: np.ndarray, marks: Marks | None, parameters: dict[str, Any]
+) -> np.ndarray:
+    """Return the normals (H, W, 3) that the labelling gives with these parameters, see ABLATIONS."""
     kept = clusters.normals[: parameters.pop("clusters", None)]
     if not parameters.pop("marks", True):
         marks = None
-    found = reconstruct_normals(
+    result = reconstruct_normals(
         Clusters(kept, clusters.weight, clusters.spread, clusters.count, clusters.observations, clusters.winner),
         mask,
         marks=marks,
         **parameters,
     )
-    return found.normals
+    return result.normals

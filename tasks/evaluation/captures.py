@@ -1,4 +1,7 @@
-"""Evaluate: errors of a capture's result against its truth, beside those of the baselines and of the literal paper."""
+"""Evaluation of captures: errors of the result against its truth, beside those of the baselines and of the paper.
+
+Squared errors of unit normals over observed region and whole mask are those of the paper's Table 2.
+"""
 
 from dataclasses import dataclass
 
@@ -26,27 +29,31 @@ from glint.tasks.stages.markup import load_marks
 
 METHODS = ("winner takes all", "silhouette only", "paper", "glint")
 CONFIDENT = 0.95
-"""Confidence from which a pixel is counted as trusted."""
-SEEN_BEST = 42.0
-"""Degrees from the view axis within which a highlight can tell a normal; beyond, everything is extrapolated."""
+"""Confidence from which a pixel counts as confident."""
+CONFIDENT_ERROR_DEG = 5.0
+"""Degrees of error within which a confident pixel counts as right."""
+MAX_OBSERVABLE_ANGLE_DEG = 42.0
+"""Degrees from the view vector within which highlights determine normals; beyond, all normals are extrapolated."""
 
 
 @dataclass(frozen=True, slots=True)
 class MethodErrors:
-    """Errors of one method over the data region (M > 0) and over the whole mask."""
+    """Errors of one method over the observed region (pixels with highlights) and over the whole mask."""
 
     method: str
-    data: NormalErrors
-    whole: NormalErrors
+    observed_region: NormalErrors
+    whole_mask: NormalErrors
 
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """A capture against its truth: all methods; depth, confidence and stages of the stored result.
+    """A capture compared with its truth: all methods; depth, confidence and stages of the stored result.
 
-    trusted: share of the mask with confidence >= 0.95, and the share of that within 5 degrees; near, far: squared error
-    within and beyond 42 degrees of the view axis; labels, reliability: of the stored labels and confidence; warnings:
-    of all stages; normals: by method, (H, W, 3); truth likewise; confidence (H, W).
+    size: (width, height) of the region in pixels; depth: None without true depth; confident_share: share of the mask
+    with confidence >= CONFIDENT; confident_right_share: share of these pixels within CONFIDENT_ERROR_DEG; within_42deg,
+    beyond_42deg: mean squared error of pixels whose true normal is within and beyond MAX_OBSERVABLE_ANGLE_DEG of the
+    view vector; labels, reliability: of the stored labels and confidence; warnings: of all stages; seconds: by stage;
+    normals: by method, (H, W, 3); truth (H, W, 3); confidence (H, W).
     """
 
     name: str
@@ -54,9 +61,10 @@ class Evaluation:
     size: tuple[int, int]
     methods: tuple[MethodErrors, ...]
     depth: DepthErrors | None
-    trusted: tuple[float, float]
-    near: float
-    far: float
+    confident_share: float
+    confident_right_share: float
+    within_42deg: float
+    beyond_42deg: float
     labels: LabelErrors
     reliability: tuple[Reliability, ...]
     warnings: tuple[str, ...]
@@ -66,12 +74,14 @@ class Evaluation:
     confidence: np.ndarray
 
     def method(self, name: str) -> MethodErrors:
-        """Errors of a method."""
-        return next(each for each in self.methods if each.method == name)
+        """Return the errors of the method with this name."""
+        return next(errors for errors in self.methods if errors.method == name)
 
 
 def evaluate(work: Workspace, stages: tuple[str, ...]) -> Evaluation | None:
-    """Judge what is stored of a capture; None where it has no true normals.
+    """Compare the stored result of a capture with its truth; None where it has no true normals.
+
+    stages: names of the stages whose seconds and warnings are part of the evaluation.
 
     Raises:
         InputError: the truth is unusable; StoreError: the capture was not run.
@@ -92,27 +102,32 @@ def evaluate(work: Workspace, stages: tuple[str, ...]) -> Evaluation | None:
         "paper": reconstruct(clusters, mask, initial, load_marks(work), literal, silhouette, view=view).normals,
         "glint": labels.read("normals"),
     }
-    data = mask & (clusters.observations > 0)
+    observed = mask & (clusters.observations > 0)
     records = {stage: work.load(stage).record for stage in stages}
     error = angles(normals["glint"], truth.normals)
     known = mask & np.isfinite(error)
     confidence = labels.read("confidence")
-    trusted = known & (confidence >= CONFIDENT)
-    facing_camera = truth.normals[..., 2] if view is None else (truth.normals * view).sum(axis=-1)
-    steep = np.degrees(np.arccos(np.clip(facing_camera, -1, 1))) > SEEN_BEST
+    confident = known & (confidence >= CONFIDENT)
+    cosine = truth.normals[..., 2] if view is None else (truth.normals * view).sum(axis=-1)
+    is_beyond = np.degrees(np.arccos(np.clip(cosine, -1, 1))) > MAX_OBSERVABLE_ANGLE_DEG
     squared = ((normals["glint"] - truth.normals) ** 2).sum(axis=-1)
     return Evaluation(
         name=work.name,
         frames=int(records["frames"]["counts"]["frames"]),
         size=(mask.shape[1], mask.shape[0]),
         methods=tuple(
-            MethodErrors(method, normal_errors(found, truth.normals, data), normal_errors(found, truth.normals, mask))
-            for method, found in normals.items()
+            MethodErrors(
+                method,
+                observed_region=normal_errors(estimate, truth.normals, observed),
+                whole_mask=normal_errors(estimate, truth.normals, mask),
+            )
+            for method, estimate in normals.items()
         ),
-        depth=None if truth.depth is None else _depth(work, truth.depth, mask),
-        trusted=(_mean(trusted[known]), _mean(error[trusted] < 5.0)),
-        near=_mean(squared[known & ~steep]),
-        far=_mean(squared[known & steep]),
+        depth=None if truth.depth is None else _depth_errors(work, truth.depth, mask),
+        confident_share=_mean(confident[known]),
+        confident_right_share=_mean(error[confident] < CONFIDENT_ERROR_DEG),
+        within_42deg=_mean(squared[known & ~is_beyond]),
+        beyond_42deg=_mean(squared[known & is_beyond]),
         labels=label_errors(labels.read("labels"), clusters.normals, truth.normals),
         reliability=reliability(confidence, normals["glint"], truth.normals),
         warnings=tuple(warning for record in records.values() for warning in record["warnings"]),
@@ -123,11 +138,12 @@ def evaluate(work: Workspace, stages: tuple[str, ...]) -> Evaluation | None:
     )
 
 
-def _depth(work: Workspace, truth: np.ndarray, mask: np.ndarray) -> DepthErrors:
-    """The truth's depth is in pixels; the result's may be in millimetres.
+def _depth_errors(work: Workspace, truth: np.ndarray, mask: np.ndarray) -> DepthErrors:
+    """Return the errors of the stored depth against the true one (H, W), which is in pixels.
 
-    Under perspective both count from the distance at which a pixel covers one pixel's size, and the result's scale is
-    as free as an orthographic offset: distances from the camera are fitted by their median ratio.
+    The stored depth may be in millimetres. Under perspective both are measured from the distance at which a pixel
+    covers one pixel's size, and the result's scale is as free as an orthographic offset: distances from the camera are
+    scaled, by component of the mask, by the median of their ratios.
     """
     saved = work.load("depth")
     pixel_size = saved.record["pixel_size"] or 1.0
@@ -136,11 +152,13 @@ def _depth(work: Workspace, truth: np.ndarray, mask: np.ndarray) -> DepthErrors:
         distance = saved.record["distance"] / pixel_size
         components, count = ndimage.label(mask)
         for number in range(1, count + 1):
-            here = (components == number) & np.isfinite(depth + truth)
-            ratio = np.median((distance - truth[here]) / (distance - depth[here])) if here.any() else 1.0
-            depth[components == number] = distance - ratio * (distance - depth[components == number])
+            component = components == number
+            known = component & np.isfinite(depth + truth)
+            ratio = np.median((distance - truth[known]) / (distance - depth[known])) if known.any() else 1.0
+            depth[component] = distance - ratio * (distance - depth[component])
     return depth_errors(depth, truth, mask)
 
 
 def _mean(values: np.ndarray) -> float:
+    """Return the mean, NaN for no values."""
     return float(values.mean()) if values.size else float("nan")

@@ -1,8 +1,11 @@
-"""Evaluate: an object's model against the true surface, beside the visual hull and merging that solves no offsets."""
+"""Evaluation of models: an object's surface against the true one, beside two baselines.
+
+The baselines are the visual hull, and the depth maps of the single views merged without solving offsets between them.
+"""
 
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import trimesh
@@ -12,20 +15,28 @@ from glint.storage.errors import InputError
 from glint.storage.locations.input_files import locate, read_bytes
 from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.tasks.algorithms.evaluation.mesh_metrics import ModelScore, score_model
-from glint.tasks.algorithms.multiview.depth_sampling import merge_depths, shifted_to
-from glint.tasks.algorithms.multiview.reconstruction import Model, visual_hull
+from glint.tasks.algorithms.multiview.poisson import align_depth, merge_depth_maps
 from glint.tasks.algorithms.multiview.view import View
-from glint.tasks.algorithms.multiview.visual_hull import outline_of
+from glint.tasks.algorithms.multiview.visual_hull import hull_model
 from glint.tasks.engine.capture_context import Workspace
-from glint.tasks.stages.model import STAGE, view_of
+from glint.tasks.stages.model import STAGE
+from glint.tasks.stages.view_registration import view_of
 
-METHODS = ("visual hull", "depths shifted to the hull", "glint")
-_MODEL_BYTES = 2_000_000_000
+MODEL_METHODS = ("visual hull", "depths shifted to the hull", "glint")
+MAX_MODEL_BYTES = 2_000_000_000
+"""Size of the largest true model that is read."""
+MIN_MERGED_COSINE = 0.25
+"""Cosine between normal and view axis from which a pixel's depth is merged: steeper normals are extrapolated from the
+silhouette and would only thicken the merged surface."""
 
 
 @dataclass(frozen=True, slots=True)
 class ModelEvaluation:
-    """An object's model against the truth: scores of METHODS; views in it and left out; triangles; seconds."""
+    """An object's model compared with the truth.
+
+    scores: by MODEL_METHODS; views: number of views in the model; left_out: names of the views that were rejected;
+    triangles, seconds: of the stored model.
+    """
 
     name: str
     scores: dict[str, ModelScore]
@@ -36,7 +47,7 @@ class ModelEvaluation:
 
 
 def evaluate_model(entry: Object, works: Sequence[Workspace]) -> ModelEvaluation | None:
-    """Judge the stored model of an object's captures; None where there is no model or no truth.
+    """Compare the stored model of an object's captures with the truth; None where there is no model or no truth.
 
     Raises:
         InputError: the true model cannot be read.
@@ -44,59 +55,56 @@ def evaluate_model(entry: Object, works: Sequence[Workspace]) -> ModelEvaluation
     repository = works[0].repository
     if entry.truth_model is None or repository.stage_key(WHOLE_OBJECT, STAGE) is None:
         return None
-    truth = true_mesh(entry.truth_model)
+    truth = load_true_mesh(entry.truth_model)
     saved = repository.load(WHOLE_OBJECT, STAGE)
-    views, depths = merged_views(works)
-    hull = visual_hull(views, [outline_of(view.mask) for view in views])
-    shifted = [shifted_to(hull, view, depth) for view, depth in zip(views, depths, strict=True)]
-    naive = merge_depths([believed(view) for view in views], shifted, hull.cell)
+    views, depths = load_registered_views(works)
+    hull = hull_model(views)
+    aligned = [align_depth(hull, view, depth) for view, depth in zip(views, depths, strict=True)]
+    merged = merge_depth_maps([without_steep_normals(view) for view in views], aligned, hull.cell)
     scores = {
-        "visual hull": score(hull, truth),
-        "depths shifted to the hull": score(naive, truth),
+        "visual hull": score_model(hull.vertices, hull.triangles, truth),
+        "depths shifted to the hull": score_model(merged.vertices, merged.triangles, truth),
         "glint": score_model(saved.read("vertices"), saved.read("triangles"), truth),
     }
     return ModelEvaluation(
         name=entry.id,
         scores=scores,
         views=len(views),
-        left_out=tuple(each["name"] for each in saved.record["left_out"]),
+        left_out=tuple(rejected["name"] for rejected in saved.record["left_out"]),
         triangles=int(saved.arrays["triangles"].shape[0]),
         seconds=float(saved.record["seconds"]),
     )
 
 
-def merged_views(works: Sequence[Workspace]) -> tuple[list[View], list[np.ndarray]]:
-    """The views of the stored model of these captures, with their stored labels and the poses that it gave them, and
-    their own depth maps (H, W), world units."""
+def load_registered_views(works: Sequence[Workspace]) -> tuple[list[View], list[np.ndarray]]:
+    """Return the views of the stored model of these captures, and their depth maps (H, W) in world units.
+
+    The views have the poses that the model stage gave them, and the normals of their own labels.
+    """
     by_name = {work.capture.id: work for work in works}
     views, depths = [], []
-    for said in works[0].repository.load(WHOLE_OBJECT, STAGE).record["views"]:
-        work = by_name[said["capture"]]
-        matrix = np.array(said["camera_to_world"])
-        views.append(view_of(work).placed(matrix[:3, :3].T, -matrix[:3, :3].T @ matrix[:3, 3]))
+    for entry in works[0].repository.load(WHOLE_OBJECT, STAGE).record["views"]:
+        work = by_name[entry["capture"]]
+        matrix = np.array(entry["camera_to_world"])
+        views.append(view_of(work).with_pose(matrix[:3, :3].T, -matrix[:3, :3].T @ matrix[:3, 3]))
         depths.append(work.load("depth").read("depth"))
     return views, depths
 
 
-def believed(view: View) -> View:
-    """The view's normals where they are steep are the rim's guess; they would only thicken the merged surface."""
-    return replace(view, mask=view.mask & (np.nan_to_num(view.normals[..., 2]) > 0.25))
+def without_steep_normals(view: View) -> View:
+    """Return the view with its mask reduced to pixels whose normals are not steeper than MIN_MERGED_COSINE."""
+    return view.with_mask(view.mask & (np.nan_to_num(view.normals[..., 2]) > MIN_MERGED_COSINE))
 
 
-def score(model: Model, truth: trimesh.Trimesh) -> ModelScore:
-    """Score a model against the true surface."""
-    return score_model(model.vertices, model.triangles, truth)
-
-
-def true_mesh(address: str) -> trimesh.Trimesh:
+def load_true_mesh(address: str) -> trimesh.Trimesh:
     """Read a true surface.
 
     Raises:
-        InputError: it cannot be read.
+        InputError: it cannot be read, or has no triangles.
     """
     place = locate(address)
     try:
-        mesh = trimesh.load(io.BytesIO(read_bytes(place, _MODEL_BYTES)), file_type=place.name.rpartition(".")[2])
+        mesh = trimesh.load(io.BytesIO(read_bytes(place, MAX_MODEL_BYTES)), file_type=place.name.rpartition(".")[2])
     except (ValueError, KeyError, IndexError, NotImplementedError) as error:
         raise InputError(f"the true model {place.uri} cannot be read ({error})", "give a PLY file") from error
     if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):

@@ -1,4 +1,4 @@
-"""Ways to merge many views into one surface, measured on the same views: what `tasks/algorithms/merging` was chosen by.
+"""Ways to merge many views into one surface, measured on the same views: the choice of `tasks/algorithms/multiview`.
 
     python -m tests.benchmarks.merging [--shape fish] [--views 6]             (simulated into a temporary folder)
     python -m tests.benchmarks.merging CATALOGUE --store STORE [--object ID]  (`glint run` was there; with truth_model)
@@ -24,21 +24,20 @@ import psutil
 from scipy.spatial import cKDTree
 
 from glint.storage.versions.stage_results import WHOLE_OBJECT
-from glint.tasks.algorithms.evaluation.mesh_metrics import ModelScore
-from glint.tasks.algorithms.multiview.depth_sampling import merge_depths, points_of, shifted_to
-from glint.tasks.algorithms.multiview.normal_fusion import vertex_normals
-from glint.tasks.algorithms.multiview.raycast import cast
-from glint.tasks.algorithms.multiview.reconstruction import Model, merge, visual_hull
+from glint.tasks.algorithms.evaluation.mesh_metrics import ModelScore, score_model
+from glint.tasks.algorithms.multiview.mesh import Model, vertex_normals
+from glint.tasks.algorithms.multiview.poisson import align_depth, merge_depth_maps, oriented_points
+from glint.tasks.algorithms.multiview.raycast import raycast
+from glint.tasks.algorithms.multiview.reconstruction import reconstruct_surface
 from glint.tasks.algorithms.multiview.view import View
-from glint.tasks.algorithms.multiview.visual_hull import outline_of
+from glint.tasks.algorithms.multiview.visual_hull import hull_model
 from glint.tasks.engine.capture_context import Workspace
 from glint.tasks.engine.references import load_catalogue
 from glint.tasks.engine.stage import perform, stage_keys
-from glint.tasks.evaluation.models import believed, merged_views, score, true_mesh
-from glint.tasks.pipeline import STAGES
+from glint.tasks.evaluation.models import load_registered_views, load_true_mesh, without_steep_normals
+from glint.tasks.pipeline import STAGES, warm_up
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from glint.tasks.stages.model import STAGE, model_key, perform_model
-from glint.tasks.warm_up import warm_up
 
 TRUNCATED = 4.0
 """Cells from a surface within which the TSDF is integrated."""
@@ -57,7 +56,7 @@ Depths = list[np.ndarray]
 
 def tsdf(views: Sequence[View], depths: Depths, cell: float) -> Model:
     """Confidence-weighted TSDF of depth maps (H, W) on a grid of voxel blocks; outside masks is empty space."""
-    points = np.concatenate([points_of(view, depth)[0] for view, depth in zip(views, depths, strict=True)])
+    points = np.concatenate([oriented_points(view, depth)[0] for view, depth in zip(views, depths, strict=True)])
     grid = o3d.t.geometry.VoxelBlockGrid(
         ("tsdf", "weight"), (o3d.core.float32, o3d.core.float32), ((1), (1)), cell, BLOCK, 20_000
     )
@@ -77,8 +76,8 @@ def tsdf(views: Sequence[View], depths: Depths, cell: float) -> Model:
         stored[o3d.core.Tensor(at)] = o3d.core.Tensor(values.astype(np.float32)[:, None])
     mesh = grid.extract_triangle_mesh(weight_threshold=1e-4).to_legacy()
     vertices, triangles = np.asarray(mesh.vertices), np.asarray(mesh.triangles, np.int64)
-    nobody = np.zeros(len(vertices))
-    return Model(vertices, triangles, vertex_normals(vertices, triangles), nobody, nobody.astype(int), cell)
+    unseen = np.zeros(len(vertices))
+    return Model(vertices, triangles, vertex_normals(vertices, triangles), unseen, unseen.astype(int), cell)
 
 
 def _seen(view: View, depth: np.ndarray, world: np.ndarray, most: float) -> tuple[np.ndarray, np.ndarray]:
@@ -87,11 +86,11 @@ def _seen(view: View, depth: np.ndarray, world: np.ndarray, most: float) -> tupl
     inside = (columns >= 0) & (rows >= 0) & (columns < view.mask.shape[1]) & (rows < view.mask.shape[0])
     row, column = np.where(inside, rows, 0), np.where(inside, columns, 0)
     empty = ~(inside & view.mask[row, column])
-    facing = np.nan_to_num(view.normals[row, column, 2])
+    rotate_to_view = np.nan_to_num(view.normals[row, column, 2])
     # Along the ray a slanting surface is further away than it is.
-    distance = (world @ view.rotation[2] + view.translation[2] - depth[row, column]) * np.maximum(facing, 0.1)
-    known = ~empty & np.isfinite(distance) & (distance > -most) & believed(view).mask[row, column]
-    weight = np.where(known, np.maximum(np.nan_to_num(view.confidence[row, column]), LEAST) ** 2 * facing, 0.0)
+    distance = (world @ view.rotation[2] + view.translation[2] - depth[row, column]) * np.maximum(rotate_to_view, 0.1)
+    known = ~empty & np.isfinite(distance) & (distance > -most) & without_steep_normals(view).mask[row, column]
+    weight = np.where(known, np.maximum(np.nan_to_num(view.confidence[row, column]), LEAST) ** 2 * rotate_to_view, 0.0)
     return np.where(empty, most, np.clip(np.nan_to_num(distance), -most, most)), np.where(empty, 1.0, weight)
 
 
@@ -100,14 +99,14 @@ def solved(views: Sequence[View], depths: Depths, drift: bool) -> Depths:
 
     Robust least squares of the distance of each point from the tangent planes of the nearest points of other views.
     """
-    wanted = [believed(view) for view in views]
+    wanted = [without_steep_normals(view) for view in views]
     size = max(float(np.hypot(*view.mask.shape)) * view.pixel_size for view in views)
     bases = [_basis(view.mask.shape, drift) for view in views]
     terms = bases[0].shape[2]
     change = np.zeros((len(views), terms))
     for _ in range(ROUNDS):
         clouds = [
-            points_of(view, depth + basis @ each)
+            oriented_points(view, depth + basis @ each)
             for view, depth, basis, each in zip(wanted, depths, bases, change, strict=True)
         ]
         rows = [basis[view.mask & np.isfinite(depth)] for view, depth, basis in zip(wanted, depths, bases, strict=True)]
@@ -157,18 +156,18 @@ def _pull(
 
 def hull_of(views: Sequence[View]) -> Model:
     """The visual hull."""
-    return visual_hull(views, [outline_of(view.mask) for view in views])
+    return hull_model(views)
 
 
 def on_hull(views: Sequence[View], depths: Depths) -> Depths:
     """Depth maps shifted to the hull."""
     hull = hull_of(views)
-    return [shifted_to(hull, view, depth) for view, depth in zip(views, depths, strict=True)]
+    return [align_depth(hull, view, depth) for view, depth in zip(views, depths, strict=True)]
 
 
 def poisson(views: Sequence[View], depths: Depths) -> Model:
     """Screened Poisson reconstruction of depth maps."""
-    return merge_depths([believed(view) for view in views], depths, hull_of(views).cell)
+    return merge_depth_maps([without_steep_normals(view) for view in views], depths, hull_of(views).cell)
 
 
 def fused(views: Sequence[View], depths: Depths) -> Model:
@@ -178,9 +177,9 @@ def fused(views: Sequence[View], depths: Depths) -> Model:
 
 def _ours_seen(views: Sequence[View]) -> tuple[list[View], Depths]:
     """The depth maps and normals of our model as the views see it."""
-    model = merge(views)
-    seen = [cast(model, view) for view in views]
-    views = [view.seeing(normals, view.confidence) for view, (_, normals) in zip(views, seen, strict=True)]
+    model = reconstruct_surface(views)
+    seen = [raycast(model, view) for view in views]
+    views = [view.with_normals(normals, view.confidence) for view, (_, normals) in zip(views, seen, strict=True)]
     return views, [depth for depth, _ in seen]
 
 
@@ -195,8 +194,8 @@ WAYS: dict[str, Callable[[Sequence[View], Depths], Model]] = {
     "TSDF, shifted to the hull": lambda views, depths: fused(views, on_hull(views, depths)),
     "TSDF, offsets solved": lambda views, depths: fused(views, solved(views, on_hull(views, depths), False)),
     "TSDF, offsets and drift solved": lambda views, depths: fused(views, solved(views, on_hull(views, depths), True)),
-    "sculpted, then TSDF of what views see": lambda views, depths: fused(*_ours_seen(views)),
-    "sculpted and closed by Poisson": lambda views, depths: merge(views),
+    "refined, then TSDF of the views' depth maps": lambda views, depths: fused(*_ours_seen(views)),
+    "refined, then Poisson": lambda views, depths: reconstruct_surface(views),
 }
 
 
@@ -210,7 +209,7 @@ def measured(way: str, views: Sequence[View], depths: Depths, truth: str) -> tup
     seconds = time.perf_counter() - start
     status = Path("/proc/self/status").read_text()
     peak = int(status.split("VmHWM:")[1].split()[0]) * 1024
-    return score(model, true_mesh(truth)), seconds, max(0, peak - before)
+    return score_model(model.vertices, model.triangles, load_true_mesh(truth)), seconds, max(0, peak - before)
 
 
 def simulated(shape: str, views: int, folder: Path) -> tuple[Path, str]:
@@ -247,16 +246,15 @@ def compare(catalogue: Path, store: str, object_id: str | None) -> None:
     if entry.truth_model is None:
         raise SystemExit(f"{entry.id} has no truth_model")
     saved = works[0].repository.load(WHOLE_OBJECT, STAGE)
-    views, depths = merged_views(works)
+    views, depths = load_registered_views(works)
     print(f"{entry.id}, {len(views)} views\n")
     print("| way | F-score 0.5% | 1% | chamfer, % | normals | watertight | seconds | MB |\n" + "|---" * 8 + "|")
     for way in WAYS:
         with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
             print(told(way, *pool.submit(measured, way, views, depths, entry.truth_model).result()), flush=True)
-    truth = true_mesh(entry.truth_model)
-    nobody = np.zeros(0)
-    stored = Model(saved.read("vertices"), saved.read("triangles"), nobody, nobody, nobody, 0.0)
-    print(told("the same, views labelled anew", score(stored, truth), float(saved.record["seconds"]), None))
+    truth = load_true_mesh(entry.truth_model)
+    stored = score_model(saved.read("vertices"), saved.read("triangles"), truth)
+    print(told("the same, views labelled anew", stored, float(saved.record["seconds"]), None))
 
 
 def main() -> None:

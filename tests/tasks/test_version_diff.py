@@ -1,4 +1,4 @@
-"""Two versions beside each other: angles, depths, what changed, and when a surface counts as moved."""
+"""Differences of two versions: angles, depths, parameters and inputs, and when a surface counts as changed."""
 
 from pathlib import Path
 from typing import Any
@@ -9,7 +9,8 @@ import pytest
 from glint.storage.errors import StoreError
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
-from glint.tasks.version_diff import angles_between, captures_of_both, compare, drifts
+from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.version_diff import captures_of_both, compare, drifts
 
 STAGES = ("survey", "labels", "depth")
 REGION = {"x": 10, "y": 20, "width": 8, "height": 6}
@@ -61,8 +62,8 @@ def test_angles_between_are_exact_where_they_are_small() -> None:
     first = np.array([[0.0, 0.0, 1.0]])
     for degrees in (0.0, 1e-3, 1.0, 90.0, 180.0):
         second = np.array([[np.sin(np.radians(degrees)), 0.0, np.cos(np.radians(degrees))]])
-        assert angles_between(first, second)[0] == pytest.approx(degrees, rel=1e-5)
-    assert np.isnan(angles_between(first, np.full((1, 3), np.nan)))[0]
+        assert angles(first, second)[0] == pytest.approx(degrees, rel=1e-5)
+    assert np.isnan(angles(first, np.full((1, 3), np.nan)))[0]
 
 
 def test_what_moved_and_what_changed(repository: ObjectRepository) -> None:

@@ -1,114 +1,115 @@
-"""Rays that touch the body: through each pixel of an outline goes one, and it must touch the hull of all other views.
+"""Silhouette coherence: the ray through each silhouette pixel of a view must touch the hull of all other views.
 
-How far it passes by, or how deep it would have to run inside all the others' outlines, is zero for consistent poses
-where two outlines meet, whatever the body's shape.
+The distance by which a ray misses that hull, or by which it would have to run inside all other silhouettes, is zero for
+consistent poses at frontier points (epipolar tangency: Cipolla, Astrom and Giblin 1995), whatever the object's shape.
+Averaged over all rays it measures silhouette coherence (Hernandez, Schmitt and Cipolla, Silhouette Coherence for Camera
+Calibration under Circular Motion, TPAMI 2007).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
 
-from glint.tasks.algorithms.multiview.view import View
-from glint.tasks.algorithms.multiview.visual_hull import Outline, ball_around
+from glint.tasks.algorithms.multiview.view import View, silhouette_pixels
+from glint.tasks.algorithms.multiview.visual_hull import bounding_sphere
 
-RAYS = 48
-"""Rays taken of each outline to judge it."""
-COARSE, FINE = 40, 9
-"""Points looked at along a ray, first from end to end, then round the best."""
+RAYS_PER_VIEW = 48
+"""Rays per silhouette by which a view is judged."""
+COARSE_RAY_SAMPLES, FINE_RAY_SAMPLES = 40, 9
+"""Samples along a ray: first through the whole bounding sphere, then around the best."""
 
 
 @dataclass(frozen=True, slots=True)
-class Tangents:
-    """The rays through R rim pixels of each of V views, and where each comes deepest into the others' outlines.
+class SilhouetteRays:
+    """Rays through R silhouette pixels of each of V views, and the point of each that is deepest in all other views.
 
-    columns, rows (V, R); along (V, R): that place on the ray, in world units; by (V, R): the view whose outline is the
-    nearest there; distance (V, R): from that outline in pixels of the ray's view, positive outside.
+    columns, rows (V, R): the pixels; depth (V, R): that point's position on the ray, world units; nearest_view (V, R):
+    the view whose silhouette is nearest there; distance (V, R): to that silhouette, in pixels of the ray's own view,
+    positive outside.
     """
 
     columns: np.ndarray
     rows: np.ndarray
-    along: np.ndarray
-    by: np.ndarray
+    depth: np.ndarray
+    nearest_view: np.ndarray
     distance: np.ndarray
 
-    def distances(self, views: Sequence[View], outlines: Sequence[Outline], sizes: np.ndarray) -> np.ndarray:
-        """The same distances (V, R) with the views placed a little otherwise: to first order, the places stay.
+    def distances(self, views: Sequence[View], pixel_sizes: np.ndarray) -> np.ndarray:
+        """Return the distances (V, R) for views moved slightly: to first order the deepest points stay on their rays.
 
-        sizes (V,): world units of each view's pixels.
+        pixel_sizes (V,): world units of each view's pixels.
         """
         points = np.stack(
-            [_along(view, self.columns[each], self.rows[each], self.along[each]) for each, view in enumerate(views)]
+            [
+                _points_on_rays(view, self.columns[number], self.rows[number], self.depth[number])
+                for number, view in enumerate(views)
+            ]
         )
-        found = np.zeros(self.by.shape)
-        for number, (view, outline) in enumerate(zip(views, outlines, strict=True)):
-            chosen = self.by == number
-            found[chosen] = _distance(view, outline, points[chosen])
-        return found / sizes[:, None]
+        distances = np.zeros(self.nearest_view.shape)
+        for number, view in enumerate(views):
+            is_nearest = self.nearest_view == number
+            distances[is_nearest] = _silhouette_distance(view, points[is_nearest])
+        return distances / pixel_sizes[:, None]
 
 
-def tangents(views: Sequence[View], outlines: Sequence[Outline], rays: int = RAYS) -> Tangents:
-    """The rays of all views against the outlines of the others."""
-    columns, rows = np.moveaxis(np.array([rim_points(view.mask, rays) for view in views]), 1, 0)
-    ball = ball_around(views)
-    along, by, distance = zip(
-        *(_touching(views, outlines, number, columns[number], rows[number], ball) for number in range(len(views))),
+def trace_silhouette_rays(views: Sequence[View], rays_per_view: int = RAYS_PER_VIEW) -> SilhouetteRays:
+    """Trace rays through the silhouette pixels of all views against the silhouettes of the other views."""
+    columns, rows = np.moveaxis(np.array([silhouette_pixels(view.mask, rays_per_view) for view in views]), 1, 0)
+    sphere = bounding_sphere(views)
+    depth, nearest_view, distance = zip(
+        *(_deepest_points(views, number, columns[number], rows[number], sphere) for number in range(len(views))),
         strict=True,
     )
-    return Tangents(columns, rows, np.array(along), np.array(by), np.array(distance))
+    return SilhouetteRays(columns, rows, np.array(depth), np.array(nearest_view), np.array(distance))
 
 
-def _touching(
+def silhouette_residuals(views: Sequence[View], rays_per_view: int = RAYS_PER_VIEW) -> np.ndarray:
+    """Return the distances (V, rays_per_view), pixels, by which the rays of each view miss the hull of the others."""
+    return np.maximum(trace_silhouette_rays(views, rays_per_view).distance, 0.0)
+
+
+def _deepest_points(
     views: Sequence[View],
-    outlines: Sequence[Outline],
     number: int,
     columns: np.ndarray,
     rows: np.ndarray,
-    ball: tuple[np.ndarray, float],
+    sphere: tuple[np.ndarray, float],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """`along`, `by` and `distance` (R,) of the rays of one view; ball: centre and radius of one around the object."""
-    others = np.array([each for each in range(len(views)) if each != number])
+    """Return `depth`, `nearest_view` and `distance` (R,) of the rays of view `number`.
+
+    sphere: centre (3,) and radius of a bounding sphere of the object.
+    """
+    remaining = np.array([index for index in range(len(views)) if index != number])
     starts, directions = views[number].rays(columns, rows)
 
-    def outside(along: np.ndarray) -> np.ndarray:
-        points = _along(views[number], columns, rows, along)
-        return np.stack([_distance(views[each], outlines[each], points) for each in others])
+    def distances_at(depth: np.ndarray) -> np.ndarray:
+        points = _points_on_rays(views[number], columns, rows, depth)
+        return np.stack([_silhouette_distance(views[index], points) for index in remaining])
 
-    along = ((ball[0] - starts) * directions).sum(axis=1)[:, None] + np.linspace(-ball[1], ball[1], COARSE)
-    step = 2 * ball[1] / (COARSE - 1)
+    # The hull's implicit function is the maximum over the views; minimise it along each ray, coarse to fine.
+    centre, radius = sphere
+    depth = ((centre - starts) * directions).sum(axis=1)[:, None] + np.linspace(-radius, radius, COARSE_RAY_SAMPLES)
+    step = 2 * radius / (COARSE_RAY_SAMPLES - 1)
     for _ in range(2):
-        best = np.take_along_axis(along, outside(along).max(axis=0).argmin(axis=1)[:, None], axis=1)
-        along = best + np.linspace(-step, step, FINE)
-        step *= 2 / (FINE - 1)
-    best = np.take_along_axis(along, outside(along).max(axis=0).argmin(axis=1)[:, None], axis=1)
-    distances = outside(best)[..., 0]
-    pixel = views[number].footprint(ball[0][None])
-    return best[:, 0], others[distances.argmax(axis=0)], distances.max(axis=0) / pixel
+        best = np.take_along_axis(depth, distances_at(depth).max(axis=0).argmin(axis=1)[:, None], axis=1)
+        depth = best + np.linspace(-step, step, FINE_RAY_SAMPLES)
+        step *= 2 / (FINE_RAY_SAMPLES - 1)
+    best = np.take_along_axis(depth, distances_at(depth).max(axis=0).argmin(axis=1)[:, None], axis=1)
+    distances = distances_at(best)[..., 0]
+    pixel_size = views[number].footprint(centre[None])
+    return best[:, 0], remaining[distances.argmax(axis=0)], distances.max(axis=0) / pixel_size
 
 
-def misses(views: Sequence[View], outlines: Sequence[Outline], rays: int = RAYS) -> np.ndarray:
-    """By how much (V, rays), in pixels, the rays through each view's outline pass by the hull of the other views."""
-    return np.maximum(tangents(views, outlines, rays).distance, 0.0)
-
-
-def rim_points(mask: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Columns and rows (count,) of pixels of a mask's rim, evenly taken around it; the region's border is none."""
-    rim = mask & ~ndimage.binary_erosion(np.pad(mask, 1, mode="edge"))[1:-1, 1:-1]
-    rows, columns = np.nonzero(rim)
-    around = np.argsort(np.arctan2(rows - rows.mean(), columns - columns.mean()), kind="stable")
-    taken = around[np.linspace(0, len(around) - 1, count).round().astype(int)]
-    return columns[taken].astype(float), rows[taken].astype(float)
-
-
-def _along(view: View, columns: np.ndarray, rows: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """Points (R, 3) or (R, N, 3) at distances (R,) or (R, N) along rays."""
+def _points_on_rays(view: View, columns: np.ndarray, rows: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """Return points (R, 3) or (R, N, 3) at distances (R,) or (R, N) along the rays through pixels (R,)."""
     starts, directions = view.rays(columns, rows)
-    extra = (None,) * (along.ndim - 1)
-    return starts[:, *extra] + along[..., None] * directions[:, *extra]
+    extra = (None,) * (depth.ndim - 1)
+    return starts[:, *extra] + depth[..., None] * directions[:, *extra]
 
 
-def _distance(view: View, outline: Outline, points: np.ndarray) -> np.ndarray:
-    """World units (...,) by which points (..., 3) lie outside a view's outline."""
+def _silhouette_distance(view: View, points: np.ndarray) -> np.ndarray:
+    """Return the world units (...,) by which points (..., 3) lie outside a view's silhouette."""
     flat = points.reshape(-1, 3)
-    return (outline.at(*view.project(flat)) * view.footprint(flat)).reshape(points.shape[:-1])
+    distance = view.silhouette.distance.at(*view.project(flat)) * view.footprint(flat)
+    return distance.reshape(points.shape[:-1])

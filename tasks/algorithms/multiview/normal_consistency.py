@@ -1,7 +1,9 @@
-"""What normals say of a turntable's angles: two views that look at one place must see one normal there.
+"""Normal consistency of turntable angles: two views of the same surface point must give it the same normal.
 
-Turning a view changes which of its pixels shows a vertex as well as how its normal lies in the world; on a body that is
-round about the axis the two cancel and the normals tell nothing.
+Turning a view changes which of its pixels shows a vertex and how that pixel's normal is oriented in the world. On a
+surface of revolution about the turntable's axis the two effects cancel, and normals leave the angle undetermined. The
+disagreement of all pairs of views is approximated by a quadratic in the angles, one Gauss-Newton step (Nocedal and
+Wright, Numerical Optimization, 2006, section 10.3), with Geman-McClure weights (Geman and McClure 1987).
 """
 
 from collections.abc import Sequence
@@ -9,62 +11,70 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glint.tasks.algorithms.multiview.normal_fusion import Fused
+from glint.tasks.algorithms.multiview.normal_fusion import FusedNormals
 from glint.tasks.algorithms.multiview.view import View
 
-SURE = 0.8
-"""Confidence from which normals are compared: the smooth field's guesses lean with the view that made them."""
-NORMAL_ERROR = 1.0
-"""Degrees by which the confident normals of a view may be wrong all alike."""
-FEWEST = 30
-"""Vertices that two views must see for their normals to be compared."""
-DIFFERENT = 8.0
-"""Degrees between the normals of two views beyond which one of them is taken to be mistaken."""
+MIN_COMPARED_CONFIDENCE = 0.8
+"""Confidence from which normals are compared: extrapolated normals turn with the view and would resist its turning."""
+SYSTEMATIC_ERROR_DEG = 1.0
+"""Degrees by which the confident normals of a view may be wrong in common."""
+MIN_SHARED_VERTICES = 30
+"""Vertices that two views must both see for their normals to be compared."""
+OUTLIER_ANGLE_DEG = 8.0
+"""Degrees between the normals of two views around which a pair of them counts as an outlier."""
 
 
 @dataclass(frozen=True, slots=True)
-class Agreement:
-    """Half the squared disagreement of all pairs of views after turning them by x (V,) degrees from where they are, in
-    units of the normals' errors: x' curvature x / 2 + slope' x and a constant. curvature (V, V), slope (V,)."""
+class NormalConsistency:
+    """Quadratic approximation of the disagreement between all pairs of V views.
 
-    curvature: np.ndarray
-    slope: np.ndarray
+    After turning the views by x (V,) degrees, half the squared disagreement in units of the normals' errors is
+    x' hessian x / 2 + gradient' x and a constant. hessian (V, V), gradient (V,), float64.
+    """
+
+    hessian: np.ndarray
+    gradient: np.ndarray
 
     def residuals(self) -> tuple[np.ndarray, np.ndarray]:
-        """Matrix (V, V) and vector (V,) of residuals matrix x + vector with these squares."""
-        values, vectors = np.linalg.eigh(self.curvature)
+        """Return matrix (V, V) and vector (V,) of residuals, matrix x + vector, whose squares form the quadratic."""
+        values, vectors = np.linalg.eigh(self.hessian)
+        # A direction in which the normals leave the angles undetermined must not divide by zero.
         root = np.sqrt(np.maximum(values, 1e-6 * max(values[-1], 1.0)))
-        return root[:, None] * vectors.T, (vectors.T @ self.slope) / root
+        return root[:, None] * vectors.T, (vectors.T @ self.gradient) / root
 
 
-def agreement(
-    views: Sequence[View], turned: Sequence[tuple[View, View, float]], vertices: np.ndarray, fused: Fused
-) -> Agreement:
-    """How the normals of the views agree on the vertices (N, 3) of a model.
+def normal_consistency(
+    views: Sequence[View], turned: Sequence[tuple[View, View, float]], vertices: np.ndarray, fused: FusedNormals
+) -> NormalConsistency:
+    """Measure how the normals of V views agree at the vertices (N, 3) of a model, and how turning changes it.
 
-    turned: each view turned ahead and back, and the degrees between the two; fused: what the views say of the vertices.
+    turned: by view, the view turned forward and backward, and the degrees between the two; fused: the normals of all
+    views at the vertices.
     """
-    weights = np.where(fused.sure >= SURE, fused.sure, 0.0)
+    weights = np.where(fused.confidences >= MIN_COMPARED_CONFIDENCE, fused.confidences, 0.0)
+    # Derivatives of the normals with respect to the angle, per degree, by central differences.
     changes = [
-        (_normals_at(ahead, vertices) - _normals_at(behind, vertices)) / apart for ahead, behind, apart in turned
+        (_normals_at(forward, vertices) - _normals_at(backward, vertices)) / degrees
+        for forward, backward, degrees in turned
     ]
-    curvature, slope = np.zeros((len(views), len(views))), np.zeros(len(views))
-    for one in range(len(views)):
-        for other in range(one):
-            both = np.flatnonzero((weights[one] > 0) & (weights[other] > 0))
-            if len(both) < FEWEST:
+    hessian, gradient = np.zeros((len(views), len(views))), np.zeros(len(views))
+    for first in range(len(views)):
+        for second in range(first):
+            shared = np.flatnonzero((weights[first] > 0) & (weights[second] > 0))
+            if len(shared) < MIN_SHARED_VERTICES:
                 continue
-            left = fused.each[one][both] - fused.each[other][both]
-            apart = np.degrees(np.linalg.norm(left, axis=1))
-            weight = np.minimum(weights[one], weights[other])[both] / (1.0 + (apart / DIFFERENT) ** 2) ** 2
-            weight /= weight.sum() * np.radians(NORMAL_ERROR) ** 2
-            pair = np.stack([changes[one][both], -changes[other][both]])
-            at = np.ix_([one, other], [one, other])
-            curvature[at] += np.einsum("anc,bnc,n->ab", pair, pair, weight)
-            slope[[one, other]] += np.einsum("anc,nc,n->a", pair, left, weight)
-    return Agreement(curvature, slope)
+            difference = fused.per_view[first][shared] - fused.per_view[second][shared]
+            angle = np.degrees(np.linalg.norm(difference, axis=1))
+            weight = np.minimum(weights[first], weights[second])[shared]
+            weight = weight / (1.0 + (angle / OUTLIER_ANGLE_DEG) ** 2) ** 2
+            # Errors are common to a view, not independent by vertex: a pair of views weighs as one observation.
+            weight /= weight.sum() * np.radians(SYSTEMATIC_ERROR_DEG) ** 2
+            pair = np.stack([changes[first][shared], -changes[second][shared]])
+            hessian[np.ix_([first, second], [first, second])] += np.einsum("anc,bnc,n->ab", pair, pair, weight)
+            gradient[[first, second]] += np.einsum("anc,nc,n->a", pair, difference, weight)
+    return NormalConsistency(hessian, gradient)
 
 
 def _normals_at(view: View, points: np.ndarray) -> np.ndarray:
-    """Normals (N, 3) of the world that a view shows at points (N, 3)."""
+    """Return the normals (N, 3), world, that a view shows at points (N, 3)."""
     return view.to_world(view.normals_at(*view.project(points)))

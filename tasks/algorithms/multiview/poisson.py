@@ -1,64 +1,86 @@
-"""From a sculpted mesh to a clean one: screened Poisson reconstruction of its oriented points, watertight again."""
+"""Screened Poisson surface reconstruction of oriented points: of a refined mesh, or of depth maps.
+
+Kazhdan and Hoppe, Screened Poisson Surface Reconstruction, ACM Transactions on Graphics 2013 (Open3D's implementation).
+A mesh's own vertices, reconstructed, give a watertight surface without folds. Depth maps are range scans, or the
+baseline of the evaluation that solves no offsets between views.
+"""
+
+from collections.abc import Sequence
 
 import numpy as np
 import open3d as o3d
-import scipy.sparse as sparse
-from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
-from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.multiview.mesh import Model, largest_component, vertex_normals
+from glint.tasks.algorithms.multiview.raycast import raycast
+from glint.tasks.algorithms.multiview.view import View
 
-ROOM = 1.4
-"""Size of the box in which the surface is looked for, relative to the points': a surface that bulges out where no point
-is must not be cut off."""
+BOX_SCALE = 1.4
+"""Size of the reconstruction's box relative to the points' bounding box: a surface that bulges out where there are no
+points must not be cut off."""
+MAX_GAP_CELLS = 2.0
+"""Cells between a vertex and the nearest point of a depth map beyond which the vertex counts as unobserved."""
 
 
-def close(vertices: np.ndarray, normals: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
-    """The largest closed surface of oriented points (N, 3): vertices (V, 3), triangles (F, 3) wound outwards.
+def poisson_reconstruction(points: np.ndarray, normals: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the largest closed surface of oriented points: vertices (V, 3), triangles (F, 3) wound outwards.
 
-    cell: edge of the finest cells, world units; detail below it is smoothed.
+    points, normals (N, 3): world coordinates, normals unit and outwards; cell: edge of the finest octree cells, world
+    units; finer detail is smoothed.
 
     Raises:
         UnusableCapture: the points give no closed surface.
     """
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.ascontiguousarray(vertices, float)))
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.ascontiguousarray(points, float)))
     cloud.normals = o3d.utility.Vector3dVector(np.ascontiguousarray(normals, float))
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
         # Several threads gain no time here.
         mesh, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(
-            cloud, depth=0, width=cell, scale=ROOM, n_threads=1
+            cloud, depth=0, width=cell, scale=BOX_SCALE, n_threads=1
         )
-    return tidy(np.asarray(mesh.vertices), np.asarray(mesh.triangles))
+    return largest_component(np.asarray(mesh.vertices), np.asarray(mesh.triangles))
 
 
-def tidy(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The largest connected part of a mesh, without degenerate triangles; floaters are left behind.
+def oriented_points(view: View, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return points (N, 3), normals (N, 3), world, and confidence (N,) of a view's pixels with known depth and normal.
+
+    depth (H, W): the camera frame's z, world units, NaN where it is unknown.
+    """
+    rows, columns = np.nonzero(view.mask & np.isfinite(depth) & np.isfinite(view.normals).all(axis=-1))
+    starts, directions = view.rays(columns, rows)
+    rise = depth[rows, columns] - (starts @ view.rotation[2] + view.translation[2])
+    points = starts + (rise / (directions @ view.rotation[2]))[:, None] * directions
+    return points, view.to_world(view.normals[rows, columns].astype(float)), view.confidence[rows, columns]
+
+
+def merge_depth_maps(views: Sequence[View], depths: Sequence[np.ndarray], cell: float) -> Model:
+    """Reconstruct the closed surface of all depth maps (H, W) from their oriented points.
+
+    cell: finest edge in world units. `confidence` and `source` are those of the nearest point, 0 and -1 where there is
+    none within MAX_GAP_CELLS cells.
 
     Raises:
-        UnusableCapture: nothing is left.
+        UnusableCapture: no surface is left.
     """
-    whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
-    triangles = np.asarray(triangles, np.int64)[whole]
-    if not len(triangles):
-        raise UnusableCapture("the views give no surface", "check the poses and the masks")
-    edges = np.concatenate([triangles[:, :2], triangles[:, 1:]])
-    graph = sparse.coo_matrix((np.ones(len(edges), bool), edges.T), shape=(len(vertices), len(vertices)))
-    part = connected_components(graph, directed=False)[1][triangles[:, 0]]
-    corners = vertices[triangles]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    kept, numbers = np.unique(triangles[part == np.bincount(part, area).argmax()], return_inverse=True)
-    return np.asarray(vertices[kept], float), numbers.reshape(-1, 3)
-
-
-def reduced(vertices: np.ndarray, triangles: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """A mesh of at most so many triangles, by quadric decimation; as it is if it has no more."""
-    if len(triangles) <= most:
-        return vertices, triangles
-    mesh = _open3d(vertices, triangles).simplify_quadric_decimation(most)
-    return np.asarray(mesh.vertices), np.asarray(mesh.triangles, np.int64)
-
-
-def _open3d(vertices: np.ndarray, triangles: np.ndarray) -> o3d.geometry.TriangleMesh:
-    return o3d.geometry.TriangleMesh(
-        o3d.utility.Vector3dVector(np.ascontiguousarray(vertices, float)),
-        o3d.utility.Vector3iVector(np.ascontiguousarray(triangles, np.int32)),
+    parts = [oriented_points(view, depth) for view, depth in zip(views, depths, strict=True)]
+    points, normals, confidence = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    source = np.repeat(np.arange(len(parts)), [len(part[0]) for part in parts])
+    vertices, triangles = poisson_reconstruction(points, normals, cell)
+    distance, nearest = cKDTree(points).query(vertices)
+    is_observed = distance < MAX_GAP_CELLS * cell
+    return Model(
+        vertices,
+        triangles,
+        vertex_normals(vertices, triangles),
+        np.where(is_observed, confidence[nearest], 0.0),
+        np.where(is_observed, source[nearest], -1),
+        cell,
     )
+
+
+def align_depth(hull: Model, view: View, depth: np.ndarray) -> np.ndarray:
+    """Shift a depth map (H, W), world units, to the mean depth at which the view's rays hit the hull."""
+    hull_depth = raycast(hull, view)[0]
+    shared = np.isfinite(hull_depth) & np.isfinite(depth)
+    shift = float((hull_depth[shared] - depth[shared]).mean()) if shared.any() else 0.0
+    return np.asarray(depth + np.float32(shift))

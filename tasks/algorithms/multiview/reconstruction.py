@@ -1,114 +1,73 @@
-"""Many views to one model (METHOD 8): the visual hull, sculpted until it has the normals that the views saw."""
+"""Multi-view reconstruction: the visual hull, refined until it has the normals of all views (the paper's future work).
+
+Rounds of normal-guided mesh refinement (Nehab et al. 2005) alternate with screened Poisson reconstruction (Kazhdan and
+Hoppe 2013), which removes the folds that steps along normals leave.
+"""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.meshing.implicit import surface_nets
-from glint.tasks.algorithms.multiview.mesh_refinement import sculpt
-from glint.tasks.algorithms.multiview.normal_fusion import fuse, vertex_normals
-from glint.tasks.algorithms.multiview.poisson import close, reduced, tidy
+from glint.tasks.algorithms.multiview.mesh import Model, decimated, vertex_normals
+from glint.tasks.algorithms.multiview.mesh_refinement import refine_mesh
+from glint.tasks.algorithms.multiview.normal_fusion import fuse_normals
+from glint.tasks.algorithms.multiview.poisson import poisson_reconstruction
 from glint.tasks.algorithms.multiview.view import View
-from glint.tasks.algorithms.multiview.visual_hull import Outline, bounding_box, hull_field, outline_of
+from glint.tasks.algorithms.multiview.visual_hull import hull_model
 
-ROUNDS = 3
-"""Times that the mesh is sculpted and closed: closing takes out the folds that steps along normals leave."""
-STEPS = 5
-"""Steps of a round."""
-MOST_VERTICES = 24_000
-"""Of the mesh that is sculpted; detail below its edges comes from the last closing."""
-ROUGH_VERTICES = 6_000
-"""Of a rough model."""
-FINEST = 1.0
-"""Finest edge in pixels."""
+REFINEMENT_ROUNDS = 3
+"""Rounds of refinement and Poisson reconstruction."""
+STEPS_PER_ROUND = 5
+"""Refinement steps of a round."""
+COARSE_VERTICES = 6_000
+"""Vertices of a coarse model."""
 
 
-@dataclass(frozen=True, slots=True)
-class Model:
-    """A closed surface in world coordinates.
-
-    vertices (N, 3) float64 and triangles (M, 3) int64, wound outwards; normals (N, 3) unit; confidence (N,) in 0..1,
-    the probability that the normal is within 5 degrees, 0 where no view saw the surface: it is the hull's guess there;
-    source (N,) int: the view (its index) that says most of the vertex, -1 for none; cell: edge in world units.
-    """
-
-    vertices: np.ndarray
-    triangles: np.ndarray
-    normals: np.ndarray
-    confidence: np.ndarray
-    source: np.ndarray
-    cell: float
-
-
-def visual_hull(views: Sequence[View], outlines: Sequence[Outline], most: int = MOST_VERTICES) -> Model:
-    """The hull's mesh alone, of about `most` vertices.
-
-    Raises:
-        UnusableCapture: the silhouettes have no point in common.
-    """
-    low, high = bounding_box(views, outlines)
-    pixel = float(np.median([view.footprint((low + high)[None] / 2)[0] for view in views]))
-    field = hull_field(views, outlines)
-    cell = max(FINEST * pixel, float(np.prod(high - low) ** (1 / 3)) / 40.0)
-    vertices, triangles = surface_nets(field, low, high, cell)
-    finer = cell * np.sqrt(len(vertices) / most)
-    if len(vertices) and abs(np.log(finer / cell)) > 0.1:
-        cell = max(FINEST * pixel, float(finer))
-        vertices, triangles = surface_nets(field, low, high, cell)
-    if len(vertices) < 4:
-        raise UnusableCapture("the silhouettes of the views have hardly a point in common", "check the poses")
-    vertices, triangles = tidy(vertices, triangles)
-    nobody = np.zeros(len(vertices))
-    return Model(vertices, triangles, vertex_normals(vertices, triangles), nobody, np.full(len(vertices), -1), cell)
-
-
-def merge(
+def reconstruct_surface(
     views: Sequence[View],
     start: Model | None = None,
-    rounds: int = ROUNDS,
-    steps: int = STEPS,
+    rounds: int = REFINEMENT_ROUNDS,
+    steps: int = STEPS_PER_ROUND,
     progress: Callable[[int, int | None], None] | None = None,
 ) -> Model:
-    """One closed surface of all views, from their visual hull or another start.
+    """Reconstruct one closed surface from all views, starting from their visual hull or from another model.
 
-    progress: steps done, of all.
+    progress(done, total): steps done, of all.
 
     Raises:
         UnusableCapture: the silhouettes have no point in common, or no surface is left.
     """
-    outlines = [outline_of(view.mask) for view in views]
-    model = start or visual_hull(views, outlines)
-    vertices, triangles, done = model.vertices, model.triangles, 0
+    model = start or hull_model(views)
+    vertices, triangles, steps_done = model.vertices, model.triangles, 0
 
-    def step() -> None:
-        nonlocal done
-        done += 1
+    def advance() -> None:
+        nonlocal steps_done
+        steps_done += 1
         if progress is not None:
-            progress(done, rounds * steps)
+            progress(steps_done, rounds * steps)
 
     for _ in range(rounds):
-        vertices, _ = sculpt(views, outlines, vertices, triangles, steps, step)
-        vertices, triangles = close(vertices, vertex_normals(vertices, triangles), model.cell)
-    return _known(views, vertices, triangles, model.cell)
+        vertices = refine_mesh(views, vertices, triangles, steps, advance)
+        vertices, triangles = poisson_reconstruction(vertices, vertex_normals(vertices, triangles), model.cell)
+    return _with_confidence(views, vertices, triangles, model.cell)
 
 
-def rough_model(views: Sequence[View]) -> Model:
-    """A quickly made model, good enough to look where other views fit it.
+def coarse_model(views: Sequence[View]) -> Model:
+    """Reconstruct a model quickly, good enough to search the poses of further views on it.
 
     Raises:
         UnusableCapture: the silhouettes have no point in common, or no surface is left.
     """
-    return merge(views, visual_hull(views, [outline_of(view.mask) for view in views], ROUGH_VERTICES), rounds=1)
+    return reconstruct_surface(views, hull_model(views, COARSE_VERTICES), rounds=1)
 
 
-def simplified(model: Model, views: Sequence[View], most_triangles: int) -> Model:
-    """The model with at most so many triangles."""
-    vertices, triangles = reduced(model.vertices, model.triangles, most_triangles)
-    return _known(views, vertices, triangles, model.cell)
+def simplify(model: Model, views: Sequence[View], max_triangles: int) -> Model:
+    """Decimate a model to at most `max_triangles` triangles, with confidence and source of the new vertices."""
+    vertices, triangles = decimated(model.vertices, model.triangles, max_triangles)
+    return _with_confidence(views, vertices, triangles, model.cell)
 
 
-def _known(views: Sequence[View], vertices: np.ndarray, triangles: np.ndarray, cell: float) -> Model:
-    fused = fuse(views, vertices, triangles)
-    return Model(vertices, triangles, vertex_normals(vertices, triangles), fused.confidence, fused.best, cell)
+def _with_confidence(views: Sequence[View], vertices: np.ndarray, triangles: np.ndarray, cell: float) -> Model:
+    fused = fuse_normals(views, vertices, triangles)
+    normals = vertex_normals(vertices, triangles)
+    return Model(vertices, triangles, normals, fused.confidence, fused.source_view, cell)

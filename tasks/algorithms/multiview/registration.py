@@ -1,4 +1,8 @@
-"""Placing the views: a turntable solved, contradictory views named and left out, angles found where none were given."""
+"""Registration: the pose of every view, from a turntable, from given matrices, or searched on a coarse model.
+
+A turntable is calibrated (turntable), contradictory views are rejected with the reason (view_rejection), views without
+a pose are registered where they fit a coarse model of the other views (pose_search).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -6,218 +10,171 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.multiview.epipolar_tangency import misses
-from glint.tasks.algorithms.multiview.normal_fusion import fuse
-from glint.tasks.algorithms.multiview.pose_search import Fit, best_angles, best_rotations, doubt, refitted
-from glint.tasks.algorithms.multiview.reconstruction import Model
+from glint.tasks.algorithms.multiview.epipolar_tangency import silhouette_residuals
+from glint.tasks.algorithms.multiview.mesh import Model
+from glint.tasks.algorithms.multiview.normal_fusion import fuse_normals
+from glint.tasks.algorithms.multiview.pose_fit import PoseFit
+from glint.tasks.algorithms.multiview.pose_search import ambiguity, refine_pose, search_angles, search_rotations
 from glint.tasks.algorithms.multiview.turntable import (
-    ANGLE_ERROR,
+    ANGLE_ERROR_DEG,
     Turntable,
-    agreement_of,
-    on_turntable,
-    solve_axis,
-    solve_turntable,
-    turntable_of,
+    calibrate_axis,
+    calibrate_turntable,
+    initial_turntable,
+    turntable_consistency,
+    views_on_turntable,
 )
 from glint.tasks.algorithms.multiview.view import View
-from glint.tasks.algorithms.multiview.visual_hull import Outline, outline_of
+from glint.tasks.algorithms.multiview.view_rejection import MAX_RESIDUAL_PX, RejectedView, reject_inconsistent
 
-CONTRADICTORY = 1.0
-"""Mean pixels by which rays through a view's outline may miss the others' hull; more is a wrong pose or mask."""
-
-FOUND_ERROR = 10.0
-"""Degrees by which a turntable's angle may err that was found on a rough model."""
+SEARCHED_ANGLE_ERROR_DEG = 10.0
+"""Standard deviation in degrees of a turntable angle that was searched on a coarse model."""
 
 
 @dataclass(frozen=True, slots=True)
-class LeftOut:
-    """A view that is no part of the model, and why; `angle`: the turntable's angle that would fit it, if one does."""
+class RegisteredViews:
+    """Views with their poses, and how these came about.
 
-    name: str
-    reason: str
-    angle: float | None = None
-    remedy: str = "check its pose and its mask"
-
-
-@dataclass(frozen=True, slots=True)
-class Placed:
-    """Views where they must have been; those left out; mean misses of each in pixels; the turntable, if it is one, and
-    its angles (V,) as they were given and the degrees (V,) by which they may err; names of views whose pose nobody gave
-    and that were found."""
+    views: V views; rejected: those that are not part of the model; residuals: mean silhouette residual of each view in
+    pixels; turntable: None if the poses are not a turntable's; given_angles, angle_errors: (V,) its angles as given,
+    and their standard deviations, degrees; searched: names of views whose pose was not given but searched.
+    """
 
     views: tuple[View, ...]
-    left_out: tuple[LeftOut, ...]
-    misses: tuple[float, ...]
+    rejected: tuple[RejectedView, ...]
+    residuals: tuple[float, ...]
     turntable: Turntable | None = None
-    given: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    errors: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    found: tuple[str, ...] = ()
+    given_angles: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    angle_errors: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    searched: tuple[str, ...] = ()
 
 
-def place_on_turntable(views: Sequence[View], angles: Sequence[float]) -> Placed:
-    """Solve a turntable from the outlines.
+def register_on_turntable(views: Sequence[View], angles: Sequence[float]) -> RegisteredViews:
+    """Calibrate a turntable from the silhouettes of views at given angles (degrees), rejecting contradictory views.
 
     Raises:
         UnusableCapture: fewer than two views, or none agree.
     """
-    _enough(views)
-    table = solve_axis(views, turntable_of(views, angles))
-    kept, left_out = _consistent(views, table)
-    if left_out:
-        views, angles = [views[each] for each in kept], [angles[each] for each in kept]
-        _enough(views)
-        table = solve_axis(views, turntable_of(views, angles))
-    given, errors = np.asarray(angles, float), np.full(len(views), ANGLE_ERROR)
-    solved = solve_turntable(views, table, given, errors=errors)
-    return _on_solved(Placed(tuple(views), tuple(left_out), (), table, given, errors), solved)
+    _require_two(views)
+    table = calibrate_axis(views, initial_turntable(views, angles))
+    kept, rejected = reject_inconsistent(views, table)
+    if rejected:
+        # The axis was bent towards the rejected views: fit it again without them.
+        views, angles = [views[number] for number in kept], [angles[number] for number in kept]
+        _require_two(views)
+        table = calibrate_axis(views, initial_turntable(views, angles))
+    given_angles, errors = np.asarray(angles, float), np.full(len(views), ANGLE_ERROR_DEG)
+    solved = calibrate_turntable(views, table, given_angles, angle_errors=errors)
+    return _with_turntable(RegisteredViews(tuple(views), tuple(rejected), (), table, given_angles, errors), solved)
 
 
-def placed_anew(placed: Placed, model: Model) -> Placed:
-    """Correct a turntable by the normals that its views saw of the model; else, poses that were found."""
-    if placed.turntable is None:
-        views = [refitted(view, model) if view.name in placed.found else view for view in placed.views]
-        return replace(placed, views=tuple(views), misses=_mean_misses(views) if placed.found else placed.misses)
-    if len(placed.views) < 3:
-        return placed
-    fused = fuse(placed.views, model.vertices, model.triangles)
-    normals = agreement_of(placed.views, placed.turntable, model.vertices, fused)
-    return _on_solved(placed, solve_turntable(placed.views, placed.turntable, placed.given, normals, placed.errors))
-
-
-def _on_solved(placed: Placed, table: Turntable) -> Placed:
-    views = on_turntable(placed.views, table)
-    return replace(placed, views=tuple(views), misses=_mean_misses(views), turntable=table)
-
-
-def place_others(placed: Placed, others: Sequence[View], model: Model) -> Placed:
-    """Place views whose pose nobody gave where they fit a model of the views that are placed.
-
-    Those that fit nowhere, or in several places, are left out.
-    """
-    for view in others:
-        found = _with_one_more(placed, view, model)
-        if isinstance(found, str):
-            found = replace(placed, left_out=(*placed.left_out, LeftOut(view.name, found, remedy="give its pose")))
-        placed = found
-    return placed
-
-
-def _with_one_more(placed: Placed, view: View, model: Model) -> Placed | str:
-    """With a view where it fits the model, or why it does not."""
-    if placed.turntable is None and view.matrix is not None:
-        return "its pose is not given, and under a camera matrix it cannot be found"
-    fits = _fits(placed, view, model)
-    doubtful = doubt(fits)
-    if doubtful is not None:
-        return doubtful
-    wider = _widened(placed, view, fits[0])
-    missed = wider.misses[-1]
-    if missed > CONTRADICTORY:
-        return f"its pose is not given, and where it fits best it misses by {missed:.1f} pixels"
-    return wider
-
-
-def _fits(placed: Placed, view: View, model: Model) -> list[Fit]:
-    """Poses at which a view fits, the best first."""
-    table = placed.turntable
-    if table is None:
-        return best_rotations(view, model)
-
-    def pose(angle: float) -> tuple[np.ndarray, np.ndarray]:
-        there = on_turntable([view], replace(table, angles=np.array([angle])))[0]
-        return there.rotation, there.translation
-
-    return best_angles(view, model, pose)
-
-
-def _widened(placed: Placed, view: View, fit: Fit) -> Placed:
-    """With one more view, where it was found; a turntable is solved again with it."""
-    found, views = (*placed.found, view.name), (*placed.views, view.placed(fit.rotation, fit.translation))
-    if placed.turntable is None or fit.angle is None:
-        return replace(placed, views=views, misses=_mean_misses(views), found=found)
-    given, errors = np.append(placed.given, fit.angle), np.append(placed.errors, FOUND_ERROR)
-    table = replace(placed.turntable, angles=np.append(placed.turntable.angles, fit.angle))
-    views = (*placed.views, view)
-    wider = replace(placed, views=views, given=given, errors=errors, found=found)
-    return _on_solved(wider, solve_turntable(views, table, given, errors=errors))
-
-
-def place_by_matrices(views: Sequence[View]) -> Placed:
-    """Take the given poses as they are, but for views that contradict the others.
+def register_by_matrices(views: Sequence[View]) -> RegisteredViews:
+    """Take the given poses as they are, rejecting contradictory views.
 
     Raises:
-        UnusableCapture: fewer than two views, a pose that is no rotation, or none agree.
+        UnusableCapture: fewer than two views, a pose that is not a rotation, or no views agree.
     """
-    _enough(views)
+    _require_two(views)
     for view in views:
         if not np.allclose(view.rotation @ view.rotation.T, np.eye(3), atol=1e-3) or np.linalg.det(view.rotation) < 0:
             raise UnusableCapture(
-                f"the pose of {view.name} is no rotation",
+                f"the pose of {view.name} is not a rotation",
                 "give camera_to_world with orthogonal unit columns: camera x right, y up, z to the camera",
             )
-    kept, left_out = _consistent(views, None)
-    chosen = [views[each] for each in kept]
-    _enough(chosen)
-    return Placed(tuple(chosen), tuple(left_out), _mean_misses(chosen))
+    kept, rejected = reject_inconsistent(views, None)
+    chosen = [views[number] for number in kept]
+    _require_two(chosen)
+    return RegisteredViews(tuple(chosen), tuple(rejected), _mean_residuals(chosen))
 
 
-def _consistent(views: Sequence[View], table: Turntable | None) -> tuple[list[int], list[LeftOut]]:
-    """Indices of the views whose outlines agree, and those without which the others agree better."""
-    outlines = [outline_of(view.mask) for view in views]
-    placed = list(views) if table is None else on_turntable(views, table)
-    kept, left_out = list(range(len(views))), list[LeftOut]()
-    while len(kept) > 2:
-        now = misses([placed[each] for each in kept], [outlines[each] for each in kept]).mean(axis=1)
-        if now.max() <= CONTRADICTORY:
-            break
-        without = [
-            misses([placed[each] for each in kept if each != one], [outlines[each] for each in kept if each != one])
-            .mean(axis=1)
-            .max()
-            for one in kept
-        ]
-        worst = kept[int(np.argmin(without))]
-        kept = [each for each in kept if each != worst]
-        angle = None if table is None else _fitting_angle(worst, kept, placed, outlines, table)
-        reason = f"its outline contradicts the others' by {now.max():.1f} pixels"
-        if table is not None and angle is not None:
-            by = _apart(float(table.angles[worst]), angle)
-            reason += f"; it would fit at {angle % 360:.1f} degrees, {by:+.1f} from what was given"
-        left_out.append(LeftOut(views[worst].name, reason, angle))
-    return kept, left_out
+def refine(registered: RegisteredViews, model: Model) -> RegisteredViews:
+    """Refine the poses on a model: a turntable by the consistency of normals, else the poses that were searched."""
+    if registered.turntable is None:
+        if not registered.searched:
+            return registered
+        views = [refine_pose(view, model) if view.name in registered.searched else view for view in registered.views]
+        return replace(registered, views=tuple(views), residuals=_mean_residuals(views))
+    if len(registered.views) < 3:
+        return registered
+    fused = fuse_normals(registered.views, model.vertices, model.triangles)
+    normals = turntable_consistency(registered.views, registered.turntable, model.vertices, fused)
+    solved = calibrate_turntable(
+        registered.views, registered.turntable, registered.given_angles, normals, registered.angle_errors
+    )
+    return _with_turntable(registered, solved)
 
 
-def _fitting_angle(
-    one: int, kept: Sequence[int], placed: Sequence[View], outlines: Sequence[Outline], table: Turntable
-) -> float | None:
-    """The angle at which a view agrees with the others, None if at no angle."""
-    others, theirs = [placed[each] for each in kept], [outlines[each] for each in kept]
+def register_unposed(registered: RegisteredViews, unposed: Sequence[View], model: Model) -> RegisteredViews:
+    """Register views without a pose where they fit a model of the registered views.
 
-    def miss(angle: float) -> float:
-        turned = replace(table, angles=np.where(np.arange(len(table.angles)) == one, angle, table.angles))
-        view = on_turntable(placed, turned)[one]
-        return float(misses([*others, view], [*theirs, outlines[one]], 24).mean())
-
-    tried = np.arange(0.0, 360.0, 6.0)
-    best = float(tried[np.argmin([miss(angle) for angle in tried])])
-    for step in (2.0, 0.5):
-        near = best + step * np.arange(-2, 3)
-        best = float(near[np.argmin([miss(angle) for angle in near])])
-    return best if miss(best) <= CONTRADICTORY else None
+    Views that fit nowhere, or at several poses, are rejected.
+    """
+    for view in unposed:
+        result = _register_one_more(registered, view, model)
+        if isinstance(result, str):
+            rejection = RejectedView(view.name, result, remedy="give its pose")
+            result = replace(registered, rejected=(*registered.rejected, rejection))
+        registered = result
+    return registered
 
 
-def _mean_misses(views: Sequence[View]) -> tuple[float, ...]:
-    found = misses(views, [outline_of(view.mask) for view in views]).mean(axis=1)
-    return tuple(float(each) for each in found)
+def _register_one_more(registered: RegisteredViews, view: View, model: Model) -> RegisteredViews | str:
+    """Return the views with one more where it fits the model, or the reason why it does not."""
+    if registered.turntable is None and view.matrix is not None:
+        return "its pose is not given, and under a camera matrix it cannot be searched"
+    fits = _search_pose(registered, view, model)
+    reason = ambiguity(fits)
+    if reason is not None:
+        return reason
+    extended = _with_view(registered, view, fits[0])
+    residual = extended.residuals[-1]
+    if residual > MAX_RESIDUAL_PX:
+        return f"its pose is not given, and where it fits best it misses by {residual:.1f} pixels"
+    return extended
 
 
-def _apart(first: float, second: float) -> float:
-    return (second - first + 180.0) % 360.0 - 180.0
+def _search_pose(registered: RegisteredViews, view: View, model: Model) -> list[PoseFit]:
+    """Return the poses at which a view fits the model, the best first."""
+    table = registered.turntable
+    if table is None:
+        return search_rotations(view, model)
+
+    def pose(angle: float) -> tuple[np.ndarray, np.ndarray]:
+        posed = views_on_turntable([view], replace(table, angles=np.array([angle])))[0]
+        return posed.rotation, posed.translation
+
+    return search_angles(view, model, pose)
 
 
-def _enough(views: Sequence[View]) -> None:
+def _with_view(registered: RegisteredViews, view: View, fit: PoseFit) -> RegisteredViews:
+    """Return the views with one more at its best fit; a turntable is calibrated again with it."""
+    searched = (*registered.searched, view.name)
+    if registered.turntable is None or fit.angle is None:
+        views = (*registered.views, view.with_pose(fit.rotation, fit.translation))
+        return replace(registered, views=views, residuals=_mean_residuals(views), searched=searched)
+    views = (*registered.views, view)
+    given_angles = np.append(registered.given_angles, fit.angle)
+    errors = np.append(registered.angle_errors, SEARCHED_ANGLE_ERROR_DEG)
+    table = replace(registered.turntable, angles=np.append(registered.turntable.angles, fit.angle))
+    extended = replace(registered, views=views, given_angles=given_angles, angle_errors=errors, searched=searched)
+    return _with_turntable(extended, calibrate_turntable(views, table, given_angles, angle_errors=errors))
+
+
+def _with_turntable(registered: RegisteredViews, table: Turntable) -> RegisteredViews:
+    """Return the views with the poses of a calibrated turntable."""
+    views = views_on_turntable(registered.views, table)
+    return replace(registered, views=tuple(views), residuals=_mean_residuals(views), turntable=table)
+
+
+def _mean_residuals(views: Sequence[View]) -> tuple[float, ...]:
+    """Return the mean silhouette residual of each view in pixels."""
+    return tuple(float(residual) for residual in silhouette_residuals(views).mean(axis=1))
+
+
+def _require_two(views: Sequence[View]) -> None:
+    """Raise UnusableCapture if there are fewer than two views."""
     if len(views) < 2:
         raise UnusableCapture(
             f"{len(views)} view{'s' * (len(views) != 1)} with a pose that fits: a model needs two, eight are good",
-            "film the object from more sides, and give each capture its pose",
+            "record the object from more sides, and give each capture its pose",
         )

@@ -1,7 +1,9 @@
-"""A turntable solved: its axis and its angles, from outlines and, once there is a model, from normals.
+"""Turntable calibration: its axis and its angles, from silhouettes and, once there is a model, from normals.
 
-Outlines tell the axis to a tenth of a degree and of a pixel, and how the outlines of slim bodies change with the angle;
-normals tell the angles of the rest. Both hold each other and the angles as they were given.
+Camera calibration under circular motion by silhouette coherence (Hernandez, Schmitt and Cipolla, TPAMI 2007), solved by
+nonlinear least squares with a robust loss. Silhouettes determine the axis to a tenth of a degree and of a pixel, and
+the angles of bodies whose silhouette changes with the angle; normals determine the other angles. Priors hold the axis
+upright and the angles near the given ones.
 """
 
 from collections.abc import Sequence
@@ -13,160 +15,178 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from scipy.special import expit
 
-from glint.tasks.algorithms.multiview.epipolar_tangency import Tangents, tangents
-from glint.tasks.algorithms.multiview.normal_consistency import Agreement, agreement
-from glint.tasks.algorithms.multiview.normal_fusion import Fused
-from glint.tasks.algorithms.multiview.view import View, turned
-from glint.tasks.algorithms.multiview.visual_hull import ball_around, outline_of
+from glint.tasks.algorithms.multiview.epipolar_tangency import SilhouetteRays, trace_silhouette_rays
+from glint.tasks.algorithms.multiview.normal_consistency import NormalConsistency, normal_consistency
+from glint.tasks.algorithms.multiview.normal_fusion import FusedNormals
+from glint.tasks.algorithms.multiview.view import View, rotation_about_y
+from glint.tasks.algorithms.multiview.visual_hull import bounding_sphere
 
-SOLVED_RAYS = 120
-"""Rays taken of each outline to solve poses: their pixels' staircases must average out."""
-OUTLINE_ERROR, SOFT, CORNER = 0.15, 1.0, 0.05
-"""Pixels of residual that are expected, beyond which a ray counts as an outlier, and over which rays begin to count."""
-ANGLE_ERROR, LEAN_ERROR = 1.0, 4.0
-"""Degrees expected of a turntable's angles and of its axis."""
-DIFFERENCE = 0.1
-"""Degrees, or per cent of the object's size, over which residuals are differentiated."""
-EVALUATIONS = 12
+CALIBRATION_RAYS = 120
+"""Rays per silhouette in the calibration: enough to average out the staircase of the pixels."""
+SILHOUETTE_ERROR_PX = 0.15
+"""Expected residual of a ray in pixels."""
+OUTLIER_RESIDUAL_PX = 1.0
+"""Residual in pixels beyond which the loss grows linearly."""
+HINGE_WIDTH_PX = 0.05
+"""Width in pixels of the smooth transition at which a ray leaves the hull and begins to count."""
+ANGLE_ERROR_DEG, LEAN_ERROR_DEG = 1.0, 4.0
+"""Standard deviation of the given angles, and of the axis from upright, in degrees."""
+DIFFERENCE_STEP = 0.1
+"""Step of numerical derivatives: degrees, or percent of the object's size."""
+MAX_EVALUATIONS = 12
+"""Evaluations of the least-squares solver."""
 
 
 @dataclass(frozen=True, slots=True)
 class Turntable:
-    """A turntable's axis against the camera.
+    """A turntable's axis in the camera frame, and the angles of its V views.
 
-    offset: world units that it stands to the right of the frame's centre; towards, sideways: degrees that its upper end
-    leans to the camera and to the right; angles: (V,) degrees of the views.
+    offset: world units from the frame's centre to the axis, positive to the right; lean_to_camera, lean_right: degrees
+    by which its upper end leans to the camera and to the right; angles: (V,) degrees.
     """
 
     offset: float
-    towards: float
-    sideways: float
+    lean_to_camera: float
+    lean_right: float
     angles: np.ndarray
 
     def pose(self, number: int) -> tuple[np.ndarray, np.ndarray]:
-        """Rotation (3, 3) and translation (3,) of a view."""
-        lean = Rotation.from_euler("zx", [-self.sideways, self.towards], degrees=True).as_matrix()
-        return lean @ turned(float(self.angles[number])), np.array([self.offset, 0.0, 0.0])
+        """Return rotation (3, 3) and translation (3,), world to camera, of view `number`."""
+        lean = Rotation.from_euler("zx", [-self.lean_right, self.lean_to_camera], degrees=True).as_matrix()
+        return lean @ rotation_about_y(float(self.angles[number])), np.array([self.offset, 0.0, 0.0])
 
 
-def turntable_of(views: Sequence[View], angles: Sequence[float]) -> Turntable:
-    """An upright turntable whose axis is where the silhouettes' middles say.
+def initial_turntable(views: Sequence[View], angles: Sequence[float]) -> Turntable:
+    """Estimate an upright turntable from the silhouettes' centre columns at the given angles (degrees).
 
-    The middle of the silhouette seen from an angle is the axis plus the odd harmonics of the body's width, which cancel
-    over a full turn and are fitted else.
+    The centre of a silhouette is the axis plus the odd harmonics of the object's width function. These cancel over a
+    full turn; the first and third are fitted if there are enough views.
     """
-    middles, turns = [], np.radians(np.asarray(angles, float))
+    centres, radians = [], np.radians(np.asarray(angles, float))
     for view in views:
         columns = np.flatnonzero(view.mask.any(axis=0)) + view.origin[0]
-        middles.append(((columns[0] + columns[-1]) / 2 - (view.frame[0] - 1) / 2) * view.pixel_size)
-    terms = [np.ones(len(turns))]
+        centres.append(((columns[0] + columns[-1]) / 2 - (view.frame[0] - 1) / 2) * view.pixel_size)
+    terms = [np.ones(len(radians))]
     for harmonic in (1, 3):
-        if len(turns) >= len(terms) + 3:
-            terms += [np.cos(harmonic * turns), np.sin(harmonic * turns)]
-    found = np.linalg.lstsq(np.stack(terms, axis=1), np.array(middles), rcond=None)[0]
-    return Turntable(float(found[0]), 0.0, 0.0, np.asarray(angles, float))
+        if len(radians) >= len(terms) + 3:
+            terms += [np.cos(harmonic * radians), np.sin(harmonic * radians)]
+    coefficients = np.linalg.lstsq(np.stack(terms, axis=1), np.array(centres), rcond=None)[0]
+    return Turntable(float(coefficients[0]), 0.0, 0.0, np.asarray(angles, float))
 
 
-def on_turntable(views: Sequence[View], table: Turntable) -> list[View]:
-    """Views where a turntable puts them; a perspective camera keeps its distance from the axis."""
-    placed = []
+def views_on_turntable(views: Sequence[View], table: Turntable) -> list[View]:
+    """Return the views with the poses of a turntable; a perspective camera keeps its distance from the axis."""
+    posed = []
     for number, view in enumerate(views):
         rotation, translation = table.pose(number)
-        placed.append(view.placed(rotation, translation + np.array([0.0, 0.0, view.translation[2]])))
-    return placed
+        posed.append(view.with_pose(rotation, translation + np.array([0.0, 0.0, view.translation[2]])))
+    return posed
 
 
-def solve_axis(views: Sequence[View], start: Turntable) -> Turntable:
-    """The axis on which the views' outlines agree best; the angles stay."""
-    return _solved(views, start, start.angles, None, np.zeros((0, len(views))), np.zeros(0))
+def calibrate_axis(views: Sequence[View], start: Turntable) -> Turntable:
+    """Fit the axis to the views' silhouettes; the angles stay as they are."""
+    return _calibrate(views, start, start.angles, None, np.zeros((0, len(views))), np.zeros(0))
 
 
-def solve_turntable(
+def calibrate_turntable(
     views: Sequence[View],
     start: Turntable,
-    given: np.ndarray,
-    normals: Agreement | None = None,
-    errors: np.ndarray | None = None,
+    given_angles: np.ndarray,
+    normals: NormalConsistency | None = None,
+    angle_errors: np.ndarray | None = None,
 ) -> Turntable:
-    """The axis and the angles on which the views' outlines agree best, and their normals as seen from the start.
+    """Fit axis and angles to the views' silhouettes, and to their normals' consistency as measured at the start.
 
-    given (V,): the angles, degrees, that are expected to be true within `errors` (V,), by default ANGLE_ERROR; their
-    mean, weighed by that, stays.
+    given_angles (V,): degrees, expected to be right within `angle_errors` (V,), by default ANGLE_ERROR_DEG; their
+    weighted mean is kept, since turning all views together changes nothing.
     """
-    sure = np.full(len(views), 1.0 / ANGLE_ERROR) if errors is None else 1.0 / errors
-    solved = _solved(views, start, given, normals, np.eye(len(views)), sure)
-    return replace(solved, angles=solved.angles - np.average(solved.angles - given, weights=sure**2))
+    precision = np.full(len(views), 1.0 / ANGLE_ERROR_DEG) if angle_errors is None else 1.0 / angle_errors
+    solved = _calibrate(views, start, given_angles, normals, np.eye(len(views)), precision)
+    return replace(solved, angles=solved.angles - np.average(solved.angles - given_angles, weights=precision**2))
 
 
-def agreement_of(views: Sequence[View], table: Turntable, vertices: np.ndarray, fused: Fused) -> Agreement:
-    """How the normals of views, as they are on a turntable, agree on the vertices (N, 3) of a model."""
-    ahead, behind = (on_turntable(views, replace(table, angles=table.angles + way * DIFFERENCE)) for way in (1.0, -1.0))
-    pairs = [(one, other, 2.0 * DIFFERENCE) for one, other in zip(ahead, behind, strict=True)]
-    return agreement(views, pairs, vertices, fused)
+def turntable_consistency(
+    views: Sequence[View], table: Turntable, vertices: np.ndarray, fused: FusedNormals
+) -> NormalConsistency:
+    """Measure how the normals of the views agree at the vertices (N, 3) of a model, by the turntable's angles."""
+    forward, backward = (
+        views_on_turntable(views, replace(table, angles=table.angles + sign * DIFFERENCE_STEP)) for sign in (1.0, -1.0)
+    )
+    turned = [(ahead, behind, 2.0 * DIFFERENCE_STEP) for ahead, behind in zip(forward, backward, strict=True)]
+    return normal_consistency(views, turned, vertices, fused)
 
 
-def _solved(
+def _calibrate(
     views: Sequence[View],
     start: Turntable,
-    given: np.ndarray,
-    normals: Agreement | None,
+    given_angles: np.ndarray,
+    normals: NormalConsistency | None,
     free: np.ndarray,
-    sure: np.ndarray,
+    precision: np.ndarray,
 ) -> Turntable:
-    """The turntable with least squares; free (F, V): the directions in which the angles may change, sure (F,): the
-    inverse of the degrees by which they are expected to.
+    """Solve the least-squares problem for the changes of offset, leans and angles from the start.
 
-    Unknown are the changes of offset, leans and angles from the start.
+    free (F, V): the directions in which the angles may change; precision (F,): the inverse standard deviations, per
+    degree, of these changes.
     """
-    outlines = [outline_of(view.mask) for view in views]
-    hundredth = max(float(np.hypot(*view.mask.shape)) * view.pixel_size for view in views) / 100
-    middle = ball_around(views)[0][None]
-    size = np.array([view.footprint(middle)[0] for view in views])
+    # The offset is counted in percent of the object's size, so that all unknowns have a similar scale.
+    percent = max(float(np.hypot(*view.mask.shape)) * view.pixel_size for view in views) / 100
+    centre = bounding_sphere(views)[0][None]
+    pixel_sizes = np.array([view.footprint(centre)[0] for view in views])
     matrix, vector = (np.zeros((0, len(views))), np.zeros(0)) if normals is None else normals.residuals()
     # The offset has no prior.
-    held = np.concatenate([[0.0], np.full(2, 1.0 / LEAN_ERROR), sure])
-    expected = np.concatenate([[0.0, -start.towards, -start.sideways], free @ (given - start.angles)])
+    prior_weight = np.concatenate([[0.0], np.full(2, 1.0 / LEAN_ERROR_DEG), precision])
+    prior_mean = np.concatenate([[0.0, -start.lean_to_camera, -start.lean_right], free @ (given_angles - start.angles)])
 
     def turntable(unknowns: np.ndarray) -> Turntable:
-        offset, towards, sideways = unknowns[:3].tolist()
+        offset, lean_to_camera, lean_right = unknowns[:3].tolist()
         return Turntable(
-            start.offset + offset * hundredth,
-            start.towards + towards,
-            start.sideways + sideways,
+            start.offset + offset * percent,
+            start.lean_to_camera + lean_to_camera,
+            start.lean_right + lean_right,
             start.angles + unknowns[3:] @ free,
         )
 
+    # The solver evaluates residuals and derivatives at the same unknowns, one after the other.
     @lru_cache(maxsize=1)
-    def touching_at(*unknowns: float) -> Tangents:
-        return tangents(on_turntable(views, turntable(np.array(unknowns))), outlines, SOLVED_RAYS)
+    def rays_at(*unknowns: float) -> SilhouetteRays:
+        return trace_silhouette_rays(views_on_turntable(views, turntable(np.array(unknowns))), CALIBRATION_RAYS)
 
     def residuals(unknowns: np.ndarray) -> np.ndarray:
-        turns = unknowns[3:] @ free
-        missed = touching_at(*unknowns.tolist()).distance
-        return np.concatenate([_counted(missed)[0], held * (unknowns - expected), matrix @ turns + vector])
+        angle_changes = unknowns[3:] @ free
+        distances = rays_at(*unknowns.tolist()).distance
+        prior = prior_weight * (unknowns - prior_mean)
+        return np.concatenate([_robust_residuals(distances)[0], prior, matrix @ angle_changes + vector])
 
     def jacobian(unknowns: np.ndarray) -> np.ndarray:
-        touching = touching_at(*unknowns.tolist())
-        grade = _counted(touching.distance)[1]
+        rays = rays_at(*unknowns.tolist())
+        slope = _robust_residuals(rays.distance)[1]
         columns = []
-        for step in DIFFERENCE * np.eye(len(unknowns)):
-            ahead, behind = (
-                touching.distances(on_turntable(views, turntable(unknowns + way * step)), outlines, size)
-                for way in (1.0, -1.0)
+        for step in DIFFERENCE_STEP * np.eye(len(unknowns)):
+            # The deepest points stay on their rays to first order, so they need not be searched again.
+            forward, backward = (
+                rays.distances(views_on_turntable(views, turntable(unknowns + sign * step)), pixel_sizes)
+                for sign in (1.0, -1.0)
             )
-            columns.append(grade * (ahead - behind).ravel() / (2 * DIFFERENCE))
-        turning = np.hstack([np.zeros((len(matrix), 3)), matrix @ free.T])
-        return np.vstack([np.stack(columns, axis=1), np.diag(held), turning])
+            columns.append(slope * (forward - backward).ravel() / (2 * DIFFERENCE_STEP))
+        normal_rows = np.hstack([np.zeros((len(matrix), 3)), matrix @ free.T])
+        return np.vstack([np.stack(columns, axis=1), np.diag(prior_weight), normal_rows])
 
-    found = least_squares(residuals, np.zeros(len(held)), jac=jacobian, max_nfev=EVALUATIONS, xtol=1e-4, ftol=1e-4)
-    return turntable(found.x)
+    solution = least_squares(
+        residuals, np.zeros(len(prior_weight)), jac=jacobian, max_nfev=MAX_EVALUATIONS, xtol=1e-4, ftol=1e-4
+    )
+    return turntable(solution.x)
 
 
-def _counted(distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Residuals (N,) of rays at signed distances (V, R) in pixels, and their derivatives (N,): rays that run inside the
-    hull count nothing, squares grow but linearly beyond SOFT."""
+def _robust_residuals(distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return residuals (N,) of rays at signed distances (V, R), pixels, and their derivatives (N,) per pixel.
+
+    Rays inside the hull have zero residual (a smooth hinge); beyond OUTLIER_RESIDUAL_PX the squared residual grows
+    linearly (pseudo-Huber loss, Charbonnier et al. 1997).
+    """
     flat = distances.ravel()
-    missed = CORNER * np.logaddexp(0.0, flat / CORNER)
-    root = np.sqrt(1.0 + (missed / SOFT) ** 2)
-    share = np.sqrt(2.0 / (root + 1.0))
-    return missed * share / OUTLINE_ERROR, expit(flat / CORNER) / (root * share) / OUTLINE_ERROR
+    outside = HINGE_WIDTH_PX * np.logaddexp(0.0, flat / HINGE_WIDTH_PX)
+    root = np.sqrt(1.0 + (outside / OUTLIER_RESIDUAL_PX) ** 2)
+    scale = np.sqrt(2.0 / (root + 1.0))
+    residuals = outside * scale / SILHOUETTE_ERROR_PX
+    return residuals, expit(flat / HINGE_WIDTH_PX) / (root * scale) / SILHOUETTE_ERROR_PX

@@ -1,28 +1,91 @@
-"""A view of an object: what one capture knows, and where its camera stood.
+"""A view: what one capture shows of an object, and the pose of its camera.
 
-World coordinates are those of the poses: for a turntable its axis is y and y = 0 is the frame's centre row. A point X
-of the world is at R X + t in the camera frame (x right, y up, z to the camera).
+World coordinates are those of the poses: on a turntable the axis is y and y = 0 is the frame's centre row. A point X of
+the world is at R X + t in the camera frame (x right, y up, z to the camera). Projection, rays and footprint are those
+of a pinhole or an orthographic camera (Hartley and Zisserman, Multiple View Geometry in Computer Vision, chapter 6).
+The silhouette's signed distance is an exact Euclidean distance transform (Maurer, Qi and Raghavan 2003, as in SciPy).
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import ndimage
+
+STAIRCASE_SIGMA_PX = 1.0
+"""Standard deviation in pixels of the Gaussian that smooths the staircase of a mask's silhouette."""
+MARGIN_SHARE = 0.5
+"""Margin around the region in which silhouette distances are computed, as a share of the region's longer side."""
+MIN_DEPTH = 1e-9
+"""Smallest distance in front of a pinhole camera, world units: points behind it must not divide by zero."""
+
+
+@dataclass(frozen=True, slots=True)
+class SilhouetteDistance:
+    """Signed distance to a mask's silhouette in pixels, negative inside, on the region and `margin` pixels around it.
+
+    distance, along_columns, along_rows: (H + 2 margin, W + 2 margin) float64, the distance and its two derivatives.
+    """
+
+    distance: np.ndarray
+    along_columns: np.ndarray
+    along_rows: np.ndarray
+    margin: int
+
+    @classmethod
+    def from_mask(cls, mask: np.ndarray) -> "SilhouetteDistance":
+        """Compute the distance to the silhouette of a mask (H, W) bool.
+
+        Where the mask touches the region's border the object is cropped: its silhouette is continued outwards.
+        """
+        margin = int(MARGIN_SHARE * max(mask.shape)) + 8
+        is_cropped = bool(mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any())
+        padded = np.pad(mask, margin, mode="edge") if is_cropped else np.pad(mask, margin)
+        distance = ndimage.distance_transform_edt(~padded) - ndimage.distance_transform_edt(padded)
+        # The silhouette runs half-way between the outermost pixels inside and the innermost ones outside.
+        distance = ndimage.gaussian_filter(distance - 0.5 * np.sign(distance), STAIRCASE_SIGMA_PX)
+        along_rows, along_columns = np.gradient(distance)
+        return cls(distance, along_columns, along_rows, margin)
+
+    def at(self, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Return the distances (N,) in pixels at positions (N,) of the region."""
+        return sample(self.distance, columns + self.margin, rows + self.margin)
+
+    def gradient(self, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Return the gradients (N, 3) of the distance in the camera frame, per pixel, at positions of the region."""
+        x, y = (
+            sample(self.along_columns, columns + self.margin, rows + self.margin),
+            sample(self.along_rows, columns + self.margin, rows + self.margin),
+        )
+        return np.stack([x, -y, np.zeros_like(x)], axis=-1)
+
+
+class SilhouetteMask:
+    """A mask (H, W) bool, which must not be changed, with the distance to its silhouette, computed on first use."""
+
+    def __init__(self, mask: np.ndarray) -> None:
+        self.mask = mask
+
+    @cached_property
+    def distance(self) -> SilhouetteDistance:
+        """The signed distance to the silhouette."""
+        return SilhouetteDistance.from_mask(self.mask)
 
 
 @dataclass(frozen=True, slots=True)
 class View:
     """One capture of an object.
 
-    mask (H, W) bool, normals (H, W, 3) float32 (camera frame, unit, NaN outside the mask) and confidence (H, W) float32
-    of the region whose top-left pixel is `origin` (column, row) of a full frame of `frame` (width, height) pixels.
-    rotation (3, 3) and translation (3,) take the world to the camera frame. Orthographic: `pixel_size` world units a
+    silhouette: the mask (H, W) of the object; normals (H, W, 3) float32 (camera frame, unit, NaN outside the mask) and
+    confidence (H, W) float32 in 0..1. All three cover the region whose top-left pixel is `origin` (column, row) of a
+    full frame of `frame` (width, height) pixels.
+    rotation (3, 3) and translation (3,) take the world to the camera frame. Orthographic: `pixel_size` world units per
     pixel, the camera frame's origin in the frame's centre. With a camera `matrix` (3, 3; pixels of the full frame) the
     origin is the camera.
     """
 
     name: str
-    mask: np.ndarray
+    silhouette: SilhouetteMask
     normals: np.ndarray
     confidence: np.ndarray
     rotation: np.ndarray
@@ -32,29 +95,38 @@ class View:
     pixel_size: float = 1.0
     matrix: np.ndarray | None = None
 
-    def placed(self, rotation: np.ndarray, translation: np.ndarray) -> "View":
-        """The same view from elsewhere."""
+    @property
+    def mask(self) -> np.ndarray:
+        """The object's mask (H, W) bool."""
+        return self.silhouette.mask
+
+    def with_pose(self, rotation: np.ndarray, translation: np.ndarray) -> "View":
+        """Return the same view from another pose: rotation (3, 3), translation (3,), world to camera."""
         return replace(self, rotation=np.asarray(rotation, float), translation=np.asarray(translation, float))
 
-    def seeing(self, normals: np.ndarray, confidence: np.ndarray) -> "View":
-        """The same view with other normals (H, W, 3) and confidence (H, W)."""
+    def with_normals(self, normals: np.ndarray, confidence: np.ndarray) -> "View":
+        """Return the same view with other normals (H, W, 3) and confidence (H, W)."""
         return replace(self, normals=normals, confidence=confidence)
 
+    def with_mask(self, mask: np.ndarray) -> "View":
+        """Return the same view with another mask (H, W) bool."""
+        return replace(self, silhouette=SilhouetteMask(mask))
+
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Columns and rows (..., ) of the region at which points (..., 3) of the world appear."""
+        """Return the columns and rows (...,) of the region at which points (..., 3) of the world appear."""
         x, y, z = np.moveaxis(points @ self.rotation.T + self.translation, -1, 0)
         if self.matrix is None:
             column = (self.frame[0] - 1) / 2 + x / self.pixel_size
             row = (self.frame[1] - 1) / 2 - y / self.pixel_size
         else:
-            away = np.maximum(-z, 1e-9)
-            right, down = x / away, -y / away
+            depth = np.maximum(-z, MIN_DEPTH)
+            right, down = x / depth, -y / depth
             column = self.matrix[0, 0] * right + self.matrix[0, 1] * down + self.matrix[0, 2]
             row = self.matrix[1, 1] * down + self.matrix[1, 2]
         return column - self.origin[0], row - self.origin[1]
 
     def rays(self, columns: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Starts and unit directions (N, 3) in the world of the rays from the camera through the region's pixels.
+        """Return starts and unit directions (N, 3), world, of the rays from the camera through pixels of the region.
 
         An orthographic ray starts in the plane through the camera frame's origin.
         """
@@ -65,6 +137,7 @@ class View:
             starts = np.stack([x, y, np.zeros_like(x)], axis=-1)
             directions = np.broadcast_to([0.0, 0.0, -1.0], starts.shape)
         else:
+            # The camera matrix is upper triangular: solve for the row first, then for the column.
             down = (row - self.matrix[1, 2]) / self.matrix[1, 1]
             right = (column - self.matrix[0, 2] - self.matrix[0, 1] * down) / self.matrix[0, 0]
             directions = np.stack([right, -down, -np.ones_like(right)], axis=-1)
@@ -72,38 +145,50 @@ class View:
             starts = np.zeros_like(directions)
         return (starts - self.translation) @ self.rotation, directions @ self.rotation
 
-    def towards(self, points: np.ndarray) -> np.ndarray:
-        """Unit vectors (N, 3) of the world from points (N, 3) to the camera."""
+    def view_vectors(self, points: np.ndarray) -> np.ndarray:
+        """Return the unit vectors (N, 3), world, from points (N, 3) to the camera."""
         if self.matrix is None:
             return np.broadcast_to(self.rotation[2], points.shape)
-        away = -self.translation @ self.rotation - points
-        return away / np.linalg.norm(away, axis=-1, keepdims=True)
+        vectors = -self.translation @ self.rotation - points
+        return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
     def footprint(self, points: np.ndarray) -> np.ndarray:
-        """World units (N,) that a pixel covers at points (N, 3)."""
+        """Return the world units (N,) that a pixel covers at points (N, 3)."""
         if self.matrix is None:
             return np.full(len(points), self.pixel_size)
-        away = -(points @ self.rotation[2] + self.translation[2])
-        return np.asarray(np.maximum(away, 1e-9) / np.sqrt(self.matrix[0, 0] * self.matrix[1, 1]))
+        depth = -(points @ self.rotation[2] + self.translation[2])
+        return np.asarray(np.maximum(depth, MIN_DEPTH) / np.sqrt(self.matrix[0, 0] * self.matrix[1, 1]))
 
     def normals_at(self, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Unit normals (N, 3) of the camera frame at positions of the region; zero where none is near."""
+        """Return unit normals (N, 3), camera frame, at positions of the region; zero far from any known normal."""
         normals = sample(np.nan_to_num(self.normals), columns, rows)
         return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9))
 
     def to_world(self, vectors: np.ndarray) -> np.ndarray:
-        """Directions (..., 3) of the camera frame in the world."""
+        """Rotate directions (..., 3) of the camera frame into the world."""
         return vectors @ self.rotation
 
 
 def sample(values: np.ndarray, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Bilinear samples (N,) or (N, C) of values (H, W) or (H, W, C); beyond the border its nearest pixel."""
+    """Sample values (H, W) or (H, W, C) bilinearly: (N,) or (N, C); outside, the value of the nearest border pixel."""
     if values.ndim == 3:
-        return np.stack([sample(values[..., c], columns, rows) for c in range(values.shape[2])], axis=-1)
+        return np.stack([sample(values[..., channel], columns, rows) for channel in range(values.shape[2])], axis=-1)
     return np.asarray(ndimage.map_coordinates(values, [rows, columns], order=1, mode="nearest"))
 
 
-def turned(degrees: float) -> np.ndarray:
-    """Rotation (3, 3) about the upward axis, counter-clockwise seen from above: world to camera on a turntable."""
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+def silhouette_pixels(mask: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return columns and rows (count,) float64 of pixels on a mask's silhouette, ordered around its centroid.
+
+    Where the region's border crops the object, it does not count as silhouette.
+    """
+    contour = mask & ~ndimage.binary_erosion(np.pad(mask, 1, mode="edge"))[1:-1, 1:-1]
+    rows, columns = np.nonzero(contour)
+    order = np.argsort(np.arctan2(rows - rows.mean(), columns - columns.mean()), kind="stable")
+    chosen = order[np.linspace(0, len(order) - 1, count).round().astype(int)]
+    return columns[chosen].astype(float), rows[chosen].astype(float)
+
+
+def rotation_about_y(degrees: float) -> np.ndarray:
+    """Return the rotation (3, 3), world to camera, of a turntable: about y, counter-clockwise seen from above."""
+    cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])

@@ -25,9 +25,9 @@ from glint.storage.catalogue.loading import Catalogue, load, write
 from glint.storage.errors import StoreError
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
+from glint.tasks.code_provenance import code_provenance
 from glint.tasks.engine.stage import Record
 from glint.tasks.pipeline import STAGES
-from glint.tasks.publish import code_facts
 
 pytestmark = [pytest.mark.server, pytest.mark.usefixtures("server")]
 Run = Callable[..., tuple[Any, list[Event]]]
@@ -205,7 +205,7 @@ def test_a_version_tells_everything_needed_to_repeat_it(run: Run, folder: Path) 
     version = ObjectRepository.open(Location.parse(folder / "store"), "b", create=False).version()
     said = version.metadata
     assert said["run"] and said["catalogue"] == str(folder / "good.yaml")
-    assert {name: said[name] for name in code_facts()} == code_facts() and len(said["source"]) == 64
+    assert {name: said[name] for name in code_provenance()} == code_provenance() and len(said["source"]) == 64
     capture = said["captures"]["front"]
     assert set(capture["parameters"]) >= {"clusters", "labels", "depth"} and len(capture["inputs"]["frames"]) == 64
     assert capture["entry"]["frames"].endswith(".mp4")

@@ -13,7 +13,7 @@ VIEWS = [
 ABOUT = {
     "unit": "mm",
     "views": VIEWS,
-    "left_out": [{"name": "view-02", "reason": "its outline contradicts the others' by 4.0 pixels"}],
+    "left_out": [{"name": "view-02", "reason": "its silhouette contradicts the others' by 4.0 pixels"}],
     "turntable": {
         "leans_to_camera_degrees": 1.25,
         "leans_to_the_right_degrees": -0.5,

@@ -1,4 +1,4 @@
-"""What is judged beside the table: ingredients switched off, and how far the confidence can be trusted."""
+"""The ablation of the labelling, and the reliability of the confidence."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +10,8 @@ from glint.tasks.algorithms.evaluation.metrics import Reliability
 from glint.tasks.engine.capture_context import Workspace
 from glint.tasks.evaluation.ablation import ABLATIONS, ablate
 from glint.tasks.evaluation.captures import Evaluation, evaluate
-from glint.tasks.evaluation.report import ablation_table, reliability_picture
+from glint.tasks.evaluation.report import ablation_table
+from glint.tasks.figures.evaluation_sheet import reliability_diagram
 from glint.tasks.pipeline import STAGES
 from tests.tasks.make_context import bench, perform_all
 
@@ -34,7 +35,7 @@ def test_every_ingredient_is_switched_off_by_itself(work: Workspace, evaluation:
     found = ablate(work)
     assert found is not None and set(found) == set(ABLATIONS)
     stored = evaluation.method("glint")
-    assert found["default"] == pytest.approx((stored.data.squared, stored.whole.squared), abs=1e-9)
+    assert found["default"] == pytest.approx((stored.observed_region.squared, stored.whole_mask.squared), abs=1e-9)
     changed = {name for name, errors in found.items() if errors != found["default"]}
     assert {"no marks", "one candidate", "one round"} <= changed
     assert found["one candidate"][0] > found["default"][0]
@@ -44,7 +45,7 @@ def test_a_capture_without_truth_is_not_ablated(work: Workspace) -> None:
     assert ablate(replace(work, capture=work.capture.model_copy(update={"truth": None}))) is None
 
 
-def test_the_table_leaves_empty_what_a_capture_has_not() -> None:
+def test_the_table_leaves_missing_values_empty() -> None:
     table = ablation_table({"a/front": {"default": (0.1, 0.2), "no marks": (0.3, 0.4)}, "b/front": {"default": (1, 2)}})
     assert "| default | 0.1000 / 0.2000 | 1.0000 / 2.0000 |" in table
     assert "| no marks | 0.3000 / 0.4000 |  |" in table
@@ -56,16 +57,16 @@ def _line(picture: np.ndarray, column: int) -> float:
     return float(np.nonzero((blue - red > 60) & (blue - green > 30))[0].mean())
 
 
-def test_the_reliability_picture_shows_what_is_right(evaluation: Evaluation) -> None:
-    """A line that climbs where confidence keeps its word, and lies low where it does not; captures weigh by pixels."""
+def test_the_reliability_diagram_shows_what_is_right(evaluation: Evaluation) -> None:
+    """The line rises where the confidence is right and is low where it is too high; captures weigh by their pixels."""
     lows = (0.0, 0.5, 0.9)
-    honest = tuple(Reliability(low, 100, low + 0.05, low + 0.05) for low in lows)
-    boastful = tuple(Reliability(low, 900, low + 0.05, 0.05) for low in lows)
+    calibrated = tuple(Reliability(low, 100, low + 0.05, low + 0.05) for low in lows)
+    overconfident = tuple(Reliability(low, 900, low + 0.05, 0.05) for low in lows)
     size = 400
     middle = 44 + round(0.55 * size)
     pictures = [
-        reliability_picture([replace(evaluation, reliability=each) for each in chosen], size)
-        for chosen in ([honest], [boastful], [honest, boastful])
+        reliability_diagram([replace(evaluation, reliability=each) for each in chosen], size)
+        for chosen in ([calibrated], [overconfident], [calibrated, overconfident])
     ]
     assert all(picture.shape == (size + 60, size + 60, 3) and picture.dtype == np.uint8 for picture in pictures)
     right, wrong, both = (1.0 - (_line(picture, middle) - 16) / size for picture in pictures)

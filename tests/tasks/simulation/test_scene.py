@@ -1,4 +1,4 @@
-"""All stages on a scene drawn from formulas, against its exact truth; one mirror ball, two, and a misplaced one."""
+"""All stages on a scene drawn from formulas, against its exact truth; one chrome sphere, two, and a misplaced one."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("store")
 
 
-def test_lights_agree_with_the_formula_and_the_balls_with_each_other(scene: Scene, store: Path) -> None:
+def test_lights_agree_with_the_formula_and_the_spheres_with_each_other(scene: Scene, store: Path) -> None:
     work = bench(scene.catalogue, store)
     perform_all(work, "lights")
     found = work.load("lights")
@@ -34,10 +34,10 @@ def test_lights_agree_with_the_formula_and_the_balls_with_each_other(scene: Scen
     assert np.median(error) < 0.8 and np.max(error) < 3.0
     assert np.abs(np.mean(found.read("lights") - scene.lights, axis=0)).max() < np.sin(np.radians(0.3)), "no bias"
     assert 0.05 < found.record["disagreement_degrees"]["median"] < 1.0
-    assert found.record["near_lamp"] is None, "the lamp is far away"
+    assert found.record["near_lamp"] is None, "the light is far away"
 
 
-def test_two_balls_are_better_than_either(scene: Scene, store: Path, tmp_path: Path) -> None:
+def test_two_spheres_are_better_than_either(scene: Scene, store: Path, tmp_path: Path) -> None:
     given = load(scene.catalogue).objects[0].captures[0].model_dump(mode="json")["spheres"]
     errors: list[float] = []
     for spheres in (given, given[:1], given[1:]):
@@ -48,7 +48,7 @@ def test_two_balls_are_better_than_either(scene: Scene, store: Path, tmp_path: P
     assert errors[0] < min(errors[1:])
 
 
-def test_a_misplaced_ball_shows_in_the_disagreement(scene: Scene, tmp_path: Path) -> None:
+def test_a_misplaced_sphere_shows_in_the_disagreement(scene: Scene, tmp_path: Path) -> None:
     given = load(scene.catalogue).objects[0].captures[0].model_dump(mode="json")["spheres"]
     given[1]["x"] += 1.0
     work = bench(scene.catalogue, tmp_path / "store", spheres=given)
@@ -61,10 +61,10 @@ def test_clusters_hold_the_true_and_the_false_directions(scene: Scene, store: Pa
     perform_all(work, "clusters")
     normals = work.load("clusters").read("normals")
     for field in (scene.normals, scene.false):
-        seen = scene.mask & (np.nan_to_num(field[..., 2]) > np.cos(np.radians(40.0)))
-        apart = angles(np.nan_to_num(normals), np.nan_to_num(field)[None])
-        nearest = np.where(np.isfinite(normals[..., 0]), apart, 180.0).min(axis=0)[seen]
-        assert seen.sum() > 300
+        observable = scene.mask & (np.nan_to_num(field[..., 2]) > np.cos(np.radians(40.0)))
+        degrees = angles(np.nan_to_num(normals), np.nan_to_num(field)[None])
+        nearest = np.where(np.isfinite(normals[..., 0]), degrees, 180.0).min(axis=0)[observable]
+        assert observable.sum() > 300
         assert (nearest < 2.5).mean() > 0.9
     assert (work.load("clusters").read("observations")[~scene.mask] == 0).all()
 
@@ -75,9 +75,12 @@ def test_the_surface_is_that_of_the_formula(scene: Scene, store: Path) -> None:
     found = evaluate(work, NAMES)
     assert found is not None
     ours, silhouette = found.method("glint"), found.method("silhouette only")
-    assert found.method("winner takes all").data.squared > 0.1, "the false highlights mislead whom they can"
-    assert ours.data.squared < 0.3 * silhouette.data.squared and ours.whole.squared < 0.5 * silhouette.whole.squared
-    assert ours.data.squared < 0.002 and ours.whole.squared < 0.004
+    assert found.method("winner takes all").observed_region.squared > 0.1, "false highlights mislead the baseline"
+    assert (
+        ours.observed_region.squared < 0.3 * silhouette.observed_region.squared
+        and ours.whole_mask.squared < 0.5 * silhouette.whole_mask.squared
+    )
+    assert ours.observed_region.squared < 0.002 and ours.whole_mask.squared < 0.004
     labels = work.load("labels")
     names = labels.record["provenance"]
     observed = labels.read("provenance") == names.index("observed")
@@ -89,7 +92,7 @@ def test_the_surface_is_that_of_the_formula(scene: Scene, store: Path) -> None:
     assert np.std(error) < 0.03 * np.ptp(scene.depth[inner])
 
 
-def test_balls_are_found_beside_each_other(scene: Scene, tmp_path: Path) -> None:
+def test_two_spheres_are_detected(scene: Scene, tmp_path: Path) -> None:
     work = bench(scene.catalogue, tmp_path / "store", spheres=[])
     perform_all(work, "lights")
     found = sorted(work.load("survey").record["spheres"], key=lambda each: each["y"])
@@ -99,8 +102,8 @@ def test_balls_are_found_beside_each_other(scene: Scene, tmp_path: Path) -> None
     assert np.median(angles(work.load("lights").read("lights"), scene.lights)) < 2.0
 
 
-def test_marks_overrule_what_the_highlights_say(scene: Scene, store: Path, tmp_path: Path) -> None:
-    """A highlight of the far side that is marked as true is believed: the user knows best."""
+def test_annotations_overrule_highlights(scene: Scene, store: Path, tmp_path: Path) -> None:
+    """A highlight of the far side that is annotated as true takes precedence over the labelling."""
     field = np.nan_to_num(scene.false)
     half_vectors = half_vectors_of(scene.lights)
     row, column = 22, 38
@@ -117,13 +120,13 @@ def test_marks_overrule_what_the_highlights_say(scene: Scene, store: Path, tmp_p
         assert len(pixels) and (np.hypot(*(pixels - (y, x)).T) < 1.5).any()
         place = tuple(pixels[np.hypot(*(pixels - (y, x)).T).argmin()])
         results[kind] = work.load("labels").read("normals")[place]
-        towards = field[place] if kind == "true" else scene.normals[place]
-        assert angles(results[kind], towards) < 6.0
+        target = field[place] if kind == "true" else scene.normals[place]
+        assert angles(results[kind], target) < 6.0
     assert angles(results["true"], results["false"]) > 15.0
 
 
-def test_few_frames_give_what_they_show(tmp_path: Path) -> None:
-    """Three dozen frames see little; the surface is still whole, and what was not seen is not called observed."""
+def test_few_frames_give_a_whole_surface(tmp_path: Path) -> None:
+    """With three dozen frames little is observed; the surface is whole, and other pixels do not count as observed."""
     few = draw_scene(tmp_path / "few", frames=36)
     work = bench(few.catalogue, tmp_path / "store")
     records = {record.stage: record for record in perform_all(work)}

@@ -1,4 +1,4 @@
-"""A simulated turntable through all stages to a published, exported model; what keeps views apart is told."""
+"""A simulated turntable through all stages to a published, exported model; clear reasons for rejected views."""
 
 import json
 from dataclasses import replace
@@ -59,14 +59,14 @@ def test_the_model_beats_the_hull(modelled: list[Workspace]) -> None:
 
 def test_the_model_is_exported_beside_its_captures(modelled: list[Workspace], tmp_path: Path) -> None:
     export(Location.parse(modelled[0].store), "fish", tmp_path / "fish")
-    said = json.loads((tmp_path / "fish" / "model.json").read_text())
+    report = json.loads((tmp_path / "fish" / "model.json").read_text())
     mesh = trimesh.load(tmp_path / "fish" / "model.ply", process=False)
-    assert said["unit"] == "mm" and said["watertight"] and len(said["views"]) == VIEWS
-    assert np.allclose(mesh.bounds, [said["bounding_box"]["low"], said["bounding_box"]["high"]], atol=1e-3)
-    assert said["volume"] == pytest.approx(mesh.volume, rel=1e-3)
-    rotation = np.array(said["views"][1]["camera_to_world"])[:3, :3]
+    assert report["unit"] == "mm" and report["watertight"] and len(report["views"]) == VIEWS
+    assert np.allclose(mesh.bounds, [report["bounding_box"]["low"], report["bounding_box"]["high"]], atol=1e-3)
+    assert report["volume"] == pytest.approx(mesh.volume, rel=1e-3)
+    rotation = np.array(report["views"][1]["camera_to_world"])[:3, :3]
     assert np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6)
-    assert said["turntable"]["angles"]["view-01"] == pytest.approx(60.0, abs=1.0)
+    assert report["turntable"]["angles"]["view-01"] == pytest.approx(60.0, abs=1.0)
     scene = trimesh.load(tmp_path / "fish" / "model.glb")
     assert np.allclose(np.ptp(scene.bounds, axis=0), np.ptp(mesh.bounds, axis=0) / 1000.0, rtol=1e-3)
     assert (tmp_path / "fish" / "model.png").stat().st_size > 1000
@@ -114,7 +114,7 @@ def test_a_capture_without_pose_is_found_and_one_without_labels_named(works: lis
     assert outcome.warnings == [
         "view-09 is not part of the model: it has no labels; see what is wrong with that capture"
     ]
-    known = {each["capture"]: each["pose"] for each in outcome.record["views"]}
+    known = {entry["capture"]: entry["pose"] for entry in outcome.record["views"]}
     assert known == {work.capture.id: "found" if work is some[0] else "solved" for work in some}
     assert np.cos(np.radians(outcome.record["turntable"]["angles"]["view-00"])) > np.cos(np.radians(3.0))
 
@@ -122,9 +122,9 @@ def test_a_capture_without_pose_is_found_and_one_without_labels_named(works: lis
 def test_a_view_left_out_is_warned_of(works: list[Workspace]) -> None:
     wrong = replace(works[3], capture=works[3].capture.model_copy(update={"pose": Pose(turntable=215.0)}))
     outcome = model(once([*works[:3], wrong, *works[4:]]), lambda done, of: None)
-    assert [each["name"] for each in outcome.record["left_out"]] == ["view-03"]
+    assert [entry["name"] for entry in outcome.record["left_out"]] == ["view-03"]
     (warning,) = outcome.warnings
-    assert warning.startswith("view-03 is not part of the model: its outline contradicts the others'")
+    assert warning.startswith("view-03 is not part of the model: its silhouette contradicts the others'")
     assert warning.endswith("check its pose and its mask")
 
 

@@ -1,23 +1,24 @@
 """Views of a small figurine drawn from its formula: body, head and a hollow side; true masks, normals and surface."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import trimesh
 
 from glint.tasks.algorithms.meshing.implicit import ImplicitFunction, capsule, ellipsoid, surface_nets, union
-from glint.tasks.algorithms.multiview.raycast import cast
-from glint.tasks.algorithms.multiview.reconstruction import Model
+from glint.tasks.algorithms.multiview.mesh import Model
+from glint.tasks.algorithms.multiview.raycast import raycast
 from glint.tasks.algorithms.multiview.turntable import Turntable
-from glint.tasks.algorithms.multiview.view import View
+from glint.tasks.algorithms.multiview.view import SilhouetteMask, View
 
 FRAME = (96, 96)
-SEEN = 45.0
+OBSERVABLE_DEG = 45.0
 """Degrees from the camera's axis within which normals are observed."""
 
 
 def difference(solid: ImplicitFunction, removed: ImplicitFunction, blend: float) -> ImplicitFunction:
-    """The first solid less the second, smooth over about `blend` along the edge."""
+    """Return the first solid less the second, smooth over about `blend` along the edge."""
 
     def function(points: np.ndarray) -> np.ndarray:
         a, b = solid(points), -removed(points)
@@ -36,43 +37,45 @@ def body() -> trimesh.Trimesh:
 
 
 def views_of(mesh: trimesh.Trimesh, table: Turntable, noise: float = 1.0, seed: int = 0) -> list[View]:
-    """What perfect silhouettes, and normals with `noise` degrees, say of a mesh on a turntable."""
-    return seen_from(mesh, [table.pose(number) for number in range(len(table.angles))], noise, seed)
+    """Return views of a mesh on a turntable: perfect silhouettes, and normals with `noise` degrees of error."""
+    return views_at(mesh, [table.pose(number) for number in range(len(table.angles))], noise, seed)
 
 
-def seen_from(
+def views_at(
     mesh: trimesh.Trimesh, poses: Sequence[tuple[np.ndarray, np.ndarray]], noise: float = 1.0, seed: int = 0
 ) -> list[View]:
-    """What perfect silhouettes, and normals with `noise` degrees, say of a mesh from rotations and translations.
+    """Return views of a mesh from poses: perfect silhouettes, and normals with `noise` degrees of error.
 
-    Normals beyond SEEN degrees are guesses 12 degrees off, of little confidence.
+    Normals beyond OBSERVABLE_DEG degrees are guesses 12 degrees off, of little confidence.
     """
     generator = np.random.default_rng(seed)
-    empty = View(
-        "view", np.ones(FRAME[::-1], bool), np.zeros((*FRAME[::-1], 3)), np.zeros(FRAME[::-1]), np.eye(3), np.zeros(3),
-        (0, 0), FRAME,
-    )  # fmt: skip
+    empty = full_view("view")
     truth = true_model(mesh)
     views = []
-    for number, view in enumerate(empty.placed(*pose) for pose in poses):
-        normals = cast(truth, view)[1].astype(float)
+    for number, view in enumerate(empty.with_pose(*pose) for pose in poses):
+        normals = raycast(truth, view)[1].astype(float)
         mask = np.isfinite(normals[..., 0])
-        sure = normals[..., 2] > np.cos(np.radians(SEEN))
-        scatter = np.where(sure, np.radians(noise), np.radians(12.0))[..., None]
+        observable = normals[..., 2] > np.cos(np.radians(OBSERVABLE_DEG))
+        scatter = np.where(observable, np.radians(noise), np.radians(12.0))[..., None]
         normals += scatter * generator.normal(size=normals.shape)
         normals[..., 2] = np.maximum(normals[..., 2], 0.0)
         normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-        confidence = np.where(mask, np.where(sure, 0.97, 0.2), np.nan).astype(np.float32)
-        views.append(
-            View(f"view-{number}", mask, normals.astype(np.float32), confidence, view.rotation, view.translation,
-                 (0, 0), FRAME)
-        )  # fmt: skip
+        confidence = np.where(mask, np.where(observable, 0.97, 0.2), np.nan).astype(np.float32)
+        shown = replace(view, name=f"view-{number}", silhouette=SilhouetteMask(mask))
+        views.append(shown.with_normals(normals.astype(np.float32), confidence))
     return views
+
+
+def full_view(name: str, matrix: np.ndarray | None = None) -> View:
+    """Return a view whose mask is the whole frame, with the world as its camera frame."""
+    shape = FRAME[::-1]
+    mask, normals, confidence = SilhouetteMask(np.ones(shape, bool)), np.zeros((*shape, 3)), np.zeros(shape)
+    return View(name, mask, normals, confidence, np.eye(3), np.zeros(3), (0, 0), FRAME, matrix=matrix)
 
 
 def true_model(mesh: trimesh.Trimesh) -> Model:
     """The true surface as a model, its normals exact."""
     vertices, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    nobody = np.zeros(len(vertices))
+    unseen = np.zeros(len(vertices))
     normals = np.asarray(mesh.vertex_normals)
-    return Model(vertices, triangles, normals, nobody, nobody.astype(int), 0.8)
+    return Model(vertices, triangles, normals, unseen, unseen.astype(int), 0.8)

@@ -5,10 +5,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from glint.tasks.algorithms.multiview.normal_fusion import vertex_normals
-from glint.tasks.algorithms.multiview.raycast import cast
-from glint.tasks.algorithms.multiview.reconstruction import Model
-from glint.tasks.algorithms.multiview.view import View
+from glint.tasks.algorithms.multiview.mesh import Model, vertex_normals
+from glint.tasks.algorithms.multiview.raycast import raycast
+from glint.tasks.algorithms.multiview.view import SilhouetteMask, View
 
 PIXEL = 0.5
 """Millimetres of the depth maps' pixels, about the scans' own spacing."""
@@ -60,14 +59,13 @@ def view_of_scan(name: str, folder: Path) -> tuple[View, np.ndarray]:
     rotation, translation = read_poses(folder / "bun.conf")[name]
     reach = np.abs(vertices[:, :2]).max(axis=0)
     width, height = (2 * np.ceil(reach / PIXEL) + 3).astype(int).tolist()
-    everything = np.ones((height, width), bool)
+    everything = SilhouetteMask(np.ones((height, width), bool))
     # The camera frame is the scanner's: the world is rotated back into it.
     view = View(name, everything, np.zeros((height, width, 3)), np.zeros((height, width)), rotation.T,
                 -rotation.T @ translation, (0, 0), (width, height), PIXEL)  # fmt: skip
-    nobody = np.zeros(len(vertices))
+    unseen = np.zeros(len(vertices))
     world = vertices @ rotation.T + translation
-    scan = Model(world, triangles, vertex_normals(world, triangles), nobody, nobody, PIXEL)
-    depth, normals = cast(scan, view)
+    scan = Model(world, triangles, vertex_normals(world, triangles), unseen, unseen, PIXEL)
+    depth, normals = raycast(scan, view)
     confidence = np.nan_to_num(normals[..., 2]).astype(np.float32)
-    return View(name, np.isfinite(depth), normals, confidence, view.rotation, view.translation, (0, 0), view.frame,
-                PIXEL), depth  # fmt: skip
+    return view.with_mask(np.isfinite(depth)).with_normals(normals, confidence), depth

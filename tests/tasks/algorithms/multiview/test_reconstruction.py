@@ -1,4 +1,4 @@
-"""A figurine on a turntable: its hull, its model, its poses; and what cannot work said plainly."""
+"""A figurine on a turntable: its hull, its model, its poses; and clear errors for what cannot work."""
 
 from dataclasses import replace
 
@@ -10,16 +10,17 @@ from scipy.spatial.transform import Rotation
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.evaluation.mesh_metrics import ModelScore, score_model
-from glint.tasks.algorithms.multiview.depth_sampling import merge_depths
-from glint.tasks.algorithms.multiview.epipolar_tangency import misses
-from glint.tasks.algorithms.multiview.normal_fusion import fuse
-from glint.tasks.algorithms.multiview.raycast import cast, seen_normals
-from glint.tasks.algorithms.multiview.reconstruction import Model, merge, simplified, visual_hull
-from glint.tasks.algorithms.multiview.registration import place_by_matrices, place_on_turntable, placed_anew
-from glint.tasks.algorithms.multiview.turntable import Turntable, on_turntable
-from glint.tasks.algorithms.multiview.view import View
-from glint.tasks.algorithms.multiview.visual_hull import hull_field, outline_of
-from tests.tasks.algorithms.multiview.figurine import FRAME, body, true_model, views_of
+from glint.tasks.algorithms.multiview.epipolar_tangency import silhouette_residuals
+from glint.tasks.algorithms.multiview.mesh import Model
+from glint.tasks.algorithms.multiview.normal_fusion import fuse_normals
+from glint.tasks.algorithms.multiview.poisson import merge_depth_maps
+from glint.tasks.algorithms.multiview.raycast import expected_normals, raycast
+from glint.tasks.algorithms.multiview.reconstruction import reconstruct_surface, simplify
+from glint.tasks.algorithms.multiview.registration import refine, register_by_matrices, register_on_turntable
+from glint.tasks.algorithms.multiview.turntable import Turntable, views_on_turntable
+from glint.tasks.algorithms.multiview.view import SilhouetteMask, View
+from glint.tasks.algorithms.multiview.visual_hull import hull_field, hull_model
+from tests.tasks.algorithms.multiview.figurine import FRAME, body, full_view, true_model, views_of
 
 ANGLES = np.arange(0.0, 360.0, 45.0)
 
@@ -36,12 +37,12 @@ def upright(truth: trimesh.Trimesh) -> list[View]:
 
 @pytest.fixture(scope="module")
 def hull(upright: list[View]) -> Model:
-    return visual_hull(upright, [outline_of(view.mask) for view in upright], 6000)
+    return hull_model(upright, 6000)
 
 
 @pytest.fixture(scope="module")
 def model(upright: list[View], hull: Model) -> Model:
-    return merge(upright, hull, rounds=2, steps=5)
+    return reconstruct_surface(upright, hull, rounds=2, steps=5)
 
 
 def scored(model: Model, truth: trimesh.Trimesh) -> ModelScore:
@@ -49,7 +50,7 @@ def scored(model: Model, truth: trimesh.Trimesh) -> ModelScore:
 
 
 def test_the_hull_holds_the_body(upright: list[View], hull: Model, truth: trimesh.Trimesh) -> None:
-    field = hull_field(upright, [outline_of(view.mask) for view in upright])
+    field = hull_field(upright)
     assert field(np.asarray(truth.vertices)).max() < 1.0
     assert field(np.asarray(truth.vertices) * 1.3).max() > 3.0
     assert trimesh.Trimesh(hull.vertices, hull.triangles, process=False).volume > 1.02 * truth.volume
@@ -81,36 +82,36 @@ def test_what_no_view_saw_is_marked(upright: list[View], model: Model) -> None:
 
 def test_normals_that_disagree_are_outvoted(upright: list[View], model: Model) -> None:
     """Of the views that see the front right, one is wrong by a quarter turn there and counts for nothing."""
-    good = fuse(upright, model.vertices, model.triangles)
-    bad = upright[1].seeing(
+    good = fuse_normals(upright, model.vertices, model.triangles)
+    bad = upright[1].with_normals(
         upright[1].normals @ Rotation.from_euler("y", 50, degrees=True).as_matrix().T, upright[1].confidence
     )
-    mixed = fuse([upright[0], bad, *upright[2:]], model.vertices, model.triangles)
-    several = (good.sure > 0.5).sum(axis=0) >= 3
-    apart = np.degrees(np.arccos(np.clip((good.normals * mixed.normals).sum(axis=1), -1, 1)))
-    assert several.any() and np.median(apart[several]) < 12.0
+    mixed = fuse_normals([upright[0], bad, *upright[2:]], model.vertices, model.triangles)
+    several = (good.confidences > 0.5).sum(axis=0) >= 3
+    angle = np.degrees(np.arccos(np.clip((good.normals * mixed.normals).sum(axis=1), -1, 1)))
+    assert several.any() and np.median(angle[several]) < 12.0
 
 
 def test_a_reduced_model(upright: list[View], model: Model, truth: trimesh.Trimesh) -> None:
-    small = simplified(model, upright, 1500)
+    small = simplify(model, upright, 1500)
     assert len(small.triangles) <= 1500 and trimesh.Trimesh(small.vertices, small.triangles).is_watertight
     assert scored(small, truth).chamfer < 0.008
 
 
 def test_the_model_seen_by_a_view(truth: trimesh.Trimesh, upright: list[View]) -> None:
-    depth, normals = cast(true_model(truth), upright[2])
-    both = np.isfinite(depth) & upright[2].mask
-    assert both.sum() > 0.97 * upright[2].mask.sum()
-    sure = upright[2].confidence > 0.9
-    assert np.median((normals[sure] * upright[2].normals[sure]).sum(axis=1)) > 0.999
-    filled = seen_normals(true_model(truth), upright[2])
+    depth, normals = raycast(true_model(truth), upright[2])
+    shared = np.isfinite(depth) & upright[2].mask
+    assert shared.sum() > 0.97 * upright[2].mask.sum()
+    confident = upright[2].confidence > 0.9
+    assert np.median((normals[confident] * upright[2].normals[confident]).sum(axis=1)) > 0.999
+    filled = expected_normals(true_model(truth), upright[2])
     assert np.isfinite(filled[upright[2].mask]).all() and np.isnan(filled[~upright[2].mask]).all()
 
 
 def test_depth_maps_merge(truth: trimesh.Trimesh, upright: list[View]) -> None:
-    depths = [cast(true_model(truth), view)[0] for view in upright]
-    exact = [view.seeing(cast(true_model(truth), view)[1], view.confidence) for view in upright]
-    merged = merge_depths(exact, depths, 1.0)
+    depths = [raycast(true_model(truth), view)[0] for view in upright]
+    exact = [view.with_normals(raycast(true_model(truth), view)[1], view.confidence) for view in upright]
+    merged = merge_depth_maps(exact, depths, 1.0)
     assert scored(merged, truth).chamfer < 0.004
     assert (merged.source >= 0).mean() > 0.8
 
@@ -118,88 +119,90 @@ def test_depth_maps_merge(truth: trimesh.Trimesh, upright: list[View]) -> None:
 def test_a_leaning_displaced_turntable_is_solved(truth: trimesh.Trimesh) -> None:
     wanted = Turntable(3.0, 1.2, -1.5, ANGLES)
     views = views_of(truth, wanted)
-    placed = place_on_turntable(views, ANGLES.tolist())
-    assert placed.turntable is not None and not placed.left_out
-    assert placed.turntable.offset == pytest.approx(3.0, abs=0.3)
-    assert placed.turntable.towards == pytest.approx(1.2, abs=0.4)
-    assert placed.turntable.sideways == pytest.approx(-1.5, abs=0.4)
-    assert max(placed.misses) < 0.2
+    registered = register_on_turntable(views, ANGLES.tolist())
+    assert registered.turntable is not None and not registered.rejected
+    assert registered.turntable.offset == pytest.approx(3.0, abs=0.3)
+    assert registered.turntable.lean_to_camera == pytest.approx(1.2, abs=0.4)
+    assert registered.turntable.lean_right == pytest.approx(-1.5, abs=0.4)
+    assert max(registered.residuals) < 0.2
 
 
 def test_angles_are_corrected_by_normals(truth: trimesh.Trimesh, hull: Model) -> None:
     errors = np.array([0.9, -0.8, 0.7, -0.9, 0.8, -0.6, -0.7, 0.6])
     errors -= errors.mean()
     views = views_of(truth, Turntable(0.0, 0.0, 0.0, ANGLES + errors))
-    placed = place_on_turntable(views, ANGLES.tolist())
+    registered = register_on_turntable(views, ANGLES.tolist())
     for _ in range(2):
-        hull = merge(placed.views, hull, rounds=1, steps=5)
-        placed = placed_anew(placed, hull)
-    assert placed.turntable is not None
-    left = placed.turntable.angles - (ANGLES + errors)
+        hull = reconstruct_surface(registered.views, hull, rounds=1, steps=5)
+        registered = refine(registered, hull)
+    assert registered.turntable is not None
+    left = registered.turntable.angles - (ANGLES + errors)
     assert np.abs(left - left.mean()).mean() < 0.3
 
 
-def test_a_wrong_angle_is_named_and_left_out(truth: trimesh.Trimesh) -> None:
+def test_a_wrong_angle_is_named_and_rejected(truth: trimesh.Trimesh) -> None:
     views = views_of(truth, Turntable(0.0, 0.0, 0.0, ANGLES))
-    said = ANGLES.copy()
-    said[3] += 25.0
-    placed = place_on_turntable(views, said.tolist())
-    assert [each.name for each in placed.left_out] == ["view-3"]
-    assert placed.left_out[0].angle == pytest.approx(ANGLES[3], abs=3.0)
+    given = ANGLES.copy()
+    given[3] += 25.0
+    registered = register_on_turntable(views, given.tolist())
+    assert [view.name for view in registered.rejected] == ["view-3"]
+    assert registered.rejected[0].angle == pytest.approx(ANGLES[3], abs=3.0)
     assert (
-        "-25" in placed.left_out[0].reason or "-24" in placed.left_out[0].reason or "-26" in placed.left_out[0].reason
+        "-25" in registered.rejected[0].reason
+        or "-24" in registered.rejected[0].reason
+        or "-26" in registered.rejected[0].reason
     )
-    assert len(placed.views) == 7 and max(placed.misses) < 0.2
+    assert len(registered.views) == 7 and max(registered.residuals) < 0.2
 
 
 def test_a_mask_that_contradicts_the_others_is_named(upright: list[View]) -> None:
     halved = upright[2].mask.copy()
     halved[: FRAME[1] // 2] = False
-    views = [*upright[:2], replace(upright[2], mask=halved), *upright[3:]]
-    placed = place_by_matrices(views)
-    assert [each.name for each in placed.left_out] == ["view-2"]
-    assert "contradicts" in placed.left_out[0].reason
+    views = [*upright[:2], upright[2].with_mask(halved), *upright[3:]]
+    registered = register_by_matrices(views)
+    assert [view.name for view in registered.rejected] == ["view-2"]
+    assert "contradicts" in registered.rejected[0].reason
 
 
 def test_matrices_are_taken_as_they_are(upright: list[View]) -> None:
-    placed = place_by_matrices(upright)
-    assert not placed.left_out and placed.turntable is None
-    assert all((one.rotation == two.rotation).all() for one, two in zip(placed.views, upright, strict=True))
+    registered = register_by_matrices(upright)
+    assert not registered.rejected and registered.turntable is None
+    assert all(
+        (view.rotation == original.rotation).all() for view, original in zip(registered.views, upright, strict=True)
+    )
 
 
-def test_misses_are_zero_only_for_true_poses(upright: list[View]) -> None:
-    outlines = [outline_of(view.mask) for view in upright]
-    assert misses(upright, outlines).max() < 0.5
-    shifted = on_turntable(upright, Turntable(3.0, 0.0, 0.0, ANGLES))
-    assert misses(shifted, outlines).mean() > 0.5
+def test_residuals_are_zero_only_for_true_poses(upright: list[View]) -> None:
+    assert silhouette_residuals(upright).max() < 0.5
+    shifted = views_on_turntable(upright, Turntable(3.0, 0.0, 0.0, ANGLES))
+    assert silhouette_residuals(shifted).mean() > 0.5
 
 
 def test_one_view_is_too_few(upright: list[View]) -> None:
     with pytest.raises(UnusableCapture, match="1 view with a pose"):
-        place_by_matrices(upright[:1])
+        register_by_matrices(upright[:1])
     with pytest.raises(UnusableCapture, match="1 view with a pose"):
-        place_on_turntable(upright[:1], [0.0])
+        register_on_turntable(upright[:1], [0.0])
 
 
 def test_a_pose_that_is_no_rotation(upright: list[View]) -> None:
-    mirrored = upright[1].placed(upright[1].rotation @ np.diag([1.0, 1.0, -1.0]), upright[1].translation)
-    with pytest.raises(UnusableCapture, match=r"pose of view-1 is no rotation"):
-        place_by_matrices([upright[0], mirrored, upright[2]])
+    mirrored = upright[1].with_pose(upright[1].rotation @ np.diag([1.0, 1.0, -1.0]), upright[1].translation)
+    with pytest.raises(UnusableCapture, match=r"pose of view-1 is not a rotation"):
+        register_by_matrices([upright[0], mirrored, upright[2]])
 
 
 def test_views_without_a_common_point(upright: list[View]) -> None:
     """Two views of two different places."""
-    away = upright[2].placed(upright[2].rotation, upright[2].translation + np.array([0.0, 300.0, 0.0]))
+    moved = upright[2].with_pose(upright[2].rotation, upright[2].translation + np.array([0.0, 300.0, 0.0]))
     with pytest.raises(UnusableCapture, match="no point in common"):
-        merge([upright[0], away])
+        reconstruct_surface([upright[0], moved])
 
 
 def test_a_perspective_view(truth: trimesh.Trimesh) -> None:
     """Through a camera matrix rays, projection and footprint agree."""
     matrix = np.array([[400.0, 0.0, 47.5], [0.0, 400.0, 47.5], [0.0, 0.0, 1.0]])
-    view = View("near", np.ones(FRAME[::-1], bool), np.zeros((*FRAME[::-1], 3)), np.zeros(FRAME[::-1]), np.eye(3),
-                np.array([0.0, 0.0, -400.0]), (0, 0), FRAME, 1.0, matrix)  # fmt: skip
-    depth, normals = cast(true_model(truth), view)
+    view = full_view("near", matrix).with_pose(np.eye(3), np.array([0.0, 0.0, -400.0]))
+    depth, normals = raycast(true_model(truth), view)
     rows, columns = np.nonzero(np.isfinite(depth))
     starts, directions = view.rays(columns, rows)
     points = (
@@ -209,20 +212,20 @@ def test_a_perspective_view(truth: trimesh.Trimesh) -> None:
     assert np.allclose(back[0], columns, atol=1e-2) and np.allclose(back[1], rows, atol=1e-2)
     assert cKDTree(truth.vertices).query(points)[0].max() < 0.8
     assert view.footprint(np.zeros((1, 3)))[0] == pytest.approx(1.0)
-    assert np.allclose(view.towards(points), -directions, atol=1e-6)
+    assert np.allclose(view.view_vectors(points), -directions, atol=1e-6)
     assert np.isfinite(normals[rows, columns]).all()
 
 
 def test_two_views_close_to_each_other(upright: list[View]) -> None:
     """Their hull runs far out; it is cut off, not lost."""
-    merged = merge(upright[:2], visual_hull(upright[:2], [outline_of(view.mask) for view in upright[:2]], 3000), 1, 2)
+    merged = reconstruct_surface(upright[:2], hull_model(upright[:2], 3000), 1, 2)
     assert trimesh.Trimesh(merged.vertices, merged.triangles, process=False).is_watertight
 
 
 def test_a_view_without_known_normals_adds_its_outline(upright: list[View], truth: trimesh.Trimesh) -> None:
-    unknown = upright[1].seeing(np.full_like(upright[1].normals, np.nan), np.zeros_like(upright[1].confidence))
+    unknown = upright[1].with_normals(np.full_like(upright[1].normals, np.nan), np.zeros_like(upright[1].confidence))
     views = [upright[0], unknown, *upright[2:]]
-    merged = merge(views, visual_hull(views, [outline_of(view.mask) for view in views], 3000), rounds=2, steps=4)
+    merged = reconstruct_surface(views, hull_model(views, 3000), rounds=2, steps=4)
     assert scored(merged, truth).chamfer < 0.008
     assert (merged.confidence[merged.source == 1] == 0).all()
 
@@ -235,10 +238,10 @@ def test_views_of_different_pixel_sizes(upright: list[View], truth: trimesh.Trim
     def doubled(values: np.ndarray) -> np.ndarray:
         return values.repeat(2, axis=0).repeat(2, axis=1)
 
-    nearer = replace(view, mask=doubled(view.mask), normals=doubled(view.normals),
+    nearer = replace(view, silhouette=SilhouetteMask(doubled(view.mask)), normals=doubled(view.normals),
                      confidence=doubled(view.confidence), frame=frame, pixel_size=0.5)  # fmt: skip
     views = [upright[0], nearer, *upright[2:]]
-    placed = place_by_matrices(views)
-    assert not placed.left_out and max(placed.misses) < 0.5
-    merged = merge(views, visual_hull(views, [outline_of(each.mask) for each in views], 6000), rounds=2, steps=5)
+    registered = register_by_matrices(views)
+    assert not registered.rejected and max(registered.residuals) < 0.5
+    merged = reconstruct_surface(views, hull_model(views, 6000), rounds=2, steps=5)
     assert scored(merged, truth).chamfer < 0.007

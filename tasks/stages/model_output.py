@@ -1,0 +1,120 @@
+"""What the model stage stores: the mesh as arrays and files, and the report model.json."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from glint.storage.export.image_files import encode_png
+from glint.storage.versions.stage_results import StoredFile
+from glint.tasks.algorithms.meshing.depth_mesh import Surface, glb_bytes, ply_bytes
+from glint.tasks.algorithms.multiview.mesh import Model
+from glint.tasks.algorithms.multiview.registration import RegisteredViews
+from glint.tasks.algorithms.multiview.view_rejection import RejectedView
+from glint.tasks.engine.stage import Outcome
+from glint.tasks.figures.model_sheet import model_sheet
+from glint.tasks.stages.surface import METRES_PER_MM
+
+OBSERVED_CONFIDENCE = 0.5
+"""Confidence from which a part of the surface counts as observed."""
+
+
+def model_outcome(registered: RegisteredViews, model: Model, unit: str) -> Outcome:
+    """Store the files of a model and return its arrays, report, counts and warnings.
+
+    work: any of the object's captures, for its store; unit: "mm" or "pixels".
+    """
+    report = model_report(registered, model, unit)
+    surface = Surface(
+        model.vertices.astype(np.float32),
+        model.triangles.astype(np.int32),
+        model.normals.astype(np.float32),
+        model.confidence.astype(np.float32),
+    )
+    files = {
+        "model.ply": (ply_bytes(surface), "model/ply"),
+        "model.glb": (glb_bytes(surface, METRES_PER_MM if unit == "mm" else 1.0), "model/gltf-binary"),
+        "model.json": (json.dumps(report, indent=1).encode(), "application/json"),
+        "model.png": (encode_png(model_sheet(surface)), "image/png"),
+    }
+    return Outcome(
+        arrays={
+            "vertices": surface.vertices,
+            "triangles": surface.triangles,
+            "confidence": surface.confidence,
+            "source": model.source.astype(np.int16),
+        },
+        record=report,
+        files={name: StoredFile(data, media_type) for name, (data, media_type) in files.items()},
+        counts={
+            "views": len(registered.views),
+            "vertices": len(surface.vertices),
+            "triangles": len(surface.triangles),
+            "seen": round(report["seen"], 4),
+        },
+        warnings=[_warning(view) for view in registered.rejected],
+    )
+
+
+def model_report(registered: RegisteredViews, model: Model, unit: str) -> dict[str, Any]:
+    """Return the content of model.json: views and their poses, rejected views, turntable, figures of the mesh.
+
+    `seen`, `unseen`: shares of the surface's area with confidence >= OBSERVED_CONFIDENCE, and that no view shows;
+    `volume`, `area`, `bounding_box`, `edge` in units of the model; `handles`: the genus.
+    """
+    mesh = trimesh.Trimesh(model.vertices, model.triangles, process=False)
+    return {
+        "unit": unit,
+        "views": [_view_report(number, registered, model) for number in range(len(registered.views))],
+        "left_out": [asdict(view) for view in registered.rejected],
+        "turntable": _turntable_report(registered),
+        "seen": _area_share(mesh, model.confidence >= OBSERVED_CONFIDENCE),
+        "unseen": _area_share(mesh, model.source < 0),
+        "volume": float(mesh.volume),
+        "area": float(mesh.area),
+        "bounding_box": {"low": model.vertices.min(axis=0).tolist(), "high": model.vertices.max(axis=0).tolist()},
+        "watertight": bool(mesh.is_watertight),
+        "handles": int(1 - mesh.euler_number // 2),
+        "edge": model.cell,
+    }
+
+
+def _view_report(number: int, registered: RegisteredViews, model: Model) -> dict[str, Any]:
+    """Return a view's entry: its pose and where it comes from, its residual, the share of vertices it determines."""
+    view = registered.views[number]
+    origin = "given" if registered.turntable is None else "solved"
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = view.rotation.T, -view.rotation.T @ view.translation
+    return {
+        "capture": view.name,
+        "pose": "found" if view.name in registered.searched else origin,
+        "camera_to_world": matrix.tolist(),
+        "outline_misses_pixels": round(registered.residuals[number], 3),
+        "share": round(float((model.source == number).mean()), 4),
+    }
+
+
+def _turntable_report(registered: RegisteredViews) -> Mapping[str, Any] | None:
+    """Return the turntable's entry, None if the poses are not a turntable's."""
+    table = registered.turntable
+    if table is None:
+        return None
+    angles = zip(registered.views, table.angles, strict=True)
+    return {
+        "offset": table.offset,
+        "leans_to_camera_degrees": table.lean_to_camera,
+        "leans_to_the_right_degrees": table.lean_right,
+        "angles": {view.name: round(float(angle), 3) for view, angle in angles},
+    }
+
+
+def _area_share(mesh: trimesh.Trimesh, is_counted: np.ndarray) -> float:
+    """Return the share of the mesh's area that the counted vertices (N,) bool hold."""
+    return float((mesh.area_faces * is_counted[mesh.faces].mean(axis=1)).sum() / max(mesh.area, 1e-12))
+
+
+def _warning(rejected: RejectedView) -> str:
+    return f"{rejected.name} is not part of the model: {rejected.reason}; {rejected.remedy}"

@@ -1,0 +1,110 @@
+"""The views of one object from its captures' stored results: read, registered, and relabelled with a model."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.multiview.mesh import Model
+from glint.tasks.algorithms.multiview.raycast import expected_normals
+from glint.tasks.algorithms.multiview.reconstruction import coarse_model
+from glint.tasks.algorithms.multiview.registration import (
+    RegisteredViews,
+    register_by_matrices,
+    register_on_turntable,
+    register_unposed,
+)
+from glint.tasks.algorithms.multiview.view import SilhouetteMask, View
+from glint.tasks.engine.capture_context import Workspace
+from glint.tasks.stages.capture_geometry import load_geometry
+from glint.tasks.stages.clusters import load_clusters
+from glint.tasks.stages.labels import reconstruct
+from glint.tasks.stages.markup import load_marks
+
+
+def unit_of_model(works: Sequence[Workspace]) -> str:
+    """Return the unit of the model's coordinates, "mm" or "pixels", the same for all views.
+
+    Raises:
+        UnusableCapture: the scale of some views is known, that of others is not.
+    """
+    sizes = {work.capture.id: work.load("survey").record["pixel_size"] for work in works}
+    unknown = [name for name, size in sizes.items() if not size]
+    if unknown and len(unknown) < len(sizes):
+        raise UnusableCapture(
+            f"the scale of {', '.join(unknown)} is not known, that of the other views is",
+            "give pixel_size, or the diameter_mm of a sphere, for all views or for none",
+        )
+    return "pixels" if unknown else "mm"
+
+
+def view_of(work: Workspace) -> View:
+    """Read a capture's mask, normals and confidence as a view, with the pose and the camera of the catalogue.
+
+    A pose that is not given as a matrix is left at the identity: registration sets it.
+    """
+    labels, geometry = work.load("labels"), load_geometry(work)
+    pixel_size = geometry.pixel_size or 1.0
+    rotation, translation = np.eye(3), np.zeros(3)
+    pose, camera = work.capture.pose, geometry.camera
+    if pose is not None and pose.camera_to_world is not None:
+        matrix = np.array(pose.camera_to_world, float)
+        rotation, translation = matrix[:3, :3].T, -matrix[:3, :3].T @ matrix[:3, 3]
+    elif camera is not None:
+        # A turntable's axis is at the distance where a pixel covers pixel_size.
+        translation = np.array([0.0, 0.0, -pixel_size * float(np.sqrt(camera[0, 0] * camera[1, 1]))])
+    return View(
+        name=work.capture.id,
+        silhouette=SilhouetteMask(work.load("mask").read("mask")),
+        normals=labels.read("normals"),
+        confidence=labels.read("confidence"),
+        rotation=rotation,
+        translation=translation,
+        origin=(geometry.region.x, geometry.region.y),
+        frame=geometry.frame_size,
+        pixel_size=pixel_size,
+        matrix=camera,
+    )
+
+
+def register_views(works: Mapping[str, Workspace]) -> RegisteredViews:
+    """Register the captures with a pose, then those without one on a coarse model of these; works: by capture id.
+
+    Raises:
+        UnusableCapture: poses are given in two ways, fewer than two views have a pose, or none agree.
+    """
+    poses = {name: work.capture.pose for name, work in works.items()}
+    angles = {name: pose.turntable for name, pose in poses.items() if pose is not None and pose.turntable is not None}
+    with_matrix = [name for name, pose in poses.items() if pose is not None and name not in angles]
+    if angles and with_matrix:
+        raise UnusableCapture(
+            f"{', '.join(angles)} are given by a turntable's angle, {', '.join(with_matrix)} by a matrix",
+            "give the poses of an object's captures all in one way",
+        )
+    views = [view_of(works[name]) for name in angles or with_matrix]
+    registered = register_on_turntable(views, list(angles.values())) if angles else register_by_matrices(views)
+    unposed = [view_of(works[name]) for name, pose in poses.items() if pose is None]
+    return register_unposed(registered, unposed, coarse_model(registered.views)) if unposed else registered
+
+
+def relabelled(view: View, model: Model, work: Workspace) -> View:
+    """Return a view whose highlights are labelled with the model's normals in place of the silhouette's smooth field.
+
+    Views labelled by another method than "sheets", or in whose direction the model is not seen at all, are unchanged.
+    """
+    expected = expected_normals(model, view)
+    if work.parameters.labels.method != "sheets" or not np.isfinite(expected[view.mask]).all():
+        return view
+    initial = work.load("silhouette").read("initial")
+    clusters, marks = load_clusters(work), load_marks(work)
+    labels = reconstruct(
+        clusters,
+        view.mask,
+        initial,
+        marks,
+        work.parameters.labels,
+        work.parameters.silhouette,
+        expected,
+        load_geometry(work).view_vectors,
+    )
+    return view.with_normals(labels.normals, labels.confidence)

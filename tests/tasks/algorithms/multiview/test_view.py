@@ -1,0 +1,36 @@
+"""A view's silhouette: its distance, computed once, and its pixels, also where the region crops the object."""
+
+import numpy as np
+
+from glint.tasks.algorithms.multiview.view import SilhouetteDistance, rotation_about_y, silhouette_pixels
+from tests.tasks.algorithms.multiview.figurine import full_view
+
+
+def disc(radius: float, size: int = 64) -> np.ndarray:
+    """A disc (size, size) bool in the middle."""
+    rows, columns = np.indices((size, size)) - (size - 1) / 2
+    return np.hypot(rows, columns) < radius
+
+
+def test_the_distance_to_a_disc_is_that_to_its_circle() -> None:
+    distance = SilhouetteDistance.from_mask(disc(20.0))
+    columns = np.array([31.5 + 10.0, 31.5 + 20.0, 31.5 + 30.0, 31.5 + 50.0])
+    measured = distance.at(columns, np.full(4, 31.5))
+    assert np.abs(measured - [-10.0, 0.0, 10.0, 30.0]).max() < 0.6
+    gradient = distance.gradient(columns[:2], np.full(2, 31.5))
+    assert np.allclose(gradient, [[1.0, 0.0, 0.0]] * 2, atol=0.05)
+
+
+def test_a_cropped_object_continues_outside_the_region() -> None:
+    mask = disc(20.0)[:, :40]
+    distance = SilhouetteDistance.from_mask(mask)
+    assert distance.at(np.array([50.0]), np.array([31.5]))[0] < -5.0
+    columns, _ = silhouette_pixels(mask, 40)
+    assert columns.max() < 39 or not mask[:, 39].any() or (columns == 39).sum() <= 2
+
+
+def test_the_distance_is_computed_once() -> None:
+    view = full_view("view").with_mask(disc(20.0, 96))
+    posed = view.with_pose(rotation_about_y(30.0), np.zeros(3)).with_normals(view.normals, view.confidence)
+    assert posed.silhouette.distance is view.silhouette.distance
+    assert view.with_mask(disc(10.0, 96)).silhouette.distance is not view.silhouette.distance
