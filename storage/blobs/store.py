@@ -16,7 +16,7 @@ import obstore
 from glint.storage.errors import StoreError
 from glint.storage.fsync import flush
 from glint.storage.locations.conditional_writes import create
-from glint.storage.locations.error_translation import store_faults
+from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 
 _RENEW = timedelta(minutes=10)
@@ -40,7 +40,7 @@ def put(location: Location, data: bytes, media_type: str) -> BlobReference:
     """
     digest = hashlib.sha256(data).hexdigest()
     reference = BlobReference(_key(digest), digest, len(data), media_type)
-    with store_faults(location.uri, f"writing a blob of {len(data):,} bytes"):
+    with store_errors(location.uri, f"writing a blob of {len(data):,} bytes"):
         store = location.obstore()
         with _storing(location):
             if not create(store, reference.key, data):
@@ -60,7 +60,7 @@ def get(location: Location, reference: BlobReference) -> bytes:
     Raises:
         StoreError: it is missing, or its bytes are not those that were stored.
     """
-    with store_faults(location.uri, f"reading blob {reference.sha256[:12]}"):
+    with store_errors(location.uri, f"reading blob {reference.sha256[:12]}"):
         try:
             data = bytes(obstore.get(location.obstore(), _checked_key(reference)).bytes())
         except FileNotFoundError as error:
@@ -72,7 +72,7 @@ def get(location: Location, reference: BlobReference) -> bytes:
 
 def exists(location: Location, reference: BlobReference) -> bool:
     """Whether the blob is there with its size."""
-    with store_faults(location.uri, f"looking for blob {reference.sha256[:12]}"):
+    with store_errors(location.uri, f"looking for blob {reference.sha256[:12]}"):
         try:
             return bool(obstore.head(location.obstore(), _checked_key(reference))["size"] == reference.size)
         except FileNotFoundError:

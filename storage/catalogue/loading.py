@@ -19,7 +19,7 @@ from glint.storage.catalogue.messages import problems_of
 from glint.storage.catalogue.models import ADDRESSES, MODEL, Camera, Capture, Catalogue, Object, Pose, Region, Sphere
 from glint.storage.catalogue.yaml_lines import MAX_BYTES, LinedDict, LinedList, parse, plain_value
 from glint.storage.errors import InputError, StorageError
-from glint.storage.locations.error_translation import store_faults
+from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.input_files import Address, locate, read_bytes
 from glint.storage.locations.location import Location
 
@@ -119,7 +119,7 @@ def write(catalogue: Catalogue, path: Address) -> None:
     text = io.BytesIO()
     yaml.dump(data, text)
     if place.local is None:
-        with store_faults(place.uri, "writing a catalogue"):
+        with store_errors(place.uri, "writing a catalogue"):
             obstore.put(place.parent.obstore(), place.name, text.getvalue(), use_multipart=False)
     else:
         _replace(place.local, text.getvalue())

@@ -18,7 +18,7 @@ from glint.storage.blobs.store import BlobReference
 from glint.storage.errors import StoreError
 from glint.storage.export.image_files import encode_normals, write_exr, write_png, write_tiff
 from glint.storage.export.report import capture_report, code_names, report_page, report_pictures
-from glint.storage.locations.error_translation import store_faults
+from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 from glint.storage.versions.array_schema import LAYOUT
 from glint.storage.versions.repository import ObjectRepository, Version
@@ -52,7 +52,7 @@ def export(location: Location, object_id: str, out: Path, version: str | None = 
     """
     repository = ObjectRepository.open(location, object_id, create=False)
     chosen = repository.version(version)
-    with store_faults(str(out), f"exporting {object_id}"), _beside(out) as content:
+    with store_errors(str(out), f"exporting {object_id}"), _beside(out) as content:
         for capture in chosen.stages:
             folder = content if capture == WHOLE_OBJECT else content / check_name(capture, "capture")
             folder.mkdir(exist_ok=True)

@@ -2,7 +2,7 @@
 
 import obstore
 
-from glint.storage.locations.error_translation import store_faults
+from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 
 BUFFER = 1 << 20
@@ -18,7 +18,7 @@ class RemoteFile:
 
     def __init__(self, location: Location) -> None:
         self._uri = location.uri
-        with store_faults(self._uri, "opening a file"):
+        with store_errors(self._uri, "opening a file"):
             try:
                 self._reader = obstore.open_reader(location.parent.obstore(), location.name, buffer_size=BUFFER)
             except FileNotFoundError as error:
@@ -29,12 +29,12 @@ class RemoteFile:
 
     def read(self, size: int = -1) -> bytes:
         """The next `size` bytes, all that follow if negative; fewer at the end."""
-        with store_faults(self._uri, "reading a file"):
+        with store_errors(self._uri, "reading a file"):
             return bytes(self._reader.read(None if size < 0 else size))
 
     def seek(self, offset: int, whence: int = 0) -> int:
         """Go to a place counted from the start, from here (1) or from the end (2)."""
-        with store_faults(self._uri, "reading a file"):
+        with store_errors(self._uri, "reading a file"):
             return int(self._reader.seek(offset, whence))
 
     def tell(self) -> int:

@@ -24,7 +24,7 @@ from glint.storage.errors import InputError, StoreError
 from glint.storage.footage.source import Footage
 from glint.storage.fsync import flush
 from glint.storage.inputs.digests import digest_of
-from glint.storage.locations.error_translation import store_faults
+from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 
 SHARD = 64
@@ -90,7 +90,7 @@ class FrameCache:
             StoreError: there is none, or it is damaged.
         """
         place = location.child("frames", digest)
-        with store_faults(place.uri, "opening frames"):
+        with store_errors(place.uri, "opening frames"):
             try:
                 return cls(
                     place, digest, zarr.open_group(place.zarr_store(read_only=True), mode="r", use_consolidated=False)
@@ -117,7 +117,7 @@ class FrameCache:
         """
         _check(crops, footage)
         place = location.child("frames", digest)
-        with store_faults(place.uri, "writing frames"), _only_writer(location, digest):
+        with store_errors(place.uri, "writing frames"), _only_writer(location, digest):
             group = _begin(place, footage, crops)
             cache = cls(place, digest, group)
             if not cache.complete:
@@ -144,7 +144,7 @@ class FrameCache:
         return self._read(name, (slice(start, stop, step), rows, columns))
 
     def _read(self, name: str, where: tuple[slice, ...]) -> np.ndarray:
-        with store_faults(self.location.uri, f"reading frames of {name}"):
+        with store_errors(self.location.uri, f"reading frames of {name}"):
             try:
                 if name not in self._arrays:
                     self._arrays[name] = _array(self._group, name)

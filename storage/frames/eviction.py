@@ -10,7 +10,7 @@ from datetime import UTC, datetime, timedelta
 
 import obstore
 
-from glint.storage.locations.error_translation import store_faults
+from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 
 RECENT = timedelta(hours=1)
@@ -33,7 +33,7 @@ def cached_frames(location: Location) -> list[CachedFrames]:
     """What the cache holds, the least recently used first. Symbolic links are not followed, other names left out."""
     sizes: dict[str, int] = defaultdict(int)
     used: dict[str, datetime] = {}
-    with store_faults(location.uri, "listing frames"):
+    with store_errors(location.uri, "listing frames"):
         for path, size, modified in _files(location):
             digest = path.split("/")[0].partition(".")[0]
             if not _DIGEST.fullmatch(digest):
@@ -62,7 +62,7 @@ def over_budget(
 
 def remove_frames(location: Location, chosen: Collection[CachedFrames]) -> None:
     """Remove frames from the cache. The description goes first: what is left of a removal that died is no cache."""
-    with store_faults(location.uri, "removing frames"):
+    with store_errors(location.uri, "removing frames"):
         for each in chosen:
             if location.local is not None:
                 place = location.local / "frames" / each.digest
@@ -79,7 +79,7 @@ def remove_frames(location: Location, chosen: Collection[CachedFrames]) -> None:
 
 def mark_used(location: Location, digest: str) -> None:
     """Remember that these frames are used now."""
-    with store_faults(location.uri, "marking frames as used"):
+    with store_errors(location.uri, "marking frames as used"):
         obstore.put(location.obstore(), f"frames/{digest}.used", b"", use_multipart=False)
 
 

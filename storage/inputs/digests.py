@@ -10,7 +10,7 @@ import obstore
 
 from glint.storage.errors import InputError
 from glint.storage.footage.images import SUFFIXES
-from glint.storage.locations.error_translation import store_faults
+from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.input_files import MISSING, Address, expand, locate
 from glint.storage.locations.location import Location
 
@@ -56,7 +56,7 @@ def content_digest(
     if any(_is_fresh(each) for each in marks):
         return digest
     record = json.dumps({"address": location.uri, "marks": marks, "digest": digest}).encode()
-    with store_faults(memory.uri, "remembering a digest"):
+    with store_errors(memory.uri, "remembering a digest"):
         obstore.put(memory.obstore(), key, record, use_multipart=False)
     return digest
 
@@ -71,7 +71,7 @@ def mark(file: Location) -> list[Any]:
         if file.local is not None:
             status = file.local.stat()
             return [status.st_size, status.st_mtime_ns, status.st_ctime_ns]
-        with store_faults(file.uri, "looking at an input"):
+        with store_errors(file.uri, "looking at an input"):
             try:
                 found = obstore.head(file.parent.obstore(), file.name)
             except FileNotFoundError as error:
@@ -103,7 +103,7 @@ def _is_fresh(mark: list[Any]) -> bool:
 
 
 def _recall(memory: Location, key: str, marks: list[list[Any]]) -> str | None:
-    with store_faults(memory.uri, "looking up a digest"):
+    with store_errors(memory.uri, "looking up a digest"):
         try:
             record = json.loads(bytes(obstore.get(memory.obstore(), key).bytes()))
         except (FileNotFoundError, ValueError):
@@ -119,7 +119,7 @@ def _sha256(file: Location) -> str:
         if file.local is not None:
             with file.local.open("rb") as stream:
                 return hashlib.file_digest(stream, "sha256").hexdigest()
-        with store_faults(file.uri, "reading an input"):
+        with store_errors(file.uri, "reading an input"):
             for block in obstore.get(file.parent.obstore(), file.name).stream(min_chunk_size=_BLOCK):
                 digest.update(block)
     except OSError as error:

@@ -9,7 +9,7 @@ from pathlib import Path
 import obstore
 
 from glint.storage.errors import InputError
-from glint.storage.locations.error_translation import store_faults
+from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 
 Address = str | Path | Location
@@ -67,7 +67,7 @@ def entries(place: Location) -> tuple[list[Location], list[Location]]:
                 f"{place.uri} cannot be read ({error.strerror})", "check the path and its permissions"
             ) from error
     else:
-        with store_faults(place.uri, "listing an input"):
+        with store_errors(place.uri, "listing an input"):
             found = obstore.list_with_delimiter(place.obstore())
         folders = [place.child(_last(prefix)) for prefix in found["common_prefixes"]]
         files = [place.child(_last(entry["path"])) for entry in found["objects"]]
@@ -108,7 +108,7 @@ def _local_bytes(path: Path, limit: int) -> tuple[int, bytes | None]:
 
 
 def _remote_bytes(location: Location, limit: int) -> tuple[int, bytes | None]:
-    with store_faults(location.uri, "reading an input"):
+    with store_errors(location.uri, "reading an input"):
         store = location.parent.obstore()
         try:
             size = obstore.head(store, location.name)["size"]
@@ -143,7 +143,7 @@ def _local(path: Path, suffixes: Collection[str]) -> list[Location] | None:
 def _remote(location: Location, suffixes: Collection[str]) -> list[Location] | None:
     pattern = location.name if is_pattern(location.name) else None
     folder = location.parent if pattern else location
-    with store_faults(location.uri, "listing an input"):
+    with store_errors(location.uri, "listing an input"):
         if pattern is None and Path(location.name).suffix:
             return None
         found = obstore.list_with_delimiter(folder.obstore())["objects"]

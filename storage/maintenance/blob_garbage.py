@@ -7,7 +7,7 @@ from datetime import datetime
 import obstore
 
 from glint.storage.blobs.store import deleting
-from glint.storage.locations.error_translation import store_faults
+from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 from glint.storage.versions.garbage import Garbage
 
@@ -16,7 +16,7 @@ _NAME = re.compile(r"blobs/sha256/[0-9a-f]{2}/[0-9a-f]{64}")
 
 def old_blobs(location: Location, limit: datetime) -> dict[str, int]:
     """Bytes by key of the blobs that were last stored before `limit`."""
-    with store_faults(location.uri, "listing blobs"):
+    with store_errors(location.uri, "listing blobs"):
         listed = obstore.list(location.obstore(), prefix="blobs/sha256")
         return {
             meta["path"]: meta["size"]
@@ -37,7 +37,7 @@ def collect_blobs(
     if dry_run:
         return Garbage(len(spare), sum(candidates[key] for key in spare))
     store, removed = location.obstore(), list[str]()
-    with store_faults(location.uri, "removing blobs"):
+    with store_errors(location.uri, "removing blobs"):
         for key in spare:
             with deleting(location):
                 try:

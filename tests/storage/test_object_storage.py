@@ -20,15 +20,15 @@ from glint.storage.export.export import export
 from glint.storage.footage.source import open_footage
 from glint.storage.frames.cache import FrameCache, cache_digest
 from glint.storage.inputs.digests import content_digest
+from glint.storage.locations.conditional_writes import check_conditional_writes
 from glint.storage.locations.location import Location
-from glint.storage.locations.probe import probe
 from glint.storage.locking.locks import run_holder, run_lock
 from glint.storage.locking.owner import Holder, ObjectBusy
 from glint.storage.versions.objects import object_ids
 from glint.storage.versions.repository import ObjectRepository
 from tests.s3_gateway import Gateway, free_port
 from tests.storage.footage.videos import ramp, write_images, write_video
-from tests.storage.locations.lax_server import careless_server
+from tests.storage.locations.lax_server import lax_server
 from tests.storage.stores import save_capture
 
 pytestmark = [pytest.mark.slow, pytest.mark.server]
@@ -50,12 +50,12 @@ def place(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Lo
 
 
 @pytest.fixture
-def careless(monkeypatch: pytest.MonkeyPatch) -> Iterator[Location]:
+def lax_store(monkeypatch: pytest.MonkeyPatch) -> Iterator[Location]:
     """A store on a server that takes every write, whatever its condition."""
-    with careless_server() as url:
+    with lax_server() as server:
         for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
             monkeypatch.setenv(name, "any")
-        monkeypatch.setenv("AWS_ENDPOINT_URL", url)
+        monkeypatch.setenv("AWS_ENDPOINT_URL", server.url)
         yield Location.parse("s3://store/here")
 
 
@@ -71,13 +71,13 @@ def upload(folder: Path, place: Location) -> None:
 
 
 def test_a_store_with_conditional_writes_passes_and_stays_clean(place: Location) -> None:
-    probe(place)
+    check_conditional_writes(place)
     assert keys(place) == []
 
 
-def test_a_store_that_ignores_conditions_is_refused(careless: Location) -> None:
-    with pytest.raises(StoreError, match="told to create"):
-        probe(careless)
+def test_a_store_that_ignores_conditions_is_refused(lax_store: Location) -> None:
+    with pytest.raises(StoreError, match="should only create"):
+        check_conditional_writes(lax_store)
 
 
 def test_versions_history_rollback_export_and_garbage(place: Location, tmp_path: Path) -> None:
@@ -238,7 +238,7 @@ def test_wrong_credentials_are_told_without_being_shown(place: Location, monkeyp
     wrong = "d3JvbmdzZWNyZXR3cm9uZ3NlY3JldA=="
     for name in ("AWS_SECRET_ACCESS_KEY", "AZURE_STORAGE_ACCOUNT_KEY"):
         monkeypatch.setenv(name, wrong)
-    for attempt in (probe, lambda there: ObjectRepository.open(there, "duck"), object_ids):
+    for attempt in (check_conditional_writes, lambda there: ObjectRepository.open(there, "duck"), object_ids):
         with pytest.raises(StoreError) as error:
             attempt(place)
         assert "credentials" in error.value.remedy
@@ -247,7 +247,7 @@ def test_wrong_credentials_are_told_without_being_shown(place: Location, monkeyp
 
 def test_a_bucket_that_is_not_there_is_told(place: Location) -> None:
     with pytest.raises(StoreError, match="nowhere"):
-        probe(Location.parse(f"{place.scheme}://nowhere/x"))
+        check_conditional_writes(Location.parse(f"{place.scheme}://nowhere/x"))
 
 
 def test_a_server_that_is_down_is_told(place: Location, monkeypatch: pytest.MonkeyPatch) -> None:

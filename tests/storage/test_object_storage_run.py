@@ -14,7 +14,7 @@ from glint.storage.locations.credentials import azure_options, s3_options
 from glint.storage.locations.location import Location
 from tests.flows.conftest import glint_home, server
 from tests.scene import draw_scene
-from tests.storage.locations.lax_server import careless_server
+from tests.storage.locations.lax_server import lax_server
 
 __all__ = ["glint_home", "server"]
 
@@ -98,7 +98,7 @@ def test_a_run_refuses_a_store_that_ignores_conditions(tmp_path: Path, monkeypat
     scene = draw_scene(tmp_path, frames=60)
     monkeypatch.setenv("AWS_ACCESS_KEY_ID", "any")
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "any")
-    with careless_server() as url:
-        monkeypatch.setenv("AWS_ENDPOINT_URL", url)
+    with lax_server() as server:
+        monkeypatch.setenv("AWS_ENDPOINT_URL", server.url)
         said = glint("run", str(scene.catalogue), "--store", "s3://store/here", status=2)
-    assert "told to create" in said and "conditional writes" in said and "Traceback" not in said
+    assert "should only create" in said and "conditional writes" in said and "Traceback" not in said

@@ -304,7 +304,7 @@ def test_a_full_disk_is_a_store_error_and_resumes(tmp_path: Path) -> None:
 
 def test_a_store_that_cannot_be_written(tmp_path: Path, film: tuple[Path, np.ndarray]) -> None:
     (tmp_path / "store").write_text("a file")
-    with pytest.raises(StoreError, match="a file stands where a folder must be"):
+    with pytest.raises(StoreError, match="a file in place of a folder"):
         FrameCache.ingest(open_footage(film[0]), _place(tmp_path), "d", CROPS)
     with pytest.raises(StoreError, match="writing frames failed at /proc/store"):
         FrameCache.ingest(open_footage(film[0]), Location.parse("/proc/store"), "d", CROPS)

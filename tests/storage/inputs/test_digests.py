@@ -186,5 +186,5 @@ def test_a_pipe_is_no_input(tmp_path: Path, store: Location) -> None:
 def test_a_memory_that_cannot_be_written(tmp_path: Path, read: list[str]) -> None:
     path = _file(tmp_path / "a.mp4", b"one")
     (tmp_path / "store").write_text("a file")
-    with pytest.raises(StoreError, match="a file stands where a folder must be"):
+    with pytest.raises(StoreError, match="a file in place of a folder"):
         content_digest(path, Location.parse(tmp_path / "store"))
