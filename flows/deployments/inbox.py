@@ -13,7 +13,7 @@ from datetime import UTC, datetime, timedelta
 
 import obstore
 
-from glint.storage.catalogue.from_folder import object_of
+from glint.storage.catalogue.from_folder import object_from_folder
 from glint.storage.catalogue.loading import Catalogue, Object, write
 from glint.storage.errors import InputError, StorageError
 from glint.storage.inputs.digests import digest_of
@@ -145,7 +145,7 @@ class Inbox:
     def _objects(self, arrival: Arrival) -> tuple[Object, ...]:
         if arrival.has_catalogue:
             return load_catalogue(self._catalogue(arrival)).objects
-        found = object_of(self.place.child(arrival.name), set())
+        found = object_from_folder(self.place.child(arrival.name), set())
         return () if found is None else (found,)
 
     def _catalogue(self, arrival: Arrival) -> str:

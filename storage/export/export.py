@@ -18,6 +18,7 @@ from glint.storage.blobs.store import BlobReference
 from glint.storage.errors import StoreError
 from glint.storage.export.image_files import encode_normals, write_exr, write_png, write_tiff
 from glint.storage.export.report import capture_report, code_names, report_page, report_pictures
+from glint.storage.inputs.lp_file import write_lights
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 from glint.storage.versions.array_schema import LAYOUT
@@ -125,8 +126,7 @@ def _write_lights(lights: StageResult, folder: Path) -> np.ndarray:
     np.save(folder / "half_vectors.npy", lights.read("half_vectors"))
     accepted = np.flatnonzero(reason == 0)
     digits = max(6, len(str(len(reason) - 1)))
-    lines = [f"{frame:0{digits}d} {' '.join(f'{part:.6f}' for part in directions[frame])}" for frame in accepted]
-    (folder / "lights.lp").write_text("\n".join([str(len(accepted)), *lines]) + "\n", encoding="utf-8")
+    write_lights(folder / "lights.lp", directions[accepted], [f"{frame:0{digits}d}" for frame in accepted])
     names = code_names(lights.record.get("reasons"))
     with (folder / "frames.csv").open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")

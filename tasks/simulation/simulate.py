@@ -4,17 +4,15 @@ import json
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
-from fractions import Fraction
 from pathlib import Path
 
-import av
-import cv2
 import numpy as np
 import trimesh
 from scipy import ndimage
 
 from glint.storage.catalogue.loading import Camera, Capture, Catalogue, Object, Pose, Region, Sphere, load, write
 from glint.storage.export.image_files import write_png
+from glint.storage.footage.writer import write_video
 from glint.tasks.algorithms.frames.keyframes import keyframes
 from glint.tasks.algorithms.geometry.perspective import Cone, straight, views
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of, to_camera
@@ -190,36 +188,16 @@ def _fitted(shape: str, stage: Stage, away: float) -> list[Solid]:
 
 
 def _write_video(path: Path, pictures: Iterator[np.ndarray], stage: Stage, crf: int) -> np.ndarray:
-    """Encode as H.264; lit pixels (T,) of the region in each frame."""
+    """Encode as H.264; return the number of lit pixels (T,) of the region in each frame."""
     lit = []
-    rows, columns = stage.region.rows, stage.region.columns
-    with av.open(str(path), "w") as container:
-        # The same pictures give the same file only without the encoder's macroblock tree.
-        options = {"crf": str(crf), "preset": "veryfast", "x264-params": "mbtree=0"}
-        stream = container.add_stream("libx264", rate=FPS, options=options)
-        stream.width, stream.height, stream.pix_fmt = stage.width, stage.height, "yuv420p"
-        stream.time_base = Fraction(1, FPS)
+
+    def counted() -> Iterator[np.ndarray]:
         for picture in pictures:
-            lit.append(int((picture[rows, columns] > 225).sum()))
-            container.mux(stream.encode(_grey_frame(picture)))
-        container.mux(stream.encode())
+            lit.append(int((picture[stage.region.rows, stage.region.columns] > 225).sum()))
+            yield picture
+
+    write_video(path, counted(), stage.width, stage.height, FPS, crf)
     return np.array(lit)
-
-
-def _grey_frame(picture: np.ndarray) -> av.VideoFrame:
-    """A frame that owns its pixels, its lines' padding too: the encoder looks at it and is in no hurry."""
-    frame = av.VideoFrame(picture.shape[1], picture.shape[0], "yuv420p")
-    luma, *chroma = frame.planes
-    lines = np.full((luma.height, luma.line_size), 16, np.uint8)
-    lines[:, : picture.shape[1]] = cv2.LUT(picture, _LIMITED)
-    luma.update(lines.tobytes())
-    for plane in chroma:
-        plane.update(np.full((plane.height, plane.line_size), 128, np.uint8).tobytes())
-    return frame
-
-
-_LIMITED = np.round(16 + 219 * np.arange(256) / 255).astype(np.uint8)
-"""A video's luma runs from 16 to 235."""
 
 
 def _write_truth(folder: Path, truth: Truth, lights: np.ndarray, stage: Stage, options: CaptureOptions) -> None:

@@ -33,7 +33,7 @@ def read(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         return original(file)
 
     monkeypatch.setattr(glint.storage.inputs.digests, "_sha256", noted)
-    monkeypatch.setattr(glint.storage.inputs.digests, "_TICK", 0)
+    monkeypatch.setattr(glint.storage.inputs.digests, "_TIMESTAMP_STEP_NS", 0)
     return names
 
 
@@ -159,7 +159,7 @@ def test_other_suffixes(tmp_path: Path, store: Location) -> None:
     assert content_digest(tmp_path / "truth", store, suffixes=(".npy",))
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"marks": 1, "digest": 2}', "\xff"])
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"stamps": 1, "digest": 2}', "\xff"])
 def test_a_damaged_memory_is_no_memory(tmp_path: Path, store: Location, read: list[str], text: str) -> None:
     path = _file(tmp_path / "a.mp4", b"one")
     digest = content_digest(path, store)

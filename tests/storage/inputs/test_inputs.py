@@ -10,13 +10,13 @@ import pytest
 
 from glint.storage.catalogue.loading import Camera, Region
 from glint.storage.errors import InputError
+from glint.storage.inputs.lp_file import write_lights
 from glint.storage.inputs.masks_and_truth import (
     camera_matrix,
     read_lights,
     read_markup,
     read_mask,
     read_truth,
-    write_lights,
 )
 
 SIZE = (20, 30)
@@ -149,7 +149,7 @@ def test_everything_wrong_with_lights_is_told_with_its_line(tmp_path: Path) -> N
 
 def test_a_count_that_is_not_true(tmp_path: Path) -> None:
     path = _lights(tmp_path, "3\na 1 0 0\nb 0 1 0\n")
-    assert f"{path}:1: the first line says 3 lights, 2 follow" in _refused(read_lights, path).message
+    assert f"{path}:1: the first line states 3 lights, 2 follow" in _refused(read_lights, path).message
 
 
 @pytest.mark.parametrize(
@@ -204,16 +204,16 @@ def test_marks_keep_their_order(tmp_path: Path) -> None:
 def test_misplaced_marks_are_told_with_their_line(tmp_path: Path, mark: dict[str, Any], says: str) -> None:
     path = _markup(tmp_path, [_mark(), mark])
     error = _refused(read_markup, path, SIZE, 6, REGION, _disc()[REGION.rows, REGION.columns])
-    assert error.message.startswith(f"{path}:8: mark 1 at frame {mark['frame']}")
+    assert error.message.startswith(f"{path}:8: annotation 1 at frame {mark['frame']}")
     assert says in error.message
 
 
 def test_all_misplaced_marks_are_told(tmp_path: Path) -> None:
     path = _markup(tmp_path, [_mark(x=99), _mark(), _mark(frame=9)])
     error = _refused(read_markup, path, SIZE, 6)
-    assert f"{path}:2: mark 0" in error.message
-    assert f"{path}:14: mark 2" in error.message
-    assert "mark 1" not in error.message
+    assert f"{path}:2: annotation 0" in error.message
+    assert f"{path}:14: annotation 2" in error.message
+    assert "annotation 1" not in error.message
 
 
 def test_borders_belong_to_the_frame(tmp_path: Path) -> None:

@@ -81,8 +81,8 @@ def test_expired_credentials_are_renewed_during_a_run(
     credential_process(home, lifetime_s=60)
     monkeypatch.setattr(credentials, "CREDENTIALS_TTL", timedelta(0))
     use(Location.parse("s3://store/here"))
-    numbers = [int(str(token).removeprefix("token-")) for token in server.tokens]
-    assert len(numbers) >= 3 and numbers == sorted(set(numbers))
+    # Icechunk sends two requests at once, so their order is not that of their tokens.
+    assert len(set(server.tokens)) >= 3 and None not in server.tokens
 
 
 @needs_boto3
