@@ -15,11 +15,12 @@ import cv2
 import numpy as np
 import pytest
 
-import glint.storage.frames.cache
+import glint.storage.frames.ingest
 from glint.storage.catalogue.loading import Region
 from glint.storage.errors import InputError, StoreError
 from glint.storage.footage.source import Footage, open_footage
-from glint.storage.frames.cache import OVERVIEW, SHARD, FrameCache, cache_digest
+from glint.storage.frames.cache import FrameCache, cache_digest
+from glint.storage.frames.layout import OVERVIEW, SHARD
 from glint.storage.locations.location import Location
 from tests.storage.footage.videos import ramp, write_images, write_video
 
@@ -192,7 +193,7 @@ def _ingest_and_die(path: Path, folder: Path, moment: str, shard: int) -> None:
             os.kill(os.getpid(), signal.SIGKILL)
 
     if moment == "before":
-        glint.storage.frames.cache.flush = die  # type: ignore[assignment]
+        glint.storage.frames.ingest.flush = die  # type: ignore[assignment]
     FrameCache.ingest(open_footage(path), _place(folder), "d", CROPS, die if moment == "after" else None)
 
 
