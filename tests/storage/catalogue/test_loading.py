@@ -119,8 +119,8 @@ objects:
     diagnostics = _diagnostics(tmp_path, text)
     lines = [diagnostic.line for diagnostic in diagnostics]
     assert lines == sorted(lines)
-    told = {(diagnostic.line, diagnostic.message.split(" ")[0]) for diagnostic in diagnostics}
-    assert told >= {
+    places = {(diagnostic.line, diagnostic.message.split(" ")[0]) for diagnostic in diagnostics}
+    assert places >= {
         (1, "schema"),
         (3, "unknown"),
         (5, "objects[0].id"),
@@ -135,7 +135,7 @@ objects:
         (12, "objects[0].captures[1].spheres[0].radius"),
         (13, "a"),
     }
-    assert len(told) == len(diagnostics) == 13
+    assert len(places) == len(diagnostics) == 13
 
 
 @pytest.mark.parametrize(
@@ -372,12 +372,12 @@ def test_names_that_look_like_something_else_survive(tmp_path: Path, name: str) 
 
 
 def test_a_written_catalogue_moves_with_its_folder(tmp_path: Path) -> None:
-    here, there = tmp_path / "here", tmp_path / "there"
-    here.mkdir()
-    write(_read(here, HEAD + ONE), here / "catalogue.yaml")
-    here.rename(there)
-    capture = load(there / "catalogue.yaml").object("glass").capture("front")
-    assert capture.frames == str(there / "front.mp4")
+    old, new = tmp_path / "old", tmp_path / "new"
+    old.mkdir()
+    write(_read(old, HEAD + ONE), old / "catalogue.yaml")
+    old.rename(new)
+    capture = load(new / "catalogue.yaml").object("glass").capture("front")
+    assert capture.frames == str(new / "front.mp4")
 
 
 def test_a_write_that_fails_leaves_the_old_catalogue(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -49,7 +49,7 @@ def test_a_value_is_known_by_its_content() -> None:
     assert digest_of(value) == digest_of({"b": {"c": "d"}, "a": [1, 2.5, None, True, "é\ud800"]})
     assert len(digest_of(value)) == 64
     different: list[Any] = [1, 1.5, "1", True, None, [1], [[1]], {"1": 1}, {}, [], "", [1, 2], [2, 1], {"1": [1]}]
-    assert len({digest_of(each) for each in different}) == len(different)
+    assert len({digest_of(value) for value in different}) == len(different)
 
 
 def test_a_value_keeps_its_digest_for_ever() -> None:
@@ -87,14 +87,14 @@ def test_a_file_is_read_once(tmp_path: Path, store: Location, read: list[str]) -
     assert read == ["a.mp4"] * 3
 
 
-def test_a_change_is_seen(tmp_path: Path, store: Location, read: list[str]) -> None:
+def test_a_change_is_detected(tmp_path: Path, store: Location, read: list[str]) -> None:
     path = _file(tmp_path / "a.mp4", b"one")
     before = content_digest(path, store)
     path.write_bytes(b"three")
     assert content_digest(path, store) == hashlib.sha256(b"three").hexdigest() != before
 
 
-def test_a_change_that_keeps_size_and_time_is_seen(tmp_path: Path, store: Location, read: list[str]) -> None:
+def test_a_change_that_keeps_size_and_time_is_detected(tmp_path: Path, store: Location, read: list[str]) -> None:
     path = _file(tmp_path / "a.mp4", b"one")
     content_digest(path, store)
     time.sleep(0.02)
@@ -113,7 +113,7 @@ def test_a_file_of_this_moment_is_not_remembered(tmp_path: Path, store: Location
     assert not (tmp_path / "store/digests").exists() or not list((tmp_path / "store/digests").iterdir())
 
 
-def test_a_file_that_changes_while_it_is_read_is_told(
+def test_a_file_that_changes_while_it_is_read_is_reported(
     tmp_path: Path, store: Location, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = _file(tmp_path / "a.mp4", b"one")
