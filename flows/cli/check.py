@@ -11,8 +11,8 @@ from glint.flows.cli.tables import show, table_of
 from glint.flows.errors import REFUSALS
 from glint.flows.reporting.console import open_display
 from glint.flows.reporting.events import Event, Reporter
+from glint.storage.locations.conditional_writes import check_conditional_writes
 from glint.storage.locations.location import Location
-from glint.storage.locations.probe import probe
 from glint.tasks.check import Check, check
 from glint.tasks.engine.references import CaptureReference, chosen_captures, load_catalogue
 
@@ -20,7 +20,7 @@ from glint.tasks.engine.references import CaptureReference, chosen_captures, loa
 def check_catalogue(file: str | Path, store: str, out: Path, only: Sequence[str], as_json: bool) -> int:
     """Check captures one after the other; the command's exit status."""
     chosen = chosen_captures(load_catalogue(file).objects, only)
-    probe(Location.parse(store))
+    check_conditional_writes(Location.parse(store))
     catalogue = Location.parse(file).uri
     place, found, refused = Location.parse(store).uri, list[Check](), dict[str, Exception]()
     with open_display(as_json) as display:

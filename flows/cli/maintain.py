@@ -7,8 +7,8 @@ import typer
 
 from glint.flows.runtime.prefect_server import start_server
 from glint.storage.errors import InputError
+from glint.storage.locations.conditional_writes import check_conditional_writes
 from glint.storage.locations.location import Location
-from glint.storage.locations.probe import probe
 
 
 def maintain_store(
@@ -16,7 +16,7 @@ def maintain_store(
 ) -> int:
     """Maintain a store; the command's exit status."""
     place = Location.parse(store)
-    probe(place)
+    check_conditional_writes(place)
     server = start_server()
     from glint.flows.cli.tables import show, table_of
     from glint.flows.deployments.maintenance import REMEDY, Maintenance, rows_of, run_maintenance, size_of

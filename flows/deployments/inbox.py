@@ -13,11 +13,11 @@ from datetime import UTC, datetime, timedelta
 
 import obstore
 
-from glint.storage.catalogue.from_folder import object_of
+from glint.storage.catalogue.from_folder import object_from_folder
 from glint.storage.catalogue.loading import Catalogue, Object, write
 from glint.storage.errors import InputError, StorageError
 from glint.storage.inputs.digests import digest_of
-from glint.storage.locations.error_translation import store_faults
+from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 from glint.tasks.engine.references import load_catalogue
 
@@ -71,7 +71,7 @@ class Inbox:
         if self.place.local is not None and not self.place.local.is_dir():
             raise InputError(f"the inbox {self.place.uri} is no folder", "make it, or mount what should be there")
         files: dict[str, list[tuple[str, int, str, datetime]]] = defaultdict(list)
-        with store_faults(self.place.uri, "looking into the inbox"):
+        with store_errors(self.place.uri, "looking into the inbox"):
             for found in (each for part in obstore.list(self.place.obstore()) for each in part):
                 name, _, rest = found["path"].partition("/")
                 if rest and not name.startswith("."):
@@ -130,12 +130,12 @@ class Inbox:
         there = {each.name for each in self.arrivals()}
         finished = self._finished() | {each.name: each.mark for each in done}
         record = {name: mark for name, mark in sorted(finished.items()) if name in there}
-        with store_faults(self._memory.uri, "remembering what was run"):
+        with store_errors(self._memory.uri, "remembering what was run"):
             data = json.dumps({"inbox": self.place.uri, "finished": record}).encode()
             obstore.put(self._memory.obstore(), "finished.json", data, use_multipart=False)
 
     def _finished(self) -> dict[str, str]:
-        with store_faults(self._memory.uri, "reading what was run"):
+        with store_errors(self._memory.uri, "reading what was run"):
             try:
                 record = json.loads(bytes(obstore.get(self._memory.obstore(), "finished.json").bytes()))["finished"]
             except (FileNotFoundError, ValueError, KeyError, TypeError):
@@ -145,7 +145,7 @@ class Inbox:
     def _objects(self, arrival: Arrival) -> tuple[Object, ...]:
         if arrival.has_catalogue:
             return load_catalogue(self._catalogue(arrival)).objects
-        found = object_of(self.place.child(arrival.name), set())
+        found = object_from_folder(self.place.child(arrival.name), set())
         return () if found is None else (found,)
 
     def _catalogue(self, arrival: Arrival) -> str:

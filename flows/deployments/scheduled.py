@@ -29,8 +29,8 @@ from glint.flows.results import RunResult
 from glint.flows.runtime.dask_cluster import Cluster
 from glint.flows.runtime.environment import prepare_environment
 from glint.flows.runtime.orphaned_runs import RUN_TAG, close_runs_of_the_dead, process_tag, tagged
+from glint.storage.locations.conditional_writes import check_conditional_writes
 from glint.storage.locations.location import Location
-from glint.storage.locations.probe import probe
 from glint.tasks.engine.references import chosen_captures, load_catalogue
 
 APART = 16
@@ -145,7 +145,7 @@ def working(store: str, scheduler: str | None, workers: int | None) -> Iterator[
         StoreError, ClusterError: one of them cannot be used.
     """
     prepare_environment()
-    probe(Location.parse(store))
+    check_conditional_writes(Location.parse(store))
     close_runs_of_the_dead()
     with Cluster(scheduler, workers, WARMED) as cluster, tagged():
         get_run_logger().info(cluster.described)

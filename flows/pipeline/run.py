@@ -36,14 +36,14 @@ def run(
     Raises:
         CatalogueError, InputError: the catalogue is unusable; RunningError: server or cluster are.
     """
+    from glint.storage.locations.conditional_writes import check_conditional_writes
     from glint.storage.locations.location import Location
-    from glint.storage.locations.probe import probe
     from glint.storage.maintenance.disk_space import REMEDY
     from glint.tasks.engine.references import chosen_captures, load_catalogue
 
     loaded, place = load_catalogue(catalogue), Location.parse(store)
     chosen = chosen_captures(loaded.objects, only)
-    probe(place)
+    check_conditional_writes(place)
     server = start_server()
     warning = _room_warning(place, chosen)
     if warning:

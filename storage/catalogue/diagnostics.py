@@ -1,4 +1,4 @@
-"""What is wrong with a file that a person wrote, told line by line and all at once."""
+"""Errors in a file that a person wrote: line by line, reported all at once."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,13 +6,15 @@ from typing import Any
 
 from glint.storage.errors import InputError
 
-_TOLD = 20
-"""Problems of one file that are listed in full."""
+_MAX_LISTED = 20
+"""Errors of one file that are listed in full."""
+_MAX_REPR = 60
+"""Characters of a value in a message."""
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
-    """What is wrong in which line (counted from 1) of a file, and what to do."""
+class Diagnostic:
+    """An error in a line (counted from 1) of a file, and its remedy."""
 
     file: str
     line: int
@@ -20,20 +22,22 @@ class Problem:
     remedy: str
 
     def __str__(self) -> str:
-        """As compilers say it."""
+        """Format it as compilers do."""
         return f"{self.file}:{self.line}: {self.message}: {self.remedy}"
 
 
-def raise_all(problems: Sequence[Problem]) -> None:
-    """Raise one InputError for all problems, if there are any."""
-    if problems:
-        told = [f"{problem.file}:{problem.line}: {problem.message}" for problem in problems[:_TOLD]]
-        more = [f"and {len(problems) - _TOLD} more"] if len(problems) > _TOLD else []
-        remedies = dict.fromkeys(problem.remedy for problem in problems[:_TOLD])
-        raise InputError("; ".join([*told, *more]), "; ".join(remedies))
+def raise_diagnostics(diagnostics: Sequence[Diagnostic]) -> None:
+    """Raise one InputError for all diagnostics, if there are any."""
+    if diagnostics:
+        listed = diagnostics[:_MAX_LISTED]
+        messages = [f"{diagnostic.file}:{diagnostic.line}: {diagnostic.message}" for diagnostic in listed]
+        if len(diagnostics) > _MAX_LISTED:
+            messages.append(f"and {len(diagnostics) - _MAX_LISTED} more")
+        remedies = dict.fromkeys(diagnostic.remedy for diagnostic in listed)
+        raise InputError("; ".join(messages), "; ".join(remedies))
 
 
-def quoted(value: Any) -> str:
-    """A value for a message, cut to a readable length."""
+def truncate_repr(value: Any) -> str:
+    """Return a value's repr for a message, cut to a readable length."""
     text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return text if len(text) <= _MAX_REPR else text[: _MAX_REPR - 3] + "..."

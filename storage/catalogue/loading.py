@@ -1,4 +1,4 @@
-"""Catalogues: read from YAML with every error at once, written, and made from a folder of captures."""
+"""Read catalogues from YAML, with all errors at once, and write them."""
 
 import io
 import os
@@ -13,13 +13,13 @@ from pydantic import BaseModel, ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.representer import SafeRepresenter
 
-from glint.storage.catalogue.diagnostics import Problem
+from glint.storage.catalogue.diagnostics import Diagnostic
 from glint.storage.catalogue.from_folder import from_folder
-from glint.storage.catalogue.messages import problems_of
-from glint.storage.catalogue.models import ADDRESSES, MODEL, Camera, Capture, Catalogue, Object, Pose, Region, Sphere
+from glint.storage.catalogue.messages import diagnostics_of
+from glint.storage.catalogue.models import ADDRESS_KEYS, MODEL, Camera, Capture, Catalogue, Object, Pose, Region, Sphere
 from glint.storage.catalogue.yaml_lines import MAX_BYTES, LinedDict, LinedList, parse, plain_value
 from glint.storage.errors import InputError, StorageError
-from glint.storage.locations.error_translation import store_faults
+from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.input_files import Address, locate, read_bytes
 from glint.storage.locations.location import Location
 
@@ -28,9 +28,9 @@ __all__ = [
     "Capture",
     "Catalogue",
     "CatalogueError",
+    "Diagnostic",
     "Object",
     "Pose",
-    "Problem",
     "Region",
     "Sphere",
     "from_folder",
@@ -41,46 +41,47 @@ __all__ = [
 
 
 class CatalogueError(StorageError):
-    """A catalogue that cannot be used: all its `problems`, in the order of their lines."""
+    """An invalid catalogue, with all its errors in the order of their lines."""
 
-    def __init__(self, problems: tuple[Problem, ...]) -> None:
-        self.problems = problems
-        super().__init__("\n".join(map(str, problems)), "mend the catalogue and run again")
+    def __init__(self, diagnostics: tuple[Diagnostic, ...]) -> None:
+        self.diagnostics = diagnostics
+        super().__init__("\n".join(map(str, diagnostics)), "fix the catalogue and run again")
 
     def __reduce__(self) -> Any:
-        """Survive the journey between processes."""
-        return type(self), (self.problems,)
+        """Support pickling, since the constructor's arguments differ from the exception's."""
+        return type(self), (self.diagnostics,)
 
 
 def load(path: Address, parameters_model: type[BaseModel] | None = None) -> Catalogue:
     """Read a catalogue, also one in an object store; relative paths in it count from its folder.
 
-    parameters_model: one field per stage, each a model with a default for every field; what the catalogue's
-    `parameters` say is checked against it.
+    parameters_model: one field per stage, each a model with a default for every field; the catalogue's `parameters`
+    are validated against it.
 
     Raises:
-        CatalogueError: with everything that is wrong.
+        CatalogueError: invalid; it lists all errors.
         InputError: no such file, or it is too large; StoreError: the object store cannot be read.
     """
-    place, name = locate(path), path.uri if isinstance(path, Location) else str(path)
-    root, problems = parse(_text(place, name), name)
-    if root is None and problems:
-        raise CatalogueError(tuple(problems))
+    location, name = locate(path), path.uri if isinstance(path, Location) else str(path)
+    root, diagnostics = parse(_text(location, name), name)
+    if root is None and diagnostics:
+        raise CatalogueError(tuple(diagnostics))
     if not isinstance(root, LinedDict):
         raise CatalogueError(
-            (Problem(name, 1, "this is no catalogue", "begin with `schema: 1`, `name` and `objects`"),)
+            (Diagnostic(name, 1, "this is no catalogue", "begin with `schema: 1`, `name` and `objects`"),)
         )
-    problems += _crossed(root, name)
+    diagnostics += _check_keys_together(root, name)
     if parameters_model is not None:
-        for holder in _holders(root):
-            problems += _wrong_parameters(holder, parameters_model, name)
-    _resolve(root, place.parent)
+        for entry in _entries(root):
+            diagnostics += _check_parameters(entry, parameters_model, name)
+    _resolve_addresses(root, location.parent)
     try:
         catalogue = Catalogue.model_validate(root)
     except ValidationError as error:
-        problems += problems_of(error, root, Catalogue, name)
-    if problems:
-        raise CatalogueError(tuple(sorted(set(problems), key=lambda problem: (problem.line, problem.message))))
+        diagnostics += diagnostics_of(error, root, Catalogue, name)
+    if diagnostics:
+        unique = set(diagnostics)
+        raise CatalogueError(tuple(sorted(unique, key=lambda diagnostic: (diagnostic.line, diagnostic.message))))
     return catalogue
 
 
@@ -90,34 +91,34 @@ def parameters_for(
     capture_id: str,
     with_current_names: Callable[[Mapping[str, Any]], Mapping[str, Any]] = dict,
 ) -> dict[str, Any]:
-    """Return the overrides of a capture's parameters: the catalogue's, overridden by the object's, by the capture's.
+    """Return a capture's stage parameters: its own override the object's, these the catalogue's.
 
     with_current_names: applied to those of each level before they are merged.
 
     Raises:
         KeyError: no such object or capture.
     """
-    each = catalogue.object(object_id)
+    item = catalogue.object(object_id)
     merged: dict[str, Any] = {}
-    for level in (catalogue.parameters, each.parameters, each.capture(capture_id).parameters):
+    for level in (catalogue.parameters, item.parameters, item.capture(capture_id).parameters):
         merged = _merge(merged, with_current_names(level))
     return merged
 
 
 def write(catalogue: Catalogue, path: Address) -> None:
-    """Write a catalogue, whole or not at all; addresses below its folder become relative.
+    """Write a catalogue atomically; addresses below its folder become relative.
 
     Raises:
         OSError, StoreError: it cannot be written.
     """
-    place = locate(path)
+    location = locate(path)
     data = catalogue.model_dump(mode="json", by_alias=True, exclude_defaults=True)
-    folder = place.parent.uri.rstrip("/") + "/"
-    for each in data["objects"]:
-        for holder in (each, *each["captures"]):
-            for key in ADDRESSES:
-                if key in holder:
-                    holder[key] = holder[key].removeprefix(folder) or holder[key]
+    folder = location.parent.uri.rstrip("/") + "/"
+    for item in data["objects"]:
+        for entry in (item, *item["captures"]):
+            for key in ADDRESS_KEYS:
+                if key in entry:
+                    entry[key] = entry[key].removeprefix(folder) or entry[key]
     yaml = YAML(typ="safe")
     yaml.Representer = _Representer
     yaml.default_flow_style = None
@@ -125,11 +126,11 @@ def write(catalogue: Catalogue, path: Address) -> None:
     yaml.width = 110
     text = io.BytesIO()
     yaml.dump(data, text)
-    if place.local is None:
-        with store_faults(place.uri, "writing a catalogue"):
-            obstore.put(place.parent.obstore(), place.name, text.getvalue(), use_multipart=False)
+    if location.local is None:
+        with store_errors(location.uri, "writing a catalogue"):
+            obstore.put(location.parent.obstore(), location.name, text.getvalue(), use_multipart=False)
     else:
-        _replace(place.local, text.getvalue())
+        _replace(location.local, text.getvalue())
 
 
 def _replace(path: Path, data: bytes) -> None:
@@ -146,7 +147,7 @@ def _replace(path: Path, data: bytes) -> None:
 
 
 class _Representer(SafeRepresenter):
-    """Quotes every text that would be read as another value."""
+    """Represents text, in quotes if it would be read as another value."""
 
     def represent_str(self, data: str) -> Any:
         style = None if plain_value(data) == data else '"'
@@ -156,81 +157,90 @@ class _Representer(SafeRepresenter):
 _Representer.add_representer(str, _Representer.represent_str)
 
 
-def _text(place: Location, name: str) -> str:
+def _text(location: Location, name: str) -> str:
     try:
-        return _bytes(place, name).decode("utf-8-sig")
+        return _bytes(location, name).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = error.object[: error.start].count(b"\n") + 1
-        raise CatalogueError((Problem(name, line, "this is not UTF-8 text", "save the file as UTF-8"),)) from error
+        raise CatalogueError((Diagnostic(name, line, "this is not UTF-8 text", "save the file as UTF-8"),)) from error
 
 
-def _bytes(place: Location, name: str) -> bytes:
-    if place.local is None:
-        return read_bytes(place, MAX_BYTES)
+def _bytes(location: Location, name: str) -> bytes:
+    path = location.local
+    if path is None:
+        return read_bytes(location, MAX_BYTES)
     try:
-        if place.local.exists() and not place.local.is_file():
+        if path.exists() and not path.is_file():
             raise InputError(f"the catalogue {name} is not a file", "name the YAML file")
-        if place.local.stat().st_size > MAX_BYTES:
-            raise InputError(
-                f"{name} has {place.local.stat().st_size:,} bytes", f"a catalogue has at most {MAX_BYTES:,}; split it"
-            )
-        return place.local.read_bytes()
+        size = path.stat().st_size
+        if size > MAX_BYTES:
+            raise InputError(f"{name} has {size:,} bytes", f"a catalogue has at most {MAX_BYTES:,}; split it")
+        return path.read_bytes()
     except OSError as error:
         raise InputError(f"the catalogue {name} cannot be read ({error.strerror})", "check the path") from error
 
 
-def _holders(root: LinedDict) -> Iterator[LinedDict]:
-    """The catalogue, its objects and their captures, as far as they are mappings."""
+def _entries(root: LinedDict) -> Iterator[LinedDict]:
+    """Yield the catalogue, its objects and their captures, those that are mappings."""
     yield root
-    for each in _mappings(root.get("objects")):
-        yield each
-        yield from _mappings(each.get("captures"))
+    for item in _mappings(root.get("objects")):
+        yield item
+        yield from _mappings(item.get("captures"))
 
 
 def _mappings(value: Any) -> list[LinedDict]:
     return [item for item in value if isinstance(item, LinedDict)] if isinstance(value, LinedList) else []
 
 
-def _crossed(root: LinedDict, file: str) -> list[Problem]:
-    """Rules between keys, told beside whatever else is wrong."""
-    problems: list[Problem] = []
+def _check_keys_together(root: LinedDict, file: str) -> list[Diagnostic]:
+    """Check the rules between keys; pydantic would report them only once all else is valid."""
     objects = _mappings(root.get("objects"))
-    for what, group in (("object", objects), *(("capture", _mappings(each.get("captures"))) for each in objects)):
-        seen: dict[str, int] = {}
-        for item in group:
-            name = item.get("id")
-            if isinstance(name, str) and name in seen:
-                message = f"{what} id {name!r} is taken by line {seen[name]}"
-                problems.append(Problem(file, item.lines["id"], message, "choose another id"))
-            elif isinstance(name, str):
-                seen[name] = item.lines["id"]
-            if what == "capture" and name == MODEL:
+    diagnostics = _check_distinct("object", objects, file)
+    for item in objects:
+        captures = _mappings(item.get("captures"))
+        diagnostics += _check_distinct("capture", captures, file)
+        for capture in captures:
+            if capture.get("id") == MODEL:
                 message = f"the id {MODEL!r} is that of the object's merged model"
-                problems.append(Problem(file, item.lines["id"], message, "choose another id"))
-            if what == "capture" and item.get("spheres") and item.get("lights"):
+                diagnostics.append(Diagnostic(file, capture.lines["id"], message, "choose another id"))
+            if capture.get("spheres") and capture.get("lights"):
                 message = "a capture has either spheres or lights, not both"
-                problems.append(Problem(file, item.lines["lights"], message, "remove one of the two"))
-    return problems
+                diagnostics.append(Diagnostic(file, capture.lines["lights"], message, "remove one of the two"))
+    return diagnostics
 
 
-def _wrong_parameters(holder: LinedDict, model: type[BaseModel], file: str) -> list[Problem]:
-    parameters = holder.get("parameters")
+def _check_distinct(kind: str, entries: list[LinedDict], file: str) -> list[Diagnostic]:
+    """Report ids that an earlier entry has."""
+    diagnostics: list[Diagnostic] = []
+    first_lines: dict[str, int] = {}
+    for entry in entries:
+        name = entry.get("id")
+        if isinstance(name, str) and name in first_lines:
+            message = f"{kind} id {name!r} is taken by line {first_lines[name]}"
+            diagnostics.append(Diagnostic(file, entry.lines["id"], message, "choose another id"))
+        elif isinstance(name, str):
+            first_lines[name] = entry.lines["id"]
+    return diagnostics
+
+
+def _check_parameters(entry: LinedDict, model: type[BaseModel], file: str) -> list[Diagnostic]:
+    parameters = entry.get("parameters")
     if not isinstance(parameters, LinedDict) or not parameters:
         return []
     try:
         model.model_validate(parameters)
     except ValidationError as error:
-        return problems_of(error, parameters, model, file)
+        return diagnostics_of(error, parameters, model, file)
     return []
 
 
-def _resolve(root: LinedDict, folder: Location) -> None:
+def _resolve_addresses(root: LinedDict, folder: Location) -> None:
     """Make relative paths absolute."""
-    for holder in _holders(root):
-        for key in ADDRESSES:
-            value = holder.get(key)
+    for entry in _entries(root):
+        for key in ADDRESS_KEYS:
+            value = entry.get(key)
             if isinstance(value, str) and value and "://" not in value:
-                holder[key] = _below(folder, value)
+                entry[key] = _below(folder, value)
 
 
 def _below(folder: Location, path: str) -> str:
@@ -239,10 +249,9 @@ def _below(folder: Location, path: str) -> str:
     return f"{folder.scheme}://{folder.container}/{posixpath.normpath(posixpath.join(folder.path, path))}"
 
 
-def _merge(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    merged = dict(below)
-    for key, value in above.items():
+def _merge(base: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
+    merged = dict(base)
+    for key, value in overrides.items():
         old = merged.get(key)
-        both = isinstance(value, Mapping) and isinstance(old, Mapping)
-        merged[key] = _merge(old, value) if both else value  # type: ignore[arg-type]
+        merged[key] = _merge(old, value) if isinstance(value, Mapping) and isinstance(old, Mapping) else value
     return merged

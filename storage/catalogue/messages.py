@@ -1,12 +1,13 @@
-"""Validation errors in words: which line, what is wrong with which value, the nearest known key."""
+"""Turn pydantic's validation errors into diagnostics: line, value, cause, and for an unknown key the nearest known."""
 
 import difflib
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from glint.storage.catalogue.diagnostics import Problem, quoted
+from glint.storage.catalogue.diagnostics import Diagnostic, truncate_repr
 from glint.storage.catalogue.yaml_lines import line_of
 
 _REMEDIES = {
@@ -24,70 +25,75 @@ _REMEDIES = {
     "schema": "write `schema: 1`",
 }
 """By pydantic's name of the error."""
+_DEFAULT_REMEDY = "fix the value"
+_REPORTED_BY_LOADER = ("duplicate_id", "spheres_and_lights")
+"""Errors that the catalogue's loader reports with the lines of both keys."""
 
 
-def problems_of(error: ValidationError, root: Any, model: type[BaseModel], file: str) -> list[Problem]:
-    """One problem per error; those of unknown keys name the nearest known one."""
+def diagnostics_of(error: ValidationError, root: Any, model: type[BaseModel], file: str) -> list[Diagnostic]:
+    """Return one diagnostic per error, without those that repeat another."""
     details = error.errors(include_url=False)
-    return [_problem(detail, root, model, file) for detail in details if not _echoes(detail)]
+    return [_diagnostic(detail, root, model, file) for detail in details if not _is_redundant(detail)]
 
 
-def _echoes(detail: ErrorDetails) -> bool:
-    """Whether it says again what is told better: a list is too short only because its items were found wrong; rules
-    between keys, which the reader of the file tells with both lines."""
-    if detail["type"] in ("duplicate_id", "spheres_and_lights"):
+def _is_redundant(detail: ErrorDetails) -> bool:
+    """Return whether the error is reported in another place: by the loader, or as errors of a list's items.
+
+    Pydantic drops invalid items and then also reports that the list is too short.
+    """
+    if detail["type"] in _REPORTED_BY_LOADER:
         return True
     context = detail.get("ctx", {})
     return detail["type"] == "too_short" and len(detail["input"]) >= context.get("min_length", 1)
 
 
-def _problem(detail: ErrorDetails, root: Any, model: type[BaseModel], file: str) -> Problem:
+def _diagnostic(detail: ErrorDetails, root: Any, model: type[BaseModel], file: str) -> Diagnostic:
     location = tuple(detail["loc"])
-    line = line_of(root, location)
-    where = _name(location)
-    kind = detail["type"]
+    line, path, kind = line_of(root, location), _format_path(location), detail["type"]
     if kind == "extra_forbidden":
-        known = _keys_at(model, location[:-1])
+        known = _known_keys(model, location[:-1])
         near = difflib.get_close_matches(str(location[-1]), known, 1, 0.5)
         remedy = f"did you mean {near[0]!r}?" if near else f"known keys are {', '.join(known)}"
-        return Problem(file, line, f"unknown key {quoted(location[-1])} in {_name(location[:-1])}", remedy)
+        message = f"unknown key {truncate_repr(location[-1])} in {_format_path(location[:-1])}"
+        return Diagnostic(file, line, message, remedy)
     if kind == "missing":
-        return Problem(file, line, f"{where} is missing", "add it")
+        return Diagnostic(file, line, f"{path} is missing", "add it")
     if kind == "string_pattern_mismatch" and location[-1] == "id":
         remedy = "1 to 64 of a-z, 0-9, '.', '_' and '-', the first a letter or digit"
-        return Problem(file, line, f"{where} {quoted(detail['input'])} is no id", remedy)
+        return Diagnostic(file, line, f"{path} {truncate_repr(detail['input'])} is no id", remedy)
+    remedy = _REMEDIES.get(kind, _DEFAULT_REMEDY)
     if kind in ("pose", "camera", "schema"):
-        return Problem(file, line, detail["msg"], _REMEDIES.get(kind, "mend the value"))
-    message = detail["msg"][:1].lower() + detail["msg"][1:]
-    return Problem(
-        file, line, f"{where} is {quoted(detail['input'])}: {message}", _REMEDIES.get(kind, "mend the value")
-    )
+        return Diagnostic(file, line, detail["msg"], remedy)
+    cause = detail["msg"][:1].lower() + detail["msg"][1:]
+    return Diagnostic(file, line, f"{path} is {truncate_repr(detail['input'])}: {cause}", remedy)
 
 
-def _name(location: tuple[int | str, ...]) -> str:
-    """objects[3].captures[0].region.x, counted from 0."""
+def _format_path(location: tuple[int | str, ...]) -> str:
+    """Format a path as objects[3].captures[0].region.x, counted from 0."""
     text = ""
     for step in location:
         text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else str(step)
     return text or "the file"
 
 
-def _keys_at(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
-    """Keys that the model knows at a path."""
-    here: Any = model
+def _known_keys(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
+    """Return the keys that the model allows at a path."""
+    current: Any = model
     for step in location:
-        if isinstance(step, str) and isinstance(here, type) and issubclass(here, BaseModel):
-            field = next((f for name, f in here.model_fields.items() if step in (name, f.alias)), None)
+        if isinstance(step, str) and isinstance(current, type) and issubclass(current, BaseModel):
+            fields: dict[str, FieldInfo] = current.model_fields
+            field = next((field for name, field in fields.items() if step in (name, field.alias)), None)
             if field is None:
                 return []
-            here = _model_in(field.annotation)
-    if not (isinstance(here, type) and issubclass(here, BaseModel)):
+            current = _inner_model(field.annotation)
+    if not (isinstance(current, type) and issubclass(current, BaseModel)):
         return []
-    return [field.alias or name for name, field in here.model_fields.items()]
+    return [field.alias or name for name, field in current.model_fields.items()]
 
 
-def _model_in(annotation: Any) -> Any:
-    """The model inside an optional, a tuple or an annotation."""
+def _inner_model(annotation: Any) -> Any:
+    """Return the model inside an optional, a tuple or an annotation."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    return next((found for part in get_args(annotation) if (found := _model_in(part)) is not None), None)
+    models = (_inner_model(argument) for argument in get_args(annotation))
+    return next((model for model in models if model is not None), None)

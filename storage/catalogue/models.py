@@ -1,4 +1,4 @@
-"""What a catalogue says: objects, their captures, and where each capture's files are."""
+"""The catalogue's models: objects, their captures, and the addresses of each capture's files."""
 
 import re
 from functools import cached_property
@@ -10,7 +10,7 @@ from pydantic_core import PydanticCustomError
 ID = re.compile(r"[a-z0-9][a-z0-9._-]{0,63}")
 
 MODEL = "model"
-"""Stands in a capture's place where an object's results are told, so that no capture has this id."""
+"""Name of the merged model among an object's results; no capture may have this id."""
 
 Id = Annotated[str, Field(pattern=rf"^{ID.pattern}$")]
 Address = Annotated[str, Field(min_length=1, max_length=4096, pattern=r"^[^\x00]+$")]
@@ -34,17 +34,17 @@ class Region(_Strict):
 
     @property
     def rows(self) -> slice:
-        """Rows of the full frame."""
+        """The region's rows of the full frame."""
         return slice(self.y, self.y + self.height)
 
     @property
     def columns(self) -> slice:
-        """Columns of the full frame."""
+        """The region's columns of the full frame."""
         return slice(self.x, self.x + self.width)
 
 
 class Sphere(_Strict):
-    """A mirror ball: centre and radius in pixels of the full frame, y down; its diameter gives the scale."""
+    """A chrome sphere: centre and radius in pixels of the full frame, y down; its diameter gives the scale."""
 
     x: float
     y: float
@@ -53,12 +53,12 @@ class Sphere(_Strict):
 
 
 class Camera(_Strict):
-    """Perspective camera: 3 x 3 matrix in pixels."""
+    """Perspective camera: 3 x 3 intrinsic matrix in pixels."""
 
     matrix: Annotated[tuple[Row3, Row3, Row3], Field(strict=False)]
 
     @model_validator(mode="after")
-    def _is_a_camera(self) -> Self:
+    def _is_intrinsic_matrix(self) -> Self:
         if self.matrix[2] != (0, 0, 1) or self.matrix[1][0] != 0 or min(self.matrix[0][0], self.matrix[1][1]) <= 0:
             raise PydanticCustomError(
                 "camera", "the camera matrix must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with fx and fy above 0"
@@ -67,20 +67,20 @@ class Camera(_Strict):
 
 
 class Pose(_Strict):
-    """Where the view is: degrees of a turntable, or a 4 x 4 matrix (columns camera x right, y up, z to the camera)."""
+    """Camera pose: degrees of a turntable, or a 4 x 4 matrix (columns: camera's x right, y up, z to the camera)."""
 
     turntable: float | None = None
     camera_to_world: Annotated[tuple[Row4, Row4, Row4, Row4], Field(strict=False)] | None = None
 
     @model_validator(mode="after")
-    def _is_one(self) -> Self:
+    def _has_one_form(self) -> Self:
         if (self.turntable is None) == (self.camera_to_world is None):
             raise PydanticCustomError("pose", "a pose is either turntable or camera_to_world")
         return self
 
 
 class Capture(_Strict):
-    """One video or set of images of an object, and what is known about it; None or empty: found or estimated."""
+    """One video or set of images of an object, and what is known about it; what is None or empty is estimated."""
 
     id: Id
     frames: Address
@@ -96,14 +96,14 @@ class Capture(_Strict):
     parameters: Parameters = {}
 
     @model_validator(mode="after")
-    def _one_source_of_lights(self) -> Self:
+    def _has_one_light_source(self) -> Self:
         if self.spheres and self.lights:
             raise PydanticCustomError("spheres_and_lights", "a capture has either spheres or lights, not both")
         return self
 
 
 class Object(_Strict):
-    """A thing that was captured, from one view or more."""
+    """An object and its captures."""
 
     id: Id
     captures: Annotated[tuple[Capture, ...], Field(strict=False, min_length=1)]
@@ -115,18 +115,18 @@ class Object(_Strict):
         return {capture.id: capture for capture in self.captures}
 
     def capture(self, capture_id: str) -> Capture:
-        """The capture with this id; KeyError if there is none."""
+        """Return the capture with this id; KeyError if there is none."""
         return self._by_id[capture_id]
 
     @model_validator(mode="after")
-    def _distinct(self) -> Self:
+    def _has_distinct_ids(self) -> Self:
         if len({capture.id for capture in self.captures}) < len(self.captures):
-            raise PydanticCustomError("duplicate_id", "two captures of an object have one id")
+            raise PydanticCustomError("duplicate_id", "two captures of an object have the same id")
         return self
 
 
 class Catalogue(_Strict):
-    """Objects to work through. Paths are absolute, or addresses of an object store."""
+    """Objects to process. Paths are absolute, or addresses of an object store."""
 
     schema_: Annotated[int, Field(alias="schema")]
     name: Annotated[str, Field(min_length=1, max_length=200)]
@@ -135,25 +135,25 @@ class Catalogue(_Strict):
 
     @cached_property
     def _by_id(self) -> dict[str, Object]:
-        return {each.id: each for each in self.objects}
+        return {item.id: item for item in self.objects}
 
     def object(self, object_id: str) -> Object:
-        """The object with this id; KeyError if there is none."""
+        """Return the object with this id; KeyError if there is none."""
         return self._by_id[object_id]
 
     @field_validator("schema_")
     @classmethod
-    def _is_known(cls, schema: int) -> int:
+    def _is_known_schema(cls, schema: int) -> int:
         if schema != 1:
             raise PydanticCustomError("schema", "schema {schema} is not known", {"schema": schema})
         return schema
 
     @model_validator(mode="after")
-    def _distinct(self) -> Self:
-        if len({each.id for each in self.objects}) < len(self.objects):
-            raise PydanticCustomError("duplicate_id", "two objects have one id")
+    def _has_distinct_ids(self) -> Self:
+        if len({item.id for item in self.objects}) < len(self.objects):
+            raise PydanticCustomError("duplicate_id", "two objects have the same id")
         return self
 
 
-ADDRESSES = ("frames", "lights", "mask", "markup", "truth", "truth_model")
+ADDRESS_KEYS = ("frames", "lights", "mask", "markup", "truth", "truth_model")
 """Keys whose values are paths or addresses."""

@@ -1,6 +1,6 @@
-"""YAML as plain values that remember their lines. Nothing in the text is ever executed or expanded.
+"""Parse YAML to plain values with line numbers. Nothing in the text is executed or expanded.
 
-Tags, aliases and several documents are refused; scalars are those of YAML 1.2's core schema.
+Tags, aliases and several documents are refused; scalars follow YAML 1.2's core schema.
 """
 
 import re
@@ -18,13 +18,15 @@ from ruamel.yaml.events import (
     SequenceStartEvent,
 )
 
-from glint.storage.catalogue.diagnostics import Problem, quoted
+from glint.storage.catalogue.diagnostics import Diagnostic, truncate_repr
 
 MAX_BYTES = 64_000_000
+"""Size of the largest file that is read."""
 MAX_DEPTH = 32
+"""Levels of nesting that are read."""
 _INTEGER = re.compile(r"[-+]?[0-9]{1,18}")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
-_SPECIAL = {
+_CONSTANTS = {
     **dict.fromkeys(("", "~", "null", "Null", "NULL")),
     **dict.fromkeys(("true", "True", "TRUE"), True),
     **dict.fromkeys(("false", "False", "FALSE"), False),
@@ -35,7 +37,7 @@ _SPECIAL = {
 
 
 class LinedDict(dict[str, Any]):
-    """A mapping that knows its own line and those of its keys."""
+    """A mapping with its own line and those of its keys."""
 
     __slots__ = ("line", "lines")
 
@@ -46,7 +48,7 @@ class LinedDict(dict[str, Any]):
 
 
 class LinedList(list[Any]):
-    """A sequence that knows its own line and those of its items."""
+    """A sequence with its own line and those of its items."""
 
     __slots__ = ("line", "lines")
 
@@ -56,38 +58,41 @@ class LinedList(list[Any]):
         self.lines: list[int] = []
 
 
-def parse(text: str, file: str) -> tuple[Any, list[Problem]]:
-    """The document's value, and what is wrong with it; the value is None if it cannot be read to its end."""
+def parse(text: str, file: str) -> tuple[Any, list[Diagnostic]]:
+    """Return the document's value and its errors; the value is None if the text cannot be read to its end."""
     builder = _Builder(file)
     try:
         for event in YAML(typ="safe").parse(text):
-            if not builder.take(event):
-                return None, builder.problems
+            if not builder.add_event(event):
+                return None, builder.diagnostics
     except YAMLError as error:
         mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
-        what = getattr(error, "problem", None) or str(error).splitlines()[0]
-        builder.report(mark.line + 1 if mark else 1, f"this is not YAML: {what}", "mend the line, mind the indentation")
-        return None, builder.problems
+        cause = getattr(error, "problem", None) or str(error).splitlines()[0]
+        remedy = "fix the line, and check its indentation"
+        builder.report(mark.line + 1 if mark else 1, f"this is not YAML: {cause}", remedy)
+        return None, builder.diagnostics
     except ValueError as error:
         builder.report(1, f"this is not YAML: {error}", "save the file as UTF-8 text")
-        return None, builder.problems
-    return builder.root, builder.problems
+        return None, builder.diagnostics
+    return builder.root, builder.diagnostics
 
 
 class _Builder:
+    """Builds the value from ruamel's events; `_keys` holds, per open mapping, the key that awaits its value."""
+
     def __init__(self, file: str) -> None:
         self.file = file
         self.root: Any = None
-        self.problems: list[Problem] = []
+        self.diagnostics: list[Diagnostic] = []
         self._open: list[LinedDict | LinedList] = []
         self._keys: list[tuple[str, int] | None] = []
         self._documents = 0
 
     def report(self, line: int, message: str, remedy: str) -> None:
-        self.problems.append(Problem(self.file, line, message, remedy))
+        self.diagnostics.append(Diagnostic(self.file, line, message, remedy))
 
-    def take(self, event: Any) -> bool:
-        """Add what the event says; False if reading on makes no sense."""
+    def add_event(self, event: Any) -> bool:
+        """Add an event's value; return False if parsing must stop."""
         kind = type(event)
         if kind is ScalarEvent:
             self._scalar(event)
@@ -97,7 +102,7 @@ class _Builder:
             self._open.pop()
             self._keys.pop()
         elif kind is AliasEvent:
-            self.report(event.start_mark.line + 1, "aliases (*name) are not read", "write the value out")
+            self.report(event.start_mark.line + 1, "aliases (*name) are not supported", "write the value itself")
             return False
         elif kind is DocumentStartEvent:
             self._documents += 1
@@ -109,27 +114,27 @@ class _Builder:
     def _scalar(self, event: Any) -> None:
         line = event.start_mark.line + 1
         if event.tag is not None and event.tag != "!":
-            self.report(line, f"tags ({event.tag}) are not read", "write the plain value")
-        awaits_key = bool(self._open) and isinstance(self._open[-1], LinedDict) and self._keys[-1] is None
-        if awaits_key:
+            self.report(line, f"tags ({event.tag}) are not supported", "write the plain value")
+        is_key = bool(self._open) and isinstance(self._open[-1], LinedDict) and self._keys[-1] is None
+        if is_key:
             self._key(event.value, line)
         else:
             self._add(plain_value(event.value) if event.implicit[0] and not event.style else event.value, line)
 
     def _key(self, name: str, line: int) -> None:
         if name in self._open[-1]:
-            self.report(line, f"{quoted(name)} is given twice", "keep one of them")
+            self.report(line, f"{truncate_repr(name)} is given twice", "keep one of them")
         self._keys[-1] = (name, line)
 
     def _start(self, event: Any, kind: type[LinedDict] | type[LinedList]) -> bool:
         line = event.start_mark.line + 1
         if event.tag is not None:
-            self.report(line, f"tags ({event.tag}) are not read", "write the plain value")
+            self.report(line, f"tags ({event.tag}) are not supported", "write the plain value")
         if len(self._open) >= MAX_DEPTH:
             self.report(line, f"this is nested more than {MAX_DEPTH} levels deep", "a catalogue needs fewer")
             return False
         if self._open and isinstance(self._open[-1], LinedDict) and self._keys[-1] is None:
-            self.report(line, "a key must be a plain word", "mend the line")
+            self.report(line, "a key must be a plain word", "fix the line")
             return False
         value = kind(line)
         self._add(value, line)
@@ -141,22 +146,22 @@ class _Builder:
         if not self._open:
             self.root = value
             return
-        top = self._open[-1]
-        if isinstance(top, LinedList):
-            top.append(value)
-            top.lines.append(line)
+        parent = self._open[-1]
+        if isinstance(parent, LinedList):
+            parent.append(value)
+            parent.lines.append(line)
             return
         key = self._keys[-1]
         assert key is not None
-        top[key[0]] = value
-        top.lines[key[0]] = key[1]
+        parent[key[0]] = value
+        parent.lines[key[0]] = key[1]
         self._keys[-1] = None
 
 
 def plain_value(text: str) -> Any:
-    """A plain scalar's value."""
-    if text in _SPECIAL:
-        return _SPECIAL[text]
+    """Return the value of a plain (unquoted) scalar."""
+    if text in _CONSTANTS:
+        return _CONSTANTS[text]
     if _INTEGER.fullmatch(text):
         return int(text)
     if _FLOAT.fullmatch(text):
@@ -165,7 +170,7 @@ def plain_value(text: str) -> Any:
 
 
 def line_of(root: Any, location: tuple[int | str, ...]) -> int:
-    """Line of the value at a path of keys and indices, or of the deepest part of the path that is there."""
+    """Return the line of the value at a path of keys and indices, or of the deepest part of the path that exists."""
     line = getattr(root, "line", 1)
     for step in location:
         if isinstance(root, LinedDict) and step in root:

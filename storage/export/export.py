@@ -16,7 +16,8 @@ import numpy as np
 from glint.storage.errors import StoreError
 from glint.storage.export.image_files import encode_normals, write_exr, write_png, write_tiff
 from glint.storage.export.report import capture_report, code_names, report_page, report_pictures
-from glint.storage.locations.error_translation import store_faults
+from glint.storage.inputs.lp_file import write_lights
+from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository, Version
 from glint.storage.versions.stage_results import WHOLE_OBJECT, StageResult, check_file_name, check_name
@@ -49,7 +50,7 @@ def export(location: Location, object_id: str, out: Path, version: str | None = 
     """
     repository = ObjectRepository.open(location, object_id, create=False)
     chosen = repository.version(version)
-    with store_faults(str(out), f"exporting {object_id}"), _beside(out) as content:
+    with store_errors(str(out), f"exporting {object_id}"), _beside(out) as content:
         for capture in chosen.stages:
             folder = content if capture == WHOLE_OBJECT else content / check_name(capture, "capture")
             folder.mkdir(exist_ok=True)
@@ -122,8 +123,7 @@ def _write_lights(lights: StageResult, folder: Path) -> np.ndarray:
     np.save(folder / "half_vectors.npy", lights.read("half_vectors"))
     accepted = np.flatnonzero(reason == 0)
     digits = max(6, len(str(len(reason) - 1)))
-    lines = [f"{frame:0{digits}d} {' '.join(f'{part:.6f}' for part in directions[frame])}" for frame in accepted]
-    (folder / "lights.lp").write_text("\n".join([str(len(accepted)), *lines]) + "\n", encoding="utf-8")
+    write_lights(folder / "lights.lp", directions[accepted], [f"{frame:0{digits}d}" for frame in accepted])
     names = code_names(lights.record.get("reasons"))
     with (folder / "frames.csv").open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")

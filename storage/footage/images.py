@@ -1,4 +1,4 @@
-"""A set of images as footage: 8 or 16 bits, grey or colour, all of one size."""
+"""Read a set of images as footage: 8 or 16 bits, grey or colour, all of the same size."""
 
 import io
 import warnings
@@ -17,18 +17,18 @@ from glint.storage.locations.location import Location
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm", ".webp", ".jp2")
 MAX_PIXELS = 170_000_000
-"""Largest frame that is believed; a bomb of a few kilobytes can claim far more."""
-_MAX_BYTES = 2_000_000_000
+"""Largest frame that is decoded; the header of a file of a few kilobytes can state far more (decompression bomb)."""
+_MAX_IMAGE_BYTES = 2_000_000_000
 warnings.filterwarnings("ignore", category=Image.DecompressionBombWarning)
-_AHEAD = 4
-_WORKERS = 2
+_READ_AHEAD = 4
+_N_READERS = 2
 
 
 def decode_image(data: bytes, name: str, colour: bool = False) -> np.ndarray:
-    """Pixels of an image: (H, W) grey, or (H, W, 3) blue-green-red with `colour`; uint8 or uint16.
+    """Decode an image, uint8 or uint16: (H, W) grey, or (H, W, 3) blue-green-red with `colour`.
 
     Raises:
-        InputError: no image, of an absurd size, or of another depth.
+        InputError: no image, too large, or of another depth.
     """
     _check_size(data, name)
     flags = (cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE) | cv2.IMREAD_ANYDEPTH
@@ -37,7 +37,7 @@ def decode_image(data: bytes, name: str, colour: bool = False) -> np.ndarray:
     except cv2.error as error:
         raise InputError(f"{name} cannot be decoded", "replace the image") from error
     if pixels is None:
-        raise InputError(f"{name} is no image that can be read, or is cut off", "replace the image")
+        raise InputError(f"{name} is no image that can be read, or is truncated", "replace the image")
     if pixels.dtype not in (np.uint8, np.uint16):
         raise InputError(f"{name} has pixels of type {pixels.dtype}", "save it with 8 or 16 bits")
     return pixels
@@ -48,15 +48,15 @@ def _check_size(data: bytes, name: str) -> None:
         with Image.open(io.BytesIO(data)) as image:
             width, height = image.size
     except Image.DecompressionBombError as error:
-        raise InputError(f"{name} claims an absurd size", f"at most {MAX_PIXELS:,} pixels are read") from error
+        raise InputError(f"{name} states an impossible size", f"at most {MAX_PIXELS:,} pixels are read") from error
     except (OSError, ValueError, SyntaxError) as error:
         raise InputError(f"{name} is no image that can be read", "replace the image") from error
     if width * height > MAX_PIXELS:
-        raise InputError(f"{name} claims {width} x {height} pixels", f"at most {MAX_PIXELS:,} pixels are read")
+        raise InputError(f"{name} states {width} x {height} pixels", f"at most {MAX_PIXELS:,} pixels are read")
 
 
 class ImageSet:
-    """Footage of images. `names` are the file names without folder."""
+    """Footage of images; see `Footage`."""
 
     codec = "images"
 
@@ -70,38 +70,38 @@ class ImageSet:
         self.bits = 8 * first.itemsize
 
     def __enter__(self) -> "ImageSet":
-        """Itself."""
+        """Return itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Nothing stays open between frames."""
+        """Do nothing: no file stays open between frames."""
 
     def frames(self, start: int = 0, step: int = 1) -> Iterator[np.ndarray]:
-        """Luma (H, W) of frames start, start + step, ..
+        """Yield luma (H, W) of frames start, start + step, ..
 
         Raises:
             InputError: an image cannot be read, or differs in size or depth from the first.
         """
         chosen = iter(self.files[start::step])
-        with ThreadPoolExecutor(_WORKERS) as pool:
-            waiting: deque[Future[np.ndarray]] = deque(
-                pool.submit(self._checked, file) for file in islice(chosen, _AHEAD)
+        with ThreadPoolExecutor(_N_READERS) as pool:
+            pending: deque[Future[np.ndarray]] = deque(
+                pool.submit(self._read_checked, file) for file in islice(chosen, _READ_AHEAD)
             )
-            while waiting:
-                frame = waiting.popleft().result()
-                waiting.extend(pool.submit(self._checked, file) for file in islice(chosen, 1))
+            while pending:
+                frame = pending.popleft().result()
+                pending.extend(pool.submit(self._read_checked, file) for file in islice(chosen, 1))
                 yield frame
 
     def spread(self, count: int) -> list[np.ndarray]:
         """Return about `count` images spread over the set, luma (H, W), the first one first."""
         return list(self.frames(step=max(1, self.count // count)))
 
-    def _checked(self, file: Location) -> np.ndarray:
+    def _read_checked(self, file: Location) -> np.ndarray:
         frame = self._read(file)
         if frame.shape != (self.height, self.width):
             raise InputError(
                 f"{file.uri} is {frame.shape[1]} x {frame.shape[0]}, the first image {self.width} x {self.height}",
-                "all images of a capture must have one size; name them with a pattern if others lie beside them",
+                "all images of a capture must have the same size; give a pattern if the folder holds other images",
             )
         if 8 * frame.itemsize != self.bits:
             raise InputError(
@@ -110,4 +110,4 @@ class ImageSet:
         return frame
 
     def _read(self, file: Location) -> np.ndarray:
-        return decode_image(read_bytes(file, _MAX_BYTES), file.uri)
+        return decode_image(read_bytes(file, _MAX_IMAGE_BYTES), file.uri)

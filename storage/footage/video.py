@@ -1,4 +1,4 @@
-"""A video as footage: its luma plane, upright, full range."""
+"""Read a video as footage: its luma plane, upright, full range."""
 
 import contextlib
 from collections.abc import Iterator
@@ -13,63 +13,73 @@ from glint.storage.footage.images import MAX_PIXELS
 from glint.storage.footage.remote_file import RemoteFile
 from glint.storage.locations.location import Location
 
-_TURNS = {90: cv2.ROTATE_90_COUNTERCLOCKWISE, -90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, -180: cv2.ROTATE_180}
-_HELD = 64
-"""Damaged frames in a row that may turn out to be the end of a truncated file."""
+_ROTATIONS = {
+    90: cv2.ROTATE_90_COUNTERCLOCKWISE,
+    -90: cv2.ROTATE_90_CLOCKWISE,
+    180: cv2.ROTATE_180,
+    -180: cv2.ROTATE_180,
+}
 MIN_KEYFRAMES = 8
 """Keyframes from which on they stand for the whole video."""
 UNKNOWN_LENGTH_STEP = 64
-"""Frames from one that is taken to the next in a video that does not say how many it has."""
+"""Frames from one that is taken to the next in a video that does not state how many it has."""
+_MAX_DAMAGED_END = 64
+"""Consecutive damaged frames that are held back, since they may be the end of a truncated file."""
 
 
 class Video:
-    """Footage of a video. `count` is what the file claims, 0 if it claims nothing; `warnings` fill while reading."""
+    """Footage of a video; see `Footage`. `warnings` are those of the last complete pass over the frames."""
 
     names: tuple[str, ...] = ()
 
     def __init__(self, location: Location) -> None:
         self.uri, self._location = location.uri, location
         self.warnings: list[str] = []
-        with contextlib.ExitStack() as opened:
-            container = opened.enter_context(self._open())
+        with contextlib.ExitStack() as stack:
+            container = stack.enter_context(self._open())
             first = next(self._decoded(container), None)
             if first is None:
-                raise InputError(f"{self.uri} holds no frame that can be decoded", "film or copy it again")
+                raise InputError(f"{self.uri} holds no frame that can be decoded", "record or copy it again")
             stream = container.streams.video[0]
             self.codec = stream.codec_context.name
-            self.count = _claimed(container)
-            frame = Luma(first)
-        self.bits = frame.bits
-        self.height, self.width = frame.shape
+            self.count = _stated_count(container)
+            luma = LumaConverter(first)
+        self.bits = luma.bits
+        self.height, self.width = luma.shape
 
     def __enter__(self) -> "Video":
-        """Itself."""
+        """Return itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Each pass over the frames opens the file for itself."""
+        """Do nothing: each pass over the frames opens and closes the file."""
 
     def frames(self, start: int = 0, step: int = 1) -> Iterator[np.ndarray]:
-        """Luma (H, W) of frames start, start + step, ..; those between are decoded and dropped."""
-        done, begin, end = 0, None, 0.0
+        """Yield luma (H, W) of frames start, start + step, ..; those between are decoded and dropped.
+
+        Raises:
+            InputError: the file cannot be read, or its frames change their size.
+        """
+        done, first_time, last_time = 0, None, 0.0
         warnings: list[str] = []
         with self._open() as container:
-            luma: Luma | None = None
-            for frame in self._sound(container, warnings):
+            converter: LumaConverter | None = None
+            for frame in self._undamaged(container, warnings):
                 if done >= start and (done - start) % step == 0:
-                    luma = luma if luma and luma.fits(frame) else Luma(frame)
-                    if luma.shape != (self.height, self.width):
+                    if converter is None or not converter.is_same_format(frame):
+                        converter = LumaConverter(frame)
+                    if converter.shape != (self.height, self.width):
+                        height, width = converter.shape
                         raise InputError(
-                            f"{self.uri} changes its size at frame {done}: {luma.shape[1]} x {luma.shape[0]}",
-                            "cut the video there",
+                            f"{self.uri} changes its size at frame {done}: {width} x {height}", "cut the video there"
                         )
-                    yield luma.of(frame)
+                    yield converter.convert(frame)
                 if frame.time is not None:
-                    begin, end = frame.time if begin is None else begin, frame.time
+                    first_time, last_time = frame.time if first_time is None else first_time, frame.time
                 done += 1
-            if _ends_early(container, done, end - (begin or 0.0)):
-                of = f" of {self.count}" if self.count else ""
-                warnings.append(f"the video ends early: frames 0 to {done - 1}{of} can be read")
+            if _is_truncated(container, done, last_time - (first_time or 0.0)):
+                total = f" of {self.count}" if self.count else ""
+                warnings.append(f"the video ends early: frames 0 to {done - 1}{total} can be read")
         self.warnings = warnings
 
     def spread(self, count: int) -> list[np.ndarray]:
@@ -95,33 +105,38 @@ class Video:
                     if frame is None or frame.pts is None or frame.is_corrupt:
                         return []
                     if frame.pts not in frames:
-                        frames[frame.pts] = Luma(frame).of(frame)
+                        frames[frame.pts] = LumaConverter(frame).convert(frame)
             except av.FFmpegError:
                 return []
-        same = [frame for frame in frames.values() if frame.shape == (self.height, self.width)]
-        return same if len(same) == len(frames) else []
+        same_size = all(frame.shape == (self.height, self.width) for frame in frames.values())
+        return list(frames.values()) if same_size else []
 
-    def _sound(self, container: Any, warnings: list[str]) -> Iterator[av.VideoFrame]:
-        """Frames in order; damaged ones are given out with a warning unless nothing sound follows them."""
-        held: list[av.VideoFrame] = []
-        index, lost = 0, list[int]()
-        for frame in self._decoded(container, lost):
-            if frame.is_corrupt and len(held) < _HELD:
-                held.append(frame)
+    def _undamaged(self, container: Any, warnings: list[str]) -> Iterator[av.VideoFrame]:
+        """Yield frames in order; damaged ones, with a warning, only if an undamaged frame follows them."""
+        damaged: list[av.VideoFrame] = []
+        index, undecodable = 0, list[int]()
+        for frame in self._decoded(container, undecodable):
+            if frame.is_corrupt and len(damaged) < _MAX_DAMAGED_END:
+                damaged.append(frame)
             else:
-                if held:
-                    warnings.append(f"frames {index} to {index + len(held) - 1} are damaged in the file")
-                yield from held
-                index += len(held) + 1
-                held = []
+                if damaged:
+                    warnings.append(f"frames {index} to {index + len(damaged) - 1} are damaged in the file")
+                yield from damaged
+                index += len(damaged) + 1
+                damaged = []
                 yield frame
-        if held:
+        if damaged:
             warnings.append(f"the video is damaged from frame {index} on")
-        if lost:
-            warnings.append(f"{len(lost)} of its frames cannot be decoded and are left out, the first near {lost[0]}")
+        if undecodable:
+            warnings.append(
+                f"{len(undecodable)} of its frames cannot be decoded and are left out, the first near {undecodable[0]}"
+            )
 
-    def _decoded(self, container: Any, lost: list[int] | None = None) -> Iterator[av.VideoFrame]:
-        """Frames that can be decoded; `lost` takes, for each packet that cannot, how many came before it."""
+    def _decoded(self, container: Any, undecodable: list[int] | None = None) -> Iterator[av.VideoFrame]:
+        """Yield the frames that can be decoded.
+
+        undecodable: for each packet that cannot be decoded, the number of frames before it is appended.
+        """
         decoded = 0
         stream = container.streams.video[0]
         stream.thread_type = "AUTO"
@@ -138,8 +153,8 @@ class Video:
             except av.FFmpegError:
                 if packet is None:
                     return
-                if lost is not None:
-                    lost.append(decoded)
+                if undecodable is not None:
+                    undecodable.append(decoded)
             if packet is None or (packet.dts is None and packet.size == 0):
                 return
 
@@ -155,65 +170,68 @@ class Video:
         except (OSError, ValueError) as error:
             raise InputError(
                 f"{self.uri} is no video that can be read ({getattr(error, 'strerror', None) or error})",
-                "film or copy it again; a file whose copy was cut off has lost its index",
+                "record or copy it again; a truncated copy has lost its index",
             ) from error
         with container:
             if not container.streams.video:
-                raise InputError(f"{self.uri} has no video stream", "name a video or a folder of images")
-            size = container.streams.video[0]
-            if size.width * size.height > MAX_PIXELS:
-                raise InputError(f"{self.uri} claims {size.width} x {size.height} pixels", "check the file")
+                raise InputError(f"{self.uri} has no video stream", "give a video or a folder of images")
+            stream = container.streams.video[0]
+            if stream.width * stream.height > MAX_PIXELS:
+                raise InputError(f"{self.uri} states {stream.width} x {stream.height} pixels", "check the file")
             yield container
 
 
-def _ends_early(container: Any, done: int, time: float) -> bool:
-    """Whether less was read than the file claims: `done` frames, the last `time` seconds after the first."""
+def _is_truncated(container: Any, done: int, time: float) -> bool:
+    """Return whether fewer frames were read than the header states: `done`, the last `time` seconds after the first."""
     stream = container.streams.video[0]
-    # AVI counts slots, those too in which the camera had no frame.
+    # AVI also counts slots in which the camera had no frame.
     if stream.frames and container.format.name != "avi":
         return bool(stream.frames > done)
     interval = time / max(1, done - 1)
-    # Without a duration of its own a stream is measured by the container's, which sound may lengthen.
+    # A stream without a duration of its own is compared with the container's, which sound may lengthen.
     slack = 2 * interval if stream.duration else max(0.5, 3 * interval)
     return time + slack < _seconds(container)
 
 
 def _seconds(container: Any) -> float:
+    """Return the video's duration by the file's header."""
     stream = container.streams.video[0]
     if stream.duration:
         return float(stream.duration * stream.time_base)
     return container.duration / av.time_base if container.duration else 0.0
 
 
-def _claimed(container: Any) -> int:
+def _stated_count(container: Any) -> int:
+    """Return the number of frames by the file's header, 0 if unknown."""
     stream = container.streams.video[0]
     return int(stream.frames or _seconds(container) * float(stream.average_rate or 0))
 
 
-class Luma:
-    """How frames of one pixel format become upright full-range luma."""
+class LumaConverter:
+    """Converts frames of one pixel format to upright full-range luma; shape: (height, width), upright."""
 
     def __init__(self, frame: av.VideoFrame) -> None:
         self._format = (frame.format.name, frame.width, frame.height, frame.color_range, frame.rotation)
         depth = frame.format.components[0].bits
         self._wide = depth > 8
         self.bits = 16 if self._wide else 8
-        self._turn = _TURNS.get(round(frame.rotation / 90) * 90)
-        turned = self._turn in (cv2.ROTATE_90_CLOCKWISE, cv2.ROTATE_90_COUNTERCLOCKWISE)
-        self.shape = (frame.width, frame.height) if turned else (frame.height, frame.width)
+        self._rotation = _ROTATIONS.get(round(frame.rotation / 90) * 90)
+        is_sideways = self._rotation in (cv2.ROTATE_90_CLOCKWISE, cv2.ROTATE_90_COUNTERCLOCKWISE)
+        self.shape = (frame.width, frame.height) if is_sideways else (frame.height, frame.width)
         self._planar = _has_luma_plane(frame.format)
         self._table = _full_range(depth, limited=_is_limited(frame)) if self._planar else None
 
-    def fits(self, frame: av.VideoFrame) -> bool:
-        """Whether a frame is laid out as the first one."""
+    def is_same_format(self, frame: av.VideoFrame) -> bool:
+        """Return whether a frame has the format of the first one."""
         return self._format == (frame.format.name, frame.width, frame.height, frame.color_range, frame.rotation)
 
-    def of(self, frame: av.VideoFrame) -> np.ndarray:
-        """(H, W), a copy."""
+    def convert(self, frame: av.VideoFrame) -> np.ndarray:
+        """Return a frame's luma (H, W), uint8 or uint16, as a copy."""
         if self._planar:
             plane = frame.planes[0]
-            kind = np.dtype("<u2") if self._wide else np.dtype(np.uint8)
-            rows = np.frombuffer(plane, kind).reshape(-1, plane.line_size // kind.itemsize)
+            dtype = np.dtype("<u2") if self._wide else np.dtype(np.uint8)
+            # A plane's rows are padded to `line_size` bytes.
+            rows = np.frombuffer(plane, dtype).reshape(-1, plane.line_size // dtype.itemsize)
             luma = rows[: frame.height, : frame.width]
             if self._table is None:
                 luma = luma.copy()
@@ -221,18 +239,18 @@ class Luma:
                 luma = self._table[luma] if self._wide else cv2.LUT(luma, self._table)
         else:
             luma = cv2.cvtColor(frame.to_ndarray(format="bgr48le" if self._wide else "bgr24"), cv2.COLOR_BGR2GRAY)
-        return luma if self._turn is None else cv2.rotate(luma, self._turn)
+        return luma if self._rotation is None else cv2.rotate(luma, self._rotation)
 
 
 def _has_luma_plane(pixels: Any) -> bool:
-    """Whether the first plane is luma, or grey, alone: yuv planes, nv12, gray; little endian."""
+    """Return whether the first plane holds only luma or grey, little endian: planar yuv, nv12, gray."""
     name = pixels.name
-    known = name.startswith(("yuv4", "yuvj4", "yuva4", "gray", "nv12", "nv21", "nv16", "nv24"))
-    return known and not name.endswith("be") and not name.startswith(("yuyv", "grayf"))
+    is_planar = name.startswith(("yuv4", "yuvj4", "yuva4", "gray", "nv12", "nv21", "nv16", "nv24"))
+    return is_planar and not name.endswith("be") and not name.startswith(("yuyv", "grayf"))
 
 
 def _is_limited(frame: av.VideoFrame) -> bool:
-    """Video luma runs from 16 to 235 unless the file says otherwise; grey formats are full range."""
+    """Return whether luma runs from 16 to 235, as it does unless the file states full range or the format is grey."""
     name = frame.format.name
     if name.startswith(("yuvj", "gray")):
         return False
@@ -240,7 +258,7 @@ def _is_limited(frame: av.VideoFrame) -> bool:
 
 
 def _full_range(depth: int, limited: bool) -> np.ndarray | None:
-    """Table from the file's luma to 0..255 or 0..65535; None where nothing changes."""
+    """Return the table from the file's luma to 0..255 or 0..65535; None if nothing changes."""
     if not limited and depth in (8, 16):
         return None
     codes = np.arange(256 if depth == 8 else 65536, dtype=np.float64)

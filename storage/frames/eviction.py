@@ -1,4 +1,4 @@
-"""The cache of frames within a budget: what was used least recently goes first."""
+"""Keep the cache of frames within a budget: evict the least recently used first."""
 
 import re
 import shutil
@@ -10,19 +10,19 @@ from datetime import UTC, datetime, timedelta
 
 import obstore
 
-from glint.storage.locations.error_translation import store_faults
+from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 
-RECENT = timedelta(hours=1)
-"""What was used so lately may be in use."""
+MIN_IDLE = timedelta(hours=1)
+"""Frames used more recently may be in use, and are kept."""
 
-_DESCRIPTION = "zarr.json"
+_GROUP_METADATA = "zarr.json"
 _DIGEST = re.compile(r"[0-9a-f]{64}")
 
 
 @dataclass(frozen=True, slots=True)
 class CachedFrames:
-    """The frames of a capture in the cache: their digest, bytes, and when they were last used."""
+    """The frames of a capture in the cache: digest, size in bytes, and time of last use."""
 
     digest: str
     bytes: int
@@ -30,61 +30,61 @@ class CachedFrames:
 
 
 def cached_frames(location: Location) -> list[CachedFrames]:
-    """What the cache holds, the least recently used first. Symbolic links are not followed, other names left out."""
+    """List the cached frames, the least recently used first; symbolic links and other names are ignored."""
     sizes: dict[str, int] = defaultdict(int)
     used: dict[str, datetime] = {}
-    with store_faults(location.uri, "listing frames"):
+    with store_errors(location.uri, "listing frames"):
         for path, size, modified in _files(location):
             digest = path.split("/")[0].partition(".")[0]
             if not _DIGEST.fullmatch(digest):
                 continue
             sizes[digest] += size
             used[digest] = max(used.get(digest, modified), modified)
-    found = [CachedFrames(digest, size, used[digest]) for digest, size in sizes.items() if size]
-    return sorted(found, key=lambda each: (each.used, each.digest))
+    cached = [CachedFrames(digest, size, used[digest]) for digest, size in sizes.items() if size]
+    return sorted(cached, key=lambda entry: (entry.used, entry.digest))
 
 
 def over_budget(
     frames: Collection[CachedFrames], budget: int, in_use: Collection[str], now: datetime | None = None
 ) -> list[CachedFrames]:
-    """What must go for the rest to take `budget` bytes at most, except what is in use or was lately."""
-    excess = sum(each.bytes for each in frames) - budget
-    fresh = (now or datetime.now(UTC)) - RECENT
+    """Return the frames to evict so that the rest takes `budget` bytes at most; recently used ones are kept."""
+    excess = sum(entry.bytes for entry in frames) - budget
+    last_idle = (now or datetime.now(UTC)) - MIN_IDLE
     chosen = []
-    for each in frames:
+    for entry in frames:
         if excess <= 0:
             break
-        if each.digest not in in_use and each.used < fresh:
-            chosen.append(each)
-            excess -= each.bytes
+        if entry.digest not in in_use and entry.used < last_idle:
+            chosen.append(entry)
+            excess -= entry.bytes
     return chosen
 
 
 def remove_frames(location: Location, chosen: Collection[CachedFrames]) -> None:
-    """Remove frames from the cache. The description goes first: what is left of a removal that died is no cache."""
-    with store_faults(location.uri, "removing frames"):
-        for each in chosen:
+    """Remove frames, their group's metadata first, so that an interrupted removal leaves no valid cache."""
+    with store_errors(location.uri, "removing frames"):
+        for entry in chosen:
             if location.local is not None:
-                place = location.local / "frames" / each.digest
-                (place / _DESCRIPTION).unlink(missing_ok=True)
-                shutil.rmtree(place)
-                (place.parent / f"{each.digest}.used").unlink(missing_ok=True)
+                folder = location.local / "frames" / entry.digest
+                (folder / _GROUP_METADATA).unlink(missing_ok=True)
+                shutil.rmtree(folder)
+                (folder.parent / f"{entry.digest}.used").unlink(missing_ok=True)
                 continue
             store = location.child("frames").obstore()
-            obstore.delete(store, f"{each.digest}/{_DESCRIPTION}")
-            paths = [path for path, _, _ in _files(location, each.digest)]
+            obstore.delete(store, f"{entry.digest}/{_GROUP_METADATA}")
+            paths = [path for path, _, _ in _files(location, entry.digest)]
             for start in range(0, len(paths), 500):
                 obstore.delete(store, paths[start : start + 500])
 
 
 def mark_used(location: Location, digest: str) -> None:
-    """Remember that these frames are used now."""
-    with store_faults(location.uri, "marking frames as used"):
+    """Record that these frames are used now."""
+    with store_errors(location.uri, "marking frames as used"):
         obstore.put(location.obstore(), f"frames/{digest}.used", b"", use_multipart=False)
 
 
 def _files(location: Location, digest: str = "") -> Iterator[tuple[str, int, datetime]]:
-    """Path below the cache, bytes and time of change of every file, of all frames or of those of a digest."""
+    """Yield path below the cache, size in bytes and time of change of all files, or of those of a digest."""
     if location.local is None:
         for batch in obstore.list(location.child("frames").obstore(), prefix=digest or None):
             for meta in batch:

@@ -1,20 +1,20 @@
-"""Highlights that the user marked as true or false, read from JSON."""
+"""Read the user's annotations: highlights marked as true or false, in JSON."""
 
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from glint.storage.catalogue.diagnostics import Problem, raise_all
-from glint.storage.catalogue.messages import problems_of
+from glint.storage.catalogue.diagnostics import Diagnostic, raise_diagnostics
+from glint.storage.catalogue.messages import diagnostics_of
 from glint.storage.catalogue.models import Region
 from glint.storage.catalogue.yaml_lines import line_of, parse
 from glint.storage.errors import InputError
-from glint.storage.locations.input_files import MAX_TEXT, Address, locate, read_bytes
+from glint.storage.locations.input_files import MAX_TEXT_BYTES, Address, locate, read_bytes
 
 
-class Mark(BaseModel):
-    """A highlight that the user marked: frame counted from 0, position in frame pixels, y down."""
+class AnnotationEntry(BaseModel):
+    """A highlight that the user marked: frame counted from 0, position in pixels of the full frame, y down."""
 
     model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
     frame: Annotated[int, Field(ge=0)]
@@ -23,7 +23,7 @@ class Mark(BaseModel):
     kind: Literal["true", "false"]
 
 
-_MARKS = TypeAdapter(list[Mark])
+_ANNOTATIONS = TypeAdapter(list[AnnotationEntry])
 
 
 def read_markup(
@@ -32,45 +32,52 @@ def read_markup(
     count: int | None = None,
     region: Region | None = None,
     mask: np.ndarray | None = None,
-) -> list[Mark]:
-    """Marks of a markup file, in its order.
+) -> list[AnnotationEntry]:
+    """Read the annotations of a file, in its order.
 
-    frame_size: (height, width); count: number of frames; mask: bool (H, W) of the region, where marks must lie.
+    frame_size: (height, width); count: number of frames; mask: bool (H, W) of the region, where annotations must lie.
 
     Raises:
-        InputError: malformed, or marks in no frame, outside the frame, region or mask; all of them, with their lines.
+        InputError: malformed, or annotations after the last frame or outside the frame, region or mask; it lists all
+            of them with their lines.
     """
     location = locate(address)
-    data = read_bytes(location, MAX_TEXT)
+    data = read_bytes(location, MAX_TEXT_BYTES)
     try:
-        root, problems = parse(data.decode("utf-8-sig"), location.uri)
+        root, diagnostics = parse(data.decode("utf-8-sig"), location.uri)
     except UnicodeDecodeError as error:
         raise InputError(f"{location.uri} is not UTF-8 text", "save it as UTF-8") from error
-    raise_all(problems)
+    raise_diagnostics(diagnostics)
     try:
-        marks = _MARKS.validate_python(root)
+        annotations = _ANNOTATIONS.validate_python(root)
     except ValidationError as error:
-        raise_all(problems_of(error, root, Mark, location.uri))
+        raise_diagnostics(diagnostics_of(error, root, AnnotationEntry, location.uri))
         raise
-    for index, mark in enumerate(marks):
-        where = _misplaced(mark, frame_size, count, region, mask)
-        if where:
-            message = f"mark {index} at frame {mark.frame}, x {mark.x:g}, y {mark.y:g} {where}"
-            problems.append(Problem(location.uri, line_of(root, (index,)), message, "move or remove it"))
-    raise_all(problems)
-    return marks
+    for index, annotation in enumerate(annotations):
+        position_error = _position_error(annotation, frame_size, count, region, mask)
+        if position_error:
+            position = f"frame {annotation.frame}, x {annotation.x:g}, y {annotation.y:g}"
+            message = f"annotation {index} at {position} {position_error}"
+            diagnostics.append(Diagnostic(location.uri, line_of(root, (index,)), message, "move or remove it"))
+    raise_diagnostics(diagnostics)
+    return annotations
 
 
-def _misplaced(
-    mark: Mark, frame_size: tuple[int, int], count: int | None, region: Region | None, mask: np.ndarray | None
+def _position_error(
+    annotation: AnnotationEntry,
+    frame_size: tuple[int, int],
+    count: int | None,
+    region: Region | None,
+    mask: np.ndarray | None,
 ) -> str:
+    """Return the reason why an annotation's position is invalid; empty if it is valid."""
     height, width = frame_size
-    if count is not None and mark.frame >= count:
+    if count is not None and annotation.frame >= count:
         return f"is after the last frame, {count - 1}"
-    if not (-0.5 <= mark.x < width - 0.5 and -0.5 <= mark.y < height - 0.5):
+    if not (-0.5 <= annotation.x < width - 0.5 and -0.5 <= annotation.y < height - 0.5):
         return f"lies outside the frame of {width} x {height} pixels"
     area = region or Region(x=0, y=0, width=width, height=height)
-    column, row = int(np.floor(mark.x + 0.5)) - area.x, int(np.floor(mark.y + 0.5)) - area.y
+    column, row = int(np.floor(annotation.x + 0.5)) - area.x, int(np.floor(annotation.y + 0.5)) - area.y
     if not (0 <= column < area.width and 0 <= row < area.height):
         return "lies outside the region"
     if mask is not None and not mask[row, column]:

@@ -1,4 +1,4 @@
-"""What lies beside a capture's frames: mask, known lights, markup, truth. Hostile until checked."""
+"""Read the files beside a capture's frames: mask, known lights, annotations, truth; none is trusted until checked."""
 
 import io
 import math
@@ -12,41 +12,39 @@ import numpy as np
 from glint.storage.catalogue.models import Camera, Region
 from glint.storage.errors import InputError
 from glint.storage.footage.images import decode_image
-from glint.storage.inputs.lp_file import read_lights, write_lights
-from glint.storage.inputs.markup import Mark, read_markup
+from glint.storage.inputs.lp_file import read_lights
+from glint.storage.inputs.markup import AnnotationEntry, read_markup
 from glint.storage.locations.input_files import Address, locate, read_bytes
 
 __all__ = [
-    "Mark",
+    "AnnotationEntry",
     "Truth",
     "camera_matrix",
     "read_lights",
     "read_markup",
     "read_mask",
     "read_truth",
-    "write_lights",
 ]
 
-_IMAGE_BYTES = 1_000_000_000
-_ARRAY_BYTES = 4_000_000_000
+_MAX_MASK_BYTES = 1_000_000_000
+_MAX_ARRAY_BYTES = 4_000_000_000
 
 
 def read_mask(address: Address, frame_size: tuple[int, int], region: Region | None = None) -> np.ndarray:
-    """The object's pixels, bool (H, W) of the region (of the frame if there is none): non-zero in the image.
+    """Read the object's mask, bool (H, W) of the region (of the frame if there is none): true where the image is not 0.
 
-    frame_size: (height, width). The image has the frame's or the region's size; a colour or alpha channel does not
-    matter.
+    frame_size: (height, width). The image has the frame's or the region's size, with any number of channels.
 
     Raises:
-        InputError: unreadable, of another size, or without an object inside the region.
+        InputError: unreadable, of another size, or empty inside the region.
     """
     location = locate(address)
-    pixels = decode_image(read_bytes(location, _IMAGE_BYTES), location.uri, colour=True).any(axis=2)
-    wanted = (region.height, region.width) if region else frame_size
-    if pixels.shape == frame_size and region is not None and pixels.shape != wanted:
+    pixels = decode_image(read_bytes(location, _MAX_MASK_BYTES), location.uri, colour=True).any(axis=2)
+    expected = (region.height, region.width) if region else frame_size
+    if pixels.shape == frame_size and region is not None and pixels.shape != expected:
         pixels = pixels[region.rows, region.columns]
-    if pixels.shape != wanted:
-        sizes = [f"the frame's {_size(frame_size)}"] + [f"the region's {_size(wanted)}"] * (region is not None)
+    if pixels.shape != expected:
+        sizes = [f"the frame's {_size(frame_size)}"] + [f"the region's {_size(expected)}"] * (region is not None)
         raise InputError(
             f"the mask {location.uri} is {_size(pixels.shape)}", f"it must have {' or '.join(sizes)} pixels"
         )
@@ -59,13 +57,13 @@ def read_mask(address: Address, frame_size: tuple[int, int], region: Region | No
 
 
 def camera_matrix(camera: Camera | None) -> np.ndarray | None:
-    """The camera's matrix, float64 (3, 3) in pixels; None: orthographic."""
+    """Return the camera's matrix, float64 (3, 3) in pixels; None: orthographic."""
     return None if camera is None else np.array(camera.matrix, np.float64)
 
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """What is known exactly: normals (H, W, 3) and depth (H, W) of the region, NaN outside, lights (T, 3); or None."""
+    """Ground truth: normals (H, W, 3) and depth (H, W) of the region, NaN outside, lights (T, 3); None if not given."""
 
     normals: np.ndarray | None
     depth: np.ndarray | None
@@ -73,12 +71,12 @@ class Truth:
 
 
 def read_truth(folder: Address, size: tuple[int, int] | None = None) -> Truth:
-    """normals.npy, depth.npy and lights.npy of a folder, as float32, those that are there.
+    """Read normals.npy, depth.npy and lights.npy of a folder as float32; those that are missing become None.
 
     size: (height, width) of the region.
 
     Raises:
-        InputError: none of them is there, or one is malformed or of another size.
+        InputError: all are missing, or one is malformed or of another size.
     """
     location = locate(folder)
     shapes: dict[str, tuple[int | None, ...]] = {
@@ -89,37 +87,39 @@ def read_truth(folder: Address, size: tuple[int, int] | None = None) -> Truth:
     arrays: dict[str, np.ndarray | None] = {}
     for name, shape in shapes.items():
         try:
-            data = read_bytes(location.child(f"{name}.npy"), _ARRAY_BYTES)
+            data = read_bytes(location.child(f"{name}.npy"), _MAX_ARRAY_BYTES)
         except InputError as error:
             if not isinstance(error.__cause__, FileNotFoundError):
                 raise
             arrays[name] = None
             continue
-        arrays[name] = _array(data, shape, location.child(f"{name}.npy").uri)
+        arrays[name] = _decode_array(data, shape, location.child(f"{name}.npy").uri)
     if all(array is None for array in arrays.values()):
         raise InputError(f"{location.uri} holds no truth", "put normals.npy, depth.npy or lights.npy there")
     return Truth(**arrays)
 
 
-def _array(data: bytes, shape: tuple[int | None, ...], uri: str) -> np.ndarray:
-    """An array of numbers of a shape (None: any length), from the bytes of a .npy file; nothing in it is executed."""
+def _decode_array(data: bytes, shape: tuple[int | None, ...], uri: str) -> np.ndarray:
+    """Decode the bytes of a .npy file of a shape (None: any length) as float32; nothing in it is executed."""
     stream = io.BytesIO(data)
     try:
         version = np.lib.format.read_magic(stream)
         reader: Any = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        found, fortran, kind = reader(stream)
+        lengths, is_fortran, dtype = reader(stream)
     except (ValueError, SyntaxError, TypeError, tokenize.TokenError, RecursionError, MemoryError) as error:
-        raise InputError(f"{uri} is no array of numpy", "save it with numpy.save") from error
-    if len(found) != len(shape) or any(want not in (None, have) for want, have in zip(shape, found, strict=True)):
-        wanted = " x ".join("any" if length is None else str(length) for length in shape)
-        raise InputError(f"{uri} has shape {' x '.join(map(str, found))}", f"it must be {wanted}")
-    if kind.kind not in "fiu":
-        raise InputError(f"{uri} holds values of type {kind}", "save numbers")
-    count = math.prod(found)
-    if min(found) < 1 or len(data) - stream.tell() < count * kind.itemsize:
-        raise InputError(f"{uri} is cut off or empty", "copy it again")
-    flat = np.frombuffer(data, kind, count, stream.tell())
-    return flat.reshape(found, order="F" if fortran else "C").astype(np.float32)
+        raise InputError(f"{uri} is no NumPy array", "save it with numpy.save") from error
+    if len(lengths) != len(shape) or any(
+        expected not in (None, length) for expected, length in zip(shape, lengths, strict=True)
+    ):
+        expected_shape = " x ".join("any" if length is None else str(length) for length in shape)
+        raise InputError(f"{uri} has shape {' x '.join(map(str, lengths))}", f"it must be {expected_shape}")
+    if dtype.kind not in "fiu":
+        raise InputError(f"{uri} holds values of type {dtype}", "save numbers")
+    count = math.prod(lengths)
+    if min(lengths) < 1 or len(data) - stream.tell() < count * dtype.itemsize:
+        raise InputError(f"{uri} is truncated or empty", "copy it again")
+    flat = np.frombuffer(data, dtype, count, stream.tell())
+    return flat.reshape(lengths, order="F" if is_fortran else "C").astype(np.float32)
 
 
 def _size(shape: Sequence[int]) -> str:

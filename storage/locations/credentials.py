@@ -1,39 +1,52 @@
-"""How to reach an object store: from the environment, else from the usual profile files; never shown anywhere."""
+"""Endpoint, region and credentials of object stores, from the environment or the usual profile files; never printed.
 
-import configparser
+S3: boto3 finds the credentials (environment, profiles, single sign-on, assumed roles, the platform's role) and renews
+those that expire; obstore and icechunk call the functions of this module again when theirs run out. Without boto3 both
+libraries read the environment and the platform's role themselves. Azure: an account key, else what the libraries find.
+"""
+
 import os
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from datetime import timedelta
+from functools import lru_cache
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+import icechunk
 
 from glint.storage.errors import StoreError
+
+if TYPE_CHECKING:
+    from botocore.session import Session
+    from obstore.auth.boto3 import Boto3CredentialProvider
+    from obstore.store import S3Credential
+
+CREDENTIALS_TTL = timedelta(minutes=5)
+"""How long the libraries keep credentials before they ask again; botocore renews at least 10 minutes before expiry."""
 
 
 @dataclass(frozen=True, slots=True)
 class S3Options:
-    """Endpoint (None: Amazon's own), region and keys (None: whatever the platform offers, such as a role)."""
+    """Endpoint (None: Amazon's own), region, and whether boto3 has credentials (else the libraries find their own)."""
 
     endpoint: str | None
     region: str
-    access_key_id: str | None = field(default=None, repr=False)
-    secret_access_key: str | None = field(default=None, repr=False)
-    session_token: str | None = field(default=None, repr=False)
-
-    def _keys(self) -> dict[str, str]:
-        named = {name: getattr(self, name) for name in ("access_key_id", "secret_access_key", "session_token")}
-        return {name: value for name, value in named.items() if value}
+    is_refreshable: bool = False
 
     def for_obstore(self) -> dict[str, Any]:
-        """Arguments of S3Store."""
-        options: dict[str, Any] = {"region": self.region, **self._keys()}
+        """Return the arguments of S3Store."""
+        options: dict[str, Any] = {"region": self.region}
+        if self.is_refreshable:
+            options["credential_provider"] = obstore_credentials
         if self.endpoint:
             options |= {"endpoint": self.endpoint, "virtual_hosted_style_request": False}
             options["client_options"] = {"allow_http": self.endpoint.startswith("http://")}
         return options
 
     def for_icechunk(self) -> dict[str, Any]:
-        """Arguments of icechunk.s3_storage."""
-        options: dict[str, Any] = {"region": self.region, **(self._keys() or {"from_env": True})}
+        """Return the arguments of icechunk.s3_storage."""
+        options: dict[str, Any] = {"region": self.region}
+        options |= {"get_credentials": icechunk_credentials} if self.is_refreshable else {"from_env": True}
         if self.endpoint:
             options |= {"endpoint_url": self.endpoint, "force_path_style": True}
             options["allow_http"] = self.endpoint.startswith("http://")
@@ -41,51 +54,81 @@ class S3Options:
 
 
 def s3_options() -> S3Options:
-    """AWS_ENDPOINT_URL(_S3), AWS_REGION, AWS_ACCESS_KEY_ID, .., else the profile AWS_PROFILE of ~/.aws."""
-    profile = _profile()
+    """Return the options of S3 from AWS_ENDPOINT_URL(_S3), AWS_REGION, .., else from the profile AWS_PROFILE of ~/.aws.
 
-    def look(*names: str) -> str | None:
-        """From the environment (AWS_ENDPOINT_URL), else from the profile (endpoint_url)."""
-        for source, spell in ((os.environ, str), (profile, lambda name: name.lower().removeprefix("aws_"))):
-            for name in names:
-                if value := source.get(spell(name)):
-                    return value
-        return None
-
-    region = look("AWS_REGION", "AWS_DEFAULT_REGION") or "us-east-1"
-    endpoint = look("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT")
-    if os.environ.get("AWS_ACCESS_KEY_ID"):
-        token = os.environ.get("AWS_SESSION_TOKEN")
-        return S3Options(
-            endpoint, region, os.environ["AWS_ACCESS_KEY_ID"], os.environ.get("AWS_SECRET_ACCESS_KEY"), token
-        )
-    keys = [profile.get(f"aws_{name}") for name in ("access_key_id", "secret_access_key", "session_token")]
-    return S3Options(endpoint, region, *keys)
+    Raises:
+        StoreError: the profile is missing or malformed, or boto3, which reads profiles, is not installed.
+    """
+    profile, provider = _profile(_environment_hash()) if _has_boto3() else ({}, None)
+    region = os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION") or profile.get("region")
+    variables = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT")
+    endpoint = next(filter(None, map(os.environ.get, variables)), None) or profile.get("endpoint_url")
+    return S3Options(endpoint, region or "us-east-1", provider is not None)
 
 
-def _profile() -> dict[str, str]:
-    """The chosen profile of the shared credentials and config files."""
-    name = os.environ.get("AWS_PROFILE") or "default"
-    found: dict[str, str] = {}
-    for variable, default, section in (
-        ("AWS_CONFIG_FILE", "~/.aws/config", name if name == "default" else f"profile {name}"),
-        ("AWS_SHARED_CREDENTIALS_FILE", "~/.aws/credentials", name),
-    ):
-        parser = configparser.RawConfigParser()
-        try:
-            parser.read(Path(os.environ.get(variable) or default).expanduser(), encoding="utf-8")
-        except (configparser.Error, UnicodeDecodeError) as error:
-            raise StoreError(
-                f"the profile file {os.environ.get(variable) or default} cannot be read", "mend it"
-            ) from error
-        if parser.has_section(section):
-            found |= dict(parser.items(section))
-    return found
+def obstore_credentials() -> "S3Credential":
+    """Return the current keys of S3, for obstore to ask for again once they expire."""
+    _, provider = _profile(_environment_hash())
+    if provider is None:
+        raise StoreError("no credentials for S3 were found", "set AWS_ACCESS_KEY_ID or AWS_PROFILE")
+    return provider()
+
+
+def icechunk_credentials() -> icechunk.S3StaticCredentials:
+    """Return the current keys of S3, for icechunk to ask for again once they expire; icechunk pickles this function."""
+    keys = obstore_credentials()
+    return icechunk.S3StaticCredentials(
+        access_key_id=keys["access_key_id"],
+        secret_access_key=keys["secret_access_key"],
+        session_token=keys.get("token"),
+        expires_after=keys["expires_at"],
+    )
+
+
+def _has_boto3() -> bool:
+    """Return whether boto3 is installed.
+
+    Raises:
+        StoreError: it is not, and AWS_PROFILE asks for it.
+    """
+    if find_spec("boto3") is not None:
+        return True
+    if os.environ.get("AWS_PROFILE") and not os.environ.get("AWS_ACCESS_KEY_ID"):
+        raise StoreError("AWS_PROFILE is set, but boto3, which reads profiles, is not installed", "install glint[s3]")
+    return False
+
+
+def _environment_hash() -> int:
+    """Return a hash of the variables on which the credentials depend; their values must not appear in tracebacks."""
+    return hash(tuple(sorted(item for item in os.environ.items() if item[0] == "HOME" or item[0].startswith("AWS_"))))
+
+
+@lru_cache(maxsize=4)
+def _profile(environment_hash: int) -> "tuple[dict[str, Any], Boto3CredentialProvider | None]":
+    """Return the chosen profile's settings and its credentials, None if there are none.
+
+    Cached as long as the environment stays, so that all stores of a process share the credentials and their renewal.
+    """
+    import botocore.session
+    from botocore.exceptions import BotoCoreError
+    from obstore.auth.boto3 import Boto3CredentialProvider
+
+    session: Session = botocore.session.Session()
+    try:
+        settings = dict(session.get_scoped_config())
+        if session.get_credentials() is None:
+            return settings, None
+        return settings, Boto3CredentialProvider(session, ttl=CREDENTIALS_TTL)
+    except (BotoCoreError, UnicodeDecodeError) as error:
+        raise StoreError(
+            f"the credentials for S3 cannot be read ({error})",
+            "check the credentials: AWS_PROFILE and the profile files",
+        ) from error
 
 
 @dataclass(frozen=True, slots=True)
 class AzureOptions:
-    """Endpoint (None: Azure's own) and account key (None: whatever the platform offers)."""
+    """Endpoint (None: Azure's own) and account key (None: what the platform provides, such as a managed identity)."""
 
     account: str
     endpoint: str | None
@@ -93,7 +136,7 @@ class AzureOptions:
     emulator: bool = False
 
     def for_obstore(self) -> dict[str, Any]:
-        """Arguments of AzureStore; it reads the other AZURE_ variables itself."""
+        """Return the arguments of AzureStore; it reads the other AZURE_ variables itself."""
         options: dict[str, Any] = {"account_name": self.account}
         if self.key:
             options["account_key"] = self.key
@@ -105,7 +148,7 @@ class AzureOptions:
         return options
 
     def for_icechunk(self) -> dict[str, Any]:
-        """Arguments of icechunk.azure_storage beside the account."""
+        """Return the arguments of icechunk.azure_storage beside the account."""
         options: dict[str, Any] = {"access_key": self.key} if self.key else {"from_env": True}
         if self.emulator:
             options["config"] = {"azure_storage_use_emulator": "true", "azure_allow_http": "true"}
@@ -116,10 +159,12 @@ class AzureOptions:
 
 
 def azure_options() -> AzureOptions:
-    """AZURE_STORAGE_ACCOUNT_NAME, AZURE_STORAGE_ACCOUNT_KEY, AZURE_STORAGE_ENDPOINT, AZURE_STORAGE_USE_EMULATOR.
+    """Return the options of Azure from the environment.
+
+    AZURE_STORAGE_ACCOUNT_NAME, AZURE_STORAGE_ACCOUNT_KEY, AZURE_STORAGE_ENDPOINT, AZURE_STORAGE_USE_EMULATOR.
 
     Raises:
-        StoreError: no account is named.
+        StoreError: AZURE_STORAGE_ACCOUNT_NAME is missing.
     """
     emulator = os.environ.get("AZURE_STORAGE_USE_EMULATOR", "").lower() in ("1", "true")
     account = os.environ.get("AZURE_STORAGE_ACCOUNT_NAME") or ("devstoreaccount1" if emulator else "")

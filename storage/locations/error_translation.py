@@ -1,4 +1,4 @@
-"""Failures of the store's libraries, told as `StoreError` with the remedy."""
+"""Translate errors of the file system, obstore and icechunk to `StoreError` with a remedy."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,16 +19,16 @@ REMEDIES = (
     ),
     (
         ("not a directory", "file exists", "os error 20"),
-        "a file stands where a folder must be: move it or name another store",
+        "there is a file in place of a folder: move it or name another store",
     ),
     (
         ("403", "access denied", "forbidden", "credential", "signature"),
         "check the credentials in the environment or profile",
     ),
 )
-"""What a failure's text says, in lower case, and what to do about it."""
+"""Parts of an error's text, in lower case, and the remedy."""
 
-AWAY = (
+UNREACHABLE_HINTS = (
     "connect",
     "timed out",
     "timeout",
@@ -39,28 +39,28 @@ AWAY = (
     "503 s",
     "504 gateway",
 )
-"""What a failure's text says when the store does not answer."""
+"""Parts of an error's text, in lower case, if the store does not answer."""
 
 
 @contextmanager
-def store_faults(uri: str, doing: str) -> Iterator[None]:
-    """Turn whatever the file system, obstore or icechunk raise inside into a StoreError that says what was being done.
+def store_errors(uri: str, action: str) -> Iterator[None]:
+    """Raise errors of the file system, obstore and icechunk as StoreError that names the action that failed.
 
-    Conflicts between writers pass through, for the caller to try again.
+    Conflicts between writers pass unchanged, for the caller to try again.
     """
     try:
         yield
     except icechunk.ConflictError:
         raise
     except (OSError, icechunk.IcechunkError, obstore.exceptions.BaseError) as error:
-        raise fault(uri, doing, error) from error
+        raise translate(uri, action, error) from error
 
 
-def fault(uri: str, doing: str, error: BaseException) -> StoreError:
-    """The StoreError for what went wrong while `doing` something at `uri`."""
+def translate(uri: str, action: str, error: BaseException) -> StoreError:
+    """Return the StoreError for an error of `action` (such as "reading an input") at `uri`."""
     text = " ".join(str(error).split())
-    message = f"{doing} failed at {uri} ({text[:300]})"
-    remedy = next((remedy for signs, remedy in REMEDIES if any(sign in text.lower() for sign in signs)), None)
-    if remedy is None and any(sign in text.lower() for sign in AWAY):
+    message = f"{action} failed at {uri} ({text[:300]})"
+    remedy = next((remedy for hints, remedy in REMEDIES if any(hint in text.lower() for hint in hints)), None)
+    if remedy is None and any(hint in text.lower() for hint in UNREACHABLE_HINTS):
         return StoreUnreachable(message, "check the address and that the server is up, then run again")
-    return StoreError(message, remedy or "check that the store is reachable and whole")
+    return StoreError(message, remedy or "check that the store is reachable and undamaged")

@@ -1,4 +1,4 @@
-"""Where a store or an input is: a local path, or an address of an object store (s3://bucket/key, az://container/key).
+"""Locations of stores and inputs: a local path, or an address of an object store (s3://bucket/key, az://container/key).
 
 Credentials, endpoint and region come from the environment or from the usual profile files, never from the address.
 """
@@ -22,7 +22,7 @@ _FORMS = "give a path, s3://bucket/key or az://container/key"
 
 
 class LocationError(StorageError):
-    """An address that cannot be understood, or that leaves its folder."""
+    """An address that is malformed or leaves its folder."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,18 +35,18 @@ class Location:
 
     @classmethod
     def parse(cls, address: str | Path, folder: Path | None = None) -> "Location":
-        """The place of an address; a relative path counts from `folder` (by default the working folder).
+        """Return the location of an address; a relative path counts from `folder` (by default the working folder).
 
         Raises:
-            LocationError: another scheme, no container, credentials in the address, an empty one.
+            LocationError: empty, of another scheme, without a container, or with credentials.
         """
         text = str(address)
         if not text.strip() or "\0" in text:
-            raise LocationError(f"no usable address: {text!r}", _FORMS)
+            raise LocationError(f"{text!r} is no address", _FORMS)
         remote = _REMOTE.fullmatch(text)
         if remote is None:
-            path = (folder or Path.cwd()) / os.path.expanduser(text)  # noqa: PTH111 - an unknown ~user stays
-            return cls("file", "", os.path.abspath(path))  # noqa: PTH100 - `..` goes
+            path = (folder or Path.cwd()) / os.path.expanduser(text)  # noqa: PTH111 - keeps an unknown ~user
+            return cls("file", "", os.path.abspath(path))  # noqa: PTH100 - resolves `..`, not links
         scheme, rest = remote["scheme"].lower(), remote["rest"]
         if scheme == "file":
             return cls("file", "", str(Path("/" + rest.lstrip("/"))))
@@ -62,12 +62,12 @@ class Location:
             raise LocationError(f"{text!r} names no valid container", _FORMS)
         parts = [part for part in key.split("/") if part]
         if any(part in (".", "..") for part in parts):
-            raise LocationError(f"{text!r} has a step like '..' in its key", "write the key out")
+            raise LocationError(f"{text!r} has a part '.' or '..' in its key", "write the key without it")
         return cls(scheme, container, "/".join(parts))
 
     @property
     def uri(self) -> str:
-        """The address, for people and for `parse`."""
+        """The address, for messages and for `parse`."""
         if self.scheme == "file":
             return self.path
         return f"{self.scheme}://{self.container}" + (f"/{self.path}" if self.path else "")
@@ -84,23 +84,23 @@ class Location:
 
     @property
     def parent(self) -> "Location":
-        """The folder or prefix around it."""
+        """The folder or prefix that contains it."""
         return Location(self.scheme, self.container, self.path.rpartition("/")[0] or ("/" * (self.scheme == "file")))
 
     def child(self, *parts: str) -> "Location":
-        """A place below this one.
+        """Return a location below this one.
 
         Raises:
-            LocationError: a part that is no plain name and could lead elsewhere.
+            LocationError: a part is no plain name and could leave this folder.
         """
         for part in parts:
-            if part in ("", ".", "..") or any(sign in part for sign in "/\\\0"):
+            if part in ("", ".", "..") or any(separator in part for separator in "/\\\0"):
                 raise LocationError(f"{part!r} is no name inside {self.uri}", "use a plain name")
         path = "/".join([self.path.rstrip("/"), *parts])
         return Location(self.scheme, self.container, path if self.scheme == "file" else path.lstrip("/"))
 
     def obstore(self) -> ObjectStore:
-        """Keys below this place; a local folder is made if absent."""
+        """Return a store of the keys below this location; a local folder is created if absent."""
         if self.scheme == "file":
             return LocalStore(self.path, mkdir=True)
         if self.scheme == "s3":
@@ -108,13 +108,13 @@ class Location:
         return AzureStore(self.container, prefix=self.path or None, **azure_options().for_obstore())
 
     def zarr_store(self, read_only: bool = False) -> Any:
-        """A zarr store of the keys below this place; nothing is made until something is written."""
+        """Return a zarr store of the keys below this location; nothing is created before the first write."""
         if self.scheme == "file":
             return zarr.storage.LocalStore(self.path, read_only=read_only)
         return zarr.storage.ObjectStore(self.obstore(), read_only=read_only)
 
     def icechunk_storage(self) -> icechunk.Storage:
-        """Where icechunk keeps a repository."""
+        """Return icechunk's storage of a repository at this location."""
         if self.scheme == "file":
             return icechunk.local_filesystem_storage(self.path)
         if self.scheme == "s3":

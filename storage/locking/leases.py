@@ -17,8 +17,8 @@ import obstore
 from obstore.exceptions import BaseError
 from obstore.store import ObjectStore
 
-from glint.storage.locations.conditional_writes import create, swap
-from glint.storage.locations.error_translation import store_faults
+from glint.storage.locations.conditional_writes import compare_and_swap, create
+from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 from glint.storage.locking.owner import Holder, ObjectBusy
 
@@ -44,7 +44,7 @@ def lease(
     """
     store, key = location.obstore(), _key(object_id)
     mine, deadline, told = Holder.this_process(run), time.monotonic() + wait_seconds, False
-    with store_faults(location.uri, f"claiming object {object_id}"):
+    with store_errors(location.uri, f"claiming object {object_id}"):
         while (holder := _claim(store, key, mine, term)) is not None:
             if time.monotonic() >= deadline:
                 raise ObjectBusy.by(object_id, holder)
@@ -60,13 +60,13 @@ def lease(
     finally:
         ended.set()
         renewal.join()
-        with store_faults(location.uri, f"releasing object {object_id}"):
+        with store_errors(location.uri, f"releasing object {object_id}"):
             _release(store, key, mine)
 
 
 def lease_holder(location: Location, object_id: str, term: timedelta = TERM) -> Holder | None:
     """Who runs the object now, or None."""
-    with store_faults(location.uri, f"asking who works on object {object_id}"):
+    with store_errors(location.uri, f"asking who works on object {object_id}"):
         store = location.obstore()
         found = _read(store, _key(object_id))
         if found is None:
@@ -85,7 +85,7 @@ def _claim(store: ObjectStore, key: str, mine: Holder, term: timedelta) -> Holde
     holder = Holder.read(bytes(found.bytes()))
     if holder is not None and not _expired(store, found, holder, term):
         return holder
-    if any(swap(store, key, mine.as_bytes(), found.meta, quoted) for quoted in (True, False)):
+    if any(compare_and_swap(store, key, mine.as_bytes(), found.meta, quoted) for quoted in (True, False)):
         return None
     return _claim(store, key, mine, term)
 
@@ -96,7 +96,7 @@ def _renew(store: ObjectStore, key: str, mine: Holder, term: timedelta, ended: t
             found = _read(store, key)
             if found is None or Holder.read(bytes(found.bytes())) != mine:
                 return
-            any(swap(store, key, mine.as_bytes(), found.meta, quoted) for quoted in (True, False))
+            any(compare_and_swap(store, key, mine.as_bytes(), found.meta, quoted) for quoted in (True, False))
         except BaseError:
             continue
 

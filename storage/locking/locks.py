@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from glint.storage.locations.error_translation import store_faults
+from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 from glint.storage.locking.leases import lease, lease_holder
 from glint.storage.locking.owner import Holder, ObjectBusy
@@ -101,7 +101,7 @@ def _path(root: Path, object_id: str, name: str) -> Path:
 def _open(location: Location, object_id: str, name: str) -> Iterator[int]:
     assert location.local is not None
     path = _path(location.local, object_id, name)
-    with store_faults(location.uri, f"locking object {object_id}"):
+    with store_errors(location.uri, f"locking object {object_id}"):
         path.parent.mkdir(parents=True, exist_ok=True)
         handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
     try:

@@ -3,7 +3,7 @@
 import obstore
 
 from glint.storage.errors import StoreError
-from glint.storage.locations.error_translation import store_faults
+from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 from glint.storage.versions.stage_results import check_name
 
@@ -13,7 +13,7 @@ def object_ids(location: Location) -> list[str]:
     place = location.child("objects")
     if place.local is not None and not place.local.is_dir():
         return []
-    with store_faults(location.uri, "listing objects"):
+    with store_errors(location.uri, "listing objects"):
         found = obstore.list_with_delimiter(place.obstore())["common_prefixes"]
     ids = []
     for prefix in found:

@@ -21,7 +21,7 @@ import icechunk
 
 from glint.storage.errors import StoreError
 from glint.storage.fsync import flush_tree
-from glint.storage.locations.error_translation import store_faults
+from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import mutation_lock
 from glint.storage.versions import snapshots
@@ -64,7 +64,7 @@ class ObjectRepository:
                 used.
         """
         place = location.child("objects", check_name(object_id, "object"), "repo")
-        with store_faults(place.uri, f"opening object {object_id}"):
+        with store_errors(place.uri, f"opening object {object_id}"):
             try:
                 repository = snapshots.open_repository(place)
                 if not create or "work" in repository.list_branches():
@@ -287,5 +287,5 @@ class ObjectRepository:
 
     @contextmanager
     def _faults(self, doing: str) -> Iterator[None]:
-        with store_faults(self.location.uri, f"{doing} of object {self.object_id}"):
+        with store_errors(self.location.uri, f"{doing} of object {self.object_id}"):
             yield

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from glint.storage.catalogue.loading import Catalogue, Object, load
 from glint.storage.errors import InputError
-from glint.storage.inputs.digests import mark
+from glint.storage.inputs.digests import file_stamp
 from glint.storage.locations.location import Location
 from glint.tasks.engine.capture_context import Workspace
 from glint.tasks.engine.parameters import Parameters
@@ -47,7 +47,7 @@ def load_catalogue(path: str | Path) -> Catalogue:
     """
     place = Location.parse(path)
     try:
-        changed = str(mark(place))
+        changed = str(file_stamp(place))
     except InputError:
         changed = "missing"
     return _load(place.uri, changed)

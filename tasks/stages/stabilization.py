@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -63,6 +63,13 @@ class StabilizedFootage:
         self._estimator, self._origin = TranslationEstimator(survey.read(REFERENCE)), np.array(about["origin"])
         self.uri, self.count, self.codec = footage.uri, footage.count, footage.codec
         self.bits, self.height, self.width, self.names = footage.bits, footage.height, footage.width, footage.names
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Do nothing: the video is closed by whoever opened it."""
 
     @property
     def warnings(self) -> list[str]:

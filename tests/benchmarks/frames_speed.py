@@ -22,7 +22,7 @@ import av
 import cv2
 import numpy as np
 
-import glint.storage.frames.cache
+import glint.storage.frames.layout
 from glint.storage.catalogue.loading import Region
 from glint.storage.footage.source import open_footage
 from glint.storage.frames.cache import FrameCache
@@ -113,9 +113,9 @@ def main() -> None:
     parser.add_argument("video", type=Path, nargs="?", default=SHARED / "captures/hemisphere/front/video.mp4")
     parser.add_argument("--frames", type=int, default=8000)
     parser.add_argument("--repeat", type=int, default=3)
-    parser.add_argument("--compressor", choices=("lz4", "zstd"), default=glint.storage.frames.cache.COMPRESSOR)
+    parser.add_argument("--compressor", choices=("lz4", "zstd"), default=glint.storage.frames.layout.COMPRESSOR)
     arguments = parser.parse_args()
-    glint.storage.frames.cache.COMPRESSOR = arguments.compressor
+    glint.storage.frames.layout.COMPRESSOR = arguments.compressor
     print(f"load of the machine: {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors; {arguments.compressor}")
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)

@@ -19,8 +19,8 @@ from glint.storage.export.export import export
 from glint.storage.footage.source import open_footage
 from glint.storage.frames.cache import FrameCache, cache_digest
 from glint.storage.inputs.digests import content_digest
+from glint.storage.locations.conditional_writes import check_conditional_writes
 from glint.storage.locations.location import Location
-from glint.storage.locations.probe import probe
 from glint.storage.locking.locks import run_holder, run_lock
 from glint.storage.locking.owner import Holder, ObjectBusy
 from glint.storage.versions.objects import object_ids
@@ -28,7 +28,7 @@ from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import StoredFile
 from tests.s3_gateway import Gateway, free_port
 from tests.storage.footage.videos import ramp, write_images, write_video
-from tests.storage.locations.lax_server import careless_server
+from tests.storage.locations.lax_server import lax_server
 from tests.storage.stores import save_capture
 
 pytestmark = [pytest.mark.slow, pytest.mark.server]
@@ -50,12 +50,12 @@ def place(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Lo
 
 
 @pytest.fixture
-def careless(monkeypatch: pytest.MonkeyPatch) -> Iterator[Location]:
+def lax_store(monkeypatch: pytest.MonkeyPatch) -> Iterator[Location]:
     """A store on a server that takes every write, whatever its condition."""
-    with careless_server() as url:
+    with lax_server() as server:
         for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
             monkeypatch.setenv(name, "any")
-        monkeypatch.setenv("AWS_ENDPOINT_URL", url)
+        monkeypatch.setenv("AWS_ENDPOINT_URL", server.url)
         yield Location.parse("s3://store/here")
 
 
@@ -71,13 +71,13 @@ def upload(folder: Path, place: Location) -> None:
 
 
 def test_a_store_with_conditional_writes_passes_and_stays_clean(place: Location) -> None:
-    probe(place)
+    check_conditional_writes(place)
     assert keys(place) == []
 
 
-def test_a_store_that_ignores_conditions_is_refused(careless: Location) -> None:
-    with pytest.raises(StoreError, match="told to create"):
-        probe(careless)
+def test_a_store_that_ignores_conditions_is_refused(lax_store: Location) -> None:
+    with pytest.raises(StoreError, match="should only create"):
+        check_conditional_writes(lax_store)
 
 
 def test_versions_history_rollback_export_and_garbage(place: Location, tmp_path: Path) -> None:
@@ -88,7 +88,7 @@ def test_versions_history_rollback_export_and_garbage(place: Location, tmp_path:
     assert repository.publish(["front"], {"run": "two"}).name == "v2"
     assert repository.publish(["front"], {"run": "three"}).created is False
     back = repository.rollback("v1")
-    assert [each.name for each in repository.history()] == ["v1", "v2", "v3"]
+    assert [version.name for version in repository.history()] == ["v1", "v2", "v3"]
     assert (back.name, back.metadata["rolled_back_to"]) == ("v3", "v1")
     again = ObjectRepository.open(place, "duck", create=False)
     np.testing.assert_array_equal(again.load("front", "labels", "main").read("normals"), first["labels"]["normals"])
@@ -144,21 +144,21 @@ def test_damaged_and_lost_chunks_of_a_file_are_refused(place: Location) -> None:
 
 
 def test_a_lease_keeps_the_second_run_away_until_it_is_given_back(place: Location) -> None:
-    told: list[Holder] = []
+    holders: list[Holder] = []
     with run_lock(place, "duck", run="nightly"):
         with pytest.raises(ObjectBusy, match="run nightly"), run_lock(place, "duck"):
             pass
-        waiter = threading.Thread(target=_hold, args=(place, told))
+        waiter = threading.Thread(target=_hold, args=(place, holders))
         waiter.start()
-        while not told:
+        while not holders:
             assert waiter.is_alive()
     waiter.join(30)
-    assert not waiter.is_alive() and told[0].run == "nightly"
+    assert not waiter.is_alive() and holders[0].run == "nightly"
     assert run_holder(place, "duck") is None and keys(place) == []
 
 
-def _hold(place: Location, told: list[Holder]) -> None:
-    with run_lock(place, "duck", wait_seconds=30, on_wait=told.append):
+def _hold(place: Location, holders: list[Holder]) -> None:
+    with run_lock(place, "duck", wait_seconds=30, on_wait=holders.append):
         pass
 
 
@@ -175,15 +175,15 @@ def test_the_lease_of_a_killed_run_is_taken_over(place: Location) -> None:
 
 
 def test_frames_of_a_video_there_are_cached_there(place: Location, tmp_path: Path) -> None:
-    video = write_video(tmp_path / "film.mp4", FRAMES)
+    video = write_video(tmp_path / "video.mp4", FRAMES)
     upload(tmp_path, place.child("in"))
-    there = place.child("in", "film.mp4")
+    remote = place.child("in", "video.mp4")
     crops = {"object": Region(x=8, y=4, width=40, height=32)}
-    with open_footage(there) as footage, open_footage(video) as here:
-        assert footage.count == here.count
-        digest = cache_digest(content_digest(there, place), crops)
+    with open_footage(remote) as footage, open_footage(video) as local:
+        assert footage.count == local.count
+        digest = cache_digest(content_digest(remote, place), crops)
         cache = FrameCache.ingest(footage, place, digest, crops)
-        expected = np.stack([frame[4:36, 8:48] for frame in here.frames()])
+        expected = np.stack([frame[4:36, 8:48] for frame in local.frames()])
     assert cache.complete
     np.testing.assert_array_equal(cache.read("object"), expected)
     np.testing.assert_array_equal(FrameCache.open(place, digest).read("object", slice(64, 128)), expected[64:128])
@@ -192,14 +192,14 @@ def test_frames_of_a_video_there_are_cached_there(place: Location, tmp_path: Pat
 def test_a_digest_is_remembered_by_the_entity_tag(
     place: Location, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    film = place.child("film.mp4")
-    obstore.put(place.obstore(), "film.mp4", b"one")
-    first = content_digest(film, place)
+    video = place.child("video.mp4")
+    obstore.put(place.obstore(), "video.mp4", b"one")
+    first = content_digest(video, place)
     with monkeypatch.context() as patch:
         patch.setattr("glint.storage.inputs.digests._sha256", lambda file: pytest.fail("read again"))
-        assert content_digest(film, place) == first
-    obstore.put(place.obstore(), "film.mp4", b"two")
-    assert content_digest(film, place) != first
+        assert content_digest(video, place) == first
+    obstore.put(place.obstore(), "video.mp4", b"two")
+    assert content_digest(video, place) != first
     with pytest.raises(InputError, match="does not exist"):
         content_digest(place.child("none.mp4"), place)
 
@@ -213,23 +213,23 @@ def test_a_folder_of_captures_there_becomes_a_catalogue_there(place: Location, t
     (tmp_path / "glass" / "truth" / "normals.npy").write_bytes(b"")
     upload(tmp_path, place)
     catalogue = from_folder(place)
-    assert {each.id: [one.id for one in each.captures] for each in catalogue.objects} == {
+    assert {item.id: [capture.id for capture in item.captures] for item in catalogue.objects} == {
         "duck-1": ["front"],
         "glass": ["front"],
     }
-    duck, glass = (each.captures[0] for each in catalogue.objects)
+    duck, glass = (item.captures[0] for item in catalogue.objects)
     assert (duck.frames, duck.mask) == (f"{place.uri}/Duck [1]/front.mp4", f"{place.uri}/Duck [1]/mask.png")
     assert glass.truth == f"{place.uri}/glass/truth"
     write(catalogue, place.child("catalogue.yaml"))
     assert "Duck [1]/front.mp4" in bytes(obstore.get(place.obstore(), "catalogue.yaml").bytes()).decode()
     assert load(place.child("catalogue.yaml")) == catalogue
-    with open_footage(duck.frames) as film, open_footage(glass.frames) as images:
-        assert len(list(film.frames())) == 4
+    with open_footage(duck.frames) as video, open_footage(glass.frames) as images:
+        assert len(list(video.frames())) == 4
         assert len(list(images.frames())) == 12 and images.names[:2] == ("img_1.png", "img_2.png")
 
 
 def test_a_catalogue_there_keeps_to_its_bucket(place: Location) -> None:
-    text = "schema: 1\nname: x\nobjects:\n- id: a\n  captures:\n  - {id: b, frames: ../../../../../etc/film.mp4}\n"
+    text = "schema: 1\nname: x\nobjects:\n- id: a\n  captures:\n  - {id: b, frames: ../../../../../etc/video.mp4}\n"
     obstore.put(place.obstore(), "catalogue.yaml", text.encode())
     frames = load(place.child("catalogue.yaml")).objects[0].captures[0].frames
     with pytest.raises(StorageError):
@@ -242,7 +242,7 @@ def test_wrong_credentials_are_told_without_being_shown(place: Location, monkeyp
     wrong = "d3JvbmdzZWNyZXR3cm9uZ3NlY3JldA=="
     for name in ("AWS_SECRET_ACCESS_KEY", "AZURE_STORAGE_ACCOUNT_KEY"):
         monkeypatch.setenv(name, wrong)
-    for attempt in (probe, lambda there: ObjectRepository.open(there, "duck"), object_ids):
+    for attempt in (check_conditional_writes, lambda location: ObjectRepository.open(location, "duck"), object_ids):
         with pytest.raises(StoreError) as error:
             attempt(place)
         assert "credentials" in error.value.remedy
@@ -251,13 +251,13 @@ def test_wrong_credentials_are_told_without_being_shown(place: Location, monkeyp
 
 def test_a_bucket_that_is_not_there_is_told(place: Location) -> None:
     with pytest.raises(StoreError, match="nowhere"):
-        probe(Location.parse(f"{place.scheme}://nowhere/x"))
+        check_conditional_writes(Location.parse(f"{place.scheme}://nowhere/x"))
 
 
 def test_a_server_that_is_down_is_told(place: Location, monkeypatch: pytest.MonkeyPatch) -> None:
-    nobody = f"http://127.0.0.1:{free_port()}"
-    monkeypatch.setenv("AWS_ENDPOINT_URL", nobody)
-    monkeypatch.setenv("AZURE_STORAGE_ENDPOINT", f"{nobody}/glinttest")
+    unused = f"http://127.0.0.1:{free_port()}"
+    monkeypatch.setenv("AWS_ENDPOINT_URL", unused)
+    monkeypatch.setenv("AZURE_STORAGE_ENDPOINT", f"{unused}/glinttest")
     with pytest.raises(StoreError) as error:
         object_ids(place)
     assert "server is up" in error.value.remedy

@@ -8,7 +8,7 @@ from prefect import task
 from glint.flows.pipeline.capture import capture, may_come_back
 from glint.flows.runtime.prefect_server import Server
 from glint.storage.errors import InputError, StoreError, StoreUnreachable
-from glint.storage.locations.error_translation import fault
+from glint.storage.locations.error_translation import translate
 
 pytestmark = pytest.mark.server
 
@@ -40,4 +40,4 @@ def test_only_a_store_that_is_away_is_asked_again(server: Server, error: Any, ca
     ],
 )
 def test_a_store_that_is_away_is_told_from_a_broken_one(text: str, away: bool) -> None:
-    assert isinstance(fault("s3://store", "reading", OSError(text)), StoreUnreachable) is away
+    assert isinstance(translate("s3://store", "reading", OSError(text)), StoreUnreachable) is away

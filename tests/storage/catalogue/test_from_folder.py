@@ -20,12 +20,12 @@ def _touch(folder: Path, *names: str) -> None:
 
 
 def _captures(catalogue: Catalogue) -> dict[str, list[str]]:
-    return {each.id: [capture.id for capture in each.captures] for each in catalogue.objects}
+    return {item.id: [capture.id for capture in item.captures] for item in catalogue.objects}
 
 
 def _only(catalogue: Catalogue) -> Capture:
-    (each,) = catalogue.objects
-    (capture,) = each.captures
+    (item,) = catalogue.objects
+    (capture,) = item.captures
     return capture
 
 
@@ -36,13 +36,13 @@ def _kept(folder: Path, catalogue: Catalogue) -> None:
 
 
 def test_an_object_with_one_video_and_all_beside_it(tmp_path: Path) -> None:
-    _touch(tmp_path, "duck/film.MP4", "duck/mask.png", "duck/lights.lp", "duck/markup.json", "duck/notes.txt")
+    _touch(tmp_path, "duck/video.MP4", "duck/mask.png", "duck/lights.lp", "duck/markup.json", "duck/notes.txt")
     _touch(tmp_path, "duck/truth/normals.npy", "duck/truth_model.ply")
     catalogue = from_folder(tmp_path)
     place = tmp_path / "duck"
     capture = _only(catalogue)
     assert (catalogue.name, catalogue.objects[0].id) == (tmp_path.name, "duck")
-    assert capture.frames == str(place / "film.MP4")
+    assert capture.frames == str(place / "video.MP4")
     assert capture.mask == str(place / "mask.png")
     assert capture.lights == str(place / "lights.lp")
     assert capture.markup == str(place / "markup.json")
@@ -104,26 +104,26 @@ def test_names_become_ids(tmp_path: Path) -> None:
         tmp_path, "Großes Glas/Take 1.mp4", "grosses-glas/a.mp4", "gro-es-glas/a.mp4", "世界/a.mp4", f"{'x' * 90}/a.mp4"
     )
     catalogue = from_folder(tmp_path)
-    ids = [each.id for each in catalogue.objects]
+    ids = [item.id for item in catalogue.objects]
     assert len(set(ids)) == 5
     assert set(ids) == {"gro-es-glas", "gro-es-glas-2", "grosses-glas", "capture", "x" * 56}
     _kept(tmp_path, catalogue)
 
 
 def test_no_capture_takes_the_models_id(tmp_path: Path) -> None:
-    _touch(tmp_path, "duck/model/film.mp4", "duck/front/film.mp4")
+    _touch(tmp_path, "duck/model/video.mp4", "duck/front/video.mp4")
     assert set(_captures(from_folder(tmp_path))["duck"]) == {"model-2", "front"}
 
 
 def test_several_masks_are_nobodys(tmp_path: Path) -> None:
-    _touch(tmp_path, "duck/film.mp4", "duck/a_mask.png", "duck/b_mask.png", "duck/a.lp", "duck/b.lp")
+    _touch(tmp_path, "duck/video.mp4", "duck/a_mask.png", "duck/b_mask.png", "duck/a.lp", "duck/b.lp")
     capture = _only(from_folder(tmp_path))
     assert (capture.mask, capture.lights) == (None, None)
 
 
 def test_hidden_files_and_folders_are_left_out(tmp_path: Path) -> None:
-    _touch(tmp_path, ".git/a.mp4", "duck/.hidden.mp4", "duck/film.mp4")
-    assert _captures(from_folder(tmp_path)) == {"duck": ["film"]}
+    _touch(tmp_path, ".git/a.mp4", "duck/.hidden.mp4", "duck/video.mp4")
+    assert _captures(from_folder(tmp_path)) == {"duck": ["video"]}
 
 
 def test_nothing_there(tmp_path: Path) -> None:
@@ -131,9 +131,9 @@ def test_nothing_there(tmp_path: Path) -> None:
         from_folder(tmp_path)
     with pytest.raises(InputError, match="cannot be read"):
         from_folder(tmp_path / "none")
-    _touch(tmp_path, "film.mp4")
+    _touch(tmp_path, "video.mp4")
     with pytest.raises(InputError, match="cannot be read"):
-        from_folder(tmp_path / "film.mp4")
+        from_folder(tmp_path / "video.mp4")
 
 
 @pytest.mark.shared

@@ -92,8 +92,9 @@ def only_refused(read: Callable[[], Any]) -> Any:
 def is_safe(catalogue: Catalogue) -> bool:
     """Whether all its ids stay in their folder."""
     place = Location.parse("/store")
-    ids = [each.id for each in catalogue.objects] + [one.id for each in catalogue.objects for one in each.captures]
-    return all(place.child(each).parent == place for each in ids)
+    ids = [item.id for item in catalogue.objects]
+    ids += [capture.id for item in catalogue.objects for capture in item.captures]
+    return all(place.child(name).parent == place for name in ids)
 
 
 @QUICK
@@ -106,8 +107,8 @@ def is_safe(catalogue: Catalogue) -> bool:
 def test_spoiled_catalogues(tmp_path: Path, text: str) -> None:
     path = tmp_path / "catalogue.yaml"
     path.write_bytes(text.encode("utf-8", "surrogatepass"))
-    found = only_refused(lambda: load(path, Parameters))
-    assert found is None or is_safe(found)
+    value = only_refused(lambda: load(path, Parameters))
+    assert value is None or is_safe(value)
 
 
 @QUICK
@@ -116,8 +117,8 @@ def test_catalogues_of_anything(tmp_path: Path, value: Any) -> None:
     path = tmp_path / "catalogue.yaml"
     document = {"schema": 1, "name": "x", "objects": value}
     path.write_text(json.dumps(document if isinstance(value, list) else value, allow_nan=True))
-    found = only_refused(lambda: load(path, Parameters))
-    assert found is None or is_safe(found)
+    value = only_refused(lambda: load(path, Parameters))
+    assert value is None or is_safe(value)
 
 
 @QUICK
@@ -129,10 +130,10 @@ def test_catalogues_of_anything(tmp_path: Path, value: Any) -> None:
 @example(text="[" * 100_000)
 @example(text='[{"frame": ' + "9" * 5000 + ', "x": 1, "y": 1, "kind": "true"}]')
 @example(text='[{"frame": 1, "x": 1e999, "y": -1e999, "kind": "true"}]')
-def test_spoiled_marks(tmp_path: Path, text: str) -> None:
-    (tmp_path / "marks.json").write_bytes(text.encode("utf-8", "surrogatepass"))
-    marks = only_refused(lambda: read_markup(tmp_path / "marks.json", (480, 640), 2000))
-    assert marks is None or all(0 <= each.frame < 2000 and -0.5 <= each.x < 640 for each in marks)
+def test_spoiled_annotations(tmp_path: Path, text: str) -> None:
+    (tmp_path / "annotations.json").write_bytes(text.encode("utf-8", "surrogatepass"))
+    annotations = only_refused(lambda: read_markup(tmp_path / "annotations.json", (480, 640), 2000))
+    assert annotations is None or all(0 <= entry.frame < 2000 and -0.5 <= entry.x < 640 for entry in annotations)
 
 
 @QUICK
@@ -153,8 +154,8 @@ def test_spoiled_lights(tmp_path: Path, text: str) -> None:
 def test_names_never_leave_the_store(tmp_path: Path, name: str) -> None:
     before = sorted(path.name for path in tmp_path.iterdir())
     location = Location.parse(tmp_path / "store")
-    found = only_refused(lambda: ObjectRepository.open(location, name, create=False))
-    assert found is None and sorted(path.name for path in tmp_path.iterdir()) == before
+    value = only_refused(lambda: ObjectRepository.open(location, name, create=False))
+    assert value is None and sorted(path.name for path in tmp_path.iterdir()) == before
     try:
         assert location.child(name).parent == location
     except StorageError as error:
@@ -164,8 +165,8 @@ def test_names_never_leave_the_store(tmp_path: Path, name: str) -> None:
 @QUICK
 @given(address=st.text(max_size=20) | spoiled("s3://bucket/some/key") | spoiled("az://container/../key"))
 def test_addresses_of_anything(address: str) -> None:
-    found = only_refused(lambda: Location.parse(address))
-    assert found is None or ".." not in found.path.split("/")
+    value = only_refused(lambda: Location.parse(address))
+    assert value is None or ".." not in value.path.split("/")
 
 
 def test_links_that_lead_in_a_circle_are_refused(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from typing import Annotated
 import pytest
 from pydantic import BaseModel, ConfigDict, Field
 
-from glint.storage.catalogue.diagnostics import Problem
+from glint.storage.catalogue.diagnostics import Diagnostic
 from glint.storage.catalogue.loading import Catalogue, CatalogueError, load, parameters_for, write
 from glint.storage.errors import InputError
 
@@ -41,18 +41,18 @@ def _read(folder: Path, text: str | bytes, model: type[BaseModel] | None = None)
     return load(path, model)
 
 
-def _problems(folder: Path, text: str | bytes, model: type[BaseModel] | None = None) -> list[Problem]:
+def _diagnostics(folder: Path, text: str | bytes, model: type[BaseModel] | None = None) -> list[Diagnostic]:
     with pytest.raises(CatalogueError) as caught:
         _read(folder, text, model)
-    assert caught.value.problems
-    assert all(problem.file == str(folder / "catalogue.yaml") for problem in caught.value.problems)
-    assert all(problem.remedy for problem in caught.value.problems)
-    return list(caught.value.problems)
+    assert caught.value.diagnostics
+    assert all(diagnostic.file == str(folder / "catalogue.yaml") for diagnostic in caught.value.diagnostics)
+    assert all(diagnostic.remedy for diagnostic in caught.value.diagnostics)
+    return list(caught.value.diagnostics)
 
 
-def _only(folder: Path, text: str | bytes, model: type[BaseModel] | None = None) -> Problem:
-    (problem,) = _problems(folder, text, model)
-    return problem
+def _only(folder: Path, text: str | bytes, model: type[BaseModel] | None = None) -> Diagnostic:
+    (diagnostic,) = _diagnostics(folder, text, model)
+    return diagnostic
 
 
 def test_everything_a_catalogue_can_say(tmp_path: Path) -> None:
@@ -116,11 +116,11 @@ objects:
         spheres: [{x: 1, y: .nan, radius: 0}]
         lights: a.lp
 """
-    problems = _problems(tmp_path, text)
-    lines = [problem.line for problem in problems]
+    diagnostics = _diagnostics(tmp_path, text)
+    lines = [diagnostic.line for diagnostic in diagnostics]
     assert lines == sorted(lines)
-    told = {(problem.line, problem.message.split(" ")[0]) for problem in problems}
-    assert told >= {
+    places = {(diagnostic.line, diagnostic.message.split(" ")[0]) for diagnostic in diagnostics}
+    assert places >= {
         (1, "schema"),
         (3, "unknown"),
         (5, "objects[0].id"),
@@ -135,7 +135,7 @@ objects:
         (12, "objects[0].captures[1].spheres[0].radius"),
         (13, "a"),
     }
-    assert len(told) == len(problems) == 13
+    assert len(places) == len(diagnostics) == 13
 
 
 @pytest.mark.parametrize(
@@ -149,16 +149,16 @@ objects:
     ],
 )
 def test_unknown_keys_name_the_nearest_known_one(tmp_path: Path, line: str, near: str) -> None:
-    problem = _only(tmp_path, HEAD + ONE + line)
-    assert problem.line == 8
-    assert problem.message.startswith("unknown key")
-    assert problem.remedy == f"did you mean {near!r}?"
+    diagnostic = _only(tmp_path, HEAD + ONE + line)
+    assert diagnostic.line == 8
+    assert diagnostic.message.startswith("unknown key")
+    assert diagnostic.remedy == f"did you mean {near!r}?"
 
 
 def test_unknown_keys_without_a_neighbour_list_the_known_ones(tmp_path: Path) -> None:
-    problem = _only(tmp_path, "zzzzqq: 1\n" + HEAD + ONE)
-    assert problem.line == 1
-    assert problem.remedy == "known keys are schema, name, objects, parameters"
+    diagnostic = _only(tmp_path, "zzzzqq: 1\n" + HEAD + ONE)
+    assert diagnostic.line == 1
+    assert diagnostic.remedy == "known keys are schema, name, objects, parameters"
 
 
 @pytest.mark.parametrize(
@@ -166,9 +166,9 @@ def test_unknown_keys_without_a_neighbour_list_the_known_ones(tmp_path: Path) ->
     ["12", "true", "null", "[a.mp4]", "{path: a.mp4}", '""', '"a\\0b"'],
 )
 def test_frames_of_a_wrong_type(tmp_path: Path, value: str) -> None:
-    problem = _only(tmp_path, HEAD + ONE.replace("front.mp4", value))
-    assert problem.line == 7
-    assert "objects[0].captures[0].frames" in problem.message
+    diagnostic = _only(tmp_path, HEAD + ONE.replace("front.mp4", value))
+    assert diagnostic.line == 7
+    assert "objects[0].captures[0].frames" in diagnostic.message
 
 
 @pytest.mark.parametrize(
@@ -194,7 +194,7 @@ def test_frames_of_a_wrong_type(tmp_path: Path, value: str) -> None:
     ],
 )
 def test_wrong_values_name_their_line(tmp_path: Path, line: str) -> None:
-    assert {problem.line for problem in _problems(tmp_path, HEAD + ONE + f"        {line}\n")} == {8}
+    assert {diagnostic.line for diagnostic in _diagnostics(tmp_path, HEAD + ONE + f"        {line}\n")} == {8}
 
 
 @pytest.mark.parametrize(
@@ -202,22 +202,22 @@ def test_wrong_values_name_their_line(tmp_path: Path, line: str) -> None:
 )
 @pytest.mark.parametrize("place", ["id: glass", "id: front"])
 def test_ids_cannot_leave_their_folder(tmp_path: Path, name: str, place: str) -> None:
-    problem = _only(tmp_path, HEAD + ONE.replace(place, f"id: {name}"))
-    assert problem.line == (4 if place == "id: glass" else 6)
-    assert "is no id" in problem.message
+    diagnostic = _only(tmp_path, HEAD + ONE.replace(place, f"id: {name}"))
+    assert diagnostic.line == (4 if place == "id: glass" else 6)
+    assert "is no id" in diagnostic.message
 
 
 def test_duplicate_ids_name_both_lines(tmp_path: Path) -> None:
-    problem = _only(tmp_path, HEAD + ONE + ONE)
-    assert (problem.line, problem.message) == (8, "object id 'glass' is taken by line 4")
+    diagnostic = _only(tmp_path, HEAD + ONE + ONE)
+    assert (diagnostic.line, diagnostic.message) == (8, "object id 'glass' is taken by line 4")
     capture = "      - id: front\n        frames: other.mp4\n"
-    problem = _only(tmp_path, HEAD + ONE + capture)
-    assert (problem.line, problem.message) == (8, "capture id 'front' is taken by line 6")
+    diagnostic = _only(tmp_path, HEAD + ONE + capture)
+    assert (diagnostic.line, diagnostic.message) == (8, "capture id 'front' is taken by line 6")
 
 
 def test_no_capture_has_the_models_id(tmp_path: Path) -> None:
-    problem = _only(tmp_path, HEAD + ONE.replace("id: front", "id: model"))
-    assert (problem.line, problem.message) == (6, "the id 'model' is that of the object's merged model")
+    diagnostic = _only(tmp_path, HEAD + ONE.replace("id: front", "id: model"))
+    assert (diagnostic.line, diagnostic.message) == (6, "the id 'model' is that of the object's merged model")
 
 
 def test_the_same_capture_id_in_two_objects_is_fine(tmp_path: Path) -> None:
@@ -226,8 +226,8 @@ def test_the_same_capture_id_in_two_objects_is_fine(tmp_path: Path) -> None:
 
 def test_spheres_and_lights_exclude_each_other(tmp_path: Path) -> None:
     text = HEAD + ONE + "        lights: a.lp\n        spheres: [{x: 1.0, y: 1.0, radius: 2.0}]\n"
-    problem = _only(tmp_path, text)
-    assert (problem.line, problem.remedy) == (8, "remove one of the two")
+    diagnostic = _only(tmp_path, text)
+    assert (diagnostic.line, diagnostic.remedy) == (8, "remove one of the two")
 
 
 @pytest.mark.parametrize("text", ["", "\n# nothing\n", "[]", "- 1", "hello", "3"])
@@ -237,14 +237,14 @@ def test_no_catalogue(tmp_path: Path, text: str) -> None:
 
 @pytest.mark.parametrize("objects", ["", "  []\n", "  {}\n", "  - 3\n", "  - id: a\n", "  - {id: a, captures: []}\n"])
 def test_no_objects(tmp_path: Path, objects: str) -> None:
-    assert _problems(tmp_path, HEAD + objects)
+    assert _diagnostics(tmp_path, HEAD + objects)
 
 
 @pytest.mark.parametrize("schema", ["2", "0", '"1"', "1.0", "true", "null"])
 def test_wrong_schema(tmp_path: Path, schema: str) -> None:
-    problem = _only(tmp_path, HEAD.replace("1", schema) + ONE)
-    assert problem.line == 1
-    assert "schema" in problem.message
+    diagnostic = _only(tmp_path, HEAD.replace("1", schema) + ONE)
+    assert diagnostic.line == 1
+    assert "schema" in diagnostic.message
 
 
 @pytest.mark.parametrize(
@@ -261,16 +261,16 @@ def test_wrong_schema(tmp_path: Path, schema: str) -> None:
     ],
 )
 def test_what_is_no_plain_yaml_names_its_line(tmp_path: Path, text: str, line: int) -> None:
-    assert line in {problem.line for problem in _problems(tmp_path, text)}
+    assert line in {diagnostic.line for diagnostic in _diagnostics(tmp_path, text)}
 
 
 def test_a_bomb_of_aliases_is_refused(tmp_path: Path) -> None:
     text = "schema: 1\na: &a [x, x, x, x, x, x, x, x, x]\n"
     for before, after in zip("abcdefghijklmnop", "bcdefghijklmnopq", strict=True):
         text += f"{after}: &{after} [{', '.join([f'*{before}'] * 9)}]\n"
-    problem = _only(tmp_path, text)
-    assert problem.line == 3
-    assert "aliases" in problem.message
+    diagnostic = _only(tmp_path, text)
+    assert diagnostic.line == 3
+    assert "aliases" in diagnostic.message
 
 
 def test_a_bomb_of_levels_is_refused(tmp_path: Path) -> None:
@@ -278,9 +278,9 @@ def test_a_bomb_of_levels_is_refused(tmp_path: Path) -> None:
 
 
 def test_text_that_is_not_utf_8_names_its_line(tmp_path: Path) -> None:
-    problem = _only(tmp_path, b"schema: 1\nname: caf\xe9\n")
-    assert (problem.line, problem.remedy) == (2, "save the file as UTF-8")
-    assert _problems(tmp_path, (HEAD + ONE).encode("utf-16"))
+    diagnostic = _only(tmp_path, b"schema: 1\nname: caf\xe9\n")
+    assert (diagnostic.line, diagnostic.remedy) == (2, "save the file as UTF-8")
+    assert _diagnostics(tmp_path, (HEAD + ONE).encode("utf-16"))
 
 
 def test_a_byte_order_mark_and_line_ends_of_windows_do_not_matter(tmp_path: Path) -> None:
@@ -318,12 +318,12 @@ objects:
           depth:
             rounds: few
 """
-    problems = _problems(tmp_path, text, _Parameters)
-    assert [(problem.line, problem.remedy) for problem in problems[:2]] == [
+    diagnostics = _diagnostics(tmp_path, text, _Parameters)
+    assert [(diagnostic.line, diagnostic.remedy) for diagnostic in diagnostics[:2]] == [
         (3, "did you mean 'lights'?"),
         (6, "did you mean 'seed'?"),
     ]
-    assert [problem.line for problem in problems] == [3, 6, 11, 13]
+    assert [diagnostic.line for diagnostic in diagnostics] == [3, 6, 11, 13]
     assert _read(tmp_path, text).parameters == {"lihgts": {"seed": 0.5}}
 
 
@@ -372,12 +372,12 @@ def test_names_that_look_like_something_else_survive(tmp_path: Path, name: str) 
 
 
 def test_a_written_catalogue_moves_with_its_folder(tmp_path: Path) -> None:
-    here, there = tmp_path / "here", tmp_path / "there"
-    here.mkdir()
-    write(_read(here, HEAD + ONE), here / "catalogue.yaml")
-    here.rename(there)
-    capture = load(there / "catalogue.yaml").object("glass").capture("front")
-    assert capture.frames == str(there / "front.mp4")
+    old, new = tmp_path / "old", tmp_path / "new"
+    old.mkdir()
+    write(_read(old, HEAD + ONE), old / "catalogue.yaml")
+    old.rename(new)
+    capture = load(new / "catalogue.yaml").object("glass").capture("front")
+    assert capture.frames == str(new / "front.mp4")
 
 
 def test_a_write_that_fails_leaves_the_old_catalogue(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -398,5 +398,5 @@ def test_the_error_survives_the_journey_between_processes(tmp_path: Path) -> Non
     with pytest.raises(CatalogueError) as caught:
         _read(tmp_path, "a: 1\n")
     again = pickle.loads(pickle.dumps(caught.value))
-    assert again.problems == caught.value.problems
+    assert again.diagnostics == caught.value.diagnostics
     assert str(again) == str(caught.value)

@@ -15,11 +15,12 @@ import cv2
 import numpy as np
 import pytest
 
-import glint.storage.frames.cache
+import glint.storage.frames.ingest
 from glint.storage.catalogue.loading import Region
 from glint.storage.errors import InputError, StoreError
 from glint.storage.footage.source import Footage, open_footage
-from glint.storage.frames.cache import OVERVIEW, SHARD, FrameCache, cache_digest
+from glint.storage.frames.cache import FrameCache, cache_digest
+from glint.storage.frames.layout import OVERVIEW, SHARD
 from glint.storage.locations.location import Location
 from tests.storage.footage.videos import ramp, write_images, write_video
 
@@ -32,7 +33,7 @@ CROPS = {
 SPAWN = multiprocessing.get_context("spawn")
 
 
-def _film(count: int) -> np.ndarray:
+def _frames(count: int) -> np.ndarray:
     """(T, 81, 100), every frame different."""
     frames = np.stack([ramp(index, 81, 100) for index in range(count)])
     frames[:, 40, 50] = np.arange(count) % 251
@@ -40,10 +41,10 @@ def _film(count: int) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def film(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, np.ndarray]:
+def video(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, np.ndarray]:
     """A lossless video of 330 frames, and the frames."""
-    frames = _film(330)
-    return write_video(tmp_path_factory.mktemp("film") / "film.mkv", list(frames), "ffv1", "gray"), frames
+    frames = _frames(330)
+    return write_video(tmp_path_factory.mktemp("video") / "video.mkv", list(frames), "ffv1", "gray"), frames
 
 
 def _place(folder: Path) -> Location:
@@ -59,7 +60,7 @@ def _same(cache: FrameCache, frames: np.ndarray) -> None:
         assert np.array_equal(cache.read(name), frames[:, crop.rows, crop.columns])
     overview = cache.overview()
     assert cache.reduction == 1
-    assert any(np.array_equal(overview, frames[::every]) for every in range(SHARD // 4, SHARD + 1))
+    assert any(np.array_equal(overview, frames[::interval]) for interval in range(SHARD // 4, SHARD + 1))
 
 
 class _Counted:
@@ -79,20 +80,20 @@ class _Counted:
 
 @pytest.mark.parametrize("count", [1, 63, 64, 65, 130])
 def test_the_cache_is_what_decoding_gives(tmp_path: Path, count: int) -> None:
-    frames = _film(count)
-    path = write_video(tmp_path / "film.mkv", list(frames), "ffv1", "gray")
-    told: list[tuple[int, int | None]] = []
-    cache = FrameCache.ingest(open_footage(path), _place(tmp_path), "d", CROPS, lambda *step: told.append(step))
+    frames = _frames(count)
+    path = write_video(tmp_path / "video.mkv", list(frames), "ffv1", "gray")
+    reported: list[tuple[int, int | None]] = []
+    cache = FrameCache.ingest(open_footage(path), _place(tmp_path), "d", CROPS, lambda *step: reported.append(step))
     _same(cache, frames)
     assert cache.frame_size == (81, 100)
     assert cache.bits == 8
     assert cache.warnings == ()
-    assert told == [(min(end, count), count) for end in range(SHARD, count + SHARD, SHARD)]
+    assert reported == [(min(end, count), count) for end in range(SHARD, count + SHARD, SHARD)]
     _same(FrameCache.open(_place(tmp_path), "d"), frames)
 
 
-def test_part_of_the_frames_and_pixels(tmp_path: Path, film: tuple[Path, np.ndarray]) -> None:
-    path, frames = film
+def test_part_of_the_frames_and_pixels(tmp_path: Path, video: tuple[Path, np.ndarray]) -> None:
+    path, frames = video
     cache = FrameCache.ingest(open_footage(path), _place(tmp_path), "d", CROPS)
     part = cache.read("object", slice(60, 200, 7), slice(60, 66), slice(1, 70, 3))
     crop = CROPS["object"]
@@ -105,7 +106,7 @@ def test_part_of_the_frames_and_pixels(tmp_path: Path, film: tuple[Path, np.ndar
 
 
 def test_16_bits_and_images(tmp_path: Path) -> None:
-    frames = _film(70).astype(np.uint16) * 257 + 3
+    frames = _frames(70).astype(np.uint16) * 257 + 3
     folder = write_images(tmp_path / "images", list(frames))[0].parent
     cache = FrameCache.ingest(open_footage(folder), _place(tmp_path), "d", CROPS)
     assert cache.bits == 16
@@ -114,27 +115,27 @@ def test_16_bits_and_images(tmp_path: Path) -> None:
 
 def test_black_frames_are_black(tmp_path: Path) -> None:
     frames = np.zeros((130, 81, 100), np.uint8)
-    path = write_video(tmp_path / "film.mkv", list(frames), "ffv1", "gray")
+    path = write_video(tmp_path / "video.mkv", list(frames), "ffv1", "gray")
     _same(FrameCache.ingest(open_footage(path), _place(tmp_path), "d", CROPS), frames)
 
 
-def test_a_complete_cache_is_not_written_again(tmp_path: Path, film: tuple[Path, np.ndarray]) -> None:
-    footage: Any = _Counted(open_footage(film[0]))
+def test_a_complete_cache_is_not_written_again(tmp_path: Path, video: tuple[Path, np.ndarray]) -> None:
+    footage: Any = _Counted(open_footage(video[0]))
     FrameCache.ingest(footage, _place(tmp_path), "d", CROPS)
     FrameCache.ingest(footage, _place(tmp_path), "d", CROPS)
     assert footage.starts == [0]
 
 
-def test_more_frames_than_the_file_claims(tmp_path: Path, film: tuple[Path, np.ndarray]) -> None:
-    footage = open_footage(film[0])
+def test_more_frames_than_the_file_states(tmp_path: Path, video: tuple[Path, np.ndarray]) -> None:
+    footage = open_footage(video[0])
     footage.count = 0
-    _same(FrameCache.ingest(footage, _place(tmp_path), "d", CROPS), film[1])
+    _same(FrameCache.ingest(footage, _place(tmp_path), "d", CROPS), video[1])
 
 
-def test_fewer_frames_than_the_file_claims_are_told(tmp_path: Path) -> None:
+def test_fewer_frames_than_the_file_states_are_reported(tmp_path: Path) -> None:
     random = np.random.default_rng(0)
     frames = random.integers(0, 255, (150, 81, 100), np.uint8)
-    path = write_video(tmp_path / "film.mkv", list(frames), "ffv1", "gray")
+    path = write_video(tmp_path / "video.mkv", list(frames), "ffv1", "gray")
     path.write_bytes(path.read_bytes()[: int(0.6 * path.stat().st_size)])
     cache = FrameCache.ingest(open_footage(path), _place(tmp_path), "d", CROPS)
     assert cache.complete
@@ -151,9 +152,9 @@ def test_fewer_frames_than_the_file_claims_are_told(tmp_path: Path) -> None:
         Region(x=100, y=0, width=1, height=1),
     ],
 )
-def test_a_crop_that_leaves_the_frame(tmp_path: Path, film: tuple[Path, np.ndarray], crop: Region) -> None:
+def test_a_crop_that_leaves_the_frame(tmp_path: Path, video: tuple[Path, np.ndarray], crop: Region) -> None:
     with pytest.raises(InputError, match="the region of object") as caught:
-        FrameCache.ingest(open_footage(film[0]), _place(tmp_path), "d", {"object": crop})
+        FrameCache.ingest(open_footage(video[0]), _place(tmp_path), "d", {"object": crop})
     assert "leaves the frame of 100 x 81 pixels" in caught.value.message
     assert not (tmp_path / "store").exists()
 
@@ -185,35 +186,35 @@ def _ingest_and_die(path: Path, folder: Path, moment: str, shard: int) -> None:
     """Ingest until the shard with this number is about to be counted, or was, and die as by a cut of power."""
     written = 0
 
-    def die(*told: Any) -> None:
+    def die(*arguments: Any) -> None:
         nonlocal written
-        written += OVERVIEW not in str(told[0])
+        written += OVERVIEW not in str(arguments[0])
         if written == shard * (len(CROPS) if moment == "before" else 1):
             os.kill(os.getpid(), signal.SIGKILL)
 
     if moment == "before":
-        glint.storage.frames.cache.flush = die  # type: ignore[assignment]
+        glint.storage.frames.ingest.flush = die  # type: ignore[assignment]
     FrameCache.ingest(open_footage(path), _place(folder), "d", CROPS, die if moment == "after" else None)
 
 
-@pytest.mark.parametrize(("moment", "kept"), [("before", 2 * SHARD), ("after", 3 * SHARD)])
+@pytest.mark.parametrize(("moment", "count"), [("before", 2 * SHARD), ("after", 3 * SHARD)])
 def test_after_a_kill_it_goes_on_where_it_was(
-    tmp_path: Path, film: tuple[Path, np.ndarray], moment: str, kept: int
+    tmp_path: Path, video: tuple[Path, np.ndarray], moment: str, count: int
 ) -> None:
-    worker = SPAWN.Process(target=_ingest_and_die, args=(film[0], tmp_path, moment, 3))
+    worker = SPAWN.Process(target=_ingest_and_die, args=(video[0], tmp_path, moment, 3))
     worker.start()
     worker.join(timeout=60)
     assert worker.exitcode == -signal.SIGKILL
     part = FrameCache.open(_place(tmp_path), "d")
     assert not part.complete
-    assert part.frames == kept
+    assert part.frames == count
     for name, crop in CROPS.items():
-        assert np.array_equal(part.read(name), film[1][:kept, crop.rows, crop.columns])
+        assert np.array_equal(part.read(name), video[1][:count, crop.rows, crop.columns])
     first = tmp_path / "store/frames/d/object/c/0/0/0"
     before = first.stat().st_mtime_ns
-    footage: Any = _Counted(open_footage(film[0]))
-    _same(FrameCache.ingest(footage, _place(tmp_path), "d", CROPS), film[1])
-    assert footage.starts == [kept]
+    footage: Any = _Counted(open_footage(video[0]))
+    _same(FrameCache.ingest(footage, _place(tmp_path), "d", CROPS), video[1])
+    assert footage.starts == [count]
     assert first.stat().st_mtime_ns == before
 
 
@@ -232,11 +233,11 @@ def _ingest_slowly(path: Path, folder: Path, done: Any) -> None:
 
 
 @pytest.mark.slow
-def test_killed_at_any_time_it_is_whole_in_the_end(tmp_path: Path, film: tuple[Path, np.ndarray]) -> None:
+def test_killed_at_any_time_it_is_whole_in_the_end(tmp_path: Path, video: tuple[Path, np.ndarray]) -> None:
     random = np.random.default_rng(0)
     for _ in range(2):
         done = SPAWN.Value("i", 0)
-        worker = SPAWN.Process(target=_ingest_slowly, args=(film[0], tmp_path, done))
+        worker = SPAWN.Process(target=_ingest_slowly, args=(video[0], tmp_path, done))
         worker.start()
         begin = done.value
         while worker.is_alive() and done.value == begin:
@@ -248,12 +249,12 @@ def test_killed_at_any_time_it_is_whole_in_the_end(tmp_path: Path, film: tuple[P
         part = FrameCache.open(_place(tmp_path), "d")
         assert done.value <= part.frames
         crop = CROPS["all"]
-        assert np.array_equal(part.read("all"), film[1][: part.frames, crop.rows, crop.columns])
-    _same(FrameCache.ingest(open_footage(film[0]), _place(tmp_path), "d", CROPS), film[1])
+        assert np.array_equal(part.read("all"), video[1][: part.frames, crop.rows, crop.columns])
+    _same(FrameCache.ingest(open_footage(video[0]), _place(tmp_path), "d", CROPS), video[1])
 
 
 def test_footage_that_fails_in_the_middle_keeps_what_was_read(tmp_path: Path) -> None:
-    frames = _film(150)
+    frames = _frames(150)
     paths = write_images(tmp_path / "images", list(frames))
     whole = paths[140].read_bytes()
     paths[140].write_bytes(b"damaged")
@@ -270,16 +271,16 @@ def _ingest(path: Path, folder: Path, outcome: Any) -> None:
 
 
 @pytest.mark.slow
-def test_two_writers_make_one_cache(tmp_path: Path, film: tuple[Path, np.ndarray]) -> None:
+def test_two_writers_make_one_cache(tmp_path: Path, video: tuple[Path, np.ndarray]) -> None:
     outcome = SPAWN.Queue()
-    workers = [SPAWN.Process(target=_ingest, args=(film[0], tmp_path, outcome)) for _ in range(2)]
+    workers = [SPAWN.Process(target=_ingest, args=(video[0], tmp_path, outcome)) for _ in range(2)]
     for worker in workers:
         worker.start()
     answers = [outcome.get(timeout=60) for _ in workers]
     for worker in workers:
         worker.join(timeout=60)
-    assert answers == [(True, int(film[1].sum(dtype=np.int64)))] * 2
-    _same(FrameCache.open(_place(tmp_path), "d"), film[1])
+    assert answers == [(True, int(video[1].sum(dtype=np.int64)))] * 2
+    _same(FrameCache.open(_place(tmp_path), "d"), video[1])
 
 
 def test_a_full_disk_is_a_store_error_and_resumes(tmp_path: Path) -> None:
@@ -290,7 +291,7 @@ def test_a_full_disk_is_a_store_error_and_resumes(tmp_path: Path) -> None:
         pytest.skip("may not mount a small disk here")
     try:
         frames = np.random.default_rng(0).integers(0, 255, (200, 81, 100), np.uint8)
-        path = write_video(tmp_path / "film.mkv", list(frames), "ffv1", "gray")
+        path = write_video(tmp_path / "video.mkv", list(frames), "ffv1", "gray")
         with pytest.raises(StoreError, match="free space"):
             FrameCache.ingest(open_footage(path), _place(disk), "d", CROPS)
         part = FrameCache.open(_place(disk), "d")
@@ -302,12 +303,12 @@ def test_a_full_disk_is_a_store_error_and_resumes(tmp_path: Path) -> None:
         subprocess.run(["umount", str(disk)], check=True)
 
 
-def test_a_store_that_cannot_be_written(tmp_path: Path, film: tuple[Path, np.ndarray]) -> None:
+def test_a_store_that_cannot_be_written(tmp_path: Path, video: tuple[Path, np.ndarray]) -> None:
     (tmp_path / "store").write_text("a file")
-    with pytest.raises(StoreError, match="a file stands where a folder must be"):
-        FrameCache.ingest(open_footage(film[0]), _place(tmp_path), "d", CROPS)
+    with pytest.raises(StoreError, match="a file in place of a folder"):
+        FrameCache.ingest(open_footage(video[0]), _place(tmp_path), "d", CROPS)
     with pytest.raises(StoreError, match="writing frames failed at /proc/store"):
-        FrameCache.ingest(open_footage(film[0]), Location.parse("/proc/store"), "d", CROPS)
+        FrameCache.ingest(open_footage(video[0]), Location.parse("/proc/store"), "d", CROPS)
 
 
 def test_no_cache(tmp_path: Path) -> None:
@@ -316,14 +317,14 @@ def test_no_cache(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def ready(tmp_path: Path, film: tuple[Path, np.ndarray]) -> Path:
+def ready(tmp_path: Path, video: tuple[Path, np.ndarray]) -> Path:
     """The folder of a complete cache."""
-    FrameCache.ingest(open_footage(film[0]), _place(tmp_path), "d", CROPS)
+    FrameCache.ingest(open_footage(video[0]), _place(tmp_path), "d", CROPS)
     return tmp_path / "store/frames/d"
 
 
 @pytest.mark.parametrize("kind", ["missing", "empty", "cut off", "overwritten"])
-def test_a_damaged_shard_is_told(tmp_path: Path, ready: Path, kind: str) -> None:
+def test_a_damaged_shard_is_reported(tmp_path: Path, ready: Path, kind: str) -> None:
     shard = ready / "all/c/2/0/0"
     data = shard.read_bytes()
     if kind == "missing":
@@ -337,19 +338,19 @@ def test_a_damaged_shard_is_told(tmp_path: Path, ready: Path, kind: str) -> None
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"zarr_format": 3, "node_type": "group", "attributes": {}}'])
-def test_damaged_attributes_are_told_and_rebuilt(
-    tmp_path: Path, ready: Path, film: tuple[Path, np.ndarray], text: str
+def test_damaged_attributes_are_reported_and_rebuilt(
+    tmp_path: Path, ready: Path, video: tuple[Path, np.ndarray], text: str
 ) -> None:
     (ready / "zarr.json").write_text(text)
     with pytest.raises(StoreError):
         FrameCache.open(_place(tmp_path), "d")
-    _same(FrameCache.ingest(open_footage(film[0]), _place(tmp_path), "d", CROPS), film[1])
+    _same(FrameCache.ingest(open_footage(video[0]), _place(tmp_path), "d", CROPS), video[1])
 
 
 @pytest.mark.parametrize(
     ("key", "value"), [("frames", "many"), ("layout", 99), ("bits", None), ("frame_size", [1]), ("crops", {"a": {}})]
 )
-def test_attributes_that_make_no_sense_are_told(tmp_path: Path, ready: Path, key: str, value: Any) -> None:
+def test_attributes_that_make_no_sense_are_reported(tmp_path: Path, ready: Path, key: str, value: Any) -> None:
     document = json.loads((ready / "zarr.json").read_text())
     document["attributes"][key] = value
     (ready / "zarr.json").write_text(json.dumps(document))
@@ -357,6 +358,6 @@ def test_attributes_that_make_no_sense_are_told(tmp_path: Path, ready: Path, key
         FrameCache.open(_place(tmp_path), "d")
 
 
-def test_a_deleted_cache_is_rebuilt(tmp_path: Path, ready: Path, film: tuple[Path, np.ndarray]) -> None:
+def test_a_deleted_cache_is_rebuilt(tmp_path: Path, ready: Path, video: tuple[Path, np.ndarray]) -> None:
     shutil.rmtree(ready)
-    _same(FrameCache.ingest(open_footage(film[0]), _place(tmp_path), "d", CROPS), film[1])
+    _same(FrameCache.ingest(open_footage(video[0]), _place(tmp_path), "d", CROPS), video[1])

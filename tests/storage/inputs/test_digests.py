@@ -33,7 +33,7 @@ def read(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         return original(file)
 
     monkeypatch.setattr(glint.storage.inputs.digests, "_sha256", noted)
-    monkeypatch.setattr(glint.storage.inputs.digests, "_TICK", 0)
+    monkeypatch.setattr(glint.storage.inputs.digests, "_TIMESTAMP_STEP_NS", 0)
     return names
 
 
@@ -49,7 +49,7 @@ def test_a_value_is_known_by_its_content() -> None:
     assert digest_of(value) == digest_of({"b": {"c": "d"}, "a": [1, 2.5, None, True, "é\ud800"]})
     assert len(digest_of(value)) == 64
     different: list[Any] = [1, 1.5, "1", True, None, [1], [[1]], {"1": 1}, {}, [], "", [1, 2], [2, 1], {"1": [1]}]
-    assert len({digest_of(each) for each in different}) == len(different)
+    assert len({digest_of(value) for value in different}) == len(different)
 
 
 def test_a_value_keeps_its_digest_for_ever() -> None:
@@ -87,14 +87,14 @@ def test_a_file_is_read_once(tmp_path: Path, store: Location, read: list[str]) -
     assert read == ["a.mp4"] * 3
 
 
-def test_a_change_is_seen(tmp_path: Path, store: Location, read: list[str]) -> None:
+def test_a_change_is_detected(tmp_path: Path, store: Location, read: list[str]) -> None:
     path = _file(tmp_path / "a.mp4", b"one")
     before = content_digest(path, store)
     path.write_bytes(b"three")
     assert content_digest(path, store) == hashlib.sha256(b"three").hexdigest() != before
 
 
-def test_a_change_that_keeps_size_and_time_is_seen(tmp_path: Path, store: Location, read: list[str]) -> None:
+def test_a_change_that_keeps_size_and_time_is_detected(tmp_path: Path, store: Location, read: list[str]) -> None:
     path = _file(tmp_path / "a.mp4", b"one")
     content_digest(path, store)
     time.sleep(0.02)
@@ -113,7 +113,7 @@ def test_a_file_of_this_moment_is_not_remembered(tmp_path: Path, store: Location
     assert not (tmp_path / "store/digests").exists() or not list((tmp_path / "store/digests").iterdir())
 
 
-def test_a_file_that_changes_while_it_is_read_is_told(
+def test_a_file_that_changes_while_it_is_read_is_reported(
     tmp_path: Path, store: Location, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = _file(tmp_path / "a.mp4", b"one")
@@ -159,7 +159,7 @@ def test_other_suffixes(tmp_path: Path, store: Location) -> None:
     assert content_digest(tmp_path / "truth", store, suffixes=(".npy",))
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"marks": 1, "digest": 2}', "\xff"])
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"stamps": 1, "digest": 2}', "\xff"])
 def test_a_damaged_memory_is_no_memory(tmp_path: Path, store: Location, read: list[str], text: str) -> None:
     path = _file(tmp_path / "a.mp4", b"one")
     digest = content_digest(path, store)
@@ -186,5 +186,5 @@ def test_a_pipe_is_no_input(tmp_path: Path, store: Location) -> None:
 def test_a_memory_that_cannot_be_written(tmp_path: Path, read: list[str]) -> None:
     path = _file(tmp_path / "a.mp4", b"one")
     (tmp_path / "store").write_text("a file")
-    with pytest.raises(StoreError, match="a file stands where a folder must be"):
+    with pytest.raises(StoreError, match="a file in place of a folder"):
         content_digest(path, Location.parse(tmp_path / "store"))

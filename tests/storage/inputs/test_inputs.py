@@ -10,13 +10,13 @@ import pytest
 
 from glint.storage.catalogue.loading import Camera, Region
 from glint.storage.errors import InputError
+from glint.storage.inputs.lp_file import write_lights
 from glint.storage.inputs.masks_and_truth import (
     camera_matrix,
     read_lights,
     read_markup,
     read_mask,
     read_truth,
-    write_lights,
 )
 
 SIZE = (20, 30)
@@ -137,7 +137,7 @@ def test_lights_for_another_number_of_frames(tmp_path: Path, count: int) -> None
     assert f"2 lights for {count} frames" in _refused(read_lights, path, names).message
 
 
-def test_everything_wrong_with_lights_is_told_with_its_line(tmp_path: Path) -> None:
+def test_everything_wrong_with_lights_is_reported_with_its_line(tmp_path: Path) -> None:
     rows = ["7", "a 1 0 0", "b nan 0 1", "c 0 0 0", "d 1 0", "", "e 1 0 z", "f inf 0 0", "g 1e-9 0 0"]
     path = _lights(tmp_path, "\n".join(rows))
     error = _refused(read_lights, path)
@@ -149,7 +149,7 @@ def test_everything_wrong_with_lights_is_told_with_its_line(tmp_path: Path) -> N
 
 def test_a_count_that_is_not_true(tmp_path: Path) -> None:
     path = _lights(tmp_path, "3\na 1 0 0\nb 0 1 0\n")
-    assert f"{path}:1: the first line says 3 lights, 2 follow" in _refused(read_lights, path).message
+    assert f"{path}:1: the first line states 3 lights, 2 follow" in _refused(read_lights, path).message
 
 
 @pytest.mark.parametrize(
@@ -182,7 +182,7 @@ def _mark(frame: int = 0, x: float = 10.0, y: float = 8.0, kind: str = "true") -
     return {"frame": frame, "x": x, "y": y, "kind": kind}
 
 
-def test_marks_keep_their_order(tmp_path: Path) -> None:
+def test_annotations_keep_their_order(tmp_path: Path) -> None:
     path = _markup(tmp_path, [_mark(5, 10, 8.25, "false"), _mark(2)])
     first, second = read_markup(path, SIZE, 6, REGION, _disc()[REGION.rows, REGION.columns])
     assert (first.frame, first.x, first.y, first.kind) == (5, 10.0, 8.25, "false")
@@ -201,19 +201,19 @@ def test_marks_keep_their_order(tmp_path: Path) -> None:
         (_mark(x=16.0), "outside the object"),
     ],
 )
-def test_misplaced_marks_are_told_with_their_line(tmp_path: Path, mark: dict[str, Any], says: str) -> None:
+def test_misplaced_annotations_are_reported_with_their_line(tmp_path: Path, mark: dict[str, Any], says: str) -> None:
     path = _markup(tmp_path, [_mark(), mark])
     error = _refused(read_markup, path, SIZE, 6, REGION, _disc()[REGION.rows, REGION.columns])
-    assert error.message.startswith(f"{path}:8: mark 1 at frame {mark['frame']}")
+    assert error.message.startswith(f"{path}:8: annotation 1 at frame {mark['frame']}")
     assert says in error.message
 
 
-def test_all_misplaced_marks_are_told(tmp_path: Path) -> None:
+def test_all_misplaced_annotations_are_reported(tmp_path: Path) -> None:
     path = _markup(tmp_path, [_mark(x=99), _mark(), _mark(frame=9)])
     error = _refused(read_markup, path, SIZE, 6)
-    assert f"{path}:2: mark 0" in error.message
-    assert f"{path}:14: mark 2" in error.message
-    assert "mark 1" not in error.message
+    assert f"{path}:2: annotation 0" in error.message
+    assert f"{path}:14: annotation 2" in error.message
+    assert "annotation 1" not in error.message
 
 
 def test_borders_belong_to_the_frame(tmp_path: Path) -> None:
@@ -237,7 +237,7 @@ def test_borders_belong_to_the_frame(tmp_path: Path) -> None:
         ("colour", "red"),
     ],
 )
-def test_malformed_marks_are_told_with_their_line(tmp_path: Path, key: str, value: Any) -> None:
+def test_malformed_annotations_are_reported_with_their_line(tmp_path: Path, key: str, value: Any) -> None:
     path = _markup(tmp_path, [_mark(), _mark() | {key: value}])
     line = 8 + ["frame", "x", "y", "kind", "colour"].index(key) + 1
     assert f"{path}:{line}:" in _refused(read_markup, path, SIZE).message
@@ -253,7 +253,7 @@ def test_a_missing_key_and_the_nearest_known_one(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "text", ["", "{}", "3", "null", '"a"', "[", "[3]", "[[]]", '{"marks": []}', "[" * 5000, '[{"x": 1,']
 )
-def test_what_is_no_list_of_marks(tmp_path: Path, text: str) -> None:
+def test_other_values_than_a_list_of_annotations(tmp_path: Path, text: str) -> None:
     path = _markup(tmp_path, text)
     assert f"{path}:" in _refused(read_markup, path, SIZE).message
 

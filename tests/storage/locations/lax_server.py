@@ -1,39 +1,50 @@
-"""An S3 server that keeps what it is sent and ignores every condition."""
+"""An S3 server that stores what it receives and ignores every condition, signature and credential."""
 
 import hashlib
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Thread
 
 
-class _Careless(BaseHTTPRequestHandler):
-    kept: dict[str, bytes]
+@dataclass(frozen=True)
+class LaxServer:
+    """Its address, and the session token of each request so far."""
+
+    url: str
+    tokens: list[str | None]
+
+
+class _LaxHandler(BaseHTTPRequestHandler):
+    objects: dict[str, bytes]
+    tokens: list[str | None]
 
     def do_PUT(self) -> None:
-        self.kept[self.path] = self.rfile.read(int(self.headers["Content-Length"]))
+        self.objects[self.path] = self.rfile.read(int(self.headers["Content-Length"]))
         self._answer(200, b"")
 
     def do_GET(self) -> None:
-        self._answer(200 if self.path in self.kept else 404, self.kept.get(self.path, b""))
+        self._answer(200 if self.path in self.objects else 404, self.objects.get(self.path, b""))
 
     def do_HEAD(self) -> None:
         self.do_GET()
 
     def do_DELETE(self) -> None:
-        self.kept.pop(self.path, None)
+        self.objects.pop(self.path, None)
         self._answer(204, b"")
 
     def do_POST(self) -> None:
-        asked = self.rfile.read(int(self.headers["Content-Length"])).decode()
-        deleted = [f"<Deleted><Key>{key}</Key></Deleted>" for key in re.findall(r"<Key>(.*?)</Key>", asked)]
+        request = self.rfile.read(int(self.headers["Content-Length"])).decode()
+        deleted = [f"<Deleted><Key>{key}</Key></Deleted>" for key in re.findall(r"<Key>(.*?)</Key>", request)]
         self._answer(200, f"<DeleteResult>{''.join(deleted)}</DeleteResult>".encode())
 
     def log_message(self, *_: object) -> None:
-        """Say nothing."""
+        """Log nothing."""
 
     def _answer(self, status: int, body: bytes) -> None:
+        self.tokens.append(self.headers.get("x-amz-security-token"))
         self.send_response(status)
         self.send_header("Content-Length", str(len(body)))
         self.send_header("ETag", f'"{hashlib.md5(body).hexdigest()}"')
@@ -44,10 +55,10 @@ class _Careless(BaseHTTPRequestHandler):
 
 
 @contextmanager
-def careless_server() -> Iterator[str]:
-    """Its address while it runs."""
-    handler = type("Careless", (_Careless,), {"kept": {}})
+def lax_server() -> Iterator[LaxServer]:
+    """Yield the server while it runs."""
+    handler = type("LaxHandler", (_LaxHandler,), {"objects": {}, "tokens": []})
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         Thread(target=server.serve_forever, daemon=True).start()
-        yield f"http://127.0.0.1:{server.server_port}"
+        yield LaxServer(f"http://127.0.0.1:{server.server_port}", handler.tokens)
         server.shutdown()

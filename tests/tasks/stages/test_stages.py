@@ -10,7 +10,7 @@ import pytest
 from glint.storage.catalogue.loading import load
 from glint.storage.export.export import export
 from glint.storage.footage.source import open_footage
-from glint.storage.inputs.masks_and_truth import write_lights
+from glint.storage.inputs.lp_file import write_lights
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.engine.stage import stage_keys
 from glint.tasks.evaluation.captures import evaluate

@@ -5,37 +5,37 @@ import obstore
 import pytest
 
 from glint.storage.errors import StoreError
-from glint.storage.locations.probe import probe
+from glint.storage.locations.conditional_writes import check_conditional_writes
 from tests.storage.stores import MemoryPlace, local_place
 
 
 def test_a_local_folder_passes_and_stays_clean(tmp_path: Path) -> None:
-    probe(local_place(tmp_path / "store"))
+    check_conditional_writes(local_place(tmp_path / "store"))
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
 
 def test_a_store_with_conditional_writes_passes() -> None:
     place = MemoryPlace()
-    probe(place)
+    check_conditional_writes(place)
     assert not list(obstore.list(place.store))
 
 
-@pytest.mark.parametrize(("ignored", "message"), [("create", "told to create"), ("swap", "stale writer")])
+@pytest.mark.parametrize(("ignored", "message"), [("create", "should only create"), ("swap", "stale writer")])
 def test_a_store_that_ignores_conditions_is_refused(
     monkeypatch: pytest.MonkeyPatch, ignored: str, message: str
 ) -> None:
     put = obstore.put
 
-    def careless(store: Any, key: str, data: bytes, mode: Any = None, **options: Any) -> Any:
-        careless_here = mode == "create" if ignored == "create" else isinstance(mode, dict)
-        return put(store, key, data, mode=None if careless_here else mode, **options)
+    def lax_put(store: Any, key: str, data: bytes, mode: Any = None, **options: Any) -> Any:
+        is_lax = mode == "create" if ignored == "create" else isinstance(mode, dict)
+        return put(store, key, data, mode=None if is_lax else mode, **options)
 
-    monkeypatch.setattr(obstore, "put", careless)
+    monkeypatch.setattr(obstore, "put", lax_put)
     with pytest.raises(StoreError, match=message):
-        probe(MemoryPlace())
+        check_conditional_writes(MemoryPlace())
 
 
 def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(StoreError, match="failed at"):
-        probe(local_place(tmp_path / "file"))
+        check_conditional_writes(local_place(tmp_path / "file"))

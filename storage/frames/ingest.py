@@ -1,0 +1,197 @@
+"""Write the cache of frames: decode in one thread, compress and store in another, continue after an interruption."""
+
+import fcntl
+import os
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any, cast
+
+import numpy as np
+import zarr
+
+from glint.storage.catalogue.models import Region
+from glint.storage.errors import InputError
+from glint.storage.footage.source import Footage
+from glint.storage.frames.layout import LAYOUT_VERSION, OVERVIEW, SHARD, create_arrays, open_array, reduced
+from glint.storage.fsync import flush
+from glint.storage.locations.location import Location
+
+Progress = Callable[[int, int | None], None]
+
+_OVERVIEW_FRAMES = 12
+"""Number of whole frames that are kept, about."""
+_OVERVIEW_PIXELS = 1 << 19
+"""Size of whole frames above which they are reduced."""
+_MAX_PENDING = 2
+"""Shards that wait to be written; decoding pauses beyond."""
+
+
+def check_crops(crops: Mapping[str, Region], footage: Footage) -> None:
+    """Raise InputError if a crop leaves the frame."""
+    for name, crop in crops.items():
+        if crop.x < 0 or crop.y < 0 or crop.x + crop.width > footage.width or crop.y + crop.height > footage.height:
+            raise InputError(
+                f"the region of {name}, x {crop.x} to {crop.x + crop.width - 1} and y {crop.y} to"
+                f" {crop.y + crop.height - 1}, leaves the frame of {footage.width} x {footage.height} pixels",
+                "give a region inside the frame",
+            )
+
+
+@contextmanager
+def writer_lock(location: Location, digest: str) -> Iterator[None]:
+    """Wait until no other process of this machine writes this cache.
+
+    In an object store two writers put the same bytes under the same keys, which is wasteful and harmless.
+    """
+    if location.local is None:
+        yield
+        return
+    path = location.local / "frames" / f"{digest}.lock"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
+
+
+def open_group(folder: Location, footage: Footage, crops: Mapping[str, Region]) -> zarr.Group:
+    """Open the group as an earlier writer left it, or create an empty one."""
+    interval = max(SHARD // 4, footage.count // _OVERVIEW_FRAMES) if footage.count else SHARD
+    reduction = max(1, round((footage.height * footage.width / _OVERVIEW_PIXELS) ** 0.5))
+    attributes: dict[str, Any] = {
+        "layout": LAYOUT_VERSION,
+        "bits": footage.bits,
+        "frame_size": [footage.height, footage.width],
+        "crops": {name: crop.model_dump() for name, crop in crops.items()},
+        "overview": [interval, reduction],
+    }
+    store = folder.zarr_store()
+    try:
+        group = zarr.open_group(store, mode="r+", use_consolidated=False)
+        if all(group.attrs.get(key) == value for key, value in attributes.items()):
+            return group
+    except (FileNotFoundError, ValueError, TypeError, KeyError):
+        pass
+    group = zarr.open_group(store, mode="w", use_consolidated=False)
+    length = max(1, -(-footage.count // SHARD)) * SHARD
+    overview_size = (footage.height // reduction, footage.width // reduction)
+    create_arrays(group, length, footage.bits, crops, interval, overview_size)
+    group.attrs.put({**attributes, "frames": 0, "total": None, "warnings": []})
+    return group
+
+
+def write_frames(
+    folder: Location,
+    group: zarr.Group,
+    footage: Footage,
+    crops: Mapping[str, Region],
+    start: int,
+    progress: Progress | None,
+) -> None:
+    """Write all frames from the shard of frame `start` on, then their total and the footage's warnings."""
+    start -= start % SHARD
+    writer = _ShardWriter(folder, group, tuple(crops), start, footage.count or None, progress)
+    done = start
+    # This thread decodes, the other one compresses and writes.
+    with ThreadPoolExecutor(1) as executor:
+        pending: deque[Future[None]] = deque()
+        for shard in _shards(footage, crops, start, writer.interval):
+            if len(pending) >= _MAX_PENDING:
+                pending.popleft().result()
+            pending.append(executor.submit(writer.write, shard))
+            done += shard.length
+        for future in pending:
+            future.result()
+    if done == 0:
+        raise InputError(f"{footage.uri} holds no frame", "record or copy it again")
+    writer.finish(done, list(footage.warnings))
+
+
+@dataclass
+class _Shard:
+    """SHARD frames from frame `start` on, the last shard's padded with zeros.
+
+    crops: (SHARD, height, width) by name; whole_frames: those that the overview keeps; length: frames without padding.
+    """
+
+    start: int
+    crops: dict[str, np.ndarray]
+    whole_frames: list[np.ndarray] = field(default_factory=list)
+    length: int = 0
+
+
+class _ShardWriter:
+    """Writes shards in order, each durably before the group's attributes count it."""
+
+    def __init__(
+        self,
+        folder: Location,
+        group: zarr.Group,
+        names: tuple[str, ...],
+        start: int,
+        expected: int | None,
+        progress: Progress | None,
+    ) -> None:
+        self._folder, self._group, self._expected, self._progress = folder, group, expected, progress
+        self._arrays = {name: open_array(group, name) for name in names}
+        self._overview = open_array(group, OVERVIEW)
+        self.interval, self._reduction = cast("list[int]", group.attrs["overview"])
+        self._written = start
+
+    def write(self, shard: _Shard) -> None:
+        """Write a shard, its whole frames and the number of frames so far."""
+        if shard.start != self._written:
+            return  # A shard before this one failed; counting this one would count the failed one too.
+        for name, array in self._arrays.items():
+            if array.shape[0] < shard.start + SHARD:
+                array.resize((max(2 * array.shape[0], shard.start + SHARD), *array.shape[1:]))
+            array[shard.start : shard.start + SHARD] = shard.crops[name]
+            self._flush(name, shard.start // SHARD)
+        first = -(-shard.start // self.interval)
+        if self._overview.shape[0] < first + len(shard.whole_frames):
+            self._overview.resize((2 * (first + len(shard.whole_frames)), *self._overview.shape[1:]))
+        for number, frame in enumerate(shard.whole_frames, first):
+            self._overview[number] = reduced(frame, self._reduction)
+            self._flush(OVERVIEW, number)
+        self._written = shard.start + shard.length
+        self._group.attrs.update({"frames": self._written})
+        if self._progress is not None:
+            self._progress(self._written, self._expected)
+
+    def finish(self, total: int, warnings: list[str]) -> None:
+        """Cut the arrays to the number of frames, and mark the cache as complete."""
+        for array in self._arrays.values():
+            array.resize((total, *array.shape[1:]))
+        self._overview.resize((-(-total // self.interval), *self._overview.shape[1:]))
+        self._group.attrs.update({"frames": total, "total": total, "warnings": warnings})
+
+    def _flush(self, name: str, number: int) -> None:
+        if self._folder.local is not None:
+            flush(self._folder.local / name / "c" / str(number) / "0" / "0")
+
+
+def _shards(footage: Footage, crops: Mapping[str, Region], start: int, interval: int) -> Iterator[_Shard]:
+    """Yield the crops of SHARD frames at a time, and every `interval`-th frame whole."""
+    windows = {name: (crop.rows, crop.columns) for name, crop in crops.items()}
+    dtype = np.dtype(f"uint{footage.bits}")
+    shard: _Shard | None = None
+    for number, frame in enumerate(footage.frames(start), start):
+        if shard is None:
+            # New arrays for each shard: the writer still reads those of the last.
+            stacks = {name: np.zeros((SHARD, crop.height, crop.width), dtype) for name, crop in crops.items()}
+            shard = _Shard(number, stacks)
+        for name, window in windows.items():
+            shard.crops[name][shard.length] = frame[window]
+        if number % interval == 0:
+            shard.whole_frames.append(frame.copy())
+        shard.length += 1
+        if shard.length == SHARD:
+            yield shard
+            shard = None
+    if shard is not None:
+        yield shard
