@@ -8,9 +8,9 @@ from pathlib import Path
 import typer
 
 from glint.flows.cli.tables import show, table_of
-from glint.flows.errors import REFUSALS
-from glint.flows.reporting.console import open_display
-from glint.flows.reporting.events import Event, Reporter
+from glint.flows.errors import USER_ERRORS
+from glint.flows.reporting.console import open_console
+from glint.flows.reporting.events import CaptureEnded, CaptureFailed, ProgressThrottle
 from glint.storage.locations.location import Location
 from glint.storage.locations.probe import probe
 from glint.tasks.check import Check, check
@@ -23,21 +23,21 @@ def check_catalogue(file: str | Path, store: str, out: Path, only: Sequence[str]
     probe(Location.parse(store))
     catalogue = Location.parse(file).uri
     place, found, refused = Location.parse(store).uri, list[Check](), dict[str, Exception]()
-    with open_display(as_json) as display:
+    with open_console(as_json) as display:
         for object_id, captures in chosen.items():
             for capture_id in captures:
                 reference = CaptureReference(catalogue, object_id, capture_id, place, "check")
-                reporters: dict[str, Reporter] = {}
+                reporters: dict[str, ProgressThrottle] = {}
 
                 def tell(stage: str, done: int, total: int | None, name: str = str(reference)) -> None:
-                    reporters.setdefault(stage, Reporter(display.show, name, stage))(done, total)  # noqa: B023
+                    reporters.setdefault(stage, ProgressThrottle(display.emit, name, stage))(done, total)  # noqa: B023
 
                 try:
                     found.append(check(reference.workspace(), out / object_id / capture_id, tell))
-                    display.show(Event("capture", str(reference), seconds=found[-1].seconds))
-                except REFUSALS as error:
+                    display.emit(CaptureEnded(str(reference), found[-1].seconds))
+                except USER_ERRORS as error:
                     refused[str(reference)] = error
-                    display.show(Event("failed", str(reference), text=str(error)))
+                    display.emit(CaptureFailed(str(reference), str(error)))
     if not as_json:
         _tell(found, out)
     else:

@@ -6,8 +6,8 @@ from pathlib import Path
 import typer
 
 from glint.flows.pipeline.run import run
-from glint.flows.reporting.console import open_display
-from glint.flows.reporting.events import Event
+from glint.flows.reporting.console import open_console
+from glint.flows.reporting.events import Message
 
 SHAPES = ("hemisphere", "bird")
 FRAMES, SCALE = 1500, 0.8
@@ -23,10 +23,10 @@ def run_demo(folder: Path, as_json: bool) -> int:
     from glint.tasks.simulation.simulate import CaptureOptions, simulate
 
     captures, store = folder / "captures", Location.parse(folder / "store")
-    with open_display(as_json) as display:
+    with open_console(as_json) as display:
         for shape in SHAPES:
             if not (captures / shape / "front" / "video.mp4").exists():
-                display.show(Event("message", shape, text=f"simulating a video of {FRAMES:,} frames"))
+                display.emit(Message(f"simulating a video of {FRAMES:,} frames", shape))
                 simulate(shape, captures, CaptureOptions(frames=FRAMES, scale=SCALE))
         summary = run(captures / "catalogue.yaml", store.uri, display)
     from glint.flows.cli.tables import run_table, show, summary_json

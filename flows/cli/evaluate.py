@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import typer
 
 from glint.flows.pipeline.run import run
-from glint.flows.reporting.console import open_display
-from glint.flows.reporting.events import Event
+from glint.flows.reporting.console import open_console
+from glint.flows.reporting.events import Event, Message
 from glint.storage.export.image_files import write_png
 from glint.storage.locations.location import Location
 
@@ -40,7 +40,7 @@ def evaluate_catalogue(
     """
     out.mkdir(parents=True, exist_ok=True)
     place = Location.parse(store or str(out / "store")).uri
-    with open_display(as_json) as display:
+    with open_console(as_json) as display:
         if file is None and degraded:
             from glint.flows.cli.degraded import simulate_degraded
 
@@ -55,9 +55,9 @@ def evaluate_catalogue(
         from glint.tasks.evaluation import model_report
         from glint.tasks.evaluation import report as evaluation_report
 
-        evaluations = evaluations_of(str(file), place, summary.result, display.show)
+        evaluations = evaluations_of(str(file), place, summary.result, display.emit)
         models = models_of(str(file), place, summary.result)
-        ablations = ablations_of(str(file), place, summary.result, display.show) if ablation else {}
+        ablations = ablations_of(str(file), place, summary.result, display.emit) if ablation else {}
     if evaluations:
         table = evaluation_report.markdown(evaluations)
         if models:
@@ -90,7 +90,7 @@ def evaluations_of(
     for work in _workspaces(catalogue, store, result):
         found = evaluate(work, tuple(stage.name for stage in STAGES))
         if found is None:
-            show(Event("message", work.name, text="no true normals: not judged"))
+            show(Message("no true normals: not judged", work.name))
         else:
             evaluations.append(found)
     return evaluations
@@ -119,7 +119,7 @@ def ablations_of(
 
     ablations = {}
     for work in _workspaces(catalogue, store, result):
-        show(Event("message", work.name, text="ablation"))
+        show(Message("ablation", work.name))
         found = ablate(work)
         if found is not None:
             ablations[work.name] = found

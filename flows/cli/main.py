@@ -154,10 +154,10 @@ def run(
 ) -> None:
     """Work through a catalogue: every capture to a surface, every object to a version; goes on where it stopped."""
     from glint.flows.pipeline.run import run as run_all
-    from glint.flows.reporting.console import open_display
+    from glint.flows.reporting.console import open_console
 
     place = chosen_store(store)
-    with open_display(as_json) as display:
+    with open_console(as_json) as display:
         summary = run_all(
             file, place, display, only=only or [], scheduler=scheduler, workers=workers, rehash=rehash, drift=drift
         )

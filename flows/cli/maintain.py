@@ -20,15 +20,15 @@ def maintain_store(
     server = start_server()
     from glint.flows.cli.tables import show, table_of
     from glint.flows.deployments.maintenance import REMEDY, Maintenance, rows_of, run_maintenance, size_of
-    from glint.flows.pipeline.run import result_of
-    from glint.flows.runtime.orphaned_runs import close_runs_of_the_dead, tagged
+    from glint.flows.results import result_of
+    from glint.flows.runtime.orphaned_runs import mark_orphaned_crashed, tagged_with_process
 
     try:
         budget = None if frames_budget is None else size_of(frames_budget)
     except ValueError as error:
         raise InputError(f"--frames-budget: {error}", "write it as 500MB, 20GB or 1.5TB") from None
-    with server.connected(), tagged():
-        close_runs_of_the_dead()
+    with server.connected(), tagged_with_process():
+        mark_orphaned_crashed()
         done: Maintenance = result_of(run_maintenance(place.uri, dry_run, keep, older_than, budget, return_state=True))
     failed = any(each.failed for each in done.cleanings)
     if as_json:

@@ -10,8 +10,8 @@ import typer
 from pydantic import TypeAdapter, ValidationError
 
 from glint.flows.errors import RunningError
-from glint.flows.reporting.console import open_display
-from glint.flows.reporting.events import Display, Reporter
+from glint.flows.reporting.console import open_console
+from glint.flows.reporting.events import ProgressThrottle, Sink
 from glint.tasks.simulation.simulate import PRESETS, SHAPES, CaptureOptions, simulate
 
 
@@ -34,13 +34,13 @@ def simulate_shapes(
     if shape != "all" and shape not in SHAPES:
         raise SimulationError(f"there is no shape {shape!r}", f"name one of {', '.join(SHAPES)}, or all")
     options = _options({"frames": frames, "seed": seed, "views": views, "scale": scale}, others)
-    with open_display(as_json) as display:
+    with open_console(as_json) as display:
         for each in PRESETS if shape == "all" else (shape,):
             _simulate(each, out, options, display)
     typer.echo(f"next: glint run {out / 'catalogue.yaml'}")
 
 
-def simulate_presets(out: Path, scale: float, frames: int | None, display: Display) -> Path:
+def simulate_presets(out: Path, scale: float, frames: int | None, display: Sink) -> Path:
     """The paper's six captures as a catalogue; those that are there already, made alike, are kept."""
     options = CaptureOptions(frames=frames, scale=scale)
     for shape in PRESETS:
@@ -67,8 +67,8 @@ def _options(given: Mapping[str, Any], others: Sequence[str]) -> CaptureOptions:
         raise SimulationError(f"{', '.join(others) or given}: {reason}", "see `glint simulate --help`") from None
 
 
-def _simulate(shape: str, out: Path, options: CaptureOptions, display: Display) -> None:
-    simulate(shape, out, options, Reporter(display.show, shape, "simulate"))
+def _simulate(shape: str, out: Path, options: CaptureOptions, display: Sink) -> None:
+    simulate(shape, out, options, ProgressThrottle(display.emit, shape, "simulate"))
 
 
 def _is_there(folder: Path, options: CaptureOptions) -> bool:

@@ -20,10 +20,10 @@ def tell_status(store: str, as_json: bool) -> None:
     server = running_server()
     running, failed = list[dict[str, Any]](), list[dict[str, Any]]()
     if server is not None:
-        from glint.flows.runtime.orphaned_runs import close_runs_of_the_dead
+        from glint.flows.runtime.orphaned_runs import mark_orphaned_crashed
 
         with server.reached():
-            close_runs_of_the_dead()
+            mark_orphaned_crashed()
             running, failed = running_rows(), failed_rows()
     if as_json:
         for kind, rows in (("object", objects), ("running", running), ("failed", failed)):

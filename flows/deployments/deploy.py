@@ -19,7 +19,7 @@ from prefect.schedules import Cron
 from glint.flows.deployments.maintenance import DISK_EVENT, run_maintenance, size_of
 from glint.flows.deployments.scheduled import evaluate_reference, run_apart, run_one, watch_inbox
 from glint.flows.errors import ServerError
-from glint.flows.pipeline.drift import EVENT as DRIFT_EVENT
+from glint.flows.pipeline.drift import DRIFT_EVENT
 from glint.flows.runtime.prefect_server import start_server
 from glint.storage.errors import InputError
 from glint.storage.locations.location import Location
@@ -28,7 +28,7 @@ TAG = "glint"
 HEARTBEAT = 30
 """Seconds between two signs of life of a flow run; after three missed ones it is crashed."""
 
-ENDS = ("Completed", "Failed", "PartiallyDone", "Cancelled", "Crashed", "Paused")
+ENDS = ("Completed", "Failed", "PartiallyCompleted", "Cancelled", "Crashed", "Paused")
 """States after which a flow run gives no sign of life."""
 
 
@@ -240,7 +240,7 @@ def _notifications(block: Any) -> list[AutomationCore]:
             "failure",
             "Glint: {{ flow.name }} {{ flow_run.state.name }}",
             "{{ flow_run.name }}: {{ flow_run.state.message }}\n" + run,
-            expect={"prefect.flow-run.Failed", "prefect.flow-run.PartiallyDone", "prefect.flow-run.Crashed"},
+            expect={"prefect.flow-run.Failed", "prefect.flow-run.PartiallyCompleted", "prefect.flow-run.Crashed"},
             match_related=[
                 ResourceSpecification(
                     {"prefect.resource.id": "prefect.deployment.*", "prefect.resource.role": "deployment"}

@@ -20,15 +20,14 @@ from prefect.states import Completed, Failed
 
 from glint.flows.cli.evaluate import evaluations_of
 from glint.flows.deployments.inbox import Batch, Inbox, News
-from glint.flows.pipeline.catalogue import run_catalogue
-from glint.flows.pipeline.context import share, side_by_side
+from glint.flows.pipeline.catalogue import run_whole_catalogue
+from glint.flows.pipeline.context import activate
 from glint.flows.pipeline.object import run_object
-from glint.flows.pipeline.run import WARMED, result_of
+from glint.flows.pipeline.run import PRELOADED
 from glint.flows.reporting.artifacts import artifact_key, plain
-from glint.flows.results import RunResult
 from glint.flows.runtime.dask_cluster import Cluster
 from glint.flows.runtime.environment import prepare_environment
-from glint.flows.runtime.orphaned_runs import RUN_TAG, close_runs_of_the_dead, process_tag, tagged
+from glint.flows.runtime.orphaned_runs import RUN_TAG, mark_orphaned_crashed, process_tag, tagged_with_process
 from glint.storage.locations.location import Location
 from glint.storage.locations.probe import probe
 from glint.tasks.engine.references import chosen_captures, load_catalogue
@@ -57,9 +56,9 @@ def watch_inbox(
     news = place.news(timedelta(minutes=settled_minutes))
     told = {name: f"cannot be run: {problem}" for name, problem in news.problems.items()}
     if news.batches:
-        with working(store, scheduler, workers) as cluster:
+        with working(store, scheduler, workers):
             for batch in news.batches:
-                failed = _run_batch(batch, store, cluster, scheduler, drift, apart)
+                failed = _run_batch(batch, store, scheduler, drift, apart)
                 told |= {batch.arrivals[each].name: why for each, why in failed.items()}
                 # A sub-folder of several objects is finished when all of them are.
                 place.finish([each for each in batch.arrivals.values() if each.name not in told])
@@ -81,8 +80,8 @@ def evaluate_reference(
 ) -> State[None]:
     """Run a catalogue whose truth is known, reading all its files again, and judge what it gives."""
     mark_this_run()
-    with working(store, scheduler, workers) as cluster:
-        result = _run(catalogue, store, cluster, drift=drift, rehash=True)
+    with working(store, scheduler, workers):
+        result = run_whole_catalogue(catalogue, store, rehash=True, drift=drift)
         evaluations = evaluations_of(catalogue, Location.parse(store).uri, result, lambda event: None)
     if evaluations:
         from glint.tasks.evaluation.report import markdown
@@ -107,13 +106,12 @@ def run_one(
 ) -> State[None]:
     """Run one object of a catalogue, or some of its captures."""
     mark_this_run()
-    with working(store, scheduler, workers) as cluster:
+    with working(store, scheduler, workers):
         place = Location.parse(store).uri
         state: State[Any] = run_object(
             Location.parse(catalogue).uri,
             object_id,
             place,
-            cluster.address,
             captures=list(captures),
             drift=drift,
             return_state=True,
@@ -138,7 +136,7 @@ def run_apart(
 
 
 @contextmanager
-def working(store: str, scheduler: str | None, workers: int | None) -> Iterator[Cluster]:
+def working(store: str, scheduler: str | None, workers: int | None) -> Iterator[None]:
     """A store that was tried and a cluster, for flows that are called inside.
 
     Raises:
@@ -146,11 +144,10 @@ def working(store: str, scheduler: str | None, workers: int | None) -> Iterator[
     """
     prepare_environment()
     probe(Location.parse(store))
-    close_runs_of_the_dead()
-    with Cluster(scheduler, workers, WARMED) as cluster, tagged():
-        get_run_logger().info(cluster.described)
-        share(cluster.address, cluster.client)
-        yield cluster
+    mark_orphaned_crashed()
+    with Cluster(scheduler, workers, PRELOADED) as cluster, tagged_with_process(), activate(cluster.client):
+        get_run_logger().info(cluster.description)
+        yield
 
 
 def mark_this_run() -> None:
@@ -161,33 +158,11 @@ def mark_this_run() -> None:
             client.update_flow_run(identity, tags=sorted({*runtime.flow_run.tags, RUN_TAG, process_tag()}))
 
 
-def _run(
-    catalogue: str, store: str, cluster: Cluster, only: Sequence[str] = (), drift: float | None = None,
-    rehash: bool = False,
-) -> RunResult:  # fmt: skip
-    """Run objects of a catalogue in this process."""
-    state = run_catalogue(
-        Location.parse(catalogue).uri,
-        load_catalogue(catalogue).name,
-        Location.parse(store).uri,
-        cluster.address,
-        only=list(only),
-        side_by_side=side_by_side(cluster.workers),
-        rehash=rehash,
-        drift=drift,
-        return_state=True,
-    )
-    result: RunResult = result_of(state)
-    return result
-
-
-def _run_batch(
-    batch: Batch, store: str, cluster: Cluster, scheduler: str | None, drift: float | None, apart: bool
-) -> dict[str, str]:
+def _run_batch(batch: Batch, store: str, scheduler: str | None, drift: float | None, apart: bool) -> dict[str, str]:
     """Run a batch's objects; what is wrong with those that gave no whole version, by object."""
     if apart:
         return _ask_for(batch.catalogue, list(batch.arrivals), store, scheduler, drift)
-    result = _run(batch.catalogue, store, cluster, list(batch.arrivals), drift)
+    result = run_whole_catalogue(batch.catalogue, store, list(batch.arrivals), drift=drift)
     return {each.object_id: f"{each.name}: {each.error} -> {each.remedy}" for each in reversed(result.failed)}
 
 

@@ -56,7 +56,7 @@ SETTINGS = {
 
 
 @dataclass
-class Readiness(WorkerPlugin):
+class WarmUpPlugin(WorkerPlugin):
     """Makes a worker ready before its first task: one thread for OpenCV, modules imported, their kernels loaded.
 
     A module may have a function `warm_up()` that calls its compiled kernels once on tiny arrays. Workers of a local
@@ -65,7 +65,7 @@ class Readiness(WorkerPlugin):
 
     modules: tuple[str, ...]
     owned: bool
-    name = "glint-readiness"
+    name = "glint-warm-up"
 
     def setup(self, worker: Worker) -> None:
         """Called by Dask in each worker as it starts, and in each that replaces one."""
@@ -141,7 +141,7 @@ class Cluster:
         return len(self.client.nthreads())
 
     @property
-    def described(self) -> str:
+    def description(self) -> str:
         """How many workers, and where they can be watched."""
         watched = f", Dask's dashboard {self.dashboard_url}" if self.dashboard_url else ""
         return f"workers {self.workers}{watched}"
@@ -174,7 +174,7 @@ class Cluster:
             silence_logs=logging.ERROR,
         )
         client = Client(self._cluster, set_as_default=False)
-        client.register_plugin(Readiness(self._modules, owned=True))
+        client.register_plugin(WarmUpPlugin(self._modules, owned=True))
         return client
 
     def _given(self, address: str) -> Client:
@@ -187,7 +187,7 @@ class Cluster:
             ) from None
         try:
             client.wait_for_workers(1, timeout=WORKERS_SECONDS)
-            client.register_plugin(Readiness(self._modules, owned=False))
+            client.register_plugin(WarmUpPlugin(self._modules, owned=False))
         except TimeoutError:
             client.close()
             raise ClusterError(
@@ -196,7 +196,7 @@ class Cluster:
             ) from None
         except Exception as error:
             with suppress(Exception):
-                client.unregister_worker_plugin(Readiness.name)
+                client.unregister_worker_plugin(WarmUpPlugin.name)
             client.close()
             raise ClusterError(
                 f"the Dask workers at {address} cannot run Glint ({error})", "install this version of Glint on each"

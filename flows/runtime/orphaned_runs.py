@@ -17,7 +17,7 @@ _PAGE = 200
 
 
 @contextmanager
-def tagged() -> Iterator[None]:
+def tagged_with_process() -> Iterator[None]:
     """Tag the flow runs that are started inside with their process."""
     from prefect import tags
 
@@ -30,12 +30,12 @@ def process_tag() -> str:
     return _tag(os.getpid())
 
 
-def close_runs_of_the_dead() -> int:
+def mark_orphaned_crashed() -> int:
     """Mark as crashed what dead processes of this machine have left open; how many flow runs that were."""
     return _close(lambda tags: any(_is_dead(tag) for tag in tags), "Its process ended; run again to go on from there.")
 
 
-def close_own_runs() -> int:
+def mark_own_crashed() -> int:
     """Mark as crashed the flow runs of this process whose end a server that was away did not hear of.
 
     Of tasks the server hears later than of flows; the next run looks after those.

@@ -31,7 +31,7 @@ def test_each_shape_is_simulated_once_for_each_defect(tmp_path: Path, monkeypatc
     monkeypatch.setattr(degraded, "SHAPES", ("hemisphere", "cylinder"))
     monkeypatch.setattr(degraded, "DEGRADED", {name: each | {"frames": 5} for name, each in FEW.items()})
     told: list[Event] = []
-    display = SimpleNamespace(show=told.append)
+    display = SimpleNamespace(emit=told.append)
     catalogue = load(simulate_degraded(tmp_path, True, display))  # type: ignore[arg-type]
     assert [each.id for each in catalogue.objects] == [
         "hemisphere-careful",

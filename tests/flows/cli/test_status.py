@@ -12,7 +12,7 @@ from prefect import flow, task
 from prefect.artifacts import create_progress_artifact
 
 from glint.flows.cli.status import failed_rows, running_rows, tell_status
-from glint.flows.runtime.orphaned_runs import tagged
+from glint.flows.runtime.orphaned_runs import tagged_with_process
 from glint.flows.runtime.prefect_server import Server, running_server
 from glint.storage.errors import InputError
 
@@ -43,7 +43,7 @@ def test_the_last_failures_are_told_with_their_remedies(
     server: Server, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name, good in (("told/front", False), ("mended/front", False), ("mended/front", True)):
-        with tagged():
+        with tagged_with_process():
             working_on(name, good)
     told = {("told/front", "front.mp4 does not exist: check the path")}
     assert awaited(lambda: {(row["capture"], row["why"]) for row in failed_rows()} >= told)
@@ -72,7 +72,7 @@ def test_what_runs_is_told_with_its_progress(server: Server) -> None:
         pretended()
 
     def work() -> None:
-        with server.connected(), tagged():
+        with server.connected(), tagged_with_process():
             working()
 
     thread = threading.Thread(target=work)
