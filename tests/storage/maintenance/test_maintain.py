@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glint.flows.deployments.maintenance import Cleaning, Maintenance, maintain, size_of
 from glint.storage.blobs import store as blobs
 from glint.storage.frames.eviction import CachedFrames, cached_frames, mark_used, over_budget
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import run_lock
 from glint.storage.maintenance.disk_space import Room
+from glint.storage.maintenance.maintain import Cleaning, Maintenance, format_size, maintain, parse_size
 from glint.storage.versions.repository import ObjectRepository
 
 NOW = timedelta(0)
@@ -38,8 +38,8 @@ def versions(location: Location, count: int) -> list[blobs.BlobReference]:
     return references
 
 
-def part(done: Maintenance, what: str) -> Cleaning:
-    return next(each for each in done.cleanings if each.what == what)
+def part(done: Maintenance, target: str) -> Cleaning:
+    return next(cleaning for cleaning in done.cleanings if cleaning.target == target)
 
 
 def frames(location: Location, digest: str, size: int, age: timedelta) -> None:
@@ -80,11 +80,11 @@ def test_versions_are_given_up_only_when_asked(tmp_path: Path) -> None:
     location = Location.parse(tmp_path)
     references = versions(location, 4)
     dry = maintain(location, True, 2, NOW, None)
-    assert part(dry, "glass").note == "would give up v1, v2"
+    assert part(dry, "glass").note == "would remove v1, v2"
     repository = ObjectRepository.open(location, "glass", create=False)
     assert repository.version_names() == ["v1", "v2", "v3", "v4"]
     done = maintain(location, False, 2, NOW, None)
-    assert part(done, "glass").note == "gave up v1, v2" and part(done, "glass").bytes > 0
+    assert part(done, "glass").note == "removed v1, v2" and part(done, "glass").bytes > 0
     assert repository.version_names() == ["v3", "v4"]
     assert [blobs.exists(location, each) for each in references] == [False, False, True, True]
     assert repository.load("front", "surface", "v3").read("depth").shape == (2, 3)
@@ -157,14 +157,19 @@ def test_an_object_that_cannot_be_read_stops_neither_the_rest_nor_loses_blobs(tm
 
 
 @pytest.mark.parametrize(("text", "size"), [("500MB", 5 * 10**8), ("1.5 tb", 15 * 10**11), ("0", 0)])
-def test_sizes(text: str, size: int) -> None:
-    assert size_of(text) == size
+def test_sizes_are_parsed(text: str, size: int) -> None:
+    assert parse_size(text) == size
 
 
 @pytest.mark.parametrize("text", ["20G", "x", "-1GB", "", "1e30GB"])
-def test_what_is_no_size(text: str) -> None:
-    with pytest.raises(ValueError, match=r"is no size|could not convert"):
-        size_of(text)
+def test_invalid_sizes(text: str) -> None:
+    with pytest.raises(ValueError, match=r"is not a size|could not convert"):
+        parse_size(text)
+
+
+@pytest.mark.parametrize(("size", "text"), [(0, "0.0 MB"), (1_500_000_000, "1.5 GB"), (2 * 10**12, "2.0 TB")])
+def test_sizes_are_formatted_as_they_are_parsed(size: int, text: str) -> None:
+    assert format_size(size) == text and parse_size(text) == size
 
 
 def test_the_disk_is_called_low_before_it_is_full() -> None:
