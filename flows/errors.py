@@ -1,7 +1,7 @@
 """Errors of a run: each names the offending value and the remedy."""
 
 from glint.storage.errors import StorageError
-from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.engine.errors import UnusableCapture
 
 
 class RunningError(Exception):

@@ -14,10 +14,11 @@ from prefect.states import Completed, Failed
 from glint.flows.deployments.environment import run_environment, tag_run
 from glint.flows.deployments.on_demand import request_objects
 from glint.flows.pipeline.catalogue import run_whole_catalogue
-from glint.flows.reporting.artifacts import artifact_key, plain
+from glint.flows.reporting.artifacts import artifact_key
 from glint.storage.inbox import Batch, Inbox, InboxScan
 from glint.storage.locations.location import Location
 from glint.tasks.engine.parameters import Parameters
+from glint.tasks.figures.markdown import plain
 
 
 @flow(name="inbox", flow_run_name="{inbox}", validate_parameters=False, persist_result=False)

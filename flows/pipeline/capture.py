@@ -12,12 +12,13 @@ from glint.flows.pipeline.context import run_context
 from glint.flows.pipeline.dispatch import capacity, scatter_map, task_key, wait_for
 from glint.flows.pipeline.prefect_sink import TaskRunReporter
 from glint.flows.pipeline.worker import end_events, progress_unit, run_stages
-from glint.flows.reporting.artifacts import capture_artifact
+from glint.flows.reporting.artifacts import create_page_artifact
 from glint.flows.reporting.events import ProgressThrottle, StageStarted
 from glint.flows.runtime.retry import retry_on_disconnect
 from glint.storage.errors import StoreUnreachable
 from glint.tasks.engine.capture_context import Workspace as CaptureContext
 from glint.tasks.engine.stage import Record, perform, stage_keys
+from glint.tasks.figures.capture_page import capture_page
 from glint.tasks.pipeline import BY_NAME, STAGES
 from glint.tasks.stages.clusters import clusters
 
@@ -52,7 +53,8 @@ def process_capture(capture: CaptureContext, n_captures: int = 1) -> list[Record
     context = run_context()
     with context.cancellable(), context.prefect.attach(capture.name) as reporter:
         records = run_on_workers(capture, reporter)
-    retry_on_disconnect(capture_artifact, capture, records, n_captures)
+    page = capture_page(capture, records, n_captures)
+    retry_on_disconnect(create_page_artifact, capture.name, page)
     return records
 
 

@@ -11,7 +11,7 @@ from prefect.client.schemas.objects import State
 from glint.flows.errors import USER_ERRORS
 from glint.flows.pipeline.context import run_context
 from glint.flows.pipeline.object import ObjectCaptures, failed_object, run_object, submit, up_to_date
-from glint.flows.reporting.artifacts import catalogue_artifact
+from glint.flows.reporting.artifacts import create_catalogue_artifact
 from glint.flows.reporting.events import CaptureEnded
 from glint.flows.results import ObjectResult, RunResult, final_state, result_of
 from glint.flows.runtime.retry import retry_on_disconnect
@@ -70,7 +70,7 @@ def run_catalogue(
             context.cancel()
             raise
     result = RunResult(run, tuple(objects), time.monotonic() - started)
-    catalogue_artifact(name, result)
+    create_catalogue_artifact(name, result)
     return final_state(result.captures, _summary(result), result)
 
 

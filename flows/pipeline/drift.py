@@ -6,8 +6,9 @@ from prefect.artifacts import create_markdown_artifact
 from prefect.events import emit_event
 
 from glint.flows.pipeline.context import run_context
-from glint.flows.reporting.artifacts import artifact_key, plain
+from glint.flows.reporting.artifacts import artifact_key
 from glint.flows.reporting.events import CaptureWarning
+from glint.tasks.figures.markdown import plain
 from glint.tasks.version_diff import Drift
 
 DRIFT_EVENT = "glint.drift"

@@ -8,11 +8,12 @@ from prefect.cache_policies import NO_CACHE
 from glint.flows.pipeline.context import run_context
 from glint.flows.pipeline.dispatch import task_key, wait_for
 from glint.flows.pipeline.worker import run_model_stage
-from glint.flows.reporting.model_page import model_artifact
+from glint.flows.reporting.artifacts import create_page_artifact
 from glint.flows.runtime.retry import retry_on_disconnect
 from glint.storage.catalogue.models import MODEL
 from glint.tasks.engine.capture_context import Workspace as CaptureContext
 from glint.tasks.engine.stage import Record
+from glint.tasks.figures.model_page import model_page
 from glint.tasks.stages.model import model_key
 
 
@@ -28,5 +29,6 @@ def process_model(captures: Sequence[CaptureContext], name: str) -> list[Record]
         arguments = list(captures), model_key(captures), name, MODEL
         future = context.client.submit(run_model_stage, *arguments, pure=False, key=key)
         record: Record = wait_for(future, name, reporter)
-    retry_on_disconnect(model_artifact, captures[0].repository, name, (record,))
+    page = model_page(captures[0].repository, name, [record])
+    retry_on_disconnect(create_page_artifact, name, page)
     return [record]

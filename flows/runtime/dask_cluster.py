@@ -69,12 +69,12 @@ class WarmUpPlugin(WorkerPlugin):
 
     def setup(self, worker: Worker) -> None:
         """Called by Dask in each worker as it starts, and in each that replaces one."""
-        import cv2
+        from glint.tasks.engine.threads import use_one_opencv_thread
 
         if self.owned:
             signal.signal(signal.SIGINT, signal.SIG_IGN)
             logging.getLogger("distributed.worker").setLevel(logging.CRITICAL)
-        cv2.setNumThreads(1)
+        use_one_opencv_thread()
         for name in self.modules:
             module = importlib.import_module(name)
             if hasattr(module, "warm_up"):
