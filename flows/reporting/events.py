@@ -7,7 +7,7 @@ each to the sinks of its run.
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -144,10 +144,9 @@ def publish_from_worker() -> Callable[[Event], None]:
 def subscribe(client: "Client", emit: Callable[[Event], None]) -> None:
     """Pass on the events that workers of this client's cluster publish; a later subscription replaces an earlier."""
 
-    def receive(entry: tuple[float, dict[str, object]]) -> None:
+    def receive(entry: tuple[float, dict[str, Any]]) -> None:
         message = entry[1]
-        fields: dict[str, object] = message["event"]  # type: ignore[assignment]
-        emit(_TYPES[str(message["type"])](**fields))
+        emit(_TYPES[message["type"]](**message["event"]))
 
     client.subscribe_topic(TOPIC, receive)
 
