@@ -25,6 +25,7 @@ class StageRun:
     def __init__(self, parent: TaskRun, stage: str, started: datetime) -> None:
         self.stage, self.started = stage, started
         identity = uuid4()
+        times: dict[str, Any] = {"expected_start_time": started, "start_time": started}
         self._run = TaskRun(
             id=identity,
             name=stage,  # without "/", by which `glint status` recognises captures
@@ -34,8 +35,7 @@ class StageRun:
             tags=list(parent.tags),  # name the process, so that a later run can mark orphans as crashed
             task_inputs={"__parents__": [TaskRunResult(id=parent.id)]},
             run_count=1,
-            expected_start_time=started,
-            start_time=started,
+            **times,
         )
         self._state: State[Any] = Pending(timestamp=started)
         self._event: Event | None = None
@@ -46,7 +46,7 @@ class StageRun:
 
     def announce_completed(self, ended: datetime, cached: bool = False) -> None:
         """Show the stage as completed, or as cached."""
-        self._announce(Completed(timestamp=ended, **({"name": CACHED} if cached else {})), ended)
+        self._announce(Completed(timestamp=ended, name=CACHED if cached else "Completed"), ended)
 
     def announce_failed(self, ended: datetime, message: str) -> None:
         """Show the stage as failed, with the error and its remedy."""
@@ -58,6 +58,7 @@ class StageRun:
 
     def _announce(self, state: State[Any], ended: datetime | None = None) -> None:
         if ended is not None:
-            self._run.end_time, self._run.total_run_time = ended, ended - self.started
+            times = {"end_time": ended, "total_run_time": ended - self.started}
+            self._run = self._run.model_copy(update=times)
         self._event = emit_task_run_state_change_event(self._run, self._state, state, follows=self._event)
         self._state = state
