@@ -114,5 +114,5 @@ def _run(captures: ObjectCaptures, drift: float | None) -> ObjectResult:
 def _summary(result: RunResult) -> str:
     """Return one line about a run without failures."""
     unchanged = sum(capture.cached for capture in result.captures)
-    moved = f", {len(result.drifts)} moved" if result.drifts else ""
-    return f"{len(result.captures)} captures: {len(result.captures) - unchanged} done, {unchanged} unchanged{moved}"
+    changed = f", {len(result.drifts)} changed" if result.drifts else ""
+    return f"{len(result.captures)} captures: {len(result.captures) - unchanged} done, {unchanged} unchanged{changed}"

@@ -122,12 +122,12 @@ def process_object(captures: ObjectCaptures, drift: float | None) -> ObjectResul
             if has_model:
                 results += (run_model(captures.all),)
             version = publish(completed, first.run, captures.catalogue, model=has_model and not results[-1].error)
-            moved = list[Drift]()
+            changes = list[Drift]()
             names = first.repository.version_names()
             if drift is not None and version.created and len(names) > 1:
-                moved = drifts(first.repository, names[-2], version.name, drift)
-                report_drifts(moved, drift)
-            return ObjectResult(first.object_id, results, version, tuple(moved))
+                changes = drifts(first.repository, names[-2], version.name, drift)
+                report_drifts(changes, drift)
+            return ObjectResult(first.object_id, results, version, tuple(changes))
     except USER_ERRORS as error:
         return failed_object(captures, error)
 

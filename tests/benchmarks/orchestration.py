@@ -150,7 +150,8 @@ def timeline_costs(catalogue: Path, folder: Path, repeats: int) -> None:
     with_runs, without = (sum(run.seconds for run in runs[key]) / repeats for key in (True, False))
     print(
         f"stage runs: {flow:.1f} ms in the flow's process, {server:.1f} ms in the server for each stage of"
-        f" {stage_ms:.0f} ms ({(flow + server) / stage_ms:.1%}); runs of {with_runs:.1f} s with, {without:.1f} s without",
+        f" {stage_ms:.0f} ms ({(flow + server) / stage_ms:.1%});"
+        f" runs of {with_runs:.1f} s with, {without:.1f} s without",
         flush=True,
     )
 
@@ -180,7 +181,8 @@ def main() -> None:
         )
         two = by_run(catalogue, folder / "two", 2)
         print(
-            f"glint run, two workers {two.seconds:.1f} s ({two.seconds / alone:.2f} times), after {two.start_up:.1f} s of start-up",
+            f"glint run, two workers {two.seconds:.1f} s ({two.seconds / alone:.2f} times),"
+            f" after {two.start_up:.1f} s of start-up",
             flush=True,
         )
         one = by_run(catalogue, folder / "one", 1)
