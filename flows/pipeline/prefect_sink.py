@@ -155,9 +155,8 @@ class PrefectSink(AbstractContextManager["PrefectSink"]):
             raise
         finally:
             self._reporters.pop(capture, None)
-            # The lambda's own argument: Python clears the name of a caught exception.
-            moment, ended_by = _now(), failure
-            self._queue.put((reporter, lambda: reporter.finish(ended_by, moment)))
+            moment = _now()
+            self._queue.put((reporter, lambda: reporter.finish(failure, moment)))
 
     def _work(self) -> None:
         waiting = set[TaskRunReporter]()
