@@ -1,67 +1,92 @@
-"""`glint check`: every chosen capture looked at, in this process; what is found is told, and drawn."""
+"""`glint check`: examine captures in this process, before the long stages."""
 
-import json
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from glint.flows.cli.tables import show, table_of
-from glint.flows.errors import REFUSALS
-from glint.flows.reporting.console import open_display
-from glint.flows.reporting.events import Event, Reporter
-from glint.storage.locations.conditional_writes import check_conditional_writes
-from glint.storage.locations.location import Location
-from glint.tasks.check import Check, check
-from glint.tasks.engine.references import CaptureReference, chosen_captures, load_catalogue
+from glint.flows.cli.options import CatalogueFile, Json, Only, Store, chosen_store, print_lines
+
+if TYPE_CHECKING:
+    from glint.flows.reporting.events import Sink
+    from glint.tasks.check import Check
 
 
-def check_catalogue(file: str | Path, store: str, out: Path, only: Sequence[str], as_json: bool) -> int:
-    """Check captures one after the other; the command's exit status."""
-    chosen = chosen_captures(load_catalogue(file).objects, only)
-    check_conditional_writes(Location.parse(store))
-    catalogue = Location.parse(file).uri
-    place, found, refused = Location.parse(store).uri, list[Check](), dict[str, Exception]()
-    with open_display(as_json) as display:
-        for object_id, captures in chosen.items():
-            for capture_id in captures:
-                reference = CaptureReference(catalogue, object_id, capture_id, place, "check")
-                reporters: dict[str, Reporter] = {}
+def check(
+    file: CatalogueFile,
+    only: Only = None,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the pictures.")] = Path("glint-check"),
+    store: Store = None,
+    as_json: Json = False,
+) -> None:
+    """Check captures before the long stages: spheres, lights, coverage, and what to record again."""
+    from glint.flows.errors import USER_ERRORS
+    from glint.flows.reporting.console import open_console
+    from glint.flows.reporting.events import CaptureEnded, CaptureFailed
+    from glint.storage.locations.conditional_writes import check_conditional_writes
+    from glint.storage.locations.location import Location
+    from glint.tasks.check import check as check_capture
+    from glint.tasks.engine.references import CaptureReference, chosen_captures, load_catalogue
 
-                def tell(stage: str, done: int, total: int | None, name: str = str(reference)) -> None:
-                    reporters.setdefault(stage, Reporter(display.show, name, stage))(done, total)  # noqa: B023
-
-                try:
-                    found.append(check(reference.workspace(), out / object_id / capture_id, tell))
-                    display.show(Event("capture", str(reference), seconds=found[-1].seconds))
-                except REFUSALS as error:
-                    refused[str(reference)] = error
-                    display.show(Event("failed", str(reference), text=str(error)))
-    if not as_json:
-        _tell(found, out)
+    chosen = chosen_captures(load_catalogue(file).objects, only or ())
+    place = Location.parse(chosen_store(store))
+    check_conditional_writes(place)
+    checks, failed = list["Check"](), 0
+    with open_console(as_json) as console:
+        for object_id, capture_id in ((name, capture) for name, captures in chosen.items() for capture in captures):
+            reference = CaptureReference(Location.parse(file).uri, object_id, capture_id, place.uri, "check")
+            name = str(reference)
+            try:
+                result = check_capture(reference.workspace(), out / object_id / capture_id, _progress(console, name))
+            except USER_ERRORS as error:
+                failed += 1
+                console.emit(CaptureFailed(name, str(error)))
+            else:
+                checks.append(result)
+                console.emit(CaptureEnded(name, result.seconds))
+    if as_json:
+        pictures = [[str(path) for path in result.pictures] for result in checks]
+        lines = [asdict(result) | {"pictures": paths} for result, paths in zip(checks, pictures, strict=True)]
+        print_lines({"kind": "check", **line} for line in lines)
     else:
-        for each in found:
-            facts = asdict(each) | {"pictures": [str(path) for path in each.pictures]}
-            typer.echo(json.dumps({"kind": "check", **facts}))
-    return 1 if refused else 0
+        _print_checks(checks, out)
+    sys.exit(1 if failed else 0)
 
 
-def _tell(found: Sequence[Check], out: Path) -> None:
+def _progress(console: "Sink", capture: str) -> Callable[[str, int, int | None], None]:
+    """Return the progress callback (stage, done, total) of a capture."""
+    from glint.flows.reporting.events import ProgressThrottle
+
+    reporters: dict[str, ProgressThrottle] = {}
+
+    def report(stage: str, done: int, total: int | None) -> None:
+        if stage not in reporters:
+            reporters[stage] = ProgressThrottle(console.emit, capture, stage)
+        reporters[stage](done, total)
+
+    return report
+
+
+def _print_checks(checks: "Sequence[Check]", out: Path) -> None:
+    from glint.flows.cli.tables import show, table_of
+
     rows = [
         {
-            "capture": each.name,
-            "frames": each.frames,
-            "lights": each.lights,
-            "could glint": f"{each.could:.0%}",
-            "glinted": f"{each.observed:.0%}",
-            "spheres": "; ".join(each.spheres) or "lights given",
+            "capture": result.name,
+            "frames": result.frames,
+            "lights": result.lights,
+            "observable": f"{result.could:.0%}",
+            "observed": f"{result.observed:.0%}",
+            "spheres": "; ".join(result.spheres) or "none (lights given)",
         }
-        for each in found
+        for result in checks
     ]
     show(table_of(rows, "no capture can be used"))
-    for each in found:
-        for warning in each.warnings:
-            typer.secho(f"{each.name}: {warning}", fg="yellow")
-    if found:
+    for result in checks:
+        for warning in result.warnings:
+            typer.secho(f"{result.name}: {warning}", fg="yellow")
+    if checks:
         typer.echo(f"pictures (coverage, overview, keyframes to mark highlights on): {out}")

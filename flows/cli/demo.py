@@ -1,20 +1,28 @@
-"""`glint demo`: two simulated objects from video to surface, and where to look."""
+"""`glint demo`: two simulated objects from video to surface."""
 
 import json
+import sys
 from pathlib import Path
+from typing import Annotated
 
 import typer
 
-from glint.flows.pipeline.run import run
-from glint.flows.reporting.console import open_display
-from glint.flows.reporting.events import Event
+from glint.flows.cli.options import Json
 
 SHAPES = ("hemisphere", "bird")
 FRAMES, SCALE = 1500, 0.8
 
 
-def run_demo(folder: Path, as_json: bool) -> int:
-    """Simulate, run, export; the command's exit status."""
+def demo(
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder for the catalogue, the store and the export.")
+    ] = Path("glint-demo"),
+    as_json: Json = False,
+) -> None:
+    """Simulate a small catalogue, run it, export it, and print where the results are."""
+    from glint.flows.pipeline.run import run
+    from glint.flows.reporting.console import open_console
+    from glint.flows.reporting.events import Message
     from glint.flows.runtime.prefect_server import start_server
 
     start_server()
@@ -23,26 +31,26 @@ def run_demo(folder: Path, as_json: bool) -> int:
     from glint.tasks.simulation.simulate import CaptureOptions, simulate
 
     captures, store = folder / "captures", Location.parse(folder / "store")
-    with open_display(as_json) as display:
+    with open_console(as_json) as console:
         for shape in SHAPES:
             if not (captures / shape / "front" / "video.mp4").exists():
-                display.show(Event("message", shape, text=f"simulating a video of {FRAMES:,} frames"))
+                console.emit(Message(f"simulating a video of {FRAMES:,} frames", shape))
                 simulate(shape, captures, CaptureOptions(frames=FRAMES, scale=SCALE))
-        summary = run(captures / "catalogue.yaml", store.uri, display)
+        summary = run(captures / "catalogue.yaml", store.uri, console)
     from glint.flows.cli.tables import run_table, show, summary_json
 
     reports = []
-    for each in summary.result.objects:
-        if each.version is not None:
-            made = export(store, each.object_id, folder / "export" / each.object_id)
-            reports += [str(Path(made.out) / capture / "report.html") for capture in made.captures]
+    for item in summary.result.objects:
+        if item.version is not None:
+            written = export(store, item.object_id, folder / "export" / item.object_id)
+            reports += [str(Path(written.out) / capture / "report.html") for capture in written.captures]
     if as_json:
         typer.echo(json.dumps(summary_json(summary) | {"reports": reports}))
     else:
         show(run_table(summary))
-        typer.echo("look at the results:")
+        typer.echo("reports:")
         for report in reports:
             typer.echo(f"  {report}")
-        typer.echo(f"  {summary.page}  (dashboard; `glint dashboard --stop` ends its server)")
-        typer.echo(f"errors against the known truth: glint evaluate {captures / 'catalogue.yaml'}")
-    return 1 if summary.result.failed else 0
+        typer.echo(f"dashboard: {summary.page} (`glint dashboard --stop` stops its server)")
+        typer.echo(f"next: glint evaluate {captures / 'catalogue.yaml'} (errors against the ground truth)")
+    sys.exit(1 if summary.result.failed else 0)

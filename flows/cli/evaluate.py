@@ -1,136 +1,109 @@
-"""`glint evaluate`: run the captures, judge them against their truth, write the table, the JSON and the pictures."""
+"""`glint evaluate`: run captures, compare them with their ground truth, write a table, JSON and pictures."""
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from glint.flows.pipeline.run import run
-from glint.flows.reporting.console import open_display
-from glint.flows.reporting.events import Event
-from glint.storage.export.image_files import write_png
-from glint.storage.locations.location import Location
+from glint.flows.cli.options import Json, Only
 
 if TYPE_CHECKING:
+    from glint.flows.reporting.events import Sink
     from glint.flows.results import RunResult
-    from glint.tasks.engine.capture_context import Workspace
-    from glint.tasks.evaluation.captures import Evaluation
-    from glint.tasks.evaluation.models import ModelEvaluation
 
 QUICK_SCALE, QUICK_FRAMES = 0.5, 500
 """Size and length of the presets with --quick."""
 
 
-def evaluate_catalogue(
-    file: str | Path | None,
-    quick: bool,
-    out: Path,
-    store: str | None,
-    only: Sequence[str],
-    as_json: bool,
-    *,
-    degraded: bool = False,
-    ablation: bool = False,
-) -> int:
-    """Evaluate a catalogue's captures that have truth; the command's exit status.
+def evaluate(
+    file: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[CATALOGUE]",
+            help="Catalogue of captures with ground truth (default: the paper's six, simulated).",
+        ),
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Simulate smaller and shorter captures; takes about a minute.")
+    ] = False,
+    degraded: Annotated[
+        bool, typer.Option("--degraded", help="Simulate degraded captures instead of the paper's six.")
+    ] = False,
+    ablation: Annotated[
+        bool, typer.Option("--ablation", help="Evaluate also with each ingredient of the labelling switched off.")
+    ] = False,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder for the table, the JSON and the pictures.")
+    ] = Path("glint-evaluation"),
+    store: Annotated[
+        str | None, typer.Option("--store", metavar="URI", help="The store of the runs (default: `store` in --out).")
+    ] = None,
+    only: Only = None,
+    as_json: Json = False,
+) -> None:
+    """Measure errors against the ground truth, beside baselines: the paper's Tables 2 and 3."""
+    from glint.flows.pipeline.run import run
+    from glint.flows.reporting.console import open_console
+    from glint.storage.locations.location import Location
 
-    degraded: careless captures instead of the presets; ablation: also with each ingredient of the labelling off.
-    """
     out.mkdir(parents=True, exist_ok=True)
-    place = Location.parse(store or str(out / "store")).uri
-    with open_display(as_json) as display:
-        if file is None and degraded:
-            from glint.flows.cli.degraded import simulate_degraded
-
-            file = simulate_degraded(out / "degraded", quick, display)
-        elif file is None:
-            from glint.flows.cli.simulate import simulate_presets
-
-            folder = out / ("quick" if quick else "presets")
-            scale, frames = (QUICK_SCALE, QUICK_FRAMES) if quick else (1.0, None)
-            file = simulate_presets(folder, scale, frames, display)
-        summary = run(file, place, display, only=only)
-        from glint.tasks.evaluation import report
-        from glint.tasks.figures.evaluation_sheet import evaluation_sheet, reliability_diagram
-
-        evaluations = evaluations_of(str(file), place, summary.result, display.show)
-        models = models_of(str(file), place, summary.result)
-        ablations = ablations_of(str(file), place, summary.result, display.show) if ablation else {}
-    if evaluations:
-        table = report.capture_tables(evaluations)
-        if models:
-            table += report.model_table(models)
-        if ablations:
-            table += report.ablation_table(ablations)
-        (out / "evaluation.md").write_text(table, encoding="utf-8")
-        facts = report.captures_as_json(evaluations) + report.models_as_json(models)
-        (out / "evaluation.json").write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
-        write_png(out / "evaluation.png", evaluation_sheet(evaluations))
-        write_png(out / "reliability.png", reliability_diagram(evaluations))
-        if as_json:
-            typer.echo(json.dumps({"kind": "evaluation", "captures": facts}))
-        else:
-            typer.echo(table)
-            typer.echo(f"written: {out / 'evaluation.md'}, evaluation.json, evaluation.png, reliability.png")
+    address = Location.parse(store or str(out / "store")).uri
+    with open_console(as_json) as console:
+        path = file or _simulated(out, quick, degraded, console)
+        summary = run(path, address, console, only=only or ())
+        table = _write_evaluation(path, address, summary.result, out, ablation, console)
+    if table and as_json:
+        captures = json.loads((out / "evaluation.json").read_text(encoding="utf-8"))
+        typer.echo(json.dumps({"kind": "evaluation", "captures": captures}))
+    elif table:
+        typer.echo(table)
+        typer.echo(f"written: {out / 'evaluation.md'}, evaluation.json, evaluation.png, reliability.png")
     for failure in summary.result.failed:
         typer.secho(f"{failure.name} failed: {failure.error}\n  -> {failure.remedy}", fg="red", err=True)
-    return 1 if summary.result.failed else 0
+    sys.exit(1 if summary.result.failed else 0)
 
 
-def evaluations_of(
-    catalogue: str, store: str, result: "RunResult", show: Callable[[Event], None]
-) -> "list[Evaluation]":
-    """Judge what a run gave against the truth, where there is one."""
-    from glint.tasks.evaluation.captures import evaluate
-    from glint.tasks.pipeline import STAGES
+def _simulated(out: Path, quick: bool, degraded: bool, console: "Sink") -> Path:
+    """Simulate the presets, or degraded captures; return the path of their catalogue."""
+    from glint.flows.cli.simulate import simulate_degraded, simulate_presets
 
-    evaluations = []
-    for work in _workspaces(catalogue, store, result):
-        found = evaluate(work, tuple(stage.name for stage in STAGES))
-        if found is None:
-            show(Event("message", work.name, text="no true normals: not judged"))
-        else:
-            evaluations.append(found)
-    return evaluations
+    if degraded:
+        return simulate_degraded(out / "degraded", quick, console)
+    if quick:
+        return simulate_presets(out / "quick", QUICK_SCALE, QUICK_FRAMES, console)
+    return simulate_presets(out / "presets", 1.0, None, console)
 
 
-def models_of(catalogue: str, store: str, result: "RunResult") -> "list[ModelEvaluation]":
-    """Judge the models of objects whose true surface is known."""
-    from itertools import groupby
-
+def _write_evaluation(
+    catalogue: str | Path, store: str, result: "RunResult", out: Path, ablation: bool, console: "Sink"
+) -> str:
+    """Evaluate what succeeded, and write it to the folder; return the table, empty if nothing has a ground truth."""
+    from glint.flows.reporting.events import Message
+    from glint.storage.export.image_files import write_png
     from glint.tasks.engine.references import load_catalogue
-    from glint.tasks.evaluation.models import evaluate_model
+    from glint.tasks.evaluation import evaluate_run, model_report, report
 
-    entries, found = load_catalogue(catalogue), []
-    for object_id, works in groupby(_workspaces(catalogue, store, result), lambda work: work.object_id):
-        judged = evaluate_model(entries.object(object_id), list(works))
-        if judged is not None:
-            found.append(judged)
-    return found
+    def message(capture: str, text: str) -> None:
+        console.emit(Message(text, capture))
 
-
-def ablations_of(
-    catalogue: str, store: str, result: "RunResult", show: Callable[[Event], None]
-) -> dict[str, dict[str, tuple[float, float]]]:
-    """Errors with each ingredient of the labelling switched off, by capture, where there is a truth."""
-    from glint.tasks.evaluation.ablation import ablate
-
-    ablations = {}
-    for work in _workspaces(catalogue, store, result):
-        show(Event("message", work.name, text="ablation"))
-        found = ablate(work)
-        if found is not None:
-            ablations[work.name] = found
-    return ablations
-
-
-def _workspaces(catalogue: str, store: str, result: "RunResult") -> "Iterator[Workspace]":
-    from glint.storage.catalogue.models import MODEL
-    from glint.tasks.engine.references import CaptureReference
-
-    address = Location.parse(catalogue).uri
-    for each in result.captures:
-        if not each.error and each.capture_id != MODEL:
-            yield CaptureReference(address, each.object_id, each.capture_id, store, result.run).workspace()
+    done: Sequence[tuple[str, str]] = [(item.object_id, item.capture_id) for item in result.captures if not item.error]
+    contexts = evaluate_run.contexts_of(str(catalogue), store, result.run, done)
+    evaluations = evaluate_run.evaluate_captures(contexts, message)
+    models = evaluate_run.evaluate_models(contexts, load_catalogue(catalogue))
+    ablations = evaluate_run.ablate_captures(contexts, message) if ablation else {}
+    if not evaluations:
+        return ""
+    table = report.markdown(evaluations)
+    if models:
+        table += model_report.markdown(models)
+    if ablations:
+        table += report.ablation_table(ablations)
+    (out / "evaluation.md").write_text(table, encoding="utf-8")
+    captures = report.as_json(evaluations) + model_report.as_json(models)
+    (out / "evaluation.json").write_text(json.dumps(captures, indent=2) + "\n", encoding="utf-8")
+    write_png(out / "evaluation.png", report.picture_sheet(evaluations))
+    write_png(out / "reliability.png", report.reliability_picture(evaluations))
+    return table

@@ -1,42 +1,61 @@
-"""`glint maintain`: the maintenance flow, run now."""
+"""`glint maintain`: run the maintenance flow now."""
 
 import json
+import sys
 from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from glint.flows.runtime.prefect_server import start_server
-from glint.storage.errors import InputError
-from glint.storage.locations.conditional_writes import check_conditional_writes
-from glint.storage.locations.location import Location
+from glint.flows.cli.options import FramesBudget, Json, Store, budget_bytes, chosen_store
+
+if TYPE_CHECKING:
+    from glint.storage.maintenance.maintain import Maintenance
 
 
-def maintain_store(
-    store: str, dry_run: bool, keep: int | None, older_than: float, frames_budget: str | None, as_json: bool
-) -> int:
-    """Maintain a store; the command's exit status."""
-    place = Location.parse(store)
+def maintain(
+    store: Store = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Remove nothing, and print what would be removed.")
+    ] = False,
+    keep: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Keep the newest N versions of each object (default: all).")
+    ] = None,
+    older_than: Annotated[
+        float, typer.Option(metavar="DAYS", min=0.0, help="Only remove data unused for at least DAYS.")
+    ] = 1.0,
+    frames_budget: FramesBudget = None,
+    as_json: Json = False,
+) -> None:
+    """Remove data that no version needs, limit the cache of frames, and warn before the disk is full."""
+    from glint.flows.runtime.prefect_server import start_server
+    from glint.storage.locations.conditional_writes import check_conditional_writes
+    from glint.storage.locations.location import Location
+
+    budget = budget_bytes(frames_budget)
+    place = Location.parse(chosen_store(store))
     check_conditional_writes(place)
     server = start_server()
-    from glint.flows.cli.tables import show, table_of
-    from glint.flows.deployments.maintenance import REMEDY, Maintenance, rows_of, run_maintenance, size_of
-    from glint.flows.pipeline.run import result_of
-    from glint.flows.runtime.orphaned_runs import close_runs_of_the_dead, tagged
+    from glint.flows.deployments.maintenance import run_maintenance
+    from glint.flows.results import result_of
+    from glint.flows.runtime.orphaned_runs import mark_orphaned_crashed, tagged_with_process
 
-    try:
-        budget = None if frames_budget is None else size_of(frames_budget)
-    except ValueError as error:
-        raise InputError(f"--frames-budget: {error}", "write it as 500MB, 20GB or 1.5TB") from None
-    with server.connected(), tagged():
-        close_runs_of_the_dead()
+    with server.connected(), tagged_with_process():
+        mark_orphaned_crashed()
         done: Maintenance = result_of(run_maintenance(place.uri, dry_run, keep, older_than, budget, return_state=True))
-    failed = any(each.failed for each in done.cleanings)
     if as_json:
         typer.echo(json.dumps({"kind": "maintenance", **asdict(done)}))
-        return int(failed)
-    show(table_of(rows_of(done), "nothing to do"))
-    typer.echo(f"{'would free at least' if dry_run else 'freed'} {done.bytes / 1e6:.1f} MB")
+    else:
+        _print_maintenance(done)
+    sys.exit(1 if done.failed else 0)
+
+
+def _print_maintenance(done: "Maintenance") -> None:
+    from glint.flows.cli.tables import show, table_of
+    from glint.storage.maintenance.disk_space import REMEDY
+
+    show(table_of(done.rows(), "nothing to do"))
+    typer.echo(done.summary)
     if done.warning:
         typer.secho(done.warning, fg="yellow")
         typer.echo(f"  -> {REMEDY}")
-    return int(failed)

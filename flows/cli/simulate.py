@@ -1,81 +1,133 @@
-"""`glint simulate`: captures of glass objects with their truth, one after the other, with progress."""
+"""`glint simulate`: captures of glass objects with their ground truth; also the catalogues of `glint evaluate`."""
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from pydantic import TypeAdapter, ValidationError
 
 from glint.flows.errors import RunningError
-from glint.flows.reporting.console import open_display
-from glint.flows.reporting.events import Display, Reporter
-from glint.tasks.simulation.simulate import PRESETS, SHAPES, CaptureOptions, simulate
+
+if TYPE_CHECKING:
+    from glint.flows.reporting.events import Sink
+    from glint.tasks.simulation.simulate import CaptureOptions
+
+DEGRADED_SHAPES = ("hemisphere", "fish", "wine-glass")
+DEGRADED_OPTIONS = {"scale": 0.6, "frames": 1500, "seed": 3}
+DEGRADED_QUICK_OPTIONS = {"scale": 0.4, "frames": 500, "seed": 3}
+"""Options of degraded captures that their defect leaves open, at full size and with --quick."""
 
 
 class SimulationError(RunningError):
     """A shape or an option that cannot be simulated."""
 
 
-def simulate_shapes(
-    shape: str,
-    out: Path,
-    *,
-    frames: int | None,
-    seed: int,
-    views: int,
-    scale: float,
-    others: Sequence[str] = (),
-    as_json: bool = False,
+def simulate(
+    shape: Annotated[
+        str,
+        typer.Argument(
+            metavar="SHAPE",
+            help="hemisphere, cylinder, jug, fish, wine-glass, water-glass, bird; `all` for the paper's six.",
+        ),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option("--out", metavar="DIR", help="Folder of the catalogue; other shapes in it are kept."),
+    ],
+    frames: Annotated[
+        int | None, typer.Option(min=2, help="Number of frames (default: as many as in the paper).")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Random seed of the light's path, the noise and the room.")] = 0,
+    views: Annotated[int, typer.Option(min=1, max=360, help="Number of captures around a turntable.")] = 1,
+    scale: Annotated[float, typer.Option(min=0.1, max=8.0, help="Size of the frames relative to the paper's.")] = 1.0,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="Set another option of docs/evaluation.md; repeatable."),
+    ] = None,
 ) -> None:
-    """Simulate a shape, or `all` of the paper's, into a catalogue; others: NAME=VALUE of `CaptureOptions`."""
+    """Render captures of transparent objects, with their ground truth, into a catalogue for `glint run`."""
+    from glint.flows.reporting.console import open_console
+    from glint.tasks.simulation.simulate import PRESETS, SHAPES
+
     if shape != "all" and shape not in SHAPES:
         raise SimulationError(f"there is no shape {shape!r}", f"name one of {', '.join(SHAPES)}, or all")
-    options = _options({"frames": frames, "seed": seed, "views": views, "scale": scale}, others)
-    with open_display(as_json) as display:
-        for each in PRESETS if shape == "all" else (shape,):
-            _simulate(each, out, options, display)
+    options = _parse_options({"frames": frames, "seed": seed, "views": views, "scale": scale}, settings or ())
+    with open_console() as console:
+        for name in PRESETS if shape == "all" else (shape,):
+            _simulate(name, out, options, console)
     typer.echo(f"next: glint run {out / 'catalogue.yaml'}")
 
 
-def simulate_presets(out: Path, scale: float, frames: int | None, display: Display) -> Path:
-    """The paper's six captures as a catalogue; those that are there already, made alike, are kept."""
+def simulate_presets(out: Path, scale: float, frames: int | None, console: "Sink") -> Path:
+    """Simulate the paper's six captures, except those that exist with the same options; return the catalogue's path."""
+    from glint.tasks.simulation.simulate import PRESETS, CaptureOptions
+
     options = CaptureOptions(frames=frames, scale=scale)
     for shape in PRESETS:
-        if not _is_there(out / shape / "front", options):
-            _simulate(shape, out, options, display)
+        if not _exists(out / shape / "front", options):
+            _simulate(shape, out, options, console)
     return out / "catalogue.yaml"
 
 
-def _options(given: Mapping[str, Any], others: Sequence[str]) -> CaptureOptions:
-    """The options that are given, and those of NAME=VALUE.
+def simulate_degraded(out: Path, quick: bool, console: "Sink") -> Path:
+    """Simulate each shape with each defect, except those that exist; return the path of their common catalogue.
+
+    Its objects are named SHAPE-DEFECT.
+    """
+    from glint.storage.catalogue.loading import Catalogue, load, write
+    from glint.tasks.simulation.simulate import DEGRADED, CaptureOptions
+
+    objects = []
+    for defect, defect_options in DEGRADED.items():
+        folder = out / defect
+        options = CaptureOptions(**((DEGRADED_QUICK_OPTIONS if quick else DEGRADED_OPTIONS) | defect_options))
+        for shape in DEGRADED_SHAPES:
+            if not (folder / shape / "front" / "meta.json").exists():
+                _simulate(shape, folder, options, console, name=f"{shape}-{defect}")
+        simulated = {item.id: item for item in load(folder / "catalogue.yaml").objects}
+        objects += [simulated[shape].model_copy(update={"id": f"{shape}-{defect}"}) for shape in DEGRADED_SHAPES]
+    # All defects of a shape stand next to each other.
+    ordered = [item for shape in DEGRADED_SHAPES for item in objects if item.id.startswith(f"{shape}-")]
+    catalogue = Catalogue.model_validate({"schema": 1, "name": "degraded", "objects": tuple(ordered)})
+    write(catalogue, out / "catalogue.yaml")
+    return out / "catalogue.yaml"
+
+
+def _parse_options(values: Mapping[str, Any], settings: Sequence[str]) -> "CaptureOptions":
+    """Combine options with those of NAME=VALUE settings.
 
     Raises:
         SimulationError: no such option, or a value that cannot be simulated.
     """
-    known = [each.name for each in fields(CaptureOptions) if each.name not in given]
-    named = dict(each.partition("=")[::2] for each in others)
+    from pydantic import TypeAdapter, ValidationError
+
+    from glint.tasks.simulation.simulate import CaptureOptions
+
+    known = [field.name for field in fields(CaptureOptions) if field.name not in values]
+    named = dict(setting.partition("=")[::2] for setting in settings)
     unknown = [name for name in named if name not in known]
     if unknown:
         raise SimulationError(f"there is no option {unknown[0]!r}", f"set one of {', '.join(known)}")
     try:
-        return TypeAdapter(CaptureOptions).validate_python(dict(given) | named)
+        return TypeAdapter(CaptureOptions).validate_python(dict(values) | named)
     except ValueError as error:
         reason = str(error.errors()[0]["msg"]) if isinstance(error, ValidationError) else str(error)
-        raise SimulationError(f"{', '.join(others) or given}: {reason}", "see `glint simulate --help`") from None
+        raise SimulationError(f"{', '.join(settings) or values}: {reason}", "see `glint simulate --help`") from None
 
 
-def _simulate(shape: str, out: Path, options: CaptureOptions, display: Display) -> None:
-    simulate(shape, out, options, Reporter(display.show, shape, "simulate"))
+def _simulate(shape: str, out: Path, options: "CaptureOptions", console: "Sink", name: str = "") -> None:
+    from glint.flows.reporting.events import ProgressThrottle
+    from glint.tasks.simulation.simulate import simulate as render
+
+    render(shape, out, options, ProgressThrottle(console.emit, name or shape, "simulate"))
 
 
-def _is_there(folder: Path, options: CaptureOptions) -> bool:
-    from dataclasses import asdict
-
+def _exists(folder: Path, options: "CaptureOptions") -> bool:
+    """Return whether the folder holds a capture that was simulated with these options."""
     try:
-        said = json.loads((folder / "meta.json").read_text())
+        stored = json.loads((folder / "meta.json").read_text())
     except (OSError, ValueError):
         return False
-    return all(said.get(name) == value for name, value in asdict(options).items())
+    return all(stored.get(name) == value for name, value in asdict(options).items())

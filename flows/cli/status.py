@@ -1,29 +1,32 @@
-"""`glint status`: what the dashboard shows, on a terminal: objects, what runs and how far it is, what failed, why."""
+"""`glint status`: objects of the store, and what the dashboard knows of running and failed captures."""
 
 import json
 from typing import Any
 
 import typer
 
-from glint.flows.cli.tables import show, status_rows, table_of
-from glint.flows.runtime.prefect_server import running_server
+from glint.flows.cli.options import Json, Store, chosen_store
 
-LATEST = 200
-"""Captures that are looked at, the newest ones."""
+MAX_RUNS = 200
+"""Number of flow runs or captures that are read from the server, the newest ones."""
 
-_PREFIX = "Task run encountered an exception "
+EXCEPTION_PREFIX = "Task run encountered an exception "
+"""How Prefect begins the message of a failed task run."""
 
 
-def tell_status(store: str, as_json: bool) -> None:
-    """Print objects of the store, and of the server, if one is up, what runs and which captures failed last."""
-    objects = status_rows(store)
+def status(store: Store = None, as_json: Json = False) -> None:
+    """List the objects with their newest versions, what is running, and the captures that failed last."""
+    from glint.flows.cli.tables import show, status_rows, table_of
+    from glint.flows.runtime.prefect_server import running_server
+
+    objects = status_rows(chosen_store(store))
     server = running_server()
     running, failed = list[dict[str, Any]](), list[dict[str, Any]]()
     if server is not None:
-        from glint.flows.runtime.orphaned_runs import close_runs_of_the_dead
+        from glint.flows.runtime.orphaned_runs import mark_orphaned_crashed
 
         with server.reached():
-            close_runs_of_the_dead()
+            mark_orphaned_crashed()
             running, failed = running_rows(), failed_rows()
     if as_json:
         for kind, rows in (("object", objects), ("running", running), ("failed", failed)):
@@ -36,37 +39,41 @@ def tell_status(store: str, as_json: bool) -> None:
         show(table_of(running, ""))
     for row in failed:
         typer.echo()
-        typer.secho(f"{row['capture']} failed at {row['ended']}: {row['why']}", fg="red")
+        stage = f" in {row['stage']}" if row["stage"] else ""
+        typer.secho(f"{row['capture']} failed{stage} at {row['ended']}: {row['error']}", fg="red")
     if server is not None:
         typer.echo(f"\ndashboard: {server.ui_url}")
 
 
 def running_rows() -> list[dict[str, Any]]:
-    """One row for each run of a catalogue, and for each capture that is worked on: stage, progress, since when."""
+    """Return one row for each running catalogue, maintenance and capture: type, stage, progress, begin."""
     from prefect.client.orchestration import get_client
     from prefect.client.schemas.filters import ArtifactFilter, ArtifactFilterTaskRunId
     from prefect.client.schemas.objects import StateType
 
-    running = [StateType.RUNNING]
+    states, progress, stages = [StateType.RUNNING], dict[Any, Any](), dict[Any, Any]()
     with get_client(sync_client=True) as client:
         rows = [
-            {"running": run.name, "of": flow, "stage": "", "progress": "", "since": _time(run.start_time)}
+            {"running": run.name, "type": flow, "stage": "", "progress": "", "since": _time(run.start_time)}
             for flow in ("catalogue", "maintenance")
-            for run in _flow_runs(client, flow, running)
+            for run in _flow_runs(client, flow, states)
         ]
-        captures, bars = _capture_runs(client, running), dict[Any, Any]()
+        captures = _capture_runs(client, states)
         if captures:
-            chosen = ArtifactFilterTaskRunId(any_=[each.id for each in captures])
-            found = client.read_artifacts(artifact_filter=ArtifactFilter(task_run_id=chosen))
-            bars = {each.task_run_id: each for each in found if each.type == "progress"}
+            chosen = ArtifactFilterTaskRunId(any_=[run.id for run in captures])
+            artifacts = client.read_artifacts(artifact_filter=ArtifactFilter(task_run_id=chosen))
+            progress = {artifact.task_run_id: artifact for artifact in artifacts if artifact.type == "progress"}
+            stages = _stage_names(client, captures, states)
     for run in captures:
-        bar = bars.get(run.id)
+        artifact, stage = progress.get(run.id), stages.get(run.id)
+        if artifact is not None and stage not in (None, artifact.description):
+            artifact = None  # of an earlier stage
         rows.append(
             {
                 "running": run.name,
-                "of": "capture",
-                "stage": "" if bar is None else bar.description,
-                "progress": "" if bar is None else f"{float(bar.data):.0f}%",
+                "type": "capture",
+                "stage": stage or ("" if artifact is None else artifact.description),
+                "progress": "" if artifact is None else f"{float(artifact.data):.0f}%",
                 "since": _time(run.start_time),
             }
         )
@@ -74,22 +81,24 @@ def running_rows() -> list[dict[str, Any]]:
 
 
 def failed_rows() -> list[dict[str, Any]]:
-    """One row for each capture that did not succeed when it was tried last: when, and why, with the remedy."""
+    """Return one row for each capture whose last run did not succeed: end, stage, and error with its remedy."""
     from prefect.client.orchestration import get_client
+    from prefect.client.schemas.objects import StateType
 
     with get_client(sync_client=True) as client:
         latest: dict[str, Any] = {}
         for run in _capture_runs(client, None):
             latest.setdefault(run.name, run)
+        failed = [run for run in latest.values() if run.state and run.state.is_final() and not run.state.is_completed()]
+        stages = _stage_names(client, failed, [StateType.FAILED, StateType.CRASHED])
     return [
-        {"capture": name, "ended": _time(run.end_time), "why": _why(run)}
-        for name, run in latest.items()
-        if run.state is not None and run.state.is_final() and not run.state.is_completed()
+        {"capture": run.name, "ended": _time(run.end_time), "stage": stages.get(run.id, ""), "error": _error(run)}
+        for run in failed
     ]
 
 
 def _flow_runs(client: Any, flow: str, states: list[Any]) -> list[Any]:
-    """Flow runs in these states, newest first."""
+    """Read the flow runs in these states, newest first."""
     from prefect.client.schemas.filters import (
         FlowFilter,
         FlowFilterName,
@@ -99,17 +108,17 @@ def _flow_runs(client: Any, flow: str, states: list[Any]) -> list[Any]:
     )
     from prefect.client.schemas.sorting import FlowRunSort
 
-    found: list[Any] = client.read_flow_runs(
+    runs: list[Any] = client.read_flow_runs(
         flow_filter=FlowFilter(name=FlowFilterName(any_=[flow])),
         flow_run_filter=FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=states))),
         sort=FlowRunSort.START_TIME_DESC,
-        limit=LATEST,
+        limit=MAX_RUNS,
     )
-    return found
+    return runs
 
 
 def _capture_runs(client: Any, states: list[Any] | None) -> list[Any]:
-    """Task runs of captures and models (all that are named OBJECT/..) in these states (None: any), newest first."""
+    """Read task runs of captures and models (named OBJECT/..) in these states (None: any), newest first."""
     from prefect.client.schemas.filters import (
         FlowFilter,
         FlowFilterName,
@@ -120,21 +129,47 @@ def _capture_runs(client: Any, states: list[Any] | None) -> list[Any]:
     )
     from prefect.client.schemas.sorting import TaskRunSort
 
-    found: list[Any] = client.read_task_runs(
+    runs: list[Any] = client.read_task_runs(
         flow_filter=FlowFilter(name=FlowFilterName(any_=["object"])),
         task_run_filter=TaskRunFilter(
             name=TaskRunFilterName(like_="/"),
             state=None if states is None else TaskRunFilterState(type=TaskRunFilterStateType(any_=states)),
         ),
         sort=TaskRunSort.EXPECTED_START_TIME_DESC,
-        limit=LATEST,
+        limit=MAX_RUNS,
     )
-    return found
+    return runs
 
 
-def _why(run: Any) -> str:
-    """The error and its remedy, as the run's state has them."""
-    message = (run.state.message or run.state.name).removeprefix(_PREFIX)
+def _stage_names(client: Any, captures: list[Any], states: list[Any]) -> dict[Any, str]:
+    """Return the names of the latest stages in these states, by the ids of the runs of these captures."""
+    from prefect.client.schemas.filters import (
+        FlowRunFilter,
+        FlowRunFilterId,
+        TaskRunFilter,
+        TaskRunFilterState,
+        TaskRunFilterStateType,
+    )
+    from prefect.client.schemas.sorting import TaskRunSort
+
+    if not captures:
+        return {}
+    runs = client.read_task_runs(
+        flow_run_filter=FlowRunFilter(id=FlowRunFilterId(any_=list({run.flow_run_id for run in captures}))),
+        task_run_filter=TaskRunFilter(state=TaskRunFilterState(type=TaskRunFilterStateType(any_=states))),
+        sort=TaskRunSort.EXPECTED_START_TIME_DESC,
+        limit=MAX_RUNS,
+    )
+    names: dict[Any, str] = {}
+    for run in runs:
+        for parent in run.task_inputs.get("__parents__", []):
+            names.setdefault(parent.id, run.name)
+    return names
+
+
+def _error(run: Any) -> str:
+    """Return the error and its remedy from the message of the run's state."""
+    message = (run.state.message or run.state.name).removeprefix(EXCEPTION_PREFIX)
     kind, colon, rest = message.partition(": ")
     return rest if colon and kind.isidentifier() else message
 

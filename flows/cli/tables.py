@@ -1,4 +1,4 @@
-"""What commands print at the end: tables for people, the same facts as JSON."""
+"""Tables that commands print at the end, and their rows as JSON."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -16,20 +16,20 @@ if TYPE_CHECKING:
     from glint.flows.pipeline.run import Summary
     from glint.flows.results import CaptureResult
 
-WIDE = 200
-"""Columns of a table that goes to a file or a pipe."""
+PIPE_WIDTH = 200
+"""Columns of a table that is written to a file or a pipe."""
 
 
 def show(table: Table | str) -> None:
     """Print a table on standard output."""
     console = Console()
     if not console.is_terminal:
-        console = Console(width=WIDE)
+        console = Console(width=PIPE_WIDTH)
     console.print(table)
 
 
 def table_of(rows: Sequence[dict[str, Any]], empty: str) -> Table | str:
-    """Rows with equal keys as a table; `empty` where there are none."""
+    """Lay out rows with equal keys as a table; return `empty` if there are none."""
     if not rows:
         return empty
     table = Table(box=None, header_style="bold", pad_edge=False)
@@ -41,43 +41,41 @@ def table_of(rows: Sequence[dict[str, Any]], empty: str) -> Table | str:
 
 
 def run_table(summary: "Summary") -> Table | str:
-    """One row for each capture of a run."""
-    return table_of(run_rows(summary), "the catalogue chose no capture")
+    """Lay out one row for each capture of a run."""
+    return table_of(run_rows(summary), "no capture was chosen")
 
 
 def run_rows(summary: "Summary") -> list[dict[str, Any]]:
-    """What people want to know of each capture: what was seen of it, how sure the normals are, how long it took."""
-    rows = []
-    for each in summary.result.objects:
-        for one in each.captures:
-            rows.append(
-                {
-                    "capture": one.name,
-                    "result": "failed" if one.error else "unchanged" if one.cached else "done",
-                    "version": "" if each.version is None else each.version.name,
-                    "frames": _count(one, "frames", "frames"),
-                    "lights": _count(one, "lights", "accepted"),
-                    "observed": _share(one, "labels", "observed pixels"),
-                    "confident": _percent(one.count("labels", "confident share")),
-                    "warnings": len(one.warnings),
-                    "seconds": round(one.seconds, 1),
-                }
-            )
-    return rows
+    """Return one row for each capture: its result, how much was observed and is confident, and the seconds it took."""
+    return [
+        {
+            "capture": capture.name,
+            "result": "failed" if capture.error else "up to date" if capture.cached else "done",
+            "version": "" if item.version is None else item.version.name,
+            "frames": _count(capture, "frames", "frames"),
+            "lights": _count(capture, "lights", "accepted"),
+            "observed": _share(capture, "labels", "observed pixels"),
+            "confident": _percent(capture.count("labels", "confident share")),
+            "warnings": len(capture.warnings),
+            "seconds": round(capture.seconds, 1),
+        }
+        for item in summary.result.objects
+        for capture in item.captures
+    ]
 
 
 def summary_json(summary: "Summary") -> dict[str, Any]:
-    """The run as JSON: its rows with errors and warnings, its page."""
+    """Return the run as JSON: its rows with errors and warnings, its page on the dashboard."""
     rows = [
-        row | {"error": one.error, "remedy": one.remedy, "messages": one.warnings}
-        for row, one in zip(run_rows(summary), summary.result.captures, strict=True)
+        row | {"error": capture.error, "remedy": capture.remedy, "messages": capture.warnings}
+        for row, capture in zip(run_rows(summary), summary.result.captures, strict=True)
     ]
-    drifts = [asdict(each) for each in summary.result.drifts]
+    drifts = [asdict(drift) for drift in summary.result.drifts]
     return {"kind": "summary", "run": summary.result.run, "page": summary.page, "captures": rows, "drifts": drifts}
 
 
 def status_rows(store: str) -> list[dict[str, Any]]:
-    """One row for each object of a store."""
+    """Return one row for each object of a store."""
     location = Location.parse(store)
     rows = []
     for object_id in object_ids(location):
@@ -97,17 +95,17 @@ def status_rows(store: str) -> list[dict[str, Any]]:
 
 
 def history_rows(store: str, object_id: str) -> list[dict[str, Any]]:
-    """One row for each version of an object."""
+    """Return one row for each version of an object."""
     repository = ObjectRepository.open(Location.parse(store), object_id, create=False)
     return [
         {
-            "version": each.name,
-            "published": each.time.isoformat(timespec="seconds"),
-            "captures": ", ".join(each.stages),
-            "glint": each.metadata.get("glint", ""),
-            "message": each.message,
+            "version": version.name,
+            "published": version.time.isoformat(timespec="seconds"),
+            "captures": ", ".join(version.stages),
+            "glint": version.metadata.get("glint", ""),
+            "message": version.message,
         }
-        for each in repository.history()
+        for version in repository.history()
     ]
 
 

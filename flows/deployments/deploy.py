@@ -1,269 +1,193 @@
-"""`glint deploy`: a work pool, the deployments with their schedules and limits, and the notifications."""
+"""Put Glint's deployments on a Prefect server: the work pool, schedules, concurrency limits and automations."""
 
 from dataclasses import dataclass
-from datetime import timedelta
 from typing import Any
 
-import typer
 from prefect import Flow
 from prefect.client.orchestration import SyncPrefectClient, get_client
 from prefect.client.schemas.actions import WorkPoolCreate
-from prefect.client.schemas.objects import ConcurrencyLimitConfig, ConcurrencyLimitStrategy, StateType
+from prefect.client.schemas.objects import ConcurrencyLimitConfig, ConcurrencyLimitStrategy
 from prefect.deployments.runner import EntrypointType
-from prefect.events.actions import ChangeFlowRunState, SendNotification
-from prefect.events.schemas.automations import AutomationCore, EventTrigger, Posture
-from prefect.events.schemas.events import ResourceSpecification
 from prefect.exceptions import ObjectNotFound
 from prefect.schedules import Cron
 
-from glint.flows.deployments.maintenance import DISK_EVENT, run_maintenance, size_of
-from glint.flows.deployments.scheduled import evaluate_reference, run_apart, run_one, watch_inbox
+from glint.flows.deployments.automations import (
+    HEARTBEAT_SECONDS,
+    TAG,
+    heartbeat_automation,
+    notification_automations,
+)
+from glint.flows.deployments.maintenance import run_maintenance
+from glint.flows.deployments.on_demand import ON_DEMAND, run_objects_separately, run_one_object
+from glint.flows.deployments.scheduled import evaluate_reference, scan_inbox
 from glint.flows.errors import ServerError
-from glint.flows.pipeline.drift import EVENT as DRIFT_EVENT
-from glint.flows.runtime.prefect_server import start_server
 from glint.storage.errors import InputError
 from glint.storage.locations.location import Location
 
-TAG = "glint"
-HEARTBEAT = 30
-"""Seconds between two signs of life of a flow run; after three missed ones it is crashed."""
-
-ENDS = ("Completed", "Failed", "PartiallyDone", "Cancelled", "Crashed", "Paused")
-"""States after which a flow run gives no sign of life."""
-
 
 @dataclass(frozen=True, slots=True)
-class Wishes:
-    """What to deploy. inbox, reference: None leaves that deployment out; pool, kind: name and type of the work pool
-    (process, docker, kubernetes); notify: TYPE/NAME of a notification block; objects: how many run at once."""
+class DeploymentOptions:
+    """What `glint deploy` was asked for.
+
+    inbox, reference: None leaves that deployment out; pool, pool_type: name and type of the work pool (process, docker,
+    kubernetes); frames_budget: bytes; objects: on-demand objects that run at once; drift: degrees; notify: TYPE/NAME
+    of a notification block.
+    """
 
     store: str
     inbox: str | None = None
     reference: str | None = None
     scheduler: str | None = None
     pool: str = "glint"
-    kind: str = "process"
+    pool_type: str = "process"
     image: str | None = None
     timezone: str = "UTC"
     nightly: str = "0 2 * * *"
     weekly: str = "0 5 * * 0"
-    frames_budget: str | None = None
+    frames_budget: int | None = None
     objects: int = 4
     drift: float = 0.5
     notify: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
-    """A deployment: limit and whether what comes beyond it waits or is cancelled."""
+class DeploymentSpec:
+    """A deployment to create; `limit`: flow runs at once; a run beyond it waits (`queues`) or is cancelled."""
 
     flow: Flow[..., Any]
     name: str
     parameters: dict[str, Any]
+    description: str
     cron: str | None = None
     limit: int = 1
-    waits: bool = True
-    description: str = ""
+    queues: bool = True
 
 
-def entries(wishes: Wishes) -> list[Entry]:
-    """The deployments of these wishes.
+def deployment_specs(options: DeploymentOptions) -> list[DeploymentSpec]:
+    """List the deployments that these options ask for.
 
     Raises:
-        InputError: the budget is no size; LocationError: an address cannot be understood.
+        LocationError: an address cannot be understood.
     """
     # A worker runs in a folder of its own: no address may be relative.
-    store = Location.parse(wishes.store).uri
-    shared = {"store": store, "scheduler": wishes.scheduler}
-    try:
-        budget = None if wishes.frames_budget is None else size_of(wishes.frames_budget)
-    except ValueError as error:
-        raise InputError(f"--frames-budget: {error}", "write it as 500MB, 20GB or 1.5TB") from None
-    found = [
-        Entry(
+    store = Location.parse(options.store).uri
+    shared = {"store": store, "scheduler": options.scheduler, "drift": options.drift}
+    specs = [
+        DeploymentSpec(
             run_maintenance,
             "weekly",
-            {"store": store, "frames_budget": budget},
-            wishes.weekly,
-            description="Garbage collection and the budget of the cache of frames.",
+            {"store": store, "frames_budget": options.frames_budget},
+            "Collects garbage and keeps the cache of frames within its budget.",
+            options.weekly,
         ),
-        Entry(
-            run_one,
-            "on-demand",
-            {**shared, "drift": wishes.drift},
-            limit=wishes.objects,
-            description="One object: give catalogue and object_id.",
+        DeploymentSpec(
+            run_one_object,
+            ON_DEMAND,
+            shared,
+            "Runs one object; needs the parameters catalogue and object_id.",
+            limit=options.objects,
         ),
-        Entry(
-            run_apart,
-            "on-demand",
-            {**shared, "drift": wishes.drift},
-            description="Every object of a catalogue as a flow run of its own: give catalogue.",
+        DeploymentSpec(
+            run_objects_separately,
+            ON_DEMAND,
+            shared,
+            "Runs each object of a catalogue as a flow run of its own; needs the parameter catalogue.",
         ),
     ]
-    if wishes.inbox is not None:
-        # A scan that finds its predecessor still at work has nothing to add.
-        parameters = {**shared, "inbox": Location.parse(wishes.inbox).uri, "drift": wishes.drift}
-        found.append(
-            Entry(
-                watch_inbox,
+    if options.inbox is not None:
+        specs.append(
+            DeploymentSpec(
+                scan_inbox,
                 "nightly",
-                parameters,
-                wishes.nightly,
-                waits=False,
-                description="New and changed captures of the inbox.",
+                {**shared, "inbox": Location.parse(options.inbox).uri},
+                "Runs new and changed captures of the inbox.",
+                options.nightly,
+                # A scan that starts while the previous one is still running has nothing to add.
+                queues=False,
             )
         )
-    if wishes.reference is not None:
-        parameters = {**shared, "catalogue": Location.parse(wishes.reference).uri, "drift": wishes.drift}
-        found.append(
-            Entry(
+    if options.reference is not None:
+        specs.append(
+            DeploymentSpec(
                 evaluate_reference,
                 "weekly",
-                parameters,
-                wishes.weekly,
-                description="The reference captures, judged against their truth.",
+                {**shared, "catalogue": Location.parse(options.reference).uri},
+                "Runs the reference captures and evaluates them against their ground truth.",
+                options.weekly,
             )
         )
-    return found
+    return specs
 
 
-def deploy_and_tell(wishes: Wishes) -> None:
-    """Deploy, and say what to start; also on the embedded server."""
-    server = start_server()
-    with server.connected():
-        names = deploy(wishes)
-    for name in names:
-        typer.echo(name)
-    typer.echo(f"dashboard {server.ui_url}/deployments")
-    typer.echo(f"next: PREFECT_API_URL={server.api_url} prefect worker start --pool {wishes.pool}")
-
-
-def deploy(wishes: Wishes) -> list[str]:
-    """Put it all on the server of this process; names of the deployments. Repeating it changes what is there.
+def deploy(options: DeploymentOptions) -> list[str]:
+    """Create or update everything on the server that this process is connected to; return the deployments' names.
 
     Raises:
         InputError: the time zone, a schedule, the pool's type or the notification block is unknown.
-        ServerError: the server does not take it.
+        ServerError: the work pool exists with another type.
     """
     with get_client(sync_client=True) as client:
-        block = None if wishes.notify is None else _block(client, wishes.notify)
-        _make_pool(client, wishes.pool, wishes.kind)
-        names = [_apply(each, wishes) for each in entries(wishes)]
-        for automation in [_heartbeats(), *([] if block is None else _notifications(block))]:
-            for old in client.read_automations_by_name(automation.name):
-                client.delete_automation(old.id)
+        block = None if options.notify is None else _notification_block(client, options.notify)
+        _create_pool(client, options.pool, options.pool_type)
+        names = [_apply(spec, options) for spec in deployment_specs(options)]
+        for automation in [heartbeat_automation(), *([] if block is None else notification_automations(block))]:
+            for previous in client.read_automations_by_name(automation.name):
+                client.delete_automation(previous.id)
             client.create_automation(automation)
     return names
 
 
-def _apply(entry: Entry, wishes: Wishes) -> str:
-    strategy = ConcurrencyLimitStrategy.ENQUEUE if entry.waits else ConcurrencyLimitStrategy.CANCEL_NEW
-    environment = {"PREFECT_FLOWS_HEARTBEAT_FREQUENCY": str(HEARTBEAT)}
+def _apply(spec: DeploymentSpec, options: DeploymentOptions) -> str:
+    strategy = ConcurrencyLimitStrategy.ENQUEUE if spec.queues else ConcurrencyLimitStrategy.CANCEL_NEW
+    environment = {"PREFECT_FLOWS_HEARTBEAT_FREQUENCY": str(HEARTBEAT_SECONDS)}
     try:
-        schedule = None if entry.cron is None else Cron(entry.cron, timezone=wishes.timezone)
-        made: Any = entry.flow.to_deployment(
-            entry.name,
+        schedule = None if spec.cron is None else Cron(spec.cron, timezone=options.timezone)
+        deployment: Any = spec.flow.to_deployment(
+            spec.name,
             schedule=schedule,
-            concurrency_limit=ConcurrencyLimitConfig(limit=entry.limit, collision_strategy=strategy),
-            parameters=entry.parameters,
-            description=entry.description,
+            concurrency_limit=ConcurrencyLimitConfig(limit=spec.limit, collision_strategy=strategy),
+            parameters=spec.parameters,
+            description=spec.description,
             tags=[TAG],
-            job_variables={"env": environment, **({"image": wishes.image} if wishes.image else {})},
+            job_variables={"env": environment, **({"image": options.image} if options.image else {})},
             enforce_parameter_schema=False,
             entrypoint_type=EntrypointType.MODULE_PATH,
         )
     except ValueError as error:
         raise InputError(
-            f"no schedule {entry.cron!r} in {wishes.timezone} ({str(error).splitlines()[0]})",
+            f"{spec.cron!r} in the time zone {options.timezone} is not a schedule ({str(error).splitlines()[0]})",
             "give five fields of cron and a zone such as Europe/Berlin",
         ) from None
-    made.apply(work_pool_name=wishes.pool)
-    return f"{entry.flow.name}/{entry.name}"
+    deployment.apply(work_pool_name=options.pool)
+    return f"{spec.flow.name}/{spec.name}"
 
 
-def _make_pool(client: SyncPrefectClient, name: str, kind: str) -> None:
+def _create_pool(client: SyncPrefectClient, name: str, pool_type: str) -> None:
+    """Create the work pool unless it exists."""
     try:
-        there = client.read_work_pool(name)
+        pool = client.read_work_pool(name)
     except ObjectNotFound:
         pass
     else:
-        if there.type != kind:
-            raise ServerError(f"the work pool {name} has the type {there.type}", "name another --pool, or that --type")
-        return
-    known = {worker: facts for each in client.read_worker_metadata().values() for worker, facts in each.items()}
-    if kind not in known:
-        raise InputError(f"no type of work pool {kind!r}", f"there are {', '.join(sorted(known))}")
-    template = known[kind]["default_base_job_configuration"]
-    client.create_work_pool(WorkPoolCreate(name=name, type=kind, base_job_template=template))
-
-
-def _heartbeats() -> AutomationCore:
-    """A flow run that gave signs of life and gives none any more has died with its machine."""
-    return AutomationCore(
-        name="glint: dead flow runs",
-        description="Marks flow runs as crashed whose process or machine is gone.",
-        trigger=EventTrigger(
-            posture=Posture.Proactive,
-            after={"prefect.flow-run.heartbeat"},
-            expect={
-                "prefect.flow-run.heartbeat",
-                *(f"prefect.flow-run.{end}" for end in ENDS),
-            },
-            match=ResourceSpecification({"prefect.resource.id": "prefect.flow-run.*"}),
-            for_each={"prefect.resource.id"},
-            threshold=1,
-            within=timedelta(seconds=3 * HEARTBEAT),
-        ),
-        actions=[
-            ChangeFlowRunState(
-                state=StateType.CRASHED,
-                name="Crashed",
-                message="Its process gave no sign of life: run again.",
-                force=False,
+        if pool.type != pool_type:
+            raise ServerError(
+                f"the work pool {name} has the type {pool.type}, not {pool_type}",
+                f"name another --pool, or --type {pool.type}",
             )
-        ],
-    )
+        return
+    types = {key: about for group in client.read_worker_metadata().values() for key, about in group.items()}
+    if pool_type not in types:
+        raise InputError(f"{pool_type!r} is not a type of work pool", f"choose one of {', '.join(sorted(types))}")
+    template = types[pool_type]["default_base_job_configuration"]
+    client.create_work_pool(WorkPoolCreate(name=name, type=pool_type, base_job_template=template))
 
 
-def _notifications(block: Any) -> list[AutomationCore]:
-    """Word of failed runs, of surfaces that moved, and of a disk that fills."""
-
-    def told(name: str, subject: str, body: str, **of: Any) -> AutomationCore:
-        action = SendNotification(block_document_id=block, subject=subject, body=body)
-        trigger = EventTrigger(posture=Posture.Reactive, threshold=1, within=timedelta(0), **of)
-        return AutomationCore(name=f"glint: {name}", trigger=trigger, actions=[action])
-
-    run = "{{ flow_run|ui_url }}"
-    return [
-        told(
-            "failure",
-            "Glint: {{ flow.name }} {{ flow_run.state.name }}",
-            "{{ flow_run.name }}: {{ flow_run.state.message }}\n" + run,
-            expect={"prefect.flow-run.Failed", "prefect.flow-run.PartiallyDone", "prefect.flow-run.Crashed"},
-            match_related=[
-                ResourceSpecification(
-                    {"prefect.resource.id": "prefect.deployment.*", "prefect.resource.role": "deployment"}
-                ),
-                ResourceSpecification({"prefect.resource.id": f"prefect.tag.{TAG}", "prefect.resource.role": "tag"}),
-            ],
-        ),
-        told(
-            "drift",
-            "Glint: a surface has moved",
-            "{{ event.payload.object }}/{{ event.payload.capture }} moved by {{ event.payload.degrees }} degrees"
-            " from {{ event.payload.before }} to {{ event.payload.after }}",
-            expect={DRIFT_EVENT},
-        ),
-        told("disk", "Glint: the disk is filling", "{{ event.payload.warning }}", expect={DISK_EVENT}),
-    ]
-
-
-def _block(client: SyncPrefectClient, name: str) -> Any:
-    kind, _, title = name.partition("/")
+def _notification_block(client: SyncPrefectClient, name: str) -> Any:
+    """Return the document id of the block TYPE/NAME."""
+    block_type, _, title = name.partition("/")
     try:
-        return client.read_block_document_by_name(title, kind).id
+        return client.read_block_document_by_name(title, block_type).id
     except ObjectNotFound:
         raise InputError(
-            f"the server has no notification block {name}", "make it on the dashboard, and name it TYPE/NAME"
+            f"the server has no notification block {name}", "create it on the dashboard, and name it as TYPE/NAME"
         ) from None

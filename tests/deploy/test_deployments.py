@@ -27,7 +27,7 @@ from prefect.states import Cancelling
 
 from glint.flows.deployments.deploy import Wishes, deploy, entries
 from glint.flows.errors import ServerError
-from glint.flows.pipeline.drift import EVENT
+from glint.flows.pipeline.drift import DRIFT_EVENT
 from glint.flows.reporting.artifacts import artifact_key
 from glint.flows.runtime.prefect_server import Server
 from glint.storage.errors import InputError
@@ -203,7 +203,7 @@ def test_a_cancelled_object_lets_go(deployed: list[str], places: tuple[Path, Pat
 
 def test_drift_is_told(deployed: list[str], told: Told) -> None:
     payload = {"object": "duck", "capture": "front", "degrees": 3.25, "before": "v1", "after": "v2"}
-    emit_event(EVENT, resource={"prefect.resource.id": "glint.object.duck"}, payload=payload)
+    emit_event(DRIFT_EVENT, resource={"prefect.resource.id": "glint.object.duck"}, payload=payload)
     until(lambda: any("duck/front moved by 3.25 degrees from v1 to v2" in body for body in told.bodies))
 
 

@@ -1,4 +1,4 @@
-"""Careless captures: simulated once each, and judged by `glint evaluate --degraded --ablation`."""
+"""Degraded captures: simulated once each, and evaluated by `glint evaluate --degraded --ablation`."""
 
 import json
 import os
@@ -10,10 +10,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from glint.flows.cli import degraded
-from glint.flows.cli.degraded import simulate_degraded
+from glint.flows.cli import simulate as cli_simulate
+from glint.flows.cli.simulate import simulate_degraded
 from glint.flows.reporting.events import Event
 from glint.storage.catalogue.loading import load
+from glint.tasks.simulation import simulate as tasks_simulate
 from glint.tasks.simulation.simulate import DEGRADED, CaptureOptions
 
 ROOT = Path(__file__).parents[3]
@@ -28,24 +29,25 @@ def test_every_defect_can_be_simulated() -> None:
 
 
 def test_each_shape_is_simulated_once_for_each_defect(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(degraded, "SHAPES", ("hemisphere", "cylinder"))
-    monkeypatch.setattr(degraded, "DEGRADED", {name: each | {"frames": 5} for name, each in FEW.items()})
-    told: list[Event] = []
-    display = SimpleNamespace(show=told.append)
+    few = {name: options | {"frames": 5} for name, options in FEW.items()}
+    monkeypatch.setattr(cli_simulate, "DEGRADED_SHAPES", ("hemisphere", "cylinder"))
+    monkeypatch.setattr(tasks_simulate, "DEGRADED", few)
+    events: list[Event] = []
+    display = SimpleNamespace(emit=events.append)
     catalogue = load(simulate_degraded(tmp_path, True, display))  # type: ignore[arg-type]
-    assert [each.id for each in catalogue.objects] == [
+    assert [item.id for item in catalogue.objects] == [
         "hemisphere-careful",
         "hemisphere-perspective",
         "cylinder-careful",
         "cylinder-perspective",
     ]
-    assert [each.captures[0].camera is not None for each in catalogue.objects] == [False, True, False, True]
-    assert told
-    told.clear()
+    assert [item.captures[0].camera is not None for item in catalogue.objects] == [False, True, False, True]
+    assert events
+    events.clear()
     video = Path(str(catalogue.objects[0].captures[0].frames))
     written = video.stat().st_mtime_ns
     simulate_degraded(tmp_path, True, display)  # type: ignore[arg-type]
-    assert not told and video.stat().st_mtime_ns == written
+    assert not events and video.stat().st_mtime_ns == written
 
 
 @pytest.fixture
@@ -57,22 +59,23 @@ def home(tmp_path: Path) -> Iterator[Path]:
 
 
 @pytest.mark.server
-def test_careless_captures_are_judged_from_the_command_line(tmp_path: Path, home: Path) -> None:
+def test_degraded_captures_are_evaluated_from_the_command_line(tmp_path: Path, home: Path) -> None:
     """The command as it is, on one shape and one defect."""
     few = {"perspective": FEW["perspective"]}
     less = {"default": {}, "one candidate": {"clusters": 1}}
-    said = (
-        "import glint.flows.cli.degraded as d, glint.tasks.evaluation.ablation as a, glint.flows.cli.main as c;"
-        f"d.SHAPES = ('hemisphere',); d.DEGRADED = {few!r}; a.ABLATIONS = {less!r}; c.main()"
+    code = (
+        "import sys, glint.flows.cli.main as m, glint.tasks.evaluation.ablation as a;"
+        "import glint.tasks.simulation.simulate as s; d = sys.modules['glint.flows.cli.simulate'];"
+        f"d.DEGRADED_SHAPES = ('hemisphere',); s.DEGRADED = {few!r}; a.ABLATIONS = {less!r}; m.main()"
     )
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("PREFECT", "GLINT"))}
     environment |= {"GLINT_HOME": str(home), "PYTHONPATH": str(ROOT)}
     words = ["evaluate", "--degraded", "--quick", "--ablation", "--out", "out"]
     done = subprocess.run(
-        [sys.executable, "-c", said, *words], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=200
+        [sys.executable, "-c", code, *words], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=200
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    facts = {each["name"]: each for each in json.loads((tmp_path / "out" / "evaluation.json").read_text())}
+    facts = {capture["name"]: capture for capture in json.loads((tmp_path / "out" / "evaluation.json").read_text())}
     assert set(facts) == {"hemisphere-perspective/front"}
     methods = facts["hemisphere-perspective/front"]["methods"]
     errors = {method["method"]: method["whole"]["squared"] for method in methods}

@@ -1,4 +1,4 @@
-"""The `glint` command from outside: exit status, what it says, what it leaves, and going on after a kill."""
+"""The `glint` command in a process of its own: exit status, output, files, and continuing after a kill."""
 
 import json
 import os
@@ -55,11 +55,11 @@ def test_a_run_from_video_to_files(place: Path, home: Path) -> None:
     assert "missing.mp4" in first.stdout and "->" in first.stdout and "v1" in first.stdout
     second = glint("run", "catalogue.yaml", "--only", "hemisphere/front", "--json", folder=place, home=home)
     events = [json.loads(line) for line in second.stdout.splitlines()]
-    (where,) = [e["text"] for e in events if e["kind"] == "message"]
-    at = r"http://127.0.0.1:\d+"
-    assert re.fullmatch(rf"dashboard {at}, workers \d+, Dask's dashboard {at}/status", where)
+    (message,) = [e["text"] for e in events if e["kind"] == "message"]
+    address = r"http://127.0.0.1:\d+"
+    assert re.fullmatch(rf"dashboard {address}, workers \d+, Dask's dashboard {address}/status", message)
     summary = events[-1]
-    assert summary["kind"] == "summary" and [row["result"] for row in summary["captures"]] == ["unchanged"]
+    assert summary["kind"] == "summary" and [row["result"] for row in summary["captures"]] == ["up to date"]
     assert all(event.get("cached", True) for event in events if event["kind"] == "stage")
     glint("export", "hemisphere", "--out", "out", folder=place, home=home)
     assert np.isfinite(np.load(place / "out" / "front" / "depth.npy")).any()
@@ -68,8 +68,8 @@ def test_a_run_from_video_to_files(place: Path, home: Path) -> None:
 
 
 def test_rollback_brings_an_old_version_back(place: Path, home: Path) -> None:
-    said = load(place / "catalogue.yaml")
-    changed = said.model_copy(update={"parameters": {"depth": {"method": "least-squares"}}})
+    catalogue = load(place / "catalogue.yaml")
+    changed = catalogue.model_copy(update={"parameters": {"depth": {"method": "least-squares"}}})
     write(changed, place / "changed.yaml")
     glint("run", "changed.yaml", "--only", "hemisphere/front", folder=place, home=home)
     glint("rollback", "hemisphere", "v1", folder=place, home=home)
@@ -77,10 +77,10 @@ def test_rollback_brings_an_old_version_back(place: Path, home: Path) -> None:
         json.loads(line)
         for line in glint("history", "hemisphere", "--json", folder=place, home=home).stdout.splitlines()
     ]
-    assert [each["version"] for each in versions] == ["v1", "v2", "v3"]
+    assert [version["version"] for version in versions] == ["v1", "v2", "v3"]
 
 
-def test_check_looks_before_anything_expensive(place: Path, home: Path) -> None:
+def test_check_draws_pictures_and_reports_unusable_captures(place: Path, home: Path) -> None:
     done = glint("check", "catalogue.yaml", "--store", "other", folder=place, home=home, check=1)
     assert "missing.mp4" in done.stderr and "hemisphere/front" in done.stdout
     pictures = {path.name for path in (place / "glint-check" / "hemisphere" / "front").iterdir()}
@@ -91,12 +91,12 @@ def test_evaluate_writes_table_json_and_pictures(place: Path, home: Path) -> Non
     done = glint("evaluate", "catalogue.yaml", "--only", "hemisphere/front", folder=place, home=home)
     assert "winner takes all" in done.stdout
     facts = json.loads((place / "glint-evaluation" / "evaluation.json").read_text())
-    errors = {each["method"]: each["whole"]["squared"] for each in facts[0]["methods"]}
+    errors = {method["method"]: method["whole"]["squared"] for method in facts[0]["methods"]}
     assert errors["glint"] < min(value for name, value in errors.items() if name != "glint")
     assert (place / "glint-evaluation" / "evaluation.png").stat().st_size > 10_000
 
 
-def test_a_killed_run_goes_on_where_it_stopped(place: Path, home: Path, simulated: Path) -> None:
+def test_a_killed_run_continues_where_it_stopped(place: Path, home: Path, simulated: Path) -> None:
     environment = os.environ | {"GLINT_HOME": str(home), "PYTHONPATH": str(ROOT)}
     words = [*GLINT, "run", str(simulated), "--store", "killed", "--json"]
     process = subprocess.Popen(
@@ -119,19 +119,19 @@ def test_a_killed_run_goes_on_where_it_stopped(place: Path, home: Path, simulate
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (("run", "nothing.yaml"), "nothing.yaml"),
         (("run", "catalogue.yaml", "--only", "hemisfere"), "did you mean hemisphere?"),
-        (("export", "nobody", "--out", "x"), "nobody"),
+        (("export", "missing", "--out", "x"), "missing"),
         (("simulate", "teapot", "--out", "x"), "teapot"),
         (("history", "../up"), "../up"),
         (("run",), "CATALOGUE"),
     ],
 )
-def test_wrong_use_ends_with_two_and_a_remedy(place: Path, home: Path, words: tuple[str, ...], told: str) -> None:
+def test_wrong_usage_exits_with_two_and_a_remedy(place: Path, home: Path, words: tuple[str, ...], message: str) -> None:
     done = glint(*words, folder=place, home=home, check=2)
-    assert told in done.stderr and "Traceback" not in done.stderr
+    assert message in done.stderr and "Traceback" not in done.stderr
 
 
 def test_help_names_every_command() -> None:

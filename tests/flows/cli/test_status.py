@@ -1,4 +1,4 @@
-"""`glint status` says what the server knows: what runs, how far it is, what failed last and why."""
+"""`glint status` shows running captures with their progress, and the last failures with their remedies."""
 
 import json
 import threading
@@ -6,87 +6,122 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 from prefect import flow, task
 from prefect.artifacts import create_progress_artifact
 
-from glint.flows.cli.status import failed_rows, running_rows, tell_status
-from glint.flows.runtime.orphaned_runs import tagged
+from glint.flows.cli.status import failed_rows, running_rows, status
+from glint.flows.pipeline import prefect_sink
+from glint.flows.pipeline.prefect_sink import PrefectSink
+from glint.flows.reporting.events import StageStarted
+from glint.flows.runtime.orphaned_runs import tagged_with_process
 from glint.flows.runtime.prefect_server import Server, running_server
 from glint.storage.errors import InputError
 
 pytestmark = pytest.mark.server
 
 
-def awaited[Found](look: Callable[[], Found], seconds: float = 30.0) -> Found:
-    """What is found at last: the server records what a task run tells a second later."""
+def wait_for[Result](query: Callable[[], Result], seconds: float = 30.0) -> Result:
+    """Repeat a query until its result is true: the server records a task run's events a second later."""
     deadline = time.monotonic() + seconds
-    while not (found := look()) and time.monotonic() < deadline:
+    while not (result := query()) and time.monotonic() < deadline:
         time.sleep(0.2)
-    return found
+    return result
 
 
 @task(name="capture", task_run_name="{name}", persist_result=False)
-def pretended(name: str, good: bool) -> None:
+def fake_capture(name: str, good: bool) -> None:
     if not good:
         raise InputError("front.mp4 does not exist", "check the path")
 
 
 @flow(name="object", persist_result=False)
-def working_on(name: str, good: bool) -> None:
+def fake_object(name: str, good: bool) -> None:
     with suppress(InputError):
-        pretended(name, good)
+        fake_capture(name, good)
 
 
-def test_the_last_failures_are_told_with_their_remedies(
+def test_the_last_failures_are_shown_with_their_remedies(
     server: Server, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for name, good in (("told/front", False), ("mended/front", False), ("mended/front", True)):
-        with tagged():
-            working_on(name, good)
-    told = {("told/front", "front.mp4 does not exist: check the path")}
-    assert awaited(lambda: {(row["capture"], row["why"]) for row in failed_rows()} >= told)
-    assert awaited(lambda: "mended/front" not in {row["capture"] for row in failed_rows()})
-    tell_status(str(tmp_path), as_json=True)
+    for name, good in (("broken/front", False), ("fixed/front", False), ("fixed/front", True)):
+        with tagged_with_process():
+            fake_object(name, good)
+    expected = {("broken/front", "front.mp4 does not exist: check the path")}
+    assert wait_for(lambda: {(row["capture"], row["error"]) for row in failed_rows()} >= expected)
+    assert wait_for(lambda: "fixed/front" not in {row["capture"] for row in failed_rows()})
+    status(str(tmp_path), as_json=True)
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert {"kind": "failed", "capture": "told/front"}.items() <= next(
-        e for e in lines if e["capture"] == "told/front"
+    assert {"kind": "failed", "capture": "broken/front"}.items() <= next(
+        e for e in lines if e["capture"] == "broken/front"
     ).items()
-    tell_status(str(tmp_path), as_json=False)
+    status(str(tmp_path), as_json=False)
     shown = capsys.readouterr().out
     assert "no objects yet" in shown and "check the path" in shown and server.ui_url in shown
 
 
-def test_what_runs_is_told_with_its_progress(server: Server) -> None:
-    reached, seen = threading.Event(), threading.Event()
+def test_running_captures_are_shown_with_their_progress(server: Server) -> None:
+    reached, released = threading.Event(), threading.Event()
 
     @task(name="capture", task_run_name="running/front", persist_result=False)
-    def pretended() -> None:
+    def fake_capture() -> None:
         create_progress_artifact(42.0, key="running-front", description="clusters")
         reached.set()
-        seen.wait(60)
+        released.wait(60)
 
     @flow(name="object", persist_result=False)
-    def working() -> None:
-        pretended()
+    def fake_object() -> None:
+        fake_capture()
 
     def work() -> None:
-        with server.connected(), tagged():
-            working()
+        with server.connected(), tagged_with_process():
+            fake_object()
 
     thread = threading.Thread(target=work)
     thread.start()
     try:
         assert reached.wait(60)
-        row = awaited(lambda: next((each for each in running_rows() if each["running"] == "running/front"), None))
+        row = wait_for(lambda: next((row for row in running_rows() if row["running"] == "running/front"), None))
     finally:
-        seen.set()
+        released.set()
         thread.join()
-    assert (row["of"], row["stage"], row["progress"]) == ("capture", "clusters", "42%") and row["since"]
-    assert awaited(lambda: not [each for each in running_rows() if each["running"] == "running/front"])
+    assert (row["type"], row["stage"], row["progress"]) == ("capture", "clusters", "42%") and row["since"]
+    assert wait_for(lambda: not [row for row in running_rows() if row["running"] == "running/front"])
 
 
-def test_no_server_is_started_to_ask(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_stage_of_a_running_and_of_a_failed_capture_is_shown(
+    server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(prefect_sink, "RUNNING_SECONDS", 0.0)
+    running: list[dict[str, Any]] = []
+
+    def running_row() -> dict[str, Any] | None:
+        rows = [row for row in running_rows() if row["running"] == "staged/front" and row["stage"]]
+        return rows[0] if rows else None
+
+    @task(name="capture", task_run_name="staged/front", persist_result=False)
+    def fake_capture(sink: PrefectSink) -> None:
+        with sink.attach("staged/front"):
+            sink.emit(StageStarted("staged/front", "labels"))
+            running.append(wait_for(running_row) or {})
+            raise InputError("front.mp4 does not exist", "check the path")
+
+    @flow(name="object", persist_result=False)
+    def fake_object() -> None:
+        with suppress(InputError), PrefectSink() as sink:
+            fake_capture(sink)
+
+    fake_object()
+
+    def failed_stage() -> str:
+        return "".join(row["stage"] for row in failed_rows() if row["capture"] == "staged/front")
+
+    assert running[0]["stage"] == "labels"
+    assert wait_for(failed_stage) == "labels"
+
+
+def test_status_starts_no_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("PREFECT_API_URL", raising=False)
     assert running_server(tmp_path) is None and not list(tmp_path.iterdir())

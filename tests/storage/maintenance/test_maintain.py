@@ -7,45 +7,39 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from glint.storage.blobs import store as blobs
 
-from glint.flows.deployments.maintenance import Cleaning, Maintenance, maintain, size_of
 from glint.storage.frames.eviction import CachedFrames, cached_frames, mark_used, over_budget
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import run_lock
 from glint.storage.maintenance.disk_space import Room
+from glint.storage.maintenance.maintain import Cleaning, Maintenance, format_size, maintain, parse_size
 from glint.storage.versions.repository import ObjectRepository
-from glint.storage.versions.stage_results import StoredFile
 
 NOW = timedelta(0)
 STAGES = ("surface",)
 
 
-def save(location: Location, data: bytes, key: str, object_id: str = "glass") -> None:
-    """Save a stage with an array and a file."""
+def save(location: Location, data: bytes, key: str, object_id: str = "glass") -> blobs.BlobReference:
+    """Save a stage that names a blob."""
     repository = ObjectRepository.open(location, object_id)
+    reference = blobs.put(location, data, "model/ply")
     arrays = {"depth": np.arange(6.0).reshape(2, 3)}
-    files = {"surface.ply": StoredFile(data, "model/ply")}
-    repository.save("front", "surface", key, arrays, {"counts": {}, "warnings": []}, files)
+    repository.save("front", "surface", key, arrays, {"counts": {}, "warnings": []}, {"surface.ply": reference})
+    return reference
 
 
-def versions(location: Location, count: int) -> None:
-    """Publish so many versions, each with a file of its own."""
+def versions(location: Location, count: int) -> list[blobs.BlobReference]:
+    """So many versions, each with a blob of its own."""
+    references = []
     for number in range(count):
-        save(location, mesh(number), f"key-{number}")
+        references.append(save(location, b"mesh %d" % number, f"key-{number}"))
         ObjectRepository.open(location, "glass").publish(["front"], {}, STAGES)
+    return references
 
 
-def mesh(number: int) -> bytes:
-    """Return the file of a version: incompressible, and large enough for a chunk of its own."""
-    return np.random.default_rng(number).bytes(5000)
-
-
-def chunks(folder: Path) -> int:
-    return len(list((folder / "objects" / "glass" / "repo" / "chunks").iterdir()))
-
-
-def part(done: Maintenance, what: str) -> Cleaning:
-    return next(each for each in done.cleanings if each.what == what)
+def part(done: Maintenance, target: str) -> Cleaning:
+    return next(cleaning for cleaning in done.cleanings if cleaning.target == target)
 
 
 def frames(location: Location, digest: str, size: int, age: timedelta) -> None:
@@ -59,44 +53,42 @@ def frames(location: Location, digest: str, size: int, age: timedelta) -> None:
         os.utime(path, (then, then))
 
 
-def test_what_a_version_holds_stays(tmp_path: Path) -> None:
+def test_what_a_version_names_stays(tmp_path: Path) -> None:
     location = Location.parse(tmp_path)
-    versions(location, 3)
-    save(location, mesh(9), "unpublished")
-    save(location, mesh(2), "key-2")
-    assert chunks(tmp_path) == 5
-    maintain(location, True, None, NOW, None)
-    assert chunks(tmp_path) == 5
+    references = versions(location, 3)
+    orphan = blobs.put(location, b"nobody names this", "image/png")
+    dry = maintain(location, True, None, NOW, None)
+    assert part(dry, "blobs") == Cleaning("blobs", 1, orphan.size) and blobs.exists(location, orphan)
     done = maintain(location, False, None, NOW, None)
-    assert part(done, "glass").bytes > 0 and chunks(tmp_path) == 4
+    assert part(done, "blobs") == part(dry, "blobs") and not blobs.exists(location, orphan)
     repository = ObjectRepository.open(location, "glass", create=False)
-    for number in range(3):
-        result = repository.load("front", "surface", f"v{number + 1}")
-        assert result.read_file("surface.ply") == mesh(number) and result.read("depth").shape == (2, 3)
+    for number, reference in enumerate(references, 1):
+        found = repository.load("front", "surface", f"v{number}")
+        assert found.blobs["surface.ply"] == reference and found.read("depth").shape == (2, 3)
+        assert blobs.get(location, reference) == b"mesh %d" % (number - 1)
 
 
 def test_only_what_is_old_goes(tmp_path: Path) -> None:
     location = Location.parse(tmp_path)
     versions(location, 1)
-    save(location, mesh(1), "key-1")
-    save(location, mesh(2), "key-2")
-    assert part(maintain(location, False, None, timedelta(hours=1), None), "glass").objects == 0
-    assert chunks(tmp_path) == 3
+    orphan = blobs.put(location, b"just stored, named in a moment", "image/png")
+    assert part(maintain(location, False, None, timedelta(hours=1), None), "blobs").objects == 0
+    assert blobs.exists(location, orphan)
 
 
 def test_versions_are_given_up_only_when_asked(tmp_path: Path) -> None:
     location = Location.parse(tmp_path)
-    versions(location, 4)
+    references = versions(location, 4)
     dry = maintain(location, True, 2, NOW, None)
-    assert part(dry, "glass").note == "would give up v1, v2"
+    assert part(dry, "glass").note == "would remove v1, v2"
     repository = ObjectRepository.open(location, "glass", create=False)
     assert repository.version_names() == ["v1", "v2", "v3", "v4"]
     done = maintain(location, False, 2, NOW, None)
-    assert part(done, "glass").note == "gave up v1, v2" and part(done, "glass").bytes > 0
+    assert part(done, "glass").note == "removed v1, v2" and part(done, "glass").bytes > 0
     assert repository.version_names() == ["v3", "v4"]
-    assert chunks(tmp_path) == 2
+    assert [blobs.exists(location, each) for each in references] == [False, False, True, True]
     assert repository.load("front", "surface", "v3").read("depth").shape == (2, 3)
-    save(location, mesh(4), "key-4")
+    save(location, b"mesh 4", "key-4")
     assert ObjectRepository.open(location, "glass").publish(["front"], {}, STAGES).name == "v5"
 
 
@@ -106,9 +98,10 @@ def test_what_a_run_holds_is_left_alone(tmp_path: Path) -> None:
     frames(location, "a" * 64, 1000, timedelta(days=3))
     repository = ObjectRepository.open(location, "glass")
     repository.save("front", "frames", "key", {}, {"cache": "a" * 64, "counts": {}, "warnings": []})
+    orphan = blobs.put(location, b"the run will name this", "image/png")
     with run_lock(location, "glass", "night"):
         done = maintain(location, False, 1, NOW, 0)
-    assert repository.version_names() == ["v1", "v2", "v3"] and chunks(tmp_path) == 3
+    assert repository.version_names() == ["v1", "v2", "v3"] and blobs.exists(location, orphan)
     assert (tmp_path / "frames" / ("a" * 64) / "zarr.json").exists()
     assert "being run" in part(done, "glass").note and "in use" in part(done, "frames").note
     assert part(maintain(location, False, None, NOW, 0), "frames").objects == 1
@@ -137,8 +130,10 @@ def test_links_in_a_store_lead_nothing_out_of_it_to_its_end(tmp_path: Path) -> N
     os.utime(outside / "zarr.json", (0, 0))
     (tmp_path / "store" / "frames" / ("b" * 64)).symlink_to(outside)
     (tmp_path / "store" / "frames" / ("a" * 64) / "object" / "link").symlink_to(outside)
+    (tmp_path / "store" / "blobs" / "sha256").mkdir(parents=True)
+    (tmp_path / "store" / "blobs" / "sha256" / "ab").symlink_to(outside)
     done = maintain(location, False, None, NOW, 0)
-    assert part(done, "frames").objects == 1
+    assert part(done, "frames").objects == 1 and part(done, "blobs").objects == 0
     assert sorted(each.name for each in outside.iterdir()) == ["precious", "zarr.json"]
 
 
@@ -150,25 +145,31 @@ def test_frames_that_were_used_just_now_stay_whatever_the_budget() -> None:
     assert over_budget([old, fresh], 20, (), now) == []
 
 
-def test_an_object_that_cannot_be_read_does_not_stop_the_rest(tmp_path: Path) -> None:
+def test_an_object_that_cannot_be_read_stops_neither_the_rest_nor_loses_blobs(tmp_path: Path) -> None:
     location = Location.parse(tmp_path)
     versions(location, 1)
-    save(location, b"of the broken one", "key", "broken")
+    reference = save(location, b"of the broken one", "key", "broken")
     for snapshot in (tmp_path / "objects" / "broken" / "repo" / "snapshots").iterdir():
         snapshot.write_bytes(b"damaged")
     done = maintain(location, False, None, NOW, None)
     assert part(done, "broken").failed and not part(done, "glass").failed
+    assert "left alone" in part(done, "blobs").note and blobs.exists(location, reference)
 
 
 @pytest.mark.parametrize(("text", "size"), [("500MB", 5 * 10**8), ("1.5 tb", 15 * 10**11), ("0", 0)])
-def test_sizes(text: str, size: int) -> None:
-    assert size_of(text) == size
+def test_sizes_are_parsed(text: str, size: int) -> None:
+    assert parse_size(text) == size
 
 
 @pytest.mark.parametrize("text", ["20G", "x", "-1GB", "", "1e30GB"])
-def test_what_is_no_size(text: str) -> None:
-    with pytest.raises(ValueError, match=r"is no size|could not convert"):
-        size_of(text)
+def test_invalid_sizes(text: str) -> None:
+    with pytest.raises(ValueError, match=r"is not a size|could not convert"):
+        parse_size(text)
+
+
+@pytest.mark.parametrize(("size", "text"), [(0, "0.0 MB"), (1_500_000_000, "1.5 GB"), (2 * 10**12, "2.0 TB")])
+def test_sizes_are_formatted_as_they_are_parsed(size: int, text: str) -> None:
+    assert format_size(size) == text and parse_size(text) == size
 
 
 def test_the_disk_is_called_low_before_it_is_full() -> None:

@@ -1,0 +1,33 @@
+"""`glint catalogue`: write the catalogue of a folder of captures."""
+
+from typing import Annotated
+
+import typer
+
+
+def catalogue(
+    folder: Annotated[
+        str,
+        typer.Argument(
+            metavar="FOLDER", help="Folder with one sub-folder of footage per object; also s3://.. or az://.."
+        ),
+    ],
+    out: Annotated[
+        str | None, typer.Option("--out", metavar="FILE", help="File to write (default: FOLDER/catalogue.yaml).")
+    ] = None,
+) -> None:
+    """Write a catalogue of the captures in a folder."""
+    from glint.storage.catalogue.loading import from_folder, write
+    from glint.storage.errors import InputError
+    from glint.storage.inputs.digests import exists
+    from glint.storage.locations.location import Location
+
+    target = Location.parse(out) if out else Location.parse(folder).child("catalogue.yaml")
+    if exists(target):
+        raise InputError(f"{target.uri} exists already", "name another file with --out, or remove it")
+    listed = from_folder(folder)
+    write(listed, target)
+    path = out or f"{folder.rstrip('/')}/catalogue.yaml"
+    captures = sum(len(item.captures) for item in listed.objects)
+    typer.echo(f"{path}: {len(listed.objects)} objects, {captures} captures")
+    typer.echo(f"next: glint check {path}")

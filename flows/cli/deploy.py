@@ -1,0 +1,72 @@
+"""`glint deploy`: put deployments and their schedules on the Prefect server."""
+
+from typing import Annotated
+
+import typer
+
+from glint.flows.cli.options import DRIFT_HELP, FramesBudget, Scheduler, Store, budget_bytes, chosen_store
+
+
+def deploy(
+    store: Store = None,
+    inbox: Annotated[
+        str | None,
+        typer.Option(metavar="URI", help="Folder or prefix whose sub-folders are scanned for captures every night."),
+    ] = None,
+    reference: Annotated[
+        str | None,
+        typer.Option(metavar="CATALOGUE", help="Catalogue of captures with ground truth, evaluated every week."),
+    ] = None,
+    scheduler: Scheduler = None,
+    pool: Annotated[str, typer.Option(help="Name of the work pool; created if it does not exist.")] = "glint",
+    pool_type: Annotated[
+        str, typer.Option("--type", help="Type of the work pool: process, docker, kubernetes, ..")
+    ] = "process",
+    image: Annotated[
+        str | None, typer.Option(help="Container image that docker and kubernetes work pools start.")
+    ] = None,
+    timezone: Annotated[str, typer.Option(help="Time zone of the schedules, such as Europe/Berlin.")] = "UTC",
+    nightly: Annotated[str, typer.Option(metavar="CRON", help="Schedule of the inbox scan.")] = "0 2 * * *",
+    weekly: Annotated[
+        str, typer.Option(metavar="CRON", help="Schedule of the reference captures and of maintenance.")
+    ] = "0 5 * * 0",
+    objects: Annotated[
+        int, typer.Option(metavar="N", min=1, help="Number of on-demand objects that run at the same time.")
+    ] = 4,
+    drift: Annotated[float, typer.Option(metavar="DEGREES", min=0.0, help=DRIFT_HELP)] = 0.5,
+    frames_budget: FramesBudget = None,
+    notify: Annotated[
+        str | None,
+        typer.Option(metavar="TYPE/NAME", help="Notification block that receives failures, drift and disk warnings."),
+    ] = None,
+) -> None:
+    """Deploy to the Prefect server: inbox nightly, reference and maintenance weekly, objects on demand."""
+    budget = budget_bytes(frames_budget)
+    from glint.flows.runtime.prefect_server import start_server
+
+    server = start_server()
+    from glint.flows.deployments.deploy import DeploymentOptions
+    from glint.flows.deployments.deploy import deploy as create_deployments
+
+    options = DeploymentOptions(
+        store=chosen_store(store),
+        inbox=inbox,
+        reference=reference,
+        scheduler=scheduler,
+        pool=pool,
+        pool_type=pool_type,
+        image=image,
+        timezone=timezone,
+        nightly=nightly,
+        weekly=weekly,
+        frames_budget=budget,
+        objects=objects,
+        drift=drift,
+        notify=notify,
+    )
+    with server.connected():
+        names = create_deployments(options)
+    for name in names:
+        typer.echo(name)
+    typer.echo(f"dashboard: {server.ui_url}/deployments")
+    typer.echo(f"next: PREFECT_API_URL={server.api_url} prefect worker start --pool {pool}")

@@ -1,0 +1,35 @@
+"""`glint history` and `glint rollback`: an object's versions."""
+
+from typing import Annotated
+
+import typer
+
+from glint.flows.cli.options import Json, ObjectId, Store, chosen_store, print_lines
+
+
+def history(object_id: ObjectId, store: Store = None, as_json: Json = False) -> None:
+    """List the versions of an object, oldest first."""
+    from glint.flows.cli.tables import history_rows, show, table_of
+
+    rows = history_rows(chosen_store(store), object_id)
+    if as_json:
+        print_lines(rows)
+    else:
+        show(table_of(rows, "no versions yet"))
+
+
+def rollback(
+    object_id: ObjectId,
+    version: Annotated[str, typer.Argument(metavar="VERSION", help="The version to restore: v1, v2, ..")],
+    store: Store = None,
+) -> None:
+    """Publish the content of an old version as the newest one; all versions are kept."""
+    from glint.storage.locations.location import Location
+    from glint.storage.versions.repository import ObjectRepository
+
+    repository = ObjectRepository.open(Location.parse(chosen_store(store)), object_id, create=False)
+    newest = repository.rollback(version)
+    if newest.created:
+        typer.echo(f"{object_id}: published {newest.name} with the content of {version}")
+    else:
+        typer.echo(f"{object_id}: {newest.name} is the newest version and has this content already")

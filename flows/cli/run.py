@@ -1,0 +1,73 @@
+"""`glint run`: process a catalogue, with progress and a table of results."""
+
+import json
+import sys
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from glint.flows.cli.options import (
+    DRIFT_HELP,
+    CatalogueFile,
+    Json,
+    Only,
+    Scheduler,
+    Store,
+    chosen_store,
+    store_option,
+)
+
+if TYPE_CHECKING:
+    from glint.flows.pipeline.run import Summary
+
+
+def run(
+    file: CatalogueFile,
+    store: Store = None,
+    only: Only = None,
+    scheduler: Scheduler = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Worker processes of the local cluster (default: one per processor).")
+    ] = None,
+    rehash: Annotated[
+        bool, typer.Option("--rehash", help="Read all inputs again, even files whose time of change is the same.")
+    ] = False,
+    drift: Annotated[float | None, typer.Option(metavar="DEGREES", min=0.0, help=DRIFT_HELP)] = None,
+    as_json: Json = False,
+) -> None:
+    """Process a catalogue: compute each capture's surface, publish a version of each object.
+
+    What is up to date is skipped, and an interrupted run continues where it stopped.
+    """
+    from glint.flows.pipeline.run import run as run_all
+    from glint.flows.reporting.console import open_console
+
+    address = chosen_store(store)
+    with open_console(as_json) as console:
+        summary = run_all(
+            file, address, console, only=only or [], scheduler=scheduler, workers=workers, rehash=rehash, drift=drift
+        )
+    if as_json:
+        from glint.flows.cli.tables import summary_json
+
+        typer.echo(json.dumps(summary_json(summary)))
+    else:
+        _print_summary(summary, store)
+    sys.exit(1 if summary.result.failed else 0)
+
+
+def _print_summary(summary: "Summary", store: str | None) -> None:
+    """Print the table of captures, errors and warnings with their remedies, and the next command."""
+    from glint.flows.cli.tables import run_table, show
+
+    show(run_table(summary))
+    for capture in summary.result.failed:
+        typer.secho(f"{capture.name} failed: {capture.error}", fg="red")
+        typer.echo(f"  -> {capture.remedy}")
+    for drift in summary.result.drifts:
+        typer.secho(f"{drift}", fg="yellow")
+        typer.echo(f"  -> glint diff {drift.object_id} {drift.before} {drift.after}{store_option(store)}")
+    typer.echo(f"dashboard: {summary.page}")
+    published = next((item.object_id for item in summary.result.objects if item.version is not None), None)
+    if published is not None:
+        typer.echo(f"next: glint export {published} --out {published}{store_option(store)}")

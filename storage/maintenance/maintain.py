@@ -1,0 +1,175 @@
+"""Remove what no version needs from a store, keep the cache of frames within a budget, and check the disk's free space.
+
+Never removed: data of a version, the newest results of an object, and data of an object that is being run. A dry run
+removes nothing and reports what would be removed.
+"""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from glint.storage.maintenance.blob_garbage import collect_blobs, old_blobs
+
+from glint.storage.errors import StoreError
+from glint.storage.frames.eviction import cached_frames, over_budget, remove_frames
+from glint.storage.locations.location import Location
+from glint.storage.locking.locks import run_holder
+from glint.storage.maintenance.disk_space import room_of
+from glint.storage.versions.garbage import Garbage
+from glint.storage.versions.objects import object_ids
+from glint.storage.versions.repository import ObjectRepository
+
+UNITS = {"": 1, "B": 1, "KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12}
+MAX_SIZE = 1e18
+
+
+@dataclass(frozen=True, slots=True)
+class Cleaning:
+    """Items removed (or to be removed) from a `target`: an object, `blobs` or `frames`.
+
+    note: the versions that were removed, or why nothing was; failed: the target could not be read.
+    """
+
+    target: str
+    objects: int
+    bytes: int
+    note: str = ""
+    failed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Maintenance:
+    """The result of maintenance (of a dry run: what it would do); `warning`: about the disk's space, empty if none."""
+
+    store: str
+    dry_run: bool
+    cleanings: tuple[Cleaning, ...]
+    warning: str = ""
+
+    @property
+    def bytes(self) -> int:
+        """Bytes of all that was removed."""
+        return sum(cleaning.bytes for cleaning in self.cleanings)
+
+    @property
+    def failed(self) -> list[Cleaning]:
+        """Targets that could not be read."""
+        return [cleaning for cleaning in self.cleanings if cleaning.failed]
+
+    @property
+    def summary(self) -> str:
+        """The bytes that were freed, in words."""
+        return f"{'would free at least' if self.dry_run else 'freed'} {format_size(self.bytes)}"
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return table rows; objects from which nothing was removed are left out."""
+        title = "would remove" if self.dry_run else "removed"
+        return [
+            {"target": item.target, title: item.objects, "MB": round(item.bytes / 1e6, 2), "note": item.note}
+            for item in self.cleanings
+            if item.objects or item.note or item.target in ("blobs", "frames")
+        ]
+
+
+def maintain(
+    location: Location, dry_run: bool, keep: int | None, age: timedelta, frames_budget: int | None
+) -> Maintenance:
+    """Clean objects, then blobs and cached frames, then check the disk. An unreadable object does not stop the rest.
+
+    keep: versions of each object to keep, None: all; age: only data unused for that long is removed; frames_budget:
+    bytes that the cache of frames may take, None: no limit.
+
+    Raises:
+        StoreError: the store cannot be listed.
+    """
+    limit = datetime.now(UTC) - age
+    candidates = old_blobs(location, limit)
+    ids = object_ids(location)
+    held = {object_id for object_id in ids if run_holder(location, object_id) is not None}
+    cleanings = [_clean_object(location, object_id, object_id in held, dry_run, keep, age) for object_id in ids]
+    cleanings.append(_clean_blobs(location, cleanings, candidates, held, limit, dry_run))
+    cleanings.append(_clean_frames(location, frames_budget, held, dry_run))
+    room = room_of(location)
+    # A tenth more objects should fit.
+    warning = "" if room is None else room.warning(max(1, len(ids) // 10))
+    return Maintenance(location.uri, dry_run, tuple(cleanings), warning)
+
+
+def format_size(size: int) -> str:
+    """Format bytes as `parse_size` reads them, such as 1.5 GB."""
+    unit = next((unit for unit in ("TB", "GB") if size >= UNITS[unit]), "MB")
+    return f"{size / UNITS[unit]:.1f} {unit}"
+
+
+def parse_size(text: str) -> int:
+    """Parse the bytes of a size such as 500MB, 20GB or 1.5TB.
+
+    Raises:
+        ValueError: it is not a size.
+    """
+    number = text.strip().upper().rstrip("KMGTB")
+    unit = text.strip().upper()[len(number) :]
+    size = float(number) * UNITS[unit] if unit in UNITS else -1.0
+    if not 0 <= size < MAX_SIZE:
+        raise ValueError(f"{text!r} is not a size")
+    return int(size)
+
+
+def _clean_object(
+    location: Location, object_id: str, is_held: bool, dry_run: bool, keep: int | None, age: timedelta
+) -> Cleaning:
+    if is_held:
+        return Cleaning(object_id, 0, 0, "being run: left alone")
+    try:
+        repository = ObjectRepository.open(location, object_id, create=False)
+        removed = [] if keep is None else repository.give_up(keep, dry_run)
+        garbage = repository.garbage_collect(dry_run, age)
+    except StoreError as error:
+        return Cleaning(object_id, 0, 0, str(error), failed=True)
+    note = f"{'would remove' if dry_run else 'removed'} {', '.join(removed)}" if removed else ""
+    return Cleaning(object_id, garbage.objects, garbage.bytes, note)
+
+
+def _clean_blobs(
+    location: Location,
+    cleanings: list[Cleaning],
+    candidates: dict[str, int],
+    held: set[str],
+    limit: datetime,
+    dry_run: bool,
+) -> Cleaning:
+    """Remove unreferenced blobs, unless an object's references are incomplete (it is being run) or unreadable."""
+    named = set[str]()
+    try:
+        for cleaning in cleanings:
+            named |= ObjectRepository.open(location, cleaning.target, create=False).blob_keys()
+    except StoreError:
+        return Cleaning("blobs", 0, 0, "left alone: an object cannot be read")
+    if held or any(cleaning.failed for cleaning in cleanings):
+        reason = "an object is being run" if held else "an object cannot be read"
+        return Cleaning("blobs", 0, 0, f"left alone: {reason}")
+    blobs = collect_blobs(location, candidates, named, limit, dry_run)
+    return Cleaning("blobs", blobs.objects, blobs.bytes)
+
+
+def _clean_frames(location: Location, budget: int | None, held: set[str], dry_run: bool) -> Cleaning:
+    """Remove cached frames beyond the budget, except those of objects that are being run."""
+    frames = cached_frames(location)
+    total = sum(cache.bytes for cache in frames)
+    if budget is None:
+        return Cleaning("frames", 0, 0, f"{format_size(total)} cached, no budget set")
+    in_use = {digest for object_id in held for digest in _frame_digests(location, object_id)}
+    chosen = over_budget(frames, budget, in_use)
+    if not dry_run:
+        remove_frames(location, chosen)
+    removed = Garbage(len(chosen), sum(cache.bytes for cache in chosen))
+    excess = total - removed.bytes - budget
+    note = f"{format_size(excess)} over the budget are in use" if excess > 0 else ""
+    return Cleaning("frames", removed.objects, removed.bytes, note)
+
+
+def _frame_digests(location: Location, object_id: str) -> list[str]:
+    """Return the digests of the cached frames that an object's newest results refer to."""
+    repository = ObjectRepository.open(location, object_id, create=False)
+    records = [repository.records(capture) for capture in repository.captures()]
+    return [str(stages["frames"][1]["cache"]) for stages in records if "frames" in stages]

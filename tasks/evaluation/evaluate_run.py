@@ -1,0 +1,63 @@
+"""Evaluate all captures and models of a finished run against their ground truth."""
+
+from collections.abc import Callable, Iterable, Sequence
+from itertools import groupby
+
+from glint.storage.catalogue.loading import Catalogue
+from glint.storage.catalogue.models import MODEL
+from glint.storage.locations.location import Location
+from glint.tasks.engine.capture_context import Workspace
+from glint.tasks.engine.references import CaptureReference
+from glint.tasks.evaluation.ablation import ablate
+from glint.tasks.evaluation.captures import Evaluation, evaluate
+from glint.tasks.evaluation.models import ModelEvaluation, evaluate_model
+from glint.tasks.pipeline import STAGES
+
+Report = Callable[[str, str], None]
+"""Callback with a capture's name and a message about it."""
+
+
+def contexts_of(catalogue: str, store: str, run: str, captures: Iterable[tuple[str, str]]) -> list[Workspace]:
+    """Open the captures (object id, capture id) of a run; merged models are left out."""
+    address = Location.parse(catalogue).uri
+    return [
+        CaptureReference(address, object_id, capture_id, store, run).workspace()
+        for object_id, capture_id in captures
+        if capture_id != MODEL
+    ]
+
+
+def evaluate_captures(contexts: Sequence[Workspace], report: Report) -> list[Evaluation]:
+    """Compare each capture with its true normals; those without are reported and left out."""
+    stages, evaluations = tuple(stage.name for stage in STAGES), []
+    for context in contexts:
+        evaluation = evaluate(context, stages)
+        if evaluation is None:
+            report(context.name, "no true normals: not evaluated")
+        else:
+            evaluations.append(evaluation)
+    return evaluations
+
+
+def evaluate_models(contexts: Sequence[Workspace], catalogue: Catalogue) -> list[ModelEvaluation]:
+    """Compare the merged model of each object with its true surface; objects without one are left out.
+
+    contexts: captures of an object stand next to each other.
+    """
+    evaluations = []
+    for object_id, captures in groupby(contexts, lambda context: context.object_id):
+        evaluation = evaluate_model(catalogue.object(object_id), list(captures))
+        if evaluation is not None:
+            evaluations.append(evaluation)
+    return evaluations
+
+
+def ablate_captures(contexts: Sequence[Workspace], report: Report) -> dict[str, dict[str, tuple[float, float]]]:
+    """Return the errors with each ingredient of the labelling switched off, by capture that has a ground truth."""
+    ablations = {}
+    for context in contexts:
+        report(context.name, "ablation")
+        errors = ablate(context)
+        if errors is not None:
+            ablations[context.name] = errors
+    return ablations
