@@ -22,7 +22,7 @@ def evaluate(
     file: Annotated[
         str | None,
         typer.Argument(
-            metavar="[CATALOGUE]",
+            metavar="CATALOGUE",
             help="Catalogue of captures with ground truth (default: the paper's six, simulated).",
         ),
     ] = None,
