@@ -13,7 +13,6 @@ import typer
 from glint.flows.cli.main import app
 
 UNFINISHED: tuple[str, ...] = (
-    "README.md",
     "flows/errors.py",
     "flows/pipeline",
     "flows/reporting",
@@ -98,6 +97,7 @@ NAMES = [path.relative_to(ROOT).as_posix() for path in MODULES]
 
 def banned_words(text: str) -> list[str]:
     """Return the banned words of a text with what to write instead."""
+    text = re.sub(r"\s+", " ", text)
     for phrase in ALLOWED_PHRASES:
         text = text.replace(phrase, "", 1)
     return [
