@@ -7,7 +7,7 @@ from prefect.client.schemas.objects import State
 from prefect.states import Completed, Failed
 
 from glint.storage.versions.repository import Version
-from glint.tasks.engine.stage import Record
+from glint.tasks.engine.stage import StageRecord
 from glint.tasks.version_diff import Drift
 
 
@@ -18,7 +18,7 @@ class CaptureResult:
     object_id: str
     capture_id: str
     seconds: float
-    records: tuple[Record, ...] = ()
+    records: tuple[StageRecord, ...] = ()
     error: str = ""
     remedy: str = ""
 

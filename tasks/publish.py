@@ -6,11 +6,11 @@ from typing import Any
 from glint.storage.versions.repository import Version
 from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.tasks.code_provenance import code_provenance
-from glint.tasks.engine.capture_context import INPUTS, Workspace
+from glint.tasks.engine.capture_context import INPUTS, CaptureContext
 from glint.tasks.pipeline import NAMES, SCHEMAS
 
 
-def publish(works: Sequence[Workspace], run: str, catalogue: str, model: bool | None = None) -> Version:
+def publish(works: Sequence[CaptureContext], run: str, catalogue: str, model: bool | None = None) -> Version:
     """Publish the results of these captures of one object as a version, if they differ from the newest one.
 
     run: the flow run that computed them; catalogue: its address; model: whether the object's model is part of the
@@ -31,7 +31,7 @@ def publish(works: Sequence[Workspace], run: str, catalogue: str, model: bool | 
     return works[0].repository.publish(names, metadata, NAMES, message=f"run {run}", retire=retired, schemas=SCHEMAS)
 
 
-def capture_provenance(work: Workspace) -> dict[str, Any]:
+def capture_provenance(work: CaptureContext) -> dict[str, Any]:
     """Return a capture's entry in the catalogue, all its parameters, and the digests of its inputs."""
     return {
         "entry": work.capture.model_dump(mode="json", exclude_none=True, exclude_defaults=True),

@@ -10,7 +10,7 @@ from glint.tasks.pipeline import STAGES
 from glint.tasks.stages.model import STAGE, model_key, wants_model
 
 
-def up_to_date(contexts: Sequence[CaptureContext]) -> tuple[Version, dict[str, tuple[StageRecord, ...]]] | None:
+def up_to_date_records(contexts: Sequence[CaptureContext]) -> tuple[Version, dict[str, tuple[StageRecord, ...]]] | None:
     """Return the version that already holds all results of these captures of one object, and their records; else None.
 
     Raises:
@@ -31,6 +31,3 @@ def up_to_date(contexts: Sequence[CaptureContext]) -> tuple[Version, dict[str, t
         keys[WHOLE_OBJECT] = {STAGE: key}
     version = repository.published(keys)
     return None if version is None else (version, records)
-
-
-unchanged = up_to_date

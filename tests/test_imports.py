@@ -97,7 +97,7 @@ def test_imports_run_one_way(name: str, path: Path) -> None:
     ("name", "source"),
     [
         ("glint.tasks.algorithms.x", "from glint.storage import frames"),
-        ("glint.tasks.algorithms.x", "from glint.tasks.workspace import Workspace"),
+        ("glint.tasks.algorithms.x", "from glint.tasks.workspace import CaptureContext"),
         ("glint.tasks.algorithms.x", "import glint.tasks.workspace"),
         ("glint.tasks.algorithms.x", "def f():\n    import zarr"),
         ("glint.storage.x", "from glint.tasks.algorithms.errors import UnusableCapture"),

@@ -9,7 +9,7 @@ def catalogue(
     folder: Annotated[
         str,
         typer.Argument(
-            metavar="FOLDER", help="Folder with one sub-folder of footage per object; also s3://.. or az://.."
+            metavar="FOLDER", help="Folder with one sub-folder of videos or images per object; also s3://.. or az://.."
         ),
     ],
     out: Annotated[

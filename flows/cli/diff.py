@@ -26,9 +26,9 @@ def diff(
     from glint.tasks.version_diff import captures_of_both, compare
 
     repository = ObjectRepository.open(Location.parse(chosen_store(store)), object_id, create=False)
-    both, removed, added = captures_of_both(repository, before, after)
+    common, removed, added = captures_of_both(repository, before, after)
     figures, changes = list[dict[str, Any]](), list[dict[str, Any]]()
-    for capture in both:
+    for capture in common:
         difference = compare(repository, capture, before, after)
         figures.append({"capture": capture, **difference.figures, "unit of depth": difference.unit})
         changes += [

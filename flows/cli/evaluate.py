@@ -22,7 +22,7 @@ def evaluate(
     file: Annotated[
         str | None,
         typer.Argument(
-            metavar="[CATALOGUE]",
+            metavar="CATALOGUE",
             help="Catalogue of captures with ground truth (default: the paper's six, simulated).",
         ),
     ] = None,
@@ -84,7 +84,8 @@ def _write_evaluation(
     from glint.flows.reporting.events import Message
     from glint.storage.export.image_files import write_png
     from glint.tasks.engine.references import load_catalogue
-    from glint.tasks.evaluation import evaluate_run, model_report, report
+    from glint.tasks.evaluation import evaluate_run, report
+    from glint.tasks.figures.evaluation_sheet import evaluation_sheet, reliability_diagram
 
     def message(capture: str, text: str) -> None:
         console.emit(Message(text, capture))
@@ -96,14 +97,14 @@ def _write_evaluation(
     ablations = evaluate_run.ablate_captures(contexts, message) if ablation else {}
     if not evaluations:
         return ""
-    table = report.markdown(evaluations)
+    table = report.capture_tables(evaluations)
     if models:
-        table += model_report.markdown(models)
+        table += report.model_table(models)
     if ablations:
         table += report.ablation_table(ablations)
     (out / "evaluation.md").write_text(table, encoding="utf-8")
-    captures = report.as_json(evaluations) + model_report.as_json(models)
+    captures = report.captures_as_json(evaluations) + report.models_as_json(models)
     (out / "evaluation.json").write_text(json.dumps(captures, indent=2) + "\n", encoding="utf-8")
-    write_png(out / "evaluation.png", report.picture_sheet(evaluations))
-    write_png(out / "reliability.png", report.reliability_picture(evaluations))
+    write_png(out / "evaluation.png", evaluation_sheet(evaluations))
+    write_png(out / "reliability.png", reliability_diagram(evaluations))
     return table

@@ -30,7 +30,8 @@ def run(
         int | None, typer.Option(min=1, help="Worker processes of the local cluster (default: one per processor).")
     ] = None,
     rehash: Annotated[
-        bool, typer.Option("--rehash", help="Read all inputs again, even files whose time of change is the same.")
+        bool,
+        typer.Option("--rehash", help="Read all input files again, even if their modification times are unchanged."),
     ] = False,
     drift: Annotated[float | None, typer.Option(metavar="DEGREES", min=0.0, help=DRIFT_HELP)] = None,
     as_json: Json = False,

@@ -80,7 +80,7 @@ def evaluate_reference(
         drift: Warn if the 95th percentile of normal change against the previous version exceeds this many degrees.
     """
     from glint.tasks.evaluation.evaluate_run import contexts_of, evaluate_captures
-    from glint.tasks.evaluation.report import markdown
+    from glint.tasks.evaluation.report import capture_tables
 
     tag_run()
     with run_environment(store, scheduler, workers):
@@ -89,7 +89,7 @@ def evaluate_reference(
         contexts = contexts_of(catalogue, Location.parse(store).uri, result.run, done)
         evaluations = evaluate_captures(contexts, lambda capture, message: None)
     if evaluations:
-        create_markdown_artifact(markdown(evaluations), key=artifact_key(f"evaluation {catalogue}"))
+        create_markdown_artifact(capture_tables(evaluations), key=artifact_key(f"evaluation {catalogue}"))
     if result.failed:
         first = result.failed[0]
         return Failed(message=f"{len(result.failed)} captures failed; {first.name}: {first.error} -> {first.remedy}")

@@ -11,19 +11,17 @@ from prefect.cache_policies import NO_CACHE
 from glint.flows.pipeline.context import run_context
 from glint.flows.pipeline.dispatch import capacity, scatter_map, task_key, wait_for
 from glint.flows.pipeline.prefect_sink import TaskRunReporter
-from glint.flows.pipeline.worker import end_events, progress_unit, run_stages
+from glint.flows.pipeline.worker import end_events, run_stages
 from glint.flows.reporting.artifacts import create_page_artifact
 from glint.flows.reporting.events import ProgressThrottle, StageStarted
 from glint.flows.runtime.retry import retry_on_disconnect
 from glint.storage.errors import StoreUnreachable
-from glint.tasks.engine.capture_context import Workspace as CaptureContext
-from glint.tasks.engine.stage import Record, perform, stage_keys
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.engine.stage import StageRecord, perform, stage_keys
 from glint.tasks.figures.capture_page import capture_page
-from glint.tasks.pipeline import BY_NAME, STAGES
-from glint.tasks.stages.clusters import clusters
+from glint.tasks.pipeline import NAMES, STAGES
 
-NAMES = tuple(stage.name for stage in STAGES)
-PARALLEL = NAMES.index("clusters")
+PARALLEL = next(number for number, stage in enumerate(STAGES) if stage.parallel_tiles)
 """The stage whose tiles many workers can process, and that takes longest with long videos."""
 
 
@@ -41,7 +39,7 @@ def is_store_unreachable(task: Any, run: Any, state: Any) -> bool:
     retry_delay_seconds=[5, 30],
     retry_condition_fn=is_store_unreachable,
 )
-def process_capture(capture: CaptureContext, n_captures: int = 1) -> list[Record]:
+def process_capture(capture: CaptureContext, n_captures: int = 1) -> list[StageRecord]:
     """Run all stages of a capture, from survey to surface, and put its page on the dashboard.
 
     n_captures: captures of the catalogue, whose pages share a limit of size.
@@ -58,15 +56,15 @@ def process_capture(capture: CaptureContext, n_captures: int = 1) -> list[Record
     return records
 
 
-def run_on_workers(capture: CaptureContext, reporter: TaskRunReporter) -> list[Record]:
+def run_on_workers(capture: CaptureContext, reporter: TaskRunReporter) -> list[StageRecord]:
     """Run all stages on one worker, but clusters on all workers if some are idle."""
     context = run_context()
     keys, available = stage_keys(capture, STAGES), capacity(context.client)
 
-    def on_one_worker(stages: Sequence[str]) -> list[Record]:
+    def on_one_worker(stages: Sequence[str]) -> list[StageRecord]:
         key = task_key(capture.name, f"{stages[0]}..{stages[-1]}")
         future = context.client.submit(run_stages, capture, stages, keys, available.bytes, pure=False, key=key)
-        records: list[Record] = wait_for(future, capture.name, reporter)
+        records: list[StageRecord] = wait_for(future, capture.name, reporter)
         return records
 
     records = on_one_worker(NAMES[:PARALLEL])
@@ -75,13 +73,14 @@ def run_on_workers(capture: CaptureContext, reporter: TaskRunReporter) -> list[R
     return [*records, on_all_workers(capture, keys), *on_one_worker(NAMES[PARALLEL + 1 :])]
 
 
-def on_all_workers(capture: CaptureContext, keys: Mapping[str, str]) -> Record:
+def on_all_workers(capture: CaptureContext, keys: Mapping[str, str]) -> StageRecord:
     """Run clusters in this process, with its tiles on all workers."""
-    context, stage = run_context(), BY_NAME[NAMES[PARALLEL]]
-    unit = progress_unit(stage)
+    context, stage = run_context(), STAGES[PARALLEL]
+    unit = stage.progress_unit
     context.emit(StageStarted(capture.name, stage.name, unit))
     mapper = partial(scatter_map, context.client, capture.name, stage.name)
-    parallel = replace(stage, step=partial(clusters, mapper=mapper))
+    run: Any = stage.run
+    parallel = replace(stage, run=partial(run, mapper=mapper))
     progress = ProgressThrottle(context.emit, capture.name, stage.name, unit)
     record = perform(capture, parallel, keys[stage.name], progress)
     for event in end_events(capture.name, record):

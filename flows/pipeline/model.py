@@ -11,14 +11,14 @@ from glint.flows.pipeline.worker import run_model_stage
 from glint.flows.reporting.artifacts import create_page_artifact
 from glint.flows.runtime.retry import retry_on_disconnect
 from glint.storage.catalogue.models import MODEL
-from glint.tasks.engine.capture_context import Workspace as CaptureContext
-from glint.tasks.engine.stage import Record
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.engine.stage import StageRecord
 from glint.tasks.figures.model_page import model_page
 from glint.tasks.stages.model import model_key
 
 
 @task(name="model", task_run_name="{name}", cache_policy=NO_CACHE, persist_result=False)
-def process_model(captures: Sequence[CaptureContext], name: str) -> list[Record]:
+def process_model(captures: Sequence[CaptureContext], name: str) -> list[StageRecord]:
     """Merge an object's views into its model, and put its page on the dashboard.
 
     captures: all captures of the object; those without a result are left out and named. name: OBJECT/model.
@@ -28,7 +28,7 @@ def process_model(captures: Sequence[CaptureContext], name: str) -> list[Record]
         key = task_key(name, MODEL)
         arguments = list(captures), model_key(captures), name, MODEL
         future = context.client.submit(run_model_stage, *arguments, pure=False, key=key)
-        record: Record = wait_for(future, name, reporter)
+        record: StageRecord = wait_for(future, name, reporter)
     page = model_page(captures[0].repository, name, [record])
     retry_on_disconnect(create_page_artifact, name, page)
     return [record]

@@ -21,12 +21,12 @@ from glint.flows.results import CaptureResult, ObjectResult, final_state
 from glint.storage.catalogue.loading import Catalogue
 from glint.storage.catalogue.models import MODEL
 from glint.storage.locking.locks import run_lock
-from glint.tasks.engine.capture_context import Workspace as CaptureContext
+from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import chosen_captures, load_catalogue
-from glint.tasks.engine.stage import Record
+from glint.tasks.engine.stage import StageRecord
 from glint.tasks.publish import publish
 from glint.tasks.stages.model import wants_model
-from glint.tasks.up_to_date import unchanged
+from glint.tasks.up_to_date import up_to_date_records
 from glint.tasks.version_diff import Drift, drifts
 
 MAX_THREADS = 32
@@ -99,7 +99,7 @@ def run_object(
 def up_to_date(captures: ObjectCaptures) -> ObjectResult | None:
     """Return the result of an object that needs no processing; None if it does, or if its state cannot be read."""
     try:
-        stored = unchanged(captures.chosen)
+        stored = up_to_date_records(captures.chosen)
     except USER_ERRORS:
         return None
     if stored is None:
@@ -152,14 +152,14 @@ def run_model(captures: Sequence[CaptureContext]) -> CaptureResult:
     return run_reported(object_id, MODEL, partial(process_model, captures, f"{object_id}/{MODEL}"))
 
 
-def run_reported(object_id: str, capture_id: str, process: Callable[[], Sequence[Record]]) -> CaptureResult:
+def run_reported(object_id: str, capture_id: str, process: Callable[[], Sequence[StageRecord]]) -> CaptureResult:
     """Run the task of a capture or model, and report its end; an error becomes part of the result.
 
     Raises:
         CancelledError: the run was cancelled.
     """
     context, started = run_context(), time.monotonic()
-    records, error, remedy = tuple[Record, ...](), "", ""
+    records, error, remedy = tuple[StageRecord, ...](), "", ""
     try:
         records = tuple(process())
     except Exception as failure:

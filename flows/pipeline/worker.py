@@ -12,8 +12,8 @@ from glint.flows.reporting.events import (
     StageStarted,
     publish_from_worker,
 )
-from glint.tasks.engine.capture_context import Workspace as CaptureContext
-from glint.tasks.engine.stage import Record, Stage, perform
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.engine.stage import StageRecord, perform
 from glint.tasks.memory import largest_need
 from glint.tasks.pipeline import BY_NAME
 from glint.tasks.stages.model import perform_model
@@ -24,7 +24,7 @@ PROGRESS_SECONDS = 0.5
 
 def run_stages(
     capture: CaptureContext, stages: Sequence[str], keys: Mapping[str, str], limit: int | None
-) -> list[Record]:
+) -> list[StageRecord]:
     """Run stages of a capture one after the other on a Dask worker, and publish their events.
 
     limit: bytes that a worker may use, None: any number.
@@ -35,7 +35,7 @@ def run_stages(
     emit, records = publish_from_worker(), []
     for name in stages:
         stage = BY_NAME[name]
-        unit = progress_unit(stage)
+        unit = stage.progress_unit
         emit(StageStarted(capture.name, name, unit))
         progress = ProgressThrottle(emit, capture.name, name, unit, PROGRESS_SECONDS)
         record = perform(capture, stage, keys[name], progress)
@@ -48,7 +48,7 @@ def run_stages(
     return records
 
 
-def run_model_stage(captures: Sequence[CaptureContext], key: str, name: str, stage: str) -> Record:
+def run_model_stage(captures: Sequence[CaptureContext], key: str, name: str, stage: str) -> StageRecord:
     """Run the model stage of an object on a Dask worker, and publish its events as those of `name`."""
     emit = publish_from_worker()
     emit(StageStarted(name, stage))
@@ -58,17 +58,12 @@ def run_model_stage(captures: Sequence[CaptureContext], key: str, name: str, sta
     return record
 
 
-def end_events(capture: str, record: Record) -> Iterator[StageEnded | CaptureWarning]:
+def end_events(capture: str, record: StageRecord) -> Iterator[StageEnded | CaptureWarning]:
     """Yield the events of a stage that has ended: its end and its warnings."""
     frames = int(record.counts["frames"]) if "frames" in record.counts else None
     yield StageEnded(capture, record.stage, record.seconds, record.cached, frames)
     for warning in record.warnings:
         yield CaptureWarning(capture, warning, record.stage)
-
-
-def progress_unit(stage: Stage) -> str:
-    """Return the unit that a stage's progress counts: frames, tiles, parts."""
-    return str(getattr(stage, "progress_unit", "parts"))
 
 
 def check_bytes(limit: int | None, needed: int, work: str) -> None:

@@ -5,10 +5,8 @@ removes nothing and reports what would be removed.
 """
 
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from typing import Any
-
-from glint.storage.maintenance.blob_garbage import collect_blobs, old_blobs
 
 from glint.storage.errors import StoreError
 from glint.storage.frames.eviction import cached_frames, over_budget, remove_frames
@@ -25,7 +23,7 @@ MAX_SIZE = 1e18
 
 @dataclass(frozen=True, slots=True)
 class Cleaning:
-    """Items removed (or to be removed) from a `target`: an object, `blobs` or `frames`.
+    """Items removed (or to be removed) from a `target`: an object, or `frames`.
 
     note: the versions that were removed, or why nothing was; failed: the target could not be read.
     """
@@ -67,14 +65,14 @@ class Maintenance:
         return [
             {"target": item.target, title: item.objects, "MB": round(item.bytes / 1e6, 2), "note": item.note}
             for item in self.cleanings
-            if item.objects or item.note or item.target in ("blobs", "frames")
+            if item.objects or item.note or item.target == "frames"
         ]
 
 
 def maintain(
     location: Location, dry_run: bool, keep: int | None, age: timedelta, frames_budget: int | None
 ) -> Maintenance:
-    """Clean objects, then blobs and cached frames, then check the disk. An unreadable object does not stop the rest.
+    """Clean objects, then cached frames, then check the disk. An unreadable object does not stop the rest.
 
     keep: versions of each object to keep, None: all; age: only data unused for that long is removed; frames_budget:
     bytes that the cache of frames may take, None: no limit.
@@ -82,12 +80,9 @@ def maintain(
     Raises:
         StoreError: the store cannot be listed.
     """
-    limit = datetime.now(UTC) - age
-    candidates = old_blobs(location, limit)
     ids = object_ids(location)
     held = {object_id for object_id in ids if run_holder(location, object_id) is not None}
     cleanings = [_clean_object(location, object_id, object_id in held, dry_run, keep, age) for object_id in ids]
-    cleanings.append(_clean_blobs(location, cleanings, candidates, held, limit, dry_run))
     cleanings.append(_clean_frames(location, frames_budget, held, dry_run))
     room = room_of(location)
     # A tenth more objects should fit.
@@ -128,28 +123,6 @@ def _clean_object(
         return Cleaning(object_id, 0, 0, str(error), failed=True)
     note = f"{'would remove' if dry_run else 'removed'} {', '.join(removed)}" if removed else ""
     return Cleaning(object_id, garbage.objects, garbage.bytes, note)
-
-
-def _clean_blobs(
-    location: Location,
-    cleanings: list[Cleaning],
-    candidates: dict[str, int],
-    held: set[str],
-    limit: datetime,
-    dry_run: bool,
-) -> Cleaning:
-    """Remove unreferenced blobs, unless an object's references are incomplete (it is being run) or unreadable."""
-    named = set[str]()
-    try:
-        for cleaning in cleanings:
-            named |= ObjectRepository.open(location, cleaning.target, create=False).blob_keys()
-    except StoreError:
-        return Cleaning("blobs", 0, 0, "left alone: an object cannot be read")
-    if held or any(cleaning.failed for cleaning in cleanings):
-        reason = "an object is being run" if held else "an object cannot be read"
-        return Cleaning("blobs", 0, 0, f"left alone: {reason}")
-    blobs = collect_blobs(location, candidates, named, limit, dry_run)
-    return Cleaning("blobs", blobs.objects, blobs.bytes)
 
 
 def _clean_frames(location: Location, budget: int | None, held: set[str], dry_run: bool) -> Cleaning:

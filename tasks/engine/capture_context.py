@@ -95,10 +95,3 @@ class CaptureContext:
 @lru_cache(maxsize=OPEN_REPOSITORIES)
 def _repository(store: str, object_id: str) -> ObjectRepository:
     return ObjectRepository.open(Location.parse(store), object_id)
-
-
-Workspace = CaptureContext
-
-
-def facts_of(capture: Capture, names: tuple[str, ...]) -> str:
-    return digest_of(capture.model_dump(mode="json", include=set(names)))

@@ -10,7 +10,7 @@ from glint.storage.catalogue.loading import Catalogue, Object, load
 from glint.storage.errors import InputError
 from glint.storage.inputs.digests import file_stamp
 from glint.storage.locations.location import Location
-from glint.tasks.engine.capture_context import Workspace
+from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 
 
@@ -29,14 +29,14 @@ class CaptureReference:
         """OBJECT/CAPTURE."""
         return f"{self.object_id}/{self.capture_id}"
 
-    def workspace(self) -> Workspace:
+    def workspace(self) -> CaptureContext:
         """The capture's workspace.
 
         Raises:
             CatalogueError, InputError: the catalogue is unusable; KeyError: it has no such capture.
         """
         catalogue = load_catalogue(self.catalogue)
-        return Workspace.of(catalogue, self.object_id, self.capture_id, self.store, self.run, self.rehash)
+        return CaptureContext.of(catalogue, self.object_id, self.capture_id, self.store, self.run, self.rehash)
 
 
 def load_catalogue(path: str | Path) -> Catalogue:

@@ -182,6 +182,3 @@ def _cached_record(stage: str, key: str, saved: Mapping[str, Any], seconds: floa
 def _parameters(context: CaptureContext, stage: str) -> dict[str, Any]:
     values: dict[str, Any] = getattr(context.parameters, stage).model_dump(mode="json")
     return values
-
-
-Outcome, Record, recall_or_save, silent, stored = StageOutput, StageRecord, load_or_compute, no_progress, cached_records

@@ -13,7 +13,7 @@ from glint.tasks.algorithms.evaluation.metrics import squared_errors
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.labelling.weights import FieldError, FieldWeights, GraphCutWeights
-from glint.tasks.engine.capture_context import Workspace
+from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.clusters import faced, load_clusters
 from glint.tasks.stages.markup import faced_marks, load_marks
@@ -37,7 +37,7 @@ ABLATIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
 """Parameters of `reconstruct_normals` that switch an ingredient off; `clusters`: candidates that are left."""
 
 
-def ablate(work: Workspace) -> dict[str, tuple[float, float]] | None:
+def ablate(work: CaptureContext) -> dict[str, tuple[float, float]] | None:
     """Return squared errors over observed region and whole mask, by ingredient switched off; None without true normals.
 
     Raises:

@@ -20,7 +20,7 @@ from glint.tasks.algorithms.evaluation.metrics import (
     reliability,
 )
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.engine.capture_context import Workspace
+from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import LabelsParameters
 from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.clusters import load_clusters
@@ -78,7 +78,7 @@ class Evaluation:
         return next(errors for errors in self.methods if errors.method == name)
 
 
-def evaluate(work: Workspace, stages: tuple[str, ...]) -> Evaluation | None:
+def evaluate(work: CaptureContext, stages: tuple[str, ...]) -> Evaluation | None:
     """Compare the stored result of a capture with its truth; None where it has no true normals.
 
     stages: names of the stages whose seconds and warnings are part of the evaluation.
@@ -138,7 +138,7 @@ def evaluate(work: Workspace, stages: tuple[str, ...]) -> Evaluation | None:
     )
 
 
-def _depth_errors(work: Workspace, truth: np.ndarray, mask: np.ndarray) -> DepthErrors:
+def _depth_errors(work: CaptureContext, truth: np.ndarray, mask: np.ndarray) -> DepthErrors:
     """Return the errors of the stored depth against the true one (H, W), which is in pixels.
 
     The stored depth may be in millimetres. Under perspective both are measured from the distance at which a pixel

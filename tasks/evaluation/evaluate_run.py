@@ -6,7 +6,7 @@ from itertools import groupby
 from glint.storage.catalogue.loading import Catalogue
 from glint.storage.catalogue.models import MODEL
 from glint.storage.locations.location import Location
-from glint.tasks.engine.capture_context import Workspace
+from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import CaptureReference
 from glint.tasks.evaluation.ablation import ablate
 from glint.tasks.evaluation.captures import Evaluation, evaluate
@@ -17,7 +17,7 @@ Report = Callable[[str, str], None]
 """Callback with a capture's name and a message about it."""
 
 
-def contexts_of(catalogue: str, store: str, run: str, captures: Iterable[tuple[str, str]]) -> list[Workspace]:
+def contexts_of(catalogue: str, store: str, run: str, captures: Iterable[tuple[str, str]]) -> list[CaptureContext]:
     """Open the captures (object id, capture id) of a run; merged models are left out."""
     address = Location.parse(catalogue).uri
     return [
@@ -27,7 +27,7 @@ def contexts_of(catalogue: str, store: str, run: str, captures: Iterable[tuple[s
     ]
 
 
-def evaluate_captures(contexts: Sequence[Workspace], report: Report) -> list[Evaluation]:
+def evaluate_captures(contexts: Sequence[CaptureContext], report: Report) -> list[Evaluation]:
     """Compare each capture with its true normals; those without are reported and left out."""
     stages, evaluations = tuple(stage.name for stage in STAGES), []
     for context in contexts:
@@ -39,7 +39,7 @@ def evaluate_captures(contexts: Sequence[Workspace], report: Report) -> list[Eva
     return evaluations
 
 
-def evaluate_models(contexts: Sequence[Workspace], catalogue: Catalogue) -> list[ModelEvaluation]:
+def evaluate_models(contexts: Sequence[CaptureContext], catalogue: Catalogue) -> list[ModelEvaluation]:
     """Compare the merged model of each object with its true surface; objects without one are left out.
 
     contexts: captures of an object stand next to each other.
@@ -52,7 +52,7 @@ def evaluate_models(contexts: Sequence[Workspace], catalogue: Catalogue) -> list
     return evaluations
 
 
-def ablate_captures(contexts: Sequence[Workspace], report: Report) -> dict[str, dict[str, tuple[float, float]]]:
+def ablate_captures(contexts: Sequence[CaptureContext], report: Report) -> dict[str, dict[str, tuple[float, float]]]:
     """Return the errors with each ingredient of the labelling switched off, by capture that has a ground truth."""
     ablations = {}
     for context in contexts:

@@ -18,7 +18,7 @@ from glint.tasks.algorithms.evaluation.mesh_metrics import ModelScore, score_mod
 from glint.tasks.algorithms.multiview.poisson import align_depth, merge_depth_maps
 from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.multiview.visual_hull import hull_model
-from glint.tasks.engine.capture_context import Workspace
+from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.stages.model import STAGE
 from glint.tasks.stages.view_registration import view_of
 
@@ -46,7 +46,7 @@ class ModelEvaluation:
     seconds: float
 
 
-def evaluate_model(entry: Object, works: Sequence[Workspace]) -> ModelEvaluation | None:
+def evaluate_model(entry: Object, works: Sequence[CaptureContext]) -> ModelEvaluation | None:
     """Compare the stored model of an object's captures with the truth; None where there is no model or no truth.
 
     Raises:
@@ -76,7 +76,7 @@ def evaluate_model(entry: Object, works: Sequence[Workspace]) -> ModelEvaluation
     )
 
 
-def load_registered_views(works: Sequence[Workspace]) -> tuple[list[View], list[np.ndarray]]:
+def load_registered_views(works: Sequence[CaptureContext]) -> tuple[list[View], list[np.ndarray]]:
     """Return the views of the stored model of these captures, and their depth maps (H, W) in world units.
 
     The views have the poses that the model stage gave them, and the normals of their own labels.

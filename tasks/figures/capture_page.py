@@ -6,14 +6,13 @@ from itertools import batched
 
 import cv2
 import numpy as np
-from glint.storage.blobs import store as blobs
 
 from glint.storage.export.image_files import colour_codes, colour_normals, colour_values, encode_png
 from glint.storage.export.report import PALETTE, code_names
 from glint.storage.locations.location import Location
-from glint.storage.versions.stage_results import StageResult
-from glint.tasks.engine.capture_context import Workspace as CaptureContext
-from glint.tasks.engine.stage import Record
+from glint.storage.versions.stage_results import FileInfo, StageResult
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.engine.stage import StageRecord
 from glint.tasks.figures.markdown import plain
 
 MAX_PAGE_CHARS = 300_000
@@ -32,13 +31,13 @@ STORED_PICTURES = {
 """Pictures that the surface stage stores, and their captions."""
 
 
-def capture_page(context: CaptureContext, records: Sequence[Record], n_captures: int = 1) -> str:
+def capture_page(context: CaptureContext, records: Sequence[StageRecord], n_captures: int = 1) -> str:
     """Return the page of a capture whose stages have all ended; `n_captures` may get pages in this run."""
     labels, surface, mask = context.load("labels"), context.load("surface"), context.load("mask").read("mask")
     provenance = np.where(mask, labels.read("provenance"), 0)
-    pictures = _label_pictures(labels, provenance) | _stored_pictures(context.location, surface.blobs)
+    pictures = _label_pictures(labels, provenance) | _stored_pictures(surface)
     legend = _legend(provenance[mask], code_names(labels.record.get("provenance")))
-    files = file_lines(context.location, context.object_id, surface.blobs)
+    files = file_lines(context.location, context.object_id, surface.files)
     max_chars = min(MAX_PAGE_CHARS, MAX_RUN_CHARS // n_captures)
     return picture_page(context.name, pictures, records, files, legend, max_chars)
 
@@ -46,7 +45,7 @@ def capture_page(context: CaptureContext, records: Sequence[Record], n_captures:
 def picture_page(
     title: str,
     pictures: Mapping[str, np.ndarray],
-    records: Sequence[Record],
+    records: Sequence[StageRecord],
     files: Sequence[str] = (),
     legend: str = "",
     max_chars: int = MAX_PAGE_CHARS,
@@ -67,17 +66,14 @@ def picture_page(
         edge = edge * 3 // 4
 
 
-def file_lines(location: Location, object_id: str, files: Mapping[str, blobs.BlobReference]) -> list[str]:
+def file_lines(location: Location, object_id: str, files: Mapping[str, FileInfo]) -> list[str]:
     """Return the table of an object's files and the command that exports them."""
-    rows = [
-        f"| {plain(name)} | {file.size / 1e3:,.0f} kB | `{location.uri}/{file.key}` |"
-        for name, file in sorted(files.items())
-    ]
+    rows = [f"| {plain(name)} | {file.size / 1e3:,.0f} kB |" for name, file in sorted(files.items())]
     command = f"glint export {object_id} --out {object_id} --store {location.uri}"
-    lines = ["## Files", "", "| file | size | in the store |", "|---|---:|---|", *rows, ""]
+    lines = ["## Files", "", "| file | size |", "|---|---:|", *rows, ""]
     return [
         *lines,
-        "All files, with normals, depth, confidence, lights and reports, once the object has a version:",
+        "To export all files, with normals, depth, confidence, lights and reports, once the object has a version:",
         "",
         f"    {command}",
     ]
@@ -98,12 +94,12 @@ def _label_pictures(labels: StageResult, provenance: np.ndarray) -> dict[str, np
     }
 
 
-def _stored_pictures(location: Location, stored: Mapping[str, blobs.BlobReference]) -> dict[str, np.ndarray]:
+def _stored_pictures(surface: StageResult) -> dict[str, np.ndarray]:
     """Return pictures that the surface stage has stored, by caption."""
     pictures = {}
     for name, caption in STORED_PICTURES.items():
-        if name in stored:
-            data = np.frombuffer(blobs.get(location, stored[name]), np.uint8)
+        if name in surface.files:
+            data = np.frombuffer(surface.read_file(name), np.uint8)
             picture = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB)
             assert picture is not None, f"the surface stage stored no picture under {name}"
             pictures[caption] = picture
@@ -123,7 +119,7 @@ def _gallery(pictures: Mapping[str, np.ndarray], edge: int) -> str:
     return "\n\n".join(tables)
 
 
-def _stages(records: Sequence[Record]) -> list[str]:
+def _stages(records: Sequence[StageRecord]) -> list[str]:
     lines = ["| stage | seconds | counts |", "|---|---:|---|"]
     for record in records:
         seconds = "unchanged" if record.cached else f"{record.seconds:.2f}"
@@ -132,7 +128,7 @@ def _stages(records: Sequence[Record]) -> list[str]:
     return [*lines, f"| all | {sum(0 if record.cached else record.seconds for record in records):.2f} | |"]
 
 
-def _warnings(records: Sequence[Record]) -> list[str]:
+def _warnings(records: Sequence[StageRecord]) -> list[str]:
     lines = [f"- **{plain(record.stage)}**: {plain(warning)}" for record in records for warning in record.warnings]
     return ["## Warnings", "", *lines, ""] if lines else []
 

@@ -5,11 +5,10 @@ from typing import Any
 
 import cv2
 import numpy as np
-from glint.storage.blobs import store as blobs
 
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import WHOLE_OBJECT
-from glint.tasks.engine.stage import Record
+from glint.tasks.engine.stage import StageRecord
 from glint.tasks.figures.capture_page import file_lines, picture_page
 from glint.tasks.figures.markdown import plain
 from glint.tasks.stages.model import STAGE
@@ -18,17 +17,17 @@ MAX_SHEET_EDGE_PX = 780
 """Longer side of the picture sheet."""
 
 
-def model_page(repository: ObjectRepository, name: str, records: Sequence[Record]) -> str:
+def model_page(repository: ObjectRepository, name: str, records: Sequence[StageRecord]) -> str:
     """Return the page of the model (OBJECT/model) that an object has stored."""
     stored = repository.load(WHOLE_OBJECT, STAGE)
-    data = blobs.get(repository.location, stored.blobs["model.png"])
+    data = stored.read_file("model.png")
     sheet = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB))
-    files = file_lines(repository.location, repository.object_id, stored.blobs)
+    files = file_lines(repository.location, repository.object_id, stored.files)
     return sheet_page(name, sheet, stored.record, records, files)
 
 
 def sheet_page(
-    name: str, sheet: np.ndarray, about: Mapping[str, Any], records: Sequence[Record], files: Sequence[str] = ()
+    name: str, sheet: np.ndarray, about: Mapping[str, Any], records: Sequence[StageRecord], files: Sequence[str] = ()
 ) -> str:
     """Return the page of a model from its picture sheet, uint8 (H, W, 3) RGB, and its description as in model.json."""
     legend = (

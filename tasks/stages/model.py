@@ -14,25 +14,25 @@ from glint.tasks.algorithms.multiview.reconstruction import (
 )
 from glint.tasks.algorithms.multiview.registration import refine
 from glint.tasks.algorithms.multiview.view_rejection import RejectedView
-from glint.tasks.engine.capture_context import Workspace
-from glint.tasks.engine.stage import Outcome, Progress, Record, recall_or_save, silent
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.engine.stage import Progress, StageOutput, StageRecord, load_or_compute, no_progress
 from glint.tasks.stages.model_output import model_outcome
 from glint.tasks.stages.view_registration import register_views, relabelled, unit_of_model
 
 STAGE, VERSION = "model", 3
 
 
-def wants_model(works: Sequence[Workspace]) -> bool:
+def wants_model(works: Sequence[CaptureContext]) -> bool:
     """Return whether an object's captures are to be merged: there are several, and at least one has a pose."""
     return len(works) > 1 and any(work.capture.pose is not None for work in works)
 
 
-def labelled(works: Sequence[Workspace]) -> list[Workspace]:
+def labelled(works: Sequence[CaptureContext]) -> list[CaptureContext]:
     """Return the captures whose labels are stored."""
     return [work for work in works if work.repository.stage_key(work.capture.id, "labels") is not None]
 
 
-def model_key(works: Sequence[Workspace]) -> str:
+def model_key(works: Sequence[CaptureContext]) -> str:
     """Return the digest of all that determines the model: the captures' labels, poses and cameras, its parameters."""
     first = works[0]
     return digest_of(
@@ -51,7 +51,7 @@ def model_key(works: Sequence[Workspace]) -> str:
     )
 
 
-def perform_model(works: Sequence[Workspace], key: str, progress: Progress | None = None) -> Record:
+def perform_model(works: Sequence[CaptureContext], key: str, progress: Progress | None = None) -> StageRecord:
     """Compute and save the model of an object's captures, unless it is stored under its key already.
 
     Raises:
@@ -59,10 +59,10 @@ def perform_model(works: Sequence[Workspace], key: str, progress: Progress | Non
     """
     first = works[0]
     facts = {"parameters": first.parameters.model.model_dump(mode="json"), "versions": {STAGE: VERSION}}
-    return recall_or_save(first, WHOLE_OBJECT, STAGE, key, facts, lambda: model(works, progress or silent))
+    return load_or_compute(first, WHOLE_OBJECT, STAGE, key, facts, lambda: model(works, progress or no_progress))
 
 
-def model(works: Sequence[Workspace], progress: Progress) -> Outcome:
+def model(works: Sequence[CaptureContext], progress: Progress) -> StageOutput:
     """Register the views, reconstruct a surface, relabel each view with the surface's normals, and reconstruct again.
 
     A turntable's angles are refined on a first, coarse surface and again on each better one. The normals compared are

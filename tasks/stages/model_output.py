@@ -14,7 +14,7 @@ from glint.tasks.algorithms.meshing.depth_mesh import Surface, glb_bytes, ply_by
 from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.registration import RegisteredViews
 from glint.tasks.algorithms.multiview.view_rejection import RejectedView
-from glint.tasks.engine.stage import Outcome
+from glint.tasks.engine.stage import StageOutput
 from glint.tasks.figures.model_sheet import model_sheet
 from glint.tasks.stages.surface import METRES_PER_MM
 
@@ -22,7 +22,7 @@ OBSERVED_CONFIDENCE = 0.5
 """Confidence from which a part of the surface counts as observed."""
 
 
-def model_outcome(registered: RegisteredViews, model: Model, unit: str) -> Outcome:
+def model_outcome(registered: RegisteredViews, model: Model, unit: str) -> StageOutput:
     """Store the files of a model and return its arrays, report, counts and warnings.
 
     work: any of the object's captures, for its store; unit: "mm" or "pixels".
@@ -40,7 +40,7 @@ def model_outcome(registered: RegisteredViews, model: Model, unit: str) -> Outco
         "model.json": (json.dumps(report, indent=1).encode(), "application/json"),
         "model.png": (encode_png(model_sheet(surface)), "image/png"),
     }
-    return Outcome(
+    return StageOutput(
         arrays={
             "vertices": surface.vertices,
             "triangles": surface.triangles,

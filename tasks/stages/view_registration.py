@@ -15,14 +15,14 @@ from glint.tasks.algorithms.multiview.registration import (
     register_unposed,
 )
 from glint.tasks.algorithms.multiview.view import SilhouetteMask, View
-from glint.tasks.engine.capture_context import Workspace
+from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.clusters import load_clusters
 from glint.tasks.stages.labels import reconstruct
 from glint.tasks.stages.markup import load_marks
 
 
-def unit_of_model(works: Sequence[Workspace]) -> str:
+def unit_of_model(works: Sequence[CaptureContext]) -> str:
     """Return the unit of the model's coordinates, "mm" or "pixels", the same for all views.
 
     Raises:
@@ -38,7 +38,7 @@ def unit_of_model(works: Sequence[Workspace]) -> str:
     return "pixels" if unknown else "mm"
 
 
-def view_of(work: Workspace) -> View:
+def view_of(work: CaptureContext) -> View:
     """Read a capture's mask, normals and confidence as a view, with the pose and the camera of the catalogue.
 
     A pose that is not given as a matrix is left at the identity: registration sets it.
@@ -67,7 +67,7 @@ def view_of(work: Workspace) -> View:
     )
 
 
-def register_views(works: Mapping[str, Workspace]) -> RegisteredViews:
+def register_views(works: Mapping[str, CaptureContext]) -> RegisteredViews:
     """Register the captures with a pose, then those without one on a coarse model of these; works: by capture id.
 
     Raises:
@@ -87,7 +87,7 @@ def register_views(works: Mapping[str, Workspace]) -> RegisteredViews:
     return register_unposed(registered, unposed, coarse_model(registered.views)) if unposed else registered
 
 
-def relabelled(view: View, model: Model, work: Workspace) -> View:
+def relabelled(view: View, model: Model, work: CaptureContext) -> View:
     """Return a view whose highlights are labelled with the model's normals in place of the silhouette's smooth field.
 
     Views labelled by another method than "sheets", or in whose direction the model is not seen at all, are unchanged.

@@ -169,7 +169,7 @@ def accept(everything: Constellation) -> None:
     check("inbox/nightly" in said, "the deployments are on the server")
     everything.start_worker()
 
-    ended = everything.deployment("inbox/nightly", settled_minutes=0)
+    ended = everything.deployment("inbox/nightly", quiet_minutes=0)
     check(ended["state"] == "Completed" and "2 objects run" in ended["message"], f"the inbox was run: {ended}")
     for name, scene in (("vase", first), ("bowl", second)):
         out = everything.folder / "out" / name
@@ -178,21 +178,21 @@ def accept(everything: Constellation) -> None:
         check(error < LARGEST_ERROR, f"{name}: normals are right within {error:.2f} degrees")
         check((out / "front" / "surface.glb").stat().st_size > 1000, f"{name}: its surface is there")
 
-    ended = everything.deployment("inbox/nightly", settled_minutes=0)
-    check("0 objects run, 2 unchanged" in ended["message"], "a second scan finds nothing new")
+    ended = everything.deployment("inbox/nightly", quiet_minutes=0)
+    check("0 objects run, 2 up to date" in ended["message"], "a second scan finds nothing new")
     markup = b'[{"frame": 250, "x": 52.0, "y": 58.0, "kind": "true"}]'
     store = Location.parse(f"{INBOX}/vase").obstore()
     obstore.put(store, "markup.json", markup)
     text = bytes(obstore.get(store, "catalogue.yaml").bytes()).replace(b"mask: ", b"markup: markup.json\n    mask: ")
     obstore.put(store, "catalogue.yaml", text)
-    ended = everything.deployment("inbox/nightly", settled_minutes=0)
-    check("1 objects run, 1 unchanged" in ended["message"], f"a changed capture is run again: {ended['message']}")
+    ended = everything.deployment("inbox/nightly", quiet_minutes=0)
+    check("1 objects run, 1 up to date" in ended["message"], f"a changed capture is run again: {ended['message']}")
     history = [json.loads(line) for line in everything.glint("history", "vase", "--json").splitlines()]
     check(len(history) == 2, "the changed object has two versions")
 
     everything.services.processes["dask-worker-1"].kill()
     catalogue = f"{INBOX}/bowl/catalogue.yaml"
-    ended = everything.deployment("all-objects/on-demand", catalogue=catalogue, store="s3://glint/other", drift=None)
+    ended = everything.deployment("run-catalogue/on-demand", catalogue=catalogue, store="s3://glint/other", drift=None)
     check(ended["state"] == "Completed", f"with one Dask worker killed, objects run apart: {ended}")
     ended = everything.deployment("maintenance/weekly")
     check(ended["state"] == "Completed", f"maintenance: {ended['message']}")

@@ -18,7 +18,7 @@ from glint.tasks.algorithms.multiview.pose_fit import PoseFit
 from glint.tasks.algorithms.multiview.pose_search import ambiguity, search_angles, search_rotations
 from glint.tasks.algorithms.multiview.reconstruction import coarse_model
 from glint.tasks.algorithms.multiview.view import View, rotation_about_y
-from glint.tasks.engine.capture_context import Workspace
+from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import load_catalogue
 from glint.tasks.evaluation.models import load_registered_views
 from glint.tasks.stages.model import STAGE
@@ -41,7 +41,7 @@ def main() -> None:
     said = parser.parse_args()
     catalogue = load_catalogue(said.catalogue)
     entry = catalogue.object(said.object) if said.object else catalogue.objects[0]
-    works = [Workspace.of(catalogue, entry.id, each.id, said.store) for each in entry.captures]
+    works = [CaptureContext.of(catalogue, entry.id, each.id, said.store) for each in entry.captures]
     table = works[0].repository.load(WHOLE_OBJECT, STAGE).record["turntable"] is not None
     views, _ = load_registered_views(works)
     for number, view in enumerate(views):

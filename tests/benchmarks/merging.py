@@ -31,7 +31,7 @@ from glint.tasks.algorithms.multiview.raycast import raycast
 from glint.tasks.algorithms.multiview.reconstruction import reconstruct_surface
 from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.multiview.visual_hull import hull_model
-from glint.tasks.engine.capture_context import Workspace
+from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import load_catalogue
 from glint.tasks.engine.stage import perform, stage_keys
 from glint.tasks.evaluation.models import load_registered_views, load_true_mesh, without_steep_normals
@@ -216,7 +216,7 @@ def simulated(shape: str, views: int, folder: Path) -> tuple[Path, str]:
     """A small turntable's catalogue and its store, all stages done."""
     made = simulate(shape, folder, CaptureOptions(frames=400, scale=0.5, views=views, ball_radius=20.0, rays=1))
     catalogue, store = load_catalogue(made.catalogue), str(folder / "store")
-    works = [Workspace.of(catalogue, shape, name, store, "run") for name in made.captures]
+    works = [CaptureContext.of(catalogue, shape, name, store, "run") for name in made.captures]
     for work in works:
         keys = stage_keys(work, STAGES)
         for stage in STAGES:
@@ -242,7 +242,7 @@ def told(name: str, found: ModelScore, seconds: float, memory: int | None) -> st
 def compare(catalogue: Path, store: str, object_id: str | None) -> None:
     """Print the table of one object."""
     entry = load_catalogue(catalogue).object(object_id) if object_id else load_catalogue(catalogue).objects[0]
-    works = [Workspace.of(load_catalogue(catalogue), entry.id, each.id, store) for each in entry.captures]
+    works = [CaptureContext.of(load_catalogue(catalogue), entry.id, each.id, store) for each in entry.captures]
     if entry.truth_model is None:
         raise SystemExit(f"{entry.id} has no truth_model")
     saved = works[0].repository.load(WHOLE_OBJECT, STAGE)

@@ -1,4 +1,4 @@
-"""Deployments on a real server, run by a real worker: what is new, limits, cancelling, notifications."""
+"""Deployments on a real server, run by a real worker: inbox scans, limits, cancellation, notifications."""
 
 import threading
 import time
@@ -24,8 +24,9 @@ from prefect.client.schemas.objects import FlowRun, StateType
 from prefect.deployments import run_deployment
 from prefect.events import emit_event
 from prefect.states import Cancelling
+from prefect.utilities.callables import parameter_schema
 
-from glint.flows.deployments.deploy import Wishes, deploy, entries
+from glint.flows.deployments.deploy import DeploymentOptions, deploy, deployment_specs
 from glint.flows.errors import ServerError
 from glint.flows.pipeline.drift import DRIFT_EVENT
 from glint.flows.reporting.artifacts import artifact_key
@@ -38,19 +39,19 @@ from tests.scene import draw_scene
 
 pytestmark = [pytest.mark.slow, pytest.mark.server]
 
-PATIENCE = 120.0
+TIMEOUT_SECONDS = 120.0
 
 
-class Told(ThreadingHTTPServer):
-    """Takes notifications."""
+class NotificationServer(ThreadingHTTPServer):
+    """Records notifications."""
 
     def __init__(self) -> None:
         self.bodies: list[str] = []
-        super().__init__(("127.0.0.1", 0), _Listener)
+        super().__init__(("127.0.0.1", 0), _Handler)
 
 
-class _Listener(BaseHTTPRequestHandler):
-    server: Told
+class _Handler(BaseHTTPRequestHandler):
+    server: NotificationServer
 
     def do_POST(self) -> None:
         self.server.bodies.append(self.rfile.read(int(self.headers["Content-Length"])).decode())
@@ -58,12 +59,12 @@ class _Listener(BaseHTTPRequestHandler):
         self.end_headers()
 
     def log_message(self, *_: object) -> None:
-        """Say nothing."""
+        """Keep the output of the tests clean."""
 
 
 @pytest.fixture(scope="module")
-def told(server: Server) -> Iterator[Told]:
-    with Told() as listener:
+def notifications(server: Server) -> Iterator[NotificationServer]:
+    with NotificationServer() as listener:
         threading.Thread(target=listener.serve_forever, daemon=True).start()
         CustomWebhookNotificationBlock(
             name="lab",
@@ -75,9 +76,9 @@ def told(server: Server) -> Iterator[Told]:
 
 
 @pytest.fixture(scope="module")
-def places(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """Inbox and store: a good object, and one whose mask is of another size."""
-    folder = tmp_path_factory.mktemp("places")
+    folder = tmp_path_factory.mktemp("folders")
     scene = draw_scene(folder / "inbox" / "ellipsoid", frames=150)
     broken = folder / "inbox" / "broken"
     broken.mkdir()
@@ -87,22 +88,23 @@ def places(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 @pytest.fixture(scope="module")
-def deployed(worker: str, told: Told, places: tuple[Path, Path]) -> list[str]:
-    inbox, store = places
+def deployed(worker: str, notifications: NotificationServer, folders: tuple[Path, Path]) -> list[str]:
+    inbox, store = folders
     reference = inbox / "ellipsoid" / "catalogue.yaml"
-    wishes = Wishes(
+    options = DeploymentOptions(
         str(store), str(inbox), str(reference), pool=worker, timezone="Europe/Berlin", notify="custom-webhook/lab"
     )
-    assert deploy(wishes) == deploy(wishes)
-    return deploy(wishes)
+    assert deploy(options) == deploy(options)
+    return deploy(options)
 
 
-def until(ready: Callable[[], Any]) -> Any:
-    deadline = time.monotonic() + PATIENCE
-    while not (found := ready()):
+def until(query: Callable[[], Any]) -> Any:
+    """Repeat a query until its result is true."""
+    deadline = time.monotonic() + TIMEOUT_SECONDS
+    while not (result := query()):
         assert time.monotonic() < deadline, "it did not happen"
         time.sleep(0.2)
-    return found
+    return result
 
 
 def read(run: FlowRun) -> FlowRun:
@@ -118,7 +120,7 @@ def scheduled() -> list[FlowRun]:
 
 
 def call(name: str, **parameters: Any) -> FlowRun:
-    run: Any = run_deployment(name, parameters=parameters, timeout=PATIENCE, poll_interval=0.5)
+    run: Any = run_deployment(name, parameters=parameters, timeout=TIMEOUT_SECONDS, poll_interval=0.5)
     return run
 
 
@@ -131,49 +133,49 @@ def test_schedules_have_their_zone_and_limits(deployed: list[str]) -> None:
     (schedule,) = nightly.schedules
     assert schedule.schedule.model_dump()["timezone"] == "Europe/Berlin"
     assert {name: limit.limit for name, limit in limits.items() if limit} == {
-        "inbox/nightly": 1, "reference/weekly": 1, "maintenance/weekly": 1, "all-objects/on-demand": 1,
-        "one-object/on-demand": 4,
+        "inbox/nightly": 1, "reference/weekly": 1, "maintenance/weekly": 1, "run-catalogue/on-demand": 1,
+        "run-object/on-demand": 4,
     }  # fmt: skip
 
 
 def log_of(run: FlowRun) -> list[str]:
     with get_client(sync_client=True) as client:
         chosen = LogFilter(flow_run_id=LogFilterFlowRunId(any_=[run.id]))
-        return [each.message for each in client.read_logs(chosen)]
+        return [line.message for line in client.read_logs(chosen)]
 
 
-def test_an_inbox_is_run_once_and_its_failure_is_told(
-    deployed: list[str], told: Told, places: tuple[Path, Path]
+def test_an_inbox_is_run_once_and_its_failure_is_notified(
+    deployed: list[str], notifications: NotificationServer, folders: tuple[Path, Path]
 ) -> None:
-    inbox, store = places
-    first = call("inbox/nightly", settled_minutes=0.0, workers=1)
+    inbox, store = folders
+    first = call("inbox/nightly", quiet_minutes=0.0, workers=1)
     assert first.state is not None and first.state.type == StateType.FAILED
     assert "broken/front: the mask" in str(first.state.message)
     assert ObjectRepository.open(Location.parse(store), "ellipsoid", create=False).version().name == "v1"
-    until(lambda: any("broken/front" in body and "inbox" in body for body in told.bodies))
+    until(lambda: any("broken/front" in body and "inbox" in body for body in notifications.bodies))
     until(lambda: any("workers 1, Dask's dashboard http://127.0.0.1:" in line for line in log_of(first)))
     (inbox / "broken" / "mask.png").unlink()
     (inbox / "broken" / "front.mp4").rename(inbox / "broken" / "front.txt")
-    second = call("inbox/nightly", settled_minutes=0.0, workers=1)
+    second = call("inbox/nightly", quiet_minutes=0.0, workers=1)
     assert second.state is not None and second.state.is_completed()
-    assert second.state.message == "0 objects run, 1 unchanged, 0 still arriving"
+    assert second.state.message == "0 objects run, 1 up to date, 0 waiting"
     with get_client(sync_client=True) as client:
         key = ArtifactFilter(key=ArtifactFilterKey(any_=[artifact_key(f"inbox {inbox}")]))
-        tables = [str(each.data) for each in client.read_artifacts(artifact_filter=key)]
-    assert any("no footage in it" in table for table in tables)
+        tables = [str(artifact.data) for artifact in client.read_artifacts(artifact_filter=key)]
+    assert any("no footage" in table for table in tables)
 
 
-def test_the_reference_is_judged_against_its_truth(deployed: list[str], places: tuple[Path, Path]) -> None:
+def test_the_reference_is_evaluated_against_its_truth(deployed: list[str], folders: tuple[Path, Path]) -> None:
     run = call("reference/weekly", workers=1)
-    assert run.state is not None and run.state.message == "1 captures judged"
+    assert run.state is not None and run.state.message == "1 captures evaluated"
 
 
-def test_objects_run_apart(deployed: list[str], places: tuple[Path, Path]) -> None:
-    run = call("all-objects/on-demand", catalogue=str(places[0] / "ellipsoid" / "catalogue.yaml"), drift=None)
+def test_objects_run_separately(deployed: list[str], folders: tuple[Path, Path]) -> None:
+    run = call("run-catalogue/on-demand", catalogue=str(folders[0] / "ellipsoid" / "catalogue.yaml"), drift=None)
     assert run.state is not None and run.state.is_completed(), run.state
     with get_client(sync_client=True) as client:
-        flows = {each.id: each.name for each in client.read_flows()}
-        assert "one-object" in {flows[each.flow_id] for each in client.read_flow_runs()}
+        flows = {flow.id: flow.name for flow in client.read_flows()}
+        assert "run-object" in {flows[run.flow_id] for run in client.read_flow_runs()}
 
 
 def test_a_second_scan_at_the_same_time_is_cancelled(deployed: list[str]) -> None:
@@ -182,11 +184,11 @@ def test_a_second_scan_at_the_same_time_is_cancelled(deployed: list[str]) -> Non
     assert sorted(end.type.value for end in ends) == ["CANCELLED", "COMPLETED"]
 
 
-def test_a_cancelled_object_lets_go(deployed: list[str], places: tuple[Path, Path], tmp_path: Path) -> None:
+def test_a_cancelled_object_releases_its_lock(deployed: list[str], folders: tuple[Path, Path], tmp_path: Path) -> None:
     scene = draw_scene(tmp_path / "long", frames=2000)
     place = Location.parse(tmp_path / "store")
     run: Any = run_deployment(
-        "one-object/on-demand",
+        "run-object/on-demand",
         parameters={
             "catalogue": str(scene.catalogue), "object_id": "ellipsoid", "store": place.uri, "workers": 1,
         },
@@ -201,28 +203,39 @@ def test_a_cancelled_object_lets_go(deployed: list[str], places: tuple[Path, Pat
     until(lambda: run_holder(place, "ellipsoid") is None)
 
 
-def test_drift_is_told(deployed: list[str], told: Told) -> None:
+def test_drift_is_notified(deployed: list[str], notifications: NotificationServer) -> None:
     payload = {"object": "duck", "capture": "front", "degrees": 3.25, "before": "v1", "after": "v2"}
     emit_event(DRIFT_EVENT, resource={"prefect.resource.id": "glint.object.duck"}, payload=payload)
-    until(lambda: any("duck/front moved by 3.25 degrees from v1 to v2" in body for body in told.bodies))
+    until(
+        lambda: any(
+            "duck/front: the 95th percentile of normal change from v1 to v2 is 3.25 degrees" in body
+            for body in notifications.bodies
+        )
+    )
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"timezone": "Berlin"}, "no schedule"),
-        ({"nightly": "every night"}, "no schedule"),
-        ({"kind": "proces", "pool": "other"}, "no type of work pool"),
+        ({"timezone": "Berlin"}, "is not a schedule"),
+        ({"nightly": "every night"}, "is not a schedule"),
+        ({"pool_type": "proces", "pool": "other"}, "is not a type of work pool"),
         ({"notify": "slack-webhook/none"}, "no notification block"),
-        ({"kind": "docker"}, "has the type process"),
+        ({"pool_type": "docker"}, "has the type process"),
     ],
 )
-def test_what_cannot_be_deployed_is_told(deployed: list[str], changes: dict[str, str], message: str) -> None:
+def test_unusable_options_are_refused(deployed: list[str], changes: dict[str, str], message: str) -> None:
     with pytest.raises((InputError, ServerError), match=message):
-        deploy(Wishes(**({"store": "store", "inbox": "inbox"} | changes)))
+        deploy(DeploymentOptions(**({"store": "store", "inbox": "inbox"} | changes)))
 
 
 def test_addresses_are_absolute() -> None:
-    for each in entries(Wishes("store", "inbox", "catalogue.yaml")):
+    for spec in deployment_specs(DeploymentOptions("store", "inbox", "catalogue.yaml")):
         for name in ("store", "inbox", "catalogue"):
-            assert Path(each.parameters.get(name, "/")).is_absolute()
+            assert Path(spec.parameters.get(name, "/")).is_absolute()
+
+
+def test_every_parameter_of_a_deployment_is_described() -> None:
+    for spec in deployment_specs(DeploymentOptions("store", "inbox", "catalogue.yaml")):
+        for name, about in parameter_schema(spec.flow.fn).properties.items():
+            assert about.get("description", "").endswith("."), f"{spec.flow.name}: {name}"

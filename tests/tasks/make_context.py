@@ -1,25 +1,27 @@
-"""A capture on the bench: the simulated one with some of its entries changed, and its stages performed here."""
+"""The context of a simulated capture with some of its entries changed; its stages performed in this process."""
 
 from pathlib import Path
 from typing import Any
 
 from glint.storage.catalogue.loading import load
-from glint.tasks.engine.capture_context import Workspace
+from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
-from glint.tasks.engine.stage import Record, perform, stage_keys
+from glint.tasks.engine.stage import StageRecord, perform, stage_keys
 from glint.tasks.pipeline import BY_NAME, STAGES
 
 
-def bench(catalogue: Path, store: Path, parameters: dict[str, Any] | None = None, **changed: Any) -> Workspace:
+def make_context(
+    catalogue: Path, store: Path, parameters: dict[str, Any] | None = None, **changed: Any
+) -> CaptureContext:
     """The workspace of the catalogue's first capture with some keys changed."""
     capture = load(catalogue).objects[0].captures[0]
-    said = capture.model_dump(mode="json") | changed
-    return Workspace(
-        str(store), "glass", type(capture).model_validate(said), Parameters.model_validate(parameters or {}), "test"
+    entry = capture.model_dump(mode="json") | changed
+    return CaptureContext(
+        str(store), "glass", type(capture).model_validate(entry), Parameters.model_validate(parameters or {}), "test"
     )
 
 
-def perform_all(work: Workspace, last: str = "surface") -> list[Record]:
+def perform_all(work: CaptureContext, last: str = "surface") -> list[StageRecord]:
     """Perform the stages up to the last one, in order."""
     keys = stage_keys(work, STAGES)
     names = [stage.name for stage in STAGES]

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from glint.storage.catalogue.loading import load
-from glint.tasks.engine.capture_context import Workspace
+from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.memory import LOADED_BYTES, largest_need
 from glint.tasks.pipeline import TILES_HELD
@@ -12,7 +12,7 @@ from glint.tasks.stages.clusters import TILE_BYTES
 
 def need(simulated: Path, store: Path, edge: int, bits: int = 8, frame: int = 4000) -> tuple[int, str]:
     """What is projected for a square region of a square frame."""
-    work = Workspace.of(load(simulated, Parameters), "hemisphere", "front", str(store))
+    work = CaptureContext.of(load(simulated, Parameters), "hemisphere", "front", str(store))
     region = {"x": 0, "y": 0, "width": edge, "height": edge}
     work.repository.save(
         "front", "survey", f"{edge}", {}, {"region": region, "frame_size": [frame, frame], "bits": bits}

@@ -26,7 +26,7 @@ from glint.storage.errors import StoreError
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
 from glint.tasks.code_provenance import code_provenance
-from glint.tasks.engine.stage import Record
+from glint.tasks.engine.stage import StageRecord
 from glint.tasks.pipeline import STAGES
 
 pytestmark = [pytest.mark.server, pytest.mark.usefixtures("server")]
@@ -179,7 +179,7 @@ def test_clusters_go_to_all_workers_where_some_are_idle(
 ) -> None:
     calls, on_all_workers = [], glint.flows.pipeline.capture.on_all_workers
 
-    def counted(*facts: Any) -> Record:
+    def counted(*facts: Any) -> StageRecord:
         calls.append(1)
         return on_all_workers(*facts)
 

@@ -21,7 +21,7 @@ from glint.flows.pipeline.worker import end_events
 from glint.flows.reporting.events import CaptureWarning, Event, StageEnded, StageProgress, StageStarted
 from glint.flows.runtime.orphaned_runs import RUN_TAG, tagged_with_process
 from glint.flows.runtime.prefect_server import Server
-from glint.tasks.engine.stage import Record
+from glint.tasks.engine.stage import StageRecord
 
 pytestmark = [pytest.mark.server, pytest.mark.usefixtures("server")]
 NAME = "glass/front"
@@ -170,7 +170,7 @@ def test_a_stage_whose_worker_died_is_shown_as_crashed_and_run_again(server: Ser
 
 
 def test_warnings_are_logged_and_progress_moves_one_bar() -> None:
-    frames = Record("frames", "k", False, 2.5, {"frames": 300}, ("the camera moved",))
+    frames = StageRecord("frames", "k", False, 2.5, {"frames": 300}, ("the camera moved",))
     events: list[Event | float] = [
         StageStarted(NAME, "frames"),
         StageProgress(NAME, "frames", 75, 300, 1.0),
@@ -187,6 +187,6 @@ def test_warnings_are_logged_and_progress_moves_one_bar() -> None:
 
 
 def test_the_end_of_a_stage_has_its_frames_and_warnings() -> None:
-    ended, warning = end_events(NAME, Record("frames", "k", True, 0.1, {"frames": 300}, ("dark",)))
+    ended, warning = end_events(NAME, StageRecord("frames", "k", True, 0.1, {"frames": 300}, ("dark",)))
     assert ended == StageEnded(NAME, "frames", 0.1, cached=True, frames=300)
     assert warning == CaptureWarning(NAME, "dark", "frames")

@@ -10,12 +10,12 @@ from glint.flows.reporting import artifacts
 from glint.flows.reporting.artifacts import artifact_key, create_catalogue_artifact, problems_page
 from glint.flows.results import CaptureResult, ObjectResult, RunResult
 from glint.flows.runtime.prefect_server import Server
-from glint.tasks.engine.stage import Record
+from glint.tasks.engine.stage import StageRecord
 
 RECORDS = (
-    Record("frames", "k", False, 12.345, {"frames": 8000}, ()),
-    Record("lights", "k", False, 1.2, {"accepted": 7810}, ("only <b>3%</b> of [this](x) | *that*",)),
-    Record("depth", "k", True, 0.01, {}, ()),
+    StageRecord("frames", "k", False, 12.345, {"frames": 8000}, ()),
+    StageRecord("lights", "k", False, 1.2, {"accepted": 7810}, ("only <b>3%</b> of [this](x) | *that*",)),
+    StageRecord("depth", "k", True, 0.01, {}, ()),
 )
 
 

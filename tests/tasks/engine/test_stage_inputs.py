@@ -10,12 +10,12 @@ from glint.storage.versions.stage_results import StageResult
 from glint.tasks.engine.stage import StageOutput, perform, stage_keys
 from glint.tasks.engine.stage_inputs import StageInputs, UndeclaredRead
 from glint.tasks.pipeline import BY_NAME, NAMES, STAGES
-from tests.tasks.make_context import bench, perform_all
+from tests.tasks.make_context import make_context, perform_all
 
 
 @pytest.mark.parametrize("read", ["load", "field", "file", "digest", "parameters_of"])
 def test_reading_what_is_not_declared_fails(simulated: Path, tmp_path: Path, read: str) -> None:
-    inputs = StageInputs(bench(simulated, tmp_path / "store"), BY_NAME["thresholds"])
+    inputs = StageInputs(make_context(simulated, tmp_path / "store"), BY_NAME["thresholds"])
     name = {"load": "labels", "field": "camera", "parameters_of": "clusters"}.get(read, "markup")
     with pytest.raises(UndeclaredRead, match=f"thresholds reads the .* '{name}'"):
         getattr(inputs, read)(name)
@@ -31,9 +31,9 @@ def test_every_declared_result_is_read(simulated: Path, tmp_path: Path, monkeypa
         return load(inputs, stage)
 
     monkeypatch.setattr(StageInputs, "load", recorded)
-    folder = Path(str(bench(simulated, tmp_path).capture.mask)).parent
-    perform_all(bench(simulated, tmp_path / "marked", markup=str(folder / "markup.json")))
-    perform_all(bench(simulated, tmp_path / "estimated", mask=None), "mask")
+    folder = Path(str(make_context(simulated, tmp_path).capture.mask)).parent
+    perform_all(make_context(simulated, tmp_path / "marked", markup=str(folder / "markup.json")))
+    perform_all(make_context(simulated, tmp_path / "estimated", mask=None), "mask")
     assert reads == {stage.name: set(stage.reads) for stage in STAGES}
 
 
@@ -42,7 +42,7 @@ def test_a_stage_that_loads_what_it_did_not_declare_ends_the_capture(simulated: 
         inputs.load("frames")
         return StageOutput(arrays={"mask": np.ones((4, 4), bool)})
 
-    context = bench(simulated, tmp_path / "store")
+    context = make_context(simulated, tmp_path / "store")
     perform_all(context, "frames")
     key = stage_keys(context, STAGES)["mask"]
     stage = replace(BY_NAME["mask"], run=greedy, reads=("survey",))

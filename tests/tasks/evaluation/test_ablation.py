@@ -7,31 +7,31 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.evaluation.metrics import Reliability
-from glint.tasks.engine.capture_context import Workspace
+from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.evaluation.ablation import ABLATIONS, ablate
 from glint.tasks.evaluation.captures import Evaluation, evaluate
 from glint.tasks.evaluation.report import ablation_table
 from glint.tasks.figures.evaluation_sheet import reliability_diagram
 from glint.tasks.pipeline import STAGES
-from tests.tasks.make_context import bench, perform_all
+from tests.tasks.make_context import make_context, perform_all
 
 
 @pytest.fixture(scope="module")
-def work(simulated: Path, tmp_path_factory: pytest.TempPathFactory) -> Workspace:
+def work(simulated: Path, tmp_path_factory: pytest.TempPathFactory) -> CaptureContext:
     markup = Path(str(simulated)).parent / "hemisphere" / "front" / "markup.json"
-    work = bench(simulated, tmp_path_factory.mktemp("ablation") / "store", markup=str(markup))
+    work = make_context(simulated, tmp_path_factory.mktemp("ablation") / "store", markup=str(markup))
     perform_all(work)
     return work
 
 
 @pytest.fixture(scope="module")
-def evaluation(work: Workspace) -> Evaluation:
+def evaluation(work: CaptureContext) -> Evaluation:
     found = evaluate(work, tuple(stage.name for stage in STAGES))
     assert found is not None
     return found
 
 
-def test_every_ingredient_is_switched_off_by_itself(work: Workspace, evaluation: Evaluation) -> None:
+def test_every_ingredient_is_switched_off_by_itself(work: CaptureContext, evaluation: Evaluation) -> None:
     found = ablate(work)
     assert found is not None and set(found) == set(ABLATIONS)
     stored = evaluation.method("glint")
@@ -41,7 +41,7 @@ def test_every_ingredient_is_switched_off_by_itself(work: Workspace, evaluation:
     assert found["one candidate"][0] > found["default"][0]
 
 
-def test_a_capture_without_truth_is_not_ablated(work: Workspace) -> None:
+def test_a_capture_without_truth_is_not_ablated(work: CaptureContext) -> None:
     assert ablate(replace(work, capture=work.capture.model_copy(update={"truth": None}))) is None
 
 

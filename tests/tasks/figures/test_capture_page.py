@@ -8,14 +8,14 @@ import cv2
 import numpy as np
 import pytest
 
-from glint.tasks.engine.stage import Record
+from glint.tasks.engine.stage import StageRecord
 from glint.tasks.figures.capture_page import MAX_PAGE_CHARS, picture_page
 from glint.tasks.figures.markdown import plain
 
 RECORDS = (
-    Record("frames", "k", False, 12.345, {"frames": 8000}, ()),
-    Record("lights", "k", False, 1.2, {"accepted": 7810}, ("only <b>3%</b> of [this](x) | *that*",)),
-    Record("depth", "k", True, 0.01, {}, ()),
+    StageRecord("frames", "k", False, 12.345, {"frames": 8000}, ()),
+    StageRecord("lights", "k", False, 1.2, {"accepted": 7810}, ("only <b>3%</b> of [this](x) | *that*",)),
+    StageRecord("depth", "k", True, 0.01, {}, ()),
 )
 
 

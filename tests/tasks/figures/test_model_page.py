@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from glint.tasks.engine.stage import Record
+from glint.tasks.engine.stage import StageRecord
 from glint.tasks.figures.model_page import rounded, sheet_page
 
 VIEWS = [
@@ -24,7 +24,7 @@ ABOUT = {
     "volume": 22630.4,
     "area": 51.5912,
 }
-RECORD = Record("model", "k", False, 42.0, {"views": 2}, ("view-02 is not part of the model",))
+RECORD = StageRecord("model", "k", False, 42.0, {"views": 2}, ("view-02 is not part of the model",))
 SHEET = np.full((520, 780, 3), 255, np.uint8)
 
 

@@ -10,7 +10,7 @@ from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of
 from glint.tasks.evaluation.captures import evaluate
 from glint.tasks.pipeline import STAGES
 from tests.scene import BALLS, REGION, Scene, draw_scene
-from tests.tasks.make_context import bench, perform_all
+from tests.tasks.make_context import make_context, perform_all
 
 NAMES = tuple(stage.name for stage in STAGES)
 
@@ -26,7 +26,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_lights_agree_with_the_formula_and_the_spheres_with_each_other(scene: Scene, store: Path) -> None:
-    work = bench(scene.catalogue, store)
+    work = make_context(scene.catalogue, store)
     perform_all(work, "lights")
     found = work.load("lights")
     error = angles(found.read("lights"), scene.lights)
@@ -41,7 +41,7 @@ def test_two_spheres_are_better_than_either(scene: Scene, store: Path, tmp_path:
     given = load(scene.catalogue).objects[0].captures[0].model_dump(mode="json")["spheres"]
     errors: list[float] = []
     for spheres in (given, given[:1], given[1:]):
-        work = bench(scene.catalogue, tmp_path / str(len(errors)), spheres=spheres)
+        work = make_context(scene.catalogue, tmp_path / str(len(errors)), spheres=spheres)
         perform_all(work, "lights")
         errors.append(float(np.nanmean(angles(work.load("lights").read("lights"), scene.lights))))
         assert (work.load("lights").record["disagreement_degrees"] is None) == (len(spheres) == 1)
@@ -51,13 +51,13 @@ def test_two_spheres_are_better_than_either(scene: Scene, store: Path, tmp_path:
 def test_a_misplaced_sphere_shows_in_the_disagreement(scene: Scene, tmp_path: Path) -> None:
     given = load(scene.catalogue).objects[0].captures[0].model_dump(mode="json")["spheres"]
     given[1]["x"] += 1.0
-    work = bench(scene.catalogue, tmp_path / "store", spheres=given)
+    work = make_context(scene.catalogue, tmp_path / "store", spheres=given)
     perform_all(work, "lights")
     assert work.load("lights").record["disagreement_degrees"]["median"] > 1.0
 
 
 def test_clusters_hold_the_true_and_the_false_directions(scene: Scene, store: Path) -> None:
-    work = bench(scene.catalogue, store)
+    work = make_context(scene.catalogue, store)
     perform_all(work, "clusters")
     normals = work.load("clusters").read("normals")
     for field in (scene.normals, scene.false):
@@ -70,7 +70,7 @@ def test_clusters_hold_the_true_and_the_false_directions(scene: Scene, store: Pa
 
 
 def test_the_surface_is_that_of_the_formula(scene: Scene, store: Path) -> None:
-    work = bench(scene.catalogue, store)
+    work = make_context(scene.catalogue, store)
     perform_all(work)
     found = evaluate(work, NAMES)
     assert found is not None
@@ -93,7 +93,7 @@ def test_the_surface_is_that_of_the_formula(scene: Scene, store: Path) -> None:
 
 
 def test_two_spheres_are_detected(scene: Scene, tmp_path: Path) -> None:
-    work = bench(scene.catalogue, tmp_path / "store", spheres=[])
+    work = make_context(scene.catalogue, tmp_path / "store", spheres=[])
     perform_all(work, "lights")
     found = sorted(work.load("survey").record["spheres"], key=lambda each: each["y"])
     assert len(found) == 2
@@ -114,7 +114,7 @@ def test_annotations_overrule_highlights(scene: Scene, store: Path, tmp_path: Pa
     for kind in ("true", "false"):
         path = tmp_path / f"{kind}.json"
         path.write_text(f'[{{"frame": {frame}, "x": {x + REGION.x:.1f}, "y": {y + REGION.y:.1f}, "kind": "{kind}"}}]')
-        work = bench(scene.catalogue, tmp_path / kind, markup=str(path))
+        work = make_context(scene.catalogue, tmp_path / kind, markup=str(path))
         perform_all(work, "labels")
         pixels = work.load("markup").read("pixels")
         assert len(pixels) and (np.hypot(*(pixels - (y, x)).T) < 1.5).any()
@@ -128,7 +128,7 @@ def test_annotations_overrule_highlights(scene: Scene, store: Path, tmp_path: Pa
 def test_few_frames_give_a_whole_surface(tmp_path: Path) -> None:
     """With three dozen frames little is observed; the surface is whole, and other pixels do not count as observed."""
     few = draw_scene(tmp_path / "few", frames=36)
-    work = bench(few.catalogue, tmp_path / "store")
+    work = make_context(few.catalogue, tmp_path / "store")
     records = {record.stage: record for record in perform_all(work)}
     assert any("of the object glinted" in warning for warning in records["clusters"].warnings)
     labels, seen = work.load("labels"), work.load("clusters").read("observations") > 0

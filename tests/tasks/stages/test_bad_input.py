@@ -18,7 +18,7 @@ from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.engine.references import load_catalogue
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from tests.storage.footage.videos import write_video
-from tests.tasks.make_context import bench, perform_all
+from tests.tasks.make_context import make_context, perform_all
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def refused(simulated: Path, tmp_path: Path) -> Refused:
 
     def run(**changed: Any) -> Exception:
         with pytest.raises((StorageError, UnusableCapture)) as caught:
-            perform_all(bench(simulated, tmp_path / "store", **changed))
+            perform_all(make_context(simulated, tmp_path / "store", **changed))
         error = caught.value
         assert getattr(error, "remedy", ""), "says what to do"
         return error
@@ -154,7 +154,7 @@ def test_markup_outside_the_object(refused: Refused, tmp_path: Path) -> None:
 def test_truncated_video_gives_its_readable_part(simulated: Path, tmp_path: Path, frames: list[np.ndarray]) -> None:
     whole = write_video(tmp_path / "whole.avi", frames, codec="mjpeg", pixels="yuvj420p")
     (tmp_path / "cut.avi").write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
-    record = perform_all(bench(simulated, tmp_path / "store", frames=str(tmp_path / "cut.avi")), "frames")[-1]
+    record = perform_all(make_context(simulated, tmp_path / "store", frames=str(tmp_path / "cut.avi")), "frames")[-1]
     assert 20 < record.counts["frames"] < 120
     assert any(str(int(record.counts["frames"]) - 1) in warning for warning in record.warnings), record.warnings
 
@@ -187,7 +187,7 @@ def test_ids_that_try_to_leave_their_folder(tmp_path: Path, name: str) -> None:
 def test_unwritable_store(simulated: Path, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("not a folder")
     with pytest.raises(StoreError) as caught:
-        perform_all(bench(simulated, tmp_path / "file" / "store"))
+        perform_all(make_context(simulated, tmp_path / "file" / "store"))
     assert "file" in str(caught.value) and caught.value.remedy
 
 
@@ -200,9 +200,9 @@ def test_full_disk(simulated: Path, tmp_path: Path) -> None:
         pytest.skip("needs the right to mount a small file system")
     try:
         with pytest.raises(StoreError, match="space"):
-            perform_all(bench(simulated, place / "store"))
+            perform_all(make_context(simulated, place / "store"))
         subprocess.run(["mount", "-o", "remount,size=200m", str(place)], check=True)
-        records = perform_all(bench(simulated, place / "store"))
+        records = perform_all(make_context(simulated, place / "store"))
         assert records[0].cached and not records[-1].cached
     finally:
         subprocess.run(["umount", "-l", str(place)], check=False)
@@ -211,11 +211,11 @@ def test_full_disk(simulated: Path, tmp_path: Path) -> None:
 def test_killed_in_the_middle_goes_on(simulated: Path, tmp_path: Path) -> None:
     """A process that dies without a word after its third stage leaves three stages done."""
     script = (
-        "import os, sys\nfrom pathlib import Path\nfrom tests.tasks.make_context import bench, perform_all\n"
-        f"perform_all(bench(Path({str(simulated)!r}), Path({str(tmp_path / 'store')!r})), 'lights')\n"
+        "import os, sys\nfrom pathlib import Path\nfrom tests.tasks.make_context import make_context, perform_all\n"
+        f"perform_all(make_context(Path({str(simulated)!r}), Path({str(tmp_path / 'store')!r})), 'lights')\n"
         "os.kill(os.getpid(), 9)\n"
     )
     ended = subprocess.run([sys.executable, "-c", script], cwd=Path(__file__).parents[3])
     assert ended.returncode == -9
-    records = perform_all(bench(simulated, tmp_path / "store"))
+    records = perform_all(make_context(simulated, tmp_path / "store"))
     assert [record.cached for record in records] == [True] * 3 + [False] * 8

@@ -12,7 +12,7 @@ from glint.storage.errors import StoreError
 from glint.tasks.engine.stage import perform, stage_keys
 from glint.tasks.pipeline import STAGES
 from tests.scene import Scene, draw_scene
-from tests.tasks.make_context import bench, perform_all
+from tests.tasks.make_context import make_context, perform_all
 
 ROOT = Path(__file__).parents[3]
 
@@ -26,7 +26,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
 def needed(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> int:
     """Kilobytes of a whole store of the scene."""
     folder = tmp_path_factory.mktemp("whole")
-    perform_all(bench(scene.catalogue, folder / "store"))
+    perform_all(make_context(scene.catalogue, folder / "store"))
     return int(subprocess.run(["du", "-sk", folder], capture_output=True, text=True, check=True).stdout.split()[0])
 
 
@@ -50,7 +50,7 @@ def remount(place: Path, options: str) -> None:
 def test_disk_that_fills_up(scene: Scene, needed: int, small: Path, share: float) -> None:
     """Wherever the room ends, the stages before it are kept, and the run goes on from there when there is room."""
     remount(small, f"size={int(share * needed)}k")
-    work = bench(scene.catalogue, small / "store")
+    work = make_context(scene.catalogue, small / "store")
     keys, done = stage_keys(work, STAGES), []
     with pytest.raises(StoreError, match="No space left") as caught:
         for stage in STAGES:
@@ -58,23 +58,23 @@ def test_disk_that_fills_up(scene: Scene, needed: int, small: Path, share: float
             done.append(stage.name)
     assert "free space" in caught.value.remedy and str(small) in str(caught.value)
     remount(small, "size=100m")
-    records = perform_all(bench(scene.catalogue, small / "store"))
+    records = perform_all(make_context(scene.catalogue, small / "store"))
     assert [record.stage for record in records if record.cached] == done
 
 
 def test_read_only_store(scene: Scene, small: Path) -> None:
     remount(small, "ro")
     with pytest.raises(StoreError) as caught:
-        perform_all(bench(scene.catalogue, small / "store"))
+        perform_all(make_context(scene.catalogue, small / "store"))
     assert "Read-only" in str(caught.value) and str(small) in str(caught.value)
 
 
 def test_files_that_may_not_grow(scene: Scene, tmp_path: Path) -> None:
     """A limit on the size of files, as quotas set it; needs no rights."""
     script = (
-        "import sys\nfrom pathlib import Path\nfrom tests.tasks.make_context import bench, perform_all\n"
+        "import sys\nfrom pathlib import Path\nfrom tests.tasks.make_context import make_context, perform_all\n"
         "from glint.storage.errors import StoreError\n"
-        f"work = bench(Path({str(scene.catalogue)!r}), Path({str(tmp_path / 'store')!r}))\n"
+        f"work = make_context(Path({str(scene.catalogue)!r}), Path({str(tmp_path / 'store')!r}))\n"
         "try:\n    perform_all(work)\nexcept StoreError as error:\n    sys.exit(f'{error.message}: {error.remedy}')\n"
     )
     ended = subprocess.run(

@@ -13,7 +13,7 @@ from glint.storage.export.export import export
 from glint.storage.locations.location import Location
 from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.engine.capture_context import Workspace
+from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import load_catalogue
 from glint.tasks.engine.stage import perform, stage_keys
 from glint.tasks.evaluation.models import evaluate_model
@@ -21,19 +21,18 @@ from glint.tasks.pipeline import STAGES
 from glint.tasks.publish import publish
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from glint.tasks.stages.model import model, model_key, perform_model, wants_model
-from glint.tasks.up_to_date import unchanged
 
 VIEWS = 6
 
 
 @pytest.fixture(scope="module")
-def works(tmp_path_factory: pytest.TempPathFactory) -> list[Workspace]:
+def works(tmp_path_factory: pytest.TempPathFactory) -> list[CaptureContext]:
     """Six small views of a fish, all stages done."""
     folder = tmp_path_factory.mktemp("turntable")
     made = simulate("fish", folder, CaptureOptions(frames=250, scale=0.35, views=VIEWS, ball_radius=20.0, rays=1))
     catalogue = load_catalogue(made.catalogue)
     store = str(folder / "store")
-    works = [Workspace.of(catalogue, "fish", name, store, "run") for name in made.captures]
+    works = [CaptureContext.of(catalogue, "fish", name, store, "run") for name in made.captures]
     for work in works:
         keys = stage_keys(work, STAGES)
         for stage in STAGES:
@@ -42,14 +41,14 @@ def works(tmp_path_factory: pytest.TempPathFactory) -> list[Workspace]:
 
 
 @pytest.fixture(scope="module")
-def modelled(works: list[Workspace]) -> list[Workspace]:
+def modelled(works: list[CaptureContext]) -> list[CaptureContext]:
     record = perform_model(works, model_key(works))
     assert not record.cached and record.counts["views"] == VIEWS
     publish(works, "run", "catalogue.yaml", model=True)
     return works
 
 
-def test_the_model_beats_the_hull(modelled: list[Workspace]) -> None:
+def test_the_model_beats_the_hull(modelled: list[CaptureContext]) -> None:
     entry = load_catalogue(Path(str(modelled[0].capture.frames)).parents[2] / "catalogue.yaml").object("fish")
     found = evaluate_model(entry, modelled)
     assert found is not None and found.views == VIEWS and not found.left_out
@@ -57,7 +56,7 @@ def test_the_model_beats_the_hull(modelled: list[Workspace]) -> None:
     assert ours.watertight and ours.chamfer < 0.7 * hull.chamfer and ours.f_scores[1] > hull.f_scores[1]
 
 
-def test_the_model_is_exported_beside_its_captures(modelled: list[Workspace], tmp_path: Path) -> None:
+def test_the_model_is_exported_beside_its_captures(modelled: list[CaptureContext], tmp_path: Path) -> None:
     export(Location.parse(modelled[0].store), "fish", tmp_path / "fish")
     report = json.loads((tmp_path / "fish" / "model.json").read_text())
     mesh = trimesh.load(tmp_path / "fish" / "model.ply", process=False)
@@ -72,41 +71,41 @@ def test_the_model_is_exported_beside_its_captures(modelled: list[Workspace], tm
     assert (tmp_path / "fish" / "model.png").stat().st_size > 1000
 
 
-def test_a_model_that_is_there_is_not_made_again(modelled: list[Workspace]) -> None:
+def test_a_model_that_is_there_is_not_made_again(modelled: list[CaptureContext]) -> None:
     assert perform_model(modelled, model_key(modelled)).cached
-    found = unchanged(modelled)
+    found = up_to_date_records(modelled)
     assert found is not None and found[0].stages[WHOLE_OBJECT]
 
 
-def test_another_pose_makes_another_model(modelled: list[Workspace]) -> None:
+def test_another_pose_makes_another_model(modelled: list[CaptureContext]) -> None:
     moved = replace(modelled[2], capture=modelled[2].capture.model_copy(update={"pose": Pose(turntable=121.0)}))
     assert model_key([*modelled[:2], moved, *modelled[3:]]) != model_key(modelled)
 
 
-def without_pose(work: Workspace) -> Workspace:
+def without_pose(work: CaptureContext) -> CaptureContext:
     return replace(work, capture=work.capture.model_copy(update={"pose": None}))
 
 
-def once(works: list[Workspace]) -> list[Workspace]:
+def once(works: list[CaptureContext]) -> list[CaptureContext]:
     """Merged without a second labelling."""
     parameters = works[0].parameters
     short = parameters.model_copy(update={"model": parameters.model.model_copy(update={"passes": 1})})
     return [replace(work, parameters=short) for work in works]
 
 
-def test_captures_without_poses_want_no_model(works: list[Workspace]) -> None:
+def test_captures_without_poses_want_no_model(works: list[CaptureContext]) -> None:
     free = [without_pose(work) for work in works]
     assert wants_model(works) and not wants_model(free) and not wants_model(works[:1])
 
 
-def test_one_pose_among_several_captures_is_too_few(works: list[Workspace]) -> None:
+def test_one_pose_among_several_captures_is_too_few(works: list[CaptureContext]) -> None:
     one = [works[0], *(without_pose(work) for work in works[1:])]
     assert wants_model(one)
     with pytest.raises(UnusableCapture, match="1 view with a pose"):
         perform_model(one, "key")
 
 
-def test_a_capture_without_pose_is_found_and_one_without_labels_named(works: list[Workspace]) -> None:
+def test_a_capture_without_pose_is_found_and_one_without_labels_named(works: list[CaptureContext]) -> None:
     failed = replace(works[1], capture=works[1].capture.model_copy(update={"id": "view-09"}))
     some = [without_pose(works[0]), *works[1:]]
     assert model_key(some) != model_key(works)
@@ -119,7 +118,7 @@ def test_a_capture_without_pose_is_found_and_one_without_labels_named(works: lis
     assert np.cos(np.radians(outcome.record["turntable"]["angles"]["view-00"])) > np.cos(np.radians(3.0))
 
 
-def test_a_view_left_out_is_warned_of(works: list[Workspace]) -> None:
+def test_a_view_left_out_is_warned_of(works: list[CaptureContext]) -> None:
     wrong = replace(works[3], capture=works[3].capture.model_copy(update={"pose": Pose(turntable=215.0)}))
     outcome = model(once([*works[:3], wrong, *works[4:]]), lambda done, of: None)
     assert [entry["name"] for entry in outcome.record["left_out"]] == ["view-03"]
@@ -128,7 +127,7 @@ def test_a_view_left_out_is_warned_of(works: list[Workspace]) -> None:
     assert warning.endswith("check its pose and its mask")
 
 
-def test_two_kinds_of_poses_are_refused(works: list[Workspace]) -> None:
+def test_two_kinds_of_poses_are_refused(works: list[CaptureContext]) -> None:
     matrix = Pose.model_validate({"camera_to_world": np.eye(4).tolist()})
     other = replace(works[1], capture=works[1].capture.model_copy(update={"pose": matrix}))
     with pytest.raises(UnusableCapture, match=r"view-00.*turntable.*view-01.*matrix"):

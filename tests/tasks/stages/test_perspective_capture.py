@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from glint.storage.catalogue.loading import load
-from glint.tasks.engine.stage import Record
+from glint.tasks.engine.stage import StageRecord
 from glint.tasks.evaluation.captures import Evaluation, evaluate
 from glint.tasks.pipeline import STAGES
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
-from tests.tasks.make_context import bench, perform_all
+from tests.tasks.make_context import make_context, perform_all
 
 NAMES = tuple(stage.name for stage in STAGES)
 
@@ -21,8 +21,8 @@ def near(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return simulate("hemisphere", tmp_path_factory.mktemp("near"), options).catalogue
 
 
-def judged(catalogue: Path, store: Path, **changed: object) -> tuple[Evaluation, list[Record]]:
-    work = bench(catalogue, store, **changed)
+def judged(catalogue: Path, store: Path, **changed: object) -> tuple[Evaluation, list[StageRecord]]:
+    work = make_context(catalogue, store, **changed)
     records = perform_all(work)
     found = evaluate(work, NAMES)
     assert found is not None

@@ -9,7 +9,7 @@ from glint.storage.footage.source import open_footage
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from glint.tasks.stages.capture_geometry import OBJECT
 from glint.tasks.stages.frames import open_frames
-from tests.tasks.make_context import bench, perform_all
+from tests.tasks.make_context import make_context, perform_all
 
 
 def test_frames_of_a_shaken_camera_are_moved_back(tmp_path: Path) -> None:
@@ -20,7 +20,7 @@ def test_frames_of_a_shaken_camera_are_moved_back(tmp_path: Path) -> None:
     )
     levels = {}
     for name, catalogue in (("still", still), ("shaken", shaken.catalogue)):
-        work = bench(catalogue, tmp_path / name / "store")
+        work = make_context(catalogue, tmp_path / name / "store")
         records = perform_all(work, "frames")
         levels[name] = open_frames(work).read(OBJECT).astype(float)
         assert any("the camera moved" in warning for warning in records[0].warnings) == (name == "shaken")

@@ -16,7 +16,7 @@ from glint.tasks.engine.stage import stage_keys
 from glint.tasks.evaluation.captures import evaluate
 from glint.tasks.pipeline import STAGES
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
-from tests.tasks.make_context import bench, perform_all
+from tests.tasks.make_context import make_context, perform_all
 
 NAMES = tuple(stage.name for stage in STAGES)
 EXPORTED = {
@@ -33,7 +33,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_stages_beat_the_baselines_and_are_not_computed_twice(simulated: Path, store: Path) -> None:
-    work = bench(simulated, store)
+    work = make_context(simulated, store)
     first = perform_all(work)
     assert [record.stage for record in first] == list(NAMES) and not any(record.cached for record in first)
     assert all(record.cached for record in perform_all(work))
@@ -49,7 +49,7 @@ def test_stages_beat_the_baselines_and_are_not_computed_twice(simulated: Path, s
 
 
 def test_lights_are_those_of_the_simulation(simulated: Path, store: Path) -> None:
-    work = bench(simulated, store)
+    work = make_context(simulated, store)
     perform_all(work, "lights")
     truth = np.load(Path(str(work.capture.truth)) / "lights.npy")
     result = work.load("lights")
@@ -60,28 +60,28 @@ def test_lights_are_those_of_the_simulation(simulated: Path, store: Path) -> Non
 
 
 def test_a_changed_parameter_redoes_what_follows_from_it(simulated: Path, store: Path) -> None:
-    perform_all(bench(simulated, store))
-    changed = perform_all(bench(simulated, store, {"labels": {"method": "paper"}}))
+    perform_all(make_context(simulated, store))
+    changed = perform_all(make_context(simulated, store, {"labels": {"method": "paper"}}))
     assert [record.stage for record in changed if not record.cached] == ["labels", "depth", "surface"]
-    with_radius = stage_keys(bench(simulated, store, {"clusters": {"radius": 2.5}}), STAGES)
-    plain = stage_keys(bench(simulated, store), STAGES)
+    with_radius = stage_keys(make_context(simulated, store, {"clusters": {"radius": 2.5}}), STAGES)
+    plain = stage_keys(make_context(simulated, store), STAGES)
     same = [name for name in NAMES if with_radius[name] == plain[name]]
     assert same == ["survey", "frames", "lights", "mask", "thresholds", "markup", "silhouette"]
 
 
 def test_a_changed_mask_is_noticed(simulated: Path, tmp_path: Path) -> None:
-    work = bench(simulated, tmp_path / "store")
+    work = make_context(simulated, tmp_path / "store")
     before = stage_keys(work, STAGES)
     mask = cv2.imread(str(work.capture.mask), cv2.IMREAD_GRAYSCALE)
     mask[:20] = 0
     cv2.imwrite(str(tmp_path / "mask.png"), mask)
-    after = stage_keys(bench(simulated, tmp_path / "store", mask=str(tmp_path / "mask.png")), STAGES)
+    after = stage_keys(make_context(simulated, tmp_path / "store", mask=str(tmp_path / "mask.png")), STAGES)
     assert before["mask"] != after["mask"] and before["labels"] != after["labels"]
 
 
 @pytest.mark.parametrize("method", ["sheets", "paper", "winner"])
 def test_every_method_labels_the_whole_mask(simulated: Path, store: Path, method: str) -> None:
-    work = bench(simulated, store, {"labels": {"method": method}})
+    work = make_context(simulated, store, {"labels": {"method": method}})
     perform_all(work)
     mask, labels = work.load("mask").read("mask"), work.load("labels")
     normals = labels.read("normals")
@@ -92,7 +92,7 @@ def test_every_method_labels_the_whole_mask(simulated: Path, store: Path, method
 
 
 def test_export_writes_everything(simulated: Path, store: Path, tmp_path: Path) -> None:
-    work = bench(simulated, store)
+    work = make_context(simulated, store)
     perform_all(work)
     work.repository.publish([work.capture.id], {"run": "test"})
     export(work.location, "glass", tmp_path / "out")
@@ -111,14 +111,14 @@ def test_export_writes_everything(simulated: Path, store: Path, tmp_path: Path) 
 
 
 def test_known_lights_stand_in_for_the_sphere(simulated: Path, store: Path, tmp_path: Path) -> None:
-    with_sphere = bench(simulated, store)
+    with_sphere = make_context(simulated, store)
     perform_all(with_sphere)
     truth = np.load(Path(str(with_sphere.capture.truth)) / "lights.npy")
     dark = ~np.isfinite(truth[:, 0])
     write_lights(
         tmp_path / "lights.lp", np.where(dark[:, None], (0, 0, -1), truth), [f"{i}" for i in range(len(truth))]
     )
-    with_file = bench(simulated, tmp_path / "store", spheres=[], lights=str(tmp_path / "lights.lp"))
+    with_file = make_context(simulated, tmp_path / "store", spheres=[], lights=str(tmp_path / "lights.lp"))
     perform_all(with_file)
     mask = with_file.load("mask").read("mask")
     apart = angles(with_file.load("labels").read("normals"), with_sphere.load("labels").read("normals"))[mask]
@@ -130,7 +130,7 @@ def test_sphere_region_and_mask_are_found(tmp_path: Path) -> None:
     options = CaptureOptions(frames=400, scale=0.5)
     simulated = simulate("hemisphere", tmp_path / "captures", options).catalogue
     given = load(simulated).objects[0].captures[0]
-    work = bench(simulated, tmp_path / "store", spheres=[], region=None, mask=None, truth=None)
+    work = make_context(simulated, tmp_path / "store", spheres=[], region=None, mask=None, truth=None)
     perform_all(work)
     sphere = work.load("survey").record["spheres"][0]
     true = given.spheres[0]
@@ -147,19 +147,19 @@ def test_sphere_region_and_mask_are_found(tmp_path: Path) -> None:
 
 
 def test_images_give_what_their_video_gives(simulated: Path, store: Path, tmp_path: Path) -> None:
-    work = bench(simulated, store)
+    work = make_context(simulated, store)
     perform_all(work)
     with open_footage(work.capture.frames) as footage:
         for number, frame in enumerate(footage.frames()):
             cv2.imwrite(str(tmp_path / f"img_{number}.png"), frame)
-    images = bench(simulated, tmp_path / "store", frames=str(tmp_path / "img_*.png"))
+    images = make_context(simulated, tmp_path / "store", frames=str(tmp_path / "img_*.png"))
     perform_all(images, "clusters")
     np.testing.assert_array_equal(images.load("clusters").read("normals"), work.load("clusters").read("normals"))
 
 
 def test_marks_are_tracked_and_kept(simulated: Path, tmp_path: Path) -> None:
     folder = Path(str(load(simulated).objects[0].captures[0].mask)).parent
-    work = bench(simulated, tmp_path / "store", markup=str(folder / "markup.json"))
+    work = make_context(simulated, tmp_path / "store", markup=str(folder / "markup.json"))
     perform_all(work, "labels")
     marks, truth = work.load("markup"), np.load(folder / "truth" / "normals.npy")
     rows, columns = marks.read("pixels").T
@@ -171,7 +171,7 @@ def test_marks_are_tracked_and_kept(simulated: Path, tmp_path: Path) -> None:
 
 def test_a_perspective_camera_gives_depth_too(simulated: Path, tmp_path: Path) -> None:
     camera = {"matrix": [[900.0, 0.0, 80.0], [0.0, 900.0, 60.0], [0.0, 0.0, 1.0]]}
-    work = bench(simulated, tmp_path / "store", camera=camera, pixel_size=0.5)
+    work = make_context(simulated, tmp_path / "store", camera=camera, pixel_size=0.5)
     perform_all(work)
     assert work.load("depth").record["distance"] == pytest.approx(450.0)
     assert np.isfinite(work.load("depth").read("depth")[work.load("mask").read("mask")]).all()
@@ -180,7 +180,7 @@ def test_a_perspective_camera_gives_depth_too(simulated: Path, tmp_path: Path) -
 def test_frames_that_were_evicted_are_made_again(simulated: Path, tmp_path: Path) -> None:
     import shutil
 
-    work = bench(simulated, tmp_path / "store")
+    work = make_context(simulated, tmp_path / "store")
     perform_all(work, "mask")
     shutil.rmtree(tmp_path / "store" / "frames")
     assert not perform_all(work, "clusters")[-1].cached
