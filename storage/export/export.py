@@ -16,11 +16,12 @@ import numpy as np
 from glint.storage.blobs import store as blobs
 from glint.storage.blobs.store import BlobReference
 from glint.storage.errors import StoreError
+from glint.storage.export.camera import camera_facts, camera_of
 from glint.storage.export.image_files import encode_normals, write_exr, write_png, write_tiff
 from glint.storage.export.report import capture_report, code_names, report_page, report_pictures
+from glint.storage.export.stored_capture import entry_of, model_result, ordered_stages
 from glint.storage.locations.error_translation import store_faults
 from glint.storage.locations.location import Location
-from glint.storage.versions.array_schema import LAYOUT
 from glint.storage.versions.repository import ObjectRepository, Version
 from glint.storage.versions.stage_results import WHOLE_OBJECT, StageResult, check_name
 
@@ -52,15 +53,20 @@ def export(location: Location, object_id: str, out: Path, version: str | None = 
     """
     repository = ObjectRepository.open(location, object_id, create=False)
     chosen = repository.version(version)
+    model = model_result(repository, chosen)
     with store_faults(str(out), f"exporting {object_id}"), _beside(out) as content:
         for capture in chosen.stages:
             folder = content if capture == WHOLE_OBJECT else content / check_name(capture, "capture")
             folder.mkdir(exist_ok=True)
             stages = {
-                stage: repository.load(capture, stage, chosen.snapshot) for stage in _ordered(chosen.stages[capture])
+                stage: repository.load(capture, stage, chosen.snapshot)
+                for stage in ordered_stages(chosen.stages[capture])
             }
             if capture != WHOLE_OBJECT:
                 _write_capture(location, object_id, capture, chosen, stages, folder)
+                camera = camera_of(stages, entry_of(chosen, capture), model.record if model else None)
+                if camera is not None:
+                    _write_json(folder / "camera.json", camera_facts(camera))
             _write_blobs(location, stages, folder)
         files = [path for path in content.rglob("*") if path.is_file()]
         size = sum(path.stat().st_size for path in files)
@@ -168,12 +174,6 @@ def _file_name(name: str) -> str:
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}", name):
         raise StoreError(f"the store names a file {name!r}, which could leave its folder", "do not trust this store")
     return name
-
-
-def _ordered(stages: Mapping[str, str]) -> list[str]:
-    """Stages in the order in which they run; others after them by name."""
-    order = ("survey", "frames", *LAYOUT)
-    return sorted(stages, key=lambda stage: (order.index(stage) if stage in order else len(order), stage))
 
 
 def _has(stages: Mapping[str, StageResult], stage: str, array: str) -> bool:

@@ -1,0 +1,103 @@
+"""What exports for robots read of a version: each capture's arrays and camera, and the object's model."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from glint.storage.blobs import store as blobs
+from glint.storage.errors import StoreError
+from glint.storage.export.camera import CaptureCamera, camera_of
+from glint.storage.export.mesh_files import Mesh, read_ply
+from glint.storage.locations.location import Location
+from glint.storage.versions.array_schema import LAYOUT
+from glint.storage.versions.repository import ObjectRepository, Version
+from glint.storage.versions.stage_results import WHOLE_OBJECT, StageResult
+
+ARRAYS = {
+    "mask": ("mask", "mask"),
+    "normals": ("labels", "normals"),
+    "confidence": ("labels", "confidence"),
+    "provenance": ("labels", "provenance"),
+    "initial_normals": ("silhouette", "initial"),
+    "depth": ("depth", "depth"),
+    "lights": ("lights", "lights"),
+    "half_vectors": ("lights", "half_vectors"),
+    "reason": ("lights", "reason"),
+    "observations": ("clusters", "observations"),
+}
+"""Stage and array of what readers and exports call by one name."""
+
+MODEL_STAGE = "model"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExportedCapture:
+    """One capture of a version, read whole: arrays of the region as in docs/reading.md."""
+
+    name: str
+    camera: CaptureCamera
+    mask: np.ndarray
+    normals: np.ndarray
+    confidence: np.ndarray
+    depth: np.ndarray
+    surface: Mesh
+
+
+def read_file(location: Location, result: StageResult, name: str) -> bytes:
+    """Return the content of file `name` of a stage, verified.
+
+    Raises:
+        StoreError: the stage has no such file, or it is damaged.
+    """
+    if name not in result.blobs:
+        raise StoreError(f"{result.capture}/{result.stage} has no file {name!r}", "run the object again")
+    return blobs.get(location, result.blobs[name])
+
+
+def entry_of(version: Version, capture: str) -> Mapping[str, Any]:
+    """Return the catalogue's entry from which a capture was computed; empty where the version does not record it."""
+    return version.metadata.get("captures", {}).get(capture, {}).get("entry", {})
+
+
+def ordered_stages(stages: Iterable[str]) -> list[str]:
+    """Return stages in the order in which they run; unknown ones after them by name."""
+    order = ("survey", "frames", *LAYOUT)
+    return sorted(stages, key=lambda stage: (order.index(stage) if stage in order else len(order), stage))
+
+
+def model_result(repository: ObjectRepository, version: Version) -> StageResult | None:
+    """Return the result that holds the object's model, None where the version has none."""
+    if MODEL_STAGE not in version.stages.get(WHOLE_OBJECT, {}):
+        return None
+    return repository.load(WHOLE_OBJECT, MODEL_STAGE, version.snapshot)
+
+
+def mesh_of(location: Location, result: StageResult, file: str) -> Mesh:
+    """Return the mesh that a stage (surface, model) left as a PLY file.
+
+    Raises:
+        StoreError: there is none, or it is damaged.
+    """
+    unit = result.record.get("unit") or "pixels"
+    return read_ply(read_file(location, result, file), unit, f"{result.capture}/{file}")
+
+
+def exported_captures(
+    location: Location, repository: ObjectRepository, version: Version, model: StageResult | None
+) -> Iterator[ExportedCapture]:
+    """Yield the captures of a version by name, one at a time in memory.
+
+    Raises:
+        StoreError: a result is missing or damaged.
+    """
+    for capture in sorted(name for name in version.stages if name != WHOLE_OBJECT):
+        names = ("survey", "mask", "labels", "depth", "surface")
+        stages = {name: repository.load(capture, name, version.snapshot) for name in names}
+        camera = camera_of(stages, entry_of(version, capture), model.record if model else None)
+        assert camera is not None
+        arrays = {
+            name: stages[ARRAYS[name][0]].read(ARRAYS[name][1]) for name in ("mask", "normals", "confidence", "depth")
+        }
+        yield ExportedCapture(capture, camera, surface=mesh_of(location, stages["surface"], "surface.ply"), **arrays)
