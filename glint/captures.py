@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from glint.storage.errors import StoreError
 from glint.storage.export.camera import CaptureCamera, PixelRegion, camera_of
 from glint.storage.export.mesh_files import Mesh
 from glint.storage.export.point_cloud import PointCloud, point_cloud_of
@@ -30,7 +31,6 @@ class StoredCapture:
     id: str
     _repository: ObjectRepository
     _version: Version
-    _stages: dict[str, StageResult] = field(default_factory=dict, init=False)
     _arrays: dict[str, np.ndarray] = field(default_factory=dict, init=False)
 
     @cached_property
@@ -92,10 +92,10 @@ class StoredCapture:
     @cached_property
     def camera(self) -> CaptureCamera:
         """Matrix or orthographic scale, region, distance and pose together, and `points(depth)`."""
-        stages = {name: self._stage(name) for name in ("survey", "depth")}
         model = model_result(self._repository, self._version)
-        camera = camera_of(stages, entry_of(self._version, self.id), model.record if model else None)
-        assert camera is not None
+        camera = camera_of(self._stages, entry_of(self._version, self.id), model.record if model else None)
+        if camera is None:
+            raise StoreError(f"{self.id} has no survey in {self._version.name}", "run the object again")
         for matrix in (camera.matrix, camera.camera_to_world):
             if matrix is not None:
                 _frozen(matrix)
@@ -129,7 +129,7 @@ class StoredCapture:
     @cached_property
     def report(self) -> dict[str, Any]:
         """All figures of the capture: the content of an export's report.json."""
-        stages = {name: self._stage(name) for name in ordered_stages(self._version.stages[self.id])}
+        stages = self._stages
         names = [name for name, (stage, array) in ARRAYS.items() if stage in stages and array in stages[stage].arrays]
         used = {"mask", "depth", "confidence", "provenance", "reason"}
         arrays = {name: self._array(name) for name in names if name in used}
@@ -142,7 +142,7 @@ class StoredCapture:
     @cached_property
     def mesh(self) -> Mesh:
         """The depth as a triangle mesh in the camera frame, cut where the surface steps."""
-        return frozen_mesh(mesh_of(self._repository.location, self._stage("surface"), "surface.ply"))
+        return frozen_mesh(mesh_of(self._stage("surface"), "surface.ply"))
 
     def point_cloud(self, min_confidence: float = CONFIDENT) -> PointCloud:
         """Return the points of all pixels of at least this confidence, in the camera frame and in `unit`."""
@@ -157,10 +157,17 @@ class StoredCapture:
         owner = f"{self._repository.object_id!r} {self._version.name}"
         return f"<StoredCapture {self.id!r} of {owner}: {size}, {lens}, {scale}>"
 
+    @cached_property
+    def _stages(self) -> dict[str, StageResult]:
+        """The results of all stages, in the order in which they ran; arrays and files are not read yet."""
+        results = self._repository.load_capture(self.id, self._version.snapshot)
+        return {stage: results[stage] for stage in ordered_stages(results)}
+
     def _stage(self, name: str) -> StageResult:
-        """Return the stage's result, opened once."""
+        """Return the stage's result."""
         if name not in self._stages:
-            self._stages[name] = self._repository.load(self.id, name, self._version.snapshot)
+            owner = f"{self._repository.object_id}/{self.id}"
+            raise StoreError(f"{owner} has no {name} in {self._version.name}", "run the object again")
         return self._stages[name]
 
     def _array(self, name: str) -> np.ndarray:

@@ -193,7 +193,7 @@ class StoredVersion(Mapping[str, StoredCapture]):
             StoreError: it is damaged.
         """
         result = model_result(self._repository, self._version)
-        return None if result is None else frozen_mesh(mesh_of(self._repository.location, result, "model.ply"))
+        return None if result is None else frozen_mesh(mesh_of(result, "model.ply"))
 
     @cached_property
     def model_record(self) -> Mapping[str, Any] | None:

@@ -1,11 +1,11 @@
 """The maintenance flow: what nothing needs any more is removed, the cache of frames kept within its budget.
 
-Never removed: what a version names, what the newest work of an object names, and whatever belongs to an object that is
+Never removed: what a version holds, the newest work of an object, and whatever belongs to an object that is
 being run. A dry run removes nothing and tells what it would.
 """
 
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from typing import Any
 
 from prefect import flow
@@ -19,7 +19,6 @@ from glint.storage.errors import StoreError
 from glint.storage.frames.eviction import cached_frames, over_budget, remove_frames
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import run_holder
-from glint.storage.maintenance.blob_garbage import collect_blobs, old_blobs
 from glint.storage.maintenance.disk_space import REMEDY, room_of
 from glint.storage.versions.garbage import Garbage
 from glint.storage.versions.objects import object_ids
@@ -31,7 +30,7 @@ DISK_EVENT = "glint.disk-low"
 
 @dataclass(frozen=True, slots=True)
 class Cleaning:
-    """What was removed of a kind (`what`: an object, `blobs`, `frames`), or would be; `note`: what was given up, or
+    """What was removed of a kind (`what`: an object, `frames`), or would be; `note`: what was given up, or
     why nothing was removed; `failed`: it could not be looked at."""
 
     what: str
@@ -87,16 +86,14 @@ def run_maintenance(
 def maintain(
     place: Location, dry_run: bool, keep: int | None, age: timedelta, frames_budget: int | None
 ) -> Maintenance:
-    """Objects first, then blobs and frames, then a look at the disk. One object's trouble does not stop the rest.
+    """Objects first, then frames, then a look at the disk. One object's trouble does not stop the rest.
 
     Raises:
         StoreError: the store cannot be listed.
     """
-    limit = datetime.now(UTC) - age
-    candidates = old_blobs(place, limit)
     ids = object_ids(place)
     held = {each for each in ids if run_holder(place, each) is not None}
-    cleanings, named, broken = [], set[str](), False
+    cleanings = []
     for each in ids:
         try:
             repository = ObjectRepository.open(place, each, create=False)
@@ -104,16 +101,8 @@ def maintain(
                 cleanings.append(Cleaning(each, 0, 0, "being run: left alone"))
             else:
                 cleanings.append(_clean_object(repository, dry_run, keep, age))
-            named |= repository.blob_keys()
         except StoreError as error:
-            broken = True
             cleanings.append(Cleaning(each, 0, 0, str(error), failed=True))
-    if held or broken:
-        reason = "an object is being run" if held else "an object cannot be read"
-        cleanings.append(Cleaning("blobs", 0, 0, f"left alone: {reason}"))
-    else:
-        blobs = collect_blobs(place, candidates, named, limit, dry_run)
-        cleanings.append(Cleaning("blobs", blobs.objects, blobs.bytes))
     cleanings.append(_clean_frames(place, frames_budget, held, dry_run))
     room = room_of(place)
     return Maintenance(
@@ -127,7 +116,7 @@ def rows_of(done: Maintenance) -> list[dict[str, Any]]:
     return [
         {"what": each.what, title: each.objects, "MB": round(each.bytes / 1e6, 2), "note": each.note}
         for each in done.cleanings
-        if each.objects or each.note or each.what in ("blobs", "frames")
+        if each.objects or each.note or each.what == "frames"
     ]
 
 

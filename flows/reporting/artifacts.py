@@ -11,11 +11,10 @@ import cv2
 import numpy as np
 from prefect.artifacts import create_markdown_artifact, create_table_artifact
 
-from glint.storage.blobs import store as blobs
 from glint.storage.export.image_files import colour_codes, colour_normals, colour_values, encode_png
 from glint.storage.export.report import PALETTE, code_names
 from glint.storage.locations.location import Location
-from glint.storage.versions.stage_results import StageResult
+from glint.storage.versions.stage_results import FileInfo, StageResult
 from glint.tasks.engine.capture_context import Workspace
 from glint.tasks.engine.stage import Record
 
@@ -45,9 +44,9 @@ def capture_artifact(work: Workspace, records: Sequence[Record], captures: int =
     """Put the page of a capture whose stages are all done beside its flow run; `captures` may get pages in this run."""
     labels, surface, mask = work.load("labels"), work.load("surface"), work.load("mask").read("mask")
     provenance = np.where(mask, labels.read("provenance"), 0)
-    pictures = _drawn(labels, provenance) | _stored(work.location, surface.blobs)
+    pictures = _drawn(labels, provenance) | _stored(surface)
     legend = _legend(provenance[mask], code_names(labels.record.get("provenance")))
-    files, largest = file_lines(work.location, work.object_id, surface.blobs), min(LARGEST_PAGE, ALL_PAGES // captures)
+    files, largest = file_lines(work.location, work.object_id, surface.files), min(LARGEST_PAGE, ALL_PAGES // captures)
     page = capture_page(work.name, pictures, records, files, legend, largest)
     create_markdown_artifact(page, key=artifact_key(work.name), description=work.name)
 
@@ -121,29 +120,26 @@ def _drawn(labels: StageResult, provenance: np.ndarray) -> dict[str, np.ndarray]
     }
 
 
-def _stored(location: Location, stored: Mapping[str, blobs.BlobReference]) -> dict[str, np.ndarray]:
+def _stored(surface: StageResult) -> dict[str, np.ndarray]:
     """Pictures that the surface stage has stored, by their captions."""
     pictures = {}
     for name, caption in _STORED.items():
-        if name in stored:
-            data = np.frombuffer(blobs.get(location, stored[name]), np.uint8)
+        if name in surface.files:
+            data = np.frombuffer(surface.read_file(name), np.uint8)
             picture = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB)
             assert picture is not None, f"the surface stage stored no picture under {name}"
             pictures[caption] = picture
     return pictures
 
 
-def file_lines(location: Location, object_id: str, files: Mapping[str, blobs.BlobReference]) -> list[str]:
-    """Where these files are in the store, and how to get all of an object's."""
-    rows = [
-        f"| {plain(name)} | {each.size / 1e3:,.0f} kB | `{location.uri}/{each.key}` |"
-        for name, each in sorted(files.items())
-    ]
+def file_lines(location: Location, object_id: str, files: Mapping[str, FileInfo]) -> list[str]:
+    """Return the table of an object's files and the command that exports them."""
+    rows = [f"| {plain(name)} | {info.size / 1e3:,.0f} kB |" for name, info in sorted(files.items())]
     command = f"glint export {object_id} --out {object_id} --store {location.uri}"
-    lines = ["## Files", "", "| file | size | in the store |", "|---|---:|---|", *rows, ""]
+    lines = ["## Files", "", "| file | size |", "|---|---:|", *rows, ""]
     return [
         *lines,
-        "All files, with normals, depth, confidence, lights and reports, once the object has a version:",
+        "To export all files, with normals, depth, confidence, lights and reports, once the object has a version:",
         "",
         f"    {command}",
     ]

@@ -8,7 +8,6 @@ import numpy as np
 from prefect.artifacts import create_markdown_artifact
 
 from glint.flows.reporting.artifacts import artifact_key, capture_page, file_lines, plain
-from glint.storage.blobs import store as blobs
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.tasks.engine.stage import Record
@@ -21,9 +20,9 @@ WIDEST = 780
 def model_artifact(repository: ObjectRepository, name: str, records: Sequence[Record]) -> None:
     """Put the model from all around, and how its views were placed, beside the object's flow run."""
     found = repository.load(WHOLE_OBJECT, STAGE)
-    drawn = blobs.get(repository.location, found.blobs["model.png"])
+    drawn = found.read_file("model.png")
     sheet = np.asarray(cv2.imdecode(np.frombuffer(drawn, np.uint8), cv2.IMREAD_COLOR_RGB))
-    files = file_lines(repository.location, repository.object_id, found.blobs)
+    files = file_lines(repository.location, repository.object_id, found.files)
     page = model_page(name, sheet, found.record, records, files)
     create_markdown_artifact(page, key=artifact_key(name), description=name)
 

@@ -13,8 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from glint.storage.blobs import store as blobs
-from glint.storage.blobs.store import BlobReference
 from glint.storage.errors import StoreError
 from glint.storage.export.camera import camera_facts, camera_of
 from glint.storage.export.image_files import encode_normals, write_exr, write_png, write_tiff
@@ -23,7 +21,7 @@ from glint.storage.export.stored_capture import entry_of, model_result, ordered_
 from glint.storage.locations.error_translation import store_faults
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository, Version
-from glint.storage.versions.stage_results import WHOLE_OBJECT, StageResult, check_name
+from glint.storage.versions.stage_results import WHOLE_OBJECT, StageResult, check_file_name, check_name
 
 REPORT = "report.json"
 
@@ -48,7 +46,7 @@ def export(location: Location, object_id: str, out: Path, version: str | None = 
     alone.
 
     Raises:
-        StoreError: no such object or version, a result or blob is missing or damaged, `out` cannot be written or holds
+        StoreError: no such object or version, a result or file is missing or damaged, `out` cannot be written or holds
             something else in a capture's place.
     """
     repository = ObjectRepository.open(location, object_id, create=False)
@@ -58,16 +56,15 @@ def export(location: Location, object_id: str, out: Path, version: str | None = 
         for capture in chosen.stages:
             folder = content if capture == WHOLE_OBJECT else content / check_name(capture, "capture")
             folder.mkdir(exist_ok=True)
-            stages = {
-                stage: repository.load(capture, stage, chosen.snapshot)
-                for stage in ordered_stages(chosen.stages[capture])
-            }
+            results = repository.load_capture(capture, chosen.snapshot)
+            stages = {stage: results[stage] for stage in ordered_stages(results)}
+            stored = _read_files(stages)
             if capture != WHOLE_OBJECT:
-                _write_capture(location, object_id, capture, chosen, stages, folder)
+                _write_capture(object_id, capture, chosen, stages, stored, folder)
                 camera = camera_of(stages, entry_of(chosen, capture), model.record if model else None)
                 if camera is not None:
                     _write_json(folder / "camera.json", camera_facts(camera))
-            _write_blobs(location, stages, folder)
+            _write_files(stored, folder, f"{object_id}/{capture}")
         files = [path for path in content.rglob("*") if path.is_file()]
         size = sum(path.stat().st_size for path in files)
         _move(content, out, object_id)
@@ -76,11 +73,11 @@ def export(location: Location, object_id: str, out: Path, version: str | None = 
 
 
 def _write_capture(
-    location: Location,
     object_id: str,
     capture: str,
     version: Version,
     stages: Mapping[str, StageResult],
+    stored: Mapping[str, bytes],
     folder: Path,
 ) -> None:
     for stage in ("mask", "labels"):
@@ -104,7 +101,7 @@ def _write_capture(
     about = {"name": version.name, "snapshot": version.snapshot, "time": version.time.isoformat(timespec="seconds")}
     report = capture_report(object_id, capture, about | {"metadata": version.metadata}, stages, arrays)
     _write_json(folder / REPORT, report)
-    pictures = report_pictures(arrays, _drawn(location, stages), report["depth"]["unit"], names)
+    pictures = report_pictures(arrays, _drawn(stored), report["depth"]["unit"], names)
     (folder / "report.html").write_text(report_page(report, pictures), encoding="utf-8")
 
 
@@ -151,29 +148,33 @@ def _observed(stages: Mapping[str, StageResult], mask: np.ndarray) -> np.ndarray
     return np.asarray((stages["clusters"].read("observations") > 0) & mask)
 
 
-def _write_blobs(location: Location, stages: Mapping[str, StageResult], folder: Path) -> None:
+def _read_files(stages: Mapping[str, StageResult]) -> dict[str, bytes]:
+    """Return the content of the stages' files by name."""
+    files: dict[str, bytes] = {}
     for result in stages.values():
-        for name, reference in result.blobs.items():
-            path = folder / _file_name(name)
-            if path.exists():
-                raise StoreError(f"{result.capture}/{result.stage} names a file {name!r} twice", "run the object again")
-            path.write_bytes(blobs.get(location, reference))
+        for name in result.files:
+            if check_file_name(name, result.name) in files:
+                raise _twice(result.name, name)
+            files[name] = result.read_file(name)
+    return files
 
 
-def _drawn(location: Location, stages: Mapping[str, StageResult]) -> Iterator[tuple[str, bytes]]:
-    """Pictures that stages drew for people, the relit ones first, by their file names."""
-    named: dict[str, BlobReference] = {}
-    for result in stages.values():
-        named |= {name: of for name, of in result.blobs.items() if re.fullmatch(r"(relit_.*|coverage)\.png", name)}
-    for name, reference in sorted(named.items(), key=lambda item: (item[0] == "coverage.png", item[0])):
-        yield name, blobs.get(location, reference)
+def _write_files(files: Mapping[str, bytes], folder: Path, owner: str) -> None:
+    for name, data in files.items():
+        if (folder / name).exists():
+            raise _twice(owner, name)
+        (folder / name).write_bytes(data)
 
 
-def _file_name(name: str) -> str:
-    """`name` if it is a plain file name."""
-    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}", name):
-        raise StoreError(f"the store names a file {name!r}, which could leave its folder", "do not trust this store")
-    return name
+def _twice(owner: str, name: str) -> StoreError:
+    return StoreError(f"{owner} names a file {name!r} twice", "run the object again")
+
+
+def _drawn(files: Mapping[str, bytes]) -> Iterator[tuple[str, bytes]]:
+    """Yield the relit pictures, then the picture of the coverage, by their file names."""
+    names = [name for name in files if re.fullmatch(r"(relit_.*|coverage)\.png", name)]
+    for name in sorted(names, key=lambda name: (name == "coverage.png", name)):
+        yield name, files[name]
 
 
 def _has(stages: Mapping[str, StageResult], stage: str, array: str) -> bool:

@@ -37,11 +37,11 @@ def export_as(
     repository = ObjectRepository.open(location, object_id, create=False)
     chosen = repository.version(version)
     model = model_result(repository, chosen)
-    captures = list(exported_captures(location, repository, chosen, model))
+    captures = list(exported_captures(repository, chosen, model))
     facts = {"object": object_id, "format": format_name, "version": chosen.name, "snapshot": chosen.snapshot}
     with store_faults(str(out), f"exporting {object_id}"), replaced_folder(out, facts) as folder:
         if format_name == "bop":
-            merged = None if model is None else mesh_of(location, model, "model.ply")
+            merged = None if model is None else mesh_of(model, "model.ply")
             write_bop(folder, object_id, chosen.name, captures, merged)
         else:
             for capture in captures:

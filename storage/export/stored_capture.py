@@ -6,11 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from glint.storage.blobs import store as blobs
 from glint.storage.errors import StoreError
 from glint.storage.export.camera import CaptureCamera, camera_of
 from glint.storage.export.mesh_files import Mesh, read_ply
-from glint.storage.locations.location import Location
 from glint.storage.versions.array_schema import LAYOUT
 from glint.storage.versions.repository import ObjectRepository, Version
 from glint.storage.versions.stage_results import WHOLE_OBJECT, StageResult
@@ -45,17 +43,6 @@ class ExportedCapture:
     surface: Mesh
 
 
-def read_file(location: Location, result: StageResult, name: str) -> bytes:
-    """Return the content of file `name` of a stage, verified.
-
-    Raises:
-        StoreError: the stage has no such file, or it is damaged.
-    """
-    if name not in result.blobs:
-        raise StoreError(f"{result.capture}/{result.stage} has no file {name!r}", "run the object again")
-    return blobs.get(location, result.blobs[name])
-
-
 def entry_of(version: Version, capture: str) -> Mapping[str, Any]:
     """Return the catalogue's entry from which a capture was computed; empty where the version does not record it."""
     return version.metadata.get("captures", {}).get(capture, {}).get("entry", {})
@@ -74,18 +61,18 @@ def model_result(repository: ObjectRepository, version: Version) -> StageResult 
     return repository.load(WHOLE_OBJECT, MODEL_STAGE, version.snapshot)
 
 
-def mesh_of(location: Location, result: StageResult, file: str) -> Mesh:
+def mesh_of(result: StageResult, file: str) -> Mesh:
     """Return the mesh that a stage (surface, model) left as a PLY file.
 
     Raises:
         StoreError: there is none, or it is damaged.
     """
     unit = result.record.get("unit") or "pixels"
-    return read_ply(read_file(location, result, file), unit, f"{result.capture}/{file}")
+    return read_ply(result.read_file(file), unit, f"{result.name}/{file}")
 
 
 def exported_captures(
-    location: Location, repository: ObjectRepository, version: Version, model: StageResult | None
+    repository: ObjectRepository, version: Version, model: StageResult | None
 ) -> Iterator[ExportedCapture]:
     """Yield the captures of a version by name, one at a time in memory.
 
@@ -93,11 +80,13 @@ def exported_captures(
         StoreError: a result is missing or damaged.
     """
     for capture in sorted(name for name in version.stages if name != WHOLE_OBJECT):
-        names = ("survey", "mask", "labels", "depth", "surface")
-        stages = {name: repository.load(capture, name, version.snapshot) for name in names}
+        stages = repository.load_capture(capture, version.snapshot)
+        absent = sorted({"survey", "mask", "labels", "depth", "surface"} - stages.keys())
+        if absent:
+            raise StoreError(f"{version.name} has no {', '.join(absent)} of {capture}", "run the object again")
         camera = camera_of(stages, entry_of(version, capture), model.record if model else None)
         assert camera is not None
         arrays = {
             name: stages[ARRAYS[name][0]].read(ARRAYS[name][1]) for name in ("mask", "normals", "confidence", "depth")
         }
-        yield ExportedCapture(capture, camera, surface=mesh_of(location, stages["surface"], "surface.ply"), **arrays)
+        yield ExportedCapture(capture, camera, surface=mesh_of(stages["surface"], "surface.ply"), **arrays)

@@ -14,7 +14,15 @@ import zarr
 
 from glint.storage.errors import StoreError
 from glint.storage.locations.location import Location
-from glint.storage.versions.stage_results import Keys, contents, jsonable, read_stage, write_stage
+from glint.storage.versions.stage_results import (
+    LAYOUT_NUMBER,
+    Keys,
+    StoredFile,
+    contents,
+    jsonable,
+    read_stage,
+    write_stage,
+)
 
 # Every commit is a new snapshot of the whole object. As many as icechunk remembers by default are a hundred megabytes
 # for each object that is open; the newest are all that is read again.
@@ -122,7 +130,7 @@ def successor(
 
 
 def commit_version(
-    repository: icechunk.Repository, base: str, current: Version | None, version: Version, kept: Keys
+    repository: icechunk.Repository, object_id: str, base: str, current: Version | None, version: Version, kept: Keys
 ) -> Version:
     """Commit, from snapshot `base`, exactly `version.stages`, of which `kept` as `current` has them, and tag it.
 
@@ -142,8 +150,8 @@ def commit_version(
             del root[capture]
         for capture in kept:
             if current is not None and present.get(capture) != kept[capture]:
-                _copy(repository, writable.store, current, capture)
-        root.attrs.put({"version": version.name, "metadata": version.metadata})
+                _copy(repository, object_id, writable.store, current, capture)
+        root.attrs.put({"layout": LAYOUT_NUMBER, "version": version.name, "metadata": version.metadata})
         record = {"stages": version.stages, "rejected": version.rejected, "metadata": version.metadata}
         repository.create_tag(version.name, writable.commit(version.message, record))
     except icechunk.AlreadyExistsError as error:
@@ -163,14 +171,15 @@ def drop_stale_branches(repository: icechunk.Repository, limit: datetime) -> Non
                 repository.delete_branch(branch)
 
 
-def _copy(repository: icechunk.Repository, store: Any, current: Version, capture: str) -> None:
+def _copy(repository: icechunk.Repository, object_id: str, store: Any, current: Version, capture: str) -> None:
     """Write the capture as `current` has it over what `store` has."""
     source = session(repository, current.snapshot).store
     root = zarr.open_group(store, mode="a", use_consolidated=False)
     if capture in root:
         del root[capture]
     for stage in current.stages[capture]:
-        result = read_stage(source, capture, stage)
+        result = read_stage(source, object_id, capture, stage)
         if result is None:
             raise StoreError(f"{current.name} has lost {capture}/{stage}", "restore the object from a backup")
-        write_stage(store, capture, stage, result.key, result.arrays, result.record, result.blobs)
+        files = {name: StoredFile(result.read_file(name), info.media_type) for name, info in result.files.items()}
+        write_stage(store, capture, stage, result.key, result.arrays, result.record, files)

@@ -1,20 +1,26 @@
-"""One stage's result as a group of a versioned store: its arrays, its key, its record and the blobs it names."""
+"""One stage's result as a group of a versioned store: key and record as its attributes, its arrays, its files.
 
+Files (meshes, pictures) are uint8 arrays (size,) in the subgroup `files`, named like the file. They are part of the
+commit: a version holds whole results. Chunks carry a checksum (CRC-32C), files their SHA-256 as well.
+"""
+
+import hashlib
 import json
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, is_dataclass
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, is_dataclass
 from datetime import date, datetime
 from pathlib import PurePath
 from typing import Any, cast
 
+import icechunk
 import numpy as np
 import zarr
-from zarr.codecs import BloscCodec
+from zarr.codecs import BloscCodec, Crc32cCodec
 from zarr.errors import GroupNotFoundError
 
-from glint.storage.blobs.store import BlobReference
 from glint.storage.errors import StoreError
 
 WHOLE_OBJECT = "_object"
@@ -26,32 +32,77 @@ Keys = dict[str, dict[str, str]]
 CHUNK_BYTES = 4 << 20
 """Largest uncompressed chunk: bounds the memory of a save (zarr holds some ten chunks at once)."""
 
+LAYOUT_NUMBER = 2
+"""Number of this arrangement of groups, in the root group's attribute `layout`. The first layout had no number."""
+
+FILES = "files"
+"""Name of the subgroup of a stage's files; no array can have this name."""
+
 _NAME = re.compile(r"[a-z0-9][a-z0-9._-]{0,63}")
+_FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}")
+_DAMAGED = "restore the store from a backup, or use a new --store and run again"
+
+
+@dataclass(frozen=True, slots=True)
+class StoredFile:
+    """Content and media type of a file to be stored."""
+
+    data: bytes
+    media_type: str
+
+
+@dataclass(frozen=True, slots=True)
+class FileInfo:
+    """Size in bytes, SHA-256 (hexadecimal) and media type of a stored file."""
+
+    size: int
+    sha256: str
+    media_type: str
 
 
 @dataclass(frozen=True, slots=True)
 class StageResult:
-    """What a stage left: `arrays` are read when indexed, or whole by `read`; all values of `record` are JSON."""
+    """A stored result. `arrays` are read when indexed, or whole by `read`; files by `read_file`; `record` is JSON."""
 
+    object_id: str
     capture: str
     stage: str
     key: str
     record: dict[str, Any]
-    blobs: dict[str, BlobReference]
+    files: dict[str, FileInfo]
     arrays: dict[str, zarr.Array]
+    file_arrays: dict[str, zarr.Array] = field(default_factory=dict, repr=False)
+
+    @property
+    def name(self) -> str:
+        """Object, capture and stage, for messages."""
+        return f"{self.object_id}/{self.capture}/{self.stage}"
 
     def read(self, name: str) -> np.ndarray:
-        """Array `name` in memory.
+        """Return array `name`, read into memory.
 
         Raises:
-            StoreError: the stage has no such array.
+            StoreError: the stage has no such array, or its chunks are damaged.
         """
         if name not in self.arrays:
-            raise StoreError(
-                f"{self.capture}/{self.stage} has no array {name!r}, only {', '.join(sorted(self.arrays)) or 'none'}",
-                "run the capture again with this version of Glint",
-            )
-        return np.asarray(self.arrays[name][...])
+            raise _missing(self.name, "array", name, self.arrays)
+        with _damage_refused(f"array {name!r} of {self.name}"):
+            return np.asarray(self.arrays[name][...])
+
+    def read_file(self, name: str) -> bytes:
+        """Return the content of file `name`, verified by its size and SHA-256.
+
+        Raises:
+            StoreError: the stage has no such file, or its content is damaged.
+        """
+        if name not in self.files:
+            raise _missing(self.name, "file", name, self.files)
+        info, label = self.files[name], f"file {name!r} of {self.name}"
+        with _damage_refused(label):
+            data = np.asarray(self.file_arrays[name][...]).tobytes()
+        if len(data) != info.size or hashlib.sha256(data).hexdigest() != info.sha256:
+            raise StoreError(f"{label} does not hold the bytes that were stored", _DAMAGED)
+        return data
 
 
 def check_name(name: str, what: str) -> str:
@@ -65,6 +116,34 @@ def check_name(name: str, what: str) -> str:
     return name
 
 
+def check_file_name(name: str, owner: str) -> str:
+    """Return `name` if it is a plain file name, without folders.
+
+    Raises:
+        StoreError: it is not.
+    """
+    if not _FILE_NAME.fullmatch(name) or name == "zarr.json":
+        raise StoreError(f"{owner} names a file {name!r}, which could leave its folder", "do not trust this store")
+    return name
+
+
+def check_layout(store: Any, object_id: str, uri: str) -> None:
+    """Check that a store has the layout of this version of Glint, or nothing yet.
+
+    Raises:
+        StoreError: another version of Glint has written it.
+    """
+    root = open_group(store, "")
+    layout = LAYOUT_NUMBER if root is None else root.attrs.get("layout", 1)
+    if layout != LAYOUT_NUMBER:
+        older = not isinstance(layout, int) or layout < LAYOUT_NUMBER
+        raise StoreError(
+            f"object {object_id} in {uri} was written by {'an older' if older else 'a newer'} version of Glint "
+            f"(layout {layout}; this version reads layout {LAYOUT_NUMBER})",
+            "use a new --store and run again" if older else "update Glint, or use a new --store and run again",
+        )
+
+
 def write_stage(
     store: Any,
     capture: str,
@@ -72,28 +151,44 @@ def write_stage(
     key: str,
     arrays: Mapping[str, Any],
     record: Mapping[str, Any],
-    blobs: Mapping[str, BlobReference],
+    files: Mapping[str, StoredFile],
 ) -> None:
     """Replace the group `<capture>/<stage>` whole. Arrays, numpy's or zarr's, are copied chunk by chunk."""
-    root = zarr.open_group(store, mode="a", use_consolidated=False)
+    root = zarr.open_group(store, mode="a", use_consolidated=False, attributes={"layout": LAYOUT_NUMBER})
     parent = root.require_group(check_name(capture, "capture"))
     if check_name(stage, "stage") in parent:
         del parent[stage]
-    named = {name: asdict(reference) for name, reference in blobs.items()}
-    group = parent.create_group(stage, attributes={"key": key, "record": jsonable(record), "blobs": named})
+    group = parent.create_group(stage, attributes={"key": key, "record": jsonable(record)})
     for name, values in arrays.items():
+        if name == FILES:
+            raise StoreError(f"{capture}/{stage} has an array named {FILES!r}", "give the array another name")
         _write_array(group, check_name(name, "array"), values if isinstance(values, zarr.Array) else np.asarray(values))
+    if files:
+        folder = group.create_group(FILES)
+        for name, file in files.items():
+            info = FileInfo(len(file.data), hashlib.sha256(file.data).hexdigest(), file.media_type)
+            content = np.frombuffer(file.data, np.uint8)
+            _write_array(folder, check_file_name(name, f"{capture}/{stage}"), content, asdict(info))
 
 
-def read_stage(store: Any, capture: str, stage: str) -> StageResult | None:
-    """The stage's result without its arrays' values, or None where it was never saved."""
+def read_stage(store: Any, object_id: str, capture: str, stage: str) -> StageResult | None:
+    """Return the stage's result without the values of arrays and files, or None where it was never saved.
+
+    Raises:
+        StoreError: the group is not a stage's result.
+    """
     group = open_group(store, f"{check_name(capture, 'capture')}/{check_name(stage, 'stage')}")
     if group is None:
         return None
     attributes: dict[str, Any] = dict(group.attrs)
+    members = dict(group.members())
+    folder = members.get(FILES)
+    arrays = {name: member for name, member in members.items() if isinstance(member, zarr.Array)}
+    file_arrays = dict(folder.arrays()) if isinstance(folder, zarr.Group) else {}
     try:
-        blobs = {name: BlobReference(**reference) for name, reference in attributes["blobs"].items()}
-        return StageResult(capture, stage, attributes["key"], attributes["record"], blobs, dict(group.arrays()))
+        files = {name: FileInfo(**cast("dict[str, Any]", dict(of.attrs))) for name, of in file_arrays.items()}
+        key, record = attributes["key"], attributes["record"]
+        return StageResult(object_id, capture, stage, key, record, files, arrays, file_arrays)
     except (KeyError, TypeError) as error:
         raise StoreError(f"{capture}/{stage} holds something else than a result ({error})", "run it again") from error
 
@@ -120,19 +215,10 @@ def stage_records(store: Any, capture: str) -> dict[str, tuple[str, dict[str, An
     }
 
 
-def named_blobs(store: Any) -> Iterator[str]:
-    """Keys of the blobs that any stage of any capture names."""
-    root = open_group(store, "")
-    for _, capture in root.groups() if root is not None else ():
-        for _, stage in capture.groups():
-            for reference in cast("dict[str, dict[str, str]]", stage.attrs.get("blobs", {})).values():
-                yield reference["key"]
-
-
 def open_group(store: Any, path: str) -> zarr.Group | None:
     """The group at `path` for reading, or None."""
     try:
-        return zarr.open_group(store, path=path, mode="r", use_consolidated=False)
+        return zarr.open_group(store, path=path, mode="r", use_consolidated=False, zarr_format=3)
     except GroupNotFoundError:
         return None
 
@@ -169,7 +255,25 @@ def chunk_shape(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:
     return tuple(chunks)
 
 
-def _write_array(group: zarr.Group, name: str, values: np.ndarray | zarr.Array) -> None:
+def _missing(owner: str, kind: str, name: str, present: Mapping[str, Any]) -> StoreError:
+    return StoreError(
+        f"{owner} has no {kind} {name!r}, only {', '.join(sorted(present)) or 'none'}",
+        "run the capture again with this version of Glint",
+    )
+
+
+@contextmanager
+def _damage_refused(label: str) -> Iterator[None]:
+    """Raise a StoreError where chunks are missing, truncated or do not match their checksum."""
+    try:
+        yield
+    except (ValueError, RuntimeError, icechunk.IcechunkError) as error:
+        raise StoreError(f"{label} is damaged ({' '.join(str(error).split())[:200]})", _DAMAGED) from error
+
+
+def _write_array(
+    group: zarr.Group, name: str, values: np.ndarray | zarr.Array, attributes: Mapping[str, Any] | None = None
+) -> None:
     chunks = chunk_shape(values.shape, values.dtype.itemsize)
     array = group.create_array(
         name,
@@ -177,7 +281,8 @@ def _write_array(group: zarr.Group, name: str, values: np.ndarray | zarr.Array) 
         chunks=chunks,
         dtype=values.dtype,
         fill_value=np.nan if values.dtype.kind == "f" else 0,
-        compressors=BloscCodec(cname="zstd", clevel=3, shuffle="bitshuffle"),
+        compressors=(BloscCodec(cname="zstd", clevel=3, shuffle="bitshuffle"), Crc32cCodec()),
+        attributes=dict(attributes or {}),
     )
     if isinstance(values, np.ndarray):
         array[...] = values

@@ -13,8 +13,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from glint.storage.blobs.store import BlobReference, exists
 from glint.storage.inputs.digests import digest_of
+from glint.storage.versions.stage_results import StoredFile
 from glint.tasks.engine.capture_context import Workspace, facts_of
 
 Progress = Callable[[int, int | None], None]
@@ -23,11 +23,11 @@ Progress = Callable[[int, int | None], None]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a step computed: arrays and blobs to store; `record` of JSON values; `counts` and `warnings` go into it."""
+    """What a step computed: arrays and files to store; `record` of JSON values; `counts` and `warnings` go into it."""
 
     arrays: Mapping[str, Any] = field(default_factory=dict)
     record: Mapping[str, Any] = field(default_factory=dict)
-    blobs: Mapping[str, BlobReference] = field(default_factory=dict)
+    files: Mapping[str, StoredFile] = field(default_factory=dict)
     counts: Mapping[str, float] = field(default_factory=dict)
     warnings: Sequence[str] = ()
 
@@ -111,8 +111,7 @@ def recall_or_save(
     started, repository = perf_counter(), work.repository
     if repository.stage_key(capture, stage) == key:
         found = repository.load(capture, stage)
-        if all(exists(work.location, reference) for reference in found.blobs.values()):
-            return _record_of(stage, key, found.record, perf_counter() - started)
+        return _record_of(stage, key, found.record, perf_counter() - started)
     outcome = compute()
     record = {
         **facts,
@@ -122,7 +121,7 @@ def recall_or_save(
         "versions": {"glint": version("glint"), "numpy": np.__version__, **facts["versions"]},
         **outcome.record,
     }
-    repository.save(capture, stage, key, outcome.arrays, record, outcome.blobs)
+    repository.save(capture, stage, key, outcome.arrays, record, outcome.files)
     return Record(stage, key, False, perf_counter() - started, dict(outcome.counts), tuple(outcome.warnings))
 
 

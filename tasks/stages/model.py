@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from glint.storage.blobs import store as blobs
 from glint.storage.export.image_files import encode_png
 from glint.storage.inputs.digests import digest_of
-from glint.storage.versions.stage_results import WHOLE_OBJECT
+from glint.storage.versions.stage_results import WHOLE_OBJECT, StoredFile
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.meshing.depth_mesh import Surface, glb_bytes, ply_bytes
 from glint.tasks.algorithms.meshing.shading import draw_surface
@@ -213,10 +212,10 @@ def _outcome(work: Workspace, placed: Placed, merged: Model, unit: str) -> Outco
         merged.confidence.astype(np.float32),
     )
     files = {
-        "model.ply": (ply_bytes(surface), "model/ply"),
-        "model.glb": (glb_bytes(surface, METRES_PER_MM if unit == "mm" else 1.0), "model/gltf-binary"),
-        "model.json": (json.dumps(about, indent=1).encode(), "application/json"),
-        "model.png": (encode_png(picture_sheet(surface)), "image/png"),
+        "model.ply": StoredFile(ply_bytes(surface), "model/ply"),
+        "model.glb": StoredFile(glb_bytes(surface, METRES_PER_MM if unit == "mm" else 1.0), "model/gltf-binary"),
+        "model.json": StoredFile(json.dumps(about, indent=1).encode(), "application/json"),
+        "model.png": StoredFile(encode_png(picture_sheet(surface)), "image/png"),
     }
     return Outcome(
         arrays={
@@ -226,7 +225,7 @@ def _outcome(work: Workspace, placed: Placed, merged: Model, unit: str) -> Outco
             "source": merged.source.astype(np.int16),
         },
         record=about,
-        blobs={name: blobs.put(work.location, data, media) for name, (data, media) in files.items()},
+        files=files,
         counts={
             "views": len(placed.views),
             "vertices": len(surface.vertices),

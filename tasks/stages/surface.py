@@ -1,9 +1,9 @@
-"""Surface: the depth as a mesh, and pictures of it, as blobs."""
+"""Surface: the depth as a mesh, and pictures of it, as files."""
 
 import numpy as np
 
-from glint.storage.blobs import store as blobs
 from glint.storage.export.image_files import encode_png
+from glint.storage.versions.stage_results import StoredFile
 from glint.tasks.algorithms.lighting.coverage import coverage, draw_coverage
 from glint.tasks.algorithms.meshing.depth_mesh import glb_bytes, ply_bytes
 from glint.tasks.algorithms.meshing.depth_mesh import surface as mesh_of
@@ -33,16 +33,18 @@ def surface(work: Workspace, progress: Progress) -> Outcome:
         cut=parameters.cut,
         steepest=parameters.steepest,
     )
-    files = {"surface.ply": (ply_bytes(mesh), "model/ply")}
-    files["surface.glb"] = (glb_bytes(mesh, METRES_PER_MM if survey["pixel_size"] else 1.0), "model/gltf-binary")
+    files = {"surface.ply": StoredFile(ply_bytes(mesh), "model/ply")}
+    files["surface.glb"] = StoredFile(
+        glb_bytes(mesh, METRES_PER_MM if survey["pixel_size"] else 1.0), "model/gltf-binary"
+    )
     swept = work.load("lights").read("half_vectors")
     pictures = relit_pictures(normals, mask) | {
         "relit_surface": draw_surface(mesh, azimuth=35.0, elevation=20.0),
         "coverage": draw_coverage(coverage(swept), swept),
     }
-    files |= {f"{name}.png": (encode_png(picture), "image/png") for name, picture in pictures.items()}
+    files |= {f"{name}.png": StoredFile(encode_png(picture), "image/png") for name, picture in pictures.items()}
     return Outcome(
         record={"unit": survey["unit"]},
-        blobs={name: blobs.put(work.location, data, media_type) for name, (data, media_type) in files.items()},
+        files=files,
         counts={"vertices": len(mesh.vertices), "triangles": len(mesh.triangles)},
     )

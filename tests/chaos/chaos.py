@@ -34,7 +34,6 @@ from typing import Any
 import numpy as np
 import psutil
 
-from glint.storage.blobs import store as blobs
 from glint.storage.catalogue.loading import Catalogue, load, write
 from glint.storage.errors import StoreError
 from glint.storage.locations.location import Location
@@ -239,7 +238,7 @@ class Chaos:
             known |= set(names)
 
     def _check_versions(self) -> None:
-        """Every array and every blob of every version can be read."""
+        """Every array and every file of every version can be read."""
         for place, names in self.announced.items():
             store, _, object_id = place.rpartition(" ")
             repository = ObjectRepository.open(Location.parse(store), object_id, create=False)
@@ -283,7 +282,7 @@ def results(store: str) -> dict[str, str]:
 
 
 def digests(repository: ObjectRepository, ref: str) -> Iterator[tuple[str, str]]:
-    """Name and digest of every array and blob of a version, and every stage's key."""
+    """Name and digest of every array and file of a version, and every stage's key."""
     for capture, stages in repository.contents(ref).items():
         for stage, key in stages.items():
             result = repository.load(capture, stage, ref)
@@ -291,9 +290,9 @@ def digests(repository: ObjectRepository, ref: str) -> Iterator[tuple[str, str]]
             for name in result.arrays:
                 values = np.ascontiguousarray(result.read(name))
                 yield f"{capture}/{stage}/{name}", f"{values.shape} {values.dtype} {hash(values.tobytes())}"
-            for name, reference in result.blobs.items():
-                blobs.get(repository.location, reference)
-                yield f"{capture}/{stage}/{name}", reference.sha256
+            for name, info in result.files.items():
+                result.read_file(name)
+                yield f"{capture}/{stage}/{name}", info.sha256
 
 
 def _ended(process: "subprocess.Popen[str]", seconds: float) -> bool:

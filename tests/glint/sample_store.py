@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from glint.storage.blobs import store as blobs
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
-from glint.storage.versions.stage_results import WHOLE_OBJECT
+from glint.storage.versions.stage_results import WHOLE_OBJECT, StoredFile
 from tests.storage.stores import PIXEL, PROVENANCE, REASONS, capture_arrays
 
 FRAME = (64, 48)
@@ -123,7 +122,7 @@ def save(
     files: Mapping[str, tuple[bytes, str]],
 ) -> None:
     """Save a stage with files, given as their bytes and media types."""
-    stored = {name: blobs.put(repository.location, data, media) for name, (data, media) in files.items()}
+    stored = {name: StoredFile(data, media) for name, (data, media) in files.items()}
     repository.save(capture, stage, f"key-{capture}-{stage}", arrays, record, stored)
 
 

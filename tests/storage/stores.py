@@ -7,9 +7,9 @@ import icechunk
 import numpy as np
 from obstore.store import MemoryStore
 
-from glint.storage.blobs import store as blobs
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
+from glint.storage.versions.stage_results import StoredFile
 
 REASONS = ("accepted", "no light", "two lights")
 PROVENANCE = ("outside", "observed", "marked", "silhouette", "filled")
@@ -98,8 +98,8 @@ def save_capture(repository: ObjectRepository, capture: str, key: str, seed: int
     for stage, values in arrays.items():
         files = {}
         if stage == "surface":
-            files["surface.ply"] = blobs.put(repository.location, f"ply {seed}".encode(), "model/ply")
-            files["relit_left.png"] = blobs.put(repository.location, PIXEL, "image/png")
+            files["surface.ply"] = StoredFile(f"ply {seed}".encode(), "model/ply")
+            files["relit_left.png"] = StoredFile(PIXEL, "image/png")
         repository.save(capture, stage, key, values, RECORDS.get(stage, {}), files)
     return arrays
 

@@ -13,7 +13,6 @@ import numpy as np
 import obstore
 import pytest
 
-from glint.storage.blobs import store as blobs
 from glint.storage.catalogue.loading import Region, from_folder, load, write
 from glint.storage.errors import InputError, StorageError, StoreError
 from glint.storage.export.export import export
@@ -26,6 +25,7 @@ from glint.storage.locking.locks import run_holder, run_lock
 from glint.storage.locking.owner import Holder, ObjectBusy
 from glint.storage.versions.objects import object_ids
 from glint.storage.versions.repository import ObjectRepository
+from glint.storage.versions.stage_results import StoredFile
 from tests.s3_gateway import Gateway, free_port
 from tests.storage.footage.videos import ramp, write_images, write_video
 from tests.storage.locations.lax_server import careless_server
@@ -106,7 +106,7 @@ SAVE = """
 import sys
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
-from tests.storage.places import save_capture
+from tests.storage.stores import save_capture
 repository = ObjectRepository.open(Location.parse(sys.argv[1]), "duck")
 save_capture(repository, sys.argv[2], "key", seed=int(sys.argv[3]))
 repository.publish([sys.argv[2]], {})
@@ -126,17 +126,21 @@ def test_processes_that_commit_at_once_lose_nothing(place: Location) -> None:
     assert repository.captures("main") == names
 
 
-def test_blobs_are_stored_once_and_verified(place: Location) -> None:
-    reference = blobs.put(place, b"a mesh", "model/ply")
-    assert blobs.put(place, b"a mesh", "model/ply") == reference
-    assert (blobs.get(place, reference), keys(place)) == (b"a mesh", [reference.key])
-    obstore.put(place.obstore(), reference.key, b"a mess")
-    with pytest.raises(StoreError, match="does not hold the bytes"):
-        blobs.get(place, reference)
-    obstore.delete(place.obstore(), reference.key)
-    with pytest.raises(StoreError, match="missing"):
-        blobs.get(place, reference)
-    assert not blobs.exists(place, reference)
+def test_damaged_and_lost_chunks_of_a_file_are_refused(place: Location) -> None:
+    mesh = np.random.default_rng(0).bytes(5000)
+    repository = ObjectRepository.open(place, "duck")
+    repository.save("front", "surface", "k", {}, {}, {"surface.ply": StoredFile(mesh, "model/ply")})
+    (chunk,) = (key for key in keys(place) if "/chunks/" in key)
+    result = ObjectRepository.open(place, "duck").load("front", "surface")
+    assert result.read_file("surface.ply") == mesh
+    content = bytearray(obstore.get(place.obstore(), chunk).bytes())
+    content[1000] ^= 1
+    obstore.put(place.obstore(), chunk, bytes(content))
+    with pytest.raises(StoreError, match=r"duck/front/surface is damaged"):
+        ObjectRepository.open(place, "duck").load("front", "surface").read_file("surface.ply")
+    obstore.delete(place.obstore(), chunk)
+    with pytest.raises(StoreError, match=r"duck/front/surface is damaged"):
+        ObjectRepository.open(place, "duck").load("front", "surface").read_file("surface.ply")
 
 
 def test_a_lease_keeps_the_second_run_away_until_it_is_given_back(place: Location) -> None:

@@ -13,7 +13,6 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from glint.storage.blobs.store import BlobReference, get
 from glint.storage.catalogue.from_folder import from_folder
 from glint.storage.catalogue.loading import Catalogue, load
 from glint.storage.catalogue.models import Region
@@ -26,6 +25,7 @@ from glint.storage.inputs.markup import read_markup
 from glint.storage.inputs.masks_and_truth import read_mask
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
+from glint.storage.versions.stage_results import StoredFile
 from glint.tasks.engine.parameters import Parameters
 
 QUICK = settings(
@@ -213,10 +213,12 @@ def test_frames_that_claim_to_be_huge_are_refused(tmp_path: Path) -> None:
         FrameCache.open(location, digest).read("object", slice(0, 64), slice(0, 64), slice(0, 64))
 
 
-@pytest.mark.parametrize("key", ["../../etc/passwd", "blobs/sha256/aa/../../../x", "/etc/passwd", ""])
-def test_blobs_are_found_by_their_digest_alone(tmp_path: Path, key: str) -> None:
-    with pytest.raises(StoreError):
-        get(Location.parse(tmp_path), BlobReference(key, "a" * 64, 1, "text/plain"))
+@pytest.mark.parametrize("name", ["../../etc/passwd", "a/b", "/etc/passwd", "", ".bashrc", "zarr.json", "x\x00y"])
+def test_files_have_plain_names(tmp_path: Path, name: str) -> None:
+    repository = ObjectRepository.open(Location.parse(tmp_path), "duck")
+    with pytest.raises(StoreError, match="names a file"):
+        repository.save("front", "surface", "k", {}, {}, {name: StoredFile(b"ply", "model/ply")})
+    assert repository.stage_key("front", "surface") is None
 
 
 def bomb(width: int, height: int) -> bytes:

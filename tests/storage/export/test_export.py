@@ -1,20 +1,20 @@
 import csv
 import json
-from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
+import icechunk
 import numpy as np
 import pytest
 import tifffile
+import zarr
 
-from glint.storage.blobs import store as blobs
 from glint.storage.errors import StoreError
 from glint.storage.export import image_files as pictures
 from glint.storage.export.export import export
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
-from glint.storage.versions.stage_results import WHOLE_OBJECT
+from glint.storage.versions.stage_results import WHOLE_OBJECT, StoredFile
 from tests.storage.stores import PIXEL, PROVENANCE, REASONS, capture_arrays, local_place, save_capture
 
 FILES = {
@@ -140,8 +140,7 @@ def test_any_version_can_be_exported(repository: ObjectRepository, place: Locati
 
 
 def test_the_model_lies_beside_the_captures(repository: ObjectRepository, place: Location, tmp_path: Path) -> None:
-    reference = blobs.put(place, b"model", "model/ply")
-    repository.save(WHOLE_OBJECT, "model", "m", {}, {}, {"model.ply": reference})
+    repository.save(WHOLE_OBJECT, "model", "m", {}, {}, {"model.ply": StoredFile(b"model", "model/ply")})
     repository.publish(["front", WHOLE_OBJECT], {})
     export(place, "duck", tmp_path / "out")
     assert (tmp_path / "out/model.ply").read_bytes() == b"model"
@@ -174,24 +173,37 @@ def test_a_folder_that_is_no_export_is_left_alone(
 def test_damaged_or_hostile_content_leaves_nothing(
     repository: ObjectRepository, place: Location, tmp_path: Path
 ) -> None:
+    file = StoredFile(b"ply", "model/ply")
+    repository.save("front", "surface", "twice", {}, {}, {"report.json": file})
     repository.publish(["front"], {})
-    reference = repository.load("front", "surface").blobs["surface.ply"]
-    good = (place.local / reference.key).read_bytes()
-    (place.local / reference.key).write_bytes(b"plx 0")
-    with pytest.raises(StoreError, match="does not hold the bytes"):
+    with pytest.raises(StoreError, match=r"names a file 'report\.json' twice"):
         export(place, "duck", tmp_path / "out")
-    (place.local / reference.key).write_bytes(good)
-    for key, name in enumerate(("../../escape", "/tmp/escape", "a/b", ".bashrc", "report.json", "x\x00y")):
-        repository.save("front", "surface", f"bad{key}", {}, {}, {name: reference})
+    inner = icechunk.Repository.open(place.child("objects", "duck", "repo").icechunk_storage())
+    for number, name in enumerate((".bashrc", "..escape", "x\x00y")):
+        repository.save("front", "surface", f"bad{number}", {}, {}, {"surface.ply": file})
+        session = inner.writable_session("work")
+        folder = zarr.open_group(session.store, path="front/surface/files")
+        attributes = dict(folder["surface.ply"].attrs)
+        folder.create_array(name, data=np.zeros(3, np.uint8), attributes=attributes)
+        session.commit("foreign")
         repository.publish(["front"], {})
         with pytest.raises(StoreError, match="names a file"):
             export(place, "duck", tmp_path / "out")
-    foreign = replace(reference, key="../secret")
-    (tmp_path / "secret").write_bytes(good)
-    repository.save("front", "surface", "foreign", {}, {}, {"surface.ply": foreign})
-    with pytest.raises(StoreError, match="does not follow from its digest"):
-        repository.publish(["front"], {})
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["secret", "store"]
+    assert [path.name for path in tmp_path.iterdir()] == ["store"]
+
+
+def test_a_file_whose_content_was_replaced_is_refused(
+    repository: ObjectRepository, place: Location, tmp_path: Path
+) -> None:
+    session = icechunk.Repository.open(place.child("objects", "duck", "repo").icechunk_storage()).writable_session(
+        "work"
+    )
+    zarr.open_group(session.store, path="front/surface/files")["surface.ply"][...] = np.frombuffer(b"plx 0", np.uint8)
+    session.commit("damage")
+    repository.publish(["front"], {})
+    with pytest.raises(StoreError, match=r"'surface\.ply' of duck/front/surface does not hold the bytes"):
+        export(place, "duck", tmp_path / "out")
+    assert [path.name for path in tmp_path.iterdir()] == ["store"]
 
 
 def test_what_is_optional_may_be_absent_and_what_is_required_may_not(place: Location, tmp_path: Path) -> None:

@@ -1,3 +1,4 @@
+import hashlib
 import multiprocessing
 import os
 import random
@@ -8,18 +9,24 @@ import threading
 import time
 from datetime import timedelta
 from pathlib import Path
+from typing import Any
 
 import icechunk
 import numpy as np
 import pytest
 import zarr
 
-from glint.storage.blobs import store as blobs
-from glint.storage.blobs.store import BlobReference
 from glint.storage.errors import StoreError
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
-from glint.storage.versions.stage_results import WHOLE_OBJECT, chunk_shape, jsonable
+from glint.storage.versions.stage_results import (
+    LAYOUT_NUMBER,
+    WHOLE_OBJECT,
+    FileInfo,
+    StoredFile,
+    chunk_shape,
+    jsonable,
+)
 from tests.storage.stores import MemoryPlace, capture_arrays, local_place, save_capture
 
 SPAWN = multiprocessing.get_context("spawn")
@@ -42,23 +49,30 @@ def test_a_saved_stage_is_read_back_as_it_was(repository: ObjectRepository, plac
         "none": np.zeros((0, 2), np.int32),
         "number": np.array(7, np.int16),
     }
-    reference = blobs.put(place, b"mesh", "model/ply")
-    repository.save("front", "survey", "k1", arrays, {"share": np.float32(0.5), "bad": np.nan}, {"a.ply": reference})
+    files = {"a.ply": StoredFile(b"mesh", "model/ply"), "Empty-1.txt": StoredFile(b"", "text/plain")}
+    repository.save("front", "survey", "k1", arrays, {"share": np.float32(0.5), "bad": np.nan}, files)
     result = ObjectRepository.open(place, "duck", create=False).load("front", "survey")
-    assert (result.key, result.record, result.blobs) == ("k1", {"share": 0.5, "bad": None}, {"a.ply": reference})
+    assert (result.key, result.record) == ("k1", {"share": 0.5, "bad": None})
+    assert result.files == {
+        name: FileInfo(len(file.data), hashlib.sha256(file.data).hexdigest(), file.media_type)
+        for name, file in files.items()
+    }
+    assert {name: result.read_file(name) for name in files} == {name: file.data for name, file in files.items()}
     assert set(result.arrays) == set(arrays)
     for name, values in arrays.items():
         assert result.read(name).dtype == values.dtype
         np.testing.assert_array_equal(result.read(name), values)
     with pytest.raises(StoreError, match="no array 'other'"):
         result.read("other")
+    with pytest.raises(StoreError, match=r"duck/front/survey has no file 'other\.ply', only Empty-1\.txt, a\.ply"):
+        result.read_file("other.ply")
 
 
 def test_saving_again_replaces_the_stage_whole(repository: ObjectRepository) -> None:
     repository.save("front", "mask", "k1", {"old": np.ones(3)}, {"a": 1})
     repository.save("front", "mask", "k2", {"new": np.zeros(2)}, {})
     result = repository.load("front", "mask")
-    assert (result.key, set(result.arrays), result.record, result.blobs) == ("k2", {"new"}, {}, {})
+    assert (result.key, set(result.arrays), result.record, result.files) == ("k2", {"new"}, {}, {})
 
 
 def test_what_is_absent_says_so(repository: ObjectRepository, place: Location) -> None:
@@ -146,15 +160,11 @@ def test_a_malformed_result_is_not_published(
     assert repository.stage_key("front", stage, "main") == "k1"
 
 
-def test_a_missing_stage_or_blob_is_not_published(repository: ObjectRepository) -> None:
+def test_a_missing_stage_is_not_published(repository: ObjectRepository) -> None:
     save_capture(repository, "front", "k1")
     repository.save("back", "mask", "k1", capture_arrays()["mask"], {})
     with pytest.raises(StoreError, match="stage depth is missing"):
         repository.publish(["front", "back"], {})
-    lost = BlobReference("blobs/sha256/ab/" + "ab" * 32, "ab" * 32, 3, "model/ply")
-    repository.save("front", "surface", "k1", {}, {}, {"surface.ply": lost})
-    with pytest.raises(StoreError, match=r"names surface\.ply, which is not in the store"):
-        repository.publish(["front"], {})
     with pytest.raises(StoreError, match="cannot be published: "):
         repository.publish(["nowhere"], {})
 
@@ -169,6 +179,7 @@ def test_captures_that_are_not_named_stay_as_they_were(repository: ObjectReposit
     version = repository.publish(["front"], {})
     assert version.name == "v2" and repository.captures("v2") == ["back", "front"]
     np.testing.assert_array_equal(repository.load("back", "mask", "v2").read("mask"), back["mask"]["mask"])
+    assert repository.load("back", "surface", "v2").read_file("surface.ply") == b"ply 2"
     np.testing.assert_array_equal(repository.load("front", "depth", "v2").read("depth"), front["depth"]["depth"])
     assert repository.stage_key("back", "mask") == "k2", "work goes on where it was"
     assert repository.publish(["front"], {}, retire=["back"]).name == "v3"
@@ -197,10 +208,10 @@ def test_a_rollback_is_a_version_and_stands_until_something_changes(repository: 
 
 def test_results_of_the_whole_object_are_no_capture(repository: ObjectRepository, place: Location) -> None:
     save_capture(repository, "front", "k1")
-    repository.save(WHOLE_OBJECT, "model", "m", {}, {}, {"model.ply": blobs.put(place, b"ply", "model/ply")})
+    repository.save(WHOLE_OBJECT, "model", "m", {}, {}, {"model.ply": StoredFile(b"ply", "model/ply")})
     version = repository.publish(["front", WHOLE_OBJECT], {})
     assert repository.captures(version.name) == ["front"]
-    assert repository.load(WHOLE_OBJECT, "model", "main").blobs["model.ply"].size == 3
+    assert repository.load(WHOLE_OBJECT, "model", "main").read_file("model.ply") == b"ply"
 
 
 def test_main_follows_a_tag_whose_publisher_died(repository: ObjectRepository, place: Location) -> None:
@@ -252,6 +263,58 @@ def _save_many(place: Location, worker: int, saves: int) -> None:
     for number in range(saves):
         repository.save(f"capture-{worker}", f"stage-{number}", "k", {"a": np.full(9, worker * 100 + number)}, {})
         repository.save("shared", f"stage-{worker}-{number}", "k", {"a": np.full(9, worker * 100 + number)}, {})
+
+
+@pytest.mark.parametrize("file", [False, True])
+def test_a_flipped_bit_and_a_lost_chunk_are_refused(repository: ObjectRepository, place: Location, file: bool) -> None:
+    noise = np.random.default_rng(0).integers(0, 256, 5000, np.uint8)
+    arrays, files = ({}, {"noise": StoredFile(noise.tobytes(), "text/plain")}) if file else ({"noise": noise}, {})
+    repository.save("front", "extra", "k", arrays, {}, files)
+
+    def read() -> bytes:
+        result = ObjectRepository.open(place, "duck").load("front", "extra")
+        return result.read_file("noise") if file else result.read("noise").tobytes()
+
+    assert read() == noise.tobytes()
+    (chunk,) = (place.local / "objects" / "duck" / "repo" / "chunks").iterdir()
+    stored = chunk.read_bytes()
+    for position in (0, 16, 2000, len(stored) - 1):
+        damaged = bytearray(stored)
+        damaged[position] ^= 1
+        chunk.write_bytes(damaged)
+        with pytest.raises(StoreError, match=r"'noise' of duck/front/extra is damaged.*checksum.*backup"):
+            read()
+    chunk.unlink()
+    with pytest.raises(StoreError, match=r"'noise' of duck/front/extra is damaged"):
+        read()
+
+
+@pytest.mark.parametrize(
+    ("attributes", "message"),
+    [
+        ({}, "an older version of Glint .layout 1; .* use a new --store and run again"),
+        ({"version": "v3", "metadata": {}}, "an older version of Glint .layout 1; "),
+        ({"layout": LAYOUT_NUMBER + 1}, "a newer version of Glint .layout 3; .* update Glint"),
+    ],
+)
+def test_another_layout_is_refused_with_a_remedy(place: Location, attributes: dict[str, Any], message: str) -> None:
+    storage = place.child("objects", "duck", "repo").icechunk_storage()
+    inner = icechunk.Repository.create(storage)
+    inner.create_branch("work", inner.lookup_branch("main"))
+    session = inner.writable_session("work")
+    zarr.create_group(session.store, attributes=attributes)
+    session.commit("front/mask")
+    for create in (True, False):
+        with pytest.raises(StoreError, match=f"object duck in .* was written by {message}"):
+            ObjectRepository.open(place, "duck", create)
+
+
+def test_work_and_versions_bear_the_layout_number(repository: ObjectRepository, place: Location) -> None:
+    save_capture(repository, "front", "k1")
+    repository.publish(["front"], {})
+    inner = icechunk.Repository.open(place.child("objects", "duck", "repo").icechunk_storage())
+    for session in (inner.readonly_session("work"), inner.readonly_session(tag="v1")):
+        assert zarr.open_group(session.store, mode="r").attrs["layout"] == LAYOUT_NUMBER == 2
 
 
 def test_four_processes_lose_nothing(place: Location) -> None:
