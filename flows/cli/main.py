@@ -259,21 +259,29 @@ def export(
         Path, typer.Option("--out", metavar="DIR", help="Folder to write to; an older export there is replaced.")
     ],
     version: Annotated[str | None, typer.Option(metavar="V", help="v1, v2, .. (default: the newest).")] = None,
+    format_name: Annotated[
+        str,
+        typer.Option(
+            "--format",
+            metavar="files|bop|pcd",
+            help="files: everything; bop: a BOP dataset (perspective captures in mm); pcd: point clouds.",
+        ),
+    ] = "files",
     store: Store = None,
     as_json: Json = False,
 ) -> None:
-    """Write a version as files: normals, depth, confidence, lights, meshes, pictures, reports."""
+    """Write a version as files: normals, depth, confidence, lights, meshes, pictures, reports; or for robots."""
     from dataclasses import asdict
 
-    from glint.storage.export.export import export as write
+    from glint.storage.export.formats import export_as
     from glint.storage.locations.location import Location
 
-    made = write(Location.parse(chosen_store(store)), object_id, out, version)
+    made = export_as(format_name, Location.parse(chosen_store(store)), object_id, out, version)
     if as_json:
         _lines([asdict(made)])
         return
     typer.echo(f"{made.object_id} {made.version}: {made.files} files, {made.size / 1e6:.1f} MB in {made.out}")
-    for capture in made.captures:
+    for capture in made.captures if format_name == "files" else ():
         typer.echo(f"look at {Path(made.out) / capture / 'report.html'}")
 
 
