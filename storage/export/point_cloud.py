@@ -7,6 +7,10 @@ import numpy as np
 from glint.storage.export.axes import CAMERA_AXES, OPTICAL_AXES, Frame, conversion, converted_unit
 from glint.storage.export.camera import CaptureCamera
 
+MAX_SLOPE_DEG = 85.0
+"""Angle between normal and line of sight beyond which a pixel, at the silhouette, has no reliable depth: it lies far
+behind the surface beside it."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointCloud:
@@ -60,9 +64,19 @@ def point_cloud_of(
 ) -> PointCloud:
     """Return the points of depth (H, W) whose normal (H, W, 3) is known with at least `min_confidence`.
 
-    confidence: (H, W) in 0..1. Points are in the camera frame, row by row.
+    confidence: (H, W) in 0..1. Points are in the camera frame, row by row. Pixels steeper than MAX_SLOPE_DEG, at the
+    silhouette, are left out.
     """
-    kept = (
-        np.isfinite(depth) & np.isfinite(normals).all(axis=-1) & (np.nan_to_num(confidence, nan=-1.0) >= min_confidence)
-    )
+    is_confident = np.nan_to_num(confidence, nan=-1.0) >= min_confidence
+    kept = has_surface(camera, depth, normals) & is_confident
     return PointCloud(camera.points(depth)[kept], normals[kept], confidence[kept], camera.unit)
+
+
+def has_surface(camera: CaptureCamera, depth: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Return the pixels (H, W) bool with a depth and a normal (H, W, 3) that is not steeper than MAX_SLOPE_DEG."""
+    if camera.matrix is None:
+        cosines = normals[..., 2]
+    else:
+        points = camera.points(depth)
+        cosines = -(points * normals).sum(axis=-1) / np.linalg.norm(points, axis=-1)
+    return np.isfinite(depth) & (np.nan_to_num(cosines, nan=-1.0) >= np.cos(np.radians(MAX_SLOPE_DEG)))
