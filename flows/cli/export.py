@@ -16,20 +16,28 @@ def export(
     version: Annotated[
         str | None, typer.Option(metavar="V", help="The version to export: v1, v2, .. (default: the newest).")
     ] = None,
+    format_name: Annotated[
+        str,
+        typer.Option(
+            "--format",
+            metavar="files|bop|pcd",
+            help="files: everything; bop: a BOP dataset (perspective captures in mm); pcd: point clouds.",
+        ),
+    ] = "files",
     store: Store = None,
     as_json: Json = False,
 ) -> None:
-    """Write a version as files: normals, depth, confidence, lights, meshes, pictures, reports."""
+    """Write a version as files: normals, depth, confidence, lights, meshes, pictures, reports; or for robots."""
     from dataclasses import asdict
 
-    from glint.storage.export.export import export as write
+    from glint.storage.export.formats import export_as
     from glint.storage.locations.location import Location
 
-    written = write(Location.parse(chosen_store(store)), object_id, out, version)
+    written = export_as(format_name, Location.parse(chosen_store(store)), object_id, out, version)
     if as_json:
         print_lines([asdict(written)])
         return
     size = f"{written.size / 1e6:.1f} MB"
     typer.echo(f"{written.object_id} {written.version}: {written.files} files, {size} in {written.out}")
-    for capture in written.captures:
+    for capture in written.captures if format_name == "files" else ():
         typer.echo(f"report: {Path(written.out) / capture / 'report.html'}")

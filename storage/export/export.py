@@ -5,7 +5,7 @@ import json
 import re
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 
 from glint.storage.errors import StoreError
+from glint.storage.export.camera import camera_facts, camera_of
 from glint.storage.export.image_files import encode_normals, write_exr, write_png, write_tiff
 from glint.storage.export.report import capture_report, code_names, report_page, report_pictures
+from glint.storage.export.stored_capture import entry_of, model_result, ordered_stages
 from glint.storage.inputs.lp_file import write_lights
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
@@ -50,15 +52,19 @@ def export(location: Location, object_id: str, out: Path, version: str | None = 
     """
     repository = ObjectRepository.open(location, object_id, create=False)
     chosen = repository.version(version)
+    model = model_result(repository, chosen)
     with store_errors(str(out), f"exporting {object_id}"), _beside(out) as content:
         for capture in chosen.stages:
             folder = content if capture == WHOLE_OBJECT else content / check_name(capture, "capture")
             folder.mkdir(exist_ok=True)
             results = repository.load_capture(capture, chosen.snapshot)
-            stages = {stage: results[stage] for stage in _ordered(results, chosen)}
+            stages = {stage: results[stage] for stage in ordered_stages(results, chosen)}
             stored = _read_files(stages)
             if capture != WHOLE_OBJECT:
                 _write_capture(object_id, capture, chosen, stages, stored, folder)
+                camera = camera_of(stages, entry_of(chosen, capture), model.record if model else None)
+                if camera is not None:
+                    _write_json(folder / "camera.json", camera_facts(camera))
             _write_files(stored, folder, f"{object_id}/{capture}")
         files = [path for path in content.rglob("*") if path.is_file()]
         size = sum(path.stat().st_size for path in files)
@@ -169,12 +175,6 @@ def _drawn(files: Mapping[str, bytes]) -> Iterator[tuple[str, bytes]]:
     names = [name for name in files if re.fullmatch(r"(relit_.*|coverage)\.png", name)]
     for name in sorted(names, key=lambda name: (name == "coverage.png", name)):
         yield name, files[name]
-
-
-def _ordered(stages: Iterable[str], version: Version) -> list[str]:
-    """Return the stages in the order in which they ran; others after them by name."""
-    order = version.metadata.get("stages", [])
-    return sorted(stages, key=lambda stage: (order.index(stage) if stage in order else len(order), stage))
 
 
 def _has(stages: Mapping[str, StageResult], stage: str, array: str) -> bool:

@@ -3,7 +3,8 @@
 Records of stages may say, each under its name: `parameters`, `seconds`, `counts`, `versions`, `inputs` (digests),
 `warnings` (texts or {message, remedy}), `region` {x, y, width, height}, `frame_size` [width, height], `unit` and
 `pixel_size` of depth, `coverage`, `reasons` (words of the lights' codes) and `provenance` (names of the labels' codes).
-All are optional; the whole records are kept under `stages` too.
+All are optional; the whole records are kept under `stages` too. What draws the page is imported when it is drawn, so
+that the figures alone cost little.
 """
 
 import base64
@@ -11,14 +12,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
-from jinja2 import Environment, StrictUndefined, Template
 
-from glint.storage.export.image_files import colour_codes, colour_normals, colour_values, encode_png
 from glint.storage.versions.stage_results import StageResult
+
+if TYPE_CHECKING:
+    from jinja2 import Template
 
 DEPTH_DIRECTION = "towards the camera"
 FRAME = "x right, y up, z towards the camera; unit normals; pixel (0, 0) is the centre of the top-left pixel, y down"
@@ -97,6 +98,8 @@ def report_pictures(
     arrays: Mapping[str, Any], drawn: Iterable[tuple[str, bytes]], unit: str, names: dict[int, str]
 ) -> list[Picture]:
     """What a person wants to see, the normal map and the relit pictures first."""
+    from glint.storage.export.image_files import colour_codes, colour_normals, colour_values
+
     pictures = [
         Picture(
             "Normals",
@@ -141,7 +144,9 @@ def report_page(report: Mapping[str, Any], pictures: Sequence[Picture]) -> str:
 
 
 @cache
-def _template() -> Template:
+def _template() -> "Template":
+    from jinja2 import Environment, StrictUndefined
+
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     return environment.from_string(Path(__file__).with_name("report.html").read_text(encoding="utf-8"))
 
@@ -239,6 +244,10 @@ def _title(name: str) -> str:
 
 def _png(picture: np.ndarray) -> bytes:
     """An inline picture, small ones enlarged by whole factors, large ones reduced."""
+    import cv2
+
+    from glint.storage.export.image_files import encode_png
+
     longest = max(picture.shape[:2])
     if longest > _WIDEST:
         size = tuple(max(1, round(edge * _WIDEST / longest)) for edge in picture.shape[1::-1])
@@ -247,6 +256,8 @@ def _png(picture: np.ndarray) -> bytes:
 
 
 def _end(value: float) -> np.ndarray:
+    from glint.storage.export.image_files import colour_values
+
     return colour_values(np.array([[value]]), 0, 1)[0, 0]
 
 

@@ -21,6 +21,7 @@ from glint.tasks.pipeline import STAGES
 from glint.tasks.publish import publish
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from glint.tasks.stages.model import model, model_key, perform_model, wants_model
+from glint.tasks.up_to_date import up_to_date_records
 
 VIEWS = 6
 

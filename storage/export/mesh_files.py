@@ -1,0 +1,83 @@
+"""Triangle meshes as PLY files: those of the store are read, and written as text for other programs."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from glint.storage.errors import StoreError
+
+_TYPES = {"float": "<f4", "double": "<f8", "int": "<i4", "uint": "<u4", "uchar": "u1"}
+_REMEDY = "run the object again"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mesh:
+    """A triangle mesh.
+
+    vertices: (N, 3) float32 in `unit`; triangles: (M, 3) int32, counter-clockwise seen from outside; normals: (N, 3)
+    float32, unit length; confidence: (N,) float32 in 0..1, NaN where the file has none.
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    normals: np.ndarray
+    confidence: np.ndarray
+    unit: str = "pixels"
+
+    @property
+    def faces(self) -> np.ndarray:
+        """The triangles, by the name that other libraries use."""
+        return self.triangles
+
+    def __repr__(self) -> str:
+        """Return the number of vertices and triangles, and the unit."""
+        return f"<Mesh of {len(self.vertices):,} vertices and {len(self.triangles):,} triangles, unit {self.unit}>"
+
+
+def read_ply(data: bytes, unit: str, name: str = "the mesh") -> Mesh:
+    """Return the mesh in a binary PLY file with vertex normals and triangles, as the store keeps it.
+
+    Raises:
+        StoreError: it is something else; `name` names it in the message.
+    """
+    header, mark, body = data.partition(b"end_header\n")
+    text = header.decode("ascii", "replace")
+    sizes = {kind: int(count) for kind, count in re.findall(r"^element (\w+) (\d+)$", text, re.MULTILINE)}
+    properties = re.findall(r"^property (\w+) (\w+)$", text, re.MULTILINE)
+    if not mark or "format binary_little_endian 1.0" not in text or not {"vertex", "face"} <= sizes.keys():
+        raise StoreError(f"{name} is no binary PLY file of a mesh", _REMEDY)
+    if "property list uchar int vertex_ind" not in text or any(kind not in _TYPES for kind, _ in properties):
+        raise StoreError(f"{name} is a PLY file of another arrangement than Glint writes", _REMEDY)
+    vertex = np.dtype([(label, _TYPES[kind]) for kind, label in properties])
+    face = np.dtype([("corners", "u1"), ("triangle", "<i4", (3,))])
+    split = sizes["vertex"] * vertex.itemsize
+    if len(body) != split + sizes["face"] * face.itemsize or not {"x", "y", "z", "nx", "ny", "nz"} <= set(
+        vertex.names or ()
+    ):
+        raise StoreError(f"{name} is truncated, or lacks normals or triangles", _REMEDY)
+    vertices, faces = np.frombuffer(body[:split], vertex), np.frombuffer(body[split:], face)
+    missing = np.full(len(vertices), np.nan, np.float32)
+    return Mesh(
+        np.stack([vertices[axis] for axis in ("x", "y", "z")], axis=-1).astype(np.float32),
+        faces["triangle"].copy(),
+        np.stack([vertices[axis] for axis in ("nx", "ny", "nz")], axis=-1).astype(np.float32),
+        vertices["confidence"].astype(np.float32) if "confidence" in (vertex.names or ()) else missing,
+        unit,
+    )
+
+
+def write_ply(path: Path, mesh: Mesh) -> None:
+    """Write a text PLY file with vertex normals.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    header = ["ply", "format ascii 1.0", f"element vertex {len(mesh.vertices)}"]
+    header += [f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz")]
+    header += [f"element face {len(mesh.triangles)}", "property list uchar int vertex_indices", "end_header"]
+    with path.open("w", encoding="ascii", newline="\n") as file:
+        file.write("\n".join(header) + "\n")
+        np.savetxt(file, np.hstack([mesh.vertices, mesh.normals]), fmt="%.6g")
+        np.savetxt(file, np.insert(mesh.triangles, 0, 3, axis=1), fmt="%d")
