@@ -31,9 +31,9 @@ def test_lights_agree_with_the_formula_and_the_spheres_with_each_other(scene: Sc
     found = work.load("lights")
     error = angles(found.read("lights"), scene.lights)
     assert (found.read("reason") == 0).all()
-    assert np.median(error) < 0.8 and np.max(error) < 3.0
-    assert np.abs(np.mean(found.read("lights") - scene.lights, axis=0)).max() < np.sin(np.radians(0.3)), "no bias"
-    assert 0.05 < found.record["disagreement_degrees"]["median"] < 1.0
+    assert np.median(error) < 0.58 and np.max(error) < 2.15
+    assert np.abs(np.mean(found.read("lights") - scene.lights, axis=0)).max() < 2.3e-4, "no bias"
+    assert 0.22 < found.record["disagreement_degrees"]["median"] < 0.34
     assert found.record["near_lamp"] is None, "the light is far away"
 
 
@@ -45,7 +45,7 @@ def test_two_spheres_are_better_than_either(scene: Scene, store: Path, tmp_path:
         perform_all(work, "lights")
         errors.append(float(np.nanmean(angles(work.load("lights").read("lights"), scene.lights))))
         assert (work.load("lights").record["disagreement_degrees"] is None) == (len(spheres) == 1)
-    assert errors[0] < min(errors[1:])
+    assert errors[0] < 0.82 * min(errors[1:])
 
 
 def test_a_misplaced_sphere_shows_in_the_disagreement(scene: Scene, tmp_path: Path) -> None:
@@ -53,7 +53,7 @@ def test_a_misplaced_sphere_shows_in_the_disagreement(scene: Scene, tmp_path: Pa
     given[1]["x"] += 1.0
     work = make_context(scene.catalogue, tmp_path / "store", spheres=given)
     perform_all(work, "lights")
-    assert work.load("lights").record["disagreement_degrees"]["median"] > 1.0
+    assert work.load("lights").record["disagreement_degrees"]["median"] > 1.25
 
 
 def test_clusters_hold_the_true_and_the_false_directions(scene: Scene, store: Path) -> None:
@@ -65,7 +65,7 @@ def test_clusters_hold_the_true_and_the_false_directions(scene: Scene, store: Pa
         degrees = angles(np.nan_to_num(normals), np.nan_to_num(field)[None])
         nearest = np.where(np.isfinite(normals[..., 0]), degrees, 180.0).min(axis=0)[observable]
         assert observable.sum() > 300
-        assert (nearest < 2.5).mean() > 0.9
+        assert (nearest < 2.5).mean() > 0.991
     assert (work.load("clusters").read("observations")[~scene.mask] == 0).all()
 
 
@@ -75,21 +75,21 @@ def test_the_surface_is_that_of_the_formula(scene: Scene, store: Path) -> None:
     found = evaluate(work, NAMES)
     assert found is not None
     ours, silhouette = found.method("glint"), found.method("silhouette only")
-    assert found.method("winner takes all").observed_region.squared > 0.1, "false highlights mislead the baseline"
+    assert found.method("winner takes all").observed_region.squared > 0.22, "false highlights mislead the baseline"
     assert (
-        ours.observed_region.squared < 0.3 * silhouette.observed_region.squared
-        and ours.whole_mask.squared < 0.5 * silhouette.whole_mask.squared
+        ours.observed_region.squared < 0.0135 * silhouette.observed_region.squared
+        and ours.whole_mask.squared < 0.21 * silhouette.whole_mask.squared
     )
-    assert ours.observed_region.squared < 0.002 and ours.whole_mask.squared < 0.004
+    assert ours.observed_region.squared < 8.7e-5 and ours.whole_mask.squared < 0.0017
     labels = work.load("labels")
     names = labels.record["provenance"]
     observed = labels.read("provenance") == names.index("observed")
-    assert observed.sum() > 600
-    assert (angles(labels.read("normals"), scene.normals)[observed] < 5.0).mean() > 0.98
+    assert observed.sum() > 900
+    assert (angles(labels.read("normals"), scene.normals)[observed] < 5.0).mean() > 0.995
     depth = work.load("depth").read("depth")
     inner = scene.mask & (scene.depth > 8.0)
     error = (depth - scene.depth)[inner]
-    assert np.std(error) < 0.03 * np.ptp(scene.depth[inner])
+    assert np.std(error) < 0.0114 * np.ptp(scene.depth[inner])
 
 
 def test_two_spheres_are_detected(scene: Scene, tmp_path: Path) -> None:
@@ -98,8 +98,10 @@ def test_two_spheres_are_detected(scene: Scene, tmp_path: Path) -> None:
     found = sorted(work.load("survey").record["spheres"], key=lambda each: each["y"])
     assert len(found) == 2
     for each, true in zip(found, BALLS, strict=True):
-        assert np.hypot(each["x"] - true.x, each["y"] - true.y) < 0.6 and abs(each["radius"] / true.radius - 1) < 0.03
-    assert np.median(angles(work.load("lights").read("lights"), scene.lights)) < 2.0
+        assert (
+            np.hypot(each["x"] - true.x, each["y"] - true.y) < 0.075 and abs(each["radius"] / true.radius - 1) < 0.0067
+        )
+    assert np.median(angles(work.load("lights").read("lights"), scene.lights)) < 0.67
 
 
 def test_annotations_overrule_highlights(scene: Scene, store: Path, tmp_path: Path) -> None:
@@ -121,8 +123,8 @@ def test_annotations_overrule_highlights(scene: Scene, store: Path, tmp_path: Pa
         place = tuple(pixels[np.hypot(*(pixels - (y, x)).T).argmin()])
         results[kind] = work.load("labels").read("normals")[place]
         target = field[place] if kind == "true" else scene.normals[place]
-        assert angles(results[kind], target) < 6.0
-    assert angles(results["true"], results["false"]) > 15.0
+        assert angles(results[kind], target) < {"true": 2.5, "false": 0.2}[kind]
+    assert angles(results["true"], results["false"]) > 28.0
 
 
 def test_few_frames_give_a_whole_surface(tmp_path: Path) -> None:

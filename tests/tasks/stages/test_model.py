@@ -54,7 +54,8 @@ def test_the_model_beats_the_hull(modelled: list[CaptureContext]) -> None:
     found = evaluate_model(entry, modelled)
     assert found is not None and found.views == VIEWS and not found.left_out
     ours, hull = found.scores["glint"], found.scores["visual hull"]
-    assert ours.watertight and ours.chamfer < 0.7 * hull.chamfer and ours.f_scores[1] > hull.f_scores[1]
+    assert ours.watertight and ours.chamfer < 0.37 * hull.chamfer and ours.chamfer < 0.012
+    assert ours.f_scores[1] > 0.38 > hull.f_scores[1]
 
 
 def test_the_model_is_exported_beside_its_captures(modelled: list[CaptureContext], tmp_path: Path) -> None:
@@ -66,7 +67,7 @@ def test_the_model_is_exported_beside_its_captures(modelled: list[CaptureContext
     assert report["volume"] == pytest.approx(mesh.volume, rel=1e-3)
     rotation = np.array(report["views"][1]["camera_to_world"])[:3, :3]
     assert np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6)
-    assert report["turntable"]["angles"]["view-01"] == pytest.approx(60.0, abs=1.0)
+    assert report["turntable"]["angles"]["view-01"] == pytest.approx(60.0, abs=0.05)
     scene = trimesh.load(tmp_path / "fish" / "model.glb")
     assert np.allclose(np.ptp(scene.bounds, axis=0), np.ptp(mesh.bounds, axis=0) / 1000.0, rtol=1e-3)
     assert (tmp_path / "fish" / "model.png").stat().st_size > 1000
@@ -116,7 +117,7 @@ def test_a_capture_without_pose_is_found_and_one_without_labels_named(works: lis
     ]
     known = {entry["capture"]: entry["pose"] for entry in outcome.record["views"]}
     assert known == {work.capture.id: "found" if work is some[0] else "solved" for work in some}
-    assert np.cos(np.radians(outcome.record["turntable"]["angles"]["view-00"])) > np.cos(np.radians(3.0))
+    assert np.cos(np.radians(outcome.record["turntable"]["angles"]["view-00"])) > np.cos(np.radians(0.055))
 
 
 def test_a_view_left_out_is_warned_of(works: list[CaptureContext]) -> None:

@@ -51,7 +51,7 @@ def scored(model: Model, truth: trimesh.Trimesh) -> ModelScore:
 
 def test_the_hull_holds_the_body(upright: list[View], hull: Model, truth: trimesh.Trimesh) -> None:
     field = hull_field(upright)
-    assert field(np.asarray(truth.vertices)).max() < 1.0
+    assert field(np.asarray(truth.vertices)).max() < 0.53
     assert field(np.asarray(truth.vertices) * 1.3).max() > 3.0
     assert trimesh.Trimesh(hull.vertices, hull.triangles, process=False).volume > 1.02 * truth.volume
     assert (hull.source == -1).all() and (hull.confidence == 0).all()
@@ -59,9 +59,9 @@ def test_the_hull_holds_the_body(upright: list[View], hull: Model, truth: trimes
 
 def test_the_model_is_much_nearer_than_the_hull(hull: Model, model: Model, truth: trimesh.Trimesh) -> None:
     before, after = scored(hull, truth), scored(model, truth)
-    assert after.chamfer < 0.6 * before.chamfer and after.chamfer < 0.006
-    assert after.f_scores[1] > 0.93 > before.f_scores[1]
-    assert after.normals > 0.97
+    assert after.chamfer < 0.49 * before.chamfer and after.chamfer < 0.0044
+    assert after.f_scores[1] > 0.998 and before.f_scores[1] < 0.75
+    assert after.normals > 0.9959
 
 
 def test_the_model_is_closed_and_turned_outwards(model: Model) -> None:
@@ -76,7 +76,7 @@ def test_what_no_view_saw_is_marked(upright: list[View], model: Model) -> None:
     upwards = model.normals[:, 1] > 0.98
     assert upwards.any() and (model.confidence[upwards] < 0.5).all()
     frontal = np.abs(model.normals[:, 1]) < 0.2
-    assert (model.confidence[frontal] > 0.5).mean() > 0.7
+    assert (model.confidence[frontal] > 0.5).mean() > 0.95
     assert set(np.unique(model.source)) <= set(range(-1, len(upright)))
 
 
@@ -89,21 +89,21 @@ def test_normals_that_disagree_are_outvoted(upright: list[View], model: Model) -
     mixed = fuse_normals([upright[0], bad, *upright[2:]], model.vertices, model.triangles)
     several = (good.confidences > 0.5).sum(axis=0) >= 3
     angle = np.degrees(np.arccos(np.clip((good.normals * mixed.normals).sum(axis=1), -1, 1)))
-    assert several.any() and np.median(angle[several]) < 12.0
+    assert several.any() and np.median(angle[several]) < 0.58
 
 
 def test_a_reduced_model(upright: list[View], model: Model, truth: trimesh.Trimesh) -> None:
     small = simplify(model, upright, 1500)
     assert len(small.triangles) <= 1500 and trimesh.Trimesh(small.vertices, small.triangles).is_watertight
-    assert scored(small, truth).chamfer < 0.008
+    assert scored(small, truth).chamfer < 0.0044
 
 
 def test_the_model_seen_by_a_view(truth: trimesh.Trimesh, upright: list[View]) -> None:
     depth, normals = raycast(true_model(truth), upright[2])
     shared = np.isfinite(depth) & upright[2].mask
-    assert shared.sum() > 0.97 * upright[2].mask.sum()
+    assert shared.sum() > 0.99 * upright[2].mask.sum()
     confident = upright[2].confidence > 0.9
-    assert np.median((normals[confident] * upright[2].normals[confident]).sum(axis=1)) > 0.999
+    assert np.median((normals[confident] * upright[2].normals[confident]).sum(axis=1)) > 0.99976
     filled = expected_normals(true_model(truth), upright[2])
     assert np.isfinite(filled[upright[2].mask]).all() and np.isnan(filled[~upright[2].mask]).all()
 
@@ -113,7 +113,7 @@ def test_depth_maps_merge(truth: trimesh.Trimesh, upright: list[View]) -> None:
     exact = [view.with_normals(raycast(true_model(truth), view)[1], view.confidence) for view in upright]
     merged = merge_depth_maps(exact, depths, 1.0)
     assert scored(merged, truth).chamfer < 0.004
-    assert (merged.source >= 0).mean() > 0.8
+    assert (merged.source >= 0).mean() > 0.95
 
 
 def test_a_leaning_displaced_turntable_is_solved(truth: trimesh.Trimesh) -> None:
@@ -121,10 +121,10 @@ def test_a_leaning_displaced_turntable_is_solved(truth: trimesh.Trimesh) -> None
     views = views_of(truth, wanted)
     registered = register_on_turntable(views, ANGLES.tolist())
     assert registered.turntable is not None and not registered.rejected
-    assert registered.turntable.offset == pytest.approx(3.0, abs=0.3)
-    assert registered.turntable.lean_to_camera == pytest.approx(1.2, abs=0.4)
-    assert registered.turntable.lean_right == pytest.approx(-1.5, abs=0.4)
-    assert max(registered.residuals) < 0.2
+    assert registered.turntable.offset == pytest.approx(3.0, abs=0.012)
+    assert registered.turntable.lean_to_camera == pytest.approx(1.2, abs=0.1)
+    assert registered.turntable.lean_right == pytest.approx(-1.5, abs=0.015)
+    assert max(registered.residuals) < 0.015
 
 
 def test_angles_are_corrected_by_normals(truth: trimesh.Trimesh, hull: Model) -> None:
@@ -146,13 +146,13 @@ def test_a_wrong_angle_is_named_and_rejected(truth: trimesh.Trimesh) -> None:
     given[3] += 25.0
     registered = register_on_turntable(views, given.tolist())
     assert [view.name for view in registered.rejected] == ["view-3"]
-    assert registered.rejected[0].angle == pytest.approx(ANGLES[3], abs=3.0)
+    assert registered.rejected[0].angle == pytest.approx(ANGLES[3], abs=0.6)
     assert (
         "-25" in registered.rejected[0].reason
         or "-24" in registered.rejected[0].reason
         or "-26" in registered.rejected[0].reason
     )
-    assert len(registered.views) == 7 and max(registered.residuals) < 0.2
+    assert len(registered.views) == 7 and max(registered.residuals) < 0.001
 
 
 def test_a_mask_that_contradicts_the_others_is_named(upright: list[View]) -> None:
@@ -173,9 +173,9 @@ def test_matrices_are_taken_as_they_are(upright: list[View]) -> None:
 
 
 def test_residuals_are_zero_only_for_true_poses(upright: list[View]) -> None:
-    assert silhouette_residuals(upright).max() < 0.5
+    assert silhouette_residuals(upright).max() < 0.01
     shifted = views_on_turntable(upright, Turntable(3.0, 0.0, 0.0, ANGLES))
-    assert silhouette_residuals(shifted).mean() > 0.5
+    assert silhouette_residuals(shifted).mean() > 1.58
 
 
 def test_one_view_is_too_few(upright: list[View]) -> None:
@@ -210,7 +210,7 @@ def test_a_perspective_view(truth: trimesh.Trimesh) -> None:
     )
     back = view.project(points)
     assert np.allclose(back[0], columns, atol=1e-2) and np.allclose(back[1], rows, atol=1e-2)
-    assert cKDTree(truth.vertices).query(points)[0].max() < 0.8
+    assert cKDTree(truth.vertices).query(points)[0].max() < 0.65
     assert view.footprint(np.zeros((1, 3)))[0] == pytest.approx(1.0)
     assert np.allclose(view.view_vectors(points), -directions, atol=1e-6)
     assert np.isfinite(normals[rows, columns]).all()
@@ -226,7 +226,7 @@ def test_a_view_without_known_normals_adds_its_outline(upright: list[View], trut
     unknown = upright[1].with_normals(np.full_like(upright[1].normals, np.nan), np.zeros_like(upright[1].confidence))
     views = [upright[0], unknown, *upright[2:]]
     merged = reconstruct_surface(views, hull_model(views, 3000), rounds=2, steps=4)
-    assert scored(merged, truth).chamfer < 0.008
+    assert scored(merged, truth).chamfer < 0.0047
     assert (merged.confidence[merged.source == 1] == 0).all()
 
 
@@ -242,6 +242,6 @@ def test_views_of_different_pixel_sizes(upright: list[View], truth: trimesh.Trim
                      confidence=doubled(view.confidence), frame=frame, pixel_size=0.5)  # fmt: skip
     views = [upright[0], nearer, *upright[2:]]
     registered = register_by_matrices(views)
-    assert not registered.rejected and max(registered.residuals) < 0.5
+    assert not registered.rejected and max(registered.residuals) < 0.031
     merged = reconstruct_surface(views, hull_model(views, 6000), rounds=2, steps=5)
-    assert scored(merged, truth).chamfer < 0.007
+    assert scored(merged, truth).chamfer < 0.0044

@@ -16,9 +16,9 @@ def test_the_distance_to_a_disc_is_that_to_its_circle() -> None:
     distance = SilhouetteDistance.from_mask(disc(20.0))
     columns = np.array([31.5 + 10.0, 31.5 + 20.0, 31.5 + 30.0, 31.5 + 50.0])
     measured = distance.at(columns, np.full(4, 31.5))
-    assert np.abs(measured - [-10.0, 0.0, 10.0, 30.0]).max() < 0.6
+    assert np.abs(measured - [-10.0, 0.0, 10.0, 30.0]).max() < 0.4
     gradient = distance.gradient(columns[:2], np.full(2, 31.5))
-    assert np.allclose(gradient, [[1.0, 0.0, 0.0]] * 2, atol=0.05)
+    assert np.allclose(gradient, [[1.0, 0.0, 0.0]] * 2, atol=0.075)
 
 
 def test_a_cropped_object_continues_outside_the_region() -> None:
@@ -26,7 +26,7 @@ def test_a_cropped_object_continues_outside_the_region() -> None:
     distance = SilhouetteDistance.from_mask(mask)
     assert distance.at(np.array([50.0]), np.array([31.5]))[0] < -5.0
     columns, _ = silhouette_pixels(mask, 40)
-    assert columns.max() < 39 or not mask[:, 39].any() or (columns == 39).sum() <= 2
+    assert mask[:, 39].sum() == 38 and (columns == 39).sum() == 2, "only where the silhouette meets the border"
 
 
 def test_the_distance_is_computed_once() -> None:
