@@ -48,13 +48,13 @@ def run(
     """
     with _pipeline_required("glint.run"):
         from glint.flows.pipeline.run import run as run_pipeline
-        from glint.flows.reporting.console import open_display
+        from glint.flows.reporting.console import open_console
 
-    with open_display() as display:
+    with open_console() as console:
         return run_pipeline(
             fspath(catalogue),
             fspath(store),
-            display,
+            console,
             only=only,
             scheduler=scheduler,
             workers=workers,

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from glint.flows.results import RunResult
     from glint.storage.locations.location import Location
 
-PRELOADED = ("glint.tasks.pipeline",)
+PRELOADED = ("glint.tasks.pipeline", "glint.tasks.warm_up")
 """Modules that every worker imports before its first task."""
 
 

@@ -15,7 +15,7 @@ from time import perf_counter
 import av
 import cv2
 
-from glint.flows.pipeline.run import WARMED
+from glint.flows.pipeline.run import PRELOADED
 from glint.flows.runtime.dask_cluster import Cluster
 from glint.flows.runtime.prefect_server import ensure_server
 
@@ -46,7 +46,7 @@ def main() -> None:
     with (
         tempfile.TemporaryDirectory() as folder,
         ensure_server().connected(),
-        Cluster(modules=WARMED) as cluster,
+        Cluster(modules=PRELOADED) as cluster,
     ):
         from glint.flows.pipeline.catalogue import run_whole_catalogue
         from glint.flows.pipeline.context import activate
