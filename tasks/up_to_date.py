@@ -6,8 +6,8 @@ from glint.storage.versions.repository import Version
 from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import StageRecord, cached_records, stage_keys
+from glint.tasks.model.model import STAGE, model_key, wants_model
 from glint.tasks.pipeline import STAGES
-from glint.tasks.stages.model import STAGE, model_key, wants_model
 
 
 def up_to_date_records(contexts: Sequence[CaptureContext]) -> tuple[Version, dict[str, tuple[StageRecord, ...]]] | None:

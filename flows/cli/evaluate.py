@@ -85,7 +85,7 @@ def _write_evaluation(
     from glint.storage.export.image_files import write_png
     from glint.tasks.engine.references import load_catalogue
     from glint.tasks.evaluation import evaluate_run, report
-    from glint.tasks.figures.evaluation_sheet import evaluation_sheet, reliability_diagram
+    from glint.tasks.evaluation.evaluation_sheet import evaluation_sheet, reliability_diagram
 
     def message(capture: str, text: str) -> None:
         console.emit(Message(text, capture))

@@ -24,8 +24,8 @@ from glint.storage.locking.locks import run_lock
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import chosen_captures, load_catalogue
 from glint.tasks.engine.stage import StageRecord
+from glint.tasks.model.model import wants_model
 from glint.tasks.publish import publish
-from glint.tasks.stages.model import wants_model
 from glint.tasks.up_to_date import up_to_date_records
 from glint.tasks.version_diff import Drift, drifts
 

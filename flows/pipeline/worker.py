@@ -15,8 +15,8 @@ from glint.flows.reporting.events import (
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import StageRecord, perform
 from glint.tasks.memory import largest_need
+from glint.tasks.model.model import perform_model
 from glint.tasks.pipeline import BY_NAME
-from glint.tasks.stages.model import perform_model
 
 PROGRESS_SECONDS = 0.5
 """Interval at which a worker reports a stage's progress."""

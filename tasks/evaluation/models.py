@@ -19,8 +19,8 @@ from glint.tasks.algorithms.multiview.poisson import align_depth, merge_depth_ma
 from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.multiview.visual_hull import hull_model
 from glint.tasks.engine.capture_context import CaptureContext
-from glint.tasks.stages.model import STAGE
-from glint.tasks.stages.view_registration import view_of
+from glint.tasks.model.model import STAGE
+from glint.tasks.model.view_registration import view_of
 
 MODEL_METHODS = ("visual hull", "depths shifted to the hull", "glint")
 MAX_MODEL_BYTES = 2_000_000_000

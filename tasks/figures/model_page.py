@@ -11,7 +11,7 @@ from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.tasks.engine.stage import StageRecord
 from glint.tasks.figures.capture_page import file_lines, picture_page
 from glint.tasks.figures.markdown import plain
-from glint.tasks.stages.model import STAGE
+from glint.tasks.model.model import STAGE
 
 MAX_SHEET_EDGE_PX = 780
 """Longer side of the picture sheet."""

@@ -14,14 +14,14 @@ import numpy as np
 
 from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.tasks.algorithms.multiview.mesh import Model
-from glint.tasks.algorithms.multiview.pose_fit import PoseFit
-from glint.tasks.algorithms.multiview.pose_search import ambiguity, search_angles, search_rotations
 from glint.tasks.algorithms.multiview.reconstruction import coarse_model
 from glint.tasks.algorithms.multiview.view import View, rotation_about_y
+from glint.tasks.algorithms.registration.pose_fit import PoseFit
+from glint.tasks.algorithms.registration.pose_search import ambiguity, search_angles, search_rotations
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import load_catalogue
 from glint.tasks.evaluation.models import load_registered_views
-from glint.tasks.stages.model import STAGE
+from glint.tasks.model.model import STAGE
 
 
 def fits_of(view: View, model: Model, on_turntable: bool) -> list[PoseFit]:

@@ -10,8 +10,8 @@ from glint.tasks.algorithms.evaluation.metrics import Reliability
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.evaluation.ablation import ABLATIONS, ablate
 from glint.tasks.evaluation.captures import Evaluation, evaluate
+from glint.tasks.evaluation.evaluation_sheet import reliability_diagram
 from glint.tasks.evaluation.report import ablation_table
-from glint.tasks.figures.evaluation_sheet import reliability_diagram
 from glint.tasks.pipeline import STAGES
 from tests.tasks.make_context import make_context, perform_all
 

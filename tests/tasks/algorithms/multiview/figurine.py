@@ -9,8 +9,8 @@ import trimesh
 from glint.tasks.algorithms.meshing.implicit import ImplicitFunction, capsule, ellipsoid, surface_nets, union
 from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.raycast import raycast
-from glint.tasks.algorithms.multiview.turntable import Turntable
 from glint.tasks.algorithms.multiview.view import SilhouetteMask, View
+from glint.tasks.algorithms.registration.turntable import Turntable
 
 FRAME = (96, 96)
 OBSERVABLE_DEG = 45.0

@@ -10,16 +10,16 @@ from scipy.spatial.transform import Rotation
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.evaluation.mesh_metrics import ModelScore, score_model
-from glint.tasks.algorithms.multiview.epipolar_tangency import silhouette_residuals
 from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.normal_fusion import fuse_normals
 from glint.tasks.algorithms.multiview.poisson import merge_depth_maps
 from glint.tasks.algorithms.multiview.raycast import expected_normals, raycast
 from glint.tasks.algorithms.multiview.reconstruction import reconstruct_surface, simplify
-from glint.tasks.algorithms.multiview.registration import refine, register_by_matrices, register_on_turntable
-from glint.tasks.algorithms.multiview.turntable import Turntable, views_on_turntable
 from glint.tasks.algorithms.multiview.view import SilhouetteMask, View
 from glint.tasks.algorithms.multiview.visual_hull import hull_field, hull_model
+from glint.tasks.algorithms.registration.epipolar_tangency import silhouette_residuals
+from glint.tasks.algorithms.registration.registered_views import refine, register_by_matrices, register_on_turntable
+from glint.tasks.algorithms.registration.turntable import Turntable, views_on_turntable
 from tests.tasks.algorithms.multiview.figurine import FRAME, body, full_view, true_model, views_of
 
 ANGLES = np.arange(0.0, 360.0, 45.0)

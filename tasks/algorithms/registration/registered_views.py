@@ -10,12 +10,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.multiview.epipolar_tangency import silhouette_residuals
 from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.normal_fusion import fuse_normals
-from glint.tasks.algorithms.multiview.pose_fit import PoseFit
-from glint.tasks.algorithms.multiview.pose_search import ambiguity, refine_pose, search_angles, search_rotations
-from glint.tasks.algorithms.multiview.turntable import (
+from glint.tasks.algorithms.multiview.view import View
+from glint.tasks.algorithms.registration.epipolar_tangency import silhouette_residuals
+from glint.tasks.algorithms.registration.pose_fit import PoseFit
+from glint.tasks.algorithms.registration.pose_search import ambiguity, refine_pose, search_angles, search_rotations
+from glint.tasks.algorithms.registration.turntable import (
     ANGLE_ERROR_DEG,
     Turntable,
     calibrate_axis,
@@ -24,8 +25,7 @@ from glint.tasks.algorithms.multiview.turntable import (
     turntable_consistency,
     views_on_turntable,
 )
-from glint.tasks.algorithms.multiview.view import View
-from glint.tasks.algorithms.multiview.view_rejection import MAX_RESIDUAL_PX, RejectedView, reject_inconsistent
+from glint.tasks.algorithms.registration.view_rejection import MAX_RESIDUAL_PX, RejectedView, reject_inconsistent
 
 SEARCHED_ANGLE_ERROR_DEG = 10.0
 """Standard deviation in degrees of a turntable angle that was searched on a coarse model."""

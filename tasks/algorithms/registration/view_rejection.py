@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from glint.tasks.algorithms.multiview.epipolar_tangency import silhouette_residuals
-from glint.tasks.algorithms.multiview.turntable import Turntable, views_on_turntable
 from glint.tasks.algorithms.multiview.view import View
+from glint.tasks.algorithms.registration.epipolar_tangency import silhouette_residuals
+from glint.tasks.algorithms.registration.turntable import Turntable, views_on_turntable
 
 MAX_RESIDUAL_PX = 1.0
 """Largest mean silhouette residual in pixels of a view that agrees with the others."""

@@ -17,10 +17,10 @@ from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import load_catalogue
 from glint.tasks.engine.stage import perform, stage_keys
 from glint.tasks.evaluation.models import evaluate_model
+from glint.tasks.model.model import model, model_key, perform_model, wants_model
 from glint.tasks.pipeline import STAGES
 from glint.tasks.publish import publish
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
-from glint.tasks.stages.model import model, model_key, perform_model, wants_model
 from glint.tasks.up_to_date import up_to_date_records
 
 VIEWS = 6

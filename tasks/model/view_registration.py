@@ -8,13 +8,13 @@ from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.raycast import expected_normals
 from glint.tasks.algorithms.multiview.reconstruction import coarse_model
-from glint.tasks.algorithms.multiview.registration import (
+from glint.tasks.algorithms.multiview.view import SilhouetteMask, View
+from glint.tasks.algorithms.registration.registered_views import (
     RegisteredViews,
     register_by_matrices,
     register_on_turntable,
     register_unposed,
 )
-from glint.tasks.algorithms.multiview.view import SilhouetteMask, View
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.clusters import load_clusters

@@ -10,14 +10,14 @@ from scipy.spatial.transform import Rotation
 from glint.tasks.algorithms.meshing.implicit import ellipsoid, surface_nets
 from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.reconstruction import coarse_model
-from glint.tasks.algorithms.multiview.registration import (
+from glint.tasks.algorithms.multiview.view import View
+from glint.tasks.algorithms.registration.registered_views import (
     refine,
     register_by_matrices,
     register_on_turntable,
     register_unposed,
 )
-from glint.tasks.algorithms.multiview.turntable import Turntable
-from glint.tasks.algorithms.multiview.view import View
+from glint.tasks.algorithms.registration.turntable import Turntable
 from tests.tasks.algorithms.multiview.figurine import body, views_at, views_of
 
 ANGLES = np.arange(0.0, 360.0, 45.0)

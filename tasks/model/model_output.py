@@ -12,8 +12,8 @@ from glint.storage.export.image_files import encode_png
 from glint.storage.versions.stage_results import StoredFile
 from glint.tasks.algorithms.meshing.depth_mesh import Surface, glb_bytes, ply_bytes
 from glint.tasks.algorithms.multiview.mesh import Model
-from glint.tasks.algorithms.multiview.registration import RegisteredViews
-from glint.tasks.algorithms.multiview.view_rejection import RejectedView
+from glint.tasks.algorithms.registration.registered_views import RegisteredViews
+from glint.tasks.algorithms.registration.view_rejection import RejectedView
 from glint.tasks.engine.stage import StageOutput
 from glint.tasks.figures.model_sheet import model_sheet
 from glint.tasks.stages.surface import METRES_PER_MM

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from glint.tasks.algorithms.multiview.mesh import Model
-from glint.tasks.algorithms.multiview.pose_fit import SILHOUETTE_PIXELS, PoseFit, PoseFitter
 from glint.tasks.algorithms.multiview.view import View, silhouette_pixels
+from glint.tasks.algorithms.registration.pose_fit import SILHOUETTE_PIXELS, PoseFit, PoseFitter
 
 N_VIEW_DIRECTIONS, N_IMAGE_ROTATIONS = 1500, 72
 """Directions of the camera, evenly over the sphere, and rotations in the image for each, that are ranked."""

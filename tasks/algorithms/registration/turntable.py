@@ -15,11 +15,11 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from scipy.special import expit
 
-from glint.tasks.algorithms.multiview.epipolar_tangency import SilhouetteRays, trace_silhouette_rays
-from glint.tasks.algorithms.multiview.normal_consistency import NormalConsistency, normal_consistency
 from glint.tasks.algorithms.multiview.normal_fusion import FusedNormals
 from glint.tasks.algorithms.multiview.view import View, rotation_about_y
 from glint.tasks.algorithms.multiview.visual_hull import bounding_sphere
+from glint.tasks.algorithms.registration.epipolar_tangency import SilhouetteRays, trace_silhouette_rays
+from glint.tasks.algorithms.registration.normal_consistency import NormalConsistency, normal_consistency
 
 CALIBRATION_RAYS = 120
 """Rays per silhouette in the calibration: enough to average out the staircase of the pixels."""

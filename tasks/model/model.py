@@ -12,12 +12,12 @@ from glint.tasks.algorithms.multiview.reconstruction import (
     reconstruct_surface,
     simplify,
 )
-from glint.tasks.algorithms.multiview.registration import refine
-from glint.tasks.algorithms.multiview.view_rejection import RejectedView
+from glint.tasks.algorithms.registration.registered_views import refine
+from glint.tasks.algorithms.registration.view_rejection import RejectedView
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import Progress, StageOutput, StageRecord, load_or_compute, no_progress
-from glint.tasks.stages.model_output import model_outcome
-from glint.tasks.stages.view_registration import register_views, relabelled, unit_of_model
+from glint.tasks.model.model_output import model_outcome
+from glint.tasks.model.view_registration import register_views, relabelled, unit_of_model
 
 STAGE, VERSION = "model", 3
 
