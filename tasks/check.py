@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from glint.storage.footage.source import open_footage
 from glint.storage.frames.cache import FrameCache
+from glint.tasks.algorithms.frames.keyframes import keyframes
 from glint.tasks.algorithms.geometry.perspective import half_vectors_on_axis, rotate_from_view
 from glint.tasks.algorithms.lighting.coverage import is_observable
 from glint.tasks.algorithms.prior.silhouette import initial_normals
@@ -63,8 +65,15 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
     if view is not None:
         expected = half_vectors_on_axis(rotate_from_view(expected, view), view)
     could = is_observable(expected[mask], half_vectors, MAX_HIGHLIGHT_ANGLE_DEG)
-    video = context.file("frames")
-    assert video is not None
+    pictures = write_check_pictures(
+        _first_frame(context),
+        geometry.region,
+        geometry.spheres,
+        mask,
+        half_vectors,
+        {frame: cache.read(OBJECT, slice(frame, frame + 1))[0] for frame in keyframes(half_vectors, lit)},
+        out,
+    )
     return Check(
         name=context.name,
         frames=cache.frames,
@@ -73,7 +82,7 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
         observed=float(observed[mask].mean()),
         spheres=tuple(f"x {sphere.x:.1f}, y {sphere.y:.1f}, radius {sphere.radius:.1f}" for sphere in geometry.spheres),
         warnings=tuple(warning for record in records for warning in record.warnings),
-        pictures=write_check_pictures(video, geometry, cache, mask, half_vectors, lit, out),
+        pictures=pictures,
         seconds=sum(record.seconds for record in records),
     )
 
@@ -93,3 +102,10 @@ def _lit(
         lit[start : start + FRAMES_READ] = above.sum(axis=(1, 2))
         progress("highlights", min(start + FRAMES_READ, cache.frames), cache.frames)
     return observed, lit
+
+
+def _first_frame(context: CaptureContext) -> np.ndarray:
+    video = context.file("frames")
+    assert video is not None
+    with open_footage(video) as footage:
+        return next(iter(footage.frames()))

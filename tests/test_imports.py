@@ -16,6 +16,27 @@ MAY_IMPORT = {
     "glint.tasks.algorithms": {"glint.tasks.algorithms"},
     "glint.storage": {"glint.storage"},
 }
+ORDER = {
+    "glint.flows": "cli deployments pipeline reporting runtime results errors",
+    "glint.storage": "inbox maintenance export versions locking frames inputs catalogue footage locations fsync errors",
+    "glint.tasks": (
+        "check memory up_to_date publish warm_up evaluation simulation pipeline model stages figures engine"
+        " version_diff code_provenance"
+    ),
+    "glint.tasks.algorithms": (
+        "simulation evaluation registration multiview labelling frames prior meshing candidates integration lighting"
+        " geometry errors"
+    ),
+}
+"""The rooms of a layer in descending order: a room imports only those after it."""
+CROWDED = {
+    "flows/cli": "one module for each command",
+    "tasks/stages": "one module for each stage",
+}
+"""Folders of more than MAX_MODULES modules, and why."""
+MAX_MODULES, MAX_LINES = 12, 250
+LONG: dict[str, str] = {}
+"""Modules of more than MAX_LINES lines, and why."""
 NOT_IN_ALGORITHMS = {
     "prefect",
     "dask",
@@ -93,12 +114,62 @@ def test_imports_run_one_way(name: str, path: Path) -> None:
     assert violations(name, path.read_text(encoding="utf-8"), package) == []
 
 
+def room_of(name: str) -> tuple[str, str] | None:
+    """The layer and the room (sub-package or module) of a dotted name."""
+    layer = layer_of(name)
+    if layer is None or name == layer:
+        return None
+    return layer, name[len(layer) + 1 :].split(".")[0]
+
+
+def climbs(name: str, source: str, package: str) -> list[str]:
+    """Imports of a room that stands above the module's own."""
+    home = room_of(name)
+    found = []
+    for target in imported(ast.parse(source), package):
+        room = room_of(target)
+        if home and room and home[0] == room[0] and home[1] != room[1]:
+            rooms = ORDER[home[0]].split()
+            if rooms.index(room[1]) < rooms.index(home[1]):
+                found.append(f"{name} imports {target}")
+    return found
+
+
+@pytest.mark.parametrize(("name", "path"), list(modules()), ids=[name for name, _ in modules()])
+def test_rooms_stand_in_descending_order(name: str, path: Path) -> None:
+    package = name if path.name == "__init__.py" else name.rpartition(".")[0]
+    assert climbs(name, path.read_text(encoding="utf-8"), package) == []
+
+
+def test_every_room_has_its_place_in_the_order() -> None:
+    for layer, rooms in ORDER.items():
+        folder = ROOT.joinpath(*layer.split(".")[1:])
+        there = {path.name for path in folder.iterdir() if path.is_dir() and (path / "__init__.py").exists()}
+        there |= {path.stem for path in folder.glob("*.py")} - {"__init__"}
+        assert there - {"algorithms"} == set(rooms.split()), layer
+
+
+def test_a_climbing_import_is_found() -> None:
+    assert climbs("glint.flows.runtime.x", "from glint.flows.pipeline import run", "glint.flows.runtime")
+    assert not climbs("glint.flows.pipeline.x", "from glint.flows.runtime import signals", "glint.flows.pipeline")
+
+
+def test_no_room_is_crowded_and_no_module_long() -> None:
+    folders: dict[str, int] = {}
+    for _, path in modules():
+        place = path.relative_to(ROOT)
+        folders[place.parent.as_posix()] = folders.get(place.parent.as_posix(), 0) + (place.name != "__init__.py")
+        lines = len(path.read_text(encoding="utf-8").splitlines())
+        assert lines <= MAX_LINES or place.as_posix() in LONG, f"{place} has {lines} lines"
+    assert {folder for folder, count in folders.items() if count > MAX_MODULES} <= set(CROWDED)
+
+
 @pytest.mark.parametrize(
     ("name", "source"),
     [
         ("glint.tasks.algorithms.x", "from glint.storage import frames"),
-        ("glint.tasks.algorithms.x", "from glint.tasks.workspace import CaptureContext"),
-        ("glint.tasks.algorithms.x", "import glint.tasks.workspace"),
+        ("glint.tasks.algorithms.x", "from glint.tasks.engine.capture_context import CaptureContext"),
+        ("glint.tasks.algorithms.x", "import glint.tasks.engine.capture_context"),
         ("glint.tasks.algorithms.x", "def f():\n    import zarr"),
         ("glint.storage.x", "from glint.tasks.algorithms.errors import UnusableCapture"),
         ("glint.storage.x", "import glint.flows.server"),

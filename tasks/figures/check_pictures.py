@@ -1,43 +1,41 @@
 """Pictures of a check: the frame with what was located in it, the coverage of the lights, the keyframes."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from glint.storage.catalogue.loading import Region
 from glint.storage.export.image_files import write_png
-from glint.storage.footage.source import open_footage
-from glint.storage.frames.cache import FrameCache
-from glint.tasks.algorithms.frames.keyframes import keyframes
 from glint.tasks.algorithms.lighting.coverage import coverage
+from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.figures.coverage_map import draw_coverage
 from glint.tasks.figures.keyframe_picture import draw_keyframe
-from glint.tasks.stages.capture_geometry import OBJECT, CaptureGeometry
 
 REGION_RGB, MASK_RGB, SPHERE_RGB = (255, 190, 60), (80, 220, 120), (90, 160, 255)
 
 
 def write_check_pictures(
-    video: str,
-    geometry: CaptureGeometry,
-    cache: FrameCache,
+    first_frame: np.ndarray,
+    region: Region,
+    spheres: Sequence[Sphere],
     mask: np.ndarray,
     half_vectors: np.ndarray,
-    lit: np.ndarray,
+    keyframe_pictures: Mapping[int, np.ndarray],
     out: Path,
 ) -> tuple[Path, ...]:
     """Write coverage.png, overview.png and keyframe_<frame>.png to a folder; return their paths.
 
-    mask (H, W) of the region; half_vectors (T, 3); lit: pixels (T,) above their threshold in each frame.
+    first_frame: of the video, whole; mask (H, W) of the region; half_vectors (T, 3); keyframe_pictures: frames (H, W)
+    of the region by number.
     """
     out.mkdir(parents=True, exist_ok=True)
-    region = geometry.region
     pictures = {
         "coverage": draw_coverage(coverage(half_vectors), half_vectors),
-        "overview": draw_overview(_first_frame(video), geometry, mask),
+        "overview": draw_overview(first_frame, region, spheres, mask),
     }
-    for frame in keyframes(half_vectors, lit):
-        picture = cache.read(OBJECT, slice(frame, frame + 1))[0]
+    for frame, picture in keyframe_pictures.items():
         pictures[f"keyframe_{frame:06d}"] = draw_keyframe(picture, frame, region.x, region.y)
     paths = []
     for name, picture in pictures.items():
@@ -46,22 +44,16 @@ def write_check_pictures(
     return tuple(paths)
 
 
-def draw_overview(frame: np.ndarray, geometry: CaptureGeometry, mask: np.ndarray) -> np.ndarray:
+def draw_overview(frame: np.ndarray, region: Region, spheres: Sequence[Sphere], mask: np.ndarray) -> np.ndarray:
     """Draw region, silhouette and spheres into a frame (H, W) uint8 or uint16; the picture (H, W, 3) uint8."""
     grey = frame if frame.dtype == np.uint8 else (frame // 257).astype(np.uint8)
     picture = cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB)
-    region = geometry.region
     corner = (region.x + region.width - 1, region.y + region.height - 1)
     cv2.rectangle(picture, (region.x, region.y), corner, REGION_RGB, 1)
     contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
     cv2.drawContours(picture, contours, -1, MASK_RGB, 1, offset=(region.x, region.y))
-    for sphere in geometry.spheres:
+    for sphere in spheres:
         centre = round(sphere.x), round(sphere.y)
         cv2.circle(picture, centre, round(sphere.radius), SPHERE_RGB, 1, cv2.LINE_AA)
         cv2.drawMarker(picture, centre, SPHERE_RGB, cv2.MARKER_CROSS, 8, 1)
     return picture
-
-
-def _first_frame(video: str) -> np.ndarray:
-    with open_footage(video) as footage:
-        return next(iter(footage.frames()))

@@ -6,12 +6,12 @@ from typing import Any
 import cv2
 import numpy as np
 
+from glint.storage.catalogue.models import MODEL
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.tasks.engine.stage import StageRecord
 from glint.tasks.figures.capture_page import file_lines, picture_page
 from glint.tasks.figures.markdown import plain
-from glint.tasks.model.model import STAGE
 
 MAX_SHEET_EDGE_PX = 780
 """Longer side of the picture sheet."""
@@ -19,7 +19,7 @@ MAX_SHEET_EDGE_PX = 780
 
 def model_page(repository: ObjectRepository, name: str, records: Sequence[StageRecord]) -> str:
     """Return the page of the model (OBJECT/model) that an object has stored."""
-    stored = repository.load(WHOLE_OBJECT, STAGE)
+    stored = repository.load(WHOLE_OBJECT, MODEL)
     data = stored.read_file("model.png")
     sheet = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB))
     files = file_lines(repository.location, repository.object_id, stored.files)

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from glint.storage.blobs import store as blobs
 
 from glint.storage.frames.eviction import CachedFrames, cached_frames, mark_used, over_budget
 from glint.storage.locations.location import Location
@@ -15,27 +14,34 @@ from glint.storage.locking.locks import run_lock
 from glint.storage.maintenance.disk_space import Room
 from glint.storage.maintenance.maintain import Cleaning, Maintenance, format_size, maintain, parse_size
 from glint.storage.versions.repository import ObjectRepository
+from glint.storage.versions.stage_results import StoredFile
 
 NOW = timedelta(0)
 STAGES = ("surface",)
 
 
-def save(location: Location, data: bytes, key: str, object_id: str = "glass") -> blobs.BlobReference:
-    """Save a stage that names a blob."""
+def save(location: Location, data: bytes, key: str, object_id: str = "glass") -> None:
+    """Save a stage with an array and a file."""
     repository = ObjectRepository.open(location, object_id)
-    reference = blobs.put(location, data, "model/ply")
     arrays = {"depth": np.arange(6.0).reshape(2, 3)}
-    repository.save("front", "surface", key, arrays, {"counts": {}, "warnings": []}, {"surface.ply": reference})
-    return reference
+    files = {"surface.ply": StoredFile(data, "model/ply")}
+    repository.save("front", "surface", key, arrays, {"counts": {}, "warnings": []}, files)
 
 
-def versions(location: Location, count: int) -> list[blobs.BlobReference]:
-    """So many versions, each with a blob of its own."""
-    references = []
+def versions(location: Location, count: int) -> None:
+    """Publish so many versions, each with a file of its own."""
     for number in range(count):
-        references.append(save(location, b"mesh %d" % number, f"key-{number}"))
+        save(location, mesh(number), f"key-{number}")
         ObjectRepository.open(location, "glass").publish(["front"], {}, STAGES)
-    return references
+
+
+def mesh(number: int) -> bytes:
+    """Return the file of a version: incompressible, and large enough for a chunk of its own."""
+    return np.random.default_rng(number).bytes(5000)
+
+
+def chunks(folder: Path) -> int:
+    return len(list((folder / "objects" / "glass" / "repo" / "chunks").iterdir()))
 
 
 def part(done: Maintenance, target: str) -> Cleaning:
@@ -53,32 +59,34 @@ def frames(location: Location, digest: str, size: int, age: timedelta) -> None:
         os.utime(path, (then, then))
 
 
-def test_what_a_version_names_stays(tmp_path: Path) -> None:
+def test_what_a_version_holds_stays(tmp_path: Path) -> None:
     location = Location.parse(tmp_path)
-    references = versions(location, 3)
-    orphan = blobs.put(location, b"nobody names this", "image/png")
-    dry = maintain(location, True, None, NOW, None)
-    assert part(dry, "blobs") == Cleaning("blobs", 1, orphan.size) and blobs.exists(location, orphan)
+    versions(location, 3)
+    save(location, mesh(9), "unpublished")
+    save(location, mesh(2), "key-2")
+    assert chunks(tmp_path) == 5
+    maintain(location, True, None, NOW, None)
+    assert chunks(tmp_path) == 5
     done = maintain(location, False, None, NOW, None)
-    assert part(done, "blobs") == part(dry, "blobs") and not blobs.exists(location, orphan)
+    assert part(done, "glass").bytes > 0 and chunks(tmp_path) == 4
     repository = ObjectRepository.open(location, "glass", create=False)
-    for number, reference in enumerate(references, 1):
-        found = repository.load("front", "surface", f"v{number}")
-        assert found.blobs["surface.ply"] == reference and found.read("depth").shape == (2, 3)
-        assert blobs.get(location, reference) == b"mesh %d" % (number - 1)
+    for number in range(3):
+        result = repository.load("front", "surface", f"v{number + 1}")
+        assert result.read_file("surface.ply") == mesh(number) and result.read("depth").shape == (2, 3)
 
 
 def test_only_what_is_old_goes(tmp_path: Path) -> None:
     location = Location.parse(tmp_path)
     versions(location, 1)
-    orphan = blobs.put(location, b"just stored, named in a moment", "image/png")
-    assert part(maintain(location, False, None, timedelta(hours=1), None), "blobs").objects == 0
-    assert blobs.exists(location, orphan)
+    save(location, mesh(1), "key-1")
+    save(location, mesh(2), "key-2")
+    assert part(maintain(location, False, None, timedelta(hours=1), None), "glass").objects == 0
+    assert chunks(tmp_path) == 3
 
 
 def test_versions_are_given_up_only_when_asked(tmp_path: Path) -> None:
     location = Location.parse(tmp_path)
-    references = versions(location, 4)
+    versions(location, 4)
     dry = maintain(location, True, 2, NOW, None)
     assert part(dry, "glass").note == "would remove v1, v2"
     repository = ObjectRepository.open(location, "glass", create=False)
@@ -86,9 +94,9 @@ def test_versions_are_given_up_only_when_asked(tmp_path: Path) -> None:
     done = maintain(location, False, 2, NOW, None)
     assert part(done, "glass").note == "removed v1, v2" and part(done, "glass").bytes > 0
     assert repository.version_names() == ["v3", "v4"]
-    assert [blobs.exists(location, each) for each in references] == [False, False, True, True]
+    assert chunks(tmp_path) == 2
     assert repository.load("front", "surface", "v3").read("depth").shape == (2, 3)
-    save(location, b"mesh 4", "key-4")
+    save(location, mesh(4), "key-4")
     assert ObjectRepository.open(location, "glass").publish(["front"], {}, STAGES).name == "v5"
 
 
@@ -98,10 +106,9 @@ def test_what_a_run_holds_is_left_alone(tmp_path: Path) -> None:
     frames(location, "a" * 64, 1000, timedelta(days=3))
     repository = ObjectRepository.open(location, "glass")
     repository.save("front", "frames", "key", {}, {"cache": "a" * 64, "counts": {}, "warnings": []})
-    orphan = blobs.put(location, b"the run will name this", "image/png")
     with run_lock(location, "glass", "night"):
         done = maintain(location, False, 1, NOW, 0)
-    assert repository.version_names() == ["v1", "v2", "v3"] and blobs.exists(location, orphan)
+    assert repository.version_names() == ["v1", "v2", "v3"] and chunks(tmp_path) == 3
     assert (tmp_path / "frames" / ("a" * 64) / "zarr.json").exists()
     assert "being run" in part(done, "glass").note and "in use" in part(done, "frames").note
     assert part(maintain(location, False, None, NOW, 0), "frames").objects == 1
@@ -130,10 +137,8 @@ def test_links_in_a_store_lead_nothing_out_of_it_to_its_end(tmp_path: Path) -> N
     os.utime(outside / "zarr.json", (0, 0))
     (tmp_path / "store" / "frames" / ("b" * 64)).symlink_to(outside)
     (tmp_path / "store" / "frames" / ("a" * 64) / "object" / "link").symlink_to(outside)
-    (tmp_path / "store" / "blobs" / "sha256").mkdir(parents=True)
-    (tmp_path / "store" / "blobs" / "sha256" / "ab").symlink_to(outside)
     done = maintain(location, False, None, NOW, 0)
-    assert part(done, "frames").objects == 1 and part(done, "blobs").objects == 0
+    assert part(done, "frames").objects == 1
     assert sorted(each.name for each in outside.iterdir()) == ["precious", "zarr.json"]
 
 
@@ -145,15 +150,14 @@ def test_frames_that_were_used_just_now_stay_whatever_the_budget() -> None:
     assert over_budget([old, fresh], 20, (), now) == []
 
 
-def test_an_object_that_cannot_be_read_stops_neither_the_rest_nor_loses_blobs(tmp_path: Path) -> None:
+def test_an_object_that_cannot_be_read_does_not_stop_the_rest(tmp_path: Path) -> None:
     location = Location.parse(tmp_path)
     versions(location, 1)
-    reference = save(location, b"of the broken one", "key", "broken")
+    save(location, b"of the broken one", "key", "broken")
     for snapshot in (tmp_path / "objects" / "broken" / "repo" / "snapshots").iterdir():
         snapshot.write_bytes(b"damaged")
     done = maintain(location, False, None, NOW, None)
     assert part(done, "broken").failed and not part(done, "glass").failed
-    assert "left alone" in part(done, "blobs").note and blobs.exists(location, reference)
 
 
 @pytest.mark.parametrize(("text", "size"), [("500MB", 5 * 10**8), ("1.5 tb", 15 * 10**11), ("0", 0)])
@@ -167,13 +171,13 @@ def test_invalid_sizes(text: str) -> None:
         parse_size(text)
 
 
-@pytest.mark.parametrize(("size", "text"), [(0, "0.0 MB"), (1_500_000_000, "1.5 GB"), (2 * 10**12, "2.0 TB")])
-def test_sizes_are_formatted_as_they_are_parsed(size: int, text: str) -> None:
-    assert format_size(size) == text and parse_size(text) == size
-
-
 def test_the_disk_is_called_low_before_it_is_full() -> None:
     assert Room(10, 100, 2).warning(5) == ""
     assert "room for about 5" in Room(10, 100, 2).warning(6)
     assert "are free" in Room(9, 100, None).warning(0)
     assert Room(50, 100, None).warning(1000) == ""
+
+
+@pytest.mark.parametrize(("size", "text"), [(0, "0.0 MB"), (1_500_000_000, "1.5 GB"), (2 * 10**12, "2.0 TB")])
+def test_sizes_are_formatted_as_they_are_parsed(size: int, text: str) -> None:
+    assert format_size(size) == text and parse_size(text) == size
