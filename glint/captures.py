@@ -135,7 +135,11 @@ class StoredCapture:
         arrays = {name: self._array(name) for name in names if name in used}
         arrays["observed"] = self.observed if "observations" in names else np.zeros_like(self.mask)
         version = self._version
-        about = {"name": version.name, "snapshot": version.snapshot, "time": version.time.isoformat(timespec="seconds")}
+        about: dict[str, Any] = {
+            "name": version.name,
+            "snapshot": version.snapshot,
+            "time": version.time.isoformat(timespec="seconds"),
+        }
         about |= {"metadata": version.metadata}
         return capture_report(self._repository.object_id, self.id, about, stages, arrays)
 
