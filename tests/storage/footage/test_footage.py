@@ -291,7 +291,7 @@ def test_the_turn_that_a_camera_notes_is_heeded(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("other", "says"),
+    ("odd_image", "says"),
     [
         (np.zeros((48, 63), np.uint8), "63 x 48, the first image 64 x 48"),
         (np.zeros((48, 64), np.uint16), "16 bits, the first image 8"),
