@@ -4,13 +4,18 @@ A table stands between `<!-- generated: NAME -->` and `<!-- end -->`. `python -m
 them in place; tests/test_docs.py compares. Columns that people write (the meaning of a parameter) are kept.
 """
 
+import ast
+import inspect
 import json
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
+from textwrap import dedent
 from typing import Any
 
 from glint.storage.versions.array_schema import ArraySchema
+from glint.tasks.algorithms.simulation.options import CaptureOptions
 from glint.tasks.engine.parameters import FORMER_NAMES, Parameters
 from glint.tasks.pipeline import STAGES
 
@@ -214,6 +219,19 @@ def sweep_length(_: str) -> str:
     return table(("frames", "observed", "squared error", "within 5°", "confident"), rows)
 
 
+def simulation_options(_: str) -> str:
+    """Return the table of the options of `glint simulate`, explained by their docstrings."""
+    (tree,) = ast.parse(dedent(inspect.getsource(CaptureOptions))).body
+    assert isinstance(tree, ast.ClassDef)
+    rows = []
+    for field, text in pairwise(tree.body):
+        if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr) and field.value is not None:
+            assert isinstance(field.target, ast.Name)
+            assert isinstance(text.value, ast.Constant)
+            rows.append((field.target.id, ast.unparse(field.value).lower(), " ".join(str(text.value.value).split())))
+    return table(("option", "default", "meaning"), rows)
+
+
 def pair_text(pair: Sequence[float], digits: int) -> str:
     """Return two errors as they stand in tables."""
     return " / ".join(f"{value:.{digits}f}" for value in pair)
@@ -246,6 +264,7 @@ TABLES: Mapping[str, Callable[[str], str]] = {
     "degraded": degraded,
     "labelling": labelling,
     "sweep-length": sweep_length,
+    "simulation-options": simulation_options,
 }
 """Functions by the name of their block, given the table that stands there."""
 
