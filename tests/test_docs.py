@@ -222,7 +222,7 @@ def test_named_modules_exist() -> None:
     roots = [ROOT, *(ROOT / folder for folder in PRODUCT), ROOT / "tasks" / "algorithms"]
     folders = {path.name for root in roots for path in root.iterdir() if path.is_dir()}
     for path in DOCUMENTS:
-        for reference in re.findall(r"`((?:[a-z_]+/)+[a-z0-9_.]+)`", text_of(path)):
+        for reference in re.findall(r"`((?:[a-z_]+/)+[a-z0-9_][a-z0-9_.]*)`", text_of(path)):
             if reference.partition("/")[0] in folders:
                 candidates = [root / f"{reference}{suffix}" for root in roots for suffix in ("", ".py")]
                 assert any(candidate.exists() for candidate in candidates), f"{path.name}: there is no {reference}"
