@@ -1,7 +1,7 @@
-"""What running refuses before it starts: every error names the offending value and the remedy."""
+"""Errors of a run: each names the offending value and the remedy."""
 
 from glint.storage.errors import StorageError
-from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.engine.errors import UnusableCapture
 
 
 class RunningError(Exception):
@@ -13,7 +13,7 @@ class RunningError(Exception):
         self.remedy = remedy
 
     def __reduce__(self) -> tuple[type["RunningError"], tuple[str, str]]:
-        """Survive the journey back from a worker process with both texts."""
+        """Pickle both texts, so that a worker process can raise the error."""
         return type(self), (self.message, self.remedy)
 
 
@@ -25,8 +25,15 @@ class ClusterError(RunningError):
     """The Dask cluster does not answer, could not be started, or is too small for the work."""
 
 
-REFUSALS = (StorageError, UnusableCapture, RunningError)
-"""Errors that say what is wrong and what to do; any other is a defect, and its trace is logged."""
+USER_ERRORS = (StorageError, UnusableCapture, RunningError)
+"""Errors that name their remedy; any other is an internal error, whose traceback is logged."""
 
-DEFECT = "this is a defect of Glint; its trace is in the run's log"
-"""The remedy for what nobody foresaw."""
+INTERNAL_ERROR = "internal error; see the traceback in the run's log and report it"
+"""The remedy for any other error."""
+
+
+def message_and_remedy(error: Exception) -> tuple[str, str]:
+    """Return what is wrong and what to do about it."""
+    if isinstance(error, USER_ERRORS):
+        return error.message, error.remedy
+    return f"{type(error).__name__}: {error}", INTERNAL_ERROR

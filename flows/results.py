@@ -13,7 +13,7 @@ from glint.tasks.version_diff import Drift
 
 @dataclass(frozen=True, slots=True)
 class CaptureResult:
-    """How a capture ended: its records, or what is wrong (`error`) and what to do (`remedy`)."""
+    """How a capture ended: its stage records, or what is wrong (`error`) and what to do about it (`remedy`)."""
 
     object_id: str
     capture_id: str
@@ -33,7 +33,7 @@ class CaptureResult:
         return bool(self.records) and all(record.cached for record in self.records)
 
     def count(self, stage: str, name: str) -> float | None:
-        """A count that a stage recorded."""
+        """Return a count that a stage recorded, None if it has none of that name."""
         return next((record.counts.get(name) for record in self.records if record.stage == stage), None)
 
     @property
@@ -44,8 +44,8 @@ class CaptureResult:
 
 @dataclass(frozen=True, slots=True)
 class ObjectResult:
-    """How an object ended: its captures, the version that holds what succeeded (None: nothing did), and what moved
-    further against the version before than the run allows."""
+    """How an object ended: its captures, the version that holds those that succeeded (None: none did), and the changes
+    against the version before that exceed what the run allows."""
 
     object_id: str
     captures: tuple[CaptureResult, ...]
@@ -55,7 +55,7 @@ class ObjectResult:
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """How a run ended; `drift`: the angle in degrees beyond which objects count as moved, None: not looked at."""
+    """How a run ended."""
 
     run: str
     objects: tuple[ObjectResult, ...]
@@ -64,28 +64,40 @@ class RunResult:
     @property
     def captures(self) -> list[CaptureResult]:
         """Captures of all objects."""
-        return [capture for each in self.objects for capture in each.captures]
+        return [capture for result in self.objects for capture in result.captures]
 
     @property
     def failed(self) -> list[CaptureResult]:
         """Captures that gave no result."""
-        return [each for each in self.captures if each.error]
+        return [capture for capture in self.captures if capture.error]
 
     @property
     def drifts(self) -> list[Drift]:
-        """What moved of all objects."""
-        return [drift for each in self.objects for drift in each.drifts]
+        """Changes of all objects that exceed the allowed angle."""
+        return [drift for result in self.objects for drift in result.drifts]
 
 
 def final_state(captures: list[CaptureResult], done: str, result: Any) -> State[Any]:
-    """The state of a flow run that has tried all these captures, with its result.
+    """Return the state of a flow run that has processed all these captures, with its result.
 
-    Done, partially done or failed; the message says how many captures failed, and why the first of them did.
+    Completed, PartiallyCompleted or Failed; the message says how many captures failed, and why the first of them did.
     """
-    failed = [each for each in captures if each.error]
+    failed = [capture for capture in captures if capture.error]
     if not failed:
         return Completed(message=done, data=result)
-    why = f"{failed[0].name}: {failed[0].error} -> {failed[0].remedy}"
-    message = f"{len(failed)} of {len(captures)} captures failed; {why}"
-    name = "Failed" if len(failed) == len(captures) else "PartiallyDone"
+    reason = f"{failed[0].name}: {failed[0].error} -> {failed[0].remedy}"
+    message = f"{len(failed)} of {len(captures)} captures failed; {reason}"
+    name = "Failed" if len(failed) == len(captures) else "PartiallyCompleted"
     return Failed(message=message, name=name, data=result)
+
+
+def result_of(state: State[Any]) -> Any:
+    """Return the result that a flow run left in its final state, whatever that state is.
+
+    Raises:
+        BaseException: what ended the flow run instead of a result.
+    """
+    result = state.result(raise_on_failure=False)
+    if isinstance(result, BaseException):
+        raise result
+    return result

@@ -11,7 +11,7 @@ import typer
 from glint.flows.cli.options import CatalogueFile, Json, Only, Store, chosen_store, print_lines, store_option
 
 if TYPE_CHECKING:
-    from glint.flows.reporting.events import Display
+    from glint.flows.reporting.events import Sink
     from glint.tasks.check import Check
 
 
@@ -23,9 +23,9 @@ def check(
     as_json: Json = False,
 ) -> None:
     """Check captures before the long stages: spheres, lights, coverage, and what to record again."""
-    from glint.flows.errors import REFUSALS
-    from glint.flows.reporting.console import open_display
-    from glint.flows.reporting.events import Event
+    from glint.flows.errors import USER_ERRORS
+    from glint.flows.reporting.console import open_console
+    from glint.flows.reporting.events import CaptureEnded, CaptureFailed
     from glint.storage.locations.location import Location
     from glint.storage.locations.probe import probe
     from glint.tasks.check import check as check_capture
@@ -35,18 +35,18 @@ def check(
     place = Location.parse(chosen_store(store))
     probe(place)
     checks, failed = list["Check"](), 0
-    with open_display(as_json) as display:
+    with open_console(as_json) as console:
         for object_id, capture_id in ((name, capture) for name, captures in chosen.items() for capture in captures):
             reference = CaptureReference(Location.parse(file).uri, object_id, capture_id, place.uri, "check")
             name = str(reference)
             try:
-                result = check_capture(reference.workspace(), out / object_id / capture_id, _progress(display, name))
-            except REFUSALS as error:
+                result = check_capture(reference.workspace(), out / object_id / capture_id, _progress(console, name))
+            except USER_ERRORS as error:
                 failed += 1
-                display.show(Event("failed", name, text=str(error)))
+                console.emit(CaptureFailed(name, str(error)))
             else:
                 checks.append(result)
-                display.show(Event("capture", name, seconds=result.seconds))
+                console.emit(CaptureEnded(name, result.seconds))
     if as_json:
         pictures = [[str(path) for path in result.pictures] for result in checks]
         lines = [asdict(result) | {"pictures": paths} for result, paths in zip(checks, pictures, strict=True)]
@@ -57,15 +57,15 @@ def check(
     sys.exit(1 if failed else 0)
 
 
-def _progress(display: "Display", capture: str) -> Callable[[str, int, int | None], None]:
+def _progress(console: "Sink", capture: str) -> Callable[[str, int, int | None], None]:
     """Return the progress callback (stage, done, total) of a capture."""
-    from glint.flows.reporting.events import Reporter
+    from glint.flows.reporting.events import ProgressThrottle
 
-    reporters: dict[str, Reporter] = {}
+    reporters: dict[str, ProgressThrottle] = {}
 
     def report(stage: str, done: int, total: int | None) -> None:
         if stage not in reporters:
-            reporters[stage] = Reporter(display.show, capture, stage)
+            reporters[stage] = ProgressThrottle(console.emit, capture, stage)
         reporters[stage](done, total)
 
     return report

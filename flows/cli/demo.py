@@ -21,8 +21,8 @@ def demo(
 ) -> None:
     """Simulate a small catalogue, run it, export it, and print where the results are."""
     from glint.flows.pipeline.run import run
-    from glint.flows.reporting.console import open_display
-    from glint.flows.reporting.events import Event
+    from glint.flows.reporting.console import open_console
+    from glint.flows.reporting.events import Message
     from glint.flows.runtime.prefect_server import start_server
 
     start_server()
@@ -31,12 +31,12 @@ def demo(
     from glint.tasks.simulation.simulate import CaptureOptions, simulate
 
     captures, store = folder / "captures", Location.parse(folder / "store")
-    with open_display(as_json) as display:
+    with open_console(as_json) as console:
         for shape in SHAPES:
             if not (captures / shape / "front" / "video.mp4").exists():
-                display.show(Event("message", shape, text=f"simulating a video of {FRAMES:,} frames"))
+                console.emit(Message(f"simulating a video of {FRAMES:,} frames", shape))
                 simulate(shape, captures, CaptureOptions(frames=FRAMES, scale=SCALE))
-        summary = run(captures / "catalogue.yaml", store.uri, display)
+        summary = run(captures / "catalogue.yaml", store.uri, console)
     from glint.flows.cli.tables import run_table, show, summary_json
 
     reports = []

@@ -11,7 +11,7 @@ import typer
 from glint.flows.cli.options import Json, Only
 
 if TYPE_CHECKING:
-    from glint.flows.reporting.events import Display
+    from glint.flows.reporting.events import Sink
     from glint.flows.results import RunResult
 
 QUICK_SCALE, QUICK_FRAMES = 0.5, 500
@@ -46,15 +46,15 @@ def evaluate(
 ) -> None:
     """Measure errors against the ground truth, beside baselines: the paper's Tables 2 and 3."""
     from glint.flows.pipeline.run import run
-    from glint.flows.reporting.console import open_display
+    from glint.flows.reporting.console import open_console
     from glint.storage.locations.location import Location
 
     out.mkdir(parents=True, exist_ok=True)
     address = Location.parse(store or str(out / "store")).uri
-    with open_display(as_json) as display:
-        path = file or _simulated(out, quick, degraded, display)
-        summary = run(path, address, display, only=only or ())
-        table = _write_evaluation(path, address, summary.result, out, ablation, display)
+    with open_console(as_json) as console:
+        path = file or _simulated(out, quick, degraded, console)
+        summary = run(path, address, console, only=only or ())
+        table = _write_evaluation(path, address, summary.result, out, ablation, console)
     if table and as_json:
         captures = json.loads((out / "evaluation.json").read_text(encoding="utf-8"))
         typer.echo(json.dumps({"kind": "evaluation", "captures": captures}))
@@ -66,28 +66,28 @@ def evaluate(
     sys.exit(1 if summary.result.failed else 0)
 
 
-def _simulated(out: Path, quick: bool, degraded: bool, display: "Display") -> Path:
+def _simulated(out: Path, quick: bool, degraded: bool, console: "Sink") -> Path:
     """Simulate the presets, or degraded captures; return the path of their catalogue."""
     from glint.flows.cli.simulate import simulate_degraded, simulate_presets
 
     if degraded:
-        return simulate_degraded(out / "degraded", quick, display)
+        return simulate_degraded(out / "degraded", quick, console)
     if quick:
-        return simulate_presets(out / "quick", QUICK_SCALE, QUICK_FRAMES, display)
-    return simulate_presets(out / "presets", 1.0, None, display)
+        return simulate_presets(out / "quick", QUICK_SCALE, QUICK_FRAMES, console)
+    return simulate_presets(out / "presets", 1.0, None, console)
 
 
 def _write_evaluation(
-    catalogue: str | Path, store: str, result: "RunResult", out: Path, ablation: bool, display: "Display"
+    catalogue: str | Path, store: str, result: "RunResult", out: Path, ablation: bool, console: "Sink"
 ) -> str:
     """Evaluate what succeeded, and write it to the folder; return the table, empty if nothing has a ground truth."""
-    from glint.flows.reporting.events import Event
+    from glint.flows.reporting.events import Message
     from glint.storage.export.image_files import write_png
     from glint.tasks.engine.references import load_catalogue
     from glint.tasks.evaluation import evaluate_run, model_report, report
 
     def message(capture: str, text: str) -> None:
-        display.show(Event("message", capture, text=text))
+        console.emit(Message(text, capture))
 
     done: Sequence[tuple[str, str]] = [(item.object_id, item.capture_id) for item in result.captures if not item.error]
     contexts = evaluate_run.contexts_of(str(catalogue), store, result.run, done)

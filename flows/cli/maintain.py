@@ -37,11 +37,11 @@ def maintain(
     probe(place)
     server = start_server()
     from glint.flows.deployments.maintenance import run_maintenance
-    from glint.flows.pipeline.run import result_of
-    from glint.flows.runtime.orphaned_runs import close_runs_of_the_dead, tagged
+    from glint.flows.results import result_of
+    from glint.flows.runtime.orphaned_runs import mark_orphaned_crashed, tagged_with_process
 
-    with server.connected(), tagged():
-        close_runs_of_the_dead()
+    with server.connected(), tagged_with_process():
+        mark_orphaned_crashed()
         done: Maintenance = result_of(run_maintenance(place.uri, dry_run, keep, older_than, budget, return_state=True))
     if as_json:
         typer.echo(json.dumps({"kind": "maintenance", **asdict(done)}))

@@ -41,12 +41,12 @@ def run(
     What is up to date is skipped, and an interrupted run continues where it stopped.
     """
     from glint.flows.pipeline.run import run as run_all
-    from glint.flows.reporting.console import open_display
+    from glint.flows.reporting.console import open_console
 
     address = chosen_store(store)
-    with open_display(as_json) as display:
+    with open_console(as_json) as console:
         summary = run_all(
-            file, address, display, only=only or [], scheduler=scheduler, workers=workers, rehash=rehash, drift=drift
+            file, address, console, only=only or [], scheduler=scheduler, workers=workers, rehash=rehash, drift=drift
         )
     if as_json:
         from glint.flows.cli.tables import summary_json

@@ -11,7 +11,7 @@ import typer
 from glint.flows.errors import RunningError
 
 if TYPE_CHECKING:
-    from glint.flows.reporting.events import Display
+    from glint.flows.reporting.events import Sink
     from glint.tasks.simulation.simulate import CaptureOptions
 
 DEGRADED_SHAPES = ("hemisphere", "fish", "wine-glass")
@@ -48,30 +48,30 @@ def simulate(
     ] = None,
 ) -> None:
     """Render captures of transparent objects, with their ground truth, into a catalogue for `glint run`."""
-    from glint.flows.reporting.console import open_display
+    from glint.flows.reporting.console import open_console
     from glint.tasks.simulation.simulate import PRESETS, SHAPES
 
     if shape != "all" and shape not in SHAPES:
         raise SimulationError(f"there is no shape {shape!r}", f"name one of {', '.join(SHAPES)}, or all")
     options = _parse_options({"frames": frames, "seed": seed, "views": views, "scale": scale}, settings or ())
-    with open_display() as display:
+    with open_console() as console:
         for name in PRESETS if shape == "all" else (shape,):
-            _simulate(name, out, options, display)
+            _simulate(name, out, options, console)
     typer.echo(f"next: glint run {out / 'catalogue.yaml'}")
 
 
-def simulate_presets(out: Path, scale: float, frames: int | None, display: "Display") -> Path:
+def simulate_presets(out: Path, scale: float, frames: int | None, console: "Sink") -> Path:
     """Simulate the paper's six captures, except those that exist with the same options; return the catalogue's path."""
     from glint.tasks.simulation.simulate import PRESETS, CaptureOptions
 
     options = CaptureOptions(frames=frames, scale=scale)
     for shape in PRESETS:
         if not _exists(out / shape / "front", options):
-            _simulate(shape, out, options, display)
+            _simulate(shape, out, options, console)
     return out / "catalogue.yaml"
 
 
-def simulate_degraded(out: Path, quick: bool, display: "Display") -> Path:
+def simulate_degraded(out: Path, quick: bool, console: "Sink") -> Path:
     """Simulate each shape with each defect, except those that exist; return the path of their common catalogue.
 
     Its objects are named SHAPE-DEFECT.
@@ -85,7 +85,7 @@ def simulate_degraded(out: Path, quick: bool, display: "Display") -> Path:
         options = CaptureOptions(**((DEGRADED_QUICK_OPTIONS if quick else DEGRADED_OPTIONS) | defect_options))
         for shape in DEGRADED_SHAPES:
             if not (folder / shape / "front" / "meta.json").exists():
-                _simulate(shape, folder, options, display, name=f"{shape}-{defect}")
+                _simulate(shape, folder, options, console, name=f"{shape}-{defect}")
         simulated = {item.id: item for item in load(folder / "catalogue.yaml").objects}
         objects += [simulated[shape].model_copy(update={"id": f"{shape}-{defect}"}) for shape in DEGRADED_SHAPES]
     # All defects of a shape stand next to each other.
@@ -117,11 +117,11 @@ def _parse_options(values: Mapping[str, Any], settings: Sequence[str]) -> "Captu
         raise SimulationError(f"{', '.join(settings) or values}: {reason}", "see `glint simulate --help`") from None
 
 
-def _simulate(shape: str, out: Path, options: "CaptureOptions", display: "Display", name: str = "") -> None:
-    from glint.flows.reporting.events import Reporter
+def _simulate(shape: str, out: Path, options: "CaptureOptions", console: "Sink", name: str = "") -> None:
+    from glint.flows.reporting.events import ProgressThrottle
     from glint.tasks.simulation.simulate import simulate as render
 
-    render(shape, out, options, Reporter(display.show, name or shape, "simulate"))
+    render(shape, out, options, ProgressThrottle(console.emit, name or shape, "simulate"))
 
 
 def _exists(folder: Path, options: "CaptureOptions") -> bool:

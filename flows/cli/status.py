@@ -23,10 +23,10 @@ def status(store: Store = None, as_json: Json = False) -> None:
     server = running_server()
     running, failed = list[dict[str, Any]](), list[dict[str, Any]]()
     if server is not None:
-        from glint.flows.runtime.orphaned_runs import close_runs_of_the_dead
+        from glint.flows.runtime.orphaned_runs import mark_orphaned_crashed
 
         with server.reached():
-            close_runs_of_the_dead()
+            mark_orphaned_crashed()
             running, failed = running_rows(), failed_rows()
     if as_json:
         for kind, rows in (("object", objects), ("running", running), ("failed", failed)):
@@ -39,7 +39,8 @@ def status(store: Store = None, as_json: Json = False) -> None:
         show(table_of(running, ""))
     for row in failed:
         typer.echo()
-        typer.secho(f"{row['capture']} failed at {row['ended']}: {row['error']}", fg="red")
+        stage = f" in {row['stage']}" if row["stage"] else ""
+        typer.secho(f"{row['capture']} failed{stage} at {row['ended']}: {row['error']}", fg="red")
     if server is not None:
         typer.echo(f"\ndashboard: {server.ui_url}")
 
@@ -50,7 +51,7 @@ def running_rows() -> list[dict[str, Any]]:
     from prefect.client.schemas.filters import ArtifactFilter, ArtifactFilterTaskRunId
     from prefect.client.schemas.objects import StateType
 
-    states, progress = [StateType.RUNNING], dict[Any, Any]()
+    states, progress, stages = [StateType.RUNNING], dict[Any, Any](), dict[Any, Any]()
     with get_client(sync_client=True) as client:
         rows = [
             {"running": run.name, "type": flow, "stage": "", "progress": "", "since": _time(run.start_time)}
@@ -62,13 +63,16 @@ def running_rows() -> list[dict[str, Any]]:
             chosen = ArtifactFilterTaskRunId(any_=[run.id for run in captures])
             artifacts = client.read_artifacts(artifact_filter=ArtifactFilter(task_run_id=chosen))
             progress = {artifact.task_run_id: artifact for artifact in artifacts if artifact.type == "progress"}
+            stages = _stage_names(client, captures, states)
     for run in captures:
-        artifact = progress.get(run.id)
+        artifact, stage = progress.get(run.id), stages.get(run.id)
+        if artifact is not None and stage not in (None, artifact.description):
+            artifact = None  # of an earlier stage
         rows.append(
             {
                 "running": run.name,
                 "type": "capture",
-                "stage": "" if artifact is None else artifact.description,
+                "stage": stage or ("" if artifact is None else artifact.description),
                 "progress": "" if artifact is None else f"{float(artifact.data):.0f}%",
                 "since": _time(run.start_time),
             }
@@ -77,17 +81,19 @@ def running_rows() -> list[dict[str, Any]]:
 
 
 def failed_rows() -> list[dict[str, Any]]:
-    """Return one row for each capture whose last run did not succeed: end, and error with its remedy."""
+    """Return one row for each capture whose last run did not succeed: end, stage, and error with its remedy."""
     from prefect.client.orchestration import get_client
+    from prefect.client.schemas.objects import StateType
 
     with get_client(sync_client=True) as client:
         latest: dict[str, Any] = {}
         for run in _capture_runs(client, None):
             latest.setdefault(run.name, run)
+        failed = [run for run in latest.values() if run.state and run.state.is_final() and not run.state.is_completed()]
+        stages = _stage_names(client, failed, [StateType.FAILED, StateType.CRASHED])
     return [
-        {"capture": name, "ended": _time(run.end_time), "error": _error(run)}
-        for name, run in latest.items()
-        if run.state is not None and run.state.is_final() and not run.state.is_completed()
+        {"capture": run.name, "ended": _time(run.end_time), "stage": stages.get(run.id, ""), "error": _error(run)}
+        for run in failed
     ]
 
 
@@ -133,6 +139,32 @@ def _capture_runs(client: Any, states: list[Any] | None) -> list[Any]:
         limit=MAX_RUNS,
     )
     return runs
+
+
+def _stage_names(client: Any, captures: list[Any], states: list[Any]) -> dict[Any, str]:
+    """Return the names of the latest stages in these states, by the ids of the runs of these captures."""
+    from prefect.client.schemas.filters import (
+        FlowRunFilter,
+        FlowRunFilterId,
+        TaskRunFilter,
+        TaskRunFilterState,
+        TaskRunFilterStateType,
+    )
+    from prefect.client.schemas.sorting import TaskRunSort
+
+    if not captures:
+        return {}
+    runs = client.read_task_runs(
+        flow_run_filter=FlowRunFilter(id=FlowRunFilterId(any_=list({run.flow_run_id for run in captures}))),
+        task_run_filter=TaskRunFilter(state=TaskRunFilterState(type=TaskRunFilterStateType(any_=states))),
+        sort=TaskRunSort.EXPECTED_START_TIME_DESC,
+        limit=MAX_RUNS,
+    )
+    names: dict[Any, str] = {}
+    for run in runs:
+        for parent in run.task_inputs.get("__parents__", []):
+            names.setdefault(parent.id, run.name)
+    return names
 
 
 def _error(run: Any) -> str:

@@ -9,7 +9,7 @@ from prefect.events.schemas.automations import AutomationCore, EventTrigger, Pos
 from prefect.events.schemas.events import ResourceSpecification
 
 from glint.flows.deployments.maintenance import DISK_EVENT
-from glint.flows.pipeline.drift import EVENT as DRIFT_EVENT
+from glint.flows.pipeline.drift import DRIFT_EVENT
 
 TAG = "glint"
 """Tag of Glint's deployments and their flow runs."""

@@ -6,29 +6,28 @@ from contextlib import contextmanager
 from prefect import get_run_logger, runtime
 from prefect.client.orchestration import get_client
 
-from glint.flows.pipeline.context import share
-from glint.flows.pipeline.run import WARMED
+from glint.flows.pipeline.context import activate
+from glint.flows.pipeline.run import PRELOADED
 from glint.flows.runtime.dask_cluster import Cluster
 from glint.flows.runtime.environment import prepare_environment
-from glint.flows.runtime.orphaned_runs import RUN_TAG, close_runs_of_the_dead, process_tag, tagged
+from glint.flows.runtime.orphaned_runs import RUN_TAG, mark_orphaned_crashed, process_tag, tagged_with_process
 from glint.storage.locations.location import Location
 from glint.storage.locations.probe import probe
 
 
 @contextmanager
-def run_environment(store: str, scheduler: str | None, workers: int | None) -> Iterator[Cluster]:
-    """Check the store and provide a cluster to the flows that are called inside.
+def run_environment(store: str, scheduler: str | None, workers: int | None) -> Iterator[None]:
+    """Check the store and provide the run context of a cluster to the flows that are called inside.
 
     Raises:
         StoreError, ClusterError: one of them cannot be used.
     """
     prepare_environment()
     probe(Location.parse(store))
-    close_runs_of_the_dead()
-    with Cluster(scheduler, workers, WARMED) as cluster, tagged():
-        get_run_logger().info(cluster.described)
-        share(cluster.address, cluster.client)
-        yield cluster
+    mark_orphaned_crashed()
+    with Cluster(scheduler, workers, PRELOADED) as cluster, tagged_with_process(), activate(cluster.client):
+        get_run_logger().info(cluster.description)
+        yield
 
 
 def tag_run() -> None:

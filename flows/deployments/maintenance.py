@@ -8,10 +8,11 @@ from prefect.client.schemas.objects import State
 from prefect.events import emit_event
 from prefect.states import Completed, Failed
 
-from glint.flows.reporting.artifacts import artifact_key, plain
+from glint.flows.reporting.artifacts import artifact_key
 from glint.storage.locations.location import Location
 from glint.storage.maintenance.disk_space import REMEDY
 from glint.storage.maintenance.maintain import Maintenance, maintain
+from glint.tasks.figures.markdown import plain
 
 DISK_EVENT = "glint.disk-low"
 """Name of the event; its resource is `glint.store`, its payload the store, the warning and the remedy."""

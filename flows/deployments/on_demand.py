@@ -45,12 +45,11 @@ def run_one_object(
             null: do not compare.
     """
     tag_run()
-    with run_environment(store, scheduler, workers) as cluster:
+    with run_environment(store, scheduler, workers):
         state: State[Any] = run_object(
             Location.parse(catalogue).uri,
             object_id,
             Location.parse(store).uri,
-            cluster.address,
             captures=list(captures),
             drift=drift,
             return_state=True,

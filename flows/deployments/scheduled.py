@@ -4,7 +4,6 @@ They use the Dask scheduler whose address they are given, or else start a local 
 `glint deploy` puts them on a server with their schedules.
 """
 
-from collections.abc import Sequence
 from datetime import timedelta
 
 from prefect import flow
@@ -14,16 +13,12 @@ from prefect.states import Completed, Failed
 
 from glint.flows.deployments.environment import run_environment, tag_run
 from glint.flows.deployments.on_demand import request_objects
-from glint.flows.pipeline.catalogue import run_catalogue
-from glint.flows.pipeline.context import side_by_side
-from glint.flows.pipeline.run import result_of
-from glint.flows.reporting.artifacts import artifact_key, plain
-from glint.flows.results import RunResult
-from glint.flows.runtime.dask_cluster import Cluster
+from glint.flows.pipeline.catalogue import run_whole_catalogue
+from glint.flows.reporting.artifacts import artifact_key
 from glint.storage.inbox import Batch, Inbox, InboxScan
 from glint.storage.locations.location import Location
 from glint.tasks.engine.parameters import Parameters
-from glint.tasks.engine.references import load_catalogue
+from glint.tasks.figures.markdown import plain
 
 
 @flow(name="inbox", flow_run_name="{inbox}", validate_parameters=False, persist_result=False)
@@ -53,9 +48,9 @@ def scan_inbox(
     scan = place.scan(timedelta(minutes=quiet_minutes))
     failed = {name: f"cannot be run: {problem}" for name, problem in scan.problems.items()}
     if scan.batches:
-        with run_environment(store, scheduler, workers) as cluster:
+        with run_environment(store, scheduler, workers):
             for batch in scan.batches:
-                errors = _run_batch(batch, store, cluster, scheduler, drift, separate_runs)
+                errors = _run_batch(batch, store, scheduler, drift, separate_runs)
                 failed |= {batch.submissions[object_id].name: error for object_id, error in errors.items()}
                 # A sub-folder of several objects is finished when all of them are.
                 place.finish([item for item in batch.submissions.values() if item.name not in failed])
@@ -88,8 +83,8 @@ def evaluate_reference(
     from glint.tasks.evaluation.report import markdown
 
     tag_run()
-    with run_environment(store, scheduler, workers) as cluster:
-        result = _run_catalogue(catalogue, store, cluster, drift=drift, rehash=True)
+    with run_environment(store, scheduler, workers):
+        result = run_whole_catalogue(catalogue, store, rehash=True, drift=drift)
         done = [(capture.object_id, capture.capture_id) for capture in result.captures if not capture.error]
         contexts = contexts_of(catalogue, Location.parse(store).uri, result.run, done)
         evaluations = evaluate_captures(contexts, lambda capture, message: None)
@@ -102,33 +97,13 @@ def evaluate_reference(
     return Completed(message=f"{len(evaluations)} captures evaluated{changed}")
 
 
-def _run_catalogue(
-    catalogue: str, store: str, cluster: Cluster, only: Sequence[str] = (), drift: float | None = None,
-    rehash: bool = False,
-) -> RunResult:  # fmt: skip
-    """Run objects of a catalogue in this process."""
-    state = run_catalogue(
-        Location.parse(catalogue).uri,
-        load_catalogue(catalogue).name,
-        Location.parse(store).uri,
-        cluster.address,
-        only=list(only),
-        side_by_side=side_by_side(cluster.workers),
-        rehash=rehash,
-        drift=drift,
-        return_state=True,
-    )
-    result: RunResult = result_of(state)
-    return result
-
-
 def _run_batch(
-    batch: Batch, store: str, cluster: Cluster, scheduler: str | None, drift: float | None, separate_runs: bool
+    batch: Batch, store: str, scheduler: str | None, drift: float | None, separate_runs: bool
 ) -> dict[str, str]:
     """Run the objects of a batch; return the errors of those that failed at least in part, by object."""
     if separate_runs:
         return request_objects(batch.catalogue, {name: [] for name in batch.submissions}, store, scheduler, drift)
-    result = _run_catalogue(batch.catalogue, store, cluster, list(batch.submissions), drift)
+    result = run_whole_catalogue(batch.catalogue, store, list(batch.submissions), drift=drift)
     # The first error of an object wins.
     return {item.object_id: f"{item.name}: {item.error} -> {item.remedy}" for item in reversed(result.failed)}
 

@@ -1,4 +1,4 @@
-"""One capture: a Prefect task whose stages Dask workers perform, and which tells of each."""
+"""One capture: a Prefect task that has its stages run by Dask workers, which report each."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -8,77 +8,82 @@ from typing import Any
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
-from glint.flows.pipeline.context import Surroundings, surroundings
-from glint.flows.pipeline.dispatch import awaited, capacity, spread
-from glint.flows.pipeline.stage_runs import Hearing
-from glint.flows.pipeline.worker import ended, perform_there
-from glint.flows.reporting.artifacts import capture_artifact
+from glint.flows.pipeline.context import run_context
+from glint.flows.pipeline.dispatch import capacity, scatter_map, task_key, wait_for
+from glint.flows.pipeline.prefect_sink import TaskRunReporter
+from glint.flows.pipeline.worker import end_events, progress_unit, run_stages
+from glint.flows.reporting.artifacts import create_page_artifact
+from glint.flows.reporting.events import ProgressThrottle, StageStarted
+from glint.flows.runtime.retry import retry_on_disconnect
 from glint.storage.errors import StoreUnreachable
-from glint.tasks.engine.capture_context import Workspace
-from glint.tasks.engine.references import CaptureReference, load_catalogue
+from glint.tasks.engine.capture_context import Workspace as CaptureContext
 from glint.tasks.engine.stage import Record, perform, stage_keys
+from glint.tasks.figures.capture_page import capture_page
 from glint.tasks.pipeline import BY_NAME, STAGES
 from glint.tasks.stages.clusters import clusters
 
 NAMES = tuple(stage.name for stage in STAGES)
-SPREAD = NAMES.index("clusters")
-"""The stage that can be done by many workers, and that takes longest with long videos."""
+PARALLEL = NAMES.index("clusters")
+"""The stage whose tiles many workers can process, and that takes longest with long videos."""
 
 
-def may_come_back(task: Any, run: Any, state: Any) -> bool:
-    """Whether trying a capture again can help: the store did not answer. A bad capture stays bad."""
+def is_store_unreachable(task: Any, run: Any, state: Any) -> bool:
+    """Return whether a capture is worth another attempt: the store did not answer. A bad capture stays bad."""
     return isinstance(state.result(raise_on_failure=False), StoreUnreachable)
 
 
 @task(
     name="capture",
-    task_run_name="{reference}",
+    task_run_name="{capture.name}",
     cache_policy=NO_CACHE,
     persist_result=False,
     retries=2,
     retry_delay_seconds=[5, 30],
-    retry_condition_fn=may_come_back,
+    retry_condition_fn=is_store_unreachable,
 )
-def capture(reference: CaptureReference, scheduler: str) -> list[Record]:
-    """Survey, frames, lights, mask, clusters, markup, silhouette, labels, depth, surface: the surface of one view.
+def process_capture(capture: CaptureContext, n_captures: int = 1) -> list[Record]:
+    """Run all stages of a capture, from survey to surface, and put its page on the dashboard.
 
-    scheduler: address of the Dask cluster.
-    Raises InputError, StoreError or UnusableCapture where the capture cannot be worked on, ClusterError where it is too
-    large for the workers, which is known after its survey.
+    n_captures: captures of the catalogue, whose pages share a limit of size.
+
+    Raises:
+        InputError, StoreError, UnusableCapture: the capture cannot be processed; ClusterError: it is too large for the
+            workers, which is known after its survey.
     """
-    work, here = reference.workspace(), surroundings(scheduler)
-    with here.interruptible(), Hearing(here, work.name) as hearing:
-        records = on_workers(work, here, hearing)
-    capture_artifact(work, records, sum(len(each.captures) for each in load_catalogue(reference.catalogue).objects))
+    context = run_context()
+    with context.cancellable(), context.prefect.attach(capture.name) as reporter:
+        records = run_on_workers(capture, reporter)
+    page = capture_page(capture, records, n_captures)
+    retry_on_disconnect(create_page_artifact, capture.name, page)
     return records
 
 
-def on_workers(work: Workspace, here: Surroundings, hearing: Hearing) -> list[Record]:
-    """All stages on one worker; where other workers would have nothing to do, clusters on all of them."""
-    keys, found = stage_keys(work, STAGES), capacity(here.client)
+def run_on_workers(capture: CaptureContext, reporter: TaskRunReporter) -> list[Record]:
+    """Run all stages on one worker, but clusters on all workers if some are idle."""
+    context = run_context()
+    keys, available = stage_keys(capture, STAGES), capacity(context.client)
 
-    def on_one(stages: Sequence[str]) -> list[Record]:
-        future = here.client.submit(perform_there, work, stages, keys, found.bytes, pure=False)
-        records: list[Record] = awaited(future, work.name, hearing)
+    def on_one_worker(stages: Sequence[str]) -> list[Record]:
+        key = task_key(capture.name, f"{stages[0]}..{stages[-1]}")
+        future = context.client.submit(run_stages, capture, stages, keys, available.bytes, pure=False, key=key)
+        records: list[Record] = wait_for(future, capture.name, reporter)
         return records
 
-    records = on_one(NAMES[:SPREAD])
-    if len(here.working) >= found.workers:
-        return records + on_one(NAMES[SPREAD:])
-    return [*records, on_all(work, keys, here, hearing), *on_one(NAMES[SPREAD + 1 :])]
+    records = on_one_worker(NAMES[:PARALLEL])
+    if len(context.active) >= available.workers:
+        return records + on_one_worker(NAMES[PARALLEL:])
+    return [*records, on_all_workers(capture, keys), *on_one_worker(NAMES[PARALLEL + 1 :])]
 
 
-def on_all(work: Workspace, keys: Mapping[str, str], here: Surroundings, hearing: Hearing) -> Record:
-    """Clusters, their tiles on all workers."""
-    name = NAMES[SPREAD]
-    report = here.reporter(work.name, name)
-
-    def told(done: int, total: int | None) -> None:
-        report(done, total)
-        hearing.pass_on()
-
-    tiled = replace(BY_NAME[name], step=partial(clusters, mapper=partial(spread, here.client, work.name)))
-    record = perform(work, tiled, keys[name], told)
-    for event in ended(work.name, record):
-        here.show(event)
+def on_all_workers(capture: CaptureContext, keys: Mapping[str, str]) -> Record:
+    """Run clusters in this process, with its tiles on all workers."""
+    context, stage = run_context(), BY_NAME[NAMES[PARALLEL]]
+    unit = progress_unit(stage)
+    context.emit(StageStarted(capture.name, stage.name, unit))
+    mapper = partial(scatter_map, context.client, capture.name, stage.name)
+    parallel = replace(stage, step=partial(clusters, mapper=mapper))
+    progress = ProgressThrottle(context.emit, capture.name, stage.name, unit)
+    record = perform(capture, parallel, keys[stage.name], progress)
+    for event in end_events(capture.name, record):
+        context.emit(event)
     return record

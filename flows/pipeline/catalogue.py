@@ -1,4 +1,4 @@
-"""The flow of a catalogue: its objects side by side, each a flow run of its own; what has not changed is passed."""
+"""The flow of a catalogue: its objects side by side, each a flow run of its own; unchanged objects are skipped."""
 
 import time
 from collections.abc import Sequence
@@ -8,18 +8,34 @@ from typing import Any
 from prefect import flow, runtime
 from prefect.client.schemas.objects import State
 
-from glint.flows.errors import DEFECT, REFUSALS
-from glint.flows.pipeline.context import surroundings
-from glint.flows.pipeline.object import refused, run_object, submit, unchanged_object
-from glint.flows.reporting.artifacts import catalogue_artifact
-from glint.flows.reporting.events import Event
-from glint.flows.results import ObjectResult, RunResult, final_state
-from glint.flows.runtime.retry import patiently
-from glint.tasks.engine.references import CaptureReference, chosen_captures, load_catalogue
+from glint.flows.errors import USER_ERRORS
+from glint.flows.pipeline.context import run_context
+from glint.flows.pipeline.object import ObjectCaptures, failed_object, run_object, submit, up_to_date
+from glint.flows.reporting.artifacts import create_catalogue_artifact
+from glint.flows.reporting.events import CaptureEnded
+from glint.flows.results import ObjectResult, RunResult, final_state, result_of
+from glint.flows.runtime.retry import retry_on_disconnect
+from glint.storage.locations.location import Location
+from glint.tasks.engine.references import chosen_captures, load_catalogue
 
-APART_SECONDS = 0.3
-"""Between the first objects: of two flow runs that begin at once SQLite turns one away, and its client sleeps for two
-seconds."""
+STAGGER_SECONDS = 0.3
+"""Delay between the first flow runs. SQLite rejects one of two concurrent writers, and its client then backs off for
+two seconds."""
+
+
+def run_whole_catalogue(
+    catalogue: str, store: str, only: Sequence[str] = (), rehash: bool = False, drift: float | None = None
+) -> RunResult:
+    """Run the flow of a catalogue in the current run context, and return its result.
+
+    Raises:
+        BaseException: what ended the flow run instead of a result.
+    """
+    address, name = Location.parse(catalogue).uri, load_catalogue(catalogue).name
+    place = Location.parse(store).uri
+    state: Any = run_catalogue(address, name, place, only=list(only), rehash=rehash, drift=drift, return_state=True)
+    result: RunResult = result_of(state)
+    return result
 
 
 @flow(name="catalogue", flow_run_name="{name}", validate_parameters=False, persist_result=False)
@@ -27,84 +43,76 @@ def run_catalogue(
     catalogue: str,
     name: str,
     store: str,
-    scheduler: str,
     only: Sequence[str] = (),
-    side_by_side: int = 2,
     rehash: bool = False,
     drift: float | None = None,
 ) -> State[RunResult]:
-    """Work through a catalogue, or those of its captures that `only` names (OBJECT or OBJECT/CAPTURE).
+    """Process a catalogue, or those of its captures that `only` names (OBJECT or OBJECT/CAPTURE).
 
-    side_by_side: objects that are worked on at the same time; drift: degrees by which normals may move unannounced.
-    The flow run ends as done, partially done or failed, as its captures did; its state says how many of them failed.
+    drift: degrees of change against the last version above which a warning is given.
+    The flow run ends as Completed, PartiallyCompleted or Failed; its state says how many captures failed.
     """
-    started, run = time.monotonic(), str(runtime.flow_run.id)
-    chosen = chosen_captures(load_catalogue(catalogue).objects, only)
-    with ThreadPoolExecutor(side_by_side) as pool:
+    started, run, context = time.monotonic(), str(runtime.flow_run.id), run_context()
+    loaded = load_catalogue(catalogue)
+    chosen = chosen_captures(loaded.objects, only)
+    max_objects = context.max_captures
+    with ThreadPoolExecutor(max_objects) as pool:
         futures = []
-        for each, captures in chosen.items():
-            futures.append(
-                submit(pool, object_or_pass, catalogue, each, captures, store, scheduler, run, rehash, drift)
-            )
-            if len(futures) < side_by_side:
-                time.sleep(APART_SECONDS)
+        for object_id, capture_ids in chosen.items():
+            captures = ObjectCaptures.of(loaded, catalogue, object_id, capture_ids, store, run, rehash)
+            futures.append(submit(pool, run_or_skip, captures, drift))
+            if len(futures) < max_objects:
+                time.sleep(STAGGER_SECONDS)
         try:
             objects = [future.result() for future in futures]
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
-            surroundings(scheduler).abandon()
+            context.cancel()
             raise
     result = RunResult(run, tuple(objects), time.monotonic() - started)
-    catalogue_artifact(name, result)
+    create_catalogue_artifact(name, result)
     return final_state(result.captures, _summary(result), result)
 
 
-def object_or_pass(
-    catalogue: str, object_id: str, captures: Sequence[str], store: str, scheduler: str, run: str, rehash: bool,
-    drift: float | None,
-) -> ObjectResult:  # fmt: skip
-    """Pass an object on which nothing is to be done, else run its flow; what goes wrong stays with this object."""
-    here = surroundings(scheduler)
-    here.check()
-    references = [CaptureReference(catalogue, object_id, each, store, run, rehash) for each in captures]
+def run_or_skip(captures: ObjectCaptures, drift: float | None) -> ObjectResult:
+    """Skip an object that is up to date, else run its flow; an error is this object's alone."""
+    context = run_context()
+    context.raise_if_cancelled()
     try:
-        passed = unchanged_object(references)
-        if passed is None:
-            return patiently(_run, references, scheduler, drift)
-    except REFUSALS as error:
-        return refused(references, error.message, error.remedy, here.show)
-    except Exception as defect:
-        here.check()
-        return refused(references, f"{type(defect).__name__}: {defect}", DEFECT, here.show)
-    for each in passed.captures:
-        here.show(Event("capture", each.name, seconds=0.0, cached=True))
-    return passed
+        skipped = up_to_date(captures)
+        if skipped is None:
+            return retry_on_disconnect(_run, captures, drift)
+    except USER_ERRORS as error:
+        return failed_object(captures, error)
+    except Exception as error:
+        context.raise_if_cancelled()
+        return failed_object(captures, error)
+    for capture in skipped.captures:
+        context.emit(CaptureEnded(capture.name, 0.0, cached=True))
+    return skipped
 
 
-def _run(references: Sequence[CaptureReference], scheduler: str, drift: float | None) -> ObjectResult:
-    first = references[0]
-    every = load_catalogue(first.catalogue).object(first.object_id).captures
+def _run(captures: ObjectCaptures, drift: float | None) -> ObjectResult:
+    first = captures.chosen[0]
+    is_whole = len(captures.chosen) == len(captures.all)
     state: Any = run_object(
-        first.catalogue,
+        captures.catalogue,
         first.object_id,
         first.store,
-        scheduler,
-        captures=[each.capture_id for each in references] if len(references) < len(every) else [],
+        captures=[] if is_whole else [context.capture.id for context in captures.chosen],
         run=first.run,
         rehash=first.rehash,
         drift=drift,
         return_state=True,
     )
-    result = state.result(raise_on_failure=False)
-    if isinstance(result, ObjectResult):
-        return result
-    if isinstance(result, BaseException):
-        raise result
-    raise RuntimeError(f"its flow run ended as {state.name}: {state.message}")
+    result = result_of(state)
+    if not isinstance(result, ObjectResult):
+        raise RuntimeError(f"the flow run of {first.object_id} ended as {state.name}: {state.message}")
+    return result
 
 
 def _summary(result: RunResult) -> str:
-    """What a run with nothing failed did, in a line."""
-    unchanged = sum(each.cached for each in result.captures)
-    moved = f", {len(result.drifts)} moved" if result.drifts else ""
-    return f"{len(result.captures)} captures: {len(result.captures) - unchanged} done, {unchanged} unchanged{moved}"
+    """Return one line about a run without failures."""
+    unchanged = sum(capture.cached for capture in result.captures)
+    changed = f", {len(result.drifts)} changed" if result.drifts else ""
+    return f"{len(result.captures)} captures: {len(result.captures) - unchanged} done, {unchanged} unchanged{changed}"

@@ -1,109 +1,116 @@
-"""What flows of this process share: the Dask client, and who is told of progress.
+"""The run context: what all flows and tasks of a run share in this process.
 
-Flow parameters are JSON and name the scheduler alone; by its address a flow finds both here. Where a worker of Prefect
-runs the flow nothing was put here before, and a client is opened.
+It is set where a run begins (`activate`), and found by everything that the run calls. A thread must be started with a
+copy of the caller's context variables; without one `run_context` raises LookupError.
 """
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import CancelledError
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 
 from distributed import Client
 
-from glint.flows.reporting.events import Event, Reporter, listen
-
-
-def _nobody(event: Event) -> None:
-    """No one is told."""
+from glint.flows.pipeline.prefect_sink import PrefectSink
+from glint.flows.reporting.events import TOPIC, Event, Sink, subscribe
 
 
 @dataclass(frozen=True, slots=True)
-class Surroundings:
-    """client: for all threads of this process; show: told of every event, and `listeners` of those of their capture;
-    turns: captures worked on at once, `working` those that are; ended: whether the run has been abandoned."""
+class RunContext:
+    """The shared state of a run.
+
+    client: Dask client for all threads of this process. prefect: shows events on the dashboard. sinks: receive every
+    event besides. max_captures: captures processed at the same time, limited by the semaphore `slots`. active: names of
+    the captures in progress. cancelled: set when the run is cancelled.
+    """
 
     client: Client
-    show: Callable[[Event], None] = _nobody
-    turns: threading.Semaphore = field(default_factory=lambda: threading.Semaphore(2))
-    ended: threading.Event = field(default_factory=threading.Event)
-    listeners: dict[str, Callable[[Event], None]] = field(default_factory=dict)
-    working: set[str] = field(default_factory=set)
+    prefect: PrefectSink
+    sinks: tuple[Sink, ...] = ()
+    max_captures: int = 2
+    slots: threading.Semaphore = field(init=False)
+    active: set[str] = field(default_factory=set)
+    cancelled: threading.Event = field(default_factory=threading.Event)
 
-    def abandon(self) -> None:
-        """End the run: what waits for a worker fails at once, and nothing more is begun."""
-        self.ended.set()
+    def __post_init__(self) -> None:
+        """Make the semaphore of `max_captures`."""
+        object.__setattr__(self, "slots", threading.Semaphore(self.max_captures))
+
+    def emit(self, event: Event) -> None:
+        """Pass an event to all sinks."""
+        self.prefect.emit(event)
+        for sink in self.sinks:
+            sink.emit(event)
+
+    def cancel(self) -> None:
+        """Cancel the run: waiting for a worker fails at once, and no further capture begins."""
+        self.cancelled.set()
         self.client.close()
 
-    def check(self) -> None:
-        """Go on only if the run has not been abandoned.
+    def raise_if_cancelled(self) -> None:
+        """Return unless the run was cancelled.
 
         Raises:
-            CancelledError: it has.
+            CancelledError: it was.
         """
-        if self.ended.is_set():
+        if self.cancelled.is_set():
             raise CancelledError("the run was interrupted")
 
     @contextmanager
-    def turn(self, capture: str) -> Iterator[None]:
-        """Wait for this capture's turn, and take it.
+    def slot(self, capture: str) -> Iterator[None]:
+        """Wait until fewer than `max_captures` captures are in progress, and count this one among them.
 
         Raises:
-            CancelledError: the run was abandoned meanwhile.
+            CancelledError: the run was cancelled in the meantime.
         """
-        with self.turns:
-            self.check()
-            self.working.add(capture)
+        with self.slots:
+            self.raise_if_cancelled()
+            self.active.add(capture)
             try:
                 yield
             finally:
-                self.working.discard(capture)
+                self.active.discard(capture)
 
     @contextmanager
-    def interruptible(self) -> Iterator[None]:
-        """Tell what fails because the run has been abandoned as just that.
+    def cancellable(self) -> Iterator[None]:
+        """Replace errors that a cancelled run causes, such as a closed client, by CancelledError.
 
         Raises:
-            CancelledError: it has been.
+            CancelledError: the body failed and the run was cancelled.
         """
         try:
             yield
         except Exception:
-            self.check()
+            self.raise_if_cancelled()
             raise
 
-    def reporter(self, capture: str, stage: str) -> Reporter:
-        """The progress callable of a stage that is performed in this process."""
-        return Reporter(self.show, capture, stage)
+
+_CURRENT: ContextVar[RunContext] = ContextVar("glint_run_context")
 
 
-def side_by_side(workers: int) -> int:
-    """Captures to work on at once: one more than workers keeps them busy while another is between stages."""
-    return workers + 1
+def run_context() -> RunContext:
+    """Return the context of the current run.
+
+    Raises:
+        LookupError: no run is active in this thread.
+    """
+    return _CURRENT.get()
 
 
-_known: dict[str, Surroundings] = {}
-_lock = threading.Lock()
-
-
-def share(address: str, client: Client, display: object | None = None) -> None:
-    """Let flows that name this scheduler use this client, and tell this display (see `progress.Display`)."""
-    told: Callable[[Event], None] = getattr(display, "show", _nobody)
-    turns = threading.Semaphore(side_by_side(len(client.nthreads())))
-    listeners: dict[str, Callable[[Event], None]] = {}
-
-    def show(event: Event) -> None:
-        listeners.get(event.capture, _nobody)(event)
-        told(event)
-
-    listen(client, show)
-    _known[address] = Surroundings(client, show, turns, listeners=listeners)
-
-
-def surroundings(address: str) -> Surroundings:
-    """What was shared for this scheduler, else a new client of it."""
-    with _lock:
-        if address not in _known:
-            share(address, Client(address, set_as_default=False))
-        return _known[address]
+@contextmanager
+def activate(client: Client, *sinks: Sink) -> Iterator[RunContext]:
+    """Make a run context current: its flows use this client and report to these sinks and to Prefect."""
+    # One capture more than workers keeps them busy while another capture is between two tasks.
+    max_captures = len(client.nthreads()) + 1
+    with PrefectSink() as prefect:
+        context = RunContext(client, prefect, sinks, max_captures)
+        subscribe(client, context.emit)
+        token = _CURRENT.set(context)
+        try:
+            yield context
+        finally:
+            _CURRENT.reset(token)
+            with suppress(Exception):  # a cancelled run has closed its client
+                client.unsubscribe_topic(TOPIC)

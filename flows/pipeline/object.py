@@ -1,35 +1,77 @@
-"""The flow of one object: its captures side by side, and a version of what succeeded."""
+"""The flow of one object: its captures side by side, its model, and a version of what succeeded."""
 
 import contextvars
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from prefect import flow, runtime
 from prefect.client.schemas.objects import State
 
-from glint.flows.errors import DEFECT, REFUSALS
-from glint.flows.pipeline.capture import capture
-from glint.flows.pipeline.context import surroundings
-from glint.flows.pipeline.drift import tell_drifts
-from glint.flows.pipeline.model import work_on_model
-from glint.flows.reporting.events import Event
+from glint.flows.errors import USER_ERRORS, message_and_remedy
+from glint.flows.pipeline.capture import process_capture
+from glint.flows.pipeline.context import run_context
+from glint.flows.pipeline.drift import report_drifts
+from glint.flows.pipeline.model import process_model
+from glint.flows.reporting.events import CaptureEnded, CaptureFailed
 from glint.flows.results import CaptureResult, ObjectResult, final_state
-from glint.flows.runtime.retry import patiently
-from glint.storage.locations.location import Location
+from glint.storage.catalogue.loading import Catalogue
+from glint.storage.catalogue.models import MODEL
 from glint.storage.locking.locks import run_lock
-from glint.tasks.engine.capture_context import Workspace
-from glint.tasks.engine.references import CaptureReference, chosen_captures, load_catalogue
+from glint.tasks.engine.capture_context import Workspace as CaptureContext
+from glint.tasks.engine.references import chosen_captures, load_catalogue
+from glint.tasks.engine.stage import Record
 from glint.tasks.publish import publish
 from glint.tasks.stages.model import wants_model
 from glint.tasks.up_to_date import unchanged
-from glint.tasks.version_diff import drifts
+from glint.tasks.version_diff import Drift, drifts
 
-MOST_THREADS = 32
-"""Captures of an object that may wait for their turn in a thread of their own."""
+MAX_THREADS = 32
+"""Captures of an object that may wait for a slot, each in a thread."""
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectCaptures:
+    """Captures of one object: those chosen, and all of them.
+
+    catalogue: the address of the catalogue; n_captures: captures of its objects together.
+    """
+
+    chosen: tuple[CaptureContext, ...]
+    all: tuple[CaptureContext, ...]
+    catalogue: str
+    n_captures: int
+
+    @classmethod
+    def of(
+        cls, catalogue: Catalogue, address: str, object_id: str, chosen: Sequence[str], store: str, run: str,
+        rehash: bool,
+    ) -> "ObjectCaptures":  # fmt: skip
+        """Make the contexts of an object's captures; `chosen`: ids, none for all.
+
+        Raises:
+            InputError: the catalogue has no object or capture of that name.
+        """
+        only = [f"{object_id}/{capture_id}" for capture_id in chosen] or [object_id]
+        chosen = chosen_captures(catalogue.objects, only)[object_id]
+        contexts = tuple(
+            CaptureContext.of(catalogue, object_id, capture.id, store, run, rehash)
+            for capture in catalogue.object(object_id).captures
+        )
+        return cls(
+            tuple(context for context in contexts if context.capture.id in chosen),
+            contexts,
+            address,
+            sum(len(entry.captures) for entry in catalogue.objects),
+        )
+
+    @property
+    def object_id(self) -> str:
+        """The object's id."""
+        return self.all[0].object_id
 
 
 @flow(name="object", flow_run_name="{object_id}", validate_parameters=False, persist_result=False)
@@ -37,119 +79,114 @@ def run_object(
     catalogue: str,
     object_id: str,
     store: str,
-    scheduler: str,
     captures: Sequence[str] = (),
     run: str = "",
     rehash: bool = False,
     drift: float | None = None,
 ) -> State[ObjectResult]:
-    """Work on an object's captures (none named: all) and publish those that succeed as its next version.
+    """Process an object's captures (none named: all) and publish those that succeed as its next version.
 
-    run: name of the whole run, by default this flow run's; drift: degrees by which normals may move unannounced.
-    The flow run ends as failed when a capture does; what the others gave is a version all the same.
+    run: name of the whole run, by default this flow run's; drift: degrees of change against the last version above
+    which a warning is given. The flow run fails if a capture does; the other captures are published nevertheless.
     """
     run = run or str(runtime.flow_run.id)
-    references = references_of(catalogue, object_id, store, captures, run, rehash)
-    result = work_on_object(references, scheduler, drift)
+    loaded = load_catalogue(catalogue)
+    result = process_object(ObjectCaptures.of(loaded, catalogue, object_id, captures, store, run, rehash), drift)
     done = "nothing" if result.version is None else f"{result.version.name}: {len(result.captures)} captures"
     return final_state(list(result.captures), done, result)
 
 
-def references_of(
-    catalogue: str, object_id: str, store: str, captures: Sequence[str], run: str, rehash: bool
-) -> list[CaptureReference]:
-    """The captures of an object by reference; none named: all.
+def up_to_date(captures: ObjectCaptures) -> ObjectResult | None:
+    """Return the result of an object that needs no processing; None if it does, or if its state cannot be read."""
+    try:
+        stored = unchanged(captures.chosen)
+    except USER_ERRORS:
+        return None
+    if stored is None:
+        return None
+    version, records = stored
+    results = (CaptureResult(each_id, name, 0.0, records[name]) for each_id, name in _ids(captures))
+    return ObjectResult(captures.object_id, tuple(results), version)
+
+
+def process_object(captures: ObjectCaptures, drift: float | None) -> ObjectResult:
+    """Process captures of one object under its lock, and publish those that succeeded as a version."""
+    first = captures.chosen[0]
+    try:
+        with run_lock(first.location, first.object_id, first.run):
+            results = run_captures(captures)
+            completed = [context for context, result in zip(captures.chosen, results, strict=True) if not result.error]
+            if not completed:
+                return ObjectResult(first.object_id, results)
+            has_model = wants_model(captures.all)
+            if has_model:
+                results += (run_model(captures.all),)
+            version = publish(completed, first.run, captures.catalogue, model=has_model and not results[-1].error)
+            changes = list[Drift]()
+            names = first.repository.version_names()
+            if drift is not None and version.created and len(names) > 1:
+                changes = drifts(first.repository, names[-2], version.name, drift)
+                report_drifts(changes, drift)
+            return ObjectResult(first.object_id, results, version, tuple(changes))
+    except USER_ERRORS as error:
+        return failed_object(captures, error)
+
+
+def run_captures(captures: ObjectCaptures) -> tuple[CaptureResult, ...]:
+    """Process the chosen captures side by side, each as soon as the run has a slot for it."""
+
+    def run_capture(capture: CaptureContext) -> CaptureResult:
+        # The slot comes first: a capture that waits for one is not yet a running task on the dashboard.
+        with run_context().slot(capture.name):
+            process = partial(process_capture, capture, captures.n_captures)
+            return run_reported(capture.object_id, capture.capture.id, process)
+
+    with ThreadPoolExecutor(min(len(captures.chosen), MAX_THREADS)) as pool:
+        futures = [submit(pool, run_capture, capture) for capture in captures.chosen]
+        return tuple(future.result() for future in futures)
+
+
+def run_model(captures: Sequence[CaptureContext]) -> CaptureResult:
+    """Merge the views of an object; a failure is the model's alone, the captures are published nevertheless."""
+    object_id = captures[0].object_id
+    return run_reported(object_id, MODEL, partial(process_model, captures, f"{object_id}/{MODEL}"))
+
+
+def run_reported(object_id: str, capture_id: str, process: Callable[[], Sequence[Record]]) -> CaptureResult:
+    """Run the task of a capture or model, and report its end; an error becomes part of the result.
 
     Raises:
-        CatalogueError, InputError: the catalogue is unusable, or has none of that name.
+        CancelledError: the run was cancelled.
     """
-    objects, only = load_catalogue(catalogue).objects, [f"{object_id}/{each}" for each in captures] or [object_id]
-    chosen = chosen_captures([each for each in objects if each.id == object_id] or objects, only)[object_id]
-    return [CaptureReference(catalogue, object_id, each, store, run, rehash) for each in chosen]
-
-
-def unchanged_object(references: Sequence[CaptureReference]) -> ObjectResult | None:
-    """The result of an object on which nothing is to be done; None where something is, or cannot be read."""
+    context, started = run_context(), time.monotonic()
+    records, error, remedy = tuple[Record, ...](), "", ""
     try:
-        found = unchanged([each.workspace() for each in references])
-    except REFUSALS:
-        return None
-    if found is None:
-        return None
-    version, records = found
-    captures = (CaptureResult(each.object_id, each.capture_id, 0.0, records[each.capture_id]) for each in references)
-    return ObjectResult(references[0].object_id, tuple(captures), version)
+        records = tuple(process())
+    except Exception as failure:
+        context.raise_if_cancelled()
+        error, remedy = message_and_remedy(failure)
+    result = CaptureResult(object_id, capture_id, time.monotonic() - started, records, error, remedy)
+    if error:
+        context.emit(CaptureFailed(result.name, f"{error}: {remedy}"))
+    else:
+        context.emit(CaptureEnded(result.name, result.seconds, result.cached))
+    return result
 
 
-def work_on_object(references: Sequence[CaptureReference], scheduler: str, drift: float | None) -> ObjectResult:
-    """Work on captures of one object, alone, and publish those that succeeded as a version."""
-    first, here = references[0], surroundings(scheduler)
-    captures: tuple[CaptureResult, ...] = ()
-    try:
-        with (
-            run_lock(Location.parse(first.store), first.object_id, first.run),
-            ThreadPoolExecutor(min(len(references), MOST_THREADS)) as pool,
-        ):
-            futures = [submit(pool, work_on_capture, each, scheduler) for each in references]
-            captures = tuple(future.result() for future in futures)
-            done = [one for one, each in zip(references, captures, strict=True) if not each.error]
-            if not done:
-                return ObjectResult(first.object_id, captures)
-            works = [one.workspace() for one in done]
-            every = all_works(first)
-            if wants_model(every):
-                captures += (work_on_model(every, scheduler),)
-            version = publish(works, first.run, first.catalogue, model=wants_model(every) and not captures[-1].error)
-            moved = []
-            names = works[0].repository.version_names()
-            if drift is not None and version.created and len(names) > 1:
-                moved = drifts(works[0].repository, names[-2], version.name, drift)
-                tell_drifts(moved, drift, here.show)
-            return ObjectResult(first.object_id, captures, version, tuple(moved))
-    except REFUSALS as error:
-        return refused(references, error.message, error.remedy, here.show)
-
-
-def work_on_capture(reference: CaptureReference, scheduler: str) -> CaptureResult:
-    """Work on one capture when it is its turn; what goes wrong stays with this capture."""
-    here = surroundings(scheduler)
-    with here.turn(str(reference)):
-        started = time.monotonic()
-        records = []
-        error = remedy = ""
-        try:
-            records = patiently(capture, reference, scheduler)
-        except REFUSALS as refusal:
-            error, remedy = refusal.message, refusal.remedy
-        except Exception as defect:
-            here.check()
-            error, remedy = f"{type(defect).__name__}: {defect}", DEFECT
-        seconds = time.monotonic() - started
-        result = CaptureResult(reference.object_id, reference.capture_id, seconds, tuple(records), error, remedy)
-        if error:
-            here.show(Event("failed", result.name, text=f"{error}: {remedy}"))
-        else:
-            here.show(Event("capture", result.name, seconds=result.seconds, cached=result.cached))
-        return result
-
-
-def all_works(reference: CaptureReference) -> list[Workspace]:
-    """All captures of the object that one of its captures belongs to."""
-    captures = load_catalogue(reference.catalogue).object(reference.object_id).captures
-    return [replace(reference, capture_id=each.id).workspace() for each in captures]
-
-
-def refused(
-    references: Sequence[CaptureReference], error: str, remedy: str, show: Callable[[Event], None]
-) -> ObjectResult:
-    """The result of an object none of whose captures could be worked on or kept."""
-    captures = [CaptureResult(each.object_id, each.capture_id, 0.0, (), error, remedy) for each in references]
-    for each in captures:
-        show(Event("failed", each.name, text=f"{error}: {remedy}"))
-    return ObjectResult(references[0].object_id, tuple(captures))
+def failed_object(captures: ObjectCaptures, failure: Exception) -> ObjectResult:
+    """Return the result of an object none of whose captures could be processed or published."""
+    error, remedy = message_and_remedy(failure)
+    results = tuple(CaptureResult(each_id, name, 0.0, (), error, remedy) for each_id, name in _ids(captures))
+    for result in results:
+        run_context().emit(CaptureFailed(result.name, f"{error}: {remedy}"))
+    return ObjectResult(captures.object_id, results)
 
 
 def submit[**P, R](pool: ThreadPoolExecutor, function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> Future[R]:
-    """Run in a thread that knows the flow run around it."""
+    """Run a function in a thread that has the run context and the flow run of this one."""
     call: Callable[[], Any] = partial(function, *args, **kwargs)
     return pool.submit(contextvars.copy_context().run, call)
+
+
+def _ids(captures: ObjectCaptures) -> list[tuple[str, str]]:
+    return [(context.object_id, context.capture.id) for context in captures.chosen]

@@ -1,72 +1,64 @@
-"""What workers tell of a capture, put into its log and on its progress bar on the dashboard."""
+"""Stages as task runs on Prefect's timeline, each inside the run of its capture.
 
-import time
-from collections import deque
-from contextlib import AbstractContextManager
+A stage runs on a Dask worker, which knows nothing of Prefect. The flow's process announces it: it emits the same events
+of changed states that Prefect's engine emits for its own task runs, from which the server records the runs. The
+function that does so is not part of Prefect's public interface: tests/flows/pipeline/test_stage_runs.py reads
+the recorded graph back from a server, and guards an upgrade.
+"""
+
+from datetime import datetime
 from typing import Any
+from uuid import uuid4
 
-from prefect import get_run_logger
-from prefect.artifacts import create_progress_artifact, update_progress_artifact
+from prefect.client.schemas.objects import State, TaskRun, TaskRunResult
+from prefect.events.schemas.events import Event
+from prefect.states import Completed, Crashed, Failed, Pending, Running
+from prefect.utilities.engine import emit_task_run_state_change_event
 
-from glint.flows.pipeline.context import Surroundings
-from glint.flows.reporting.artifacts import artifact_key
-from glint.flows.reporting.events import Event
-
-PROGRESS_SECONDS = 5.0
-"""Work that takes longer has its progress on the dashboard, as often as this."""
+CACHED = "Cached"
+"""Name of the state of a stage whose result was stored already."""
 
 
-class Hearing(AbstractContextManager["Hearing"]):
-    """Hears of one capture (OBJECT/CAPTURE) while a task run works on it.
+class StageRun:
+    """The run of one stage; `parent` is the task run of its capture, in whose context the methods must be called."""
 
-    The thread that hears of events must not wait for the server: they are kept until the one that awaits the work
-    passes them on. `stage` is the one that was heard of last.
-    """
+    def __init__(self, parent: TaskRun, stage: str, started: datetime) -> None:
+        self.stage, self.started = stage, started
+        identity = uuid4()
+        times: dict[str, Any] = {"expected_start_time": started, "start_time": started}
+        self._run = TaskRun(
+            id=identity,
+            name=stage,  # without "/", by which `glint status` recognises captures
+            flow_run_id=parent.flow_run_id,
+            task_key=f"stage-{stage}",
+            dynamic_key=str(identity),
+            tags=list(parent.tags),  # name the process, so that a later run can mark orphans as crashed
+            task_inputs={"__parents__": [TaskRunResult(id=parent.id)]},
+            run_count=1,
+            **times,
+        )
+        self._state: State[Any] = Pending(timestamp=started)
+        self._event: Event | None = None
 
-    def __init__(self, here: Surroundings, name: str) -> None:
-        self._here, self._name, self._logger = here, name, get_run_logger()
-        self._events = deque[Event]()
-        self._shown, self._bar = time.monotonic(), None
-        self.stage = ""
+    def announce_running(self) -> None:
+        """Show the stage as running since its start."""
+        self._announce(Running(timestamp=self.started))
 
-    def __enter__(self) -> "Hearing":
-        """Begin to hear."""
-        self._here.listeners[self._name] = self._hear
-        return self
+    def announce_completed(self, ended: datetime, cached: bool = False) -> None:
+        """Show the stage as completed, or as cached."""
+        self._announce(Completed(timestamp=ended, name=CACHED if cached else "Completed"), ended)
 
-    def __exit__(self, kind: type[BaseException] | None, *unused: object) -> None:
-        """Log what is left; the bar is full if all went well."""
-        self._here.listeners.pop(self._name, None)
-        self._logged()
-        if kind is None and self._bar is not None:
-            update_progress_artifact(self._bar, 100.0, description="done")
+    def announce_failed(self, ended: datetime, message: str) -> None:
+        """Show the stage as failed, with the error and its remedy."""
+        self._announce(Failed(timestamp=ended, message=message), ended)
 
-    def pass_on(self) -> None:
-        """Log the stages that have ended and the warnings; show the last progress on the bar, now and then."""
-        latest, now = self._logged(), time.monotonic()
-        if latest is None or not latest.total or latest.done is None or now - self._shown < PROGRESS_SECONDS:
-            return
-        self._shown, percent = now, min(100.0, 100.0 * latest.done / latest.total)
-        if self._bar is None:
-            key = artifact_key(f"{self._name} progress")
-            made: Any = create_progress_artifact(percent, key=key, description=latest.stage)
-            self._bar = made
-        else:
-            update_progress_artifact(self._bar, percent, description=latest.stage)
+    def announce_crashed(self, ended: datetime, message: str) -> None:
+        """Show that the stage was lost with its process."""
+        self._announce(Crashed(timestamp=ended, message=message), ended)
 
-    def _hear(self, event: Event) -> None:
-        self.stage = event.stage or self.stage
-        self._events.append(event)
-
-    def _logged(self) -> Event | None:
-        """Log what lasts; the progress of a stage that has not ended."""
-        latest = None
-        while self._events:
-            event = self._events.popleft()
-            latest = event if event.kind == "progress" else None
-            if event.kind == "stage":
-                was_there = ", was there already" if event.cached else ""
-                self._logger.info("%s in %.2f s%s", event.stage, event.seconds, was_there)
-            elif event.kind == "warning":
-                self._logger.warning("%s: %s", self._name, event.text)
-        return latest
+    def _announce(self, state: State[Any], ended: datetime | None = None) -> None:
+        if ended is not None:
+            times = {"end_time": ended, "total_run_time": ended - self.started}
+            self._run = self._run.model_copy(update=times)
+        self._event = emit_task_run_state_change_event(self._run, self._state, state, follows=self._event)
+        self._state = state

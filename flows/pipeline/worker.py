@@ -1,68 +1,84 @@
-"""What Dask workers are sent to do: stages, and nothing that needs Prefect, whose import takes seconds."""
+"""Tasks of the Dask workers: they run stages, and import nothing of Prefect, which takes seconds."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
 from dask.utils import format_bytes
 
 from glint.flows.errors import ClusterError
-from glint.flows.reporting.events import Event, Reporter, from_worker
-from glint.tasks.engine.capture_context import Workspace
-from glint.tasks.engine.stage import Record, perform
+from glint.flows.reporting.events import (
+    CaptureWarning,
+    ProgressThrottle,
+    StageEnded,
+    StageStarted,
+    publish_from_worker,
+)
+from glint.tasks.engine.capture_context import Workspace as CaptureContext
+from glint.tasks.engine.stage import Record, Stage, perform
 from glint.tasks.memory import largest_need
 from glint.tasks.pipeline import BY_NAME
 from glint.tasks.stages.model import perform_model
 
-TOLD_SECONDS = 0.5
-"""How often a worker tells of a stage's progress."""
+PROGRESS_SECONDS = 0.5
+"""Interval at which a worker reports a stage's progress."""
 
 
-def perform_there(work: Workspace, stages: Sequence[str], keys: Mapping[str, str], limit: int | None) -> list[Record]:
-    """Perform stages one after the other in a Dask worker, which tells of each.
+def run_stages(
+    capture: CaptureContext, stages: Sequence[str], keys: Mapping[str, str], limit: int | None
+) -> list[Record]:
+    """Run stages of a capture one after the other on a Dask worker, and publish their events.
 
-    limit: bytes that a worker may fill, None: any.
+    limit: bytes that a worker may use, None: any number.
 
     Raises:
-        ClusterError: after the survey, the capture needs more; else what the stages raise.
+        ClusterError: after the survey, the capture needs more bytes; else what the stages raise.
     """
-    show, records = from_worker(), []
-    for stage in stages:
-        told = Reporter(show, work.name, stage, TOLD_SECONDS)
-        told(0, None)
-        record = perform(work, BY_NAME[stage], keys[stage], told)
-        for event in ended(work.name, record):
-            show(event)
-        if stage == "survey":
-            needed, largest = largest_need(work)
-            check_bytes(limit, needed, f"{largest} of {work.name}")
+    emit, records = publish_from_worker(), []
+    for name in stages:
+        stage = BY_NAME[name]
+        unit = progress_unit(stage)
+        emit(StageStarted(capture.name, name, unit))
+        progress = ProgressThrottle(emit, capture.name, name, unit, PROGRESS_SECONDS)
+        record = perform(capture, stage, keys[name], progress)
+        for event in end_events(capture.name, record):
+            emit(event)
+        if name == "survey":
+            needed, largest = largest_need(capture)
+            check_bytes(limit, needed, f"{largest} of {capture.name}")
         records.append(record)
     return records
 
 
-def merge_there(works: Sequence[Workspace], key: str, name: str, stage: str) -> Record:
-    """Perform the stage of an object's model in a Dask worker, told as NAME's."""
-    show = from_worker()
-    record = perform_model(works, key, Reporter(show, name, stage, TOLD_SECONDS))
-    for event in ended(name, record):
-        show(event)
+def run_model_stage(captures: Sequence[CaptureContext], key: str, name: str, stage: str) -> Record:
+    """Run the model stage of an object on a Dask worker, and publish its events as those of `name`."""
+    emit = publish_from_worker()
+    emit(StageStarted(name, stage))
+    record = perform_model(captures, key, ProgressThrottle(emit, name, stage, interval=PROGRESS_SECONDS))
+    for event in end_events(name, record):
+        emit(event)
     return record
 
 
-def ended(name: str, record: Record) -> Iterator[Event]:
-    """What there is to tell of a stage that has ended."""
+def end_events(capture: str, record: Record) -> Iterator[StageEnded | CaptureWarning]:
+    """Yield the events of a stage that has ended: its end and its warnings."""
     frames = int(record.counts["frames"]) if "frames" in record.counts else None
-    yield Event("stage", name, record.stage, seconds=record.seconds, cached=record.cached, frames=frames)
+    yield StageEnded(capture, record.stage, record.seconds, record.cached, frames)
     for warning in record.warnings:
-        yield Event("warning", name, record.stage, text=warning)
+        yield CaptureWarning(capture, warning, record.stage)
 
 
-def check_bytes(limit: int | None, needed: int, what: str) -> None:
-    """Refuse work that needs more bytes in one process than a worker may fill.
+def progress_unit(stage: Stage) -> str:
+    """Return the unit that a stage's progress counts: frames, tiles, parts."""
+    return str(getattr(stage, "progress_unit", "parts"))
+
+
+def check_bytes(limit: int | None, needed: int, work: str) -> None:
+    """Refuse work that needs more bytes in one process than a worker may use.
 
     Raises:
         ClusterError: it does not fit.
     """
     if limit is not None and needed > limit:
         raise ClusterError(
-            f"{what} needs {format_bytes(needed)} in one process, its workers have {format_bytes(limit)}",
+            f"{work} needs {format_bytes(needed)} in one process, its workers have {format_bytes(limit)}",
             "give a smaller region, use fewer --workers, or a --scheduler whose workers have more memory",
         )

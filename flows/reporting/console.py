@@ -1,4 +1,4 @@
-"""Where events are shown: bars on a terminal, plain lines elsewhere, JSON lines for machines."""
+"""Console sinks: progress bars on a terminal, plain lines elsewhere, JSON lines for machines."""
 
 import json
 import sys
@@ -6,63 +6,75 @@ import threading
 import time
 from contextlib import AbstractContextManager, suppress
 from dataclasses import asdict
-from typing import IO
+from typing import IO, Protocol, Self
 
-from glint.flows.reporting.events import Display, Event, sentence
+from glint.flows.reporting.events import Event, Sink, StageProgress, StageStarted, sentence
 
 
-def open_display(as_json: bool = False) -> Display:
-    """The display for where the output goes, to be entered: JSON lines on stdout; bars or plain lines on stderr."""
+class ConsoleSink(Sink, Protocol):
+    """A sink that writes to the console while it is entered."""
+
+    def __enter__(self) -> Self:
+        """Begin to write."""
+
+    def __exit__(self, *unused: object) -> None:
+        """Leave the console as it was."""
+
+
+def open_console(as_json: bool = False) -> ConsoleSink:
+    """Return the sink that fits the output: JSON lines on stdout; progress bars or plain lines on stderr."""
     if as_json:
         return JsonLines(sys.stdout)
     if not sys.stderr.isatty():
         return PlainLines(sys.stderr)
-    from glint.flows.reporting.progress_bars import Bars
+    from glint.flows.reporting.progress_bars import ProgressBars
 
-    return Bars()
+    return ProgressBars()
 
 
-class JsonLines(AbstractContextManager["Display"]):
-    """One JSON object a line for each event, with the time in seconds since 1970; absent keys are not known."""
+class JsonLines(AbstractContextManager["JsonLines"]):
+    """One JSON object per line for each event, with the time in seconds since 1970; unknown keys are absent."""
 
     def __init__(self, stream: IO[str]) -> None:
         self._stream, self._lock = stream, threading.Lock()
 
-    def show(self, event: Event) -> None:
+    def emit(self, event: Event) -> None:
         """Write the event's line."""
-        facts = {name: value for name, value in asdict(event).items() if value not in (None, "")}
-        if event.rate is not None:
-            facts["frames_per_second"] = round(event.rate, 1)
+        fields = {name: value for name, value in asdict(event).items() if value not in (None, "") and name != "unit"}
+        rate = getattr(event, "rate", None)
+        if rate is not None:
+            fields["frames_per_second"] = round(rate, 1)
+        line = {"time": round(time.time(), 3), "kind": event.kind, **fields}
         with self._lock:
-            write_line(self._stream, json.dumps({"time": round(time.time(), 3), **facts}, ensure_ascii=False))
+            write_line(self._stream, json.dumps(line, ensure_ascii=False))
 
     def __exit__(self, *unused: object) -> None:
-        """Nothing to end."""
+        """Leave the stream open."""
 
 
-class PlainLines(AbstractContextManager["Display"]):
-    """Readable lines, for logs: of a stage's progress one in `every` seconds."""
+class PlainLines(AbstractContextManager["PlainLines"]):
+    """Readable lines for logs; of a stage's progress at most one line per `interval` seconds."""
 
-    def __init__(self, stream: IO[str], every: float = 5.0) -> None:
-        self._stream, self._every, self._lock = stream, every, threading.Lock()
-        self._shown: dict[tuple[str, str], float] = {}
+    def __init__(self, stream: IO[str], interval: float = 5.0) -> None:
+        self._stream, self._interval, self._lock = stream, interval, threading.Lock()
+        self._written: dict[tuple[str, str], float] = {}
 
-    def show(self, event: Event) -> None:
+    def emit(self, event: Event) -> None:
         """Write the event's line."""
         with self._lock:
-            if event.kind == "progress":
+            if isinstance(event, StageStarted | StageProgress):
                 now, key = time.monotonic(), (event.capture, event.stage)
-                if now - self._shown.setdefault(key, now) < self._every:
+                if now - self._written.setdefault(key, now) < self._interval:
                     return
-                self._shown[key] = now
+                self._written[key] = now
             write_line(self._stream, sentence(event))
 
     def __exit__(self, *unused: object) -> None:
-        """Nothing to end."""
+        """Leave the stream open."""
 
 
 def write_line(stream: IO[str], line: str) -> None:
-    """Write a line; a reader who has gone away does not stop the run."""
+    """Write a line; a closed pipe does not stop the run."""
     with suppress(BrokenPipeError):
         stream.write(line + "\n")
         stream.flush()

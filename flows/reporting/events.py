@@ -1,94 +1,179 @@
-"""What a run says while it runs.
+"""Events of a run: small records of progress, ends, warnings and failures, and the sinks that receive them.
 
-Everything said is an `Event`, which a `Display` shows (see `flows.displays`). A step tells its progress through a
-callable (done, total), a `Reporter`. What is told on a Dask worker goes `from_worker` to whoever has begun to `listen`.
+Stages that run on a Dask worker publish their events to the scheduler; the flow's process subscribes to them and passes
+each to the sinks of its run.
 """
 
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 if TYPE_CHECKING:
     from distributed import Client
 
 TOPIC = "glint-progress"
-UNITS = {"survey": "frames", "frames": "frames", "lights": "spheres", "clusters": "tiles"}
-"""What a stage counts; other stages count parts of their work."""
+"""Dask topic of the workers' events."""
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
-    """Something that happened to a capture (OBJECT/CAPTURE) or one of its stages.
+class StageStarted:
+    """A stage of a capture (OBJECT/CAPTURE) has begun; consoles show it as progress with nothing done."""
 
-    progress: `done` of `total` parts after `seconds`; stage, capture: finished after `seconds`, `frames` long, `cached`
-    if nothing was computed; warning, failed, message: `text`.
-    """
+    kind: ClassVar[str] = "progress"
+    capture: str
+    stage: str
+    unit: str = "parts"
+    done: int = 0
+    seconds: float = 0.0
 
-    kind: Literal["progress", "stage", "capture", "warning", "failed", "message"]
-    capture: str = ""
-    stage: str = ""
-    done: int | None = None
+
+@dataclass(frozen=True, slots=True)
+class StageProgress:
+    """`done` of `total` units (None: unknown) of a stage are done after `seconds`."""
+
+    kind: ClassVar[str] = "progress"
+    capture: str
+    stage: str
+    done: int
     total: int | None = None
-    seconds: float | None = None
-    frames: int | None = None
-    cached: bool | None = None
-    text: str = ""
+    seconds: float = 0.0
+    unit: str = "parts"
 
     @property
     def rate(self) -> float | None:
-        """Frames per second, None where frames are not what is counted."""
-        counted = self.done if UNITS.get(self.stage) == "frames" and self.kind == "progress" else self.frames
-        return counted / self.seconds if counted and self.seconds and not self.cached else None
+        """Frames per second, None if another unit is counted."""
+        return _rate(self.done if self.unit == "frames" else None, self.seconds)
 
 
-class Display(AbstractContextManager["Display"], Protocol):
-    """Shows events; may be told from any thread."""
+@dataclass(frozen=True, slots=True)
+class StageEnded:
+    """A stage has ended after `seconds`; cached: its result was stored already; frames: length of the video."""
 
-    def show(self, event: Event) -> None:
-        """Show one event."""
+    kind: ClassVar[str] = "stage"
+    capture: str
+    stage: str
+    seconds: float
+    cached: bool = False
+    frames: int | None = None
+
+    @property
+    def rate(self) -> float | None:
+        """Frames per second, None if nothing was computed or the stage has no frames."""
+        return None if self.cached else _rate(self.frames, self.seconds)
 
 
-class Reporter:
-    """The progress callable of a stage: shows at most so many events a second, and the last one always."""
+@dataclass(frozen=True, slots=True)
+class CaptureEnded:
+    """A capture, or the model of an object, has a result; cached: nothing was computed, None: unknown."""
 
-    def __init__(self, show: Callable[[Event], None], capture: str, stage: str, every: float = 0.2) -> None:
-        self._show, self._capture, self._stage, self._every = show, capture, stage, every
-        self._begun, self._shown = time.monotonic(), 0.0
+    kind: ClassVar[str] = "capture"
+    capture: str
+    seconds: float
+    cached: bool | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureFailed:
+    """A capture has no result; text: the error and its remedy."""
+
+    kind: ClassVar[str] = "failed"
+    capture: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureWarning:
+    """A warning about a capture, from one of its stages or (stage empty) from a comparison with its last version."""
+
+    kind: ClassVar[str] = "warning"
+    capture: str
+    text: str
+    stage: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """Anything else that is reported, about a capture or the whole run."""
+
+    kind: ClassVar[str] = "message"
+    text: str
+    capture: str = ""
+
+
+type Event = StageStarted | StageProgress | StageEnded | CaptureEnded | CaptureFailed | CaptureWarning | Message
+_TYPES: dict[str, type[Event]] = {
+    event_type.__name__: event_type
+    for event_type in (StageStarted, StageProgress, StageEnded, CaptureEnded, CaptureFailed, CaptureWarning, Message)
+}
+
+
+class Sink(Protocol):
+    """Receives every event of a run, from any thread; it must not block."""
+
+    def emit(self, event: Event) -> None:
+        """Handle one event."""
+
+
+class ProgressThrottle:
+    """The progress callable of a stage: emits at most one event per `interval` seconds, and always the last one."""
+
+    def __init__(
+        self, emit: Callable[[Event], None], capture: str, stage: str, unit: str = "parts", interval: float = 0.2
+    ) -> None:
+        self._emit, self._capture, self._stage, self._unit = emit, capture, stage, unit
+        self._interval, self._started, self._emitted = interval, time.monotonic(), 0.0
 
     def __call__(self, done: int, total: int | None) -> None:
-        """Tell that `done` of `total` parts are done."""
+        """Report that `done` of `total` units are done."""
         now = time.monotonic()
-        if now - self._shown >= self._every or done == total:
-            self._shown = now
-            seconds = round(now - self._begun, 3)
-            self._show(Event("progress", self._capture, self._stage, done=done, total=total, seconds=seconds))
+        if now - self._emitted >= self._interval or done == total:
+            self._emitted = now
+            seconds = round(now - self._started, 3)
+            self._emit(StageProgress(self._capture, self._stage, done, total, seconds, self._unit))
 
 
-def from_worker() -> Callable[[Event], None]:
-    """How a task on a Dask worker tells of events, asked for in its own thread; they go to whoever listens."""
+def publish_from_worker() -> Callable[[Event], None]:
+    """Return a function that publishes events; to be called in the thread of a task on a Dask worker."""
     from distributed import get_worker
 
     worker = get_worker()
-    return lambda event: worker.log_event(TOPIC, {"event": asdict(event)})
+    return lambda event: worker.log_event(TOPIC, {"type": type(event).__name__, "event": asdict(event)})
 
 
-def listen(client: "Client", show: Callable[[Event], None]) -> None:
-    """Show what the steps on the workers of this client's cluster tell."""
-    client.subscribe_topic(TOPIC, lambda event: show(Event(**event[1]["event"])))
+def subscribe(client: "Client", emit: Callable[[Event], None]) -> None:
+    """Pass on the events that workers of this client's cluster publish; a later subscription replaces an earlier."""
+
+    def receive(entry: tuple[float, dict[str, Any]]) -> None:
+        message = entry[1]
+        emit(_TYPES[message["type"]](**message["event"]))
+
+    client.subscribe_topic(TOPIC, receive)
 
 
 def sentence(event: Event) -> str:
-    """An event in words: `glass/front  frames  1200/8000 frames  950 frames/s`."""
-    parts = [part for part in (event.capture, event.stage) if part]
-    if event.kind == "progress":
-        of_total = f"{event.done}" if event.total is None else f"{event.done}/{event.total}"
-        parts.append(f"{of_total} {UNITS.get(event.stage, 'parts')}")
-    elif event.kind in ("stage", "capture"):
-        parts.append("unchanged" if event.cached else f"done in {event.seconds or 0.0:.1f} s")
-    else:
-        parts.append(event.text if event.kind == "message" else f"{event.kind}: {event.text}")
-    if event.rate is not None:
-        parts.append(f"{event.rate:.0f} frames/s")
-    return "  ".join(parts)
+    """Return an event in words: `glass/front  frames  1200/8000 frames  950 frames/s`."""
+    parts = [event.capture, getattr(event, "stage", "")]
+    match event:
+        case StageStarted() | StageProgress():
+            parts.append(counted(event))
+        case StageEnded() | CaptureEnded():
+            parts.append("unchanged" if event.cached else f"done in {event.seconds:.1f} s")
+        case Message():
+            parts.append(event.text)
+        case _:
+            parts.append(f"{event.kind}: {event.text}")
+    rate = getattr(event, "rate", None)
+    if rate is not None:
+        parts.append(f"{rate:.0f} frames/s")
+    return "  ".join(part for part in parts if part)
+
+
+def counted(event: StageStarted | StageProgress) -> str:
+    """Return progress in words: `3/9 tiles`."""
+    total = getattr(event, "total", None)
+    return f"{event.done} {event.unit}" if total is None else f"{event.done}/{total} {event.unit}"
+
+
+def _rate(frames: int | None, seconds: float) -> float | None:
+    return frames / seconds if frames and seconds else None

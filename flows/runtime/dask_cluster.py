@@ -1,7 +1,7 @@
-"""The Dask cluster of a run: the one at a given scheduler, else a local one of one-threaded processes.
+"""The Dask cluster of a run: the one at a given scheduler, else a local one of processes with one thread.
 
 It starts in the background: `Cluster(..)` returns at once, `client` waits for it. A Dask task gets one processor and
-its libraries one thread; what it needs in memory is checked before it is sent, since nothing spills.
+its libraries one thread. Nothing spills, so memory needs are checked before a task is sent.
 """
 
 import importlib
@@ -29,52 +29,52 @@ CONNECT_SECONDS = 30
 WORKERS_SECONDS = 120
 
 TERMINATED = 0.95
-"""Share of its memory limit at which a worker is ended."""
+"""Share of its memory limit at which a worker is terminated."""
 
 SETTINGS = {
-    # A task that killed two workers is the cause: it fails, and the others go on.
+    # A task that killed two workers is the cause of their deaths: it fails, other tasks continue.
     "distributed.scheduler.allowed-failures": 1,
-    # A graph cut holds the interpreter for minutes. A local worker that dies is noticed without heartbeats.
+    # A graph cut holds the GIL for minutes; the death of a local worker is noticed without heartbeats.
     "distributed.scheduler.worker-ttl": None,
-    # The stages of a capture wait at the worker that may be longest busy; one that is free shall have them at once.
+    # The stages of a capture may be queued at a busy worker; an idle one takes them over at once.
     "distributed.scheduler.work-stealing-interval": "100ms",
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.pause": False,
     "distributed.worker.memory.terminate": TERMINATED,
-    # Looking after itself as often as by default costs Dask a twentieth of two processors.
+    # At its default intervals, monitoring costs Dask a twentieth of two processors.
     "distributed.worker.memory.monitor-interval": "200ms",
     "distributed.worker.profile.interval": "200ms",
     "distributed.admin.tick.interval": "200ms",
     "distributed.admin.system-monitor.interval": "2s",
-    # Arrays of some megabytes come and go all the time: given back to the system each time, as in Dask's own setting,
-    # they cost a tenth of a worker's seconds.
+    # Arrays of some megabytes are allocated all the time; returning their memory to the system each time, as with
+    # Dask's own setting, costs a tenth of a worker's time.
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 64 << 20,
     "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 16 << 20,
 }
-"""How Dask works here; deploy/ says the same in the environment of its containers."""
+"""Settings of Dask; deploy/ repeats them in the environment of its containers."""
 
 
 @dataclass
-class Readiness(WorkerPlugin):
-    """Makes a worker ready before its first task: one thread for OpenCV, modules imported, their kernels loaded.
+class WarmUpPlugin(WorkerPlugin):
+    """Prepares a worker for its first task: one thread for OpenCV, modules imported, their kernels loaded.
 
     A module may have a function `warm_up()` that calls its compiled kernels once on tiny arrays. Workers of a local
-    cluster leave an interrupt at the terminal, and what failed there, to the run that owns them.
+    cluster (owned) ignore interrupts at the terminal and do not log errors: the run does both.
     """
 
     modules: tuple[str, ...]
     owned: bool
-    name = "glint-readiness"
+    name = "glint-warm-up"
 
     def setup(self, worker: Worker) -> None:
-        """Called by Dask in each worker as it starts, and in each that replaces one."""
-        import cv2
+        """Prepare the worker; Dask calls it in each worker that starts, replacements included."""
+        from glint.tasks.engine.threads import use_one_opencv_thread
 
         if self.owned:
             signal.signal(signal.SIGINT, signal.SIG_IGN)
             logging.getLogger("distributed.worker").setLevel(logging.CRITICAL)
-        cv2.setNumThreads(1)
+        use_one_opencv_thread()
         for name in self.modules:
             module = importlib.import_module(name)
             if hasattr(module, "warm_up"):
@@ -82,7 +82,7 @@ class Readiness(WorkerPlugin):
 
 
 class Cluster:
-    """One cluster for a run; a context manager that ends what it started.
+    """The cluster of a run; a context manager that stops what it started.
 
     `scheduler` is the address of a running one (tcp://host:8786), None for a local cluster of `workers` processes (as
     many as processors). `modules` are imported by every worker before its first task.
@@ -104,17 +104,17 @@ class Cluster:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        """End the cluster, whatever happened."""
+        """Stop the cluster."""
         if error is not None:
-            # Results that are still awaited when the client closes are reported one by one, calls that are cancelled
-            # before they began as errors.
+            # Otherwise each pending result is logged when the client closes, and each call that is cancelled before
+            # it began as an error.
             for reporter in ("asyncio", "tornado.application"):
                 logging.getLogger(reporter).setLevel(logging.CRITICAL)
         self.close()
 
     @property
     def client(self) -> Client:
-        """The client of this process, for all its threads; waits for the cluster. Nobody else closes it.
+        """The client of this process, for all its threads; waits for the cluster, and is closed with it.
 
         Raises:
             ClusterError: the scheduler does not answer, or no worker came.
@@ -137,17 +137,17 @@ class Cluster:
 
     @property
     def workers(self) -> int:
-        """Workers there are now."""
+        """Current number of workers."""
         return len(self.client.nthreads())
 
     @property
-    def described(self) -> str:
-        """How many workers, and where they can be watched."""
-        watched = f", Dask's dashboard {self.dashboard_url}" if self.dashboard_url else ""
-        return f"workers {self.workers}{watched}"
+    def description(self) -> str:
+        """The number of workers, and the address of Dask's dashboard."""
+        dashboard = f", Dask's dashboard {self.dashboard_url}" if self.dashboard_url else ""
+        return f"workers {self.workers}{dashboard}"
 
     def close(self) -> None:
-        """End the local cluster and its processes, or leave the given one. Safe to call twice."""
+        """Stop the local cluster and its processes, or disconnect from the given one. Safe to call twice."""
         self._thread.join()
         client, self._client = self._client, None
         cluster, self._cluster = self._cluster, None
@@ -174,7 +174,7 @@ class Cluster:
             silence_logs=logging.ERROR,
         )
         client = Client(self._cluster, set_as_default=False)
-        client.register_plugin(Readiness(self._modules, owned=True))
+        client.register_plugin(WarmUpPlugin(self._modules, owned=True))
         return client
 
     def _given(self, address: str) -> Client:
@@ -187,7 +187,7 @@ class Cluster:
             ) from None
         try:
             client.wait_for_workers(1, timeout=WORKERS_SECONDS)
-            client.register_plugin(Readiness(self._modules, owned=False))
+            client.register_plugin(WarmUpPlugin(self._modules, owned=False))
         except TimeoutError:
             client.close()
             raise ClusterError(
@@ -196,7 +196,7 @@ class Cluster:
             ) from None
         except Exception as error:
             with suppress(Exception):
-                client.unregister_worker_plugin(Readiness.name)
+                client.unregister_worker_plugin(WarmUpPlugin.name)
             client.close()
             raise ClusterError(
                 f"the Dask workers at {address} cannot run Glint ({error})", "install this version of Glint on each"

@@ -1,19 +1,19 @@
-"""Where Glint keeps what belongs to no store, and the settings that libraries read from the environment.
+"""Glint's home, and the settings that libraries read from the environment.
 
-Prefect, numba and OpenMP read theirs once, at import; so `prepare_environment` comes before any of them is imported.
+Prefect, numba and OpenMP read theirs once, at import, so `prepare_environment` is called before they are imported.
 """
 
 import os
 from pathlib import Path
 
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
-"""One thread per process: the workers are as many as the processors."""
+"""One thread per process: there are as many workers as processors."""
 
 _PREFECT = {
     "DO_NOT_TRACK": "1",
     "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
     "PREFECT_SERVER_EPHEMERAL_ENABLED": "false",
-    # The console is for progress and for what went wrong in a sentence; the dashboard has every line and trace.
+    # The console shows progress and errors in a sentence; the dashboard has all log lines and tracebacks.
     "PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL": "CRITICAL",
     "PREFECT_LOGGING_INTERNAL_LEVEL": "CRITICAL",
     "PREFECT_LOGGING_TO_API_WHEN_MISSING_FLOW": "ignore",
@@ -21,14 +21,14 @@ _PREFECT = {
 
 
 def glint_home() -> Path:
-    """The folder of the embedded server: $GLINT_HOME, else ~/.glint."""
+    """Return the folder of the embedded server: $GLINT_HOME, else ~/.glint."""
     return Path(os.environ.get("GLINT_HOME") or Path.home() / ".glint").absolute()
 
 
 def prepare_environment(api_url: str | None = None, prefect_home: Path | None = None) -> None:
-    """Set what the libraries read at import, in this process and for its workers; what the user has set stays.
+    """Set variables that libraries read at import, for this process and its workers; the user's own values are kept.
 
-    `api_url` and `prefect_home` are the embedded server's, and are set in any case.
+    `api_url` and `prefect_home` belong to the embedded server and replace earlier values.
     """
     for name, value in (ONE_THREAD | _PREFECT).items():
         os.environ.setdefault(name, value)

@@ -1,9 +1,8 @@
-"""The Prefect server of a run: the one at PREFECT_API_URL, else one of our own that all runs of this user share.
+"""The Prefect server of a run: the one at PREFECT_API_URL, else Glint's own, which all runs of this user share.
 
-Our own server is a detached process with its database in Glint's home. It outlives the run, so that its dashboard can
-be read afterwards. A cold start takes seconds: `start_server` returns at once, and `Server.wait` comes when the
-server is needed. Whoever starts a run calls `start_server` before anything imports prefect, which reads its settings
-at import.
+Glint's own server is a detached process with its database in Glint's home. It outlives the run, so that its dashboard
+can be read afterwards. A cold start takes seconds: `start_server` returns at once, and `Server.wait` waits when the
+server is needed. A run calls `start_server` before anything imports prefect, which reads its settings at import.
 """
 
 import os
@@ -18,17 +17,26 @@ from typing import Any
 
 from glint.flows.errors import ServerError
 from glint.flows.runtime.environment import prepare_environment
-from glint.flows.runtime.processes import is_alive
-from glint.flows.runtime.server_process import answers, keep, listens, locked, read_state, server_folder, spawn, stop
+from glint.flows.runtime.server_process import (
+    answers,
+    is_alive,
+    keep,
+    listens,
+    locked,
+    read_state,
+    server_folder,
+    spawn,
+    stop,
+)
 
 START_SECONDS = 120.0
 
 
 @dataclass(frozen=True, slots=True)
 class Server:
-    """A Prefect server that answers, or is about to.
+    """A Prefect server that answers, or is starting.
 
-    `process` is (pid, time of creation) of our own server, None for one at PREFECT_API_URL; `log` is its output.
+    process: (pid, start time) of Glint's own server, None for one at PREFECT_API_URL; log: its output.
     """
 
     api_url: str
@@ -56,23 +64,24 @@ class Server:
 
     @contextmanager
     def connected(self) -> Iterator[None]:
-        """Wait, then let the flows that are called inside report to this server, whenever prefect was imported.
+        """Wait, then have the flows that are called inside report to this server, whenever prefect was imported.
 
-        Our own server is started again at its address if it dies meanwhile.
+        Glint's own server is restarted at its address if it dies in the meantime.
         """
         self.wait()
         from prefect.settings import PREFECT_API_URL, PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
 
         settings: dict[Any, Any] = {PREFECT_API_URL: self.api_url}
         if self.process is not None:
-            # Ending the thread of heartbeats costs every flow run up to a second; `flows.zombies` does without them.
+            # The thread of heartbeats costs every flow run up to a second at its end. Local runs are found to be
+            # orphaned by the tag of their process (`orphaned_runs`), only scheduled ones by their heartbeats.
             settings[PREFECT_FLOWS_HEARTBEAT_FREQUENCY] = None
         with temporary_settings(settings), self._kept():
             yield
 
     @contextmanager
     def reached(self) -> Iterator[None]:
-        """Let what is called inside ask this server, which answers already."""
+        """Have clients that are made inside ask this server, which answers already."""
         from prefect.settings import PREFECT_API_URL, temporary_settings
 
         with temporary_settings({PREFECT_API_URL: self.api_url}):
@@ -93,7 +102,7 @@ class Server:
             keeper.join()
 
     def _process_now(self) -> tuple[int, float]:
-        """The server's process, which may have been started again."""
+        """Return the server's process, which may have been restarted."""
         assert self.process is not None and self.log is not None
         state = read_state(self.log.parent)
         return self.process if state is None else state.process
@@ -103,14 +112,14 @@ class Server:
 
 
 def ensure_server(home: Path | None = None) -> Server:
-    """A Prefect server that answers now: `start_server`, then `wait`."""
+    """Return a Prefect server that answers: `start_server`, then `wait`."""
     server = start_server(home)
     server.wait()
     return server
 
 
 def start_server(home: Path | None = None) -> Server:
-    """Name the server of this process and start it if there is none, without waiting for it.
+    """Return the server of this process and start it if there is none, without waiting for it.
 
     Sets PREFECT_API_URL and the other settings of Prefect in the environment. Two runs that start at the same time
     share one server.
@@ -136,7 +145,7 @@ def start_server(home: Path | None = None) -> Server:
 
 
 def running_server(home: Path | None = None) -> Server | None:
-    """The server of this process if one is up: the one at PREFECT_API_URL, else our own; none is started.
+    """Return the server of this process if one is up: the one at PREFECT_API_URL, else Glint's own; start none.
 
     Raises:
         ServerError: the one at PREFECT_API_URL does not answer.
@@ -155,7 +164,7 @@ def running_server(home: Path | None = None) -> Server | None:
 
 
 def stop_server(home: Path | None = None) -> bool:
-    """End our own server; False if none was running."""
+    """Stop Glint's own server; return False if none was running."""
     folder = server_folder(home)
     with locked(folder):
         state = read_state(folder)
@@ -187,4 +196,4 @@ def _ui_url(api_url: str) -> str:
 
 def _last_line(log: Path | None) -> str:
     lines = log.read_text(errors="replace").strip().splitlines() if log is not None else []
-    return " ".join(line.strip() for line in lines[-2:]) or "it said nothing"
+    return " ".join(line.strip() for line in lines[-2:]) or "its log is empty"

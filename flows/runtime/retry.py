@@ -1,4 +1,4 @@
-"""A Prefect server that is away for a while: what it interrupted is begun again, and goes on from what is stored."""
+"""Retry a call when the Prefect server is temporarily unreachable; finished stages are not computed again."""
 
 import time
 from collections.abc import Callable
@@ -8,32 +8,33 @@ from prefect.client.orchestration import get_client
 
 from glint.flows.errors import ServerError
 
-ATTEMPTS = 5
-AWAY_SECONDS = 120.0
-"""How long a server may take to come back."""
+MAX_ATTEMPTS = 5
+RECONNECT_TIMEOUT_SECONDS = 120.0
 
 
-def patiently[**P, R](run: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> R:
-    """Call a flow; if the server goes away meanwhile, wait for it and call the flow again.
+def retry_on_disconnect[**P, R](call: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> R:
+    """Call a flow or function; if the server becomes unreachable meanwhile, wait for it and call again.
 
     Raises:
-        ServerError: it does not come back, or goes away every time.
+        ServerError: it does not answer in time, or became unreachable at every attempt.
     """
-    for _ in range(ATTEMPTS):
+    for _ in range(MAX_ATTEMPTS):
         try:
-            return run(*args, **kwargs)
+            return call(*args, **kwargs)
         except httpx.TransportError:
             wait_for_server()
-    raise ServerError(f"the Prefect server went away {ATTEMPTS} times", "see that it has memory and disk, run again")
+    raise ServerError(
+        f"the Prefect server went away {MAX_ATTEMPTS} times", "see that it has memory and disk, run again"
+    )
 
 
 def wait_for_server() -> None:
     """Return when the server of this process answers.
 
     Raises:
-        ServerError: it does not within two minutes.
+        ServerError: it does not within RECONNECT_TIMEOUT_SECONDS.
     """
-    deadline = time.monotonic() + AWAY_SECONDS
+    deadline = time.monotonic() + RECONNECT_TIMEOUT_SECONDS
     with get_client(sync_client=True) as client:
         while (error := client.api_healthcheck()) is not None:
             if time.monotonic() > deadline:

@@ -1,4 +1,4 @@
-"""The process of our own Prefect server: its state in Glint's home, its start, and its end."""
+"""The process of Glint's own Prefect server: its state file, its start and end, and its loopback port."""
 
 import fcntl
 import json
@@ -21,10 +21,14 @@ import psutil
 
 from glint.flows.errors import ServerError
 from glint.flows.runtime.environment import glint_home
-from glint.flows.runtime.ports import claim_port, free_port
-from glint.flows.runtime.processes import born, is_alive
 
+FIRST_PORT = 4200
+N_PORTS = 100
+"""Ports from FIRST_PORT on that are tried before any free port is taken."""
 KEEPER_SECONDS = 0.5
+"""Interval at which a run checks that the server is alive."""
+START_TOLERANCE_SECONDS = 2.0
+"""Difference of start times up to which a process is the same: the system reports whole seconds, read twice."""
 
 _SETTINGS = {
     "DO_NOT_TRACK": "1",
@@ -33,20 +37,20 @@ _SETTINGS = {
     "PREFECT_SERVER_UI_SHOW_PROMOTIONAL_CONTENT": "false",
     "PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED": "true",
     "PREFECT_SERVER_SERVICES_DB_VACUUM_RETENTION_PERIOD": str(30 * 24 * 3600),
-    # With a transaction for every event, SQLite turns away the next flow run, and its client sleeps for two seconds.
+    # With one transaction per event, SQLite rejects the next flow run, and its client backs off for two seconds.
     "PREFECT_SERVER_SERVICES_TASK_RUN_RECORDER_READ_BATCH_SIZE": "100",
     "PREFECT_SERVER_SERVICES_TASK_RUN_RECORDER_BATCH_SIZE": "100",
-    # Whole seconds: the recorder truncates, and with 0 it never rests.
+    # Whole seconds: the recorder truncates, and 0 makes it poll without pause.
     "PREFECT_SERVER_SERVICES_TASK_RUN_RECORDER_FLUSH_INTERVAL": "1",
     "PREFECT_SERVER_SERVICES_EVENT_PERSISTER_READ_BATCH_SIZE": "100",
     "PREFECT_SERVER_SERVICES_EVENT_PERSISTER_BATCH_SIZE": "1000",
 }
-"""Our own server's settings; what the user has set in the environment goes before them."""
+"""Settings of Glint's own server; those in the user's environment take precedence."""
 
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """What Glint's home says about our own server; `prefect` is the version it runs."""
+    """The state file of Glint's own server: address, process (pid, start time), and version of Prefect."""
 
     api_url: str
     process: tuple[int, float]
@@ -54,14 +58,14 @@ class State:
 
 
 def server_folder(home: Path | None = None) -> Path:
-    """Where the state, the log and the database of this machine's server are."""
+    """Return the folder of the state file, log and database of this machine's server."""
     # A home can be shared by machines; a loopback server and its database cannot.
     return (home or glint_home()) / "server" / socket.gethostname()
 
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Let nobody else start or stop the server meanwhile.
+    """Lock the server against being started or stopped by another process.
 
     Raises:
         ServerError: the folder cannot be written.
@@ -79,7 +83,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def read_state(folder: Path) -> State | None:
-    """What is written of the server, None if nothing readable is."""
+    """Return the state file's content, None if there is none that is readable."""
     try:
         fields = json.loads((folder / "server.json").read_text())
         pid, created = fields["process"]
@@ -89,7 +93,7 @@ def read_state(folder: Path) -> State | None:
 
 
 def keep(folder: Path, ended: threading.Event) -> None:
-    """Start the server again, at its address, whenever it has died; one that was stopped stays so."""
+    """Restart the server at its address whenever it has died, until `ended` is set; a stopped one stays stopped."""
     while not ended.wait(KEEPER_SECONDS):
         with locked(folder):
             state = read_state(folder)
@@ -98,7 +102,7 @@ def keep(folder: Path, ended: threading.Event) -> None:
 
 
 def spawn(folder: Path, port: int | None = None) -> State:
-    """Start a server, at a port that is free unless one is given, and write its state."""
+    """Start a server at a port, or else at a free one, and write its state file."""
     port, claim = (port, claim_port(port) or socket.socket(socket.AF_UNIX)) if port else free_port()
     api_url = f"http://127.0.0.1:{port}/api"
     settings = _SETTINGS | {name: value for name, value in os.environ.items() if not _of_client(name)}
@@ -114,7 +118,7 @@ def spawn(folder: Path, port: int | None = None) -> State:
             start_new_session=True,
             pass_fds=[claim.fileno()],
         )
-    state = State(api_url, (child.pid, born(child.pid)), version("prefect"))
+    state = State(api_url, (child.pid, process_start_time(child.pid)), version("prefect"))
     (folder / "server.json").write_text(json.dumps(asdict(state)))
     return state
 
@@ -128,7 +132,7 @@ def _of_client(name: str) -> bool:
 
 
 def stop(state: State) -> bool:
-    """End a server; False if it was not running."""
+    """Stop a server; return False if it was not running."""
     if not is_alive(*state.process):
         return False
     process = psutil.Process(state.process[0])
@@ -140,7 +144,7 @@ def stop(state: State) -> bool:
 
 
 def _has_ended(state: State, seconds: float = 10.0) -> bool:
-    """Whether the server ends within so long; one whose parent never asks for its end has ended all the same."""
+    """Return whether the server ends within some seconds; a zombie counts as ended."""
     deadline = time.monotonic() + seconds
     while is_alive(*state.process):
         if time.monotonic() > deadline:
@@ -150,7 +154,7 @@ def _has_ended(state: State, seconds: float = 10.0) -> bool:
 
 
 def answers(api_url: str) -> bool:
-    """Whether a server is healthy."""
+    """Return whether a server is healthy."""
     try:
         with urllib.request.urlopen(f"{api_url}/health", timeout=2) as answer:
             return bool(answer.status == 200)
@@ -159,10 +163,62 @@ def answers(api_url: str) -> bool:
 
 
 def listens(pid: int, api_url: str) -> bool:
-    """Whether this very process has the port: another server may have taken it since it was found free."""
+    """Return whether this process listens at the port, which another server may have taken in the meantime."""
     port = int(api_url.removesuffix("/api").rpartition(":")[2])
     try:
         connections = psutil.Process(pid).net_connections("inet")
     except psutil.Error:
         return False
-    return any(each.status == psutil.CONN_LISTEN and each.laddr.port == port for each in connections)
+    return any(item.status == psutil.CONN_LISTEN and item.laddr.port == port for item in connections)
+
+
+def free_port() -> tuple[int, socket.socket]:
+    """Return the first free loopback port from FIRST_PORT on, or else any free port, and a claim to it.
+
+    A server takes many seconds until it listens; the claim, which it inherits, keeps other servers off the port.
+
+    Raises:
+        ServerError: no port is free.
+    """
+    for port in [*range(FIRST_PORT, FIRST_PORT + N_PORTS), 0]:
+        with socket.socket() as candidate:
+            candidate.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                candidate.bind(("127.0.0.1", port))
+            except OSError:
+                continue
+            number = int(candidate.getsockname()[1])
+        claim = claim_port(number)
+        if claim is not None:
+            return number, claim
+    raise ServerError("no loopback port is free", "set PREFECT_API_URL to a server of yours")
+
+
+def claim_port(port: int) -> socket.socket | None:
+    """Return a socket that keeps other servers of Glint off this port while it is open; None if one has the port."""
+    claim = socket.socket(socket.AF_UNIX)
+    try:
+        if sys.platform == "linux":
+            claim.bind(f"\0glint-port-{port}")
+    except OSError:
+        claim.close()
+        return None
+    return claim
+
+
+def process_start_time(pid: int) -> float:
+    """Return the seconds from the machine's start to the process's, which a change of the clock does not affect.
+
+    Raises:
+        psutil.NoSuchProcess: it has ended.
+    """
+    return float(psutil.Process(pid).create_time() - psutil.boot_time())
+
+
+def is_alive(pid: int, start_time: float) -> bool:
+    """Return whether the process `pid` that started at `start_time` still runs; its number may have been reused."""
+    try:
+        is_same = abs(process_start_time(pid) - start_time) < START_TOLERANCE_SECONDS
+        return is_same and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False

@@ -1,8 +1,8 @@
-"""Being asked to stop, by SIGINT or SIGTERM: the same as an interrupt at the terminal, and never forgotten.
+"""Handle SIGINT and SIGTERM: raise KeyboardInterrupt, and remember the request in case a library swallows it.
 
-Some libraries swallow the KeyboardInterrupt that arrives while they are imported; so it is remembered, and raised again
-before anything long begins. A run that has not ended by itself in time is ended: a cluster that is interrupted while it
-starts may wait for ever for workers that will not come.
+Some libraries swallow a KeyboardInterrupt that arrives while they are imported, so `raise_if_interrupted` raises it
+again before anything long begins. A run that does not end in time is ended: a cluster that is interrupted during its
+start may otherwise wait forever for workers.
 """
 
 import os
@@ -10,34 +10,34 @@ import signal
 import threading
 from types import FrameType
 
-ENDED = 130
-"""Exit status of a run that was asked to stop."""
+EXIT_STATUS = 130
+"""Exit status of an interrupted run that did not end by itself."""
 GRACE_SECONDS = 30.0
-"""How long a run that was asked to stop may take to end."""
+"""How long an interrupted run may take to end."""
 
-_asked = threading.Event()
+_interrupted = threading.Event()
 
 
 def install() -> None:
-    """Take both signals, in the main thread."""
+    """Install the handler of both signals; to be called in the main thread."""
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _take)
+        signal.signal(number, _handle)
 
 
-def check() -> None:
-    """Go on only if nobody has asked to stop.
+def raise_if_interrupted() -> None:
+    """Return unless the process was interrupted.
 
     Raises:
-        KeyboardInterrupt: somebody has.
+        KeyboardInterrupt: it was.
     """
-    if _asked.is_set():
+    if _interrupted.is_set():
         raise KeyboardInterrupt
 
 
-def _take(number: int, frame: FrameType | None) -> None:
-    if not _asked.is_set():
-        _asked.set()
-        last = threading.Timer(GRACE_SECONDS, os._exit, [ENDED])
-        last.daemon = True
-        last.start()
+def _handle(number: int, frame: FrameType | None) -> None:
+    if not _interrupted.is_set():
+        _interrupted.set()
+        timer = threading.Timer(GRACE_SECONDS, os._exit, [EXIT_STATUS])
+        timer.daemon = True
+        timer.start()
     raise KeyboardInterrupt

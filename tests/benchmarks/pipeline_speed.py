@@ -47,8 +47,8 @@ def main() -> None:
         ensure_server().connected(),
         Cluster(modules=("glint.tasks.pipeline",)) as cluster,
     ):
-        from glint.flows.pipeline.catalogue import run_catalogue
-        from glint.flows.pipeline.context import share
+        from glint.flows.pipeline.catalogue import run_whole_catalogue
+        from glint.flows.pipeline.context import activate
         from glint.storage.export.export import export
         from glint.storage.locations.location import Location
         from glint.tasks.engine.references import load_catalogue
@@ -62,13 +62,13 @@ def main() -> None:
         loaded = load_catalogue(catalogue)
         chosen = arguments.only or loaded.objects[0].id
         video = loaded.object(chosen).captures[0].frames
-        share(cluster.address, cluster.client)
         print(bit_rate(video))
         for number in range(arguments.repeat):
             store = str(Path(folder) / f"store-{number}")
             reading, frames = read_seconds(video)
             started = perf_counter()
-            result = run_catalogue(str(catalogue), "speed", store, cluster.address, only=[chosen])
+            with activate(cluster.client):
+                result = run_whole_catalogue(str(catalogue), store, only=[chosen])
             assert not result.failed, result.failed
             export(Location.parse(store), chosen, Path(folder) / f"export-{number}")
             whole = perf_counter() - started

@@ -25,7 +25,7 @@ import obstore
 import psutil
 
 from glint.flows.pipeline.run import run
-from glint.flows.reporting.events import Event
+from glint.flows.reporting.events import CaptureFailed, Event
 from glint.flows.runtime.prefect_server import start_server, stop_server
 from glint.storage.catalogue.loading import Catalogue, load, write
 from glint.storage.locations.location import Location
@@ -61,9 +61,9 @@ class Watch:
     def __exit__(self, *_: object) -> None:
         """Nothing is open."""
 
-    def show(self, event: Event) -> None:
+    def emit(self, event: Event) -> None:
         self.first = self.first or time.monotonic()
-        self.failed += [event.text] * (event.kind == "failed")
+        self.failed += [event.text] if isinstance(event, CaptureFailed) else []
         self.captures += event.kind in ("capture", "failed")
         if event.kind == "capture" and self.captures % self.every == 0:
             self.note()

@@ -28,7 +28,7 @@ from prefect.utilities.callables import parameter_schema
 
 from glint.flows.deployments.deploy import DeploymentOptions, deploy, deployment_specs
 from glint.flows.errors import ServerError
-from glint.flows.pipeline.drift import EVENT
+from glint.flows.pipeline.drift import DRIFT_EVENT
 from glint.flows.reporting.artifacts import artifact_key
 from glint.flows.runtime.prefect_server import Server
 from glint.storage.errors import InputError
@@ -205,7 +205,7 @@ def test_a_cancelled_object_releases_its_lock(deployed: list[str], folders: tupl
 
 def test_drift_is_notified(deployed: list[str], notifications: NotificationServer) -> None:
     payload = {"object": "duck", "capture": "front", "degrees": 3.25, "before": "v1", "after": "v2"}
-    emit_event(EVENT, resource={"prefect.resource.id": "glint.object.duck"}, payload=payload)
+    emit_event(DRIFT_EVENT, resource={"prefect.resource.id": "glint.object.duck"}, payload=payload)
     until(
         lambda: any(
             "duck/front: the 95th percentile of normal change from v1 to v2 is 3.25 degrees" in body

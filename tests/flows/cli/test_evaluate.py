@@ -33,7 +33,7 @@ def test_each_shape_is_simulated_once_for_each_defect(tmp_path: Path, monkeypatc
     monkeypatch.setattr(cli_simulate, "DEGRADED_SHAPES", ("hemisphere", "cylinder"))
     monkeypatch.setattr(tasks_simulate, "DEGRADED", few)
     events: list[Event] = []
-    display = SimpleNamespace(show=events.append)
+    display = SimpleNamespace(emit=events.append)
     catalogue = load(simulate_degraded(tmp_path, True, display))  # type: ignore[arg-type]
     assert [item.id for item in catalogue.objects] == [
         "hemisphere-careful",

@@ -6,13 +6,17 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 from prefect import flow, task
 from prefect.artifacts import create_progress_artifact
 
 from glint.flows.cli.status import failed_rows, running_rows, status
-from glint.flows.runtime.orphaned_runs import tagged
+from glint.flows.pipeline import prefect_sink
+from glint.flows.pipeline.prefect_sink import PrefectSink
+from glint.flows.reporting.events import StageStarted
+from glint.flows.runtime.orphaned_runs import tagged_with_process
 from glint.flows.runtime.prefect_server import Server, running_server
 from glint.storage.errors import InputError
 
@@ -43,7 +47,7 @@ def test_the_last_failures_are_shown_with_their_remedies(
     server: Server, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name, good in (("broken/front", False), ("fixed/front", False), ("fixed/front", True)):
-        with tagged():
+        with tagged_with_process():
             fake_object(name, good)
     expected = {("broken/front", "front.mp4 does not exist: check the path")}
     assert wait_for(lambda: {(row["capture"], row["error"]) for row in failed_rows()} >= expected)
@@ -72,7 +76,7 @@ def test_running_captures_are_shown_with_their_progress(server: Server) -> None:
         fake_capture()
 
     def work() -> None:
-        with server.connected(), tagged():
+        with server.connected(), tagged_with_process():
             fake_object()
 
     thread = threading.Thread(target=work)
@@ -85,6 +89,37 @@ def test_running_captures_are_shown_with_their_progress(server: Server) -> None:
         thread.join()
     assert (row["type"], row["stage"], row["progress"]) == ("capture", "clusters", "42%") and row["since"]
     assert wait_for(lambda: not [row for row in running_rows() if row["running"] == "running/front"])
+
+
+def test_the_stage_of_a_running_and_of_a_failed_capture_is_shown(
+    server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(prefect_sink, "RUNNING_SECONDS", 0.0)
+    running: list[dict[str, Any]] = []
+
+    def running_row() -> dict[str, Any] | None:
+        rows = [row for row in running_rows() if row["running"] == "staged/front" and row["stage"]]
+        return rows[0] if rows else None
+
+    @task(name="capture", task_run_name="staged/front", persist_result=False)
+    def fake_capture(sink: PrefectSink) -> None:
+        with sink.attach("staged/front"):
+            sink.emit(StageStarted("staged/front", "labels"))
+            running.append(wait_for(running_row) or {})
+            raise InputError("front.mp4 does not exist", "check the path")
+
+    @flow(name="object", persist_result=False)
+    def fake_object() -> None:
+        with suppress(InputError), PrefectSink() as sink:
+            fake_capture(sink)
+
+    fake_object()
+
+    def failed_stage() -> str:
+        return "".join(row["stage"] for row in failed_rows() if row["capture"] == "staged/front")
+
+    assert running[0]["stage"] == "labels"
+    assert wait_for(failed_stage) == "labels"
 
 
 def test_status_starts_no_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

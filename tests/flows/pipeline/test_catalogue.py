@@ -16,9 +16,9 @@ from prefect.client.schemas.objects import FlowRun
 
 import glint.flows.pipeline.capture
 from glint.flows.pipeline.catalogue import run_catalogue
-from glint.flows.pipeline.context import share
+from glint.flows.pipeline.context import activate
 from glint.flows.pipeline.dispatch import Capacity
-from glint.flows.reporting.events import Event
+from glint.flows.reporting.events import CaptureEnded, CaptureWarning, Event, StageEnded
 from glint.flows.results import RunResult
 from glint.flows.runtime.dask_cluster import Cluster
 from glint.storage.catalogue.loading import Catalogue, load, write
@@ -33,13 +33,13 @@ pytestmark = [pytest.mark.server, pytest.mark.usefixtures("server")]
 Run = Callable[..., tuple[Any, list[Event]]]
 
 
-class Kept:
-    """A display that keeps what it is shown."""
+class RecordingSink:
+    """A sink that keeps the events."""
 
     def __init__(self) -> None:
         self.events: list[Event] = []
 
-    def show(self, event: Event) -> None:
+    def emit(self, event: Event) -> None:
         self.events.append(event)
 
 
@@ -71,10 +71,10 @@ def run(folder: Path, cluster: Cluster) -> Run:
     """Run a catalogue by its name: the final state, and what was shown."""
 
     def run_it(name: str, **options: Any) -> tuple[Any, list[Event]]:
-        shown = Kept()
-        share(cluster.address, cluster.client, shown)
+        sink = RecordingSink()
         path, store = str(folder / f"{name}.yaml"), str(folder / "store")
-        return run_catalogue(path, name, store, cluster.address, return_state=True, **options), shown.events
+        with activate(cluster.client, sink):
+            return run_catalogue(path, name, store, return_state=True, **options), sink.events
 
     return run_it
 
@@ -125,7 +125,7 @@ def test_every_object_is_a_run_with_its_captures_in_it(run: Run) -> None:
     assert set(captures_of(str(objects["a"].id))) == {"a/front"}
     assert {each.state.type.value for each in objects.values() if each.state} == {"COMPLETED"}
     assert len(str(objects["a"].parameters)) < 2000, "parameters name the catalogue and hold none of it"
-    assert [each.kind for each in events].count("capture") == 2
+    assert [event.kind for event in events].count("capture") == 2
 
 
 def test_an_unchanged_catalogue_needs_no_run_no_worker_and_no_footage(run: Run, cluster: Cluster) -> None:
@@ -134,7 +134,8 @@ def test_an_unchanged_catalogue_needs_no_run_no_worker_and_no_footage(run: Run, 
     state, events = run("good")
     result = result_of(state)
     assert state.is_completed() and "0 done, 2 unchanged" in state.message
-    assert children(result.run) == {} and [each.cached for each in events] == [True, True]
+    assert children(result.run) == {}
+    assert [event.cached for event in events if isinstance(event, CaptureEnded)] == [True, True] and len(events) == 2
     assert all(each.cached and len(each.records) == len(STAGES) for each in result.captures)
     after = cluster.client.scheduler_info(n_workers=-1)["workers"]
     assert [each["metrics"]["task_counts"] for each in after.values()] == [
@@ -145,11 +146,11 @@ def test_an_unchanged_catalogue_needs_no_run_no_worker_and_no_footage(run: Run, 
 
 def test_a_run_with_failures_says_how_many_and_why(run: Run, folder: Path) -> None:
     state, _ = run("mixed")
-    assert state.is_failed() and state.name == "PartiallyDone"
+    assert state.is_failed() and state.name == "PartiallyCompleted"
     assert state.message.startswith("1 of 3 captures failed; c/bad:") and "missing.mp4" in state.message
     objects = children(result_of(state).run)
     assert "a" not in objects, "what has not changed is passed even when others fail"
-    assert objects["c"].state is not None and objects["c"].state.name == "PartiallyDone"
+    assert objects["c"].state is not None and objects["c"].state.name == "PartiallyCompleted"
     version = ObjectRepository.open(Location.parse(folder / "store"), "c", create=False).version()
     assert set(version.stages) == {"front"}
 
@@ -169,25 +170,25 @@ def test_a_capture_too_large_for_the_workers_is_refused_up_front(
     (failed,) = result_of(state).failed
     assert re.match(r"\w+ of d/front needs .* in one process, its workers have 1\.00 MiB", failed.error)
     assert "region" in failed.remedy
-    assert [each.stage for each in events if each.kind == "stage"] == ["survey"]
+    assert [event.stage for event in events if isinstance(event, StageEnded)] == ["survey"]
 
 
 @pytest.mark.parametrize(("name", "workers", "spread"), [("alone", 2, 1), ("crowded", 1, 0)])
 def test_clusters_go_to_all_workers_where_some_are_idle(
     run: Run, monkeypatch: pytest.MonkeyPatch, name: str, workers: int, spread: int
 ) -> None:
-    calls, on_all = [], glint.flows.pipeline.capture.on_all
+    calls, on_all_workers = [], glint.flows.pipeline.capture.on_all_workers
 
     def counted(*facts: Any) -> Record:
         calls.append(1)
-        return on_all(*facts)
+        return on_all_workers(*facts)
 
-    monkeypatch.setattr(glint.flows.pipeline.capture, "on_all", counted)
+    monkeypatch.setattr(glint.flows.pipeline.capture, "on_all_workers", counted)
     monkeypatch.setattr(glint.flows.pipeline.capture, "capacity", lambda client: Capacity(workers, None))
     state, events = run(name)
     (done,) = result_of(state).captures
     assert [each.stage for each in done.records] == [each.name for each in STAGES] and len(calls) == spread
-    assert [each.stage for each in events if each.kind == "stage"] == [each.name for each in STAGES]
+    assert [event.stage for event in events if isinstance(event, StageEnded)] == [stage.name for stage in STAGES]
 
 
 def test_a_surface_that_moves_too_far_is_told(run: Run, folder: Path) -> None:
@@ -195,7 +196,7 @@ def test_a_surface_that_moves_too_far_is_told(run: Run, folder: Path) -> None:
     state, events = run("changed", drift=0.01)
     (moved,) = result_of(state).drifts
     assert state.is_completed() and moved.degrees > 0.01 and (moved.object_id, moved.capture_id) == ("a", "front")
-    assert any(each.kind == "warning" and "moved" in each.text for each in events)
+    assert any(isinstance(event, CaptureWarning) and "moved" in event.text for event in events)
     assert told_events("glint.drift")[0]["object"] == "a"
     assert result_of(run("good", drift=179.0)[0]).drifts == []
 

@@ -1,53 +1,92 @@
+"""The run context: found by whatever a run calls, cancelled as a whole."""
+
+import contextvars
 import threading
 import time
-from concurrent.futures import CancelledError
+from collections.abc import Iterator
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 
 import pytest
 from distributed import Client
 
-from glint.flows.pipeline.context import Surroundings, _known, share, surroundings
+from glint.flows.pipeline.context import RunContext, activate, run_context
+from glint.flows.pipeline.object import submit
+from glint.flows.pipeline.prefect_sink import PrefectSink
+from glint.flows.reporting.events import Event, Message
 from glint.flows.runtime.dask_cluster import Cluster
 
 pytestmark = pytest.mark.server
 
 
-def test_flows_find_what_was_shared_and_else_a_client_of_their_own(cluster: Cluster) -> None:
-    share("tcp://shared", cluster.client)
-    assert surroundings("tcp://shared").client is cluster.client
-    _known.pop(cluster.address, None)
-    opened = surroundings(cluster.address).client
-    assert opened is not cluster.client
-    assert surroundings(cluster.address).client is opened
-    opened.close()
-    del _known[cluster.address]
+class RecordingSink:
+    def __init__(self) -> None:
+        self.events: list[Event] = []
+
+    def emit(self, event: Event) -> None:
+        self.events.append(event)
 
 
-def test_what_waits_for_a_worker_fails_when_the_run_is_abandoned(cluster: Cluster) -> None:
-    here = Surroundings(Client(cluster.address, set_as_default=False))
-    here.check()
+@pytest.fixture
+def context(cluster: Cluster) -> Iterator[RunContext]:
+    """A context with a client of its own, which may be cancelled."""
+    client = Client(cluster.address, set_as_default=False)
+    yield RunContext(client, PrefectSink())
+    client.close()
+
+
+def test_a_run_and_its_threads_find_the_context_and_others_do_not(cluster: Cluster) -> None:
+    sink = RecordingSink()
+    with activate(cluster.client, sink) as context, ThreadPoolExecutor(1) as pool:
+        assert run_context() is context and context.client is cluster.client
+        assert submit(pool, run_context).result() is context
+        with pytest.raises(LookupError):
+            pool.submit(run_context).result()
+        assert context.max_captures == 3
+        context.emit(Message("dashboard here"))
+    with pytest.raises(LookupError):
+        run_context()
+    assert sink.events == [Message("dashboard here")]
+
+
+def test_contexts_nest(cluster: Cluster) -> None:
+    with activate(cluster.client) as outer:
+        with activate(cluster.client) as inner:
+            assert run_context() is inner
+            assert contextvars.copy_context().run(run_context) is inner
+        assert run_context() is outer
+
+
+def test_a_capture_with_a_slot_is_active(context: RunContext) -> None:
+    with context.slot("a/front"), context.slot("b/front"):
+        assert context.active == {"a/front", "b/front"}
+        assert not context.slots.acquire(blocking=False)
+    assert not context.active
+
+
+def test_what_waits_for_a_worker_fails_when_the_run_is_cancelled(context: RunContext) -> None:
+    context.raise_if_cancelled()
     raised: list[BaseException] = []
 
     def wait() -> None:
         try:
-            here.client.submit(time.sleep, 30, pure=False).result()
+            context.client.submit(time.sleep, 30, pure=False).result()
         except BaseException as error:
             raised.append(error)
 
     waiting = threading.Thread(target=wait)
     waiting.start()
     time.sleep(0.5)
-    here.abandon()
+    context.cancel()
     waiting.join(15)
     assert not waiting.is_alive()
     assert isinstance(raised[0], CancelledError)
     with pytest.raises(CancelledError):
-        here.check()
+        context.raise_if_cancelled()
 
 
-def test_what_an_abandoned_run_breaks_is_told_as_interrupted(cluster: Cluster) -> None:
-    here = Surroundings(Client(cluster.address, set_as_default=False))
-    with pytest.raises(OSError, match="a reason of its own"), here.interruptible():
+def test_errors_of_a_cancelled_run_are_reported_as_interrupted(context: RunContext) -> None:
+    with pytest.raises(OSError, match="a reason of its own"), context.cancellable():
         raise OSError("a reason of its own")
-    here.abandon()
-    with pytest.raises(CancelledError, match="interrupted"), here.interruptible():
+    context.cancel()
+    with pytest.raises(CancelledError, match="interrupted"), context.cancellable():
         raise OSError("Client is closed")

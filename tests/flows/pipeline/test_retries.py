@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from prefect import task
 
-from glint.flows.pipeline.capture import capture, may_come_back
+from glint.flows.pipeline.capture import is_store_unreachable, process_capture
 from glint.flows.runtime.prefect_server import Server
 from glint.storage.errors import InputError, StoreError, StoreUnreachable
 from glint.storage.locations.error_translation import fault
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.server
 def test_only_a_store_that_is_away_is_asked_again(server: Server, error: Any, calls: int) -> None:
     made = []
 
-    @task(retries=1, retry_delay_seconds=0, retry_condition_fn=may_come_back)
+    @task(retries=1, retry_delay_seconds=0, retry_condition_fn=is_store_unreachable)
     def stage() -> None:
         made.append(1)
         raise error("broken", "mend it")
@@ -25,7 +25,7 @@ def test_only_a_store_that_is_away_is_asked_again(server: Server, error: Any, ca
     with pytest.raises(error):
         stage()
     assert len(made) == calls
-    assert capture.retry_condition_fn is may_come_back and capture.retries
+    assert process_capture.retry_condition_fn is is_store_unreachable and process_capture.retries
 
 
 @pytest.mark.parametrize(

@@ -1,101 +1,192 @@
-"""What workers tell of a capture is in its log and on its bar, and neither before nor after others'."""
+"""Stages on Prefect's timeline, as a real server records them; warnings in the log and progress beside them."""
 
+import json
 import time
+import urllib.request
+from collections.abc import Callable
 from typing import Any
 
 import pytest
-from distributed import Client
 from prefect import flow, task
 from prefect.client.orchestration import get_client
 from prefect.client.schemas.filters import ArtifactFilter, ArtifactFilterKey, LogFilter, LogFilterTaskRunId
-from prefect.runtime import task_run
+from prefect.client.schemas.objects import TaskRun
+from prefect.runtime import flow_run, task_run
 
-from glint.flows.pipeline import stage_runs
-from glint.flows.pipeline.context import Surroundings, share, surroundings
-from glint.flows.pipeline.stage_runs import Hearing
-from glint.flows.pipeline.worker import ended
-from glint.flows.reporting.events import Event
-from glint.flows.runtime.dask_cluster import Cluster
+from glint.flows.errors import ClusterError
+from glint.flows.pipeline import prefect_sink
+from glint.flows.pipeline.prefect_sink import PrefectSink
+from glint.flows.pipeline.stage_runs import CACHED
+from glint.flows.pipeline.worker import end_events
+from glint.flows.reporting.events import CaptureWarning, Event, StageEnded, StageProgress, StageStarted
+from glint.flows.runtime.orphaned_runs import RUN_TAG, tagged_with_process
+from glint.flows.runtime.prefect_server import Server
 from glint.tasks.engine.stage import Record
 
 pytestmark = [pytest.mark.server, pytest.mark.usefixtures("server")]
-NAME = "heard/front"
+NAME = "glass/front"
+PAUSE = 0.3
+
+
+@pytest.fixture(autouse=True)
+def short_intervals(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Show a stage as running after 0.1 s, and progress at once."""
+    monkeypatch.setattr(prefect_sink, "RUNNING_SECONDS", 0.1)
+    monkeypatch.setattr(prefect_sink, "PROGRESS_SECONDS", 0.0)
 
 
 @task(name="capture", task_run_name=NAME, persist_result=False)
-def hear(here: Surroundings, events: list[Event], good: bool) -> Any:
-    with Hearing(here, NAME) as hearing:
+def capture(sink: PrefectSink, events: list[Event | float], error: Exception | None) -> str:
+    """Emit events, waiting where a number stands, as the workers of a capture would."""
+    with sink.attach(NAME) as reporter:
         for event in events:
-            here.show(event)
-            hearing.pass_on()
-        assert hearing.stage == events[-1].stage
-        if not good:
-            raise ValueError("broken")
-    return task_run.id
+            if isinstance(event, float):
+                time.sleep(event)
+            else:
+                sink.emit(event)
+        assert reporter.stage
+        if error is not None:
+            raise error
+    return str(task_run.id)
 
 
-@pytest.fixture
-def here(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> Surroundings:
-    monkeypatch.setattr(stage_runs, "PROGRESS_SECONDS", 0.0)
-    share(cluster.address, cluster.client)
-    return surroundings(cluster.address)
+@flow(name="object", persist_result=False)
+def process(sink: PrefectSink, events: list[Event | float], error: Exception | None) -> tuple[str, Any]:
+    return str(flow_run.id), capture(sink, events, error, return_state=True)
 
 
-def bars() -> list[tuple[float, str]]:
-    """Progress and stage of this capture's bars on the server."""
-    with get_client(sync_client=True) as client:
-        found = client.read_artifacts(
-            artifact_filter=ArtifactFilter(key=ArtifactFilterKey(any_=["heard-front-progress"]))
-        )
-    return [(float(each.data), str(each.description)) for each in found]  # type: ignore[arg-type]
+def run(events: list[Event | float], error: Exception | None = None) -> tuple[str, Any]:
+    """Run one capture: the flow run's id, and the state of the capture."""
+    with PrefectSink() as sink, tagged_with_process():
+        return process(sink, events, error)
 
 
-def logged(run: Any, count: int) -> list[str]:
-    """Lines of a task run's log, once there are so many."""
-    chosen = LogFilter(task_run_id=LogFilterTaskRunId(any_=[run]))
-    for _ in range(100):
-        with get_client(sync_client=True) as client:
-            lines = [each.message for each in client.read_logs(chosen)]
-        if len(lines) >= count:
-            return lines
+def until[Found](look: Callable[[], Found], seconds: float = 60.0) -> Found:
+    """Return what is found; the server records events a second later."""
+    deadline = time.monotonic() + seconds
+    while not (result := look()) and time.monotonic() < deadline:
         time.sleep(0.2)
-    raise AssertionError(lines)
+    return result
 
 
-def test_stages_and_warnings_are_logged_and_progress_moves_one_bar(here: Surroundings) -> None:
-    frames = Record("frames", "k", False, 2.5, {"frames": 300}, ("the camera moved",))
-    events = [
-        Event("progress", NAME, "frames", done=0),
-        Event("progress", NAME, "frames", done=75, total=300, seconds=1.0),
-        Event("progress", "other/front", "labels", done=1, total=2, seconds=1.0),
-        *ended(NAME, frames),
-        Event("progress", NAME, "labels", done=1, total=2, seconds=1.0),
-        Event("stage", NAME, "labels", seconds=0.01, cached=True),
+def graph(server: Server, run: str) -> dict[str, dict[str, Any]]:
+    """Nodes of a flow run's graph by their labels."""
+    with urllib.request.urlopen(f"{server.api_url}/flow_runs/{run}/graph-v2") as answer:
+        return {node["label"]: node for _, node in json.load(answer)["nodes"]}
+
+
+def recorded(node: dict[str, Any]) -> TaskRun:
+    with get_client(sync_client=True) as client:
+        return client.read_task_run(node["id"])
+
+
+def progress_bars() -> list[tuple[float, str]]:
+    """Progress and description of this capture's progress artifacts."""
+    chosen = ArtifactFilter(key=ArtifactFilterKey(any_=["glass-front-progress"]))
+    with get_client(sync_client=True) as client:
+        artifacts = client.read_artifacts(artifact_filter=chosen)
+    return [(float(artifact.data), str(artifact.description)) for artifact in artifacts]  # type: ignore[arg-type]
+
+
+def log_lines(run: Any) -> list[str]:
+    with get_client(sync_client=True) as client:
+        return [line.message for line in client.read_logs(LogFilter(task_run_id=LogFilterTaskRunId(any_=[run])))]
+
+
+def test_the_graph_shows_each_stage_inside_its_capture(server: Server) -> None:
+    """Guard an upgrade of Prefect: stages are announced through a function that is not public."""
+    events: list[Event | float] = [
+        StageStarted(NAME, "survey"),
+        StageEnded(NAME, "survey", 0.001, cached=True),
+        StageStarted(NAME, "frames"),
+        PAUSE,
+        StageEnded(NAME, "frames", PAUSE),
+        StageStarted(NAME, "labels"),
+        PAUSE,
     ]
+    flow_id, state = run(events, ClusterError("labels needs 9 GiB", "give a smaller region"))
+    assert state.is_failed()
+    nodes = until(lambda: found if len(found := graph(server, flow_id)) == 4 and _is_final(found) else {})
+    assert set(nodes) == {NAME, "survey", "frames", "labels"}
+    stages = [nodes[name] for name in ("survey", "frames", "labels")]
+    assert all([parent["id"] for parent in stage["encapsulating"]] == [nodes[NAME]["id"]] for stage in stages)
+    assert [stage["state_type"] for stage in stages] == ["COMPLETED", "COMPLETED", "FAILED"]
+    survey, frames, labels = (recorded(stage) for stage in stages)
+    assert survey.state is not None and survey.state.name == CACHED
+    assert frames.state is not None and frames.state.name == "Completed"
+    assert labels.state is not None and labels.state.message == "labels needs 9 GiB: give a smaller region"
+    assert all(stage.start_time and stage.end_time for stage in (survey, frames, labels))
+    for stage in (frames, labels):
+        assert stage.end_time and stage.start_time
+        assert PAUSE <= (stage.end_time - stage.start_time).total_seconds() < PAUSE + 2
+    assert frames.end_time and labels.start_time and frames.end_time <= labels.start_time
+    assert RUN_TAG in labels.tags and len(labels.tags) == 2
+
+
+def _is_final(nodes: dict[str, dict[str, Any]]) -> bool:
+    return all(node["state_type"] in ("COMPLETED", "FAILED", "CRASHED") for node in nodes.values())
+
+
+def test_a_long_stage_is_shown_while_it_runs(server: Server) -> None:
+    shown: list[str] = []
+
+    @task(name="capture", task_run_name=NAME, persist_result=False)
+    def running(sink: PrefectSink) -> None:
+        with sink.attach(NAME):
+            sink.emit(StageStarted(NAME, "labels"))
+            found = until(lambda: graph(server, str(flow_run.id)).get("labels"))
+            shown.append(str(found and found["state_type"]))
+            sink.emit(StageEnded(NAME, "labels", 1.0))
 
     @flow(name="object", persist_result=False)
-    def working(good: bool, count: int) -> Any:
-        return hear(here, events[:count], good, return_state=True)
+    def working() -> str:
+        with PrefectSink() as sink:
+            running(sink)
+        return str(flow_run.id)
 
-    with pytest.raises(ValueError, match="broken"):
-        working(False, 2).result()
-    assert bars() == [(25.0, "frames")], "a bar of what failed stays where it was"
-    lines = logged(working(True, len(events)).result(), 4)
-    assert sorted(bars()) == [(25.0, "frames"), (100.0, "done")]
-    told = [each for each in lines if "Finished" not in each]
-    assert told == ["frames in 2.50 s", f"{NAME}: the camera moved", "labels in 0.01 s, was there already"]
-    assert not here.listeners
+    flow_id = working()
+    assert shown == ["RUNNING"]
+    assert until(lambda: graph(server, flow_id)["labels"]["state_type"] == "COMPLETED")
 
 
-def test_events_of_a_stage_tell_its_frames_and_warnings() -> None:
-    first, second = ended(NAME, Record("frames", "k", True, 0.1, {"frames": 300}, ("dark",)))
-    assert (first.kind, first.frames, first.cached) == ("stage", 300, True)
-    assert (second.kind, second.stage, second.text) == ("warning", "frames", "dark")
+def test_a_stage_whose_worker_died_is_shown_as_crashed_and_run_again(server: Server) -> None:
+    events: list[Event | float] = [
+        StageStarted(NAME, "labels"),
+        PAUSE,
+        StageStarted(NAME, "survey"),
+        StageEnded(NAME, "survey", 0.001, cached=True),
+        StageStarted(NAME, "labels"),
+        PAUSE,
+    ]
+    flow_id, _ = run(events, ClusterError(f"{NAME} labels: the worker process died", "run again"))
+
+    def stage_states() -> list[tuple[str, str]]:
+        with urllib.request.urlopen(f"{server.api_url}/flow_runs/{flow_id}/graph-v2") as answer:
+            nodes = [node for _, node in json.load(answer)["nodes"] if node["label"] != NAME]
+        return [(node["label"], node["state_type"]) for node in sorted(nodes, key=lambda node: node["start_time"])]
+
+    expected = [("labels", "CRASHED"), ("survey", "COMPLETED"), ("labels", "FAILED")]
+    assert until(lambda: stage_states() == expected), stage_states()
 
 
-def test_a_capture_at_work_is_known(cluster: Cluster) -> None:
-    here = Surroundings(Client(cluster.address, set_as_default=False))
-    with here.turn("a/front"), here.turn("b/front"):
-        assert here.working == {"a/front", "b/front"}
-    assert not here.working
-    here.client.close()
+def test_warnings_are_logged_and_progress_moves_one_bar() -> None:
+    frames = Record("frames", "k", False, 2.5, {"frames": 300}, ("the camera moved",))
+    events: list[Event | float] = [
+        StageStarted(NAME, "frames"),
+        StageProgress(NAME, "frames", 75, 300, 1.0),
+        StageProgress("other/front", "labels", 1, 2, 1.0),
+        *end_events(NAME, frames),
+    ]
+    _, state = run(events[:2], ValueError("broken"))
+    assert state.is_failed()
+    assert progress_bars() == [(25.0, "frames")], "the progress of what failed stays where it was"
+    _, state = run(events)
+    lines = until(lambda: [line for line in log_lines(state.result()) if "Finished" not in line])
+    assert lines == [f"{NAME}: the camera moved"], "stages are on the timeline and need no line in the log"
+    assert sorted(progress_bars()) == [(25.0, "frames"), (100.0, "done")]
+
+
+def test_the_end_of_a_stage_has_its_frames_and_warnings() -> None:
+    ended, warning = end_events(NAME, Record("frames", "k", True, 0.1, {"frames": 300}, ("dark",)))
+    assert ended == StageEnded(NAME, "frames", 0.1, cached=True, frames=300)
+    assert warning == CaptureWarning(NAME, "dark", "frames")

@@ -6,18 +6,18 @@ import threading
 import pytest
 from rich.console import Console
 
-from glint.flows.reporting.console import JsonLines, PlainLines, open_display
-from glint.flows.reporting.events import Event
-from glint.flows.reporting.progress_bars import Bars
+from glint.flows.reporting.console import JsonLines, PlainLines, open_console
+from glint.flows.reporting.events import CaptureEnded, CaptureWarning, StageEnded, StageProgress, StageStarted
+from glint.flows.reporting.progress_bars import ProgressBars
 
 
 def test_json_lines_are_whole_objects_from_many_threads() -> None:
     stream = io.StringIO()
-    display = JsonLines(stream)
+    console = JsonLines(stream)
 
     def talk(number: int) -> None:
         for done in range(50):
-            display.show(Event("progress", f'gläs"{number}\n', "frames", done=done, total=50, seconds=1.0))
+            console.emit(StageProgress(f'gläs"{number}\n', "frames", done, 50, 1.0, "frames"))
 
     threads = [threading.Thread(target=talk, args=(number,)) for number in range(8)]
     for thread in threads:
@@ -34,45 +34,53 @@ def test_json_lines_are_whole_objects_from_many_threads() -> None:
 
 def test_json_says_false_but_not_what_is_unknown() -> None:
     stream = io.StringIO()
-    JsonLines(stream).show(Event("capture", "glass/front", seconds=0.0, cached=False))
+    JsonLines(stream).emit(CaptureEnded("glass/front", 0.0, cached=False))
     said = json.loads(stream.getvalue())
     del said["time"]
     assert said == {"kind": "capture", "capture": "glass/front", "seconds": 0.0, "cached": False}
 
 
+def test_the_start_of_a_stage_is_progress_for_machines() -> None:
+    stream = io.StringIO()
+    JsonLines(stream).emit(StageStarted("glass/front", "labels", "parts"))
+    line = json.loads(stream.getvalue())
+    del line["time"]
+    assert line == {"kind": "progress", "capture": "glass/front", "stage": "labels", "done": 0, "seconds": 0.0}
+
+
 def test_plain_lines_tell_progress_now_and_then_and_every_end() -> None:
     stream = io.StringIO()
-    display = PlainLines(stream, every=60.0)
+    console = PlainLines(stream, interval=60.0)
     for done in range(100):
-        display.show(Event("progress", "glass/front", "frames", done=done, total=100, seconds=1.0))
-    display.show(Event("stage", "glass/front", "frames", seconds=1.0))
-    display.show(Event("warning", "glass/front", text="only 3% of the object glinted"))
+        console.emit(StageProgress("glass/front", "frames", done, 100, 1.0, "frames"))
+    console.emit(StageEnded("glass/front", "frames", 1.0))
+    console.emit(CaptureWarning("glass/front", "only 3% of the object glinted"))
     assert stream.getvalue().splitlines() == [
         "glass/front  frames  done in 1.0 s",
         "glass/front  warning: only 3% of the object glinted",
     ]
-    eager = PlainLines(stream, every=0.0)
-    eager.show(Event("progress", "glass/front", "frames", done=3, total=100, seconds=1.0))
+    eager = PlainLines(stream, interval=0.0)
+    eager.emit(StageProgress("glass/front", "frames", 3, 100, 1.0, "frames"))
     assert stream.getvalue().splitlines()[-1] == "glass/front  frames  3/100 frames  3 frames/s"
 
 
 def test_bars_show_what_runs_and_leave_lines_of_what_ended() -> None:
     stream = io.StringIO()
     console = Console(file=stream, force_terminal=True, width=100, color_system=None)
-    with Bars(console) as bars:
-        bars.show(Event("progress", "glass/[front]", "frames", done=1200, total=8000, seconds=1.5))
+    with ProgressBars(console) as bars:
+        bars.emit(StageProgress("glass/[front]", "frames", 1200, 8000, 1.5, "frames"))
         bars._progress.refresh()
         assert "1200/8000 frames  800 frames/s" in stream.getvalue()
         assert "glass/[front]" in stream.getvalue()
-        bars.show(Event("capture", "glass/[front]", seconds=4.0, frames=8000))
-        bars.show(Event("progress", "glass/[front]", "frames", done=8000, total=8000, seconds=4.0))
+        bars.emit(CaptureEnded("glass/[front]", 4.0))
+        bars.emit(StageProgress("glass/[front]", "frames", 8000, 8000, 4.0, "frames"))
         assert bars._progress.tasks == []
-    assert "glass/[front]  done in 4.0 s  2000 frames/s" in stream.getvalue()
+    assert "glass/[front]  done in 4.0 s" in stream.getvalue()
 
 
 def test_the_display_fits_where_the_output_goes(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert isinstance(open_display(as_json=True), JsonLines)
+    assert isinstance(open_console(as_json=True), JsonLines)
     monkeypatch.setattr(sys.stderr, "isatty", lambda: False, raising=False)
-    assert isinstance(open_display(), PlainLines)
+    assert isinstance(open_console(), PlainLines)
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
-    assert isinstance(open_display(), Bars)
+    assert isinstance(open_console(), ProgressBars)

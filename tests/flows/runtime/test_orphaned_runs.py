@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from glint.flows.runtime.orphaned_runs import _is_dead, _tag, close_runs_of_the_dead, process_tag
+from glint.flows.runtime.orphaned_runs import _is_dead, _tag, mark_orphaned_crashed, process_tag
 from glint.flows.runtime.prefect_server import Server
 
 pytestmark = pytest.mark.server
@@ -19,7 +19,7 @@ from pathlib import Path
 from glint.flows.runtime.prefect_server import start_server
 server = start_server(Path(sys.argv[1]))
 from prefect import flow, task
-from glint.flows.runtime.orphaned_runs import tagged
+from glint.flows.runtime.orphaned_runs import tagged_with_process
 
 @task
 def wait():
@@ -34,7 +34,7 @@ def inner():
 def outer():
     inner()
 
-with server.connected(), tagged():
+with server.connected(), tagged_with_process():
     outer()
 """
 
@@ -63,14 +63,14 @@ def test_runs_of_a_killed_process_are_closed(server: Server, glint_home: Path, t
     while "RUNNING" not in states_of(server, "task_run", tag):
         assert time.monotonic() < deadline, "the task was never recorded"
         time.sleep(0.1)
-    close_runs_of_the_dead()
+    mark_orphaned_crashed()
     assert states_of(server, "flow_run", tag) == ["RUNNING", "RUNNING"]
     process.kill()
     process.wait(20)
-    assert close_runs_of_the_dead() == 2
+    assert mark_orphaned_crashed() == 2
     assert states_of(server, "flow_run", tag) == ["CRASHED", "CRASHED"]
     assert set(states_of(server, "task_run", tag)) == {"CRASHED"}
-    assert close_runs_of_the_dead() == 0
+    assert mark_orphaned_crashed() == 0
 
 
 def test_only_processes_of_this_machine_are_judged() -> None:

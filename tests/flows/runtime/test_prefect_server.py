@@ -15,11 +15,10 @@ import pytest
 from prefect import flow, runtime, task
 
 from glint.flows.errors import ServerError
-from glint.flows.runtime import ports, server_process
 from glint.flows.runtime import prefect_server as module
-from glint.flows.runtime.ports import FIRST_PORT
+from glint.flows.runtime import server_process
 from glint.flows.runtime.prefect_server import Server, ensure_server, start_server, stop_server
-from glint.flows.runtime.processes import born, is_alive
+from glint.flows.runtime.server_process import FIRST_PORT, is_alive, process_start_time
 
 
 @task
@@ -180,8 +179,8 @@ def test_a_taken_port_is_passed_over() -> None:
             taken.listen()
         except OSError:
             pass  # taken by somebody else: as good
-        first, claim = ports.free_port()
-        second, other = ports.free_port()
+        first, claim = server_process.free_port()
+        second, other = server_process.free_port()
         with claim, other:
             assert FIRST_PORT < first < second
 
@@ -230,7 +229,7 @@ def test_a_stranger_at_the_port_is_not_taken_for_our_server(tmp_path: Path) -> N
         threading.Thread(target=stranger.serve_forever, daemon=True).start()
         process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
         url = f"http://127.0.0.1:{stranger.server_port}/api"
-        ours = Server(url, url, True, (process.pid, born(process.pid)), tmp_path / "server.log")
+        ours = Server(url, url, True, (process.pid, process_start_time(process.pid)), tmp_path / "server.log")
         with pytest.raises(ServerError, match="gave no answer"):
             ours.wait(1.0)
         process.kill()
@@ -253,7 +252,11 @@ def test_a_server_that_nobody_buries_has_ended_all_the_same(tmp_path: Path) -> N
     parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     assert parent.stdout is not None
     child = int(parent.stdout.readline())
-    state = {"api_url": "http://127.0.0.1:1/api", "process": [child, born(child)], "prefect": version("prefect")}
+    state = {
+        "api_url": "http://127.0.0.1:1/api",
+        "process": [child, process_start_time(child)],
+        "prefect": version("prefect"),
+    }
     state_file(tmp_path).parent.mkdir(parents=True)
     state_file(tmp_path).write_text(json.dumps(state))
     assert stop_server(tmp_path)

@@ -10,7 +10,7 @@ from prefect import flow
 
 from glint.flows.errors import ServerError
 from glint.flows.runtime.prefect_server import start_server, stop_server
-from glint.flows.runtime.retry import ATTEMPTS, patiently
+from glint.flows.runtime.retry import MAX_ATTEMPTS, retry_on_disconnect
 
 pytestmark = [pytest.mark.server, pytest.mark.slow]
 
@@ -27,10 +27,10 @@ def test_flows_outlive_the_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     server = start_server(tmp_path)
     try:
         with server.connected():
-            assert patiently(short, 1) == 2
+            assert retry_on_disconnect(short, 1) == 2
             assert server.process is not None
             psutil.Process(server.process[0]).kill()
-            assert patiently(short, 2) == 3
+            assert retry_on_disconnect(short, 2) == 3
         (state,) = (tmp_path / "server").glob("*/server.json")
         found = json.loads(state.read_text())
         assert found["api_url"] == server.api_url and found["process"][0] != server.process[0]
@@ -47,5 +47,5 @@ def test_a_server_that_never_stays_is_told(monkeypatch: pytest.MonkeyPatch) -> N
         raise httpx.ConnectError("refused")
 
     with pytest.raises(ServerError, match="went away"):
-        patiently(unlucky)
-    assert len(tries) == ATTEMPTS
+        retry_on_disconnect(unlucky)
+    assert len(tries) == MAX_ATTEMPTS

@@ -64,13 +64,13 @@ def test_a_signal_that_a_library_swallowed_is_remembered(monkeypatch: pytest.Mon
     before = [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)]
     try:
         signals.install()
-        signals.check()
+        signals.raise_if_interrupted()
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGTERM)
         with pytest.raises(KeyboardInterrupt):
-            signals.check()
+            signals.raise_if_interrupted()
     finally:
-        signals._asked.clear()
+        signals._interrupted.clear()
         for timer in [each for each in threading.enumerate() if isinstance(each, threading.Timer)]:
             timer.cancel()
         for each, handler in zip((signal.SIGINT, signal.SIGTERM), before, strict=True):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from glint.flows.reporting.model_page import model_page, rounded
 from glint.tasks.engine.stage import Record
+from glint.tasks.figures.model_page import rounded, sheet_page
 
 VIEWS = [
     {"capture": "view-01", "pose": "found", "outline_misses_pixels": 0.123, "share": 0.25},
@@ -29,7 +29,7 @@ SHEET = np.full((520, 780, 3), 255, np.uint8)
 
 
 def test_the_page_of_a_turntable() -> None:
-    page = model_page("fish/model", SHEET, ABOUT, [RECORD])
+    page = sheet_page("fish/model", SHEET, ABOUT, [RECORD])
     assert page.count("data:image/png") == 1
     assert "91% of the surface known, 3% seen by no view" in page.replace("\\", "")
     assert "volume 22,630 mm³, area 51.59 mm²" in page
@@ -44,7 +44,7 @@ def test_the_page_of_a_turntable() -> None:
 
 def test_the_page_of_matrices() -> None:
     views = [{**each, "pose": "given"} for each in VIEWS]
-    page = model_page("fish/model", SHEET, {**ABOUT, "views": views, "turntable": None, "left_out": []}, [RECORD])
+    page = sheet_page("fish/model", SHEET, {**ABOUT, "views": views, "turntable": None, "left_out": []}, [RECORD])
     assert "| view-00 | given | 0.00 | 75% |" in page.replace("\\", "")
     assert "leans" not in page
 
