@@ -1,7 +1,6 @@
 """The flows of deployments without a schedule: one object, or all objects of a catalogue in flow runs of their own."""
 
-import contextvars
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -87,7 +86,7 @@ def request_objects(
 ) -> dict[str, str]:
     """Have run-object/on-demand run objects with these captures (none: all), and wait; return errors by object."""
 
-    def request(object_id: str) -> FlowRun:
+    def request(object_id: str) -> Any:
         parameters = {
             "catalogue": Location.parse(catalogue).uri,
             "object_id": object_id,
@@ -96,15 +95,10 @@ def request_objects(
             "captures": objects[object_id],
             "drift": drift,
         }
-        deployment = f"{run_one_object.name}/{ON_DEMAND}"
-        run: Any = run_deployment(deployment, parameters=parameters, flow_run_name=object_id)
-        return run
+        return run_deployment(f"{run_one_object.name}/{ON_DEMAND}", parameters=parameters, flow_run_name=object_id)
 
-    call: Callable[[str], FlowRun] = request
     with ThreadPoolExecutor(MAX_REQUESTED) as pool:
-        # The copied context makes the requested flow runs children of this one.
-        futures = [pool.submit(contextvars.copy_context().run, call, object_id) for object_id in objects]
-        runs = [future.result() for future in futures]
+        runs: list[FlowRun] = list(pool.map(request, objects))
     return {
         object_id: f"{run.state.name}: {run.state.message or 'see its flow run'}" if run.state else "it has no state"
         for object_id, run in zip(objects, runs, strict=True)
