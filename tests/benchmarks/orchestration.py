@@ -99,10 +99,20 @@ class Costs:
     stages: int
 
 
+def own_server() -> psutil.Process:
+    """Return the process of the embedded server, and start it if need be; runs find it by themselves."""
+    for name in ("PREFECT_API_URL", "PREFECT_HOME"):
+        os.environ.pop(name, None)
+    process = ensure_server().process
+    assert process is not None
+    os.environ.pop("PREFECT_API_URL")
+    return psutil.Process(process[0])
+
+
 def by_run(catalogue: Path, store: Path, workers: int, stage_runs: bool = True) -> Costs:
     """Measure a run, with or without stages on Prefect's timeline."""
     code = CODE + ("" if stage_runs else WITHOUT_STAGE_RUNS) + "main()"
-    server = psutil.Process(ensure_server().process[0])  # type: ignore[index]
+    server = own_server()
     before, stages, flow_cpu = sum(server.cpu_times()[:2]), list[float](), 0.0
     words = [
         sys.executable,

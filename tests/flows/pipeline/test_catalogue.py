@@ -92,13 +92,13 @@ def children(parent: str) -> dict[str, FlowRun]:
         return {each.name: each for each in client.read_flow_runs(flow_run_filter=chosen)}
 
 
-def captures_of(flow_run: str) -> list[str]:
-    """Names of the task runs of a flow run, once the server has recorded them."""
+def task_runs(flow_run: str, count: int) -> set[str]:
+    """Return the names of a flow run's task runs, captures and stages, once the server has recorded so many."""
     chosen = FlowRunFilter(id=FlowRunFilterId(any_=[flow_run]))  # type: ignore[list-item]
     with get_client(sync_client=True) as client:
         for _ in range(60):
-            if found := client.read_task_runs(flow_run_filter=chosen):
-                return [each.name for each in found]
+            if len(found := client.read_task_runs(flow_run_filter=chosen)) >= count:
+                return {run.name for run in found}
             time.sleep(0.5)
     raise AssertionError("no task runs")
 
@@ -122,7 +122,7 @@ def test_every_object_is_a_run_with_its_captures_in_it(run: Run) -> None:
     assert state.is_completed() and "2 captures: 2 done" in state.message
     objects = children(result_of(state).run)
     assert set(objects) == {"a", "b"}
-    assert set(captures_of(str(objects["a"].id))) == {"a/front"}
+    assert task_runs(str(objects["a"].id), 1 + len(STAGES)) == {"a/front", *(stage.name for stage in STAGES)}
     assert {each.state.type.value for each in objects.values() if each.state} == {"COMPLETED"}
     assert len(str(objects["a"].parameters)) < 2000, "parameters name the catalogue and hold none of it"
     assert [event.kind for event in events].count("capture") == 2
