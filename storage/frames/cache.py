@@ -20,7 +20,6 @@ from glint.storage.inputs.digests import digest_of
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 
-
 _ALL = slice(None)
 _REBUILD = "delete this cache, or run again with --rehash; it is rebuilt from the video or images"
 

@@ -8,7 +8,13 @@ import numpy as np
 
 from glint.storage.footage.source import Footage
 from glint.storage.versions.stage_results import StageResult
-from glint.tasks.algorithms.frames.stabilization import TranslationEstimator, downsample, register, shake_amplitude, translate
+from glint.tasks.algorithms.frames.stabilization import (
+    TranslationEstimator,
+    downsample,
+    register,
+    shake_amplitude,
+    translate,
+)
 
 SAMPLED_FRAMES = 12
 """Frames over the video in which the shake is measured."""
