@@ -1,25 +1,20 @@
-"""Read catalogues from YAML, with all errors at once, and write them."""
+"""Read catalogues from YAML, with all errors at once."""
 
-import io
 import os
 import posixpath
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import obstore
 from pydantic import BaseModel, ValidationError
-from ruamel.yaml import YAML
-from ruamel.yaml.representer import SafeRepresenter
 
 from glint.storage.catalogue.diagnostics import Diagnostic
 from glint.storage.catalogue.from_folder import from_folder
 from glint.storage.catalogue.messages import diagnostics_of
 from glint.storage.catalogue.models import ADDRESS_KEYS, MODEL, Camera, Capture, Catalogue, Object, Pose, Region, Sphere
-from glint.storage.catalogue.yaml_lines import MAX_BYTES, LinedDict, LinedList, parse, plain_value
+from glint.storage.catalogue.writing import write
+from glint.storage.catalogue.yaml_lines import MAX_BYTES, LinedDict, LinedList, parse
 from glint.storage.errors import GlintError, InputError
-from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.input_files import Address, locate, read_bytes
 from glint.storage.locations.location import Location
 
@@ -103,58 +98,6 @@ def parameters_for(
     for level in (catalogue.parameters, item.parameters, item.capture(capture_id).parameters):
         merged = _merge(merged, with_current_names(level))
     return merged
-
-
-def write(catalogue: Catalogue, path: Address) -> None:
-    """Write a catalogue atomically; addresses below its folder become relative.
-
-    Raises:
-        OSError, StoreError: it cannot be written.
-    """
-    location = locate(path)
-    data = catalogue.model_dump(mode="json", by_alias=True, exclude_defaults=True)
-    folder = location.parent.uri.rstrip("/") + "/"
-    for item in data["objects"]:
-        for entry in (item, *item["captures"]):
-            for key in ADDRESS_KEYS:
-                if key in entry:
-                    entry[key] = entry[key].removeprefix(folder) or entry[key]
-    yaml = YAML(typ="safe")
-    yaml.Representer = _Representer
-    yaml.default_flow_style = None
-    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
-    yaml.width = 110
-    text = io.BytesIO()
-    yaml.dump(data, text)
-    if location.local is None:
-        with store_errors(location.uri, "writing a catalogue"):
-            obstore.put(location.parent.obstore(), location.name, text.getvalue(), use_multipart=False)
-    else:
-        _replace(location.local, text.getvalue())
-
-
-def _replace(path: Path, data: bytes) -> None:
-    with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".", suffix=".yaml", delete=False) as file:
-        try:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-            os.chmod(file.name, 0o644)  # noqa: PTH101
-            Path(file.name).replace(path)
-        except BaseException:
-            Path(file.name).unlink(missing_ok=True)
-            raise
-
-
-class _Representer(SafeRepresenter):
-    """Represents text, in quotes if it would be read as another value."""
-
-    def represent_str(self, data: str) -> Any:
-        style = None if plain_value(data) == data else '"'
-        return self.represent_scalar("tag:yaml.org,2002:str", data, style)
-
-
-_Representer.add_representer(str, _Representer.represent_str)
 
 
 def _text(location: Location, name: str) -> str:

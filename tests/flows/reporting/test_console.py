@@ -54,10 +54,10 @@ def test_plain_lines_tell_progress_now_and_then_and_every_end() -> None:
     for done in range(100):
         console.emit(StageProgress("glass/front", "frames", done, 100, 1.0, "frames"))
     console.emit(StageEnded("glass/front", "frames", 1.0))
-    console.emit(CaptureWarning("glass/front", "only 3% of the object glinted"))
+    console.emit(CaptureWarning("glass/front", "only 3% of the object showed a highlight"))
     assert stream.getvalue().splitlines() == [
         "glass/front  frames  done in 1.0 s",
-        "glass/front  warning: only 3% of the object glinted",
+        "glass/front  warning: only 3% of the object showed a highlight",
     ]
     eager = PlainLines(stream, interval=0.0)
     eager.emit(StageProgress("glass/front", "frames", 3, 100, 1.0, "frames"))
