@@ -3,13 +3,17 @@
 PYTHON := .venv/bin/python
 SHARE := not slow
 
-.PHONY: demo test test-all lint format setup requirements clean
+.PHONY: demo test test-unit test-all lint format setup requirements clean
 
 demo: .venv/ready
 	.venv/bin/glint demo
 
 test: lint
 	$(PYTHON) -m pytest -q -m "$(SHARE)"
+
+# The inner loop: what needs neither a server nor a rendered capture, in under a minute.
+test-unit: .venv/ready
+	$(PYTHON) -m pytest -q -m "not slow and not server and not capture"
 
 test-all: lint
 	$(PYTHON) -m pytest -q

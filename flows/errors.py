@@ -1,6 +1,6 @@
 """Errors of a run: each names the offending value and the remedy."""
 
-from glint.storage.errors import StorageError
+from glint.storage.errors import GlintError
 from glint.tasks.engine.errors import UnusableCapture
 
 
@@ -25,7 +25,7 @@ class ClusterError(RunningError):
     """The Dask cluster does not answer, could not be started, or is too small for the work."""
 
 
-USER_ERRORS = (StorageError, UnusableCapture, RunningError)
+USER_ERRORS = (GlintError, UnusableCapture, RunningError)
 """Errors that name their remedy; any other is an internal error, whose traceback is logged."""
 
 INTERNAL_ERROR = "internal error; see the traceback in the run's log and report it"

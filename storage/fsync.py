@@ -1,14 +1,14 @@
-"""What is acknowledged must survive the machine's death: bytes and names on the disk itself."""
+"""Force files and folders onto the disk, so that acknowledged data survive a crash of the machine."""
 
 import os
 from pathlib import Path
 
-LAG_SECONDS = 0.1
-"""How far a file system's own clock may be behind."""
+CLOCK_LAG_SECONDS = 0.1
+"""By how much modification times may lag behind the system clock."""
 
 
 def flush(path: Path) -> None:
-    """Force a file's bytes, or a folder's names, onto the disk."""
+    """Force a file's bytes, or a folder's entries, onto the disk."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)
@@ -17,8 +17,8 @@ def flush(path: Path) -> None:
 
 
 def flush_tree(root: Path, since: float) -> None:
-    """Force onto the disk what was written below `root` at or after `since` (seconds of the epoch)."""
-    since -= LAG_SECONDS
+    """Force files and folders below `root` onto the disk that were written at or after `since` (seconds, Unix time)."""
+    since -= CLOCK_LAG_SECONDS
     for folder, _, names in os.walk(root):
         for name in names:
             path = Path(folder, name)

@@ -16,7 +16,7 @@ from pydantic import BaseModel
 
 from glint.storage.catalogue.from_folder import object_from_folder
 from glint.storage.catalogue.loading import Catalogue, Object, load, write
-from glint.storage.errors import InputError, StorageError
+from glint.storage.errors import GlintError, InputError
 from glint.storage.inputs.digests import digest_of
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
@@ -104,7 +104,7 @@ class Inbox:
         for submission in (submission for submission in changed if submission.changed <= latest):
             try:
                 objects = self._objects(submission)
-            except StorageError as error:
+            except GlintError as error:
                 problems[submission.name] = str(error)
                 continue
             ids = [item.id for item in objects]

@@ -27,8 +27,8 @@ def publish(works: Sequence[CaptureContext], run: str, catalogue: str, model: bo
         "captures": {work.capture.id: capture_provenance(work) for work in works},
     }
     names = [work.capture.id for work in works] + [WHOLE_OBJECT] * (model is True)
-    retired = [WHOLE_OBJECT] if model is False else []
-    return works[0].repository.publish(names, metadata, NAMES, message=f"run {run}", retire=retired, schemas=SCHEMAS)
+    removed = [WHOLE_OBJECT] if model is False else []
+    return works[0].repository.publish(names, metadata, NAMES, message=f"run {run}", remove=removed, schemas=SCHEMAS)
 
 
 def capture_provenance(work: CaptureContext) -> dict[str, Any]:

@@ -52,10 +52,10 @@ def maintain(
 
 def _print_maintenance(done: "Maintenance") -> None:
     from glint.flows.cli.tables import show, table_of
-    from glint.storage.maintenance.disk_space import REMEDY
+    from glint.storage.maintenance.disk_space import DISK_SPACE_REMEDY
 
     show(table_of(done.rows(), "nothing to do"))
     typer.echo(done.summary)
     if done.warning:
         typer.secho(done.warning, fg="yellow")
-        typer.echo(f"  -> {REMEDY}")
+        typer.echo(f"  -> {DISK_SPACE_REMEDY}")

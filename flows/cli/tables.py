@@ -8,9 +8,8 @@ from rich.console import Console
 from rich.table import Table
 
 from glint.storage.locations.location import Location
-from glint.storage.locking.locks import run_holder
-from glint.storage.versions.objects import object_ids
-from glint.storage.versions.repository import ObjectRepository
+from glint.storage.locking.locks import run_owner
+from glint.storage.versions.repository import ObjectRepository, object_ids
 
 if TYPE_CHECKING:
     from glint.flows.pipeline.run import Summary
@@ -80,7 +79,7 @@ def status_rows(store: str) -> list[dict[str, Any]]:
     rows = []
     for object_id in object_ids(location):
         history = ObjectRepository.open(location, object_id, create=False).history()
-        holder = run_holder(location, object_id)
+        holder = run_owner(location, object_id)
         newest = history[-1] if history else None
         rows.append(
             {

@@ -10,7 +10,7 @@ from prefect.states import Completed, Failed
 
 from glint.flows.reporting.artifacts import artifact_key
 from glint.storage.locations.location import Location
-from glint.storage.maintenance.disk_space import REMEDY
+from glint.storage.maintenance.disk_space import DISK_SPACE_REMEDY
 from glint.storage.maintenance.maintain import Maintenance, maintain
 from glint.tasks.figures.markdown import plain
 
@@ -38,11 +38,13 @@ def run_maintenance(
     done = maintain(Location.parse(store), dry_run, keep, timedelta(days=older_than), frames_budget)
     create_table_artifact(done.rows(), key=artifact_key(f"maintenance {store}"), description=plain(store))
     if done.warning:
-        create_markdown_artifact(f"{plain(done.warning)}\n\n{plain(REMEDY)}", key=artifact_key(f"disk {store}"))
+        create_markdown_artifact(
+            f"{plain(done.warning)}\n\n{plain(DISK_SPACE_REMEDY)}", key=artifact_key(f"disk {store}")
+        )
         emit_event(
             DISK_EVENT,
             resource={"prefect.resource.id": "glint.store", "prefect.resource.name": store},
-            payload={"store": store, "warning": done.warning, "remedy": REMEDY},
+            payload={"store": store, "warning": done.warning, "remedy": DISK_SPACE_REMEDY},
         )
     if done.failed:
         first = done.failed[0]

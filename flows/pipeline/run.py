@@ -38,7 +38,7 @@ def run(
     """
     from glint.storage.locations.conditional_writes import check_conditional_writes
     from glint.storage.locations.location import Location
-    from glint.storage.maintenance.disk_space import REMEDY
+    from glint.storage.maintenance.disk_space import DISK_SPACE_REMEDY
     from glint.tasks.engine.references import chosen_captures, load_catalogue
 
     location = Location.parse(store)
@@ -47,7 +47,7 @@ def run(
     server = start_server()
     warning = _disk_space_warning(location, chosen)
     if warning:
-        console.emit(Message(f"{warning}: {REMEDY}"))
+        console.emit(Message(f"{warning}: {DISK_SPACE_REMEDY}"))
     # Server and cluster start side by side while this process imports the rest.
     from glint.flows.runtime.dask_cluster import Cluster
 
@@ -69,9 +69,9 @@ def run(
 
 def _disk_space_warning(location: "Location", chosen: Mapping[str, Sequence[str]]) -> str:
     """Return a warning if the captures that are new to the store may not fit on its disk, else an empty text."""
-    from glint.storage.maintenance.disk_space import new_objects, room_of
+    from glint.storage.maintenance.disk_space import absent_objects, disk_space
 
-    space = room_of(location)
+    space = disk_space(location)
     if space is None:
         return ""
-    return space.warning(sum(len(chosen[object_id]) for object_id in new_objects(location, list(chosen))))
+    return space.warning(sum(len(chosen[object_id]) for object_id in absent_objects(location, chosen)))

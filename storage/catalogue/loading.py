@@ -14,7 +14,7 @@ from glint.storage.catalogue.messages import diagnostics_of
 from glint.storage.catalogue.models import ADDRESS_KEYS, MODEL, Camera, Capture, Catalogue, Object, Pose, Region, Sphere
 from glint.storage.catalogue.writing import write
 from glint.storage.catalogue.yaml_lines import MAX_BYTES, LinedDict, LinedList, parse
-from glint.storage.errors import InputError, StorageError
+from glint.storage.errors import GlintError, InputError
 from glint.storage.locations.input_files import Address, locate, read_bytes
 from glint.storage.locations.location import Location
 
@@ -35,7 +35,7 @@ __all__ = [
 ]
 
 
-class CatalogueError(StorageError):
+class CatalogueError(GlintError):
     """An invalid catalogue, with all its errors in the order of their lines."""
 
     def __init__(self, diagnostics: tuple[Diagnostic, ...]) -> None:

@@ -1,12 +1,9 @@
-"""Everything of one version as files that other programs read: a folder per capture, the object's model beside them."""
+"""Export of a version as files that other programs read: a folder per capture, the object's model beside them."""
 
 import csv
 import json
 import re
-import shutil
-import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +13,9 @@ import numpy as np
 from glint.storage.errors import StoreError
 from glint.storage.export.camera import camera_facts, camera_of
 from glint.storage.export.image_files import encode_normals, write_exr, write_png, write_tiff
-from glint.storage.export.report import capture_report, code_names, report_page, report_pictures
+from glint.storage.export.replaced_folder import merge_into, temporary_folder_beside
+from glint.storage.export.report import capture_report, code_names
+from glint.storage.export.report_page import report_images, report_page
 from glint.storage.export.stored_capture import entry_of, model_result, ordered_stages
 from glint.storage.inputs.lp_file import write_lights
 from glint.storage.locations.error_translation import store_errors
@@ -24,12 +23,13 @@ from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository, Version
 from glint.storage.versions.stage_results import WHOLE_OBJECT, StageResult, check_file_name, check_name
 
-REPORT = "report.json"
+REPORT_FILE = "report.json"
+"""File of a capture's folder that names the object, by which a later export recognizes the folder."""
 
 
 @dataclass(frozen=True, slots=True)
 class ExportRecord:
-    """What was written where: `files` their number, `size` their bytes together."""
+    """A finished export: `files` is their number, `size` their bytes together."""
 
     object_id: str
     version: str
@@ -43,17 +43,16 @@ class ExportRecord:
 def export(location: Location, object_id: str, out: Path, version: str | None = None) -> ExportRecord:
     """Write a version (the newest by default) to the folder `out`.
 
-    Files appear whole or not at all. An earlier export of the same object there is replaced; anything else is left
-    alone.
+    Files appear whole or not at all. An earlier export of the same object is replaced; other files in `out` stay.
 
     Raises:
         StoreError: no such object or version, a result or file is missing or damaged, `out` cannot be written or holds
-            something else in a capture's place.
+            another folder with a capture's name.
     """
     repository = ObjectRepository.open(location, object_id, create=False)
     chosen = repository.version(version)
     model = model_result(repository, chosen)
-    with store_errors(str(out), f"exporting {object_id}"), _beside(out) as content:
+    with store_errors(str(out), f"exporting {object_id}"), temporary_folder_beside(out) as content:
         for capture in chosen.stages:
             folder = content if capture == WHOLE_OBJECT else content / check_name(capture, "capture")
             folder.mkdir(exist_ok=True)
@@ -68,7 +67,7 @@ def export(location: Location, object_id: str, out: Path, version: str | None = 
             _write_files(stored, folder, f"{object_id}/{capture}")
         files = [path for path in content.rglob("*") if path.is_file()]
         size = sum(path.stat().st_size for path in files)
-        _move(content, out, object_id)
+        merge_into(content, out, object_id, REPORT_FILE)
     captures = tuple(capture for capture in chosen.stages if capture != WHOLE_OBJECT)
     return ExportRecord(object_id, chosen.name, chosen.snapshot, str(out), captures, len(files), size)
 
@@ -99,11 +98,11 @@ def _write_capture(
         write_tiff(folder / "depth.tiff", arrays["depth"])
     if "lights" in stages:
         arrays["reason"] = _write_lights(stages["lights"], folder)
-    about = {"name": version.name, "snapshot": version.snapshot, "time": version.time.isoformat(timespec="seconds")}
-    report = capture_report(object_id, capture, about | {"metadata": version.metadata}, stages, arrays)
-    _write_json(folder / REPORT, report)
-    pictures = report_pictures(arrays, _drawn(stored), report["depth"]["unit"], names)
-    (folder / "report.html").write_text(report_page(report, pictures), encoding="utf-8")
+    facts = {"name": version.name, "snapshot": version.snapshot, "time": version.time.isoformat(timespec="seconds")}
+    report = capture_report(object_id, capture, facts | {"metadata": version.metadata}, stages, arrays)
+    _write_json(folder / REPORT_FILE, report)
+    images = report_images(arrays, _rendered(stored), report["depth"]["unit"], names)
+    (folder / "report.html").write_text(report_page(report, images), encoding="utf-8")
 
 
 def _write_normals(normals: np.ndarray, folder: Path) -> None:
@@ -124,7 +123,7 @@ def _write_labels(labels: StageResult, names: dict[int, str], arrays: dict[str, 
 
 
 def _write_lights(lights: StageResult, folder: Path) -> np.ndarray:
-    """half_vectors.npy, lights.lp and frames.csv; the frames' reason codes (T,)."""
+    """Write half_vectors.npy, lights.lp and frames.csv; return the frames' reason codes (T,)."""
     reason, directions = lights.read("reason"), lights.read("lights")
     np.save(folder / "half_vectors.npy", lights.read("half_vectors"))
     accepted = np.flatnonzero(reason == 0)
@@ -142,7 +141,7 @@ def _write_lights(lights: StageResult, folder: Path) -> np.ndarray:
 
 
 def _observed(stages: Mapping[str, StageResult], mask: np.ndarray) -> np.ndarray:
-    """Pixels of the object at which the lamp was seen to glint at least once."""
+    """Return the object's pixels (H, W) at which a highlight was observed at least once."""
     if not _has(stages, "clusters", "observations"):
         return np.zeros_like(mask)
     return np.asarray((stages["clusters"].read("observations") > 0) & mask)
@@ -154,7 +153,7 @@ def _read_files(stages: Mapping[str, StageResult]) -> dict[str, bytes]:
     for result in stages.values():
         for name in result.files:
             if check_file_name(name, result.name) in files:
-                raise _twice(result.name, name)
+                raise _duplicate_error(result.name, name)
             files[name] = result.read_file(name)
     return files
 
@@ -162,16 +161,16 @@ def _read_files(stages: Mapping[str, StageResult]) -> dict[str, bytes]:
 def _write_files(files: Mapping[str, bytes], folder: Path, owner: str) -> None:
     for name, data in files.items():
         if (folder / name).exists():
-            raise _twice(owner, name)
+            raise _duplicate_error(owner, name)
         (folder / name).write_bytes(data)
 
 
-def _twice(owner: str, name: str) -> StoreError:
+def _duplicate_error(owner: str, name: str) -> StoreError:
     return StoreError(f"{owner} names a file {name!r} twice", "run the object again")
 
 
-def _drawn(files: Mapping[str, bytes]) -> Iterator[tuple[str, bytes]]:
-    """Yield the relit pictures, then the picture of the coverage, by their file names."""
+def _rendered(files: Mapping[str, bytes]) -> Iterator[tuple[str, bytes]]:
+    """Yield file name and content of the relit images, then of the image of the coverage."""
     names = [name for name in files if re.fullmatch(r"(relit_.*|coverage)\.png", name)]
     for name in sorted(names, key=lambda name: (name == "coverage.png", name)):
         yield name, files[name]
@@ -183,45 +182,3 @@ def _has(stages: Mapping[str, StageResult], stage: str, array: str) -> bool:
 
 def _write_json(path: Path, content: Any) -> None:
     path.write_text(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
-
-
-@contextmanager
-def _beside(out: Path) -> Iterator[Path]:
-    """An empty folder on the same file system as `out`, gone afterwards."""
-    out.parent.mkdir(parents=True, exist_ok=True)
-    temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.resolve().parent))
-    try:
-        content = temporary / "content"
-        content.mkdir()
-        yield content
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
-
-
-def _move(content: Path, out: Path, object_id: str) -> None:
-    """Put what was written into place: all at once where `out` is new, else entry by entry."""
-    if not out.exists():
-        content.rename(out)
-        return
-    for entry in content.iterdir():
-        if entry.is_dir() and (out / entry.name).exists() and _exported_object(out / entry.name) != object_id:
-            raise StoreError(f"{out / entry.name} is not an export of {object_id}", "name another folder with --out")
-    old = content.with_name("old")
-    old.mkdir()
-    stale = [path for path in out.iterdir() if path.is_dir() and _exported_object(path) == object_id]
-    for path in stale:
-        if not (content / path.name).exists():
-            path.rename(old / path.name)
-    for entry in sorted(content.iterdir()):
-        target = out / entry.name
-        if target.is_dir():
-            target.rename(old / entry.name)
-        entry.replace(target)
-
-
-def _exported_object(folder: Path) -> str | None:
-    """Whose export a folder is."""
-    try:
-        return str(json.loads((folder / REPORT).read_text(encoding="utf-8"))["object"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return None

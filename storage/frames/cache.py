@@ -1,9 +1,8 @@
 """Cache of a capture's frames, cropped and cut into chunks that are cheap to read over time: STORE/frames/<digest>/.
 
-A zarr group with one array (T, height, width) per crop: `object`, `sphere-0`, .., and a few whole frames, reduced where
-they are large: `overview`. As a cache it can be rebuilt, and an interrupted one is continued at its last whole shard
-(see `ingest`). Each shard holds 64 frames, is written whole and once, and is on the disk before the group's attributes
-count it.
+A zarr group with one array (T, height, width) per crop: `object`, `sphere-0`, ... As a cache it can be rebuilt, and an
+interrupted one is continued at its last whole shard (see `ingest`). Each shard holds 64 frames, is written whole and
+once, and is on the disk before the group's attributes count it.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,12 +15,10 @@ from glint.storage.catalogue.models import Region
 from glint.storage.errors import StoreError
 from glint.storage.footage.source import Footage
 from glint.storage.frames.ingest import check_crops, open_group, write_frames, writer_lock
-from glint.storage.frames.layout import LAYOUT_VERSION, OVERVIEW, open_array, reduced
+from glint.storage.frames.layout import LAYOUT_VERSION, open_array
 from glint.storage.inputs.digests import digest_of
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
-
-__all__ = ["FrameCache", "cache_digest", "reduced"]
 
 _ALL = slice(None)
 _REBUILD = "delete this cache, or run again with --rehash; it is rebuilt from the video or images"
@@ -37,8 +34,8 @@ class FrameCache:
     """Frames that were ingested.
 
     frames: number of frames so far; total: number of all frames, None until known; bits: 8 or 16; crops: by array, in
-    pixels of the full frame; frame_size: (height, width) of the full frame; reduction: factor by which the overview is
-    smaller; warnings: damage met while reading the video or images.
+    pixels of the full frame; frame_size: (height, width) of the full frame; warnings: damage met while reading the
+    video or images.
     """
 
     def __init__(self, location: Location, digest: str, group: zarr.Group) -> None:
@@ -55,8 +52,6 @@ class FrameCache:
             self.frame_size = (int(height), int(width))
             crops = cast("dict[str, dict[str, int]]", attributes["crops"])
             self.crops = {name: Region(**crop) for name, crop in crops.items()}
-            interval, self.reduction = cast("list[int]", attributes["overview"])
-            self._overview_frames = -(-self.frames // int(interval))
             self.warnings = tuple(str(text) for text in cast("list[str]", attributes["warnings"]))
         except (KeyError, TypeError, ValueError) as error:
             raise StoreError(f"the frames at {location.uri} have damaged attributes", _REBUILD) from error
@@ -106,14 +101,6 @@ class FrameCache:
             if not cache.complete:
                 write_frames(folder, group, footage, crops, cache.frames, progress)
         return cls.open(location, digest)
-
-    def overview(self) -> np.ndarray:
-        """Read some whole frames (N, h, w) over the capture, the first one first, `reduction` times smaller.
-
-        Raises:
-            StoreError: they cannot be read.
-        """
-        return self._read(OVERVIEW, (slice(self._overview_frames),))
 
     def read(self, name: str, frames: slice = _ALL, rows: slice = _ALL, columns: slice = _ALL) -> np.ndarray:
         """Read a crop, uint8 or uint16 (T, h, w); whole chunks (multiples of 64) are the cheapest.

@@ -6,8 +6,8 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from typing import Any, cast
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import zarr
@@ -15,16 +15,12 @@ import zarr
 from glint.storage.catalogue.models import Region
 from glint.storage.errors import InputError
 from glint.storage.footage.source import Footage
-from glint.storage.frames.layout import LAYOUT_VERSION, OVERVIEW, SHARD, create_arrays, open_array, reduced
+from glint.storage.frames.layout import LAYOUT_VERSION, SHARD, create_arrays, open_array
 from glint.storage.fsync import flush
 from glint.storage.locations.location import Location
 
 Progress = Callable[[int, int | None], None]
 
-_OVERVIEW_FRAMES = 12
-"""Number of whole frames that are kept, about."""
-_OVERVIEW_PIXELS = 1 << 19
-"""Size of whole frames above which they are reduced."""
 _MAX_PENDING = 2
 """Shards that wait to be written; decoding pauses beyond."""
 
@@ -61,14 +57,11 @@ def writer_lock(location: Location, digest: str) -> Iterator[None]:
 
 def open_group(folder: Location, footage: Footage, crops: Mapping[str, Region]) -> zarr.Group:
     """Open the group as an earlier writer left it, or create an empty one."""
-    interval = max(SHARD // 4, footage.count // _OVERVIEW_FRAMES) if footage.count else SHARD
-    reduction = max(1, round((footage.height * footage.width / _OVERVIEW_PIXELS) ** 0.5))
     attributes: dict[str, Any] = {
         "layout": LAYOUT_VERSION,
         "bits": footage.bits,
         "frame_size": [footage.height, footage.width],
         "crops": {name: crop.model_dump() for name, crop in crops.items()},
-        "overview": [interval, reduction],
     }
     store = folder.zarr_store()
     try:
@@ -79,8 +72,7 @@ def open_group(folder: Location, footage: Footage, crops: Mapping[str, Region]) 
         pass
     group = zarr.open_group(store, mode="w", use_consolidated=False)
     length = max(1, -(-footage.count // SHARD)) * SHARD
-    overview_size = (footage.height // reduction, footage.width // reduction)
-    create_arrays(group, length, footage.bits, crops, interval, overview_size)
+    create_arrays(group, length, footage.bits, crops)
     group.attrs.put({**attributes, "frames": 0, "total": None, "warnings": []})
     return group
 
@@ -100,7 +92,7 @@ def write_frames(
     # This thread decodes, the other one compresses and writes.
     with ThreadPoolExecutor(1) as executor:
         pending: deque[Future[None]] = deque()
-        for shard in _shards(footage, crops, start, writer.interval):
+        for shard in _shards(footage, crops, start):
             if len(pending) >= _MAX_PENDING:
                 pending.popleft().result()
             pending.append(executor.submit(writer.write, shard))
@@ -116,12 +108,11 @@ def write_frames(
 class _Shard:
     """SHARD frames from frame `start` on, the last shard's padded with zeros.
 
-    crops: (SHARD, height, width) by name; whole_frames: those that the overview keeps; length: frames without padding.
+    crops: (SHARD, height, width) by name; length: frames without padding.
     """
 
     start: int
     crops: dict[str, np.ndarray]
-    whole_frames: list[np.ndarray] = field(default_factory=list)
     length: int = 0
 
 
@@ -139,12 +130,10 @@ class _ShardWriter:
     ) -> None:
         self._folder, self._group, self._expected, self._progress = folder, group, expected, progress
         self._arrays = {name: open_array(group, name) for name in names}
-        self._overview = open_array(group, OVERVIEW)
-        self.interval, self._reduction = cast("list[int]", group.attrs["overview"])
         self._written = start
 
     def write(self, shard: _Shard) -> None:
-        """Write a shard, its whole frames and the number of frames so far."""
+        """Write a shard and the number of frames so far."""
         if shard.start != self._written:
             return  # A shard before this one failed; counting this one would count the failed one too.
         for name, array in self._arrays.items():
@@ -152,12 +141,6 @@ class _ShardWriter:
                 array.resize((max(2 * array.shape[0], shard.start + SHARD), *array.shape[1:]))
             array[shard.start : shard.start + SHARD] = shard.crops[name]
             self._flush(name, shard.start // SHARD)
-        first = -(-shard.start // self.interval)
-        if self._overview.shape[0] < first + len(shard.whole_frames):
-            self._overview.resize((2 * (first + len(shard.whole_frames)), *self._overview.shape[1:]))
-        for number, frame in enumerate(shard.whole_frames, first):
-            self._overview[number] = reduced(frame, self._reduction)
-            self._flush(OVERVIEW, number)
         self._written = shard.start + shard.length
         self._group.attrs.update({"frames": self._written})
         if self._progress is not None:
@@ -167,7 +150,6 @@ class _ShardWriter:
         """Cut the arrays to the number of frames, and mark the cache as complete."""
         for array in self._arrays.values():
             array.resize((total, *array.shape[1:]))
-        self._overview.resize((-(-total // self.interval), *self._overview.shape[1:]))
         self._group.attrs.update({"frames": total, "total": total, "warnings": warnings})
 
     def _flush(self, name: str, number: int) -> None:
@@ -175,8 +157,8 @@ class _ShardWriter:
             flush(self._folder.local / name / "c" / str(number) / "0" / "0")
 
 
-def _shards(footage: Footage, crops: Mapping[str, Region], start: int, interval: int) -> Iterator[_Shard]:
-    """Yield the crops of SHARD frames at a time, and every `interval`-th frame whole."""
+def _shards(footage: Footage, crops: Mapping[str, Region], start: int) -> Iterator[_Shard]:
+    """Yield the crops of SHARD frames at a time."""
     windows = {name: (crop.rows, crop.columns) for name, crop in crops.items()}
     dtype = np.dtype(f"uint{footage.bits}")
     shard: _Shard | None = None
@@ -187,8 +169,6 @@ def _shards(footage: Footage, crops: Mapping[str, Region], start: int, interval:
             shard = _Shard(number, stacks)
         for name, window in windows.items():
             shard.crops[name][shard.length] = frame[window]
-        if number % interval == 0:
-            shard.whole_frames.append(frame.copy())
         shard.length += 1
         if shard.length == SHARD:
             yield shard

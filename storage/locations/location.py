@@ -13,7 +13,7 @@ import icechunk
 import zarr.storage
 from obstore.store import AzureStore, LocalStore, ObjectStore, S3Store
 
-from glint.storage.errors import StorageError
+from glint.storage.errors import GlintError
 from glint.storage.locations.credentials import azure_options, s3_options
 
 _REMOTE = re.compile(r"(?P<scheme>[A-Za-z][A-Za-z0-9+.-]*)://(?P<rest>.*)", re.DOTALL)
@@ -21,7 +21,7 @@ _CONTAINER = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{1,62}")
 _FORMS = "give a path, s3://bucket/key or az://container/key"
 
 
-class LocationError(StorageError):
+class LocationError(GlintError):
     """An address that is malformed or leaves its folder."""
 
 

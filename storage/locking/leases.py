@@ -1,13 +1,12 @@
-"""A run's claim on an object in an object store, where no operating system ends it with the process.
+"""Leases: locks of objects in an object store, where the operating system cannot release a lock when its owner ends.
 
-The lease is one small object that its holder writes anew three times per term. Whoever finds it older than a term by
-the store's own clock, or held by a dead process of the same machine, takes it over. A holder that was stopped for more
-than a term may meet a second run: both then do the same work, and conditional writes keep every commit.
+A lease is one small object, which its owner rewrites three times per term. If it is older than a term by the store's
+clock, or its owner is a dead process of this machine, another run takes it over. An owner that was suspended for more
+than a term may therefore run beside a second one: both then do the same work, and conditional writes protect commits.
 """
 
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import timedelta
 from typing import TYPE_CHECKING
@@ -20,102 +19,99 @@ from obstore.store import ObjectStore
 from glint.storage.locations.conditional_writes import compare_and_swap, create
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
-from glint.storage.locking.owner import Holder, ObjectBusy
+from glint.storage.locking.owner import LockOwner, ObjectBusy
 
 if TYPE_CHECKING:
     from obstore import GetResult
 
-TERM = timedelta(minutes=3)
+LEASE_TERM = timedelta(minutes=3)
+RENEWALS_PER_TERM = 3
 
 
 @contextmanager
-def lease(
-    location: Location,
-    object_id: str,
-    run: str = "",
-    wait_seconds: float = 0.0,
-    on_wait: Callable[[Holder], None] | None = None,
-    term: timedelta = TERM,
-) -> Iterator[None]:
-    """Hold the object's lease; another holder is waited for up to `wait_seconds` (`on_wait` is told once who it is).
+def lease(location: Location, object_id: str, run: str = "", term: timedelta = LEASE_TERM) -> Iterator[None]:
+    """Hold the object's lease, and renew it in a thread.
 
     Raises:
-        ObjectBusy: it did not end in time.
+        ObjectBusy: another run holds it.
     """
-    store, key = location.obstore(), _key(object_id)
-    mine, deadline, told = Holder.this_process(run), time.monotonic() + wait_seconds, False
+    store, key, owner = location.obstore(), _key(object_id), LockOwner.this_process(run)
     with store_errors(location.uri, f"claiming object {object_id}"):
-        while (holder := _claim(store, key, mine, term)) is not None:
-            if time.monotonic() >= deadline:
-                raise ObjectBusy.by(object_id, holder)
-            if on_wait is not None and not told:
-                on_wait(holder)
-                told = True
-            time.sleep(min(1.0, term.total_seconds() / 10))
-    ended = threading.Event()
-    renewal = threading.Thread(target=_renew, args=(store, key, mine, term, ended), daemon=True)
+        other_owner = _claim(store, key, owner, term)
+    if other_owner is not None:
+        raise ObjectBusy.owned_by(object_id, other_owner)
+    released = threading.Event()
+    renewal = threading.Thread(target=_renew, args=(store, key, owner, term, released), daemon=True)
     renewal.start()
     try:
         yield
     finally:
-        ended.set()
+        released.set()
         renewal.join()
         with store_errors(location.uri, f"releasing object {object_id}"):
-            _release(store, key, mine)
+            _release(store, key, owner)
 
 
-def lease_holder(location: Location, object_id: str, term: timedelta = TERM) -> Holder | None:
-    """Who runs the object now, or None."""
-    with store_errors(location.uri, f"asking who works on object {object_id}"):
+def lease_owner(location: Location, object_id: str, term: timedelta = LEASE_TERM) -> LockOwner | None:
+    """Return the owner of the object's lease, or None if it is free, expired or its owner is dead."""
+    with store_errors(location.uri, f"reading the lease of object {object_id}"):
         store = location.obstore()
-        found = _read(store, _key(object_id))
-        if found is None:
+        stored = _read(store, _key(object_id))
+        if stored is None:
             return None
-        holder = Holder.read(bytes(found.bytes()))
-        return None if holder is None or _expired(store, found, holder, term) else holder
+        owner = LockOwner.from_bytes(bytes(stored.bytes()))
+        return None if owner is None or _is_expired(store, stored, owner, term) else owner
 
 
-def _claim(store: ObjectStore, key: str, mine: Holder, term: timedelta) -> Holder | None:
-    """None once the lease is ours, else who has it."""
-    if create(store, key, mine.as_bytes()):
+def _claim(store: ObjectStore, key: str, owner: LockOwner, term: timedelta) -> LockOwner | None:
+    """Take the lease for `owner`; return None, or the present owner if it is held."""
+    if create(store, key, owner.as_bytes()):
         return None
-    found = _read(store, key)
-    if found is None:
-        return _claim(store, key, mine, term)
-    holder = Holder.read(bytes(found.bytes()))
-    if holder is not None and not _expired(store, found, holder, term):
-        return holder
-    if any(compare_and_swap(store, key, mine.as_bytes(), found.meta, quoted) for quoted in (True, False)):
+    stored = _read(store, key)
+    if stored is None:
+        # It was released since; try again.
+        return _claim(store, key, owner, term)
+    present_owner = LockOwner.from_bytes(bytes(stored.bytes()))
+    if present_owner is not None and not _is_expired(store, stored, present_owner, term):
+        return present_owner
+    if _overwrite(store, key, owner, stored):
         return None
-    return _claim(store, key, mine, term)
+    # Another run took over the expired lease first.
+    return _claim(store, key, owner, term)
 
 
-def _renew(store: ObjectStore, key: str, mine: Holder, term: timedelta, ended: threading.Event) -> None:
-    while not ended.wait(term.total_seconds() / 3):
+def _renew(store: ObjectStore, key: str, owner: LockOwner, term: timedelta, released: threading.Event) -> None:
+    while not released.wait(term.total_seconds() / RENEWALS_PER_TERM):
         try:
-            found = _read(store, key)
-            if found is None or Holder.read(bytes(found.bytes())) != mine:
+            stored = _read(store, key)
+            if stored is None or LockOwner.from_bytes(bytes(stored.bytes())) != owner:
                 return
-            any(compare_and_swap(store, key, mine.as_bytes(), found.meta, quoted) for quoted in (True, False))
+            _overwrite(store, key, owner, stored)
         except BaseError:
             continue
 
 
-def _release(store: ObjectStore, key: str, mine: Holder) -> None:
-    found = _read(store, key)
-    if found is not None and Holder.read(bytes(found.bytes())) == mine:
+def _release(store: ObjectStore, key: str, owner: LockOwner) -> None:
+    stored = _read(store, key)
+    if stored is not None and LockOwner.from_bytes(bytes(stored.bytes())) == owner:
         obstore.delete(store, key)
 
 
-def _expired(store: ObjectStore, found: "GetResult", holder: Holder, term: timedelta) -> bool:
-    """Whether the holder is dead or has not renewed for a term; the store itself tells the time of both."""
-    if holder.is_dead():
+def _overwrite(store: ObjectStore, key: str, owner: LockOwner, stored: "GetResult") -> bool:
+    """Replace the lease that was read as `stored`; return False if it has changed since."""
+    # Ceph's gateway compares entity tags without their quotes.
+    return any(compare_and_swap(store, key, owner.as_bytes(), stored.meta, quoted) for quoted in (True, False))
+
+
+def _is_expired(store: ObjectStore, stored: "GetResult", owner: LockOwner, term: timedelta) -> bool:
+    """Return whether the owner is dead or its lease has expired, by the store's clock."""
+    if owner.is_dead():
         return True
     clock = f"probe/{uuid4().hex}"
     obstore.put(store, clock, b"now", use_multipart=False)
     now = obstore.head(store, clock)["last_modified"]
     obstore.delete(store, clock)
-    return bool(now - found.meta["last_modified"] > term)
+    return bool(now - stored.meta["last_modified"] > term)
 
 
 def _read(store: ObjectStore, key: str) -> "GetResult | None":

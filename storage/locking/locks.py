@@ -1,31 +1,32 @@
-"""Locks beside an object's repository: around every mutation, and around a whole run of the object.
+"""Locks beside an object's repository: one around every mutation, one around a whole run of the object.
 
-In a local store the operating system holds them on behalf of the process, so a killed process leaves none behind. In an
-object store mutations need none, and a run holds a lease.
+In a local store they are locks of the operating system, which releases them when their process ends, however it ends.
+In an object store mutations need no lock, and a run holds a lease.
 """
 
 import fcntl
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
-from glint.storage.locking.leases import lease, lease_holder
-from glint.storage.locking.owner import Holder, ObjectBusy
+from glint.storage.locking.leases import lease, lease_owner
+from glint.storage.locking.owner import LockOwner, ObjectBusy
 
-_GLANCE = 1.0
-"""Seconds that looking at a lock can take at the very most."""
+MAX_STATUS_CHECK_SECONDS = 1.0
+"""Upper bound of the time for which a status check holds a lock."""
+STATUS_CHECK_POLL_SECONDS = 0.01
 
 
 @contextmanager
 def mutation_lock(location: Location, object_id: str) -> Iterator[None]:
-    """Wait for, then hold, the right to change an object's repository.
+    """Wait for, then hold, the exclusive right to change an object's repository.
 
-    A local file system lets two committers overwrite each other silently. Object stores refuse the second one
-    themselves, so there nothing is locked.
+    On a local file system two concurrent commits could overwrite each other silently. Object stores refuse the second
+    commit, so nothing is locked there.
     """
     if location.local is None:
         yield
@@ -36,61 +37,52 @@ def mutation_lock(location: Location, object_id: str) -> Iterator[None]:
 
 
 @contextmanager
-def run_lock(
-    location: Location,
-    object_id: str,
-    run: str = "",
-    wait_seconds: float = 0.0,
-    on_wait: Callable[[Holder], None] | None = None,
-) -> Iterator[None]:
-    """Hold an object for one run; another run waits up to `wait_seconds` (`on_wait` is told once who holds it).
+def run_lock(location: Location, object_id: str, run: str = "") -> Iterator[None]:
+    """Hold an object's lock for one run.
 
     Raises:
-        ObjectBusy: the other run did not end in time.
+        ObjectBusy: another run holds it.
     """
     if location.local is None:
-        with lease(location, object_id, run, wait_seconds, on_wait):
+        with lease(location, object_id, run):
             yield
         return
     with _open(location, object_id, "run.lock") as handle:
-        _wait_for(handle, object_id, time.monotonic() + wait_seconds, on_wait)
+        _acquire(handle, object_id)
         os.ftruncate(handle, 0)
-        os.pwrite(handle, Holder.this_process(run).as_bytes(), 0)
+        os.pwrite(handle, LockOwner.this_process(run).as_bytes(), 0)
         try:
             yield
         finally:
             os.ftruncate(handle, 0)
 
 
-def run_holder(location: Location, object_id: str) -> Holder | None:
-    """Who runs the object now, or None."""
+def run_owner(location: Location, object_id: str) -> LockOwner | None:
+    """Return the owner of the object's run lock, or None if the object is not being run."""
     if location.local is None:
-        return lease_holder(location, object_id)
+        return lease_owner(location, object_id)
     if not _path(location.local, object_id, "run.lock").exists():
         return None
     with _open(location, object_id, "run.lock") as handle:
         try:
             fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError:
-            return Holder.read(os.pread(handle, 4096, 0))
+            return LockOwner.from_bytes(os.pread(handle, 4096, 0))
         return None
 
 
-def _wait_for(handle: int, object_id: str, deadline: float, on_wait: Callable[[Holder], None] | None) -> None:
-    """Take the lock. Whoever only looks holds it for an instant and signs no name: that is waited for in any case."""
-    patience, told = time.monotonic() + _GLANCE, False
+def _acquire(handle: int, object_id: str) -> None:
+    """Acquire the lock. Status checks hold it briefly without recording an owner, so wait for those."""
+    deadline = time.monotonic() + MAX_STATUS_CHECK_SECONDS
     while True:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             return
         except BlockingIOError as error:
-            holder = Holder.read(os.pread(handle, 4096, 0))
-            if time.monotonic() >= (deadline if holder else max(deadline, patience)):
-                raise ObjectBusy.by(object_id, holder) from error
-            if on_wait is not None and holder is not None and not told:
-                on_wait(holder)
-                told = True
-            time.sleep(0.01 if holder is None else 0.2)
+            owner = LockOwner.from_bytes(os.pread(handle, 4096, 0))
+            if owner is not None or time.monotonic() >= deadline:
+                raise ObjectBusy.owned_by(object_id, owner) from error
+            time.sleep(STATUS_CHECK_POLL_SECONDS)
 
 
 def _path(root: Path, object_id: str, name: str) -> Path:

@@ -1,4 +1,4 @@
-"""Who works on an object."""
+"""The owner of a lock: the run that works on an object."""
 
 import json
 import os
@@ -10,8 +10,8 @@ from glint.storage.errors import StoreError
 
 
 @dataclass(frozen=True, slots=True)
-class Holder:
-    """A run at work: process, machine, since when (ISO 8601, UTC) and the run's name."""
+class LockOwner:
+    """A running process: its id, machine, start of ownership (ISO 8601, UTC) and the run's name."""
 
     pid: int
     host: str
@@ -19,24 +19,24 @@ class Holder:
     run: str = ""
 
     @classmethod
-    def this_process(cls, run: str) -> "Holder":
-        """This process, from now on."""
+    def this_process(cls, run: str) -> "LockOwner":
+        """Return this process as owner from now on."""
         return cls(os.getpid(), socket.gethostname(), datetime.now(UTC).isoformat(timespec="microseconds"), run)
 
     @classmethod
-    def read(cls, data: bytes) -> "Holder | None":
-        """What `as_bytes` wrote, None for anything else."""
+    def from_bytes(cls, data: bytes) -> "LockOwner | None":
+        """Parse the result of `as_bytes`; None if it is anything else."""
         try:
             return cls(**json.loads(data))
         except (ValueError, TypeError):
             return None
 
     def as_bytes(self) -> bytes:
-        """JSON."""
+        """Return the owner as JSON."""
         return json.dumps(asdict(self)).encode()
 
     def is_dead(self) -> bool:
-        """Whether it certainly runs no more: it ran on this machine and its process is gone."""
+        """Return whether the owner ran on this machine and its process has ended; False if this cannot be known."""
         if self.host != socket.gethostname():
             return False
         try:
@@ -48,7 +48,7 @@ class Holder:
         return False
 
     def __str__(self) -> str:
-        """In words, for a message."""
+        """Return a description for messages."""
         since = self.since.split(".")[0].replace("T", " ")
         return f"process {self.pid} on {self.host} since {since} UTC" + (f", run {self.run}" if self.run else "")
 
@@ -57,7 +57,9 @@ class ObjectBusy(StoreError):
     """Another run works on the object."""
 
     @classmethod
-    def by(cls, object_id: str, holder: Holder | None) -> "ObjectBusy":
-        """The error that names who it is."""
-        who = holder or "another process"
-        return cls(f"object {object_id} is being worked on by {who}", "wait for that run to end, or stop it")
+    def owned_by(cls, object_id: str, owner: LockOwner | None) -> "ObjectBusy":
+        """Return the error that names the owner of the object's lock."""
+        return cls(
+            f"object {object_id} is being worked on by {owner or 'another process'}",
+            "wait for that run to end, or stop it",
+        )

@@ -11,11 +11,10 @@ from typing import Any
 from glint.storage.errors import StoreError
 from glint.storage.frames.eviction import cached_frames, over_budget, remove_frames
 from glint.storage.locations.location import Location
-from glint.storage.locking.locks import run_holder
-from glint.storage.maintenance.disk_space import room_of
+from glint.storage.locking.locks import run_owner
+from glint.storage.maintenance.disk_space import disk_space
 from glint.storage.versions.garbage import Garbage
-from glint.storage.versions.objects import object_ids
-from glint.storage.versions.repository import ObjectRepository
+from glint.storage.versions.repository import ObjectRepository, object_ids
 
 UNITS = {"": 1, "B": 1, "KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12}
 MAX_SIZE = 1e18
@@ -81,12 +80,12 @@ def maintain(
         StoreError: the store cannot be listed.
     """
     ids = object_ids(location)
-    held = {object_id for object_id in ids if run_holder(location, object_id) is not None}
+    held = {object_id for object_id in ids if run_owner(location, object_id) is not None}
     cleanings = [_clean_object(location, object_id, object_id in held, dry_run, keep, age) for object_id in ids]
     cleanings.append(_clean_frames(location, frames_budget, held, dry_run))
-    room = room_of(location)
+    space = disk_space(location)
     # A tenth more objects should fit.
-    warning = "" if room is None else room.warning(max(1, len(ids) // 10))
+    warning = "" if space is None else space.warning(max(1, len(ids) // 10))
     return Maintenance(location.uri, dry_run, tuple(cleanings), warning)
 
 
@@ -117,7 +116,7 @@ def _clean_object(
         return Cleaning(object_id, 0, 0, "being run: left alone")
     try:
         repository = ObjectRepository.open(location, object_id, create=False)
-        removed = [] if keep is None else repository.give_up(keep, dry_run)
+        removed = [] if keep is None else repository.prune(keep, dry_run)
         garbage = repository.garbage_collect(dry_run, age)
     except StoreError as error:
         return Cleaning(object_id, 0, 0, str(error), failed=True)

@@ -1,11 +1,11 @@
 """Versioned results of one object: an icechunk repository at STORE/objects/<id>/repo.
 
-Branch `work` takes every stage's result as it finishes; resuming reads from there. A version is a snapshot that has
-been checked, tagged v1, v2, ..; branch `main` is the newest one and what readers see by default. A version holds all
-its captures' results itself, so any zarr reader opens it by its tag alone.
+Branch `work` takes the result of every stage as it finishes; a resumed run reads from there. A version is a checked
+snapshot with a tag v1, v2, ..; branch `main` is the newest version, which readers see by default. A version holds the
+results of all its captures itself, so any zarr reader opens it by its tag alone.
 
-A rollback is a new version with an old one's content: nothing that was ever published is taken from history. It stands
-until a key of the version it replaced changes: publishing the very results that were rolled back from makes no version.
+A rollback is a new version with the content of an older one: no published version leaves the history. It stands until
+the results change: publishing the very results that were rolled back creates no version.
 """
 
 import time
@@ -18,16 +18,17 @@ from types import MappingProxyType
 from typing import Any
 
 import icechunk
+import obstore
 
 from glint.storage.errors import StoreError
 from glint.storage.fsync import flush_tree
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import mutation_lock
-from glint.storage.versions import snapshots
-from glint.storage.versions.array_schema import Schemas, schema_violations
+from glint.storage.versions import publication, snapshots
+from glint.storage.versions.array_schema import Schemas
 from glint.storage.versions.garbage import Garbage, collect
-from glint.storage.versions.snapshots import Version
+from glint.storage.versions.snapshots import Version, read_session
 from glint.storage.versions.stage_results import (
     WHOLE_OBJECT,
     Keys,
@@ -36,16 +37,35 @@ from glint.storage.versions.stage_results import (
     check_layout,
     check_name,
     contents,
+    read_capture,
     read_stage,
     stage_keys,
     stage_records,
-    write_stage,
 )
+from glint.storage.versions.stage_writer import write_stage
 
 icechunk.set_logs_filter("error")
 
-_ATTEMPTS = 30
+MAX_COMMIT_ATTEMPTS = 30
+MAX_BACKOFF_SECONDS = 2.0
 NO_SCHEMAS: Schemas = MappingProxyType({})
+
+
+def object_ids(location: Location) -> list[str]:
+    """Return the ids of all objects of a store, sorted; none where there is no store yet."""
+    folder = location.child("objects")
+    if folder.local is not None and not folder.local.is_dir():
+        return []
+    with store_errors(location.uri, "listing objects"):
+        prefixes = obstore.list_with_delimiter(folder.obstore())["common_prefixes"]
+    ids = []
+    for prefix in prefixes:
+        try:
+            ids.append(check_name(prefix.strip("/").rpartition("/")[2], "object"))
+        except StoreError:
+            # Not written by Glint.
+            continue
+    return sorted(ids)
 
 
 class ObjectRepository:
@@ -53,40 +73,40 @@ class ObjectRepository:
 
     def __init__(self, location: Location, object_id: str, repository: icechunk.Repository) -> None:
         self.location, self.object_id, self._repository = location, object_id, repository
-        self._place = location.child("objects", object_id, "repo")
+        self._folder = location.child("objects", object_id, "repo")
 
     @classmethod
     def open(cls, location: Location, object_id: str, create: bool = True) -> "ObjectRepository":
-        """The object's repository, made where it is absent if `create`.
+        """Open the object's repository; with `create`, create it where it is absent.
 
         Raises:
-            StoreError: no such object, an id that cannot name one, another version's layout, or the store cannot be
-                used.
+            StoreError: no such object, an id that cannot name one, the layout of another version of Glint, or the store
+                cannot be used.
         """
-        place = location.child("objects", check_name(object_id, "object"), "repo")
-        with store_errors(place.uri, f"opening object {object_id}"):
+        folder = location.child("objects", check_name(object_id, "object"), "repo")
+        with store_errors(folder.uri, f"opening object {object_id}"):
             try:
-                repository = snapshots.open_repository(place)
+                repository = snapshots.open_repository(folder)
                 if not create or "work" in repository.list_branches():
-                    check_layout(snapshots.session(repository, "work").store, object_id, location.uri)
+                    check_layout(read_session(repository, "work").store, object_id, location.uri)
                     return cls(location, object_id, repository)
             except icechunk.RepositoryNotFoundError:
                 if not create:
                     raise StoreError(
-                        f"no object {object_id} in {location.uri}", "see `glint status` for what is there"
+                        f"no object {object_id} in {location.uri}", "see `glint status` for the objects it has"
                     ) from None
             with mutation_lock(location, object_id):
-                return cls(location, object_id, snapshots.open_or_create(place))
+                return cls(location, object_id, snapshots.open_or_create(folder))
 
     def stage_key(self, capture: str, stage: str, ref: str = "work") -> str | None:
-        """Key under which the stage was saved last, or None."""
-        with self._faults(f"reading {capture}/{stage}"):
-            return stage_keys(snapshots.session(self._repository, ref).store, capture).get(stage)
+        """Return the key under which the stage was saved last, or None."""
+        with self._errors(f"reading {capture}/{stage}"):
+            return stage_keys(self._store(ref), capture).get(stage)
 
     def records(self, capture: str, ref: str = "work") -> dict[str, tuple[str, dict[str, Any]]]:
-        """Key and record of each stage of a capture that has been saved, without its arrays."""
-        with self._faults(f"reading {capture}"):
-            return stage_records(snapshots.session(self._repository, ref).store, capture)
+        """Return key and record of the saved stages of a capture, without their arrays."""
+        with self._errors(f"reading {capture}"):
+            return stage_records(self._store(ref), capture)
 
     def save(
         self,
@@ -97,9 +117,12 @@ class ObjectRepository:
         record: Mapping[str, Any],
         files: Mapping[str, StoredFile] | None = None,
     ) -> str:
-        """Replace the stage's result whole, in one commit on `work`; the snapshot's id.
+        """Replace the stage's result as a whole, in one commit on `work`; return the snapshot's id.
 
-        Whoever reads meanwhile sees the old result or the new one. Acknowledged only once it is stored.
+        Concurrent readers see the old result or the new one. The result is durable once this returns.
+
+        Raises:
+            StoreError: the store cannot be written, or a name cannot be used there.
         """
 
         def write() -> str:
@@ -108,184 +131,149 @@ class ObjectRepository:
             metadata = {"capture": capture, "stage": stage, "key": key}
             return str(session.commit(f"{capture}/{stage}", metadata, rebase_with=icechunk.ConflictDetector()))
 
-        return self._mutate(f"saving {capture}/{stage}", write)
+        return self._transaction(f"saving {capture}/{stage}", write)
 
     def load(self, capture: str, stage: str, ref: str = "work") -> StageResult:
-        """The stage's result on a branch, in a version ("v2") or in a snapshot.
+        """Return the stage's result on a branch, in a version ("v2") or in a snapshot.
 
         Raises:
-            StoreError: it is not there.
+            StoreError: there is none.
         """
-        with self._faults(f"reading {capture}/{stage}"):
-            result = read_stage(snapshots.session(self._repository, ref).store, self.object_id, capture, stage)
+        with self._errors(f"reading {capture}/{stage}"):
+            result = read_stage(self._store(ref), self.object_id, capture, stage)
         if result is None:
             raise StoreError(f"{self.object_id} has no {capture}/{stage} in {ref}", "run the object first")
         return result
 
     def load_capture(self, capture: str, ref: str = "work") -> dict[str, StageResult]:
         """Return all results of a capture by stage, read in one session, which is faster than one stage at a time."""
-        with self._faults(f"reading {capture}"):
-            return self._read_capture(snapshots.session(self._repository, ref).store, capture)
+        with self._errors(f"reading {capture}"):
+            return read_capture(self._store(ref), self.object_id, capture)
 
     def captures(self, ref: str = "work") -> list[str]:
-        """Captures with a result, sorted; WHOLE_OBJECT is none of them."""
+        """Return the captures that have a result, sorted, without WHOLE_OBJECT."""
         return [name for name in self.contents(ref) if name != WHOLE_OBJECT]
 
     def contents(self, ref: str = "work") -> Keys:
-        """Stage keys by capture and stage, WHOLE_OBJECT included."""
-        with self._faults("listing"):
-            return contents(snapshots.session(self._repository, ref).store)
+        """Return the stage keys by capture and stage, WHOLE_OBJECT included."""
+        with self._errors("listing"):
+            return contents(self._store(ref))
 
     def publish(
         self,
         captures: Sequence[str],
         metadata: Mapping[str, Any],
-        stages: Sequence[str] = (),
+        required: Sequence[str] = (),
         message: str = "",
-        retire: Collection[str] = (),
+        remove: Collection[str] = (),
         schemas: Schemas = NO_SCHEMAS,
     ) -> Version:
-        """Make the named captures' results on `work` a version: tag it and move `main` there.
+        """Publish the named captures' results on `work` as a version: tag it and move `main` there.
 
-        stages: those that a capture must have; schemas: what their arrays must be.
-        Captures that are not named stay as they are in the current version, those of `retire` are left out.
-        Nothing new: the current version, with `created` False.
+        Other captures stay as they are in the current version. If nothing changes, return the current version with
+        `created` False.
+
+        required: stages that a capture must have; remove: captures to leave out; schemas: of the arrays.
 
         Raises:
             StoreError: a result is missing or malformed; nothing has changed then.
         """
-
-        def attempt() -> Version:
-            current = snapshots.settle(self._repository)
-            base = self._repository.lookup_branch("work")
-            work = snapshots.session(self._repository, base).store
-            keys = {capture: stage_keys(work, capture) for capture in captures}
-            old, rejected = (current.stages, current.rejected) if current else ({}, {})
-            new = {
-                capture: of for capture, of in keys.items() if of != old.get(capture) and of != rejected.get(capture)
-            }
-            if current and not new and not old.keys() & set(retire):
-                return replace(current, created=False)
-            for capture in new:
-                self._check(work, capture, stages, schemas)
-            kept = {capture: of for capture, of in old.items() if capture not in new and capture not in retire}
-            if not new and not kept:
-                raise StoreError(f"{self.object_id} has nothing to publish", "name at least one capture")
-            new_version = snapshots.successor(
-                current,
-                stages=kept | new,
-                rejected={capture: of for capture, of in rejected.items() if capture not in new},
-                metadata=metadata,
-                message=message,
-            )
-            return snapshots.commit_version(self._repository, self.object_id, base, current, new_version, kept)
-
-        return self._mutate("publishing", attempt)
+        return self._transaction(
+            "publishing",
+            lambda: publication.publish(
+                self._repository, self.object_id, captures, metadata, required, message, remove, schemas
+            ),
+        )
 
     def rollback(self, version: str, message: str = "") -> Version:
-        """Make a new version with the content of an old one; rolling back to the current one makes none."""
+        """Make a version with the content of an older one; a rollback to the current version makes none.
 
-        def attempt() -> Version:
-            current, target = snapshots.settle(self._repository), self.version(version)
-            if current is None or target.snapshot == current.snapshot:
-                return replace(target, created=False)
-            rejected = {c: of for c, of in current.stages.items() if of != target.stages.get(c)}
-            new_version = snapshots.successor(
-                current,
-                stages=target.stages,
-                rejected=rejected,
-                metadata=target.metadata | {"rolled_back_to": target.name, "replaces": current.name},
-                message=message or f"roll back from {current.name} to {target.name}",
-            )
-            return snapshots.commit_version(self._repository, self.object_id, target.snapshot, current, new_version, {})
-
-        return self._mutate("rolling back", attempt)
+        Raises:
+            StoreError: there is no such version.
+        """
+        return self._transaction(
+            "rolling back",
+            lambda: publication.rollback(self._repository, self.object_id, self.version(version), message),
+        )
 
     def history(self) -> list[Version]:
-        """All versions, oldest first."""
-        with self._faults("reading the history"):
-            return [
-                snapshots.read_version(self._repository, name) for name in snapshots.version_names(self._repository)
-            ]
+        """Return all versions, oldest first."""
+        with self._errors("reading the history"):
+            names = snapshots.version_names(self._repository)
+            return [snapshots.read_version(self._repository, name) for name in names]
 
     def version_names(self) -> list[str]:
-        """v1, v2, .. as far as they have not been given up, oldest first."""
-        with self._faults("reading the history"):
+        """Return the names (v1, v2, ..) of all versions that have not been pruned, oldest first."""
+        with self._errors("reading the history"):
             return snapshots.version_names(self._repository)
 
     def version(self, name: str | None = None) -> Version:
-        """The named version, or the newest one.
+        """Return the named version, or the newest one.
 
         Raises:
             StoreError: there is none.
         """
-        with self._faults("reading the history"):
+        with self._errors("reading the history"):
             names = snapshots.version_names(self._repository)
             if not names or (name is not None and name not in names):
-                what = "no version yet" if not names else f"no version {name!r} (it has {', '.join(names)})"
-                raise StoreError(f"{self.object_id} has {what}", "see `glint history` or run the object")
+                absence = "no version yet" if not names else f"no version {name!r} (it has {', '.join(names)})"
+                raise StoreError(f"{self.object_id} has {absence}", "see `glint history` or run the object")
             return snapshots.read_version(self._repository, name or names[-1])
 
     def published(self, keys: Keys) -> Version | None:
-        """The newest version, if publishing captures whose results have these keys would change nothing."""
-        with self._faults("reading the history"):
-            names = snapshots.version_names(self._repository)
-            newest = snapshots.read_version(self._repository, names[-1]) if names else None
+        """Return the newest version if publishing results with these keys would change nothing, else None."""
+        with self._errors("reading the history"):
+            newest = snapshots.newest_version(self._repository)
             if newest is None or self._repository.lookup_branch("main") != newest.snapshot:
                 return None
-        same = all(of in (newest.stages.get(name), newest.rejected.get(name)) for name, of in keys.items())
-        return replace(newest, created=False) if same else None
+        is_same = all(
+            stages in (newest.stages.get(capture), newest.rolled_back.get(capture)) for capture, stages in keys.items()
+        )
+        return replace(newest, created=False) if is_same else None
 
-    def garbage_collect(self, dry_run: bool = False, keep: timedelta = timedelta(days=1)) -> Garbage:
-        """Remove what no version and no branch's tip needs and is older than `keep`, which must outlast any save.
+    def garbage_collect(self, dry_run: bool = False, min_age: timedelta = timedelta(days=1)) -> Garbage:
+        """Remove what neither a version nor a branch needs and is older than `min_age`.
 
-        A dry run removes nothing and counts what nothing refers to already, without what old work would set free.
+        min_age: must exceed the duration of any save. A dry run removes nothing and counts only what is unreferenced
+        already, without the replaced results that collection would release first.
         """
+        return self._transaction(
+            "collecting garbage", lambda: collect(self._repository, self._folder, min_age, dry_run)
+        )
 
-        return self._mutate("collecting garbage", lambda: collect(self._repository, self._place, keep, dry_run))
+    def prune(self, keep: int, dry_run: bool = False) -> list[str]:
+        """Remove all but the newest `keep` versions from the history; return their names. Their data become garbage."""
 
-    def give_up(self, keep: int, dry_run: bool = False) -> list[str]:
-        """Take all but the newest `keep` versions from history; their names. Their bytes are garbage from then on."""
-
-        def attempt() -> list[str]:
+        def delete_tags() -> list[str]:
             names = snapshots.version_names(self._repository)[: -max(1, keep)]
             for name in [] if dry_run else names:
                 self._repository.delete_tag(name)
             return names
 
-        return self._mutate("giving up versions", attempt)
+        return self._transaction("pruning versions", delete_tags)
 
-    def _check(self, store: Any, capture: str, stages: Sequence[str], schemas: Schemas) -> None:
-        whole = self._read_capture(store, capture)
-        found = schema_violations(whole, schemas, () if capture == WHOLE_OBJECT else stages)
-        if found or not whole:
-            raise StoreError(
-                f"{self.object_id}/{capture} cannot be published: {'; '.join(found) or 'it has no result'}",
-                "run the capture again",
-            )
+    def _store(self, ref: str) -> Any:
+        return read_session(self._repository, ref).store
 
-    def _read_capture(self, store: Any, capture: str) -> dict[str, StageResult]:
-        results = {stage: read_stage(store, self.object_id, capture, stage) for stage in stage_keys(store, capture)}
-        return {stage: result for stage, result in results.items() if result is not None}
-
-    def _mutate[T](self, doing: str, change: Callable[[], T]) -> T:
-        """Run `change` alone on a local store; on an object store run it again when another writer was faster."""
-        with self._faults(doing), mutation_lock(self.location, self.object_id):
-            for attempt in range(_ATTEMPTS):
+    def _transaction[T](self, action: str, change: Callable[[], T]) -> T:
+        """Run `change` under a lock on a local store; on an object store, repeat it after conflicts."""
+        with self._errors(action), mutation_lock(self.location, self.object_id):
+            for attempt in range(MAX_COMMIT_ATTEMPTS):
                 started = time.time()
                 try:
-                    outcome = change()
-                    if self._place.local is not None:
-                        flush_tree(self._place.local, started)
-                    return outcome
+                    result = change()
+                    if self._folder.local is not None:
+                        flush_tree(self._folder.local, started)
+                    return result
                 except icechunk.ConflictError:
-                    time.sleep(uniform(0, min(2.0, 0.05 * 2**attempt)))
+                    # Random exponential backoff, so that the same writers do not meet again.
+                    time.sleep(uniform(0, min(MAX_BACKOFF_SECONDS, 0.05 * 2**attempt)))
         raise StoreError(
-            f"{doing} of {self.object_id} met other writers {_ATTEMPTS} times",
+            f"{action} of {self.object_id} met other writers {MAX_COMMIT_ATTEMPTS} times",
             "run again when fewer runs share the object",
         )
 
     @contextmanager
-    def _faults(self, doing: str) -> Iterator[None]:
-        with store_errors(self.location.uri, f"{doing} of object {self.object_id}"):
+    def _errors(self, action: str) -> Iterator[None]:
+        with store_errors(self.location.uri, f"{action} of object {self.object_id}"):
             yield

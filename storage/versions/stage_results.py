@@ -5,42 +5,35 @@ commit: a version holds whole results. Chunks carry a checksum (CRC-32C), files 
 """
 
 import hashlib
-import json
-import math
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, is_dataclass
-from datetime import date, datetime
-from pathlib import PurePath
+from dataclasses import dataclass, field
 from typing import Any, cast
 
 import icechunk
 import numpy as np
 import zarr
-from zarr.codecs import BloscCodec, Crc32cCodec
 from zarr.errors import GroupNotFoundError
 
-from glint.storage.errors import StoreError
+from glint.storage.errors import StoreError, StoreUnreachable
+from glint.storage.locations.error_translation import translate
 
 WHOLE_OBJECT = "_object"
-"""Stands in a capture's place for results of the object as a whole, such as its model; no capture can be called so."""
+"""Takes the place of a capture for results of the whole object, such as its model; no capture can have this name."""
 
 Keys = dict[str, dict[str, str]]
 """Stage keys by capture and stage."""
 
-CHUNK_BYTES = 4 << 20
-"""Largest uncompressed chunk: bounds the memory of a save (zarr holds some ten chunks at once)."""
-
 LAYOUT_NUMBER = 2
-"""Number of this arrangement of groups, in the root group's attribute `layout`. The first layout had no number."""
+"""Number of this layout, stored in the root group's attribute `layout`; the first layout had no number."""
 
-FILES = "files"
+FILES_GROUP = "files"
 """Name of the subgroup of a stage's files; no array can have this name."""
 
 _NAME = re.compile(r"[a-z0-9][a-z0-9._-]{0,63}")
 _FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}")
-_DAMAGED = "restore the store from a backup, or use a new --store and run again"
+_DAMAGE_REMEDY = "restore the store from a backup, or use a new --store and run again"
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +55,10 @@ class FileInfo:
 
 @dataclass(frozen=True, slots=True)
 class StageResult:
-    """A stored result. `arrays` are read when indexed, or whole by `read`; files by `read_file`; `record` is JSON."""
+    """A stored result: `arrays` are read when indexed, or whole by `read`, files by `read_file`; `record` is JSON.
+
+    file_arrays: arrays that hold the content of `files`, for `read_file` alone.
+    """
 
     object_id: str
     capture: str
@@ -85,8 +81,8 @@ class StageResult:
             StoreError: the stage has no such array, or its chunks are damaged.
         """
         if name not in self.arrays:
-            raise _missing(self.name, "array", name, self.arrays)
-        with _damage_refused(f"array {name!r} of {self.name}"):
+            raise _absent_error(self.name, "array", name, self.arrays)
+        with _damage_reported(f"array {name!r} of {self.name}"):
             return np.asarray(self.arrays[name][...])
 
     def read_file(self, name: str) -> bytes:
@@ -96,23 +92,25 @@ class StageResult:
             StoreError: the stage has no such file, or its content is damaged.
         """
         if name not in self.files:
-            raise _missing(self.name, "file", name, self.files)
+            raise _absent_error(self.name, "file", name, self.files)
         info, label = self.files[name], f"file {name!r} of {self.name}"
-        with _damage_refused(label):
+        with _damage_reported(label):
             data = np.asarray(self.file_arrays[name][...]).tobytes()
         if len(data) != info.size or hashlib.sha256(data).hexdigest() != info.sha256:
-            raise StoreError(f"{label} does not hold the bytes that were stored", _DAMAGED)
+            raise StoreError(f"{label} does not hold the bytes that were stored", _DAMAGE_REMEDY)
         return data
 
 
-def check_name(name: str, what: str) -> str:
-    """`name` if it is safe as a part of a store's path.
+def check_name(name: str, kind: str) -> str:
+    """Return `name` if it can be a part of a path in a store.
+
+    kind: of what it is the name, for the message.
 
     Raises:
-        StoreError: it is not.
+        StoreError: it cannot.
     """
     if name != WHOLE_OBJECT and not _NAME.fullmatch(name):
-        raise StoreError(f"{what} {name!r} cannot name a place in the store", "use [a-z0-9][a-z0-9._-]{0,63}")
+        raise StoreError(f"{kind} {name!r} cannot be a name in the store", "use [a-z0-9][a-z0-9._-]{0,63}")
     return name
 
 
@@ -128,7 +126,7 @@ def check_file_name(name: str, owner: str) -> str:
 
 
 def check_layout(store: Any, object_id: str, uri: str) -> None:
-    """Check that a store has the layout of this version of Glint, or nothing yet.
+    """Check that a store is empty or has the layout of this version of Glint.
 
     Raises:
         StoreError: another version of Glint has written it.
@@ -144,33 +142,6 @@ def check_layout(store: Any, object_id: str, uri: str) -> None:
         )
 
 
-def write_stage(
-    store: Any,
-    capture: str,
-    stage: str,
-    key: str,
-    arrays: Mapping[str, Any],
-    record: Mapping[str, Any],
-    files: Mapping[str, StoredFile],
-) -> None:
-    """Replace the group `<capture>/<stage>` whole. Arrays, numpy's or zarr's, are copied chunk by chunk."""
-    root = zarr.open_group(store, mode="a", use_consolidated=False, attributes={"layout": LAYOUT_NUMBER})
-    parent = root.require_group(check_name(capture, "capture"))
-    if check_name(stage, "stage") in parent:
-        del parent[stage]
-    group = parent.create_group(stage, attributes={"key": key, "record": jsonable(record)})
-    for name, values in arrays.items():
-        if name == FILES:
-            raise StoreError(f"{capture}/{stage} has an array named {FILES!r}", "give the array another name")
-        _write_array(group, check_name(name, "array"), values if isinstance(values, zarr.Array) else np.asarray(values))
-    if files:
-        folder = group.create_group(FILES)
-        for name, file in files.items():
-            info = FileInfo(len(file.data), hashlib.sha256(file.data).hexdigest(), file.media_type)
-            content = np.frombuffer(file.data, np.uint8)
-            _write_array(folder, check_file_name(name, f"{capture}/{stage}"), content, asdict(info))
-
-
 def read_stage(store: Any, object_id: str, capture: str, stage: str) -> StageResult | None:
     """Return the stage's result without the values of arrays and files, or None where it was never saved.
 
@@ -182,30 +153,36 @@ def read_stage(store: Any, object_id: str, capture: str, stage: str) -> StageRes
         return None
     attributes: dict[str, Any] = dict(group.attrs)
     members = dict(group.members())
-    folder = members.get(FILES)
+    folder = members.get(FILES_GROUP)
     arrays = {name: member for name, member in members.items() if isinstance(member, zarr.Array)}
     file_arrays = dict(folder.arrays()) if isinstance(folder, zarr.Group) else {}
     try:
-        files = {name: FileInfo(**cast("dict[str, Any]", dict(of.attrs))) for name, of in file_arrays.items()}
+        files = {name: FileInfo(**cast("dict[str, Any]", dict(array.attrs))) for name, array in file_arrays.items()}
         key, record = attributes["key"], attributes["record"]
         return StageResult(object_id, capture, stage, key, record, files, arrays, file_arrays)
     except (KeyError, TypeError) as error:
-        raise StoreError(f"{capture}/{stage} holds something else than a result ({error})", "run it again") from error
+        raise StoreError(f"{object_id}/{capture}/{stage} is not a result ({error})", "run it again") from error
+
+
+def read_capture(store: Any, object_id: str, capture: str) -> dict[str, StageResult]:
+    """Return all results of a capture by stage."""
+    results = {stage: read_stage(store, object_id, capture, stage) for stage in stage_keys(store, capture)}
+    return {stage: result for stage, result in results.items() if result is not None}
 
 
 def contents(store: Any) -> Keys:
-    """Stage keys of everything in a store, WHOLE_OBJECT included."""
+    """Return the stage keys of everything in a store, WHOLE_OBJECT included."""
     root = open_group(store, "")
     return {} if root is None else {name: stage_keys(store, name) for name in sorted(root.group_keys())}
 
 
 def stage_keys(store: Any, capture: str) -> dict[str, str]:
-    """Key of each stage of a capture that has been saved."""
+    """Return the keys of the saved stages of a capture."""
     return {stage: key for stage, (key, _) in stage_records(store, capture).items()}
 
 
 def stage_records(store: Any, capture: str) -> dict[str, tuple[str, dict[str, Any]]]:
-    """Key and record of each stage of a capture that has been saved."""
+    """Return key and record of the saved stages of a capture."""
     group = open_group(store, check_name(capture, "capture"))
     stages = {} if group is None else dict(group.groups())
     return {
@@ -216,46 +193,14 @@ def stage_records(store: Any, capture: str) -> dict[str, tuple[str, dict[str, An
 
 
 def open_group(store: Any, path: str) -> zarr.Group | None:
-    """The group at `path` for reading, or None."""
+    """Open the group at `path` for reading; None if there is none."""
     try:
         return zarr.open_group(store, path=path, mode="r", use_consolidated=False, zarr_format=3)
     except GroupNotFoundError:
         return None
 
 
-def jsonable(value: Any) -> Any:
-    """`value` as plain JSON; numbers that are not finite become null.
-
-    Raises:
-        TypeError: a part of it has no JSON form.
-    """
-    if is_dataclass(value) and not isinstance(value, type):
-        value = asdict(value)
-    if isinstance(value, Mapping):
-        return {str(name): jsonable(part) for name, part in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        return jsonable(value.tolist())
-    if isinstance(value, list | tuple | set | frozenset):
-        return [jsonable(part) for part in (sorted(value) if isinstance(value, set | frozenset) else value)]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, datetime | date):
-        return value.isoformat()
-    if isinstance(value, PurePath):
-        return str(value)
-    return json.loads(json.dumps(value))
-
-
-def chunk_shape(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:
-    """Chunks of at most CHUNK_BYTES: whole trailing axes as long as possible, the longest axis halved first."""
-    chunks = [max(1, edge) for edge in shape]
-    while math.prod(chunks) * itemsize > CHUNK_BYTES:
-        longest = chunks.index(max(chunks))
-        chunks[longest] = -(-chunks[longest] // 2)
-    return tuple(chunks)
-
-
-def _missing(owner: str, kind: str, name: str, present: Mapping[str, Any]) -> StoreError:
+def _absent_error(owner: str, kind: str, name: str, present: Mapping[str, Any]) -> StoreError:
     return StoreError(
         f"{owner} has no {kind} {name!r}, only {', '.join(sorted(present)) or 'none'}",
         "run the capture again with this version of Glint",
@@ -263,30 +208,16 @@ def _missing(owner: str, kind: str, name: str, present: Mapping[str, Any]) -> St
 
 
 @contextmanager
-def _damage_refused(label: str) -> Iterator[None]:
-    """Raise a StoreError where chunks are missing, truncated or do not match their checksum."""
+def _damage_reported(label: str) -> Iterator[None]:
+    """Raise a StoreError where chunks are missing, truncated or do not match their checksum.
+
+    Raises:
+        StoreUnreachable: the store does not answer.
+    """
     try:
         yield
     except (ValueError, RuntimeError, icechunk.IcechunkError) as error:
-        raise StoreError(f"{label} is damaged ({' '.join(str(error).split())[:200]})", _DAMAGED) from error
-
-
-def _write_array(
-    group: zarr.Group, name: str, values: np.ndarray | zarr.Array, attributes: Mapping[str, Any] | None = None
-) -> None:
-    chunks = chunk_shape(values.shape, values.dtype.itemsize)
-    array = group.create_array(
-        name,
-        shape=values.shape,
-        chunks=chunks,
-        dtype=values.dtype,
-        fill_value=np.nan if values.dtype.kind == "f" else 0,
-        compressors=(BloscCodec(cname="zstd", clevel=3, shuffle="bitshuffle"), Crc32cCodec()),
-        attributes=dict(attributes or {}),
-    )
-    if isinstance(values, np.ndarray):
-        array[...] = values
-        return
-    rows = chunks[0] if values.ndim else 1
-    for start in range(0, values.shape[0] if values.ndim else 1, rows):
-        array[start : start + rows] = values[start : start + rows]
+        translated = translate("the store", f"reading {label}", error)
+        if isinstance(translated, StoreUnreachable):
+            raise translated from error
+        raise StoreError(f"{label} is damaged ({' '.join(str(error).split())[:200]})", _DAMAGE_REMEDY) from error

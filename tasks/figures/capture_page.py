@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 
 from glint.storage.export.image_files import colour_codes, colour_normals, colour_values, encode_png
-from glint.storage.export.report import PALETTE, code_names
+from glint.storage.export.report import code_names
+from glint.storage.export.report_page import PROVENANCE_PALETTE
 from glint.storage.locations.location import Location
 from glint.storage.versions.stage_results import FileInfo, StageResult
 from glint.tasks.engine.capture_context import CaptureContext
@@ -89,7 +90,7 @@ def _label_pictures(labels: StageResult, provenance: np.ndarray) -> dict[str, np
     """Return pictures of the labels by caption; provenance (H, W) is 0 outside the object."""
     return {
         "Normals: x red, y green, z towards the camera blue": colour_normals(labels.read("normals")),
-        "Origin of the normals": colour_codes(provenance, PALETTE),
+        "Origin of the normals": colour_codes(provenance, PROVENANCE_PALETTE),
         "Confidence that the error is below 5°: 0 blue, 1 yellow": colour_values(labels.read("confidence"), 0, 1),
     }
 

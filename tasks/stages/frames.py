@@ -16,9 +16,10 @@ from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.stabilization import REFERENCE, StabilizedFootage
 
-SAMPLED_SHARDS = 24
-"""Most shards from which background and peak level are taken."""
-SAMPLED_EVERY = 16
+OBJECT_SHARDS, SPHERE_SHARDS = 24, 8
+"""Most shards from which background and peak level are taken. The peak level of a sphere shall show its contour: over
+many frames highlights cover it, and the contour of a distant camera is taken for a near one's."""
+MEDIAN_STEP = 16
 """Frames of them from one for the median to the next: neighbouring frames are alike."""
 USE_SECONDS = 600.0
 """How often the use of frames is written down."""
@@ -68,9 +69,10 @@ def level_name(level: str, crop: str) -> str:
 
 def levels(cache: FrameCache, crop: str) -> tuple[np.ndarray, np.ndarray]:
     """Compute background level (temporal median) and peak level (temporal maximum) (H, W) of a crop."""
+    shards = OBJECT_SHARDS if crop == OBJECT else SPHERE_SHARDS
     starts = np.arange(0, cache.frames, 64)
-    chosen = np.unique(np.linspace(0, len(starts) - 1, min(SAMPLED_SHARDS, len(starts))).round().astype(int))
-    step = max(1, min(SAMPLED_EVERY, cache.frames // 64))
+    chosen = np.unique(np.linspace(0, len(starts) - 1, min(shards, len(starts))).round().astype(int))
+    step = max(1, min(MEDIAN_STEP, cache.frames // 64))
     kept, peak = [], None
     for start in starts[chosen].tolist():
         shard = cache.read(crop, slice(start, start + 64))

@@ -7,9 +7,14 @@ from typing import Any, Self
 import numpy as np
 
 from glint.storage.footage.source import Footage
-from glint.storage.frames.cache import reduced
 from glint.storage.versions.stage_results import StageResult
-from glint.tasks.algorithms.frames.stabilization import TranslationEstimator, register, shake_amplitude, translate
+from glint.tasks.algorithms.frames.stabilization import (
+    TranslationEstimator,
+    downsample,
+    register,
+    shake_amplitude,
+    translate,
+)
 
 SAMPLED_FRAMES = 12
 """Frames over the video in which the shake is measured."""
@@ -40,7 +45,7 @@ def measure_shake(footage: Footage, to_first: bool) -> Shake:
     if 0 < footage.count < MIN_FRAMES:
         return Shake({"shake_pixels": 0.0, "applied": False})
     reduction = max(1, round((footage.height * footage.width / SAMPLED_PIXELS) ** 0.5))
-    frames = np.stack([reduced(frame, reduction) for frame in footage.spread(SAMPLED_FRAMES)])
+    frames = np.stack([downsample(frame, reduction) for frame in footage.spread(SAMPLED_FRAMES)])
     reference, shifts = register(frames)
     shake = reduction * shake_amplitude(shifts)
     if shake <= STEADY_PX:
@@ -79,7 +84,7 @@ class StabilizedFootage:
     def frames(self, start: int = 0, step: int = 1) -> Iterator[np.ndarray]:
         """Yield the luma (H, W) of frames start, start + step, .., each moved back."""
         for frame in self._footage.frames(start, step):
-            shift = self._estimator.estimate(reduced(frame, self._reduction))
+            shift = self._estimator.estimate(downsample(frame, self._reduction))
             yield translate(frame, self._reduction * (self._origin - shift))
 
     def spread(self, count: int) -> list[np.ndarray]:

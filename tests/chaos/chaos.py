@@ -37,8 +37,7 @@ import psutil
 from glint.storage.catalogue.loading import Catalogue, load, write
 from glint.storage.errors import StoreError
 from glint.storage.locations.location import Location
-from glint.storage.versions.objects import object_ids
-from glint.storage.versions.repository import ObjectRepository
+from glint.storage.versions.repository import ObjectRepository, object_ids
 from tests.s3_gateway import Gateway
 from tests.scene import draw_scene
 

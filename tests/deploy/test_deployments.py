@@ -33,7 +33,7 @@ from glint.flows.reporting.artifacts import artifact_key
 from glint.flows.runtime.prefect_server import Server
 from glint.storage.errors import InputError
 from glint.storage.locations.location import Location
-from glint.storage.locking.locks import run_holder
+from glint.storage.locking.locks import run_owner
 from glint.storage.versions.repository import ObjectRepository
 from tests.scene import draw_scene
 
@@ -194,13 +194,13 @@ def test_a_cancelled_object_releases_its_lock(deployed: list[str], folders: tupl
         },
         timeout=0,
     )  # fmt: skip
-    until(lambda: run_holder(place, "ellipsoid"))
+    until(lambda: run_owner(place, "ellipsoid"))
     with get_client(sync_client=True) as client:
         client.set_flow_run_state(run.id, Cancelling(), force=True)
     until(lambda: (state := read(run).state) and state.is_final())
     end = read(run).state
     assert end is not None and end.type == StateType.CANCELLED
-    until(lambda: run_holder(place, "ellipsoid") is None)
+    until(lambda: run_owner(place, "ellipsoid") is None)
 
 
 def test_drift_is_notified(deployed: list[str], notifications: NotificationServer) -> None:

@@ -66,6 +66,14 @@ class TranslationEstimator:
         return np.array([column - margin, row - margin], float)
 
 
+def downsample(picture: np.ndarray, factor: int) -> np.ndarray:
+    """Return a picture (H, W) `factor` times smaller, by averaging over areas."""
+    if factor <= 1:
+        return picture
+    height, width = picture.shape
+    return cv2.resize(picture, (width // factor, height // factor), interpolation=cv2.INTER_AREA)
+
+
 def translate(image: np.ndarray, translation: np.ndarray) -> np.ndarray:
     """Return an image (H, W) moved by `translation` (right, down) pixels, bilinearly; border pixels are repeated."""
     height, width = image.shape

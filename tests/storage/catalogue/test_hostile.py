@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from glint.storage.catalogue.from_folder import from_folder
 from glint.storage.catalogue.loading import Catalogue, load
 from glint.storage.catalogue.models import Region
-from glint.storage.errors import InputError, StorageError, StoreError
+from glint.storage.errors import GlintError, InputError, StoreError
 from glint.storage.footage.source import open_footage
 from glint.storage.frames.cache import FrameCache
 from glint.storage.inputs.digests import content_digest
@@ -83,7 +83,7 @@ def only_refused(read: Callable[[], Any]) -> Any:
     """What reading gives, None if it is refused with a message and a remedy; any other error is a defect."""
     try:
         return read()
-    except StorageError as error:
+    except GlintError as error:
         assert error.message and error.remedy
         assert len(str(error)) < 20_000
         return None
@@ -158,7 +158,7 @@ def test_names_never_leave_the_store(tmp_path: Path, name: str) -> None:
     assert value is None and sorted(path.name for path in tmp_path.iterdir()) == before
     try:
         assert location.child(name).parent == location
-    except StorageError as error:
+    except GlintError as error:
         assert error.remedy
 
 
@@ -187,7 +187,7 @@ def test_a_catalogue_that_is_a_device_or_a_pipe_is_not_waited_for(tmp_path: Path
 
     os.mkfifo(tmp_path / "pipe.yaml")
     for place in (tmp_path / "pipe.yaml", Path("/dev/zero"), tmp_path):
-        with pytest.raises(StorageError):
+        with pytest.raises(GlintError):
             load(place, Parameters)
 
 

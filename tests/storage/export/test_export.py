@@ -10,11 +10,11 @@ import tifffile
 import zarr
 
 from glint.storage.errors import StoreError
-from glint.storage.export import image_files as pictures
 from glint.storage.export.export import export
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import WHOLE_OBJECT, StoredFile
+from tests.storage.export.image_readers import read_exr, read_png
 from tests.storage.stores import PIXEL, PROVENANCE, REASONS, capture_arrays, local_place, save_capture
 
 FILES = {
@@ -54,16 +54,16 @@ def test_every_file_holds_what_was_stored(repository: ObjectRepository, place: L
         values = np.load(folder / f"{name}.npy")
         assert values.dtype == np.float32
         np.testing.assert_array_equal(values, expected)
-    np.testing.assert_array_equal(pictures.read_exr(folder / "normals.exr"), normals)
+    np.testing.assert_array_equal(read_exr(folder / "normals.exr"), normals)
     np.testing.assert_array_equal(tifffile.imread(folder / "depth.tiff"), arrays["depth"]["depth"])
-    picture = pictures.read_png(folder / "normals.png")
+    picture = read_png(folder / "normals.png")
     assert picture.dtype == np.uint16 and not picture[~mask].any()
     np.testing.assert_array_equal(picture[mask], np.rint((normals[mask].astype(float) + 1) / 2 * 65535))
-    np.testing.assert_array_equal(pictures.read_png(folder / "mask.png") > 0, mask)
+    np.testing.assert_array_equal(read_png(folder / "mask.png") > 0, mask)
     observed = (arrays["clusters"]["observations"] > 0) & mask
     assert not np.array_equal(observed, mask)
-    np.testing.assert_array_equal(pictures.read_png(folder / "observed.png") > 0, observed)
-    np.testing.assert_array_equal(pictures.read_png(folder / "provenance.png"), arrays["labels"]["provenance"])
+    np.testing.assert_array_equal(read_png(folder / "observed.png") > 0, observed)
+    np.testing.assert_array_equal(read_png(folder / "provenance.png"), arrays["labels"]["provenance"])
     codes = json.loads((folder / "provenance.json").read_text())
     assert codes == {str(code): name for code, name in enumerate(PROVENANCE)}
     assert (folder / "surface.ply").read_bytes() == b"ply 0" and (folder / "relit_left.png").read_bytes() == PIXEL
@@ -154,7 +154,7 @@ def test_captures_of_an_older_export_go_and_other_files_stay(
     export(place, "duck", tmp_path / "out")
     (tmp_path / "out/mine").mkdir()
     (tmp_path / "out/notes.txt").write_text("mine")
-    repository.publish([], {}, retire=["back"])
+    repository.publish([], {}, remove=["back"])
     export(place, "duck", tmp_path / "out")
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["front", "mine", "notes.txt"]
 
@@ -210,12 +210,12 @@ def test_what_is_optional_may_be_absent_and_what_is_required_may_not(place: Loca
     repository = ObjectRepository.open(place, "cup")
     arrays = capture_arrays()
     repository.save("front", "mask", "k", arrays["mask"], {})
-    repository.publish(["front"], {}, stages=["mask"])
+    repository.publish(["front"], {}, required=["mask"])
     with pytest.raises(StoreError, match="has no labels"):
         export(place, "cup", tmp_path / "out")
     assert not (tmp_path / "out").exists()
     repository.save("front", "labels", "k", arrays["labels"], {})
-    repository.publish(["front"], {}, stages=["mask"])
+    repository.publish(["front"], {}, required=["mask"])
     export(place, "cup", tmp_path / "out")
     names = {path.name for path in (tmp_path / "out/front").iterdir()}
     assert {"normals.npy", "provenance.json", "report.html"} <= names and "depth.npy" not in names

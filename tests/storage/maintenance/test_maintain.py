@@ -11,7 +11,7 @@ import pytest
 from glint.storage.frames.eviction import CachedFrames, cached_frames, mark_used, over_budget
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import run_lock
-from glint.storage.maintenance.disk_space import Room
+from glint.storage.maintenance.disk_space import DiskSpace
 from glint.storage.maintenance.maintain import Cleaning, Maintenance, format_size, maintain, parse_size
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import StoredFile
@@ -172,10 +172,10 @@ def test_invalid_sizes(text: str) -> None:
 
 
 def test_the_disk_is_called_low_before_it_is_full() -> None:
-    assert Room(10, 100, 2).warning(5) == ""
-    assert "room for about 5" in Room(10, 100, 2).warning(6)
-    assert "are free" in Room(9, 100, None).warning(0)
-    assert Room(50, 100, None).warning(1000) == ""
+    assert DiskSpace(10, 100, 2).warning(5) == ""
+    assert "room for about 5" in DiskSpace(10, 100, 2).warning(6)
+    assert "are free" in DiskSpace(9, 100, None).warning(0)
+    assert DiskSpace(50, 100, None).warning(1000) == ""
 
 
 @pytest.mark.parametrize(("size", "text"), [(0, "0.0 MB"), (1_500_000_000, "1.5 GB"), (2 * 10**12, "2.0 TB")])

@@ -18,15 +18,15 @@ import zarr
 
 from glint.storage.errors import StoreError
 from glint.storage.locations.location import Location
+from glint.storage.versions.json_values import json_value
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import (
     LAYOUT_NUMBER,
     WHOLE_OBJECT,
     FileInfo,
     StoredFile,
-    chunk_shape,
-    jsonable,
 )
+from glint.storage.versions.stage_writer import chunk_shape
 from tests.storage.stores import SCHEMAS, STAGES, MemoryPlace, capture_arrays, local_place, save_capture
 
 SPAWN = multiprocessing.get_context("spawn")
@@ -182,7 +182,7 @@ def test_captures_that_are_not_named_stay_as_they_were(repository: ObjectReposit
     assert repository.load("back", "surface", "v2").read_file("surface.ply") == b"ply 2"
     np.testing.assert_array_equal(repository.load("front", "depth", "v2").read("depth"), front["depth"]["depth"])
     assert repository.stage_key("back", "mask") == "k2", "work goes on where it was"
-    assert repository.publish(["front"], {}, retire=["back"]).name == "v3"
+    assert repository.publish(["front"], {}, remove=["back"]).name == "v3"
     assert repository.captures("v3") == ["front"]
 
 
@@ -247,9 +247,9 @@ def test_collecting_garbage_keeps_versions_and_work(repository: ObjectRepository
         repository.save("front", "extra", f"e{seed}", {"noise": np.random.default_rng(seed).random((99, 99))}, {})
     save_capture(repository, "front", "k2", seed=2)
     files = {path for path in place.local.rglob("*") if path.is_file()}
-    repository.garbage_collect(dry_run=True, keep=timedelta(0))
+    repository.garbage_collect(dry_run=True, min_age=timedelta(0))
     assert {path for path in place.local.rglob("*") if path.is_file()} == files
-    garbage = repository.garbage_collect(keep=timedelta(0))
+    garbage = repository.garbage_collect(min_age=timedelta(0))
     assert garbage.bytes > 3 * 70_000 and garbage.objects > 3
     again = ObjectRepository.open(place, "duck", create=False)
     np.testing.assert_array_equal(again.load("front", "depth", "v1").read("depth"), old["depth"]["depth"])
@@ -450,6 +450,6 @@ def test_chunks_are_bounded_and_whole_where_they_can_be() -> None:
 
 def test_records_become_json() -> None:
     record = {"path": Path("a"), "set": {2, 1}, "array": np.array([1.0, np.inf]), 3: (np.int64(4), None, True)}
-    assert jsonable(record) == {"path": "a", "set": [1, 2], "array": [1.0, None], "3": [4, None, True]}
+    assert json_value(record) == {"path": "a", "set": [1, 2], "array": [1.0, None], "3": [4, None, True]}
     with pytest.raises(TypeError):
-        jsonable({"what": object()})
+        json_value({"what": object()})

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from glint.storage.catalogue.loading import CatalogueError, load
-from glint.storage.errors import InputError, StorageError, StoreError
+from glint.storage.errors import GlintError, InputError, StoreError
 from glint.storage.footage.source import open_footage
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.engine.references import load_catalogue
@@ -35,7 +35,7 @@ def refused(simulated: Path, tmp_path: Path) -> Refused:
     """Run the changed capture until it is refused, and give the refusal."""
 
     def run(**changed: Any) -> Exception:
-        with pytest.raises((StorageError, UnusableCapture)) as caught:
+        with pytest.raises((GlintError, UnusableCapture)) as caught:
             perform_all(make_context(simulated, tmp_path / "store", **changed))
         error = caught.value
         assert getattr(error, "remedy", ""), "says what to do"

@@ -1,0 +1,184 @@
+"""Publication: making a version of results on the branch `work`, or of an older version.
+
+A version is a commit on a temporary branch that started from `work`, so saving goes on undisturbed. Its tag makes it a
+version; the branch `main` follows. All functions may be called again after a conflict with another writer.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import Any
+from uuid import uuid4
+
+import icechunk
+import zarr
+
+from glint.storage.errors import StoreError
+from glint.storage.versions.array_schema import Schemas, schema_violations
+from glint.storage.versions.json_values import json_value
+from glint.storage.versions.snapshots import Version, newest_version, read_session, read_version
+from glint.storage.versions.stage_results import (
+    LAYOUT_NUMBER,
+    WHOLE_OBJECT,
+    Keys,
+    StoredFile,
+    contents,
+    read_capture,
+    read_stage,
+    stage_keys,
+)
+from glint.storage.versions.stage_writer import write_stage
+
+_BRANCH_PREFIX = "publish-"
+
+
+def publish(
+    repository: icechunk.Repository,
+    object_id: str,
+    captures: Sequence[str],
+    metadata: Mapping[str, Any],
+    required: Sequence[str],
+    message: str,
+    removed: Collection[str],
+    schemas: Schemas,
+) -> Version:
+    """Make a version with the named captures' results on `work`; see `ObjectRepository.publish`.
+
+    Raises:
+        StoreError: a result is missing or malformed.
+        icechunk.ConflictError: another publisher was faster.
+    """
+    current = repair_main(repository)
+    base = repository.lookup_branch("work")
+    work = read_session(repository, base).store
+    keys = {capture: stage_keys(work, capture) for capture in captures}
+    published, rolled_back = (current.stages, current.rolled_back) if current else ({}, {})
+    new = {
+        capture: stages
+        for capture, stages in keys.items()
+        if stages != published.get(capture) and stages != rolled_back.get(capture)
+    }
+    if current and not new and not published.keys() & set(removed):
+        return replace(current, created=False)
+    for capture in new:
+        _check_capture(work, object_id, capture, required, schemas)
+    kept = {capture: stages for capture, stages in published.items() if capture not in new and capture not in removed}
+    if not new and not kept:
+        raise StoreError(f"{object_id} has nothing to publish", "name at least one capture")
+    version = next_version(
+        current,
+        stages=kept | new,
+        rolled_back={capture: stages for capture, stages in rolled_back.items() if capture not in new},
+        metadata=metadata,
+        message=message,
+    )
+    return commit_version(repository, object_id, base, current, version, kept)
+
+
+def rollback(repository: icechunk.Repository, object_id: str, target: Version, message: str) -> Version:
+    """Make a version with the content of `target`; return `target` if that is the current content.
+
+    Raises:
+        icechunk.ConflictError: another publisher was faster.
+    """
+    current = repair_main(repository)
+    if current is None or target.snapshot == current.snapshot:
+        return replace(target, created=False)
+    version = next_version(
+        current,
+        stages=target.stages,
+        rolled_back={
+            capture: stages for capture, stages in current.stages.items() if stages != target.stages.get(capture)
+        },
+        metadata=target.metadata | {"rolled_back_to": target.name, "replaces": current.name},
+        message=message or f"roll back from {current.name} to {target.name}",
+    )
+    return commit_version(repository, object_id, target.snapshot, current, version, {})
+
+
+def repair_main(repository: icechunk.Repository) -> Version | None:
+    """Return the newest version; move `main` there if its publisher died before it could."""
+    newest = newest_version(repository)
+    if newest is None:
+        return None
+    main = repository.lookup_branch("main")
+    if main != newest.snapshot:
+        try:
+            repository.reset_branch("main", newest.snapshot, from_snapshot_id=main)
+        except icechunk.ConflictError:
+            return repair_main(repository)
+    return newest
+
+
+def next_version(
+    current: Version | None, stages: Keys, rolled_back: Keys, metadata: Mapping[str, Any], message: str
+) -> Version:
+    """Return the version that follows `current`, without a snapshot yet."""
+    name = f"v{int(current.name[1:]) + 1 if current else 1}"
+    return Version(name, "", datetime.now(UTC), message or f"version {name}", json_value(metadata), stages, rolled_back)
+
+
+def commit_version(
+    repository: icechunk.Repository, object_id: str, base: str, current: Version | None, version: Version, kept: Keys
+) -> Version:
+    """Commit exactly `version.stages`, starting from snapshot `base`, and tag the commit.
+
+    kept: the part of `version.stages` that is copied from `current` where `base` differs.
+
+    Raises:
+        icechunk.ConflictError: another publisher took the name first.
+    """
+    branch = f"{_BRANCH_PREFIX}{uuid4().hex}"
+    repository.create_branch(branch, base)
+    try:
+        writable = repository.writable_session(branch)
+        root = zarr.open_group(writable.store, mode="a", use_consolidated=False)
+        present = contents(writable.store)
+        for capture in present.keys() - version.stages.keys():
+            del root[capture]
+        for capture in kept:
+            if current is not None and present.get(capture) != kept[capture]:
+                _copy_capture(repository, object_id, writable.store, current, capture)
+        root.attrs.put({"layout": LAYOUT_NUMBER, "version": version.name, "metadata": version.metadata})
+        record = {"stages": version.stages, "rolled_back": version.rolled_back, "metadata": version.metadata}
+        repository.create_tag(version.name, writable.commit(version.message, record))
+    except icechunk.AlreadyExistsError as error:
+        raise icechunk.ConflictError() from error
+    finally:
+        repository.delete_branch(branch)
+    # From the tag on the version exists; if this process dies here, the next publisher moves `main`.
+    repair_main(repository)
+    return read_version(repository, version.name)
+
+
+def delete_stale_branches(repository: icechunk.Repository, limit: datetime) -> None:
+    """Delete the branches, older than `limit`, of publishers that died."""
+    for branch in repository.list_branches():
+        if branch.startswith(_BRANCH_PREFIX):
+            written = repository.lookup_snapshot(repository.lookup_branch(branch)).written_at
+            if written < limit:
+                repository.delete_branch(branch)
+
+
+def _check_capture(store: Any, object_id: str, capture: str, required: Sequence[str], schemas: Schemas) -> None:
+    results = read_capture(store, object_id, capture)
+    violations = schema_violations(results, schemas, () if capture == WHOLE_OBJECT else required)
+    if violations or not results:
+        raise StoreError(
+            f"{object_id}/{capture} cannot be published: {'; '.join(violations) or 'it has no result'}",
+            "run the capture again",
+        )
+
+
+def _copy_capture(repository: icechunk.Repository, object_id: str, store: Any, current: Version, capture: str) -> None:
+    """Replace the capture in `store` by its state in `current`."""
+    source = read_session(repository, current.snapshot).store
+    root = zarr.open_group(store, mode="a", use_consolidated=False)
+    if capture in root:
+        del root[capture]
+    for stage in current.stages[capture]:
+        result = read_stage(source, object_id, capture, stage)
+        if result is None:
+            raise StoreError(f"{current.name} has lost {capture}/{stage}", "restore the object from a backup")
+        files = {name: StoredFile(result.read_file(name), info.media_type) for name, info in result.files.items()}
+        write_stage(store, capture, stage, result.key, result.arrays, result.record, files)

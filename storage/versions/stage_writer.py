@@ -1,0 +1,87 @@
+"""Writing one stage's result into the group of a versioned store; see `stage_results` for its layout."""
+
+import hashlib
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import zarr
+from zarr.codecs import BloscCodec, Crc32cCodec
+
+from glint.storage.errors import StoreError
+from glint.storage.versions.json_values import json_value
+from glint.storage.versions.stage_results import (
+    FILES_GROUP,
+    LAYOUT_NUMBER,
+    FileInfo,
+    StoredFile,
+    check_file_name,
+    check_name,
+)
+
+MAX_CHUNK_BYTES = 4 << 20
+"""Size of the largest uncompressed chunk: bounds the memory of a save, as zarr holds about ten chunks at once."""
+
+
+def write_stage(
+    store: Any,
+    capture: str,
+    stage: str,
+    key: str,
+    arrays: Mapping[str, Any],
+    record: Mapping[str, Any],
+    files: Mapping[str, StoredFile],
+) -> None:
+    """Replace the group `<capture>/<stage>` as a whole. Arrays, of numpy or zarr, are copied chunk by chunk.
+
+    Raises:
+        StoreError: a name cannot be part of a path in the store.
+    """
+    root = zarr.open_group(store, mode="a", use_consolidated=False, attributes={"layout": LAYOUT_NUMBER})
+    parent = root.require_group(check_name(capture, "capture"))
+    if check_name(stage, "stage") in parent:
+        del parent[stage]
+    group = parent.create_group(stage, attributes={"key": key, "record": json_value(record)})
+    for name, values in arrays.items():
+        if name == FILES_GROUP:
+            raise StoreError(f"{capture}/{stage} has an array named {name!r}", "give the array another name")
+        _write_array(group, check_name(name, "array"), values if isinstance(values, zarr.Array) else np.asarray(values))
+    if files:
+        folder = group.create_group(FILES_GROUP)
+        for name, file in files.items():
+            info = FileInfo(len(file.data), hashlib.sha256(file.data).hexdigest(), file.media_type)
+            content = np.frombuffer(file.data, np.uint8)
+            _write_array(folder, check_file_name(name, f"{capture}/{stage}"), content, asdict(info))
+
+
+def chunk_shape(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:
+    """Return the shape of chunks of at most MAX_CHUNK_BYTES; the longest axis is halved until they fit."""
+    chunks = [max(1, edge) for edge in shape]
+    while math.prod(chunks) * itemsize > MAX_CHUNK_BYTES:
+        longest = chunks.index(max(chunks))
+        chunks[longest] = -(-chunks[longest] // 2)
+    return tuple(chunks)
+
+
+def _write_array(
+    group: zarr.Group, name: str, values: np.ndarray | zarr.Array, attributes: Mapping[str, Any] | None = None
+) -> None:
+    chunks = chunk_shape(values.shape, values.dtype.itemsize)
+    array = group.create_array(
+        name,
+        shape=values.shape,
+        chunks=chunks,
+        dtype=values.dtype,
+        fill_value=np.nan if values.dtype.kind == "f" else 0,
+        compressors=(BloscCodec(cname="zstd", clevel=3, shuffle="bitshuffle"), Crc32cCodec()),
+        attributes=dict(attributes or {}),
+    )
+    if isinstance(values, np.ndarray):
+        array[...] = values
+        return
+    # Copy a stored array by rows of chunks, so that it is never in memory as a whole.
+    rows = chunks[0] if values.ndim else 1
+    for start in range(0, values.shape[0] if values.ndim else 1, rows):
+        array[start : start + rows] = values[start : start + rows]
