@@ -198,6 +198,12 @@ def test_squared_errors_are_those_of_the_evaluation(path: Path) -> None:
         assert pair in rounded, f"{path.name}: {' / '.join(pair)} is not in docs/evaluation.json"
 
 
+def test_readme_promises_what_was_measured_of_confidence() -> None:
+    (promise,) = re.findall(r"at least 0\.95,\s+(\d+)% or more are within 5 degrees", text_of(README))
+    captures = figures()["captures"].values()
+    assert min(capture["confident"]["percent_within_5deg"] for capture in captures) >= float(promise)
+
+
 def test_quoted_messages_exist() -> None:
     messages = quoted_messages(DOCS / "troubleshooting.md")
     assert len(messages) > 20
@@ -226,6 +232,13 @@ def test_named_modules_exist() -> None:
             if reference.partition("/")[0] in folders:
                 candidates = [root / f"{reference}{suffix}" for root in roots for suffix in ("", ".py")]
                 assert any(candidate.exists() for candidate in candidates), f"{path.name}: there is no {reference}"
+
+
+def test_named_programs_exist() -> None:
+    """Commands such as `python -m tests.benchmarks.sizing`."""
+    for path in DOCUMENTS:
+        for name in re.findall(r"python -m\s+(tests(?:\.\w+)+)", text_of(path)):
+            assert (ROOT / f"{name.replace('.', '/')}.py").exists(), f"{path.name}: there is no {name}"
 
 
 def test_architecture_lists_all_packages() -> None:
