@@ -40,7 +40,7 @@ def check(
             reference = CaptureReference(Location.parse(file).uri, object_id, capture_id, place.uri, "check")
             name = str(reference)
             try:
-                result = check_capture(reference.workspace(), out / object_id / capture_id, _progress(console, name))
+                result = check_capture(reference.context(), out / object_id / capture_id, _progress(console, name))
             except USER_ERRORS as error:
                 failed += 1
                 console.emit(CaptureFailed(name, str(error)))

@@ -9,7 +9,7 @@ import typer
 
 from glint.flows.cli.options import Json
 
-SHAPES = ("hemisphere", "bird")
+DEMO_SHAPES = ("hemisphere", "bird")
 FRAMES, SCALE = 1500, 0.8
 
 
@@ -32,7 +32,7 @@ def demo(
 
     captures, store = folder / "captures", Location.parse(folder / "store")
     with open_console(as_json) as console:
-        for shape in SHAPES:
+        for shape in DEMO_SHAPES:
             if not (captures / shape / "front" / "video.mp4").exists():
                 console.emit(Message(f"simulating a video of {FRAMES:,} frames", shape))
                 simulate(shape, captures, CaptureOptions(frames=FRAMES, scale=SCALE))

@@ -21,7 +21,7 @@ def export(
         typer.Option(
             "--format",
             metavar="files|bop|pcd",
-            help="files: everything; bop: a BOP dataset (perspective captures in mm); pcd: point clouds.",
+            help="Everything (files), a BOP dataset of perspective captures in mm (bop), or point clouds (pcd).",
         ),
     ] = "files",
     store: Store = None,

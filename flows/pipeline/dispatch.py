@@ -57,19 +57,19 @@ def scatter_map[Task, Shared, Result](
     stage: str,
     function: Callable[[Task, Shared], Result],
     tasks: Iterable[Task],
-    common: Shared,
+    shared: Shared,
 ) -> Iterator[Result]:
-    """Apply a function to tasks on all workers, to which `common` is sent once; yield results in the tasks' order.
+    """Apply a function to tasks on all workers, to which `shared` is sent once; yield results in the tasks' order.
 
-    When the last worker that holds `common` dies, it is sent again for the remaining tasks.
+    When the last worker that holds `shared` dies, it is sent again for the remaining tasks.
 
     Raises:
         ClusterError: workers died repeatedly.
     """
     remaining, failures = list(tasks), 0
     while remaining:
-        shared = client.scatter(common, broadcast=True, hash=False)
-        futures = client.map(function, remaining, common=shared, pure=False, key=_key_prefix(capture, stage))
+        scattered = client.scatter(shared, broadcast=True, hash=False)
+        futures = client.map(function, remaining, shared=scattered, pure=False, key=_key_prefix(capture, stage))
         try:
             while futures:
                 result = futures[0].result()

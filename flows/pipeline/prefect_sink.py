@@ -22,7 +22,7 @@ from glint.flows.reporting.events import CaptureWarning, Event, StageEnded, Stag
 
 RUNNING_SECONDS = 1.0
 """A stage that takes longer is shown while it runs; a shorter one appears when it has ended, at half the cost."""
-PROGRESS_SECONDS = 5.0
+ARTIFACT_SECONDS = 5.0
 """Interval of progress updates on the dashboard; work that takes less has none."""
 CLOSE_SECONDS = 10.0
 """How long the end of a run waits for the last events to be handled."""
@@ -101,7 +101,7 @@ class TaskRunReporter:
 
     def _update_bar(self, event: StageProgress) -> None:
         now = time.monotonic()
-        if not event.total or now - self._updated < PROGRESS_SECONDS:
+        if not event.total or now - self._updated < ARTIFACT_SECONDS:
             return
         self._updated, percent = now, min(100.0, 100.0 * event.done / event.total)
         if self._bar is None:

@@ -8,8 +8,8 @@ import numpy as np
 
 from glint.storage.errors import StoreError
 
-_TYPES = {"float": "<f4", "double": "<f8", "int": "<i4", "uint": "<u4", "uchar": "u1"}
-_REMEDY = "run the object again"
+_PLY_TYPES = {"float": "<f4", "double": "<f8", "int": "<i4", "uint": "<u4", "uchar": "u1"}
+PLY_REMEDY = "run the object again"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,16 +47,16 @@ def read_ply(data: bytes, unit: str, name: str = "the mesh") -> Mesh:
     sizes = {kind: int(count) for kind, count in re.findall(r"^element (\w+) (\d+)$", text, re.MULTILINE)}
     properties = re.findall(r"^property (\w+) (\w+)$", text, re.MULTILINE)
     if not mark or "format binary_little_endian 1.0" not in text or not {"vertex", "face"} <= sizes.keys():
-        raise StoreError(f"{name} is no binary PLY file of a mesh", _REMEDY)
-    if "property list uchar int vertex_ind" not in text or any(kind not in _TYPES for kind, _ in properties):
-        raise StoreError(f"{name} is a PLY file of another arrangement than Glint writes", _REMEDY)
-    vertex = np.dtype([(label, _TYPES[kind]) for kind, label in properties])
+        raise StoreError(f"{name} is no binary PLY file of a mesh", PLY_REMEDY)
+    if "property list uchar int vertex_ind" not in text or any(kind not in _PLY_TYPES for kind, _ in properties):
+        raise StoreError(f"{name} is a PLY file of another arrangement than Glint writes", PLY_REMEDY)
+    vertex = np.dtype([(label, _PLY_TYPES[kind]) for kind, label in properties])
     face = np.dtype([("corners", "u1"), ("triangle", "<i4", (3,))])
     split = sizes["vertex"] * vertex.itemsize
     if len(body) != split + sizes["face"] * face.itemsize or not {"x", "y", "z", "nx", "ny", "nz"} <= set(
         vertex.names or ()
     ):
-        raise StoreError(f"{name} is truncated, or lacks normals or triangles", _REMEDY)
+        raise StoreError(f"{name} is truncated, or lacks normals or triangles", PLY_REMEDY)
     vertices, faces = np.frombuffer(body[:split], vertex), np.frombuffer(body[split:], face)
     missing = np.full(len(vertices), np.nan, np.float32)
     return Mesh(

@@ -34,8 +34,8 @@ class FrameCache:
     """Frames that were ingested.
 
     frames: number of frames so far; total: number of all frames, None until known; bits: 8 or 16; crops: by array, in
-    pixels of the full frame; frame_size: (height, width) of the full frame; warnings: damage met while reading the video
-    or images.
+    pixels of the full frame; frame_size: (height, width) of the full frame; warnings: damage met while reading the
+    video or images.
     """
 
     def __init__(self, location: Location, digest: str, group: zarr.Group) -> None:

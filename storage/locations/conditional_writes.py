@@ -18,7 +18,7 @@ from glint.storage.locations.location import Location
 if TYPE_CHECKING:
     from obstore import UpdateVersion
 
-_REMEDY = (
+CONDITIONS_REMEDY = (
     "use a store with conditional writes (If-None-Match and If-Match), such as S3, Azure or Ceph, or a local folder"
 )
 
@@ -72,9 +72,9 @@ def check_conditional_writes(location: Location) -> None:
 
 def _check_create(store: ObjectStore, key: str, uri: str) -> None:
     if not create(store, key, b"first") or bytes(obstore.get(store, key).bytes()) != b"first":
-        raise StoreError(f"{uri} does not return what was written", _REMEDY)
+        raise StoreError(f"{uri} does not return what was written", CONDITIONS_REMEDY)
     if create(store, key, b"second"):
-        raise StoreError(f"{uri} overwrites an object that it should only create", _REMEDY)
+        raise StoreError(f"{uri} overwrites an object that it should only create", CONDITIONS_REMEDY)
 
 
 def _check_swap(store: ObjectStore, key: str, uri: str) -> None:
@@ -84,7 +84,7 @@ def _check_swap(store: ObjectStore, key: str, uri: str) -> None:
         old = obstore.put(store, key, b"old", use_multipart=False)
         current = obstore.put(store, key, b"current", use_multipart=False)
         if compare_and_swap(store, key, b"lost", old, quote_tag):
-            raise StoreError(f"{uri} lets a stale writer overwrite a newer state", _REMEDY)
+            raise StoreError(f"{uri} lets a stale writer overwrite a newer state", CONDITIONS_REMEDY)
         is_swapped |= compare_and_swap(store, key, b"swapped", current, quote_tag)
     if not is_swapped:
-        raise StoreError(f"{uri} refuses a writer that knows the newest state", _REMEDY)
+        raise StoreError(f"{uri} refuses a writer that knows the newest state", CONDITIONS_REMEDY)

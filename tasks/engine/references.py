@@ -1,4 +1,4 @@
-"""Where a capture's workspace comes from: addresses and names alone, which is all that a flow's parameters hold."""
+"""References to captures: addresses and names alone, which is all that a flow's parameters hold."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,11 +26,11 @@ class CaptureReference:
     rehash: bool = False
 
     def __str__(self) -> str:
-        """OBJECT/CAPTURE."""
+        """Return OBJECT/CAPTURE."""
         return f"{self.object_id}/{self.capture_id}"
 
-    def workspace(self) -> CaptureContext:
-        """The capture's workspace.
+    def context(self) -> CaptureContext:
+        """Return the capture's context.
 
         Raises:
             CatalogueError, InputError: the catalogue is unusable; KeyError: it has no such capture.
@@ -40,44 +40,46 @@ class CaptureReference:
 
 
 def load_catalogue(path: str | Path) -> Catalogue:
-    """The catalogue, its parameters checked; read again only when the file has changed.
+    """Load a catalogue and check its parameters; it is read again only when the file has changed.
 
     Raises:
-        CatalogueError: with everything that is wrong; InputError: it cannot be read.
+        CatalogueError: with all its errors; InputError: it cannot be read.
     """
-    place = Location.parse(path)
+    location = Location.parse(path)
     try:
-        changed = str(file_stamp(place))
+        stamp = str(file_stamp(location))
     except InputError:
-        changed = "missing"
-    return _load(place.uri, changed)
+        stamp = "missing"
+    return _load(location.uri, stamp)
 
 
 @lru_cache(maxsize=4)
-def _load(path: str, changed: str) -> Catalogue:
+def _load(path: str, stamp: str) -> Catalogue:
     return load(path, Parameters)
 
 
 def chosen_captures(objects: Sequence[Object], only: Sequence[str] = ()) -> dict[str, list[str]]:
-    """Ids of the captures to work on by object, in the catalogue's order.
+    """Return the ids of the captures to process by object, in the catalogue's order.
+
+    only: OBJECT or OBJECT/CAPTURE, by default all.
 
     Raises:
         InputError: `only` names something that the catalogue has not.
     """
-    every = {each.id: [capture.id for capture in each.captures] for each in objects}
+    by_object = {item.id: [capture.id for capture in item.captures] for item in objects}
     if not only:
-        return every
-    names = {f"{each}/{one}": (each, one) for each, captures in every.items() for one in captures}
-    unknown = [name for name in only if name not in names and name not in every]
+        return by_object
+    names = [f"{object_id}/{capture}" for object_id, captures in by_object.items() for capture in captures]
+    unknown = [name for name in only if name not in names and name not in by_object]
     if unknown:
         close = [name for name in names if name.endswith(f"/{unknown[0]}")]
-        close += get_close_matches(unknown[0], [*every, *names], 1)
+        close += get_close_matches(unknown[0], [*by_object, *names], 1)
         raise InputError(
             f"the catalogue has no {', '.join(unknown)}",
             f"did you mean {close[0]}?" if close else "name OBJECT or OBJECT/CAPTURE as in the catalogue",
         )
-    return {
-        each: kept
-        for each, captures in every.items()
-        if (kept := [one for one in captures if each in only or f"{each}/{one}" in only])
+    chosen = {
+        object_id: [capture for capture in captures if object_id in only or f"{object_id}/{capture}" in only]
+        for object_id, captures in by_object.items()
     }
+    return {object_id: captures for object_id, captures in chosen.items() if captures}

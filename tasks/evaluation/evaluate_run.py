@@ -21,7 +21,7 @@ def contexts_of(catalogue: str, store: str, run: str, captures: Iterable[tuple[s
     """Open the captures (object id, capture id) of a run; merged models are left out."""
     address = Location.parse(catalogue).uri
     return [
-        CaptureReference(address, object_id, capture_id, store, run).workspace()
+        CaptureReference(address, object_id, capture_id, store, run).context()
         for object_id, capture_id in captures
         if capture_id != MODEL
     ]

@@ -16,9 +16,9 @@ from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.stabilization import REFERENCE, StabilizedFootage
 
-SAMPLED_SHARDS = 24
+MAX_LEVEL_SHARDS = 24
 """Most shards from which background and peak level are taken."""
-SAMPLED_EVERY = 16
+MEDIAN_STEP = 16
 """Frames of them from one for the median to the next: neighbouring frames are alike."""
 USE_SECONDS = 600.0
 """How often the use of frames is written down."""
@@ -69,8 +69,8 @@ def level_name(level: str, crop: str) -> str:
 def levels(cache: FrameCache, crop: str) -> tuple[np.ndarray, np.ndarray]:
     """Compute background level (temporal median) and peak level (temporal maximum) (H, W) of a crop."""
     starts = np.arange(0, cache.frames, 64)
-    chosen = np.unique(np.linspace(0, len(starts) - 1, min(SAMPLED_SHARDS, len(starts))).round().astype(int))
-    step = max(1, min(SAMPLED_EVERY, cache.frames // 64))
+    chosen = np.unique(np.linspace(0, len(starts) - 1, min(MAX_LEVEL_SHARDS, len(starts))).round().astype(int))
+    step = max(1, min(MEDIAN_STEP, cache.frames // 64))
     kept, peak = [], None
     for start in starts[chosen].tolist():
         shard = cache.read(crop, slice(start, start + 64))

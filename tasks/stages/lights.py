@@ -32,7 +32,7 @@ from glint.tasks.stages.frames import load_levels, open_frames
 
 BLOCK_FRAMES = 1024
 """Frames whose highlights are measured at once."""
-SAMPLED_SHARDS = 50
+MAX_REFLECTION_SHARDS = 50
 """Most shards from which a sphere's static reflection is taken."""
 
 
@@ -143,7 +143,9 @@ def _of_sphere(
 ) -> Lights:
     """Measure the lights on one sphere, in the pixels of its crop."""
     starts = np.arange(0, cache.frames, 64)
-    chosen = starts[np.unique(np.linspace(0, len(starts) - 1, min(SAMPLED_SHARDS, len(starts))).round().astype(int))]
+    chosen = starts[
+        np.unique(np.linspace(0, len(starts) - 1, min(MAX_REFLECTION_SHARDS, len(starts))).round().astype(int))
+    ]
     step = 16 if cache.frames > 640 else 1
     sample = np.concatenate([cache.read(name, slice(start, start + 64))[::step] for start in chosen.tolist()])
     static = static_background(sample, sphere, camera=camera)

@@ -49,7 +49,7 @@ def simulated(folder: Path, captures: int, frames: int, scale: float) -> Path:
 
 def stages_alone(reference: CaptureReference) -> None:
     """All stages of a capture in this process."""
-    work = reference.workspace()
+    work = reference.context()
     keys = stage_keys(work, STAGES)
     for stage in STAGES:
         perform(work, stage, keys[stage.name])

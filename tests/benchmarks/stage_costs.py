@@ -40,7 +40,7 @@ def main() -> None:
     with Gateway(folder / "s3") as gateway:
         os.environ.update(gateway.environment)
         store = Location.parse("s3://store/costs")
-        work = CaptureReference(str(catalogue), each.id, each.captures[0].id, store.uri, "costs").workspace()
+        work = CaptureReference(str(catalogue), each.id, each.captures[0].id, store.uri, "costs").context()
         seen, process = requests(gateway), psutil.Process()
         print("| stage | GET | PUT | other | MB read | MB written | seconds of processor |")
         print("|---|---:|---:|---:|---:|---:|---:|")

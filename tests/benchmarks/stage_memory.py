@@ -58,7 +58,7 @@ def enlarged(small: Capture, out: Path, factor: int) -> Path:
 def gained(reference: CaptureReference, stage: str) -> int:
     """Bytes that this process gains at its peak while it performs the stage; called in a process of its own."""
     warm_up()
-    work = reference.workspace()
+    work = reference.context()
     key = stage_keys(work, STAGES)[stage]
     before = psutil.Process().memory_info().rss
     Path("/proc/self/clear_refs").write_text("5")  # the peak counts from now on

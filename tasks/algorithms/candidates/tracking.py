@@ -21,7 +21,7 @@ MAX_TRACK_FRAMES = 64
 """Frames before and after its keyframe over which a mark is tracked."""
 WINDOW_RADIUS_PX = 64
 """Pixels around a mark in which its highlight is tracked."""
-MAX_STEP_PX = 5.0
+MAX_TRACK_STEP_PX = 5.0
 """Distance of a highlight from its predicted position, from one frame to the next."""
 MAX_AREA_CHANGE = 2.5
 """Ratio of areas from one frame to the next beyond which a highlight has split or merged."""
@@ -165,7 +165,7 @@ def _positions(lit: np.ndarray, start: int, direction: int, blob: Blob, centre: 
     index = start + direction
     while 0 <= index < len(lit):
         next_labels, blobs = _blobs(lit[index])
-        next_blob = _nearest(next_labels, blobs, predicted, MAX_STEP_PX)
+        next_blob = _nearest(next_labels, blobs, predicted, MAX_TRACK_STEP_PX)
         if next_blob is None or not _is_same(labels, blob, next_labels, next_blob):
             return
         next_position = blob_centre(next_labels == next_blob.label, predicted)

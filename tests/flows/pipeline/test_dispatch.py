@@ -26,13 +26,13 @@ def late() -> None:
     raise TimeoutError("the task's own")
 
 
-def die(task: Any = None, common: Any = None) -> None:
+def die(task: Any = None, shared: Any = None) -> None:
     os._exit(1)
 
 
-def die_once(number: int, common: str) -> int:
+def die_once(number: int, shared: str) -> int:
     """End the worker that sees a mark first; its memory, and what was sent to it, goes with it."""
-    mark = Path(common) / f"seen-{number}"
+    mark = Path(shared) / f"seen-{number}"
     if number in (3, 4) and not mark.exists():
         mark.touch()
         os._exit(1)
@@ -57,7 +57,7 @@ def test_work_that_kills_its_workers_is_explained(cluster: Cluster) -> None:
     with pytest.raises(ClusterError, match=r"glass/front labels: the worker process died.*out of memory"):
         wait_for(cluster.client.submit(die, pure=False), "glass/front", REPORTER)
     with pytest.raises(ClusterError, match="glass/front clusters: the worker process died"):
-        list(scatter_map(cluster.client, "glass/front", "clusters", die, range(3), "common"))
+        list(scatter_map(cluster.client, "glass/front", "clusters", die, range(3), "shared"))
     cluster.client.wait_for_workers(2, timeout=240)
 
 

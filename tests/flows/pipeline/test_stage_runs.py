@@ -32,7 +32,7 @@ PAUSE = 0.3
 def short_intervals(monkeypatch: pytest.MonkeyPatch) -> None:
     """Show a stage as running after 0.1 s, and progress at once."""
     monkeypatch.setattr(prefect_sink, "RUNNING_SECONDS", 0.1)
-    monkeypatch.setattr(prefect_sink, "PROGRESS_SECONDS", 0.0)
+    monkeypatch.setattr(prefect_sink, "ARTIFACT_SECONDS", 0.0)
 
 
 @task(name="capture", task_run_name=NAME, persist_result=False)
