@@ -40,7 +40,9 @@ def running_process(location: Location) -> Iterator[tuple[SpawnProcess, Event]]:
         assert held.wait(60)
         yield process, release
     finally:
-        release.set()
+        # A killed process would never answer the event.
+        if process.is_alive():
+            release.set()
         process.join()
 
 
