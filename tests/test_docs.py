@@ -1,6 +1,6 @@
-"""What the documents say is what the code does: commands, options, parameters, the catalogue's example, links."""
+"""Documents agree with the code: commands, options, parameters, stages, messages, modules, figures, examples, links."""
 
-import json
+import ast
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,16 +13,20 @@ import typer
 from glint.flows.cli.main import app
 from glint.storage.catalogue.loading import CatalogueError, load
 from glint.storage.catalogue.models import Camera, Capture, Catalogue, Object, Pose, Region, Sphere
-from glint.storage.inputs.masks_and_truth import read_markup
-from glint.tasks.engine.parameters import Parameters
+from glint.storage.inputs.markup import AnnotationEntry, read_markup
+from glint.tasks.engine.parameters import FORMER_NAMES, Parameters
 from glint.tasks.pipeline import STAGES
+from tests.generated_docs import BLOCK, ROOT, TABLES, cells, documents, figures, with_current_tables
 
-ROOT = Path(__file__).parents[1]
-README = ROOT / "README.md"
-DOCUMENTS = [README, ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
+README, DOCS = ROOT / "README.md", ROOT / "docs"
+DOCUMENTS = documents()
 COMMANDS: dict[str, click.Command] = typer.main.get_command(app).commands  # type: ignore[attr-defined]
 CALL = re.compile(r"(?<![\w./-])(?:\.venv/bin/)?glint ([a-z][a-z-]*)([^`\n#]*)")
-LARGEST_PICTURE, ALL_PICTURES = 250_000, 1_200_000
+MAX_PICTURE_BYTES, MAX_PICTURES_BYTES = 250_000, 1_200_000
+PRODUCT = ("flows", "glint", "storage", "tasks")
+SHORTEST_FRAGMENT = 4
+"""Characters of a quoted message's fragment that is looked for."""
+TERMS_OF_THE_GLOSSARY = 40
 
 
 def text_of(path: Path) -> str:
@@ -30,48 +34,59 @@ def text_of(path: Path) -> str:
 
 
 def code_of(text: str) -> str:
-    """What stands in code blocks and between backticks."""
+    """Return what stands in code blocks and between backticks."""
     blocks = re.findall(r"^```.*?^```|^(?: {4}[^\n]*\n)+", text, re.DOTALL | re.MULTILINE)
     return "\n".join(blocks + re.findall(r"`([^`\n]+)`", text))
 
 
 def calls(path: Path) -> Iterator[tuple[str, str]]:
-    """Commands and what follows them in the code of a document."""
-    for found in CALL.finditer(code_of(text_of(path))):
-        yield found[1], found[2]
+    """Yield the commands in the code of a document, and what follows them."""
+    for match in CALL.finditer(code_of(text_of(path))):
+        yield match[1], match[2]
 
 
 def options_of(command: click.Command) -> set[str]:
-    return {name for each in command.params for name in each.opts if name.startswith("--")} | {"--help"}
+    return {name for parameter in command.params for name in parameter.opts if name.startswith("--")} | {"--help"}
 
 
 def fenced(path: Path, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", text_of(path), re.DOTALL | re.MULTILINE)
 
 
-def limits_of(schema: dict[str, Any]) -> str:
-    """A parameter's type and range in words."""
-    if "enum" in schema:
-        return ", ".join(schema["enum"])
-    if "anyOf" in schema:
-        return ", or ".join("null" if each["type"] == "null" else limits_of(each) for each in schema["anyOf"])
-    low = [f"from {schema['minimum']:g}"] if "minimum" in schema else []
-    low += [f"above {schema['exclusiveMinimum']:g}"] if "exclusiveMinimum" in schema else []
-    high = [f"to {schema['maximum']:g}"] if "maximum" in schema else []
-    high += [f"below {schema['exclusiveMaximum']:g}"] if "exclusiveMaximum" in schema else []
-    kind = {"integer": "whole number", "number": "number", "boolean": "true or false"}[schema["type"]]
-    return " ".join([kind, *low, *high])
+def modules() -> list[Path]:
+    """Return the modules of the product; `glint` links to the other folders, which are listed once."""
+    paths = (path.resolve() for folder in PRODUCT for path in sorted((ROOT / folder).rglob("*.py")))
+    return list(dict.fromkeys(paths))
 
 
-def parameter_rows() -> list[tuple[str, str, str, str]]:
-    """Stage, name, default and range of every parameter, as the table of docs/parameters.md has them."""
-    rows = []
-    for stage, model in Parameters.model_fields.items():
-        for name, schema in model.annotation.model_json_schema().get("properties", {}).items():
-            default = schema["default"]
-            said = default if isinstance(default, str) else json.dumps(default)
-            rows.append((stage, name, said, limits_of(schema)))
-    return rows
+def literals() -> str:
+    """Return the string literals of the product without docstrings, one a line; holes of f-strings become a NUL."""
+    texts: list[str] = []
+    for path in modules():
+        tree = ast.parse(text_of(path))
+        docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.JoinedStr):
+                parts = (part.value if isinstance(part, ast.Constant) else "\0" for part in node.values)
+                texts.append("".join(map(str, parts)))
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docstrings:
+                texts.append(node.value)
+    return "\n".join(texts)
+
+
+def fragments(message: str) -> list[str]:
+    """Return the fixed parts of a quoted message, which has `..` where the value stands."""
+    parts = (part.strip() for part in message.split(".."))
+    return [part for part in parts if len(part) >= SHORTEST_FRAGMENT]
+
+
+def quoted_messages(path: Path) -> list[str]:
+    """Return the texts in double quotes, and the first column of tables of messages."""
+    text = re.sub(r"\s+", " ", re.sub(r"^```.*?^```", "", text_of(path), flags=re.DOTALL | re.MULTILINE))
+    quoted = re.findall(r'"([^"|]+)"', text)
+    for block in re.findall(r"^\| message \|.*?(?=\n\n)", text_of(path), re.DOTALL | re.MULTILINE):
+        quoted += [row[0] for row in cells(block)[1:]]
+    return quoted
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
@@ -82,17 +97,19 @@ def test_every_command_and_option_exists(path: Path) -> None:
         assert not unknown, f"{path.name}: `glint {name}` has no {unknown}"
 
 
-def test_readme_tells_of_every_command_and_option() -> None:
-    told = {name for name, _ in calls(README)}
-    assert set(COMMANDS) <= told, f"README says nothing of {set(COMMANDS) - told}"
-    code = code_of(text_of(README))
-    every = {option for command in COMMANDS.values() for option in options_of(command)}
-    missing = {option for option in every if not re.search(rf"{option}(?![a-z-])", code)}
-    assert not missing, f"README says nothing of {missing}"
+def test_the_page_of_commands_has_every_command_and_option() -> None:
+    page = text_of(DOCS / "commands.md")
+    sections = dict(re.findall(r"^### `glint ([a-z]+)[^`\n]*`\n(.*?)(?=^##|\Z)", page, re.DOTALL | re.MULTILINE))
+    assert list(sections) == list(COMMANDS)
+    for name, command in COMMANDS.items():
+        options = set(re.findall(r"--[a-z-]+", code_of(sections[name])))
+        missing = options_of(command) - options - {"--help"}
+        assert not missing, f"docs/commands.md does not explain {missing} of `glint {name}`"
 
 
 def test_commands_are_found_in_text() -> None:
-    assert [found.groups() for found in CALL.finditer(".venv/bin/glint run C --json # all")] == [("run", " C --json ")]
+    matches = CALL.finditer(".venv/bin/glint run C --json # all")
+    assert [match.groups() for match in matches] == [("run", " C --json ")]
     assert not CALL.search("from ./glint-store and glint.toml")
 
 
@@ -109,11 +126,11 @@ def test_the_catalogue_example_loads(tmp_path: Path) -> None:
 
 
 def test_every_key_of_a_catalogue_is_explained() -> None:
-    text = code_of(text_of(README))
-    for model in (Catalogue, Object, Capture, Sphere, Region, Camera, Pose):
+    text = code_of(text_of(DOCS / "catalogue.md"))
+    for model in (Catalogue, Object, Capture, Sphere, Region, Camera, Pose, AnnotationEntry):
         for name, field in model.model_fields.items():
             key = field.alias or name
-            assert re.search(rf"\b{key}\b", text), f"README does not explain the key {key} of {model.__name__}"
+            assert re.search(rf"\b{key}\b", text), f"docs/catalogue.md lacks the key {key} of {model.__name__}"
 
 
 def test_examples_of_parameters_are_valid() -> None:
@@ -122,47 +139,145 @@ def test_examples_of_parameters_are_valid() -> None:
     examples = re.findall(r"parameters: (\{[^`#\n]*\})", "\n".join(text_of(path) for path in DOCUMENTS))
     assert examples
     for example in examples:
-        Parameters.model_validate(YAML(typ="safe").load(example))
+        values = YAML(typ="safe").load(example)
+        Parameters.model_validate(values)
+        former = {(stage, name) for stage, given in values.items() for name in given} & set(FORMER_NAMES)
+        assert not former, f"{example} uses a former name"
 
 
 def test_the_markup_example_is_read(tmp_path: Path) -> None:
-    (example,) = fenced(README, "json")
+    (example,) = fenced(DOCS / "catalogue.md", "json")
     (tmp_path / "markup.json").write_text(example, encoding="utf-8")
     marks = read_markup(tmp_path / "markup.json", (480, 640), 2000)
     assert {mark.kind for mark in marks} == {"true", "false"}
 
 
-def test_the_table_of_parameters_is_current() -> None:
-    lines = text_of(ROOT / "docs" / "parameters.md").splitlines()
-    rows = [tuple(cell.strip() for cell in line.strip("|").split("|")) for line in lines if line.startswith("| ")]
-    head, *told = rows
-    assert head[:4] == ("stage", "parameter", "default", "values")
-    assert [row[:4] for row in told] == parameter_rows()
-    assert all(len(row) == 5 and row[4] for row in told), "a parameter's meaning is missing"
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_generated_tables_are_current(path: Path) -> None:
+    """`python -m tests.generated_docs` rewrites them."""
+    text = text_of(path)
+    assert with_current_tables(text) == text
+    assert text.count("<!-- generated:") == len(BLOCK.findall(text)), "a generated table has no end"
 
 
-def test_all_stages_are_told() -> None:
-    for path in (README, ROOT / "docs" / "architecture.md"):
-        _, _, table = text_of(path).partition("| stage |")
-        found = re.findall(r"^\| ([a-z]+) \|", table.partition("\n\n")[0], re.MULTILINE)
-        assert found == [stage.name for stage in STAGES], path.name
+def test_every_generated_table_stands_in_one_place() -> None:
+    names = [name for path in DOCUMENTS for _, name, _, _ in BLOCK.findall(text_of(path))]
+    assert sorted(names) == sorted(TABLES)
+
+
+@pytest.mark.parametrize(("page", "name"), [("parameters.md", "parameters"), ("architecture.md", "arrays")])
+def test_every_row_has_a_meaning(page: str, name: str) -> None:
+    (block,) = (content for _, title, content, _ in BLOCK.findall(text_of(DOCS / page)) if title == name)
+    assert not [row for row in cells(block) if not row[-1]]
+
+
+def test_readme_has_all_stages() -> None:
+    _, _, stages = text_of(README).partition("| stage |")
+    assert re.findall(r"^\| ([a-z]+) \|", stages.partition("\n\n")[0], re.MULTILINE) == [stage.name for stage in STAGES]
+
+
+def pairs_of(value: Any) -> Iterator[tuple[float, float]]:
+    """Yield all pairs of numbers in a JSON value."""
+    if isinstance(value, dict):
+        for item in value.values():
+            yield from pairs_of(item)
+    elif isinstance(value, list) and len(value) == 2:
+        yield value[0], value[1]
+
+
+@pytest.mark.parametrize("path", [README, DOCS / "method.md"], ids=lambda path: path.name)
+def test_squared_errors_are_those_of_the_evaluation(path: Path) -> None:
+    """Every pair `observed / whole mask` is a pair of docs/evaluation.json, rounded."""
+    measured = list(pairs_of(figures()))
+    quoted = re.findall(r"(?<![\d.])(0\.\d+) / (0\.\d+)(?![\d.]*%)", text_of(path))
+    assert quoted, f"{path.name} quotes no figure"
+    for pair in quoted:
+        rounded = {
+            tuple(f"{value:.{len(text) - 2}f}" for value, text in zip(known, pair, strict=True)) for known in measured
+        }
+        assert pair in rounded, f"{path.name}: {' / '.join(pair)} is not in docs/evaluation.json"
+
+
+def test_readme_promises_what_was_measured_of_confidence() -> None:
+    (promise,) = re.findall(r"at least 0\.95, (\d+)% or more are within 5 degrees", " ".join(text_of(README).split()))
+    captures = figures()["captures"].values()
+    assert min(capture["confident"]["percent_within_5deg"] for capture in captures) >= float(promise)
+
+
+def test_quoted_messages_exist() -> None:
+    messages = quoted_messages(DOCS / "troubleshooting.md")
+    assert len(messages) > 20
+    text = literals()
+    for message in messages:
+        assert fragments(message), f"{message!r} has no fixed part"
+        for fragment in fragments(message):
+            assert fragment in text, f"docs/troubleshooting.md quotes {fragment!r}, which no message has"
+
+
+def test_named_errors_exist() -> None:
+    _, _, errors = text_of(DOCS / "troubleshooting.md").partition("| error |")
+    names = set(re.findall(r"^\| ([A-Z]\w+) \|", errors.partition("\n\n")[0], re.MULTILINE))
+    trees = (ast.walk(ast.parse(text_of(path))) for path in modules())
+    classes = {node.name for nodes in trees for node in nodes if isinstance(node, ast.ClassDef)}
+    assert names
+    assert names <= classes
+
+
+def test_named_modules_exist() -> None:
+    """References such as `labelling/graph_cut` or `tasks/pipeline.py`."""
+    roots = [ROOT, *(ROOT / folder for folder in PRODUCT), ROOT / "tasks" / "algorithms"]
+    folders = {path.name for root in roots for path in root.iterdir() if path.is_dir()}
+    for path in DOCUMENTS:
+        for reference in re.findall(r"`((?:[a-z_]+/)+[a-z0-9_][a-z0-9_.]*)`", text_of(path)):
+            if reference.partition("/")[0] in folders:
+                candidates = [root / f"{reference}{suffix}" for root in roots for suffix in ("", ".py")]
+                assert any(candidate.exists() for candidate in candidates), f"{path.name}: there is no {reference}"
+
+
+def test_named_programs_exist() -> None:
+    """Commands such as `python -m tests.benchmarks.sizing`."""
+    for path in DOCUMENTS:
+        for name in re.findall(r"python -m\s+(tests(?:\.\w+)+)", text_of(path)):
+            assert (ROOT / f"{name.replace('.', '/')}.py").exists(), f"{path.name}: there is no {name}"
+
+
+def test_architecture_lists_all_packages() -> None:
+    layout = text_of(DOCS / "architecture.md").partition("\n\n")[2].partition("\n\n")[0]
+    names = re.findall(r"(?<![\w/])([a-z_]+)/(?=\s)", layout)
+    folders = (ROOT / "flows", ROOT / "storage", ROOT / "tasks", ROOT / "tasks" / "algorithms")
+    packages = [path.parent.name for folder in folders for path in folder.glob("*/__init__.py")]
+    assert sorted(names) == sorted([*packages, *PRODUCT])
+
+
+def test_the_glossary_has_one_line_for_each_term() -> None:
+    terms = re.findall(r"^- \*\*([^*]+)\*\*", text_of(DOCS / "glossary.md"), re.MULTILINE)
+    assert len(terms) >= TERMS_OF_THE_GLOSSARY
+    assert len(set(terms)) == len(terms)
+
+
+def test_decisions_are_numbered() -> None:
+    pages = sorted((DOCS / "decisions").glob("*.md"))
+    numbers = [int(path.name.partition("-")[0]) for path in pages]
+    assert numbers == list(range(1, len(pages) + 1))
+    for path, number in zip(pages, numbers, strict=True):
+        assert text_of(path).startswith(f"# {number} "), path.name
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
 def test_links_lead_somewhere(path: Path) -> None:
     for target in re.findall(r"\]\(([^)\s]+)\)", text_of(path)):
         if "://" not in target:
-            place, _, heading = target.partition("#")
-            file = (path.parent / place).resolve() if place else path
+            name, _, heading = target.partition("#")
+            file = (path.parent / name).resolve() if name else path
             assert file.exists(), f"{path.name} links to {target}"
             if heading:
                 assert heading in headings(file), f"{path.name} links to {target}"
 
 
 def headings(path: Path) -> set[str]:
-    """Headings of a document as links name them."""
-    found = re.findall(r"^#+ (.*)$", text_of(path), re.MULTILINE)
-    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in found}
+    """Return the headings of a document as links name them."""
+    titles = re.findall(r"^#+ (.*)$", text_of(path), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
 
 
 def test_every_page_is_reached_from_the_readme() -> None:
@@ -195,6 +310,6 @@ def test_pictures_are_small_and_shown() -> None:
     assert pictures
     for picture in pictures:
         assert picture.read_bytes().startswith(b"\x89PNG"), picture.name
-        assert picture.stat().st_size < LARGEST_PICTURE, picture.name
+        assert picture.stat().st_size < MAX_PICTURE_BYTES, picture.name
         assert f"pictures/{picture.name}" in shown, f"no document shows {picture.name}"
-    assert sum(picture.stat().st_size for picture in pictures) < ALL_PICTURES
+    assert sum(picture.stat().st_size for picture in pictures) < MAX_PICTURES_BYTES
