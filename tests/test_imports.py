@@ -31,6 +31,7 @@ ORDER = {
 """The rooms of a layer in descending order: a room imports only those after it."""
 CROWDED = {
     "flows/cli": "one module for each command",
+    "storage/export": "one module for each format",
     "tasks/stages": "one module for each stage",
 }
 """Folders of more than MAX_MODULES modules, and why."""

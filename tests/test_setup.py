@@ -1,8 +1,11 @@
 """What is installed is pinned, all of it, and says nothing about where it comes from."""
 
 import re
+import shutil
 import subprocess
+import sys
 import tomllib
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -61,3 +64,22 @@ def test_a_missing_python_is_said_in_one_line(tmp_path: Path) -> None:
     assert done.returncode == 1
     assert re.fullmatch(r"setup: no Python 3\.99 with venv: install it \(.*\)\n", done.stderr)
     assert not (tmp_path / ".venv").exists()
+
+
+def test_the_wheel_holds_one_import_package(tmp_path: Path) -> None:
+    """Nothing named `tasks`, `flows` or `storage` enters anybody's site-packages; links become folders."""
+    source = tmp_path / "source"
+    ignored = shutil.ignore_patterns(".git", ".venv", "__pycache__", "build", "*.egg-info", "glint-*", "tests", "docs")
+    shutil.copytree(ROOT, source, symlinks=True, ignore=ignored)
+    build = "import setuptools.build_meta as b, sys; print(b.build_wheel(sys.argv[1]))"
+    subprocess.run([sys.executable, "-c", build, str(tmp_path)], cwd=source, check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    names = zipfile.ZipFile(wheel).namelist()
+    assert {name.split("/")[0] for name in names} == {"glint", f"glint-{PROJECT['project']['version']}.dist-info"}
+    modules = {path.relative_to(ROOT).as_posix() for top in ("flows", "tasks", "storage") for path in source_of(top)}
+    assert {f"glint/{module}" for module in modules} <= set(names)
+    assert {"glint/py.typed", "glint/storage/export/report.html"} <= set(names)
+
+
+def source_of(top: str) -> list[Path]:
+    return sorted((ROOT / top).rglob("*.py"))

@@ -8,12 +8,10 @@ A rollback is a new version with the content of an older one: no published versi
 the results change: publishing the very results that were rolled back creates no version.
 """
 
-import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import timedelta
-from random import uniform
 from types import MappingProxyType
 from typing import Any
 
@@ -21,7 +19,6 @@ import icechunk
 import obstore
 
 from glint.storage.errors import StoreError
-from glint.storage.fsync import flush_tree
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import mutation_lock
@@ -37,17 +34,17 @@ from glint.storage.versions.stage_results import (
     check_layout,
     check_name,
     contents,
+    is_name,
     read_capture,
     read_stage,
     stage_keys,
     stage_records,
 )
 from glint.storage.versions.stage_writer import write_stage
+from glint.storage.versions.transaction import transaction
 
 icechunk.set_logs_filter("error")
 
-MAX_COMMIT_ATTEMPTS = 30
-MAX_BACKOFF_SECONDS = 2.0
 NO_SCHEMAS: Schemas = MappingProxyType({})
 
 
@@ -58,14 +55,8 @@ def object_ids(location: Location) -> list[str]:
         return []
     with store_errors(location.uri, "listing objects"):
         prefixes = obstore.list_with_delimiter(folder.obstore())["common_prefixes"]
-    ids = []
-    for prefix in prefixes:
-        try:
-            ids.append(check_name(prefix.strip("/").rpartition("/")[2], "object"))
-        except StoreError:
-            # Not written by Glint.
-            continue
-    return sorted(ids)
+    # Folders of other names were not written by Glint.
+    return sorted(filter(is_name, (prefix.strip("/").rpartition("/")[2] for prefix in prefixes)))
 
 
 class ObjectRepository:
@@ -214,11 +205,7 @@ class ObjectRepository:
             StoreError: there is none.
         """
         with self._errors("reading the history"):
-            names = snapshots.version_names(self._repository)
-            if not names or (name is not None and name not in names):
-                absence = "no version yet" if not names else f"no version {name!r} (it has {', '.join(names)})"
-                raise StoreError(f"{self.object_id} has {absence}", "see `glint history` or run the object")
-            return snapshots.read_version(self._repository, name or names[-1])
+            return snapshots.find_version(self._repository, self.object_id, name)
 
     def published(self, keys: Keys) -> Version | None:
         """Return the newest version if publishing results with these keys would change nothing, else None."""
@@ -237,9 +224,7 @@ class ObjectRepository:
         min_age: must exceed the duration of any save. A dry run removes nothing and counts only what is unreferenced
         already, without the replaced results that collection would release first.
         """
-        return self._transaction(
-            "collecting garbage", lambda: collect(self._repository, self._folder, min_age, dry_run)
-        )
+        return self._transaction("cleaning up", lambda: collect(self._repository, self._folder, min_age, dry_run))
 
     def prune(self, keep: int, dry_run: bool = False) -> list[str]:
         """Remove all but the newest `keep` versions from the history; return their names. Their data become garbage."""
@@ -256,22 +241,7 @@ class ObjectRepository:
         return read_session(self._repository, ref).store
 
     def _transaction[T](self, action: str, change: Callable[[], T]) -> T:
-        """Run `change` under a lock on a local store; on an object store, repeat it after conflicts."""
-        with self._errors(action), mutation_lock(self.location, self.object_id):
-            for attempt in range(MAX_COMMIT_ATTEMPTS):
-                started = time.time()
-                try:
-                    result = change()
-                    if self._folder.local is not None:
-                        flush_tree(self._folder.local, started)
-                    return result
-                except icechunk.ConflictError:
-                    # Random exponential backoff, so that the same writers do not meet again.
-                    time.sleep(uniform(0, min(MAX_BACKOFF_SECONDS, 0.05 * 2**attempt)))
-        raise StoreError(
-            f"{action} of {self.object_id} met other writers {MAX_COMMIT_ATTEMPTS} times",
-            "run again when fewer runs share the object",
-        )
+        return transaction(self.location, self.object_id, action, change)
 
     @contextmanager
     def _errors(self, action: str) -> Iterator[None]:

@@ -107,6 +107,19 @@ def read_version(repository: icechunk.Repository, name: str) -> Version:
     return Version(name, snapshot.id, snapshot.written_at, snapshot.message, *facts)
 
 
+def find_version(repository: icechunk.Repository, object_id: str, name: str | None) -> Version:
+    """Return the named version, or the newest one.
+
+    Raises:
+        StoreError: there is none.
+    """
+    names = version_names(repository)
+    if not names or (name is not None and name not in names):
+        absence = "no version yet" if not names else f"no version {name!r} (it has {', '.join(names)})"
+        raise StoreError(f"{object_id} has {absence}", "see `glint history` or run the object")
+    return read_version(repository, name or names[-1])
+
+
 def newest_version(repository: icechunk.Repository) -> Version | None:
     """Return the newest version, or None before the first."""
     names = version_names(repository)

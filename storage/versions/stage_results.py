@@ -101,15 +101,20 @@ class StageResult:
         return data
 
 
+def is_name(name: str) -> bool:
+    """Return whether `name` can be a part of a path in a store."""
+    return name == WHOLE_OBJECT or _NAME.fullmatch(name) is not None
+
+
 def check_name(name: str, kind: str) -> str:
     """Return `name` if it can be a part of a path in a store.
 
-    kind: of what it is the name, for the message.
+    kind: of the named thing, for the message.
 
     Raises:
         StoreError: it cannot.
     """
-    if name != WHOLE_OBJECT and not _NAME.fullmatch(name):
+    if not is_name(name):
         raise StoreError(f"{kind} {name!r} cannot be a name in the store", "use [a-z0-9][a-z0-9._-]{0,63}")
     return name
 

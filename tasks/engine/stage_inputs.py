@@ -4,14 +4,11 @@ A stage's key covers what the stage declares. Anything else that it read could c
 again, so reading it is an error.
 """
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from glint.storage.locations.location import Location
 from glint.storage.versions.stage_results import StageResult
 from glint.tasks.engine.capture_context import CaptureContext
-
-if TYPE_CHECKING:
-    from glint.tasks.engine.stage import Stage
 
 
 class UndeclaredRead(LookupError):
@@ -35,10 +32,30 @@ class CaptureResults(Protocol):
         """Return the content digest of the file or files under a key, None where the catalogue gives none."""
 
 
+class Declaration(Protocol):
+    """What a stage declares to read, see `Stage`."""
+
+    @property
+    def name(self) -> str:
+        """The stage's name."""
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """Stages whose results it loads."""
+
+    @property
+    def catalogue_keys(self) -> tuple[str, ...]:
+        """Keys of the capture in the catalogue that it reads."""
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Keys of the capture that name files whose content it reads."""
+
+
 class StageInputs:
     """The declared inputs of one stage of one capture. Each result is opened once."""
 
-    def __init__(self, context: CaptureContext, stage: "Stage") -> None:
+    def __init__(self, context: CaptureContext, stage: Declaration) -> None:
         self._context, self._stage = context, stage
         self._results: dict[str, StageResult] = {}
 

@@ -1,4 +1,4 @@
-"""What tests of the store share: places and a capture's results."""
+"""Stores and results of a capture, shared by tests."""
 
 from pathlib import Path
 from typing import Any
@@ -28,23 +28,23 @@ SCHEMAS = {
 STAGES = tuple(SCHEMAS)
 
 
-def local_place(folder: Path) -> Location:
+def local_store(folder: Path) -> Location:
     """A local store."""
     return Location.parse(folder)
 
 
-class MemoryPlace:
+class MemoryLocation:
     """A store in this process that honours conditions and has no locks, as an object store does."""
 
     uri, local = "memory://", None
 
-    def __init__(self, root: "MemoryPlace | None" = None, path: tuple[str, ...] = ()) -> None:
+    def __init__(self, root: "MemoryLocation | None" = None, path: tuple[str, ...] = ()) -> None:
         self.root, self.path = root or self, path
         self.store = MemoryStore() if root is None else root.store
         self.repositories: dict[tuple[str, ...], icechunk.Storage] = {} if root is None else root.repositories
 
-    def child(self, *parts: str) -> "MemoryPlace":
-        return MemoryPlace(self.root, self.path + parts)
+    def child(self, *parts: str) -> "MemoryLocation":
+        return MemoryLocation(self.root, self.path + parts)
 
     def obstore(self) -> MemoryStore:
         return MemoryStore() if self.path else self.store

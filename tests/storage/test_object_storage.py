@@ -36,7 +36,7 @@ FRAMES = [ramp(index, 48, 64) for index in range(150)]
 
 
 @pytest.fixture(params=["s3", "azure"])
-def place(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Location:
+def location(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Location:
     """A prefix of its own on a running server, credentials in the environment."""
     server = request.getfixturevalue(request.param)
     for name in [name for name in os.environ if name.startswith(("AWS_", "AZURE_"))]:
@@ -57,20 +57,20 @@ def lax_store(monkeypatch: pytest.MonkeyPatch) -> Iterator[Location]:
         yield Location.parse("s3://store/here")
 
 
-def keys(place: Location) -> list[str]:
-    return sorted(meta["path"] for batch in obstore.list(place.obstore()) for meta in batch)
+def keys(location: Location) -> list[str]:
+    return sorted(meta["path"] for batch in obstore.list(location.obstore()) for meta in batch)
 
 
-def upload(folder: Path, place: Location) -> None:
-    store = place.obstore()
+def upload(folder: Path, location: Location) -> None:
+    store = location.obstore()
     for path in sorted(folder.rglob("*")):
         if path.is_file():
             obstore.put(store, path.relative_to(folder).as_posix(), path.read_bytes())
 
 
-def test_a_store_with_conditional_writes_passes_and_stays_clean(place: Location) -> None:
-    check_conditional_writes(place)
-    assert keys(place) == []
+def test_a_store_with_conditional_writes_passes_and_stays_clean(location: Location) -> None:
+    check_conditional_writes(location)
+    assert keys(location) == []
 
 
 def test_a_store_that_ignores_conditions_is_refused(lax_store: Location) -> None:
@@ -78,8 +78,8 @@ def test_a_store_that_ignores_conditions_is_refused(lax_store: Location) -> None
         check_conditional_writes(lax_store)
 
 
-def test_versions_history_rollback_export_and_garbage(place: Location, tmp_path: Path) -> None:
-    repository = ObjectRepository.open(place, "duck")
+def test_versions_history_rollback_export_and_garbage(location: Location, tmp_path: Path) -> None:
+    repository = ObjectRepository.open(location, "duck")
     first = save_capture(repository, "front", "1", seed=1)
     assert repository.publish(["front"], {"run": "one"}).name == "v1"
     save_capture(repository, "front", "2", seed=2)
@@ -88,16 +88,16 @@ def test_versions_history_rollback_export_and_garbage(place: Location, tmp_path:
     back = repository.rollback("v1")
     assert [version.name for version in repository.history()] == ["v1", "v2", "v3"]
     assert (back.name, back.metadata["rolled_back_to"]) == ("v3", "v1")
-    again = ObjectRepository.open(place, "duck", create=False)
+    again = ObjectRepository.open(location, "duck", create=False)
     np.testing.assert_array_equal(again.load("front", "labels", "main").read("normals"), first["labels"]["normals"])
     removed = again.garbage_collect(min_age=timedelta(0))
     assert removed.objects > 0
     np.testing.assert_array_equal(again.load("front", "labels", "v1").read("normals"), first["labels"]["normals"])
     again.load("front", "labels", "v2").read("normals")
-    record = export(place, "duck", tmp_path / "out", "v1")
+    record = export(location, "duck", tmp_path / "out", "v1")
     assert record.version == "v1"
     np.testing.assert_array_equal(np.load(tmp_path / "out" / "front" / "normals.npy"), first["labels"]["normals"])
-    assert object_ids(place) == ["duck"]
+    assert object_ids(location) == ["duck"]
 
 
 SAVE = """
@@ -111,145 +111,147 @@ repository.publish([sys.argv[2]], {})
 """
 
 
-def test_processes_that_commit_at_once_lose_nothing(place: Location) -> None:
+def test_processes_that_commit_at_once_lose_nothing(location: Location) -> None:
     names = [f"view-{index}" for index in range(4)]
     processes = [
-        subprocess.Popen([sys.executable, "-c", SAVE, place.uri, name, str(index)], cwd=ROOT)
+        subprocess.Popen([sys.executable, "-c", SAVE, location.uri, name, str(index)], cwd=ROOT)
         for index, name in enumerate(names)
     ]
     assert [process.wait(120) for process in processes] == [0] * 4
-    repository = ObjectRepository.open(place, "duck", create=False)
+    repository = ObjectRepository.open(location, "duck", create=False)
     assert repository.captures() == names
     assert [version.name for version in repository.history()] == ["v1", "v2", "v3", "v4"]
     assert repository.captures("main") == names
 
 
-def test_damaged_and_lost_chunks_of_a_file_are_refused(place: Location) -> None:
+def test_damaged_and_lost_chunks_of_a_file_are_refused(location: Location) -> None:
     mesh = np.random.default_rng(0).bytes(5000)
-    repository = ObjectRepository.open(place, "duck")
+    repository = ObjectRepository.open(location, "duck")
     repository.save("front", "surface", "k", {}, {}, {"surface.ply": StoredFile(mesh, "model/ply")})
-    (chunk,) = (key for key in keys(place) if "/chunks/" in key)
-    result = ObjectRepository.open(place, "duck").load("front", "surface")
+    (chunk,) = (key for key in keys(location) if "/chunks/" in key)
+    result = ObjectRepository.open(location, "duck").load("front", "surface")
     assert result.read_file("surface.ply") == mesh
-    content = bytearray(obstore.get(place.obstore(), chunk).bytes())
+    content = bytearray(obstore.get(location.obstore(), chunk).bytes())
     content[1000] ^= 1
-    obstore.put(place.obstore(), chunk, bytes(content))
+    obstore.put(location.obstore(), chunk, bytes(content))
     with pytest.raises(StoreError, match=r"duck/front/surface is damaged"):
-        ObjectRepository.open(place, "duck").load("front", "surface").read_file("surface.ply")
-    obstore.delete(place.obstore(), chunk)
+        ObjectRepository.open(location, "duck").load("front", "surface").read_file("surface.ply")
+    obstore.delete(location.obstore(), chunk)
     with pytest.raises(StoreError, match=r"duck/front/surface is damaged"):
-        ObjectRepository.open(place, "duck").load("front", "surface").read_file("surface.ply")
+        ObjectRepository.open(location, "duck").load("front", "surface").read_file("surface.ply")
 
 
-def test_a_lease_keeps_the_second_run_out_until_it_is_released(place: Location) -> None:
-    with run_lock(place, "duck", run="nightly"):
-        with pytest.raises(ObjectBusy, match="run nightly"), run_lock(place, "duck"):
+def test_a_lease_keeps_the_second_run_out_until_it_is_released(location: Location) -> None:
+    with run_lock(location, "duck", run="nightly"):
+        with pytest.raises(ObjectBusy, match="run nightly"), run_lock(location, "duck"):
             pass
-        owner = run_owner(place, "duck")
+        owner = run_owner(location, "duck")
         assert owner is not None and owner.run == "nightly"
-    assert run_owner(place, "duck") is None and keys(place) == []
-    with run_lock(place, "duck", run="next"):
+    assert run_owner(location, "duck") is None and keys(location) == []
+    with run_lock(location, "duck", run="next"):
         pass
 
 
-def test_the_lease_of_a_killed_run_is_taken_over(place: Location) -> None:
+def test_the_lease_of_a_killed_run_is_taken_over(location: Location) -> None:
     code = (
         "import os, sys, glint.storage.locking.locks as l, glint.storage.locations.location as p\n"
         "with l.run_lock(p.Location.parse(sys.argv[1]), 'duck', 'killed'): os.kill(os.getpid(), 9)"
     )
-    assert subprocess.run([sys.executable, "-c", code, place.uri], cwd=ROOT).returncode == -9
-    assert keys(place) == ["objects/duck/run.json"]
-    with run_lock(place, "duck", run="next"):
-        owner = run_owner(place, "duck")
+    assert subprocess.run([sys.executable, "-c", code, location.uri], cwd=ROOT).returncode == -9
+    assert keys(location) == ["objects/duck/run.json"]
+    with run_lock(location, "duck", run="next"):
+        owner = run_owner(location, "duck")
         assert owner is not None and owner.run == "next"
 
 
-def test_frames_of_a_video_there_are_cached_there(place: Location, tmp_path: Path) -> None:
+def test_frames_of_a_video_in_a_bucket_are_cached_there(location: Location, tmp_path: Path) -> None:
     video = write_video(tmp_path / "video.mp4", FRAMES)
-    upload(tmp_path, place.child("in"))
-    remote = place.child("in", "video.mp4")
+    upload(tmp_path, location.child("in"))
+    remote = location.child("in", "video.mp4")
     crops = {"object": Region(x=8, y=4, width=40, height=32)}
     with open_footage(remote) as footage, open_footage(video) as local:
         assert footage.count == local.count
-        digest = cache_digest(content_digest(remote, place), crops)
-        cache = FrameCache.ingest(footage, place, digest, crops)
+        digest = cache_digest(content_digest(remote, location), crops)
+        cache = FrameCache.ingest(footage, location, digest, crops)
         expected = np.stack([frame[4:36, 8:48] for frame in local.frames()])
     assert cache.complete
     np.testing.assert_array_equal(cache.read("object"), expected)
-    np.testing.assert_array_equal(FrameCache.open(place, digest).read("object", slice(64, 128)), expected[64:128])
+    np.testing.assert_array_equal(FrameCache.open(location, digest).read("object", slice(64, 128)), expected[64:128])
 
 
 def test_a_digest_is_remembered_by_the_entity_tag(
-    place: Location, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    location: Location, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    video = place.child("video.mp4")
-    obstore.put(place.obstore(), "video.mp4", b"one")
-    first = content_digest(video, place)
+    video = location.child("video.mp4")
+    obstore.put(location.obstore(), "video.mp4", b"one")
+    first = content_digest(video, location)
     with monkeypatch.context() as patch:
         patch.setattr("glint.storage.inputs.digests._sha256", lambda file: pytest.fail("read again"))
-        assert content_digest(video, place) == first
-    obstore.put(place.obstore(), "video.mp4", b"two")
-    assert content_digest(video, place) != first
+        assert content_digest(video, location) == first
+    obstore.put(location.obstore(), "video.mp4", b"two")
+    assert content_digest(video, location) != first
     with pytest.raises(InputError, match="does not exist"):
-        content_digest(place.child("none.mp4"), place)
+        content_digest(location.child("none.mp4"), location)
 
 
-def test_a_folder_of_captures_there_becomes_a_catalogue_there(place: Location, tmp_path: Path) -> None:
+def test_a_folder_of_captures_in_a_bucket_becomes_a_catalogue(location: Location, tmp_path: Path) -> None:
     for name in ("Duck [1]", "glass/truth"):
         (tmp_path / name).mkdir(parents=True)
     write_video(tmp_path / "Duck [1]" / "front.mp4", FRAMES[:4])
     (tmp_path / "Duck [1]" / "mask.png").write_bytes(b"")
     write_images(tmp_path / "glass" / "frames", FRAMES[:12])
     (tmp_path / "glass" / "truth" / "normals.npy").write_bytes(b"")
-    upload(tmp_path, place)
-    catalogue = from_folder(place)
+    upload(tmp_path, location)
+    catalogue = from_folder(location)
     assert {item.id: [capture.id for capture in item.captures] for item in catalogue.objects} == {
         "duck-1": ["front"],
         "glass": ["front"],
     }
     duck, glass = (item.captures[0] for item in catalogue.objects)
-    assert (duck.frames, duck.mask) == (f"{place.uri}/Duck [1]/front.mp4", f"{place.uri}/Duck [1]/mask.png")
-    assert glass.truth == f"{place.uri}/glass/truth"
-    write(catalogue, place.child("catalogue.yaml"))
-    assert "Duck [1]/front.mp4" in bytes(obstore.get(place.obstore(), "catalogue.yaml").bytes()).decode()
-    assert load(place.child("catalogue.yaml")) == catalogue
+    assert (duck.frames, duck.mask) == (f"{location.uri}/Duck [1]/front.mp4", f"{location.uri}/Duck [1]/mask.png")
+    assert glass.truth == f"{location.uri}/glass/truth"
+    write(catalogue, location.child("catalogue.yaml"))
+    assert "Duck [1]/front.mp4" in bytes(obstore.get(location.obstore(), "catalogue.yaml").bytes()).decode()
+    assert load(location.child("catalogue.yaml")) == catalogue
     with open_footage(duck.frames) as video, open_footage(glass.frames) as images:
         assert len(list(video.frames())) == 4
         assert len(list(images.frames())) == 12 and images.names[:2] == ("img_1.png", "img_2.png")
 
 
-def test_a_catalogue_there_keeps_to_its_bucket(place: Location) -> None:
+def test_a_catalogue_in_a_bucket_keeps_to_it(location: Location) -> None:
     text = "schema: 1\nname: x\nobjects:\n- id: a\n  captures:\n  - {id: b, frames: ../../../../../etc/video.mp4}\n"
-    obstore.put(place.obstore(), "catalogue.yaml", text.encode())
-    frames = load(place.child("catalogue.yaml")).objects[0].captures[0].frames
+    obstore.put(location.obstore(), "catalogue.yaml", text.encode())
+    frames = load(location.child("catalogue.yaml")).objects[0].captures[0].frames
     with pytest.raises(GlintError):
         open_footage(frames)
     with pytest.raises(InputError, match="does not exist"):
-        load(place.child("other.yaml"))
+        load(location.child("other.yaml"))
 
 
-def test_wrong_credentials_are_told_without_being_shown(place: Location, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wrong_credentials_are_reported_without_being_shown(
+    location: Location, monkeypatch: pytest.MonkeyPatch
+) -> None:
     wrong = "d3JvbmdzZWNyZXR3cm9uZ3NlY3JldA=="
     for name in ("AWS_SECRET_ACCESS_KEY", "AZURE_STORAGE_ACCOUNT_KEY"):
         monkeypatch.setenv(name, wrong)
     for attempt in (check_conditional_writes, lambda location: ObjectRepository.open(location, "duck"), object_ids):
         with pytest.raises(StoreError) as error:
-            attempt(place)
+            attempt(location)
         assert "credentials" in error.value.remedy
         assert wrong not in str(error.value) and wrong not in repr(error.value.__cause__)
 
 
-def test_a_bucket_that_is_not_there_is_told(place: Location) -> None:
+def test_a_missing_bucket_is_reported(location: Location) -> None:
     with pytest.raises(StoreError, match="nowhere"):
-        check_conditional_writes(Location.parse(f"{place.scheme}://nowhere/x"))
+        check_conditional_writes(Location.parse(f"{location.scheme}://nowhere/x"))
 
 
-def test_a_server_that_is_down_is_told(place: Location, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_server_that_is_down_is_reported(location: Location, monkeypatch: pytest.MonkeyPatch) -> None:
     unused = f"http://127.0.0.1:{free_port()}"
     monkeypatch.setenv("AWS_ENDPOINT_URL", unused)
     monkeypatch.setenv("AZURE_STORAGE_ENDPOINT", f"{unused}/glinttest")
     with pytest.raises(StoreError) as error:
-        object_ids(place)
+        object_ids(location)
     assert "server is up" in error.value.remedy
 
 
@@ -257,13 +259,13 @@ def test_what_was_acknowledged_survives_the_death_of_the_server(tmp_path_factory
     monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
     for name, value in s3.environment.items():
         monkeypatch.setenv(name, value)
-    place = Location.parse(f"s3://store/{uuid4().hex}")
-    repository = ObjectRepository.open(place, "duck")
+    location = Location.parse(f"s3://store/{uuid4().hex}")
+    repository = ObjectRepository.open(location, "duck")
     arrays = save_capture(repository, "front", "1")
     repository.publish(["front"], {})
     s3.kill()
     s3.start()
-    again = ObjectRepository.open(place, "duck", create=False)
+    again = ObjectRepository.open(location, "duck", create=False)
     np.testing.assert_array_equal(again.load("front", "depth", "v1").read("depth"), arrays["depth"]["depth"])
     save_capture(again, "front", "2", seed=5)
     assert again.publish(["front"], {}).name == "v2"

@@ -15,7 +15,7 @@ from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import WHOLE_OBJECT, StoredFile
 from tests.storage.export.image_readers import read_exr, read_png
-from tests.storage.stores import PIXEL, PROVENANCE, REASONS, capture_arrays, local_place, save_capture
+from tests.storage.stores import PIXEL, PROVENANCE, REASONS, capture_arrays, local_store, save_capture
 
 FILES = {
     *("normals.npy", "normals.png", "normals.exr", "initial_normals.npy", "depth.npy", "depth.tiff", "mask.png"),
@@ -25,20 +25,20 @@ FILES = {
 
 
 @pytest.fixture
-def place(tmp_path: Path) -> Location:
-    return local_place(tmp_path / "store")
+def location(tmp_path: Path) -> Location:
+    return local_store(tmp_path / "store")
 
 
 @pytest.fixture
-def repository(place: Location) -> ObjectRepository:
-    repository = ObjectRepository.open(place, "duck")
+def repository(location: Location) -> ObjectRepository:
+    repository = ObjectRepository.open(location, "duck")
     save_capture(repository, "front", "k1")
     return repository
 
 
-def test_every_file_holds_what_was_stored(repository: ObjectRepository, place: Location, tmp_path: Path) -> None:
+def test_every_file_holds_what_was_stored(repository: ObjectRepository, location: Location, tmp_path: Path) -> None:
     repository.publish(["front"], {"run": "r1"})
-    record = export(place, "duck", tmp_path / "out")
+    record = export(location, "duck", tmp_path / "out")
     folder, arrays = tmp_path / "out" / "front", capture_arrays()
     assert {path.name for path in folder.iterdir()} == FILES and record.files == len(FILES)
     assert (record.version, record.captures) == ("v1", ("front",))
@@ -69,9 +69,9 @@ def test_every_file_holds_what_was_stored(repository: ObjectRepository, place: L
     assert (folder / "surface.ply").read_bytes() == b"ply 0" and (folder / "relit_left.png").read_bytes() == PIXEL
 
 
-def test_lights_and_frames_are_told_one_by_one(repository: ObjectRepository, place: Location, tmp_path: Path) -> None:
+def test_lights_and_frames_are_listed(repository: ObjectRepository, location: Location, tmp_path: Path) -> None:
     repository.publish(["front"], {})
-    export(place, "duck", tmp_path / "out")
+    export(location, "duck", tmp_path / "out")
     lights = capture_arrays()["lights"]
     count, *lines = (tmp_path / "out/front/lights.lp").read_text().splitlines()
     assert int(count) == len(lines) == 18
@@ -104,9 +104,11 @@ class _Page(HTMLParser):
         self.text += data
 
 
-def test_the_reports_say_what_was_found(repository: ObjectRepository, place: Location, tmp_path: Path) -> None:
+def test_the_reports_show_figures_and_warnings(
+    repository: ObjectRepository, location: Location, tmp_path: Path
+) -> None:
     repository.publish(["front"], {"run": "r1", "note": "<script>alert(1)</script>"})
-    export(place, "duck", tmp_path / "out")
+    export(location, "duck", tmp_path / "out")
     report = json.loads((tmp_path / "out/front/report.json").read_text())
     arrays = capture_arrays()
     mask = arrays["mask"]["mask"]
@@ -126,59 +128,61 @@ def test_the_reports_say_what_was_found(repository: ObjectRepository, place: Loc
     assert page.tags.count("img") == 5 and all(source.startswith("data:image/png;base64,") for source in page.sources)
 
 
-def test_any_version_can_be_exported(repository: ObjectRepository, place: Location, tmp_path: Path) -> None:
+def test_any_version_can_be_exported(repository: ObjectRepository, location: Location, tmp_path: Path) -> None:
     repository.publish(["front"], {})
     save_capture(repository, "front", "k2", seed=2)
     with pytest.raises(StoreError, match="no version 'v2'"):
-        export(place, "duck", tmp_path / "none", "v2")
+        export(location, "duck", tmp_path / "none", "v2")
     assert not (tmp_path / "none").exists()
     repository.publish(["front"], {})
     for version, seed in (("v1", 0), ("v2", 2), (None, 2)):
-        export(place, "duck", tmp_path / "out", version)
+        export(location, "duck", tmp_path / "out", version)
         np.testing.assert_array_equal(np.load(tmp_path / "out/front/depth.npy"), capture_arrays(seed)["depth"]["depth"])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out", "store"], "nothing is left beside"
 
 
-def test_the_model_lies_beside_the_captures(repository: ObjectRepository, place: Location, tmp_path: Path) -> None:
+def test_the_model_is_exported_beside_the_captures(
+    repository: ObjectRepository, location: Location, tmp_path: Path
+) -> None:
     repository.save(WHOLE_OBJECT, "model", "m", {}, {}, {"model.ply": StoredFile(b"model", "model/ply")})
     repository.publish(["front", WHOLE_OBJECT], {})
-    export(place, "duck", tmp_path / "out")
+    export(location, "duck", tmp_path / "out")
     assert (tmp_path / "out/model.ply").read_bytes() == b"model"
 
 
-def test_captures_of_an_older_export_go_and_other_files_stay(
-    repository: ObjectRepository, place: Location, tmp_path: Path
+def test_captures_of_an_older_export_are_removed_and_other_files_stay(
+    repository: ObjectRepository, location: Location, tmp_path: Path
 ) -> None:
     save_capture(repository, "back", "k1")
     repository.publish(["front", "back"], {})
-    export(place, "duck", tmp_path / "out")
+    export(location, "duck", tmp_path / "out")
     (tmp_path / "out/mine").mkdir()
     (tmp_path / "out/notes.txt").write_text("mine")
     repository.publish([], {}, remove=["back"])
-    export(place, "duck", tmp_path / "out")
+    export(location, "duck", tmp_path / "out")
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["front", "mine", "notes.txt"]
 
 
-def test_a_folder_that_is_no_export_is_left_alone(
-    repository: ObjectRepository, place: Location, tmp_path: Path
+def test_a_folder_that_is_not_an_export_is_left_alone(
+    repository: ObjectRepository, location: Location, tmp_path: Path
 ) -> None:
     repository.publish(["front"], {})
     (tmp_path / "out/front").mkdir(parents=True)
     (tmp_path / "out/front/thesis.txt").write_text("mine")
     with pytest.raises(StoreError, match="is not an export of duck"):
-        export(place, "duck", tmp_path / "out")
+        export(location, "duck", tmp_path / "out")
     assert [path.name for path in (tmp_path / "out").rglob("*")] == ["front", "thesis.txt"]
 
 
 def test_damaged_or_hostile_content_leaves_nothing(
-    repository: ObjectRepository, place: Location, tmp_path: Path
+    repository: ObjectRepository, location: Location, tmp_path: Path
 ) -> None:
     file = StoredFile(b"ply", "model/ply")
     repository.save("front", "surface", "twice", {}, {}, {"report.json": file})
     repository.publish(["front"], {})
     with pytest.raises(StoreError, match=r"names a file 'report\.json' twice"):
-        export(place, "duck", tmp_path / "out")
-    inner = icechunk.Repository.open(place.child("objects", "duck", "repo").icechunk_storage())
+        export(location, "duck", tmp_path / "out")
+    inner = icechunk.Repository.open(location.child("objects", "duck", "repo").icechunk_storage())
     for number, name in enumerate((".bashrc", "..escape", "x\x00y")):
         repository.save("front", "surface", f"bad{number}", {}, {}, {"surface.ply": file})
         session = inner.writable_session("work")
@@ -188,43 +192,43 @@ def test_damaged_or_hostile_content_leaves_nothing(
         session.commit("foreign")
         repository.publish(["front"], {})
         with pytest.raises(StoreError, match="names a file"):
-            export(place, "duck", tmp_path / "out")
+            export(location, "duck", tmp_path / "out")
     assert [path.name for path in tmp_path.iterdir()] == ["store"]
 
 
 def test_a_file_whose_content_was_replaced_is_refused(
-    repository: ObjectRepository, place: Location, tmp_path: Path
+    repository: ObjectRepository, location: Location, tmp_path: Path
 ) -> None:
-    session = icechunk.Repository.open(place.child("objects", "duck", "repo").icechunk_storage()).writable_session(
+    session = icechunk.Repository.open(location.child("objects", "duck", "repo").icechunk_storage()).writable_session(
         "work"
     )
     zarr.open_group(session.store, path="front/surface/files")["surface.ply"][...] = np.frombuffer(b"plx 0", np.uint8)
     session.commit("damage")
     repository.publish(["front"], {})
     with pytest.raises(StoreError, match=r"'surface\.ply' of duck/front/surface does not hold the bytes"):
-        export(place, "duck", tmp_path / "out")
+        export(location, "duck", tmp_path / "out")
     assert [path.name for path in tmp_path.iterdir()] == ["store"]
 
 
-def test_what_is_optional_may_be_absent_and_what_is_required_may_not(place: Location, tmp_path: Path) -> None:
-    repository = ObjectRepository.open(place, "cup")
+def test_optional_results_may_be_absent_and_required_ones_may_not(location: Location, tmp_path: Path) -> None:
+    repository = ObjectRepository.open(location, "cup")
     arrays = capture_arrays()
     repository.save("front", "mask", "k", arrays["mask"], {})
     repository.publish(["front"], {}, required=["mask"])
     with pytest.raises(StoreError, match="has no labels"):
-        export(place, "cup", tmp_path / "out")
+        export(location, "cup", tmp_path / "out")
     assert not (tmp_path / "out").exists()
     repository.save("front", "labels", "k", arrays["labels"], {})
     repository.publish(["front"], {}, required=["mask"])
-    export(place, "cup", tmp_path / "out")
+    export(location, "cup", tmp_path / "out")
     names = {path.name for path in (tmp_path / "out/front").iterdir()}
     assert {"normals.npy", "provenance.json", "report.html"} <= names and "depth.npy" not in names
 
 
-def test_a_place_that_cannot_be_written_is_a_store_error(
-    repository: ObjectRepository, place: Location, tmp_path: Path
+def test_a_folder_that_cannot_be_written_is_a_store_error(
+    repository: ObjectRepository, location: Location, tmp_path: Path
 ) -> None:
     repository.publish(["front"], {})
     (tmp_path / "file").write_text("")
     with pytest.raises(StoreError, match="exporting duck failed"):
-        export(place, "duck", tmp_path / "file" / "out")
+        export(location, "duck", tmp_path / "file" / "out")

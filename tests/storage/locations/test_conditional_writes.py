@@ -6,16 +6,16 @@ import pytest
 
 from glint.storage.errors import StoreError
 from glint.storage.locations.conditional_writes import check_conditional_writes
-from tests.storage.stores import MemoryPlace, local_place
+from tests.storage.stores import MemoryLocation, local_store
 
 
 def test_a_local_folder_passes_and_stays_clean(tmp_path: Path) -> None:
-    check_conditional_writes(local_place(tmp_path / "store"))
+    check_conditional_writes(local_store(tmp_path / "store"))
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
 
 def test_a_store_with_conditional_writes_passes() -> None:
-    place = MemoryPlace()
+    place = MemoryLocation()
     check_conditional_writes(place)
     assert not list(obstore.list(place.store))
 
@@ -32,10 +32,10 @@ def test_a_store_that_ignores_conditions_is_refused(
 
     monkeypatch.setattr(obstore, "put", lax_put)
     with pytest.raises(StoreError, match=message):
-        check_conditional_writes(MemoryPlace())
+        check_conditional_writes(MemoryLocation())
 
 
 def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(StoreError, match="failed at"):
-        check_conditional_writes(local_place(tmp_path / "file"))
+        check_conditional_writes(local_store(tmp_path / "file"))

@@ -11,7 +11,7 @@ import pytest
 from glint.storage.locking.leases import lease
 from glint.storage.locking.locks import run_lock, run_owner
 from glint.storage.locking.owner import LockOwner, ObjectBusy
-from tests.storage.stores import MemoryPlace
+from tests.storage.stores import MemoryLocation
 
 KEY = "objects/duck/run.json"
 SHORT_TERM = timedelta(seconds=0.3)
@@ -22,7 +22,7 @@ def foreign_owner() -> LockOwner:
 
 
 def test_a_lease_keeps_the_second_run_out_until_it_is_released() -> None:
-    location = MemoryPlace()
+    location = MemoryLocation()
     with run_lock(location, "duck", run="nightly"):
         assert (owner := run_owner(location, "duck")) is not None and owner.run == "nightly"
         with pytest.raises(ObjectBusy, match="run nightly"), run_lock(location, "duck"):
@@ -34,7 +34,7 @@ def test_a_lease_keeps_the_second_run_out_until_it_is_released() -> None:
 
 
 def test_a_lease_lasts_while_it_is_renewed_and_a_term_longer() -> None:
-    location = MemoryPlace()
+    location = MemoryLocation()
     with lease(location, "duck", term=SHORT_TERM):
         time.sleep(3 * SHORT_TERM.total_seconds())
         with pytest.raises(ObjectBusy), lease(location, "duck", term=SHORT_TERM):
@@ -48,7 +48,7 @@ def test_a_lease_lasts_while_it_is_renewed_and_a_term_longer() -> None:
 
 
 def test_a_dead_process_of_this_machine_owns_nothing() -> None:
-    location = MemoryPlace()
+    location = MemoryLocation()
     process = subprocess.Popen([sys.executable, "-c", ""])
     process.wait()
     obstore.put(location.store, KEY, replace(LockOwner.this_process("dead"), pid=process.pid).as_bytes())
@@ -58,21 +58,21 @@ def test_a_dead_process_of_this_machine_owns_nothing() -> None:
 
 
 def test_a_run_that_lost_its_lease_leaves_the_new_owner_alone() -> None:
-    location = MemoryPlace()
+    location = MemoryLocation()
     with run_lock(location, "duck"):
         obstore.put(location.store, KEY, foreign_owner().as_bytes())
     assert run_owner(location, "duck") is not None
 
 
 def test_a_torn_lease_is_taken_over() -> None:
-    location = MemoryPlace()
+    location = MemoryLocation()
     obstore.put(location.store, KEY, b"{")
     with run_lock(location, "duck"):
         pass
 
 
 def test_of_concurrent_claims_a_single_one_succeeds() -> None:
-    location, concurrent, maximum, completed = MemoryPlace(), [0], [0], []
+    location, concurrent, maximum, completed = MemoryLocation(), [0], [0], []
 
     def work() -> None:
         deadline = time.monotonic() + 60

@@ -14,14 +14,14 @@ import pytest
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import MAX_STATUS_CHECK_SECONDS, mutation_lock, run_lock, run_owner
 from glint.storage.locking.owner import ObjectBusy
-from tests.storage.stores import local_place
+from tests.storage.stores import local_store
 
 SPAWN = multiprocessing.get_context("spawn")
 
 
 @pytest.fixture
 def location(tmp_path: Path) -> Location:
-    return local_place(tmp_path / "store")
+    return local_store(tmp_path / "store")
 
 
 def _hold(location: Location, held: Event, release: Event) -> None:
@@ -40,7 +40,9 @@ def running_process(location: Location) -> Iterator[tuple[SpawnProcess, Event]]:
         assert held.wait(60)
         yield process, release
     finally:
-        release.set()
+        # A killed process would never answer the event.
+        if process.is_alive():
+            release.set()
         process.join()
 
 

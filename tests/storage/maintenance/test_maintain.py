@@ -1,4 +1,4 @@
-"""Maintenance on real stores: what goes, what stays, and what a dry run says."""
+"""Maintenance on real stores: removed and kept data, and the report of a dry run."""
 
 import os
 import time
@@ -29,7 +29,7 @@ def save(location: Location, data: bytes, key: str, object_id: str = "glass") ->
 
 
 def versions(location: Location, count: int) -> None:
-    """Publish so many versions, each with a file of its own."""
+    """Publish `count` versions, each with a file of its own."""
     for number in range(count):
         save(location, mesh(number), f"key-{number}")
         ObjectRepository.open(location, "glass").publish(["front"], {}, STAGES)
@@ -49,7 +49,7 @@ def part(done: Maintenance, target: str) -> Cleaning:
 
 
 def frames(location: Location, digest: str, size: int, age: timedelta) -> None:
-    """Something like a cache of frames that was last used so long ago."""
+    """Write a stand-in for a cache of frames that was last used `age` ago."""
     assert location.local is not None
     folder = location.local / "frames" / digest / "object" / "c"
     folder.mkdir(parents=True)
@@ -59,7 +59,7 @@ def frames(location: Location, digest: str, size: int, age: timedelta) -> None:
         os.utime(path, (then, then))
 
 
-def test_what_a_version_holds_stays(tmp_path: Path) -> None:
+def test_data_of_a_version_stay(tmp_path: Path) -> None:
     location = Location.parse(tmp_path)
     versions(location, 3)
     save(location, mesh(9), "unpublished")
@@ -75,7 +75,7 @@ def test_what_a_version_holds_stays(tmp_path: Path) -> None:
         assert result.read_file("surface.ply") == mesh(number) and result.read("depth").shape == (2, 3)
 
 
-def test_only_what_is_old_goes(tmp_path: Path) -> None:
+def test_only_old_data_are_removed(tmp_path: Path) -> None:
     location = Location.parse(tmp_path)
     versions(location, 1)
     save(location, mesh(1), "key-1")
@@ -84,7 +84,7 @@ def test_only_what_is_old_goes(tmp_path: Path) -> None:
     assert chunks(tmp_path) == 3
 
 
-def test_versions_are_given_up_only_when_asked(tmp_path: Path) -> None:
+def test_versions_are_pruned_only_on_request(tmp_path: Path) -> None:
     location = Location.parse(tmp_path)
     versions(location, 4)
     dry = maintain(location, True, 2, NOW, None)
@@ -100,7 +100,7 @@ def test_versions_are_given_up_only_when_asked(tmp_path: Path) -> None:
     assert ObjectRepository.open(location, "glass").publish(["front"], {}, STAGES).name == "v5"
 
 
-def test_what_a_run_holds_is_left_alone(tmp_path: Path) -> None:
+def test_data_of_a_running_object_are_left_alone(tmp_path: Path) -> None:
     location = Location.parse(tmp_path)
     versions(location, 3)
     frames(location, "a" * 64, 1000, timedelta(days=3))
@@ -115,19 +115,19 @@ def test_what_a_run_holds_is_left_alone(tmp_path: Path) -> None:
     assert not list((tmp_path / "frames").iterdir())
 
 
-def test_the_least_recently_used_frames_go_first(tmp_path: Path) -> None:
+def test_the_least_recently_used_frames_are_removed_first(tmp_path: Path) -> None:
     location = Location.parse(tmp_path)
     for digest, days in (("a", 3), ("b", 9), ("c", 5), ("d", 1)):
         frames(location, digest * 64, 1000, timedelta(days=days))
     mark_used(location, "b" * 64)
-    assert [each.digest[0] for each in cached_frames(location)] == ["c", "a", "d", "b"]
+    assert [entry.digest[0] for entry in cached_frames(location)] == ["c", "a", "d", "b"]
     dry = maintain(location, True, None, NOW, 2500)
     assert part(dry, "frames").objects == 2 and len(cached_frames(location)) == 4
     maintain(location, False, None, NOW, 2500)
-    assert [each.digest[0] for each in cached_frames(location)] == ["d", "b"]
+    assert [entry.digest[0] for entry in cached_frames(location)] == ["d", "b"]
 
 
-def test_links_in_a_store_lead_nothing_out_of_it_to_its_end(tmp_path: Path) -> None:
+def test_files_behind_links_in_a_store_are_not_removed(tmp_path: Path) -> None:
     location, outside = Location.parse(tmp_path / "store"), tmp_path / "outside"
     frames(location, "a" * 64, 1000, timedelta(days=3))
     outside.mkdir()
@@ -139,7 +139,7 @@ def test_links_in_a_store_lead_nothing_out_of_it_to_its_end(tmp_path: Path) -> N
     (tmp_path / "store" / "frames" / ("a" * 64) / "object" / "link").symlink_to(outside)
     done = maintain(location, False, None, NOW, 0)
     assert part(done, "frames").objects == 1
-    assert sorted(each.name for each in outside.iterdir()) == ["precious", "zarr.json"]
+    assert sorted(entry.name for entry in outside.iterdir()) == ["precious", "zarr.json"]
 
 
 def test_frames_that_were_used_just_now_stay_whatever_the_budget() -> None:

@@ -27,22 +27,22 @@ from glint.storage.versions.stage_results import (
     StoredFile,
 )
 from glint.storage.versions.stage_writer import chunk_shape
-from tests.storage.stores import SCHEMAS, STAGES, MemoryPlace, capture_arrays, local_place, save_capture
+from tests.storage.stores import SCHEMAS, STAGES, MemoryLocation, capture_arrays, local_store, save_capture
 
 SPAWN = multiprocessing.get_context("spawn")
 
 
 @pytest.fixture
-def place(tmp_path: Path) -> Location:
-    return local_place(tmp_path / "store")
+def location(tmp_path: Path) -> Location:
+    return local_store(tmp_path / "store")
 
 
 @pytest.fixture
-def repository(place: Location) -> ObjectRepository:
-    return ObjectRepository.open(place, "duck")
+def repository(location: Location) -> ObjectRepository:
+    return ObjectRepository.open(location, "duck")
 
 
-def test_a_saved_stage_is_read_back_as_it_was(repository: ObjectRepository, place: Location) -> None:
+def test_a_saved_stage_is_read_back_as_it_was(repository: ObjectRepository, location: Location) -> None:
     arrays = {
         "values": np.array([[1.0, np.nan], [np.inf, -2.0]], np.float32),
         "flags": np.array([True, False]),
@@ -51,7 +51,7 @@ def test_a_saved_stage_is_read_back_as_it_was(repository: ObjectRepository, plac
     }
     files = {"a.ply": StoredFile(b"mesh", "model/ply"), "Empty-1.txt": StoredFile(b"", "text/plain")}
     repository.save("front", "survey", "k1", arrays, {"share": np.float32(0.5), "bad": np.nan}, files)
-    result = ObjectRepository.open(place, "duck", create=False).load("front", "survey")
+    result = ObjectRepository.open(location, "duck", create=False).load("front", "survey")
     assert (result.key, result.record) == ("k1", {"share": 0.5, "bad": None})
     assert result.files == {
         name: FileInfo(len(file.data), hashlib.sha256(file.data).hexdigest(), file.media_type)
@@ -68,14 +68,14 @@ def test_a_saved_stage_is_read_back_as_it_was(repository: ObjectRepository, plac
         result.read_file("other.ply")
 
 
-def test_saving_again_replaces_the_stage_whole(repository: ObjectRepository) -> None:
+def test_saving_again_replaces_the_whole_stage(repository: ObjectRepository) -> None:
     repository.save("front", "mask", "k1", {"old": np.ones(3)}, {"a": 1})
     repository.save("front", "mask", "k2", {"new": np.zeros(2)}, {})
     result = repository.load("front", "mask")
     assert (result.key, set(result.arrays), result.record, result.files) == ("k2", {"new"}, {}, {})
 
 
-def test_what_is_absent_says_so(repository: ObjectRepository, place: Location) -> None:
+def test_absent_results_are_reported(repository: ObjectRepository, location: Location) -> None:
     assert repository.stage_key("front", "mask") is None
     assert repository.captures() == [] and repository.history() == []
     with pytest.raises(StoreError, match="no front/mask"):
@@ -85,24 +85,24 @@ def test_what_is_absent_says_so(repository: ObjectRepository, place: Location) -
     with pytest.raises(StoreError, match="no version yet"):
         repository.version()
     with pytest.raises(StoreError, match="no object cup"):
-        ObjectRepository.open(place, "cup", create=False)
+        ObjectRepository.open(location, "cup", create=False)
 
 
 @pytest.mark.parametrize("name", ["../out", "a/b", "", ".hidden", "A", "a" * 65, "a\nb"])
-def test_names_cannot_leave_their_place(repository: ObjectRepository, place: Location, name: str) -> None:
-    before = sorted(place.local.parent.rglob("*"))
+def test_names_cannot_leave_their_folder(repository: ObjectRepository, location: Location, name: str) -> None:
+    before = sorted(location.local.parent.rglob("*"))
     with pytest.raises(StoreError):
-        ObjectRepository.open(place, name)
+        ObjectRepository.open(location, name)
     with pytest.raises(StoreError):
         repository.save(name, "mask", "k", {}, {})
     with pytest.raises(StoreError):
         repository.save("front", name, "k", {}, {})
-    assert [path for path in sorted(place.local.parent.rglob("*")) if path.name != "repo.lock"] == [
+    assert [path for path in sorted(location.local.parent.rglob("*")) if path.name != "repo.lock"] == [
         path for path in before if path.name != "repo.lock"
     ]
 
 
-def test_publishing_tags_and_moves_main(repository: ObjectRepository, place: Location) -> None:
+def test_publishing_tags_and_moves_main(repository: ObjectRepository, location: Location) -> None:
     arrays = save_capture(repository, "front", "k1")
     assert repository.captures("main") == []
     version = repository.publish(["front"], {"run": "r1", "loss": np.float64(2.0)})
@@ -111,14 +111,14 @@ def test_publishing_tags_and_moves_main(repository: ObjectRepository, place: Loc
         np.testing.assert_array_equal(
             repository.load("front", "depth", ref).read("depth"), arrays["depth"]["depth"], strict=True
         )
-    plain = icechunk.Repository.open(place.child("objects", "duck", "repo").icechunk_storage())
+    plain = icechunk.Repository.open(location.child("objects", "duck", "repo").icechunk_storage())
     group = zarr.open_group(plain.readonly_session(tag="v1").store, mode="r")
     assert group["front/labels/normals"].shape == (12, 16, 3)
     assert plain.lookup_branch("main") == version.snapshot
     assert plain.list_branches() == {"main", "work"}
 
 
-def test_publishing_the_same_again_makes_nothing(repository: ObjectRepository) -> None:
+def test_publishing_the_same_results_again_makes_no_version(repository: ObjectRepository) -> None:
     save_capture(repository, "front", "k1")
     first = repository.publish(["front"], {"run": "r1"})
     save_capture(repository, "front", "k1")
@@ -206,7 +206,7 @@ def test_a_rollback_is_a_version_and_stands_until_something_changes(repository: 
         repository.rollback("v9")
 
 
-def test_results_of_the_whole_object_are_no_capture(repository: ObjectRepository, place: Location) -> None:
+def test_results_of_the_whole_object_are_no_capture(repository: ObjectRepository, location: Location) -> None:
     save_capture(repository, "front", "k1")
     repository.save(WHOLE_OBJECT, "model", "m", {}, {}, {"model.ply": StoredFile(b"ply", "model/ply")})
     version = repository.publish(["front", WHOLE_OBJECT], {})
@@ -214,69 +214,71 @@ def test_results_of_the_whole_object_are_no_capture(repository: ObjectRepository
     assert repository.load(WHOLE_OBJECT, "model", "main").read_file("model.ply") == b"ply"
 
 
-def test_main_follows_a_tag_whose_publisher_died(repository: ObjectRepository, place: Location) -> None:
+def test_main_follows_a_tag_whose_publisher_died(repository: ObjectRepository, location: Location) -> None:
     save_capture(repository, "front", "k1")
     first = repository.publish(["front"], {})
     save_capture(repository, "front", "k2")
     repository.publish(["front"], {})
-    inner = icechunk.Repository.open(place.child("objects", "duck", "repo").icechunk_storage())
+    inner = icechunk.Repository.open(location.child("objects", "duck", "repo").icechunk_storage())
     inner.reset_branch("main", first.snapshot)
     assert not repository.publish(["front"], {}).created
     assert repository.stage_key("front", "mask", "main") == "k2"
 
 
-def test_a_death_while_the_repository_was_made_does_no_harm(place: Location) -> None:
-    folder = place.local / "objects" / "duck" / "repo"
-    ObjectRepository.open(place, "duck")
+def test_an_interrupted_creation_of_the_repository_does_no_harm(location: Location) -> None:
+    folder = location.local / "objects" / "duck" / "repo"
+    ObjectRepository.open(location, "duck")
     (folder / "repo").unlink()
-    repository = ObjectRepository.open(place, "duck")
+    repository = ObjectRepository.open(location, "duck")
     repository.save("front", "mask", "k1", {}, {})
     repository.save("front", "mask", "k2", {}, {})
     (folder / "repo").unlink()
     with pytest.raises(StoreError, match="overwritten"):
-        ObjectRepository.open(place, "duck")
+        ObjectRepository.open(location, "duck")
     newest = max((folder / "overwritten").iterdir(), key=lambda path: path.stat().st_mtime_ns)
     newest.rename(folder / "repo")
-    assert ObjectRepository.open(place, "duck").stage_key("front", "mask") in ("k1", "k2")
+    assert ObjectRepository.open(location, "duck").stage_key("front", "mask") in ("k1", "k2")
 
 
-def test_collecting_garbage_keeps_versions_and_work(repository: ObjectRepository, place: Location) -> None:
+def test_collecting_garbage_keeps_versions_and_work(repository: ObjectRepository, location: Location) -> None:
     old = save_capture(repository, "front", "k1", seed=1)
     repository.publish(["front"], {})
     for seed in range(4):
         repository.save("front", "extra", f"e{seed}", {"noise": np.random.default_rng(seed).random((99, 99))}, {})
     save_capture(repository, "front", "k2", seed=2)
-    files = {path for path in place.local.rglob("*") if path.is_file()}
+    files = {path for path in location.local.rglob("*") if path.is_file()}
     repository.garbage_collect(dry_run=True, min_age=timedelta(0))
-    assert {path for path in place.local.rglob("*") if path.is_file()} == files
+    assert {path for path in location.local.rglob("*") if path.is_file()} == files
     garbage = repository.garbage_collect(min_age=timedelta(0))
     assert garbage.bytes > 3 * 70_000 and garbage.objects > 3
-    again = ObjectRepository.open(place, "duck", create=False)
+    again = ObjectRepository.open(location, "duck", create=False)
     np.testing.assert_array_equal(again.load("front", "depth", "v1").read("depth"), old["depth"]["depth"])
     assert again.load("front", "extra").read("noise").shape == (99, 99)
     assert again.publish(["front"], {}).name == "v2"
     assert repository.garbage_collect().objects == 0, "younger than a day"
 
 
-def _save_many(place: Location, worker: int, saves: int) -> None:
-    repository = ObjectRepository.open(place, "duck")
+def _save_many(location: Location, worker: int, saves: int) -> None:
+    repository = ObjectRepository.open(location, "duck")
     for number in range(saves):
         repository.save(f"capture-{worker}", f"stage-{number}", "k", {"a": np.full(9, worker * 100 + number)}, {})
         repository.save("shared", f"stage-{worker}-{number}", "k", {"a": np.full(9, worker * 100 + number)}, {})
 
 
 @pytest.mark.parametrize("file", [False, True])
-def test_a_flipped_bit_and_a_lost_chunk_are_refused(repository: ObjectRepository, place: Location, file: bool) -> None:
+def test_a_flipped_bit_and_a_lost_chunk_are_refused(
+    repository: ObjectRepository, location: Location, file: bool
+) -> None:
     noise = np.random.default_rng(0).integers(0, 256, 5000, np.uint8)
     arrays, files = ({}, {"noise": StoredFile(noise.tobytes(), "text/plain")}) if file else ({"noise": noise}, {})
     repository.save("front", "extra", "k", arrays, {}, files)
 
     def read() -> bytes:
-        result = ObjectRepository.open(place, "duck").load("front", "extra")
+        result = ObjectRepository.open(location, "duck").load("front", "extra")
         return result.read_file("noise") if file else result.read("noise").tobytes()
 
     assert read() == noise.tobytes()
-    (chunk,) = (place.local / "objects" / "duck" / "repo" / "chunks").iterdir()
+    (chunk,) = (location.local / "objects" / "duck" / "repo" / "chunks").iterdir()
     stored = chunk.read_bytes()
     for position in (0, 16, 2000, len(stored) - 1):
         damaged = bytearray(stored)
@@ -297,8 +299,8 @@ def test_a_flipped_bit_and_a_lost_chunk_are_refused(repository: ObjectRepository
         ({"layout": LAYOUT_NUMBER + 1}, "a newer version of Glint .layout 3; .* update Glint"),
     ],
 )
-def test_another_layout_is_refused_with_a_remedy(place: Location, attributes: dict[str, Any], message: str) -> None:
-    storage = place.child("objects", "duck", "repo").icechunk_storage()
+def test_another_layout_is_refused_with_a_remedy(location: Location, attributes: dict[str, Any], message: str) -> None:
+    storage = location.child("objects", "duck", "repo").icechunk_storage()
     inner = icechunk.Repository.create(storage)
     inner.create_branch("work", inner.lookup_branch("main"))
     session = inner.writable_session("work")
@@ -306,25 +308,25 @@ def test_another_layout_is_refused_with_a_remedy(place: Location, attributes: di
     session.commit("front/mask")
     for create in (True, False):
         with pytest.raises(StoreError, match=f"object duck in .* was written by {message}"):
-            ObjectRepository.open(place, "duck", create)
+            ObjectRepository.open(location, "duck", create)
 
 
-def test_work_and_versions_bear_the_layout_number(repository: ObjectRepository, place: Location) -> None:
+def test_work_and_versions_record_the_layout_number(repository: ObjectRepository, location: Location) -> None:
     save_capture(repository, "front", "k1")
     repository.publish(["front"], {})
-    inner = icechunk.Repository.open(place.child("objects", "duck", "repo").icechunk_storage())
+    inner = icechunk.Repository.open(location.child("objects", "duck", "repo").icechunk_storage())
     for session in (inner.readonly_session("work"), inner.readonly_session(tag="v1")):
         assert zarr.open_group(session.store, mode="r").attrs["layout"] == LAYOUT_NUMBER == 2
 
 
-def test_four_processes_lose_nothing(place: Location) -> None:
-    workers = [SPAWN.Process(target=_save_many, args=(place, worker, 5)) for worker in range(4)]
+def test_four_processes_lose_nothing(location: Location) -> None:
+    workers = [SPAWN.Process(target=_save_many, args=(location, worker, 5)) for worker in range(4)]
     for worker in workers:
         worker.start()
     for worker in workers:
         worker.join(timeout=120)
     assert [worker.exitcode for worker in workers] == [0] * 4
-    repository = ObjectRepository.open(place, "duck", create=False)
+    repository = ObjectRepository.open(location, "duck", create=False)
     for worker in range(4):
         for number in range(5):
             for capture, stage in ((f"capture-{worker}", f"stage-{number}"), ("shared", f"stage-{worker}-{number}")):
@@ -332,11 +334,11 @@ def test_four_processes_lose_nothing(place: Location) -> None:
 
 
 def test_writers_without_a_lock_try_again_and_lose_nothing() -> None:
-    place, failures = MemoryPlace(), []
+    location, failures = MemoryLocation(), []
 
     def work(writer: int) -> None:
         try:
-            repository = ObjectRepository.open(place, "duck")
+            repository = ObjectRepository.open(location, "duck")
             for number in range(4):
                 repository.save("shared", f"stage-{writer}-{number}", "k", {"a": np.full(9, writer)}, {})
             save_capture(repository, f"view-{writer}", "k", seed=writer)
@@ -350,14 +352,14 @@ def test_writers_without_a_lock_try_again_and_lose_nothing() -> None:
     for writer in writers:
         writer.join()
     assert not failures
-    repository = ObjectRepository.open(place, "duck", create=False)
+    repository = ObjectRepository.open(location, "duck", create=False)
     assert len(repository.contents()["shared"]) == 16
     assert [len(version.stages) for version in repository.history()] == [1, 2, 3, 4]
     assert repository.captures("main") == [f"view-{writer}" for writer in range(4)]
 
 
-def _publish_for_ever(place: Location, acknowledged: Path, start: int) -> None:
-    repository = ObjectRepository.open(place, "duck")
+def _publish_for_ever(location: Location, acknowledged: Path, start: int) -> None:
+    repository = ObjectRepository.open(location, "duck")
     for round_ in range(start, start + 10_000):
         save_capture(repository, "front", f"k{round_}", seed=round_)
         version = repository.publish(["front"], {"round": round_})
@@ -365,11 +367,11 @@ def _publish_for_ever(place: Location, acknowledged: Path, start: int) -> None:
             file.write(f"{version.name} {version.metadata['round']}\n")
 
 
-def test_a_killed_process_leaves_whole_versions(place: Location, tmp_path: Path) -> None:
+def test_a_killed_process_leaves_whole_versions(location: Location, tmp_path: Path) -> None:
     acknowledged, chance = tmp_path / "acknowledged", random.Random(0)
     for attempt in range(4):
         lines = acknowledged.read_text().count("\n") if acknowledged.exists() else 0
-        worker = SPAWN.Process(target=_publish_for_ever, args=(place, acknowledged, attempt * 10_000))
+        worker = SPAWN.Process(target=_publish_for_ever, args=(location, acknowledged, attempt * 10_000))
         worker.start()
         deadline = time.monotonic() + 60
         while time.monotonic() < deadline and (
@@ -380,7 +382,7 @@ def test_a_killed_process_leaves_whole_versions(place: Location, tmp_path: Path)
         assert worker.pid is not None
         os.kill(worker.pid, signal.SIGKILL)
         worker.join()
-        repository = ObjectRepository.open(place, "duck", create=False)
+        repository = ObjectRepository.open(location, "duck", create=False)
         history = {version.name: version for version in repository.history()}
         for line in acknowledged.read_text().splitlines():
             name, round_ = line.split()
@@ -401,11 +403,11 @@ def test_a_killed_process_leaves_whole_versions(place: Location, tmp_path: Path)
 def test_a_store_below_a_file_is_refused_with_a_remedy(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(StoreError, match="name another store"):
-        ObjectRepository.open(local_place(tmp_path / "file" / "store"), "duck")
+        ObjectRepository.open(local_store(tmp_path / "file" / "store"), "duck")
 
 
-def _save_with_little_room(place: Location, outcome: Path) -> None:
-    repository = ObjectRepository.open(place, "duck")
+def _save_with_little_room(location: Location, outcome: Path) -> None:
+    repository = ObjectRepository.open(location, "duck")
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
     try:
@@ -414,10 +416,10 @@ def _save_with_little_room(place: Location, outcome: Path) -> None:
         outcome.write_text(error.remedy)
 
 
-def test_a_file_that_cannot_grow_is_a_store_error_and_loses_nothing(place: Location, tmp_path: Path) -> None:
-    repository = ObjectRepository.open(place, "duck")
+def test_a_file_that_cannot_grow_is_a_store_error_and_loses_nothing(location: Location, tmp_path: Path) -> None:
+    repository = ObjectRepository.open(location, "duck")
     repository.save("front", "noise", "k1", {"a": np.ones(3)}, {})
-    worker = SPAWN.Process(target=_save_with_little_room, args=(place, tmp_path / "outcome"))
+    worker = SPAWN.Process(target=_save_with_little_room, args=(location, tmp_path / "outcome"))
     worker.start()
     worker.join(timeout=60)
     assert "free space" in (tmp_path / "outcome").read_text()
@@ -431,12 +433,12 @@ def test_a_full_disk_is_a_store_error_and_loses_nothing(tmp_path: Path) -> None:
     if mounted.returncode:
         pytest.skip("may not mount a small disk here")
     try:
-        place = local_place(disk / "store")
-        repository = ObjectRepository.open(place, "duck")
+        location = local_store(disk / "store")
+        repository = ObjectRepository.open(location, "duck")
         repository.save("front", "noise", "k1", {"a": np.ones(3)}, {})
         with pytest.raises(StoreError, match="free space"):
             repository.save("front", "noise", "k2", {"a": np.random.default_rng(0).random((400, 400))}, {})
-        assert ObjectRepository.open(place, "duck").load("front", "noise").key == "k1"
+        assert ObjectRepository.open(location, "duck").load("front", "noise").key == "k1"
     finally:
         subprocess.run(["umount", str(disk)], check=True)
 

@@ -1,0 +1,42 @@
+"""Transactions: one change of an object's repository at a time, durable once it is acknowledged."""
+
+import time
+from collections.abc import Callable
+from random import uniform
+
+import icechunk
+
+from glint.storage.errors import StoreError
+from glint.storage.fsync import flush_tree
+from glint.storage.locations.error_translation import store_errors
+from glint.storage.locations.location import Location
+from glint.storage.locking.locks import mutation_lock
+
+MAX_COMMIT_ATTEMPTS = 30
+MAX_BACKOFF_SECONDS = 2.0
+
+
+def transaction[T](location: Location, object_id: str, action: str, change: Callable[[], T]) -> T:
+    """Run `change` under a lock on a local store; on an object store, repeat it after conflicts with other writers.
+
+    action: what the change does, for messages.
+
+    Raises:
+        StoreError: the store cannot be written, or other writers were faster every time.
+    """
+    folder = location.child("objects", object_id, "repo")
+    with store_errors(location.uri, f"{action} of object {object_id}"), mutation_lock(location, object_id):
+        for attempt in range(MAX_COMMIT_ATTEMPTS):
+            started = time.time()
+            try:
+                result = change()
+                if folder.local is not None:
+                    flush_tree(folder.local, started)
+                return result
+            except icechunk.ConflictError:
+                # Random exponential backoff, so that the same writers do not meet again.
+                time.sleep(uniform(0, min(MAX_BACKOFF_SECONDS, 0.05 * 2**attempt)))
+    raise StoreError(
+        f"{action} of {object_id} met other writers {MAX_COMMIT_ATTEMPTS} times",
+        "run again when fewer runs share the object",
+    )
