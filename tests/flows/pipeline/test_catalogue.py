@@ -220,7 +220,7 @@ def test_what_cannot_be_foreseen_stays_with_its_object(run: Run, monkeypatch: py
             raise RuntimeError("nobody thought of this")
         raise StoreError("the store is away", "wait")
 
-    monkeypatch.setattr(glint.flows.pipeline.object, "unchanged", broken)
+    monkeypatch.setattr(glint.flows.pipeline.object, "up_to_date_records", broken)
     state, _ = run("good")
     result = result_of(state)
     assert [each.object_id for each in result.failed] == ["a"] and "nobody thought" in result.failed[0].error

@@ -60,4 +60,4 @@ def test_on_one_store_and_on_one_object(tmp_path: Path, simulated: Path, glint_h
         assert repository.version_names() == ["v1"] and set(repository.version().stages) == {"front"}
         assert set(repository.contents("v1")["front"]) == {stage.name for stage in STAGES}
     again = outcome(start(tmp_path, "second.yaml", glint_home))
-    assert again[0] == 0 and {row["result"] for row in again[1][-1]["captures"]} == {"unchanged"}
+    assert again[0] == 0 and {row["result"] for row in again[1][-1]["captures"]} == {"up to date"}
