@@ -113,6 +113,8 @@ def _run(captures: ObjectCaptures, drift: float | None) -> ObjectResult:
 
 def _summary(result: RunResult) -> str:
     """Return one line about a run without failures."""
-    unchanged = sum(capture.cached for capture in result.captures)
+    up_to_date = sum(capture.cached for capture in result.captures)
     changed = f", {len(result.drifts)} changed" if result.drifts else ""
-    return f"{len(result.captures)} captures: {len(result.captures) - unchanged} done, {unchanged} unchanged{changed}"
+    return (
+        f"{len(result.captures)} captures: {len(result.captures) - up_to_date} done, {up_to_date} up to date{changed}"
+    )

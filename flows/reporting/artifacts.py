@@ -20,7 +20,7 @@ def create_page_artifact(name: str, page: str) -> None:
 
 def create_catalogue_artifact(name: str, result: RunResult) -> None:
     """Put the table of a catalogue's captures beside its flow run, and the problems of those that failed."""
-    order = {"failed": 0, "done": 1, "unchanged": 2}
+    order = {"failed": 0, "done": 1, "up to date": 2}
     table = sorted((row for entry in result.objects for row in _rows(entry)), key=lambda row: order[row["state"]])
     omitted = f", {len(table) - MAX_ROWS:,} more captures not shown" if len(table) > MAX_ROWS else ""
     create_table_artifact(
@@ -49,7 +49,7 @@ def _rows(result: ObjectResult) -> list[dict[str, Any]]:
     return [
         {
             "capture": capture.name,
-            "state": "failed" if capture.error else "unchanged" if capture.cached else "done",
+            "state": "failed" if capture.error else "up to date" if capture.cached else "done",
             "version": version,
             "seconds": round(capture.seconds, 2),
             "frames": capture.count("frames", "frames"),

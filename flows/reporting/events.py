@@ -158,7 +158,7 @@ def sentence(event: Event) -> str:
         case StageStarted() | StageProgress():
             parts.append(counted(event))
         case StageEnded() | CaptureEnded():
-            parts.append("unchanged" if event.cached else f"done in {event.seconds:.1f} s")
+            parts.append("up to date" if event.cached else f"done in {event.seconds:.1f} s")
         case Message():
             parts.append(event.text)
         case _:

@@ -123,7 +123,7 @@ def _gallery(pictures: Mapping[str, np.ndarray], edge: int) -> str:
 def _stages(records: Sequence[StageRecord]) -> list[str]:
     lines = ["| stage | seconds | counts |", "|---|---:|---|"]
     for record in records:
-        seconds = "unchanged" if record.cached else f"{record.seconds:.2f}"
+        seconds = "up to date" if record.cached else f"{record.seconds:.2f}"
         counts = ", ".join(f"{name} {value:,.10g}" for name, value in record.counts.items())
         lines.append(f"| {plain(record.stage)} | {seconds} | {plain(counts)} |")
     return [*lines, f"| all | {sum(0 if record.cached else record.seconds for record in records):.2f} | |"]

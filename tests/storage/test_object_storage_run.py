@@ -63,7 +63,7 @@ def test_everything_in_object_storage(place: Location, tmp_path: Path, glint_hom
 
     again = glint("run", catalogue, "--store", uri, "--workers", "1", "--json")
     summary = lines(again)[-1]
-    assert "unchanged" in json.dumps(summary) or '"cached": true' in again
+    assert "up to date" in json.dumps(summary) or '"cached": true' in again
     (version,) = lines(glint("history", "ellipsoid", "--store", uri, "--json"))
     assert version["version"] == "v1"
     text = bytes(obstore.get(inputs, "catalogue.yaml").bytes())

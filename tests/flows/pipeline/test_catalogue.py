@@ -133,7 +133,7 @@ def test_an_unchanged_catalogue_needs_no_run_no_worker_and_no_footage(run: Run, 
     before = cluster.client.scheduler_info(n_workers=-1)["workers"]
     state, events = run("good")
     result = result_of(state)
-    assert state.is_completed() and "0 done, 2 unchanged" in state.message
+    assert state.is_completed() and "0 done, 2 up to date" in state.message
     assert children(result.run) == {}
     assert [event.cached for event in events if isinstance(event, CaptureEnded)] == [True, True] and len(events) == 2
     assert all(each.cached and len(each.records) == len(STAGES) for each in result.captures)

@@ -44,7 +44,7 @@ class RecordingSink:
         (StageProgress(FRONT, "survey", 7, unit="frames"), "glass/front  survey  7 frames"),
         (StageStarted(FRONT, "labels"), "glass/front  labels  0 parts"),
         (StageEnded(FRONT, "frames", 4.0, frames=8000), "glass/front  frames  done in 4.0 s  2000 frames/s"),
-        (StageEnded(FRONT, "depth", 0.01, cached=True), "glass/front  depth  unchanged"),
+        (StageEnded(FRONT, "depth", 0.01, cached=True), "glass/front  depth  up to date"),
         (CaptureFailed(FRONT, "no light: film again"), "glass/front  failed: no light: film again"),
         (Message("dashboard here"), "dashboard here"),
     ],

@@ -31,7 +31,7 @@ def test_a_page_shows_pictures_stages_and_warnings() -> None:
     assert [picture.shape for picture in pictures_of(page)] == [(90, 60, 3)] * 2
     assert pictures_of(page)[0][0, 0].tolist() == [0, 0, 200]
     assert "| frames | 12.35 | frames 8,000 |" in page
-    assert "| depth | unchanged |  |" in page
+    assert "| depth | up to date |  |" in page
     assert "| all | 13.54 | |" in page
     assert page.index("## Warnings") < page.index("| stage |")
 
