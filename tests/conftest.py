@@ -26,7 +26,7 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from glint.tasks.simulation.simulate import CaptureOptions, simulate
 
     folder = tmp_path_factory.mktemp("simulated")
-    return simulate("hemisphere", folder, CaptureOptions(frames=300, scale=0.3, ball_radius=22.0)).catalogue
+    return simulate("hemisphere", folder, CaptureOptions(frames=300, scale=0.3, sphere_radius=22.0)).catalogue
 
 
 @pytest.fixture(scope="session")

@@ -14,6 +14,14 @@ if TYPE_CHECKING:
     from glint.flows.reporting.events import Sink
     from glint.tasks.simulation.simulate import CaptureOptions
 
+FORMER_OPTIONS = {
+    "balls": "spheres",
+    "ball_radius": "sphere_radius",
+    "ball_diameter": "sphere_diameter",
+    "lamp_radius": "light_radius",
+    "lamp_distance": "light_distance",
+}
+"""Names under which options may still be set, and their present names."""
 DEGRADED_SHAPES = ("hemisphere", "fish", "wine-glass")
 DEGRADED_OPTIONS = {"scale": 0.6, "frames": 1500, "seed": 3}
 DEGRADED_QUICK_OPTIONS = {"scale": 0.4, "frames": 500, "seed": 3}
@@ -106,7 +114,8 @@ def _parse_options(values: Mapping[str, Any], settings: Sequence[str]) -> "Captu
     from glint.tasks.simulation.simulate import CaptureOptions
 
     known = [field.name for field in fields(CaptureOptions) if field.name not in values]
-    named = dict(setting.partition("=")[::2] for setting in settings)
+    pairs = [setting.partition("=")[::2] for setting in settings]
+    named = {FORMER_OPTIONS.get(name, name): value for name, value in pairs}
     unknown = [name for name in named if name not in known]
     if unknown:
         raise SimulationError(f"there is no option {unknown[0]!r}", f"set one of {', '.join(known)}")

@@ -38,10 +38,10 @@ class FrameLayout:
 
 def frame_layout(width: int, height: int, options: CaptureOptions) -> FrameLayout:
     """Lay out a frame around an object's region of this width and height: one sphere on its right, or two beside it."""
-    radius = options.ball_radius
+    radius = options.sphere_radius
     full_height = max(height + 2 * FRAME_MARGIN_PX, int(2 * radius) + 2 * FRAME_MARGIN_PX)
     full_height += -full_height % CODEC_BLOCK_PX
-    left = FRAME_MARGIN_PX + (options.balls - 1) * (int(2 * radius) + FRAME_MARGIN_PX)
+    left = FRAME_MARGIN_PX + (options.spheres - 1) * (int(2 * radius) + FRAME_MARGIN_PX)
     full_width = left + width + 2 * FRAME_MARGIN_PX + int(2 * radius) + FRAME_MARGIN_PX
     full_width += -full_width % CODEC_BLOCK_PX
     # Centres lie between pixels, as in real captures.
@@ -53,7 +53,7 @@ def frame_layout(width: int, height: int, options: CaptureOptions) -> FrameLayou
         Region(x=left, y=(full_height - height) // 2, width=width, height=height),
         radius=radius,
         sphere_row=float(full_height * 0.55 + 0.21),
-        sphere_columns=(right_column,) if options.balls == 1 else (right_column, left_column),
+        sphere_columns=(right_column,) if options.spheres == 1 else (right_column, left_column),
     )
 
 
@@ -73,7 +73,7 @@ def object_size(layout: FrameLayout, options: CaptureOptions) -> tuple[int, int]
 
 def mm_per_pixel(layout: FrameLayout, options: CaptureOptions) -> float:
     """Return the millimetres that a pixel covers at the object."""
-    return options.ball_diameter / (2.0 * layout.radius)
+    return options.sphere_diameter / (2.0 * layout.radius)
 
 
 def camera_distance(layout: FrameLayout, options: CaptureOptions) -> float | None:

@@ -119,7 +119,7 @@ def _write_view(
     truth = scene.truth(x, y, distance)
     paths = scene.trace(x, y, options.rays, generator, distance)
     room = Environment.random(back - WALL_DISTANCE_PX, np.random.default_rng(options.seed))
-    renderer = prepare_renderer(paths, room, (layout.height, layout.width), np.radians(options.lamp_radius))
+    renderer = prepare_renderer(paths, room, (layout.height, layout.width), np.radians(options.light_radius))
     lights = light_path(frames, generator, options.missing_quarter)
     lit_pixels = []
 
@@ -152,7 +152,7 @@ def _exposures(
 ) -> Iterator[np.ndarray]:
     """Yield the frames (height, width) uint8 under lights (T, 3): noise, drift of the exposure and shake applied."""
     frames = len(lights)
-    light_distance = None if options.lamp_distance is None else options.lamp_distance * layout.width
+    light_distance = None if options.light_distance is None else options.light_distance * layout.width
     shape = (N_NOISE_PICTURES, layout.height, layout.width)
     noises = generator.normal(0.0, options.noise, shape).astype(np.float32)
     drift = 1.0 + options.exposure_drift * np.sin(np.linspace(0, 9.0, frames))
@@ -167,7 +167,7 @@ def _capture(folder: Path, name: str, layout: FrameLayout, options: CaptureOptio
     """Return the catalogue's entry of a view whose files are in a folder."""
     camera = camera_of(layout, options)
     spheres = [
-        Sphere(x=x, y=y, radius=radius, diameter_mm=options.ball_diameter)
+        Sphere(x=x, y=y, radius=radius, diameter_mm=options.sphere_diameter)
         for x, y, radius in (sphere_contour(column, layout, camera) for column in layout.sphere_columns)
     ]
     return Capture(

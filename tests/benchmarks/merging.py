@@ -214,7 +214,7 @@ def measured(way: str, views: Sequence[View], depths: Depths, truth: str) -> tup
 
 def simulated(shape: str, views: int, folder: Path) -> tuple[Path, str]:
     """A small turntable's catalogue and its store, all stages done."""
-    made = simulate(shape, folder, CaptureOptions(frames=400, scale=0.5, views=views, ball_radius=20.0, rays=1))
+    made = simulate(shape, folder, CaptureOptions(frames=400, scale=0.5, views=views, sphere_radius=20.0, rays=1))
     catalogue, store = load_catalogue(made.catalogue), str(folder / "store")
     works = [CaptureContext.of(catalogue, shape, name, store, "run") for name in made.captures]
     for work in works:

@@ -44,7 +44,7 @@ class Gap:
         """Describe the gap and its remedy."""
         position = "around the camera" if self.side == "centre" else f"from the {self.side}"
         angle = f"{self.inner_deg:.0f}-{self.outer_deg:.0f} degrees from the camera axis"
-        return f"no light {position}, {angle} ({self.share:.0%} of the normals): re-shoot with the light there"
+        return f"no light {position}, {angle} ({self.share:.0%} of the normals): record again with the light there"
 
 
 @dataclass(frozen=True, slots=True)

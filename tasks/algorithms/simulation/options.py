@@ -54,19 +54,19 @@ class CaptureOptions:
     """Largest error in degrees of the angles that the catalogue states; seeded."""
     wrong_view: int | None = None
     """Number of a view whose stated angle is 25 degrees too large; None: no view."""
-    ball_radius: float = 30.0
+    sphere_radius: float = 30.0
     """Radius of the chrome sphere in pixels."""
-    balls: int = 1
+    spheres: int = 1
     """Number of chrome spheres: 1, to the right of the object, or 2, on both sides."""
-    ball_diameter: float = 25.0
+    sphere_diameter: float = 25.0
     """Diameter of the chrome sphere in millimetres, which sets the scale."""
-    lamp_radius: float = 5.4
+    light_radius: float = 5.4
     """Angular radius of the light in degrees, at which its lobe has fallen to 1/e."""
     rays: int = 2
     """Square root of the number of rays per pixel, each jittered in its cell."""
     missing_quarter: bool = False
     """Whether the light never visits one quarter of the hemisphere; seeded."""
-    lamp_distance: float | None = None
+    light_distance: float | None = None
     """Distance of the light from the object's centre in frame widths; None: infinite."""
     focal: float | None = None
     """Focal length of the camera in frame widths (0.8: a phone), which sets its distance; None: orthographic."""
@@ -92,12 +92,12 @@ class CaptureOptions:
             "axis_lean": abs(self.axis_lean) <= 10,
             "angle_error": 0 <= self.angle_error <= 30,
             "wrong_view": self.wrong_view is None or 0 <= self.wrong_view < self.views,
-            "ball_radius": self.ball_radius >= 10,
-            "balls": self.balls in (1, 2),
-            "ball_diameter": self.ball_diameter > 0,
-            "lamp_radius": 0.5 <= self.lamp_radius <= 30,
+            "sphere_radius": self.sphere_radius >= 10,
+            "spheres": self.spheres in (1, 2),
+            "sphere_diameter": self.sphere_diameter > 0,
+            "light_radius": 0.5 <= self.light_radius <= 30,
             "rays": 1 <= self.rays <= 8,
-            "lamp_distance": self.lamp_distance is None or self.lamp_distance >= 1,
+            "light_distance": self.light_distance is None or self.light_distance >= 1,
             "focal": self.focal is None or (self.focal >= 0.5 and self.views == 1),
             "exposure_drift": 0 <= self.exposure_drift < 1,
             "shake": 0 <= self.shake <= 5,
@@ -111,11 +111,11 @@ class CaptureOptions:
 
 
 DEGRADED: dict[str, dict[str, Any]] = {
-    "careful": {},
+    "no-defect": {},
     "500-frames": {"frames": 500},
     "quarter-missing": {"missing_quarter": True},
-    "near-lamp": {"lamp_distance": 10.0, "balls": 2},
-    "near-lamp-one-ball": {"lamp_distance": 10.0},
+    "near-light": {"light_distance": 10.0, "spheres": 2},
+    "near-light-one-sphere": {"light_distance": 10.0},
     "perspective": {"focal": 0.9},
     "exposure-drift": {"exposure_drift": 0.3},
     "low-bit-rate": {"crf": 35},

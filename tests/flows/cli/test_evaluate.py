@@ -18,14 +18,14 @@ from glint.tasks.simulation import simulate as tasks_simulate
 from glint.tasks.simulation.simulate import DEGRADED, CaptureOptions
 
 ROOT = Path(__file__).parents[3]
-SMALL = {"frames": 250, "scale": 0.25, "rays": 1, "ball_radius": 20.0}
-FEW = {"careful": SMALL, "perspective": SMALL | DEGRADED["perspective"]}
+SMALL = {"frames": 250, "scale": 0.25, "rays": 1, "sphere_radius": 20.0}
+FEW = {"no-defect": SMALL, "perspective": SMALL | DEGRADED["perspective"]}
 
 
 def test_every_defect_can_be_simulated() -> None:
-    careful = CaptureOptions()
-    assert DEGRADED["careful"] == {}
-    assert all(CaptureOptions(**options) != careful for name, options in DEGRADED.items() if name != "careful")
+    no_defect = CaptureOptions()
+    assert DEGRADED["no-defect"] == {}
+    assert all(CaptureOptions(**options) != no_defect for name, options in DEGRADED.items() if name != "no-defect")
 
 
 def test_each_shape_is_simulated_once_for_each_defect(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -36,9 +36,9 @@ def test_each_shape_is_simulated_once_for_each_defect(tmp_path: Path, monkeypatc
     display = SimpleNamespace(emit=events.append)
     catalogue = load(simulate_degraded(tmp_path, True, display))  # type: ignore[arg-type]
     assert [item.id for item in catalogue.objects] == [
-        "hemisphere-careful",
+        "hemisphere-no-defect",
         "hemisphere-perspective",
-        "cylinder-careful",
+        "cylinder-no-defect",
         "cylinder-perspective",
     ]
     assert [item.captures[0].camera is not None for item in catalogue.objects] == [False, True, False, True]

@@ -30,7 +30,7 @@ VIEWS = 6
 def works(tmp_path_factory: pytest.TempPathFactory) -> list[CaptureContext]:
     """Six small views of a fish, all stages done."""
     folder = tmp_path_factory.mktemp("turntable")
-    made = simulate("fish", folder, CaptureOptions(frames=250, scale=0.35, views=VIEWS, ball_radius=20.0, rays=1))
+    made = simulate("fish", folder, CaptureOptions(frames=250, scale=0.35, views=VIEWS, sphere_radius=20.0, rays=1))
     catalogue = load_catalogue(made.catalogue)
     store = str(folder / "store")
     works = [CaptureContext.of(catalogue, "fish", name, store, "run") for name in made.captures]

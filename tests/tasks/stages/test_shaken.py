@@ -13,10 +13,10 @@ from tests.tasks.make_context import make_context, perform_all
 
 
 def test_frames_of_a_shaken_camera_are_moved_back(tmp_path: Path) -> None:
-    options = CaptureOptions(frames=150, scale=0.3, rays=1, ball_radius=15)
+    options = CaptureOptions(frames=150, scale=0.3, rays=1, sphere_radius=15)
     still = simulate("fish", tmp_path / "still", options).catalogue
     shaken = simulate(
-        "fish", tmp_path / "shaken", CaptureOptions(frames=150, scale=0.3, rays=1, ball_radius=15, shake=1.5)
+        "fish", tmp_path / "shaken", CaptureOptions(frames=150, scale=0.3, rays=1, sphere_radius=15, shake=1.5)
     )
     levels = {}
     for name, catalogue in (("still", still), ("shaken", shaken.catalogue)):

@@ -33,7 +33,7 @@ def test_density_counts_frames_per_square_degree():
 def test_a_missing_side_is_named(axis, sign, side):
     result = coverage(sweep(8000, lambda lights: sign * lights[:, axis] > -0.2))
     assert result.gaps[0].side == side
-    assert side in str(result.gaps[0]) and "re-shoot" in str(result.gaps[0])
+    assert side in str(result.gaps[0]) and "record again" in str(result.gaps[0])
     opposite = {"left": "right", "right": "left", "top": "bottom", "bottom": "top"}[side]
     assert opposite not in {gap.side for gap in result.gaps}
 

@@ -108,7 +108,7 @@ def test_the_jug_has_a_hole(grid: tuple[np.ndarray, np.ndarray]) -> None:
 
 def test_the_same_seed_gives_the_same_files(tmp_path: Path) -> None:
     for name, seed in (("a", 5), ("b", 5), ("c", 6)):
-        simulate("fish", tmp_path / name, CaptureOptions(frames=12, scale=0.25, ball_radius=20.0, seed=seed))
+        simulate("fish", tmp_path / name, CaptureOptions(frames=12, scale=0.25, sphere_radius=20.0, seed=seed))
     for file in ("video.mp4", "markup.json", "truth/lights.npy", "truth/normals.npy", "truth/depth.npy"):
         first, second = ((tmp_path / name / "fish" / "front" / file).read_bytes() for name in "ab")
         assert first == second, file
@@ -119,7 +119,7 @@ def test_the_same_seed_gives_the_same_files(tmp_path: Path) -> None:
 def test_views_turn_about_one_axis_and_agree_with_the_model(tmp_path: Path) -> None:
     import trimesh
 
-    options = CaptureOptions(frames=6, scale=0.25, ball_radius=20.0, views=3)
+    options = CaptureOptions(frames=6, scale=0.25, sphere_radius=20.0, views=3)
     record = simulate("bird", tmp_path, options)
     entry = load(record.catalogue).object("bird")
     assert [capture.pose.turntable for capture in entry.captures if capture.pose] == [0.0, 120.0, 240.0]
@@ -128,7 +128,7 @@ def test_views_turn_about_one_axis_and_agree_with_the_model(tmp_path: Path) -> N
 
 
 def test_shapes_are_added_to_a_catalogue_and_replaced(tmp_path: Path) -> None:
-    options = CaptureOptions(frames=4, scale=0.2, ball_radius=15.0)
+    options = CaptureOptions(frames=4, scale=0.2, sphere_radius=15.0)
     for shape in ("cylinder", "hemisphere", "cylinder"):
         simulate(shape, tmp_path, options)
     assert sorted(entry.id for entry in load(tmp_path / "catalogue.yaml").objects) == ["cylinder", "hemisphere"]
