@@ -2,6 +2,7 @@
 
 PYTHON := .venv/bin/python
 SHARE := not slow
+UNITS := tests/tasks/algorithms tests/tasks/engine/test_parameters.py tests/storage
 
 .PHONY: demo test test-unit test-all lint format setup requirements clean
 
@@ -11,9 +12,9 @@ demo: .venv/ready
 test: lint
 	$(PYTHON) -m pytest -q -m "$(SHARE)"
 
-# The inner loop: what needs neither a server nor a rendered capture, in under a minute.
+# The inner loop, in under a minute: algorithms and storage, without servers, whole captures and long tests.
 test-unit: .venv/ready
-	$(PYTHON) -m pytest -q -m "not slow and not server and not capture"
+	$(PYTHON) -m pytest -q -m "not slow and not server and not long" $(UNITS)
 
 test-all: lint
 	$(PYTHON) -m pytest -q

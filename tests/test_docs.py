@@ -204,6 +204,7 @@ def test_readme_promises_what_was_measured_of_confidence() -> None:
     assert min(capture["confident"]["percent_within_5deg"] for capture in captures) >= float(promise)
 
 
+@pytest.mark.long
 def test_quoted_messages_exist() -> None:
     messages = quoted_messages(DOCS / "troubleshooting.md")
     assert len(messages) > 20
@@ -214,6 +215,7 @@ def test_quoted_messages_exist() -> None:
             assert fragment in text, f"docs/troubleshooting.md quotes {fragment!r}, which no message has"
 
 
+@pytest.mark.long
 def test_named_errors_exist() -> None:
     _, _, errors = text_of(DOCS / "troubleshooting.md").partition("| error |")
     names = set(re.findall(r"^\| ([A-Z]\w+) \|", errors.partition("\n\n")[0], re.MULTILINE))

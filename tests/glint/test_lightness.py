@@ -8,6 +8,8 @@ import tomllib
 from importlib.metadata import PackageNotFoundError, packages_distributions, requires
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 HEAVY = {"prefect", "dask", "distributed", "cv2", "open3d", "numba", "scipy", "pydantic", "trimesh", "jinja2"}
 BASE = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
@@ -56,6 +58,7 @@ def test_importing_glint_imports_nothing() -> None:
     assert run(code) == ["glint"]
 
 
+@pytest.mark.long
 def test_the_public_names_exist() -> None:
     code = (
         "import glint; print(*[name for name in glint.__all__ if not hasattr(glint, name) or name not in dir(glint)])"
@@ -63,11 +66,13 @@ def test_the_public_names_exist() -> None:
     assert run(code) == []
 
 
+@pytest.mark.long
 def test_reading_imports_nothing_heavy(store: Path) -> None:
     code = f"import sys, glint\n{READ_ALL}\nprint(*sorted({HEAVY!r} & {{name.split('.')[0] for name in sys.modules}}))"
     assert run(code, str(store)) == []
 
 
+@pytest.mark.long
 def test_the_base_dependencies_suffice_to_read(store: Path) -> None:
     """Every distribution that the base dependencies would not install is hidden from the process."""
     allowed = closure(BASE)

@@ -54,6 +54,7 @@ def test_an_object_that_is_still_computed_has_no_version(tmp_path: Path) -> None
         _ = glint.open(tmp_path)["cup"].latest
 
 
+@pytest.mark.long
 def test_a_new_version_is_seen_by_an_object_that_is_open(tmp_path: Path) -> None:
     repository = ObjectRepository.open(Location.parse(tmp_path), "cup")
     save_sphere(repository)

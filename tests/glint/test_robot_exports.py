@@ -90,6 +90,7 @@ def picture(path: Path) -> np.ndarray:
     return values
 
 
+@pytest.mark.long
 def test_a_bop_dataset_of_single_captures(cup: ObjectRepository, tmp_path: Path) -> None:
     for name in ("left", "right"):
         save_sphere(cup, name, Sphere((0.5, 0.0, -200.0), 6.0), MATRIX)
@@ -121,6 +122,7 @@ def test_a_bop_dataset_of_single_captures(cup: ObjectRepository, tmp_path: Path)
     assert (folder / "dataset_info.md").read_text().startswith("# cup, v1")
 
 
+@pytest.mark.long
 def test_a_bop_dataset_of_a_merged_model(cup: ObjectRepository, tmp_path: Path) -> None:
     """Two cameras on opposite sides of a sphere whose centre is (1, 2, 3) mm in the world frame."""
     shapes = {"near": Sphere((1.0, 2.0, -197.0), 6.0), "far": Sphere((-1.0, 2.0, -203.0), 6.0)}
@@ -147,6 +149,7 @@ def test_a_bop_dataset_of_a_merged_model(cup: ObjectRepository, tmp_path: Path) 
         np.testing.assert_allclose(world, content(scene / "scene_gt.json")[image][0]["cam_t_m2c"], atol=1e-4)
 
 
+@pytest.mark.long
 def test_what_bop_cannot_hold_is_refused(store: Path, cup: ObjectRepository, tmp_path: Path) -> None:
     with pytest.raises(StoreError, match=r"needs a perspective camera, that of front is orthographic: .*--format pcd"):
         export_as("bop", Location.parse(store), "wine-glass", tmp_path / "out")

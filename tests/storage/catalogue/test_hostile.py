@@ -111,6 +111,7 @@ def test_spoiled_catalogues(tmp_path: Path, text: str) -> None:
     assert value is None or is_safe(value)
 
 
+@pytest.mark.long
 @QUICK
 @given(value=VALUES)
 def test_catalogues_of_anything(tmp_path: Path, value: Any) -> None:

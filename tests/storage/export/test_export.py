@@ -128,6 +128,7 @@ def test_the_reports_show_figures_and_warnings(
     assert page.tags.count("img") == 5 and all(source.startswith("data:image/png;base64,") for source in page.sources)
 
 
+@pytest.mark.long
 def test_any_version_can_be_exported(repository: ObjectRepository, location: Location, tmp_path: Path) -> None:
     repository.publish(["front"], {})
     save_capture(repository, "front", "k2", seed=2)
@@ -150,6 +151,7 @@ def test_the_model_is_exported_beside_the_captures(
     assert (tmp_path / "out/model.ply").read_bytes() == b"model"
 
 
+@pytest.mark.long
 def test_captures_of_an_older_export_are_removed_and_other_files_stay(
     repository: ObjectRepository, location: Location, tmp_path: Path
 ) -> None:
@@ -174,6 +176,7 @@ def test_a_folder_that_is_not_an_export_is_left_alone(
     assert [path.name for path in (tmp_path / "out").rglob("*")] == ["front", "thesis.txt"]
 
 
+@pytest.mark.long
 def test_damaged_or_hostile_content_leaves_nothing(
     repository: ObjectRepository, location: Location, tmp_path: Path
 ) -> None:

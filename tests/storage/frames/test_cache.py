@@ -182,6 +182,7 @@ def _ingest_and_die(path: Path, folder: Path, moment: str, shard: int) -> None:
     FrameCache.ingest(open_footage(path), _place(folder), "d", CROPS, die if moment == "after" else None)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("moment", "count"), [("before", 2 * SHARD), ("after", 3 * SHARD)])
 def test_after_a_kill_it_goes_on_where_it_was(
     tmp_path: Path, video: tuple[Path, np.ndarray], moment: str, count: int

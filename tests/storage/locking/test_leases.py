@@ -33,6 +33,7 @@ def test_a_lease_keeps_the_second_run_out_until_it_is_released() -> None:
         pass
 
 
+@pytest.mark.long
 def test_a_lease_lasts_while_it_is_renewed_and_a_term_longer() -> None:
     location = MemoryLocation()
     with lease(location, "duck", term=SHORT_TERM):

@@ -46,6 +46,7 @@ def running_process(location: Location) -> Iterator[tuple[SpawnProcess, Event]]:
         process.join()
 
 
+@pytest.mark.long
 def test_a_second_run_is_refused_at_once_and_names_the_owner(location: Location) -> None:
     with running_process(location) as (process, release):
         started = time.monotonic()
@@ -67,6 +68,7 @@ def test_a_second_run_is_refused_at_once_and_names_the_owner(location: Location)
             pass
 
 
+@pytest.mark.long
 def test_a_killed_run_leaves_no_lock(location: Location) -> None:
     with running_process(location) as (process, _):
         assert process.pid is not None

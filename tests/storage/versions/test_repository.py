@@ -169,6 +169,7 @@ def test_a_missing_stage_is_not_published(repository: ObjectRepository) -> None:
         repository.publish(["nowhere"], {})
 
 
+@pytest.mark.long
 def test_captures_that_are_not_named_stay_as_they_were(repository: ObjectRepository) -> None:
     save_capture(repository, "front", "k1", seed=1)
     back = save_capture(repository, "back", "k1", seed=2)
@@ -186,6 +187,7 @@ def test_captures_that_are_not_named_stay_as_they_were(repository: ObjectReposit
     assert repository.captures("v3") == ["front"]
 
 
+@pytest.mark.long
 def test_a_rollback_is_a_version_and_stands_until_something_changes(repository: ObjectRepository) -> None:
     first = save_capture(repository, "front", "k1", seed=1)
     repository.publish(["front"], {"run": "r1"})
@@ -240,6 +242,7 @@ def test_an_interrupted_creation_of_the_repository_does_no_harm(location: Locati
     assert ObjectRepository.open(location, "duck").stage_key("front", "mask") in ("k1", "k2")
 
 
+@pytest.mark.long
 def test_collecting_garbage_keeps_versions_and_work(repository: ObjectRepository, location: Location) -> None:
     old = save_capture(repository, "front", "k1", seed=1)
     repository.publish(["front"], {})
@@ -319,6 +322,7 @@ def test_work_and_versions_record_the_layout_number(repository: ObjectRepository
         assert zarr.open_group(session.store, mode="r").attrs["layout"] == LAYOUT_NUMBER == 2
 
 
+@pytest.mark.long
 def test_four_processes_lose_nothing(location: Location) -> None:
     workers = [SPAWN.Process(target=_save_many, args=(location, worker, 5)) for worker in range(4)]
     for worker in workers:
@@ -333,6 +337,7 @@ def test_four_processes_lose_nothing(location: Location) -> None:
                 assert (repository.load(capture, stage).read("a") == worker * 100 + number).all()
 
 
+@pytest.mark.long
 def test_writers_without_a_lock_try_again_and_lose_nothing() -> None:
     location, failures = MemoryLocation(), []
 
@@ -367,6 +372,7 @@ def _publish_for_ever(location: Location, acknowledged: Path, start: int) -> Non
             file.write(f"{version.name} {version.metadata['round']}\n")
 
 
+@pytest.mark.long
 def test_a_killed_process_leaves_whole_versions(location: Location, tmp_path: Path) -> None:
     acknowledged, chance = tmp_path / "acknowledged", random.Random(0)
     for attempt in range(4):
@@ -416,6 +422,7 @@ def _save_with_little_room(location: Location, outcome: Path) -> None:
         outcome.write_text(error.remedy)
 
 
+@pytest.mark.long
 def test_a_file_that_cannot_grow_is_a_store_error_and_loses_nothing(location: Location, tmp_path: Path) -> None:
     repository = ObjectRepository.open(location, "duck")
     repository.save("front", "noise", "k1", {"a": np.ones(3)}, {})

@@ -75,6 +75,7 @@ def test_one_frame_is_enough_and_rejected_frames_do_not_count() -> None:
     assert np.isnan(found.normals[:, 0, 1]).all() and np.isnan(found.winner[0, 1]).all()
 
 
+@pytest.mark.long
 def test_tiles_of_any_width_and_depth_agree_with_their_pixels() -> None:
     half_vectors = sweep(600)
     generator = np.random.default_rng(1)

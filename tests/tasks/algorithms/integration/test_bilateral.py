@@ -90,6 +90,7 @@ def handle() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     return normals, mask, np.where(rod, 85.0 + profile, height), rod
 
 
+@pytest.mark.long
 def test_bilateral_steps_where_a_handle_stands_in_front_and_least_squares_does_not():
     normals, mask, height, rod = handle()
     body = mask & ~rod

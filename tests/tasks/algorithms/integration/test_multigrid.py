@@ -66,6 +66,7 @@ def direct_solution(matrix: sparse.csr_matrix, source: np.ndarray, components: n
     return solution.reshape(components.shape)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
 @pytest.mark.parametrize("shape", ["rectangle", "disc", "ring", "pieces", "scattered"])
 def test_the_solver_agrees_with_a_direct_one_over_six_orders_of_magnitude(shape: str, size: tuple[int, int]) -> None:

@@ -40,6 +40,7 @@ def result(scene: Scene) -> Reconstruction:
     return reconstruct_normals(scene[0], scene[1])
 
 
+@pytest.mark.long
 def test_the_exterior_sheet_is_found_and_the_false_one_rejected(scene: Scene, result: Reconstruction) -> None:
     clusters, _, truth = scene
     right = angles(clusters.normals, truth[None]) < 3
@@ -75,6 +76,7 @@ def test_provenance_and_confidence_are_right(scene: Scene, result: Reconstructio
     assert (angles(result.normals, truth)[confident] < 5).mean() > 0.95
 
 
+@pytest.mark.long
 def test_marks_pin_their_nodes(scene: Scene) -> None:
     clusters, mask, truth = scene
     row, column = np.argwhere(mask & np.isfinite(clusters.normals[..., 0]).all(axis=0))[300]
@@ -90,6 +92,7 @@ def test_marks_pin_their_nodes(scene: Scene) -> None:
     assert np.allclose(result.normals[row, column], clusters.normals[1 - exterior, row, column], atol=1e-5)
 
 
+@pytest.mark.long
 def test_a_marked_normal_pulls_more_than_its_noisy_neighbours(scene: Scene) -> None:
     clusters, mask, truth = scene
     noise = np.random.default_rng(0).normal(0.0, 0.03, clusters.normals.shape)
@@ -127,6 +130,7 @@ def test_expected_normals_replace_the_occluding_contour(scene: Scene, result: Re
         reconstruct_normals(clusters, mask, expected=holed)
 
 
+@pytest.mark.long
 def test_a_turned_glass_is_known_at_its_end() -> None:
     from tests.tasks.algorithms.prior.beaker import beaker_normals, observable
 

@@ -47,6 +47,7 @@ def test_blocks_give_the_same_lights_as_the_whole():
     np.testing.assert_array_equal(in_blocks.half_vectors, find_lights(frames, SPHERE).half_vectors)
 
 
+@pytest.mark.long
 def test_sixteen_bits_give_the_same_lights():
     frames = sphere_frames(LIGHTS)
     wide = find_lights(frames.astype(np.uint16) * 257, SPHERE)
@@ -76,6 +77,7 @@ def test_dim_second_reflections_are_no_second_light():
     assert lights.accepted.mean() > 0.8
 
 
+@pytest.mark.long
 def test_a_glare_streak_does_not_pull_the_light():
     sphere = Sphere(220.0, 221.0, 200.0)
     directions = [light_direction(60.0 * k, 15.0 + 3 * k) for k in range(6)]

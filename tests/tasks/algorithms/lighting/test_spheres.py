@@ -39,6 +39,7 @@ def assert_near(found, truth, share=0.01):
     assert error <= share * truth.radius, (found, truth)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("sphere", "clutter"),
     [
@@ -59,11 +60,13 @@ def test_a_glass_dome_is_not_taken_for_a_sphere():
     assert_near(found[0], sphere, 0.015)
 
 
+@pytest.mark.long
 def test_glass_alone_is_no_sphere_and_the_remedy_is_given():
     with pytest.raises(UnusableCapture, match="spheres"):
         find_spheres(*scene([], glass=(130, 120, 80)))
 
 
+@pytest.mark.long
 def test_two_spheres_are_found():
     spheres = [Sphere(80.2, 90.6, 36.3), Sphere(270.7, 150.1, 40.5)]
     found = sorted(find_spheres(*scene(spheres)), key=lambda sphere: sphere.x)
@@ -72,6 +75,7 @@ def test_two_spheres_are_found():
         assert_near(sphere, truth, 0.015)
 
 
+@pytest.mark.long
 def test_a_sphere_with_glare_is_found():
     sphere = Sphere(200.3, 130.8, 45.4)
     median, maximum = scene([sphere])
@@ -138,6 +142,7 @@ def test_the_chrome_sphere_of_uw(shared_data):
     assert_near(find_spheres(median, maximum)[0], Sphere(253.5, 148.0, 119.25))
 
 
+@pytest.mark.long
 def test_a_near_camera_finds_a_sphere_by_its_ellipse():
     """Warp the image of a centred sphere, as a virtual camera sees it, to a camera that does not look at the sphere."""
     camera = np.array([[330.0, 0, 180.0], [0, 330.0, 130.0], [0, 0, 1.0]])

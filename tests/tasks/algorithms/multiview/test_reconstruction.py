@@ -49,6 +49,7 @@ def scored(model: Model, truth: trimesh.Trimesh) -> ModelScore:
     return score_model(model.vertices, model.triangles, truth, 20_000)
 
 
+@pytest.mark.long
 def test_the_hull_holds_the_body(upright: list[View], hull: Model, truth: trimesh.Trimesh) -> None:
     field = hull_field(upright)
     assert field(np.asarray(truth.vertices)).max() < 0.53
@@ -57,6 +58,7 @@ def test_the_hull_holds_the_body(upright: list[View], hull: Model, truth: trimes
     assert (hull.source == -1).all() and (hull.confidence == 0).all()
 
 
+@pytest.mark.long
 def test_the_model_is_much_nearer_than_the_hull(hull: Model, model: Model, truth: trimesh.Trimesh) -> None:
     before, after = scored(hull, truth), scored(model, truth)
     assert after.chamfer < 0.49 * before.chamfer and after.chamfer < 0.0044
@@ -108,6 +110,7 @@ def test_the_model_seen_by_a_view(truth: trimesh.Trimesh, upright: list[View]) -
     assert np.isfinite(filled[upright[2].mask]).all() and np.isnan(filled[~upright[2].mask]).all()
 
 
+@pytest.mark.long
 def test_depth_maps_merge(truth: trimesh.Trimesh, upright: list[View]) -> None:
     depths = [raycast(true_model(truth), view)[0] for view in upright]
     exact = [view.with_normals(raycast(true_model(truth), view)[1], view.confidence) for view in upright]
@@ -116,6 +119,7 @@ def test_depth_maps_merge(truth: trimesh.Trimesh, upright: list[View]) -> None:
     assert (merged.source >= 0).mean() > 0.95
 
 
+@pytest.mark.long
 def test_a_leaning_displaced_turntable_is_solved(truth: trimesh.Trimesh) -> None:
     wanted = Turntable(3.0, 1.2, -1.5, ANGLES)
     views = views_of(truth, wanted)
@@ -127,6 +131,7 @@ def test_a_leaning_displaced_turntable_is_solved(truth: trimesh.Trimesh) -> None
     assert max(registered.residuals) < 0.015
 
 
+@pytest.mark.long
 def test_angles_are_corrected_by_normals(truth: trimesh.Trimesh, hull: Model) -> None:
     errors = np.array([0.9, -0.8, 0.7, -0.9, 0.8, -0.6, -0.7, 0.6])
     errors -= errors.mean()
@@ -140,6 +145,7 @@ def test_angles_are_corrected_by_normals(truth: trimesh.Trimesh, hull: Model) ->
     assert np.abs(left - left.mean()).mean() < 0.3
 
 
+@pytest.mark.long
 def test_a_wrong_angle_is_named_and_rejected(truth: trimesh.Trimesh) -> None:
     views = views_of(truth, Turntable(0.0, 0.0, 0.0, ANGLES))
     given = ANGLES.copy()
@@ -216,12 +222,14 @@ def test_a_perspective_view(truth: trimesh.Trimesh) -> None:
     assert np.isfinite(normals[rows, columns]).all()
 
 
+@pytest.mark.long
 def test_two_views_close_to_each_other(upright: list[View]) -> None:
     """Their hull runs far out; it is cut off, not lost."""
     merged = reconstruct_surface(upright[:2], hull_model(upright[:2], 3000), 1, 2)
     assert trimesh.Trimesh(merged.vertices, merged.triangles, process=False).is_watertight
 
 
+@pytest.mark.long
 def test_a_view_without_known_normals_adds_its_outline(upright: list[View], truth: trimesh.Trimesh) -> None:
     unknown = upright[1].with_normals(np.full_like(upright[1].normals, np.nan), np.zeros_like(upright[1].confidence))
     views = [upright[0], unknown, *upright[2:]]
@@ -230,6 +238,7 @@ def test_a_view_without_known_normals_adds_its_outline(upright: list[View], trut
     assert (merged.confidence[merged.source == 1] == 0).all()
 
 
+@pytest.mark.long
 def test_views_of_different_pixel_sizes(upright: list[View], truth: trimesh.Trimesh) -> None:
     """One view was filmed from nearer: its pixels cover half as much."""
     frame = (2 * FRAME[0], 2 * FRAME[1])

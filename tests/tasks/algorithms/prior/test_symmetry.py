@@ -25,6 +25,7 @@ def test_a_surface_of_revolution_is_found_with_its_flat_end(tilt: float) -> None
     assert np.isfinite(found[mask]).all() and np.isnan(found[~mask]).all()
 
 
+@pytest.mark.long
 def test_an_opening_shows_the_far_wall() -> None:
     solid, inside = beaker_normals(20.0), beaker_normals(20.0, far=True)
     mask = np.isfinite(solid[..., 0])

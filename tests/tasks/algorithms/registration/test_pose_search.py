@@ -43,6 +43,7 @@ def angle_between(first: View, second: View) -> float:
     return float(np.degrees(Rotation.from_matrix(first.rotation @ second.rotation.T).magnitude()))
 
 
+@pytest.mark.long
 def test_a_turntables_missing_angle_is_searched(upright: list[View], coarse: Model) -> None:
     registered = register_on_turntable([*upright[:3], *upright[4:]], [*ANGLES[:3], *ANGLES[4:]])
     extended = register_unposed(registered, [without_pose(upright[3])], coarse)
@@ -53,6 +54,7 @@ def test_a_turntables_missing_angle_is_searched(upright: list[View], coarse: Mod
     assert refined.turntable is not None and refined.turntable.angles[-1] == pytest.approx(ANGLES[3], abs=0.025)
 
 
+@pytest.mark.long
 def test_a_pose_is_searched_among_matrices(upright: list[View], coarse: Model) -> None:
     """From above, rolled and disregistered; the other cameras stood level."""
     lean, shift = Rotation.from_euler("zx", [40, 25], degrees=True).as_matrix(), np.array([3.0, -2.0, 0.0])
@@ -67,6 +69,7 @@ def test_a_pose_is_searched_among_matrices(upright: list[View], coarse: Model) -
     assert angle_between(refined.views[-1], odd) < 1.0 and refined.views[0] is extended.views[0]
 
 
+@pytest.mark.long
 def test_a_view_of_something_else_fits_without_pose(upright: list[View], coarse: Model) -> None:
     vertices, triangles = surface_nets(ellipsoid((0, 0, 0), (10, 34, 10)), np.full(3, -40.0), np.full(3, 40.0), 1.0)
     (view,) = views_of(trimesh.Trimesh(vertices, triangles, process=False), Turntable(0.0, 0.0, 0.0, np.zeros(1)))
@@ -81,6 +84,7 @@ def test_a_view_of_something_else_fits_without_pose(upright: list[View], coarse:
         assert result.rejected[0].remedy == "give its pose"
 
 
+@pytest.mark.long
 def test_a_turned_body_fits_everywhere() -> None:
     vertices, triangles = surface_nets(ellipsoid((0, 0, 0), (18, 30, 18)), np.full(3, -40.0), np.full(3, 40.0), 1.0)
     views = views_of(trimesh.Trimesh(vertices, triangles, process=False), Turntable(0.0, 0.0, 0.0, ANGLES))

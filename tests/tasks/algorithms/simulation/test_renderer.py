@@ -85,6 +85,7 @@ def test_the_light_path_is_dense_enough_and_seeded() -> None:
     assert (histogram < 3).sum() >= 7
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("shape", SHAPES)
 def test_each_shape_fills_its_region(shape: str) -> None:
     solids = build_solids(shape, 120, 110)
@@ -106,6 +107,7 @@ def test_the_jug_has_a_hole(grid: tuple[np.ndarray, np.ndarray]) -> None:
     assert max(len(outline) for outline in outlines[1:]) > 30
 
 
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_files(tmp_path: Path) -> None:
     for name, seed in (("a", 5), ("b", 5), ("c", 6)):
         simulate("fish", tmp_path / name, CaptureOptions(frames=12, scale=0.25, sphere_radius=20.0, seed=seed))
@@ -116,6 +118,7 @@ def test_the_same_seed_gives_the_same_files(tmp_path: Path) -> None:
     assert different != (tmp_path / "a" / "fish" / "front" / "video.mp4").read_bytes()
 
 
+@pytest.mark.long
 def test_views_turn_about_one_axis_and_agree_with_the_model(tmp_path: Path) -> None:
     import trimesh
 
@@ -127,6 +130,7 @@ def test_views_turn_about_one_axis_and_agree_with_the_model(tmp_path: Path) -> N
     assert model.extents[1] > 5
 
 
+@pytest.mark.long
 def test_shapes_are_added_to_a_catalogue_and_replaced(tmp_path: Path) -> None:
     options = CaptureOptions(frames=4, scale=0.2, sphere_radius=15.0)
     for shape in ("cylinder", "hemisphere", "cylinder"):
