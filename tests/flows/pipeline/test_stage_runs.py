@@ -179,11 +179,12 @@ def test_warnings_are_logged_and_progress_moves_one_bar() -> None:
     ]
     _, state = run(events[:2], ValueError("broken"))
     assert state.is_failed()
-    assert progress_bars() == [(25.0, "frames")], "the progress of what failed stays where it was"
+    assert until(progress_bars) == [(25.0, "frames")], "the progress of what failed stays where it was"
     _, state = run(events)
     lines = until(lambda: [line for line in log_lines(state.result()) if "Finished" not in line])
     assert lines == [f"{NAME}: the camera moved"], "stages are on the timeline and need no line in the log"
-    assert sorted(progress_bars()) == [(25.0, "frames"), (100.0, "done")]
+    bars = [(25.0, "frames"), (100.0, "done")]
+    assert until(lambda: sorted(progress_bars()) == bars), progress_bars()
 
 
 def test_the_end_of_a_stage_has_its_frames_and_warnings() -> None:
