@@ -41,10 +41,10 @@ def test_stages_beat_the_baselines_and_are_not_computed_twice(simulated: Path, s
     assert found is not None
     ours = found.method("glint")
     for other in ("winner takes all", "silhouette only", "paper"):
-        assert ours.data.squared < found.method(other).data.squared
-        assert ours.whole.squared < found.method(other).whole.squared
-    assert ours.whole.squared < 0.03 and ours.whole.missing == 0
-    assert found.trusted[1] > 0.95
+        assert ours.observed_region.squared < found.method(other).observed_region.squared
+        assert ours.whole_mask.squared < found.method(other).whole_mask.squared
+    assert ours.whole_mask.squared < 0.03 and ours.whole_mask.missing == 0
+    assert found.confident_right_share > 0.95
     assert found.depth is not None and found.depth.relative < 0.05
 
 
