@@ -43,9 +43,11 @@ def test_stages_beat_the_baselines_and_are_not_computed_twice(simulated: Path, s
     for other in ("winner takes all", "silhouette only", "paper"):
         assert ours.observed_region.squared < found.method(other).observed_region.squared
         assert ours.whole_mask.squared < found.method(other).whole_mask.squared
-    assert ours.whole_mask.squared < 0.03 and ours.whole_mask.missing == 0
-    assert found.confident_right_share > 0.95
-    assert found.depth is not None and found.depth.relative < 0.05
+    # A fifth above what is reached.
+    assert ours.observed_region.squared < 0.0019
+    assert ours.whole_mask.squared < 0.005 and ours.whole_mask.missing == 0
+    assert found.confident_right_share > 0.99
+    assert found.depth is not None and found.depth.relative < 0.025
 
 
 def test_lights_are_those_of_the_simulation(simulated: Path, store: Path) -> None:
@@ -54,7 +56,7 @@ def test_lights_are_those_of_the_simulation(simulated: Path, store: Path) -> Non
     truth = np.load(Path(str(work.capture.truth)) / "lights.npy")
     result = work.load("lights")
     accepted = result.read("reason") == 0
-    assert np.median(angles(result.read("lights")[accepted], truth[accepted])) < 0.8
+    assert np.median(angles(result.read("lights")[accepted], truth[accepted])) < 0.695
     assert accepted[truth[:, 2] > 0].mean() > 0.9
     assert not accepted[~np.isfinite(truth[:, 0])].any()
 
