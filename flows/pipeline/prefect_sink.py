@@ -25,7 +25,7 @@ RUNNING_SECONDS = 1.0
 ARTIFACT_SECONDS = 5.0
 """Interval of progress updates on the dashboard; work that takes less has none."""
 CLOSE_SECONDS = 10.0
-"""How long the end of a run waits for the last events to be handled."""
+"""How long the end of a capture or of a run waits for the last events to be handled."""
 
 
 class TaskRunReporter:
@@ -155,8 +155,21 @@ class PrefectSink(AbstractContextManager["PrefectSink"]):
             raise
         finally:
             self._reporters.pop(capture, None)
-            moment = _now()
-            self._queue.put((reporter, lambda: reporter.finish(failure, moment)))
+            self._finish(reporter, failure)
+
+    def _finish(self, reporter: TaskRunReporter, failure: BaseException | None) -> None:
+        """Have a reporter finished, and wait for it: its client is the task run's, which closes it at its end."""
+        moment, handled = _now(), threading.Event()
+
+        def finish() -> None:
+            try:
+                reporter.finish(failure, moment)
+            finally:
+                handled.set()
+
+        self._queue.put((reporter, finish))
+        if self._thread.is_alive():
+            handled.wait(CLOSE_SECONDS)
 
     def _work(self) -> None:
         waiting = set[TaskRunReporter]()
