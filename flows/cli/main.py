@@ -46,6 +46,9 @@ USAGE_ERROR = 2
 app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    # Rich draws boxes round the help and takes as long to import as all the rest of the command.
+    rich_markup_mode=None,
+    context_settings={"max_content_width": 120},
     help="Reconstruct the surfaces of transparent objects from videos of their highlights.",
     epilog="Exit status: 0 success, 1 some captures failed, 2 wrong usage or an unusable catalogue or store.",
 )
