@@ -67,14 +67,19 @@ def level_name(level: str, crop: str) -> str:
     return level if crop == OBJECT else f"{level}-{crop}"
 
 
+def spread_shards(frames: int, count: int) -> list[int]:
+    """Return the first frames of at most `count` shards of 64 frames, spread evenly over so many frames."""
+    starts = np.arange(0, frames, 64)
+    chosen = np.unique(np.linspace(0, len(starts) - 1, min(count, len(starts))).round().astype(int))
+    return [int(start) for start in starts[chosen]]
+
+
 def levels(cache: FrameCache, crop: str) -> tuple[np.ndarray, np.ndarray]:
     """Compute background level (temporal median) and peak level (temporal maximum) (H, W) of a crop."""
     shards = OBJECT_SHARDS if crop == OBJECT else SPHERE_SHARDS
-    starts = np.arange(0, cache.frames, 64)
-    chosen = np.unique(np.linspace(0, len(starts) - 1, min(shards, len(starts))).round().astype(int))
     step = max(1, min(MEDIAN_STEP, cache.frames // 64))
     kept, peak = [], None
-    for start in starts[chosen].tolist():
+    for start in spread_shards(cache.frames, shards):
         shard = cache.read(crop, slice(start, start + 64))
         shard_peak = shard.max(axis=0)
         peak = shard_peak if peak is None else np.maximum(peak, shard_peak)

@@ -28,7 +28,7 @@ from glint.tasks.engine.parameters import LightsParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
 from glint.tasks.stages.capture_geometry import CaptureGeometry, load_geometry, sphere_name
-from glint.tasks.stages.frames import load_levels, open_frames
+from glint.tasks.stages.frames import load_levels, open_frames, spread_shards
 
 BLOCK_FRAMES = 1024
 """Frames whose highlights are measured at once."""
@@ -142,12 +142,8 @@ def _of_sphere(
     parameters: LightsParameters, cache: FrameCache, name: str, sphere: Sphere, camera: np.ndarray | None
 ) -> Lights:
     """Measure the lights on one sphere, in the pixels of its crop."""
-    starts = np.arange(0, cache.frames, 64)
-    chosen = starts[
-        np.unique(np.linspace(0, len(starts) - 1, min(MAX_REFLECTION_SHARDS, len(starts))).round().astype(int))
-    ]
-    step = 16 if cache.frames > 640 else 1
-    sample = np.concatenate([cache.read(name, slice(start, start + 64))[::step] for start in chosen.tolist()])
+    step, shards = 16 if cache.frames > 640 else 1, spread_shards(cache.frames, MAX_REFLECTION_SHARDS)
+    sample = np.concatenate([cache.read(name, slice(start, start + 64))[::step] for start in shards])
     static = static_background(sample, sphere, camera=camera)
     blocks = [
         measure_highlights(
