@@ -8,6 +8,7 @@ from prefect.states import Completed, Failed
 
 from glint.storage.versions.repository import Version
 from glint.tasks.engine.stage import StageRecord
+from glint.tasks.engine.stage_warning import by_cost
 from glint.tasks.version_diff import Drift
 
 
@@ -38,8 +39,10 @@ class CaptureResult:
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings of all stages."""
-        return [warning for record in self.records for warning in record.warnings]
+        """Messages of the warnings of all stages, the dearest first."""
+        return [
+            warning.message for warning in by_cost(warning for record in self.records for warning in record.warnings)
+        ]
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from glint.tasks.algorithms.lighting.coverage import is_observable
 from glint.tasks.algorithms.prior.silhouette import initial_normals
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import perform, stage_keys
+from glint.tasks.engine.stage_warning import StageWarning, by_cost
 from glint.tasks.figures.check_pictures import write_check_pictures
 from glint.tasks.pipeline import STAGES, stages_until
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
@@ -32,7 +33,7 @@ class Check:
     """What a check measured.
 
     frames, and lights: frames with a light; could, observed: shares of the object on which a highlight could be and was
-    seen; spheres: as text; warnings: each with what to do; pictures: the files that were written.
+    seen; spheres: as text; warnings: the dearest first; pictures: the files that were written.
     """
 
     name: str
@@ -41,7 +42,7 @@ class Check:
     could: float
     observed: float
     spheres: tuple[str, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[StageWarning, ...]
     pictures: tuple[Path, ...]
     seconds: float
 
@@ -81,7 +82,7 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
         could=float(could.mean()),
         observed=float(observed[mask].mean()),
         spheres=tuple(f"x {sphere.x:.1f}, y {sphere.y:.1f}, radius {sphere.radius:.1f}" for sphere in geometry.spheres),
-        warnings=tuple(warning for record in records for warning in record.warnings),
+        warnings=tuple(by_cost(warning for record in records for warning in record.warnings)),
         pictures=pictures,
         seconds=sum(record.seconds for record in records),
     )

@@ -61,10 +61,11 @@ STAGES = (
             "half_vectors": ArraySchema("T3", "f", "accepted"),
             "lights": ArraySchema("T3", "f", "accepted"),
             "reason": ArraySchema("T", "u"),
+            "half_vector_sd": ArraySchema("HW", "f", "all"),
         },
         peak_bytes=_per_pixel(400),
         progress_unit="spheres",
-        version=2,
+        version=3,
     ),
     Stage(
         "mask",
@@ -72,7 +73,8 @@ STAGES = (
         parameters.MaskParameters,
         reads=("survey", "frames"),
         files=("mask",),
-        arrays={"mask": ArraySchema("HW", "b")},
+        arrays={"mask": ArraySchema("HW", "b"), "doubt": ArraySchema("HW", "f", "all")},
+        version=2,
     ),
     Stage(
         "thresholds",
@@ -123,7 +125,7 @@ STAGES = (
         "labels",
         labels,
         parameters.LabelsParameters,
-        reads=("survey", "mask", "markup", "silhouette", "clusters"),
+        reads=("survey", "lights", "mask", "markup", "silhouette", "clusters"),
         arrays={
             "labels": ArraySchema("KHW", "u"),
             "normals": ArraySchema("HW3", "f", "mask"),
@@ -131,7 +133,7 @@ STAGES = (
             "confidence": ArraySchema("HW", "f", "mask"),
         },
         peak_bytes=_per_pixel(900),
-        version=5,
+        version=6,
     ),
     Stage(
         "depth",

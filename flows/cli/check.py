@@ -88,7 +88,7 @@ def _print_checks(checks: "Sequence[Check]", out: Path) -> None:
     show(table_of(rows, "no capture can be used"))
     for result in checks:
         for warning in result.warnings:
-            typer.secho(f"{result.name}: {warning}", fg="yellow")
+            typer.secho(f"{result.name}: {warning.message}", fg="yellow")
     if checks:
         typer.echo("observable: share of the object where a light in front of it can cause a highlight")
         typer.echo("observed: share of the object where a highlight was recorded")

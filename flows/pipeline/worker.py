@@ -63,7 +63,7 @@ def end_events(capture: str, record: StageRecord) -> Iterator[StageEnded | Captu
     frames = int(record.counts["frames"]) if "frames" in record.counts else None
     yield StageEnded(capture, record.stage, record.seconds, record.cached, frames)
     for warning in record.warnings:
-        yield CaptureWarning(capture, warning, record.stage)
+        yield CaptureWarning(capture, warning.message, record.stage)
 
 
 def check_bytes(limit: int | None, needed: int, work: str) -> None:

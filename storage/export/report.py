@@ -1,12 +1,12 @@
 """A capture's report: its figures as plain JSON.
 
 Records of stages may hold, each under its name: `parameters`, `seconds`, `counts`, `versions`, `inputs` (digests),
-`warnings` (texts or {message, remedy}), `region` {x, y, width, height}, `frame_size` [width, height], `unit` and
+`warnings` ({message, cause, cost_deg}), `region` {x, y, width, height}, `frame_size` [width, height], `unit` and
 `pixel_size` of depth, `coverage`, `reasons` (words of the lights' codes) and `provenance` (names of the labels' codes).
 All are optional; the whole records are kept under `stages` too. `report_page` shows the report as a page.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -59,7 +59,7 @@ def capture_report(
         "counts": _counts(arrays, records) | _merged(records, "counts"),
         "coverage": _first(records, "coverage"),
         "seconds": {stage: record["seconds"] for stage, record in records.items() if record.get("seconds") is not None},
-        "warnings": [warning for stage, record in records.items() for warning in _warnings(stage, record)],
+        "warnings": _by_cost(warning for stage, record in records.items() for warning in _warnings(stage, record)),
         "parameters": {stage: record["parameters"] for stage, record in records.items() if "parameters" in record},
         "fingerprints": {stage: result.key for stage, result in results.items()},
         "inputs": _merged(records, "inputs"),
@@ -88,14 +88,20 @@ def _counts(arrays: Mapping[str, Any], records: Mapping[str, Mapping[str, Any]])
     return counts
 
 
-def _warnings(stage: str, record: Mapping[str, Any]) -> list[dict[str, str]]:
-    warnings = []
-    for warning in record.get("warnings") or ():
-        parts = warning if isinstance(warning, Mapping) else {"message": warning}
-        warnings.append(
-            {"stage": stage, "message": str(parts.get("message", "")), "remedy": str(parts.get("remedy", ""))}
-        )
-    return warnings
+def _warnings(stage: str, record: Mapping[str, Any]) -> list[dict[str, Any]]:
+    return [
+        {
+            "stage": stage,
+            "message": str(warning["message"]),
+            "cause": str(warning["cause"]),
+            "cost_deg": float(warning["cost_deg"]),
+        }
+        for warning in record.get("warnings") or ()
+    ]
+
+
+def _by_cost(warnings: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
+    return sorted(warnings, key=lambda warning: -float(warning["cost_deg"]))
 
 
 def _first(records: Mapping[str, Mapping[str, Any]], name: str) -> Any:

@@ -19,6 +19,7 @@ from glint.storage.versions.array_schema import ArraySchema
 from glint.storage.versions.stage_results import StoredFile
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage_inputs import StageInputs
+from glint.tasks.engine.stage_warning import StageWarning
 
 Progress = Callable[[int, int | None], None]
 """Called with the parts that are done and their total (None: unknown)."""
@@ -28,15 +29,15 @@ Progress = Callable[[int, int | None], None]
 class StageOutput:
     """What a stage computed.
 
-    arrays and files: to be stored; record: JSON values; counts: figures for people; warnings: sentences, each with what
-    to do.
+    arrays and files: to be stored; record: JSON values; counts: figures for people; warnings: what contradicts the
+    data, or is not known.
     """
 
     arrays: Mapping[str, Any] = field(default_factory=dict)
     record: Mapping[str, Any] = field(default_factory=dict)
     files: Mapping[str, StoredFile] = field(default_factory=dict)
     counts: Mapping[str, float] = field(default_factory=dict)
-    warnings: Sequence[str] = ()
+    warnings: Sequence[StageWarning] = ()
 
 
 class StageFunction(Protocol):
@@ -95,7 +96,7 @@ class StageRecord:
     cached: bool
     seconds: float
     counts: dict[str, float]
-    warnings: tuple[str, ...]
+    warnings: tuple[StageWarning, ...]
 
 
 def stage_keys(context: CaptureContext, stages: Sequence[Stage]) -> dict[str, str]:
@@ -163,7 +164,7 @@ def load_or_compute(
         **about,
         "seconds": round(perf_counter() - started, 3),
         "counts": dict(output.counts),
-        "warnings": list(output.warnings),
+        "warnings": [warning.to_json() for warning in output.warnings],
         "versions": {"glint": version("glint"), "numpy": np.__version__, **about["versions"]},
         **output.record,
     }
@@ -176,7 +177,8 @@ def no_progress(done: int, total: int | None) -> None:
 
 
 def _cached_record(stage: str, key: str, saved: Mapping[str, Any], seconds: float) -> StageRecord:
-    return StageRecord(stage, key, True, seconds, saved["counts"], tuple(saved["warnings"]))
+    warnings = tuple(StageWarning.from_json(warning) for warning in saved["warnings"])
+    return StageRecord(stage, key, True, seconds, saved["counts"], warnings)
 
 
 def _parameters(context: CaptureContext, stage: str) -> dict[str, Any]:

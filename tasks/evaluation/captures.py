@@ -22,6 +22,7 @@ from glint.tasks.algorithms.evaluation.metrics import (
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import LabelsParameters
+from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.clusters import load_clusters
 from glint.tasks.stages.labels import reconstruct
@@ -67,7 +68,7 @@ class Evaluation:
     beyond_42deg: float
     labels: LabelErrors
     reliability: tuple[Reliability, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[StageWarning, ...]
     seconds: dict[str, float]
     normals: dict[str, np.ndarray]
     truth: np.ndarray
@@ -130,7 +131,9 @@ def evaluate(work: CaptureContext, stages: tuple[str, ...]) -> Evaluation | None
         beyond_42deg=_mean(squared[known & is_beyond]),
         labels=label_errors(labels.read("labels"), clusters.normals, truth.normals),
         reliability=reliability(confidence, normals["glint"], truth.normals),
-        warnings=tuple(warning for record in records.values() for warning in record["warnings"]),
+        warnings=tuple(
+            warning for record in records.values() for warning in map(StageWarning.from_json, record["warnings"])
+        ),
         seconds={stage: float(record["seconds"]) for stage, record in records.items()},
         normals=normals,
         truth=truth.normals,

@@ -20,7 +20,9 @@ def capture_tables(evaluations: Sequence[Evaluation]) -> str:
     parts += _degrees(evaluations)
     parts += ["", "Depth (offset fitted per component), confidence and labels of the stored result.", ""]
     parts += _depth_and_confidence(evaluations)
-    warnings = [f"- {evaluation.name}: {warning}" for evaluation in evaluations for warning in evaluation.warnings]
+    warnings = [
+        f"- {evaluation.name}: {warning.message}" for evaluation in evaluations for warning in evaluation.warnings
+    ]
     if warnings:
         parts += ["", "Warnings.", "", *warnings]
     parts += ["", "Seconds by stage, and frames per second of all together.", ""]
@@ -92,7 +94,7 @@ def _capture_as_json(evaluation: Evaluation) -> dict[str, Any]:
         "far": evaluation.beyond_42deg,
         "labels": evaluation.labels,
         "reliability": evaluation.reliability,
-        "warnings": evaluation.warnings,
+        "warnings": [warning.to_json() for warning in evaluation.warnings],
         "seconds": evaluation.seconds,
     }
     return {key: _plain(value) for key, value in values.items()} | {"degrees_within": list(ANGLE_LIMITS_DEG)}

@@ -130,7 +130,9 @@ def _stages(records: Sequence[StageRecord]) -> list[str]:
 
 
 def _warnings(records: Sequence[StageRecord]) -> list[str]:
-    lines = [f"- **{plain(record.stage)}**: {plain(warning)}" for record in records for warning in record.warnings]
+    lines = [
+        f"- **{plain(record.stage)}**: {plain(warning.message)}" for record in records for warning in record.warnings
+    ]
     return ["## Warnings", "", *lines, ""] if lines else []
 
 

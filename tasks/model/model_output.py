@@ -15,6 +15,7 @@ from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.registration.registered_views import RegisteredViews
 from glint.tasks.algorithms.registration.view_rejection import RejectedView
 from glint.tasks.engine.stage import StageOutput
+from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.figures.model_sheet import model_sheet
 from glint.tasks.stages.surface import METRES_PER_MM
 
@@ -116,5 +117,5 @@ def _area_share(mesh: trimesh.Trimesh, is_counted: np.ndarray) -> float:
     return float((mesh.area_faces * is_counted[mesh.faces].mean(axis=1)).sum() / max(mesh.area, 1e-12))
 
 
-def _warning(rejected: RejectedView) -> str:
-    return f"{rejected.name} is not part of the model: {rejected.reason}; {rejected.remedy}"
+def _warning(rejected: RejectedView) -> StageWarning:
+    return StageWarning(f"{rejected.name} is not part of the model: {rejected.reason}; {rejected.remedy}", "views")

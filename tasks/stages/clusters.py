@@ -13,6 +13,7 @@ from glint.tasks.algorithms.geometry.perspective import half_vectors_for_view, r
 from glint.tasks.engine.parameters import ClustersParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
+from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.frames import open_frames
 from glint.tasks.stages.lights import load_point_light
@@ -144,11 +145,12 @@ def _arrays(inputs: StageInputs, result: Clusters) -> dict[str, np.ndarray]:
     return {field.name: getattr(result, field.name) for field in fields(result)} | vectors
 
 
-def _warnings(observed: np.ndarray, mask: np.ndarray) -> list[str]:
+def _warnings(observed: np.ndarray, mask: np.ndarray) -> list[StageWarning]:
     share = observed.sum() / mask.sum()
     if share > MIN_OBSERVED_SHARE:
         return []
-    return [
+    message = (
         f"only {share:.0%} of the object showed a highlight: record for longer, with a brighter light or exposure, and"
         " sweep the light over the whole hemisphere before the object"
-    ]
+    )
+    return [StageWarning(message, "coverage")]

@@ -13,6 +13,7 @@ from glint.storage.frames.eviction import mark_used
 from glint.storage.locations.location import Location
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
+from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.stabilization import REFERENCE, StabilizedFootage
 
@@ -42,7 +43,7 @@ def frames(inputs: StageInputs, progress: Progress) -> StageOutput:
         arrays=arrays,
         record={"cache": cache.digest, "frame_size": list(cache.frame_size[::-1])},
         counts={"frames": cache.frames},
-        warnings=cache.warnings,
+        warnings=[StageWarning(message, "video") for message in cache.warnings],
     )
 
 

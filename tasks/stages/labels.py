@@ -7,6 +7,7 @@ import numpy as np
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view
+from glint.tasks.algorithms.labelling.confidence import with_input_doubt
 from glint.tasks.algorithms.labelling.dual_layer import reconstruct_dual_layer
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.labelling.results import FILLED, MARKED, OBSERVED, OUTSIDE, PROVENANCE, Reconstruction
@@ -31,14 +32,16 @@ def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
         inputs.parameters_of("silhouette"),
         view=load_geometry(inputs).view_vectors,
     )
+    mask = inputs.load("mask")
+    confidence = with_input_doubt(result.confidence, inputs.load("lights").read("half_vector_sd"), mask.read("doubt"))
     names = {PROVENANCE[code]: int((result.provenance == code).sum()) for code in (OBSERVED, MARKED, FILLED)}
-    confident = float((result.confidence[result.provenance != OUTSIDE] >= 0.5).mean())
+    confident = float((confidence[result.provenance != OUTSIDE] >= 0.5).mean())
     return StageOutput(
         arrays={
             "labels": result.labels,
             "normals": result.normals,
             "provenance": result.provenance,
-            "confidence": result.confidence,
+            "confidence": confidence,
         },
         record={
             "provenance": list(PROVENANCE),

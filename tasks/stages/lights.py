@@ -27,6 +27,7 @@ from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.parameters import LightsParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
+from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import CaptureGeometry, load_geometry, sphere_name
 from glint.tasks.stages.frames import load_levels, open_frames, spread_shards
 
@@ -45,7 +46,7 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
     """
     cache, geometry, known = open_frames(inputs), load_geometry(inputs), inputs.file("lights")
     if known is not None:
-        result, point_light, warnings = _known(inputs, known, cache.frames), None, list[str]()
+        result, point_light, warnings = _known(inputs, known, cache.frames), None, list[StageWarning]()
     else:
         result, point_light = _measured(inputs, geometry, cache, progress)
         warnings = _near_camera(inputs, geometry)
@@ -72,11 +73,21 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
         if code != ACCEPTED and (result.reason == code).any()
     }
     return StageOutput(
-        arrays={"half_vectors": result.half_vectors, "lights": result.lights, "reason": result.reason},
+        arrays={
+            "half_vectors": result.half_vectors,
+            "lights": result.lights,
+            "reason": result.reason,
+            "half_vector_sd": _half_vector_sd(geometry),
+        },
         record=record,
         counts={"accepted": accepted, **rejected},
-        warnings=[str(gap) for gap in sweep.gaps] + warnings,
+        warnings=[StageWarning(str(gap), "coverage") for gap in sweep.gaps] + warnings,
     )
+
+
+def _half_vector_sd(geometry: CaptureGeometry) -> np.ndarray:
+    """Return the standard deviation per axis (H, W) float32, radians, of an error that all half vectors share."""
+    return np.zeros((geometry.region.height, geometry.region.width), np.float32)
 
 
 def load_point_light(results: CaptureResults) -> PointLight | None:
@@ -119,7 +130,7 @@ def _measured(
     return combined, PointLight.from_distance(geometry.spheres, parameters.distance / geometry.pixel_size)
 
 
-def _near_camera(inputs: StageInputs, geometry: CaptureGeometry) -> list[str]:
+def _near_camera(inputs: StageInputs, geometry: CaptureGeometry) -> list[StageWarning]:
     """Warn where a sphere's contour shows a near camera whose matrix is not given."""
     if geometry.camera is not None:
         return []
@@ -130,11 +141,12 @@ def _near_camera(inputs: StageInputs, geometry: CaptureGeometry) -> list[str]:
         middle = (width - 1) / 2 - crop.x, (height - 1) / 2 - crop.y
         focal = estimate_focal_length(background, peak, sphere.in_crop(crop.x, crop.y), middle, width)
         if focal is not None:
-            return [
+            message = (
                 f"the sphere at ({sphere.x:.0f}, {sphere.y:.0f}) is seen as an ellipse, as by a near camera with a"
                 f" focal length of some {focal:.1f} frame widths: give `camera: {{matrix: ..}}`, or record from farther"
                 " away with a longer lens"
-            ]
+            )
+            return [StageWarning(message, "camera")]
     return []
 
 

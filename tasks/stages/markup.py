@@ -11,6 +11,7 @@ from glint.tasks.algorithms.candidates.tracking import track
 from glint.tasks.algorithms.geometry.perspective import half_vectors_for_view, rotate_to_view
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
+from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.frames import open_frames
 from glint.tasks.stages.lights import load_point_light
@@ -45,7 +46,7 @@ def markup(inputs: StageInputs, progress: Progress) -> StageOutput:
     return StageOutput(
         arrays=_arrays(tracked),
         counts={"marks": len(marks), "marked pixels": len(tracks.marks.kind)},
-        warnings=[*tracks.conflicts, *tracks.warnings],
+        warnings=[StageWarning(message, "marks") for message in (*tracks.conflicts, *tracks.warnings)],
     )
 
 

@@ -1,5 +1,7 @@
 """Mask: the object's pixels, given or estimated."""
 
+import numpy as np
+
 from glint.storage.inputs.masks_and_truth import read_mask
 from glint.tasks.algorithms.frames.mask import estimate_mask
 from glint.tasks.engine.stage import Progress, StageOutput
@@ -26,7 +28,7 @@ def mask(inputs: StageInputs, progress: Progress) -> StageOutput:
         spheres = [sphere.in_crop(region.x, region.y) for sphere in geometry.spheres]
         pixels = estimate_mask(background, peak, spheres=spheres)
     return StageOutput(
-        arrays={"mask": pixels},
+        arrays={"mask": pixels, "doubt": np.zeros(pixels.shape, np.float32)},
         record={"region": region.model_dump(), "estimated": address is None},
         counts={"object pixels": int(pixels.sum())},
     )

@@ -15,6 +15,7 @@ from glint.tasks.algorithms.frames.stabilization import (
     shake_amplitude,
     translate,
 )
+from glint.tasks.engine.stage_warning import StageWarning
 
 SAMPLED_FRAMES = 12
 """Frames over the video in which the shake is measured."""
@@ -34,7 +35,7 @@ class Shake:
 
     record: Mapping[str, Any]
     arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
-    warnings: Sequence[str] = ()
+    warnings: Sequence[StageWarning] = ()
 
 
 def measure_shake(footage: Footage, to_first: bool) -> Shake:
@@ -56,7 +57,7 @@ def measure_shake(footage: Footage, to_first: bool) -> Shake:
     warning = (
         f"the camera moved by {shake:.1f} pixels: frames are moved back to {target}; a firm tripod gives better normals"
     )
-    return Shake(record, {REFERENCE: reference}, [warning])
+    return Shake(record, {REFERENCE: reference}, [StageWarning(warning, "camera")])
 
 
 class StabilizedFootage:

@@ -97,7 +97,7 @@ RECORDS: dict[str, dict[str, Any]] = {
     "lights": {
         "reasons": REASONS,
         "seconds": 1.5,
-        "warnings": [{"message": "few <b>lights</b>", "remedy": "sweep & film again"}],
+        "warnings": [{"message": "few <b>lights</b>; sweep & film again", "cause": "light", "cost_deg": 1.5}],
     },
     "mask": {"region": {"x": 5, "y": 6, "width": 16, "height": 12}},
     "labels": {"provenance": PROVENANCE, "parameters": {"method": "paper"}},

@@ -119,6 +119,20 @@ def field_error_slope(predict: Callable[[np.ndarray], np.ndarray], normals: np.n
     return float(np.quantile(np.concatenate(ratios), 0.9)) / RAYLEIGH_NINTH_DECILE
 
 
+def with_input_doubt(confidence: np.ndarray, half_vector_sd: np.ndarray, silhouette_doubt: np.ndarray) -> np.ndarray:
+    """Return the confidence (H, W) float32 when the inputs that all normals share may be wrong.
+
+    A normal within tolerance by its own evidence stays so if the shared error of the half vectors does not exceed the
+    tolerance and the silhouette is true. The three are taken as independent.
+
+    Args:
+        confidence: (H, W), by the evidence of labels and field.
+        half_vector_sd: (H, W) radians, standard deviation per axis of the error that the half vectors share.
+        silhouette_doubt: (H, W), probability that the silhouette on which a pixel depends is wrong.
+    """
+    return np.asarray(confidence * probability_within_tolerance(half_vector_sd) * (1.0 - silhouette_doubt), np.float32)
+
+
 def field_confidence(known: np.ndarray, rim: np.ndarray, slope: float, scale: float) -> np.ndarray:
     """Return the confidence (H, W) of the field between accepted pixels and the occluding contour.
 

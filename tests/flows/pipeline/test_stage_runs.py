@@ -22,6 +22,7 @@ from glint.flows.reporting.events import CaptureWarning, Event, StageEnded, Stag
 from glint.flows.runtime.orphaned_runs import RUN_TAG, tagged_with_process
 from glint.flows.runtime.prefect_server import Server
 from glint.tasks.engine.stage import StageRecord
+from glint.tasks.engine.stage_warning import StageWarning
 
 pytestmark = [pytest.mark.server, pytest.mark.usefixtures("server")]
 NAME = "glass/front"
@@ -170,7 +171,7 @@ def test_a_stage_whose_worker_died_is_shown_as_crashed_and_run_again(server: Ser
 
 
 def test_warnings_are_logged_and_progress_moves_one_bar() -> None:
-    frames = StageRecord("frames", "k", False, 2.5, {"frames": 300}, ("the camera moved",))
+    frames = StageRecord("frames", "k", False, 2.5, {"frames": 300}, (StageWarning("the camera moved", "camera"),))
     events: list[Event | float] = [
         StageStarted(NAME, "frames"),
         StageProgress(NAME, "frames", 75, 300, 1.0),
@@ -188,6 +189,8 @@ def test_warnings_are_logged_and_progress_moves_one_bar() -> None:
 
 
 def test_the_end_of_a_stage_has_its_frames_and_warnings() -> None:
-    ended, warning = end_events(NAME, StageRecord("frames", "k", True, 0.1, {"frames": 300}, ("dark",)))
+    ended, warning = end_events(
+        NAME, StageRecord("frames", "k", True, 0.1, {"frames": 300}, (StageWarning("dark", "camera"),))
+    )
     assert ended == StageEnded(NAME, "frames", 0.1, cached=True, frames=300)
     assert warning == CaptureWarning(NAME, "dark", "frames")

@@ -11,10 +11,13 @@ from glint.flows.reporting.artifacts import artifact_key, create_catalogue_artif
 from glint.flows.results import CaptureResult, ObjectResult, RunResult
 from glint.flows.runtime.prefect_server import Server
 from glint.tasks.engine.stage import StageRecord
+from glint.tasks.engine.stage_warning import StageWarning
 
 RECORDS = (
     StageRecord("frames", "k", False, 12.345, {"frames": 8000}, ()),
-    StageRecord("lights", "k", False, 1.2, {"accepted": 7810}, ("only <b>3%</b> of [this](x) | *that*",)),
+    StageRecord(
+        "lights", "k", False, 1.2, {"accepted": 7810}, (StageWarning("only <b>3%</b> of [this](x) | *that*", "light"),)
+    ),
     StageRecord("depth", "k", True, 0.01, {}, ()),
 )
 

@@ -9,12 +9,15 @@ import numpy as np
 import pytest
 
 from glint.tasks.engine.stage import StageRecord
+from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.figures.capture_page import MAX_PAGE_CHARS, picture_page
 from glint.tasks.figures.markdown import plain
 
 RECORDS = (
     StageRecord("frames", "k", False, 12.345, {"frames": 8000}, ()),
-    StageRecord("lights", "k", False, 1.2, {"accepted": 7810}, ("only <b>3%</b> of [this](x) | *that*",)),
+    StageRecord(
+        "lights", "k", False, 1.2, {"accepted": 7810}, (StageWarning("only <b>3%</b> of [this](x) | *that*", "light"),)
+    ),
     StageRecord("depth", "k", True, 0.01, {}, ()),
 )
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from glint.tasks.engine.stage import StageRecord
+from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.figures.model_page import rounded, sheet_page
 
 VIEWS = [
@@ -24,7 +25,9 @@ ABOUT = {
     "volume": 22630.4,
     "area": 51.5912,
 }
-RECORD = StageRecord("model", "k", False, 42.0, {"views": 2}, ("view-02 is not part of the model",))
+RECORD = StageRecord(
+    "model", "k", False, 42.0, {"views": 2}, (StageWarning("view-02 is not part of the model", "views"),)
+)
 SHEET = np.full((520, 780, 3), 255, np.uint8)
 
 

@@ -112,7 +112,7 @@ def test_a_capture_without_pose_is_found_and_one_without_labels_named(works: lis
     some = [without_pose(works[0]), *works[1:]]
     assert model_key(some) != model_key(works)
     outcome = model(once([*some, failed]), lambda done, of: None)
-    assert outcome.warnings == [
+    assert [warning.message for warning in outcome.warnings] == [
         "view-09 is not part of the model: it has no labels; see what is wrong with that capture"
     ]
     known = {entry["capture"]: entry["pose"] for entry in outcome.record["views"]}
@@ -124,7 +124,7 @@ def test_a_view_left_out_is_warned_of(works: list[CaptureContext]) -> None:
     wrong = replace(works[3], capture=works[3].capture.model_copy(update={"pose": Pose(turntable=215.0)}))
     outcome = model(once([*works[:3], wrong, *works[4:]]), lambda done, of: None)
     assert [entry["name"] for entry in outcome.record["left_out"]] == ["view-03"]
-    (warning,) = outcome.warnings
+    (warning,) = (str(warning) for warning in outcome.warnings)
     assert warning.startswith("view-03 is not part of the model: its silhouette contradicts the others'")
     assert warning.endswith("check its pose and its mask")
 

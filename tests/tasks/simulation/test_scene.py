@@ -132,7 +132,7 @@ def test_few_frames_give_a_whole_surface(tmp_path: Path) -> None:
     few = draw_scene(tmp_path / "few", frames=36)
     work = make_context(few.catalogue, tmp_path / "store")
     records = {record.stage: record for record in perform_all(work)}
-    assert any("of the object showed a highlight" in warning for warning in records["clusters"].warnings)
+    assert any("of the object showed a highlight" in warning.message for warning in records["clusters"].warnings)
     labels, seen = work.load("labels"), work.load("clusters").read("observations") > 0
     observed = labels.read("provenance") == labels.record["provenance"].index("observed")
     assert not (observed & ~seen).any()

@@ -156,7 +156,7 @@ def test_truncated_video_gives_its_readable_part(simulated: Path, tmp_path: Path
     (tmp_path / "cut.avi").write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
     record = perform_all(make_context(simulated, tmp_path / "store", frames=str(tmp_path / "cut.avi")), "frames")[-1]
     assert 20 < record.counts["frames"] < 120
-    assert any(str(int(record.counts["frames"]) - 1) in warning for warning in record.warnings), record.warnings
+    assert any(str(int(record.counts["frames"]) - 1) in warning.message for warning in record.warnings), record.warnings
 
 
 def test_catalogue_errors_all_at_once(tmp_path: Path) -> None:

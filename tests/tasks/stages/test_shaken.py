@@ -23,7 +23,7 @@ def test_frames_of_a_shaken_camera_are_moved_back(tmp_path: Path) -> None:
         work = make_context(catalogue, tmp_path / name / "store")
         records = perform_all(work, "frames")
         levels[name] = open_frames(work).read(OBJECT).astype(float)
-        assert any("the camera moved" in warning for warning in records[0].warnings) == (name == "shaken")
+        assert any("the camera moved" in warning.message for warning in records[0].warnings) == (name == "shaken")
         assert work.load("survey").record["stabilization"]["applied"] == (name == "shaken")
         assert all(each.cached for each in perform_all(work, "frames"))
     capture = load(shaken.catalogue).objects[0].captures[0]

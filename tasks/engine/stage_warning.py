@@ -1,0 +1,40 @@
+"""Warnings of the stages: what contradicts the data or is not known, what causes it, and what it may cost."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Literal, get_args
+
+Cause = Literal["video", "camera", "sphere", "light", "mask", "highlights", "marks", "coverage", "views"]
+"""Input of a capture that a warning is about."""
+CAUSES: tuple[str, ...] = get_args(Cause)
+
+
+@dataclass(frozen=True, slots=True)
+class StageWarning:
+    """A warning of a stage.
+
+    message: a sentence with the offending value and what to do; cause: the input that it is about; cost_deg: the error
+    of the normals, in degrees, that the cause may have on the pixels that it affects; 0 if it has none.
+    """
+
+    message: str
+    cause: Cause
+    cost_deg: float = 0.0
+
+    def __str__(self) -> str:
+        """Return the message."""
+        return self.message
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the warning as JSON values."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, saved: Mapping[str, Any]) -> "StageWarning":
+        """Return the warning that `to_json` wrote."""
+        return cls(saved["message"], saved["cause"], saved["cost_deg"])
+
+
+def by_cost(warnings: Iterable[StageWarning]) -> list[StageWarning]:
+    """Return warnings with the dearest first."""
+    return sorted(warnings, key=lambda warning: -warning.cost_deg)

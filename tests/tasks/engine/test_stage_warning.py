@@ -1,0 +1,15 @@
+"""Warnings of stages: their order, and what is stored of them."""
+
+import json
+
+from glint.tasks.engine.stage_warning import StageWarning, by_cost
+
+
+def test_a_warning_survives_json() -> None:
+    warning = StageWarning("the sphere at (3, 4) is too small; correct it", "sphere", 2.5)
+    assert StageWarning.from_json(json.loads(json.dumps(warning.to_json()))) == warning
+
+
+def test_the_dearest_warning_comes_first_and_equals_keep_their_order() -> None:
+    warnings = [StageWarning("a", "video"), StageWarning("b", "sphere", 7.0), StageWarning("c", "light")]
+    assert [str(warning) for warning in by_cost(warnings)] == ["b", "a", "c"]
