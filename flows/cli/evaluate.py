@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,9 +13,16 @@ from glint.flows.cli.options import Json, Only
 if TYPE_CHECKING:
     from glint.flows.reporting.events import Sink
     from glint.flows.results import RunResult
+    from glint.tasks.robustness.cells import Cell
+    from glint.tasks.robustness.matrix import CaptureVariants
 
 QUICK_SCALE, QUICK_FRAMES = 0.5, 500
 """Size and length of the presets with --quick."""
+PERTURBED_SHAPES: Sequence[str] = ("hemisphere", "fish", "wine-glass")
+PERTURBED_QUICK_SHAPES: Sequence[str] = ("hemisphere",)
+PERTURBED_OPTIONS = {"scale": 0.5, "frames": 600, "seed": 3}
+PERTURBED_QUICK_OPTIONS = {"scale": 0.4, "frames": 400, "seed": 3, "rays": 1}
+"""Shapes of perturbed captures and their options, at full size and with --quick."""
 
 
 def evaluate(
@@ -31,6 +38,10 @@ def evaluate(
     ] = False,
     degraded: Annotated[
         bool, typer.Option("--degraded", help="Simulate degraded captures instead of the paper's six.")
+    ] = False,
+    perturbed: Annotated[
+        bool,
+        typer.Option("--perturbed", help="Perturb each input of the captures: errors, confidence, what warnings say."),
     ] = False,
     ablation: Annotated[
         bool, typer.Option("--ablation", help="Evaluate also with each ingredient of the labelling switched off.")
@@ -51,6 +62,9 @@ def evaluate(
 
     out.mkdir(parents=True, exist_ok=True)
     address = Location.parse(store or str(out / "store")).uri
+    if perturbed:
+        _evaluate_perturbed(file, quick, out, address, only or (), as_json)
+        return
     with open_console(as_json) as console:
         path = file or _simulated(out, quick, degraded, console)
         summary = run(path, address, console, only=only or ())
@@ -108,3 +122,54 @@ def _write_evaluation(
     write_png(out / "evaluation.png", evaluation_sheet(evaluations))
     write_png(out / "reliability.png", reliability_diagram(evaluations))
     return table
+
+
+def _evaluate_perturbed(
+    file: str | None, quick: bool, out: Path, store: str, only: Sequence[str], as_json: bool
+) -> None:
+    """Measure the robustness matrix of a catalogue, else of simulated captures, and print it.
+
+    only: OBJECT or OBJECT/PERTURBATION.
+    """
+    from glint.flows.pipeline.dispatch import scatter_map
+    from glint.flows.reporting.console import open_console
+    from glint.flows.reporting.events import StageProgress
+    from glint.flows.runtime.dask_cluster import Cluster
+    from glint.storage.catalogue.loading import write
+    from glint.tasks.robustness.cells import measure_cell
+    from glint.tasks.robustness.matrix import matrix_tasks, perturbed_catalogue
+    from glint.tasks.robustness.matrix_report import matrix_as_json, matrix_table
+
+    folder = out.absolute() / "perturbed"
+    with open_console(as_json) as console, Cluster(modules=("glint.tasks.pipeline",)) as cluster:
+        captures = _perturbed_captures(file, quick, out, console)
+        tasks = matrix_tasks(captures, folder, store, quick, only)
+        cells: list[Cell] = []
+        results = scatter_map(cluster.client, "matrix", "cells", measure_cell, tasks, None)
+        for number, cell in enumerate(results, 1):
+            cells += [] if cell is None else [cell]
+            console.emit(StageProgress("matrix", "cells", number, len(tasks), unit="cells"))
+    table, matrix = matrix_table(cells), matrix_as_json(cells)
+    (out / "perturbed.md").write_text(table, encoding="utf-8")
+    (out / "perturbed.json").write_text(json.dumps(matrix, indent=1) + "\n", encoding="utf-8")
+    write(perturbed_catalogue(cells), folder / "catalogue.yaml")
+    if as_json:
+        typer.echo(json.dumps({"kind": "perturbed", "matrix": matrix}))
+    else:
+        typer.echo(table)
+        typer.echo(f"written: {out / 'perturbed.md'}, perturbed.json; the perturbed captures: {folder}/catalogue.yaml")
+
+
+def _perturbed_captures(file: str | None, quick: bool, out: Path, console: "Sink") -> "Mapping[str, CaptureVariants]":
+    """Return the captures to perturb: those of a catalogue, else simulated ones."""
+    from glint.flows.cli.simulate import simulate_variants
+    from glint.tasks.engine.references import load_catalogue
+    from glint.tasks.robustness.matrix import recorded_captures, simulated_captures, simulated_variants
+
+    if file is not None:
+        return recorded_captures(load_catalogue(file))
+    shapes = PERTURBED_QUICK_SHAPES if quick else PERTURBED_SHAPES
+    usual = PERTURBED_QUICK_OPTIONS if quick else PERTURBED_OPTIONS
+    variants = simulated_variants(quick)
+    path = simulate_variants(out / "simulated", shapes, variants, usual, console)
+    return simulated_captures(load_catalogue(path), shapes, variants)

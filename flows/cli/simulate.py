@@ -80,25 +80,38 @@ def simulate_presets(out: Path, scale: float, frames: int | None, console: "Sink
 
 
 def simulate_degraded(out: Path, quick: bool, console: "Sink") -> Path:
-    """Simulate each shape with each defect, except those that exist; return the path of their common catalogue.
+    """Simulate each shape with each defect, except those that exist; return the path of their common catalogue."""
+    from glint.tasks.simulation.simulate import DEGRADED
 
-    Its objects are named SHAPE-DEFECT.
+    options = DEGRADED_QUICK_OPTIONS if quick else DEGRADED_OPTIONS
+    return simulate_variants(out, DEGRADED_SHAPES, DEGRADED, options, console)
+
+
+def simulate_variants(
+    out: Path,
+    shapes: Sequence[str],
+    variants: Mapping[str, Mapping[str, Any]],
+    usual: Mapping[str, Any],
+    console: "Sink",
+) -> Path:
+    """Simulate each shape with the options of each variant, except those that exist; return their common catalogue.
+
+    usual: options that a variant leaves open. Objects are named SHAPE-VARIANT.
     """
     from glint.storage.catalogue.loading import Catalogue, load, write
-    from glint.tasks.simulation.simulate import DEGRADED, CaptureOptions
+    from glint.tasks.simulation.simulate import CaptureOptions
 
     objects = []
-    for defect, defect_options in DEGRADED.items():
-        folder = out / defect
-        options = CaptureOptions(**((DEGRADED_QUICK_OPTIONS if quick else DEGRADED_OPTIONS) | defect_options))
-        for shape in DEGRADED_SHAPES:
-            if not (folder / shape / "front" / "meta.json").exists():
-                _simulate(shape, folder, options, console, name=f"{shape}-{defect}")
+    for variant, changed in variants.items():
+        folder, options = out / variant, CaptureOptions(**(dict(usual) | dict(changed)))
+        for shape in shapes:
+            if not _exists(folder / shape / "front", options):
+                _simulate(shape, folder, options, console, name=f"{shape}-{variant}")
         simulated = {item.id: item for item in load(folder / "catalogue.yaml").objects}
-        objects += [simulated[shape].model_copy(update={"id": f"{shape}-{defect}"}) for shape in DEGRADED_SHAPES]
-    # All defects of a shape stand next to each other.
-    ordered = [item for shape in DEGRADED_SHAPES for item in objects if item.id.startswith(f"{shape}-")]
-    catalogue = Catalogue.model_validate({"schema": 1, "name": "degraded", "objects": tuple(ordered)})
+        objects += [simulated[shape].model_copy(update={"id": f"{shape}-{variant}"}) for shape in shapes]
+    # All variants of a shape stand next to each other.
+    ordered = [item for shape in shapes for item in objects if item.id.startswith(f"{shape}-")]
+    catalogue = Catalogue.model_validate({"schema": 1, "name": out.name, "objects": tuple(ordered)})
     write(catalogue, out / "catalogue.yaml")
     return out / "catalogue.yaml"
 
