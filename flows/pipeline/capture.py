@@ -16,6 +16,7 @@ from glint.flows.reporting.artifacts import create_page_artifact
 from glint.flows.reporting.events import ProgressThrottle, StageStarted
 from glint.flows.runtime.retry import retry_on_disconnect
 from glint.storage.errors import StoreUnreachable
+from glint.storage.inputs.preflight import check_inputs
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import StageRecord, perform, stage_keys
 from glint.tasks.figures.capture_page import capture_page
@@ -49,6 +50,7 @@ def process_capture(capture: CaptureContext, n_captures: int = 1) -> list[StageR
             workers, which is known after its survey.
     """
     context = run_context()
+    check_inputs(capture.capture)
     with context.cancellable(), context.prefect.attach(capture.name) as reporter:
         records = run_on_workers(capture, reporter)
     page = capture_page(capture, records, n_captures)

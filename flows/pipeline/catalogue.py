@@ -11,6 +11,7 @@ from prefect.client.schemas.objects import State
 from glint.flows.errors import USER_ERRORS
 from glint.flows.pipeline.context import run_context
 from glint.flows.pipeline.object import ObjectCaptures, failed_object, run_object, submit, up_to_date
+from glint.flows.pipeline.preflight import report_input_errors
 from glint.flows.reporting.artifacts import create_catalogue_artifact
 from glint.flows.reporting.events import CaptureEnded
 from glint.flows.results import ObjectResult, RunResult, final_state, result_of
@@ -55,6 +56,7 @@ def run_catalogue(
     started, run, context = time.monotonic(), str(runtime.flow_run.id), run_context()
     loaded = load_catalogue(catalogue)
     chosen = chosen_captures(loaded.objects, only)
+    report_input_errors(loaded, chosen, context)
     max_objects = context.max_captures
     with ThreadPoolExecutor(max_objects) as pool:
         futures = []

@@ -1,9 +1,10 @@
 """Make a catalogue from folders that follow the usual names.
 
 FOLDER/<object>/ holds one capture, or one sub-folder per capture. A capture is a video, or images that share a pattern
-(img_1.png, img_2.png, ..), directly or in `frames/` or `images/`; beside it may lie mask.png or one other *mask.png,
-lights.lp or one other *.lp, markup.json, truth/, and beside the captures truth_model.ply. Several videos in one folder
-are several captures; then <video>.mask.png, <video>.lp and <video>.markup.json belong to <video>.mp4.
+(img_1.png, img_2.png, ..), directly or in a folder of FRAME_FOLDERS; beside it may lie mask.png or one other *mask.png,
+lights.lp or one other *.lp, markup.json, truth/, and beside the captures truth_model.ply. An .lp file may also lie
+among the images, or in a folder of LIGHTS_FOLDERS. Several videos in one folder are several captures; then
+<video>.mask.png, <video>.lp and <video>.markup.json belong to <video>.mp4.
 """
 
 import re
@@ -20,7 +21,10 @@ from glint.storage.locations.location import Location
 VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".mts", ".mxf")
 _NOT_FRAMES = re.compile(r"(.*[._-])?(mask|normals?([._-]map)?|depth|preview|reference|albedo)")
 """Images that are no frames, by their stem."""
-_FRAME_FOLDERS = ("frames", "images")
+FRAME_FOLDERS = ("frames", "images", "photos", "jpg", "jpeg", "jpeg-exports", "png", "tif", "tiff")
+"""Folders of a capture's images, in the order in which they are looked for; RTIBuilder writes `jpeg-exports`."""
+LIGHTS_FOLDERS = ("assembly-files",)
+"""Folders beside those of the images in which RTIBuilder writes `.lp` files."""
 
 
 def from_folder(folder: Address) -> Catalogue:
@@ -78,8 +82,7 @@ def _footage(folder: Location) -> list[tuple[str, str]]:
     videos = [file for file in files if _suffix(file) in VIDEO_SUFFIXES]
     if videos:
         return [(_stem(file), file.uri) for file in videos]
-    frame_folders = [subfolder for name in _FRAME_FOLDERS for subfolder in folders if subfolder.name == name]
-    for image_folder in (folder, *frame_folders):
+    for image_folder in (folder, *_named(folders, FRAME_FOLDERS)):
         sets: dict[str, int] = defaultdict(int)
         for file in files if image_folder is folder else list_folder(image_folder)[1]:
             if _suffix(file) in SUFFIXES and not _NOT_FRAMES.fullmatch(_stem(file).lower()):
@@ -106,9 +109,22 @@ def _capture(folder: Location, name: str, frames: str, is_shared: bool, taken: s
             matches = [uri for file, uri in files.items() if re.fullmatch(pattern, file.lower())]
             if key not in capture and len(matches) == 1:
                 capture[key] = matches[0]
+        if "lights" not in capture:
+            capture |= _lights_within(_named(subfolders, (*FRAME_FOLDERS, *LIGHTS_FOLDERS)))
         truth = [subfolder.uri for subfolder in subfolders if subfolder.name == "truth"]
         capture |= {"truth": truth[0]} if truth else {}
     return capture
+
+
+def _lights_within(folders: list[Location]) -> dict[str, str]:
+    """Return the entry of the only `.lp` file in these folders, empty if there is none or more than one."""
+    files = [file.uri for folder in folders for file in list_folder(folder)[1] if _suffix(file) == ".lp"]
+    return {"lights": files[0]} if len(files) == 1 else {}
+
+
+def _named(folders: list[Location], names: tuple[str, ...]) -> list[Location]:
+    """Return the folders that have one of these names, in the names' order; case does not matter."""
+    return [folder for name in names for folder in folders if folder.name.lower() == name]
 
 
 def _new_id(name: str, taken: set[str]) -> str:

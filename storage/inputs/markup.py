@@ -1,6 +1,6 @@
 """Read the user's annotations: highlights marked as true or false, in JSON."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
@@ -11,6 +11,7 @@ from glint.storage.catalogue.models import Region
 from glint.storage.catalogue.yaml_lines import line_of, parse
 from glint.storage.errors import InputError
 from glint.storage.locations.input_files import MAX_TEXT_BYTES, Address, locate, read_bytes
+from glint.storage.locations.location import Location
 
 
 class AnnotationEntry(BaseModel):
@@ -41,7 +42,47 @@ def read_markup(
         InputError: malformed, or annotations after the last frame or outside the frame, region or mask; it lists all
             of them with their lines.
     """
-    location = locate(address)
+    root, annotations = _parse(locate(address))
+    diagnostics: list[Diagnostic] = []
+    for index, annotation in enumerate(annotations):
+        position_error = _position_error(annotation, frame_size, count, region, mask)
+        if position_error:
+            position = f"frame {annotation.frame}, x {annotation.x:g}, y {annotation.y:g}"
+            message = f"annotation {index} at {position} {position_error}"
+            diagnostics.append(Diagnostic(locate(address).uri, line_of(root, (index,)), message, "move or remove it"))
+    raise_diagnostics(diagnostics)
+    return annotations
+
+
+def check_markup(address: Address, count: int | None = None) -> None:
+    """Check what can be checked of an annotations' file before any frame is decoded: its form, and frame numbers.
+
+    count: number of frames, None: unknown.
+
+    Raises:
+        InputError: malformed, or annotations after the last frame; it lists all of them with their lines.
+    """
+    root, annotations = _parse(locate(address))
+    raise_diagnostics(
+        [
+            Diagnostic(
+                locate(address).uri,
+                line_of(root, (index,)),
+                f"annotation {index} is at frame {annotation.frame}, after the last frame, {count - 1}",
+                "frames count from 0",
+            )
+            for index, annotation in enumerate(annotations)
+            if count is not None and annotation.frame >= count
+        ]
+    )
+
+
+def _parse(location: Location) -> tuple[Any, list[AnnotationEntry]]:
+    """Return the content of a file of annotations with its lines, and the annotations.
+
+    Raises:
+        InputError: malformed; it lists all mistakes with their lines.
+    """
     data = read_bytes(location, MAX_TEXT_BYTES)
     try:
         root, diagnostics = parse(data.decode("utf-8-sig"), location.uri)
@@ -49,18 +90,10 @@ def read_markup(
         raise InputError(f"{location.uri} is not UTF-8 text", "save it as UTF-8") from error
     raise_diagnostics(diagnostics)
     try:
-        annotations = _ANNOTATIONS.validate_python(root)
+        return root, _ANNOTATIONS.validate_python(root)
     except ValidationError as error:
         raise_diagnostics(diagnostics_of(error, root, AnnotationEntry, location.uri))
         raise
-    for index, annotation in enumerate(annotations):
-        position_error = _position_error(annotation, frame_size, count, region, mask)
-        if position_error:
-            position = f"frame {annotation.frame}, x {annotation.x:g}, y {annotation.y:g}"
-            message = f"annotation {index} at {position} {position_error}"
-            diagnostics.append(Diagnostic(location.uri, line_of(root, (index,)), message, "move or remove it"))
-    raise_diagnostics(diagnostics)
-    return annotations
 
 
 def _position_error(

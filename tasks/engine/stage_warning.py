@@ -36,5 +36,13 @@ class StageWarning:
 
 
 def by_cost(warnings: Iterable[StageWarning]) -> list[StageWarning]:
-    """Return warnings with the dearest first."""
-    return sorted(warnings, key=lambda warning: -warning.cost_deg)
+    """Return one warning for each cause, the dearest first.
+
+    Warnings of one cause are one: their messages in the order of their costs, none twice, and the highest cost.
+    """
+    messages: dict[Cause, dict[str, None]] = {}
+    costs: dict[Cause, float] = {}
+    for warning in sorted(warnings, key=lambda warning: -warning.cost_deg):
+        messages.setdefault(warning.cause, {})[warning.message] = None
+        costs.setdefault(warning.cause, warning.cost_deg)
+    return [StageWarning("; ".join(messages[cause]), cause, costs[cause]) for cause in messages]

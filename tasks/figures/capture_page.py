@@ -14,6 +14,7 @@ from glint.storage.locations.location import Location
 from glint.storage.versions.stage_results import FileInfo, StageResult
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import StageRecord
+from glint.tasks.engine.stage_warning import by_cost
 from glint.tasks.figures.markdown import plain
 
 MAX_PAGE_CHARS = 300_000
@@ -130,9 +131,8 @@ def _stages(records: Sequence[StageRecord]) -> list[str]:
 
 
 def _warnings(records: Sequence[StageRecord]) -> list[str]:
-    lines = [
-        f"- **{plain(record.stage)}**: {plain(warning.message)}" for record in records for warning in record.warnings
-    ]
+    warnings = by_cost(warning for record in records for warning in record.warnings)
+    lines = [f"- **{plain(warning.cause)}**: {plain(warning.message)}" for warning in warnings]
     return ["## Warnings", "", *lines, ""] if lines else []
 
 

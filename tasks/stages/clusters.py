@@ -10,6 +10,7 @@ from glint.storage.frames.cache import FrameCache
 from glint.storage.locations.location import Location
 from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, inverse_density_weights
 from glint.tasks.algorithms.geometry.perspective import half_vectors_for_view, rotate_to_view
+from glint.tasks.algorithms.lighting.coverage import EXTRAPOLATED_ERROR_DEG, MIN_SWEEP_FRAMES
 from glint.tasks.engine.parameters import ClustersParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
@@ -63,7 +64,7 @@ def clusters(inputs: StageInputs, progress: Progress, mapper: Mapper = serial_ma
     return StageOutput(
         arrays=_arrays(inputs, result),
         counts={"observed pixels": int(observed.sum()), "observations": int(result.observations.sum())},
-        warnings=_warnings(observed, mask),
+        warnings=_warnings(observed, mask, cache.frames),
     )
 
 
@@ -145,12 +146,18 @@ def _arrays(inputs: StageInputs, result: Clusters) -> dict[str, np.ndarray]:
     return {field.name: getattr(result, field.name) for field in fields(result)} | vectors
 
 
-def _warnings(observed: np.ndarray, mask: np.ndarray) -> list[StageWarning]:
+def _warnings(observed: np.ndarray, mask: np.ndarray, frames: int) -> list[StageWarning]:
     share = observed.sum() / mask.sum()
     if share > MIN_OBSERVED_SHARE:
         return []
-    message = (
-        f"only {share:.0%} of the object showed a highlight: record for longer, with a brighter light or exposure, and"
-        " sweep the light over the whole hemisphere before the object"
-    )
-    return [StageWarning(message, "coverage")]
+    if frames < MIN_SWEEP_FRAMES:
+        message = (
+            f"{frames} photographs show highlights on {share:.0%} of the object, the normals between are interpolated:"
+            " take more, with the light in other places"
+        )
+    else:
+        message = (
+            f"only {share:.0%} of the object showed a highlight: record for longer, with a brighter light or exposure,"
+            " and sweep the light over the whole hemisphere before the object"
+        )
+    return [StageWarning(message, "coverage", EXTRAPOLATED_ERROR_DEG)]

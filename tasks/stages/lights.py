@@ -10,7 +10,12 @@ from glint.storage.frames.cache import FrameCache
 from glint.storage.inputs.masks_and_truth import read_lights
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of
-from glint.tasks.algorithms.lighting.coverage import coverage
+from glint.tasks.algorithms.lighting.coverage import (
+    EXTRAPOLATED_ERROR_DEG,
+    Coverage,
+    coverage,
+    gaps_message,
+)
 from glint.tasks.algorithms.lighting.focal_length import estimate_focal_length
 from glint.tasks.algorithms.lighting.highlights import measure_highlights, static_background
 from glint.tasks.algorithms.lighting.lights import (
@@ -33,6 +38,8 @@ from glint.tasks.stages.frames import load_levels, open_frames, spread_shards
 
 BLOCK_FRAMES = 1024
 """Frames whose highlights are measured at once."""
+NEAR_CAMERA_ERROR_DEG = 6.5
+"""Degrees by which the mean error grows where the matrix of a near camera is not given (docs/photographing.md)."""
 MAX_REFLECTION_SHARDS = 50
 """Most shards from which a sphere's static reflection is taken."""
 
@@ -81,8 +88,13 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
         },
         record=record,
         counts={"accepted": accepted, **rejected},
-        warnings=[StageWarning(str(gap), "coverage") for gap in sweep.gaps] + warnings,
+        warnings=[*_gap_warnings(sweep), *warnings],
     )
+
+
+def _gap_warnings(sweep: Coverage) -> list[StageWarning]:
+    """Return one warning of all gaps in the sweep, none without gaps."""
+    return [StageWarning(gaps_message(sweep.gaps), "coverage", EXTRAPOLATED_ERROR_DEG)] if sweep.gaps else []
 
 
 def _half_vector_sd(geometry: CaptureGeometry) -> np.ndarray:
@@ -146,7 +158,7 @@ def _near_camera(inputs: StageInputs, geometry: CaptureGeometry) -> list[StageWa
                 f" focal length of some {focal:.1f} frame widths: give `camera: {{matrix: ..}}`, or record from farther"
                 " away with a longer lens"
             )
-            return [StageWarning(message, "camera")]
+            return [StageWarning(message, "camera", NEAR_CAMERA_ERROR_DEG)]
     return []
 
 

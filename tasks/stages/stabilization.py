@@ -25,6 +25,8 @@ MIN_FRAMES = 100
 """Frames from which on a camera may have moved: sets of photographs are steady."""
 STEADY_PX = 0.6
 """Shake up to which frames are taken as they are: half of it is the codec's."""
+STABILIZED_ERROR_DEG = 1.0
+"""Degrees by which the mean error of simulated captures grows when a shake was corrected (docs/evaluation.md)."""
 REFERENCE = "stabilization_reference"
 
 
@@ -57,7 +59,7 @@ def measure_shake(footage: Footage, to_first: bool) -> Shake:
     warning = (
         f"the camera moved by {shake:.1f} pixels: frames are moved back to {target}; a firm tripod gives better normals"
     )
-    return Shake(record, {REFERENCE: reference}, [StageWarning(warning, "camera")])
+    return Shake(record, {REFERENCE: reference}, [StageWarning(warning, "camera", STABILIZED_ERROR_DEG)])
 
 
 class StabilizedFootage:

@@ -6,6 +6,7 @@ the object ("data capture range", section 3 of Yeung et al. 2009). The cap is ma
 projection, in which densities can be compared.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -23,6 +24,14 @@ LIGHT_BANDS_DEG = ((0.0, 30.0), (30.0, 60.0), (60.0, 90.0))
 """Rings of light directions, by their angle from the camera axis, in which gaps are named."""
 CENTRAL_BAND_DEG = 20.0
 """Angle from the camera axis of the lights around the camera."""
+MIN_SWEEP_FRAMES = 100
+"""Frames below which a capture is a set of photographs, each with a light of its own, and no sweep."""
+GAP_SPACINGS = 1.5
+"""Distance from the nearest half vector, relative to the spacing of as many evenly spread ones, from which a normal
+belongs to a gap: twelve photographs are not expected to cover what a sweep does."""
+EXTRAPOLATED_ERROR_DEG = 11.0
+"""Usual error in degrees of normals that no light could show: root mean square beyond 42 degrees from the view vector
+on the six simulated captures of docs/evaluation.md."""
 MIN_EMPTY_SHARE = 0.5
 """Share of a sector's area without light from which it counts as a gap."""
 
@@ -41,10 +50,14 @@ class Gap:
     share: float
 
     def __str__(self) -> str:
-        """Describe the gap and its remedy."""
+        """Describe the gap."""
         position = "around the camera" if self.side == "centre" else f"from the {self.side}"
-        angle = f"{self.inner_deg:.0f}-{self.outer_deg:.0f} degrees from the camera axis"
-        return f"no light {position}, {angle} ({self.share:.0%} of the normals): record again with the light there"
+        return f"{position}, {self.angles}"
+
+    @property
+    def angles(self) -> str:
+        """Its angles from the camera axis in words."""
+        return f"{self.inner_deg:.0f}-{self.outer_deg:.0f} degrees from the camera axis"
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +74,23 @@ class Coverage:
     covered_shares: dict[float, float]
     gaps: tuple[Gap, ...]
     frames: int
+
+
+def gaps_message(gaps: Sequence[Gap]) -> str:
+    """Return one sentence about all gaps and their remedy; sides with the same angles are named together."""
+    sides: dict[str, list[str]] = {}
+    for gap in gaps:
+        sides.setdefault(gap.angles, []).append("around the camera" if gap.side == "centre" else f"the {gap.side}")
+    if any(len(names) == len(SIDES) for names in sides.values()):
+        sides = {angles: ["any side"] if len(names) == len(SIDES) else names for angles, names in sides.items()}
+    parts = [f"{_joined(names)}, {angles}" for angles, names in sides.items()]
+    share = sum(gap.share for gap in gaps)
+    text = "; ".join(part if part.startswith("around") else f"from {part}" for part in parts)
+    return f"no light {text} ({share:.0%} of the normals that can be observed): record again with the light there too"
+
+
+def _joined(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def cap_directions(size: int) -> np.ndarray:
@@ -109,13 +139,17 @@ def coverage(
         degrees: angles at which `Coverage.covered_shares` is given.
         size: edge of the density map in pixels.
         bandwidth: standard deviation in degrees of the Gaussian that smooths the density.
-        gap_distance: degrees from the nearest half vector beyond which a normal belongs to a gap.
+        gap_distance: degrees from the nearest half vector beyond which a normal belongs to a gap; more where there are
+            so few half vectors that even evenly spread ones would lie farther from each other (GAP_SPACINGS).
         min_gap_share: share of the cap below which a gap is not reported.
     """
     directions = cap_directions(size)
     inside = np.isfinite(directions[..., 0])
     accepted = half_vectors[np.isfinite(half_vectors).all(axis=-1)].astype(np.float64)
     distance = nearest_half_vector_deg(directions, accepted)
+    cap_deg2 = np.pi * np.degrees(CAP_MAP_RADIUS) ** 2
+    spacing = np.sqrt(cap_deg2 / (np.pi * max(len(accepted), 1)))
+    gap_distance = max(gap_distance, float(GAP_SPACINGS * spacing))
     return Coverage(
         _density(directions, accepted, bandwidth),
         {limit: float((distance[inside] <= limit).mean()) for limit in degrees},

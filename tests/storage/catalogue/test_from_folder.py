@@ -71,7 +71,23 @@ def test_several_videos_in_one_folder_each_have_their_own(tmp_path: Path, view: 
     assert first.truth is None
 
 
-@pytest.mark.parametrize("inside", [".", "frames", "images"])
+@pytest.mark.parametrize("place", ["dirs.lp", "JPG/dirs.lp", "assembly-files/vase_highlight.lp"])
+def test_lights_lie_beside_the_folder_of_the_images_or_in_it(tmp_path: Path, place: str) -> None:
+    write_images(tmp_path / "vase" / "JPG", FRAMES)
+    _touch(tmp_path / "vase", place)
+    capture = _only(from_folder(tmp_path))
+    assert (capture.id, capture.lights) == ("front", str(tmp_path / "vase" / place))
+    with open_footage(capture.frames) as footage:
+        assert footage.count == len(FRAMES)
+
+
+def test_of_two_files_of_lights_none_is_taken(tmp_path: Path) -> None:
+    write_images(tmp_path / "vase" / "jpg", FRAMES)
+    _touch(tmp_path / "vase", "jpg/a.lp", "assembly-files/b.lp")
+    assert _only(from_folder(tmp_path)).lights is None
+
+
+@pytest.mark.parametrize("inside", [".", "frames", "images", "jpeg-exports"])
 def test_images_are_a_pattern_that_leaves_out_what_is_no_frame(tmp_path: Path, inside: str) -> None:
     write_images(tmp_path / "duck" / inside, FRAMES)
     write_images(tmp_path / "duck", FRAMES[:1], "duck_mask.png")

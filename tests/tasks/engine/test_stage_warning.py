@@ -13,3 +13,13 @@ def test_a_warning_survives_json() -> None:
 def test_the_dearest_warning_comes_first_and_equals_keep_their_order() -> None:
     warnings = [StageWarning("a", "video"), StageWarning("b", "sphere", 7.0), StageWarning("c", "light")]
     assert [str(warning) for warning in by_cost(warnings)] == ["b", "a", "c"]
+
+
+def test_warnings_of_one_cause_are_one_line_with_the_highest_cost() -> None:
+    warnings = [
+        StageWarning("a", "sphere", 1.0),
+        StageWarning("b", "mask", 2.0),
+        StageWarning("c", "sphere", 3.0),
+        StageWarning("c", "sphere", 3.0),
+    ]
+    assert by_cost(warnings) == [StageWarning("c; a", "sphere", 3.0), StageWarning("b", "mask", 2.0)]

@@ -1,7 +1,14 @@
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.lighting.coverage import cap_directions, coverage, is_observable
+from glint.tasks.algorithms.lighting.coverage import (
+    SIDES,
+    Gap,
+    cap_directions,
+    coverage,
+    gaps_message,
+    is_observable,
+)
 from tests.tasks.algorithms.lighting.light_sweep import sweep
 
 
@@ -33,7 +40,7 @@ def test_density_counts_frames_per_square_degree():
 def test_a_missing_side_is_named(axis, sign, side):
     result = coverage(sweep(8000, lambda lights: sign * lights[:, axis] > -0.2))
     assert result.gaps[0].side == side
-    assert side in str(result.gaps[0]) and "record again" in str(result.gaps[0])
+    assert side in str(result.gaps[0])
     opposite = {"left": "right", "right": "left", "top": "bottom", "bottom": "top"}[side]
     assert opposite not in {gap.side for gap in result.gaps}
 
@@ -46,6 +53,26 @@ def test_a_missing_corner_is_named_with_its_angles():
 
     gap = coverage(sweep(8000, keep)).gaps[0]
     assert (gap.side, gap.inner_deg, gap.outer_deg) == ("upper left", 30.0, 60.0)
+
+
+def test_all_gaps_are_one_sentence():
+    gaps = [Gap("left", 30, 90, 0.1), Gap("bottom", 30, 90, 0.08), Gap("top", 60, 90, 0.02)]
+    assert gaps_message(gaps) == (
+        "no light from the left and the bottom, 30-90 degrees from the camera axis; from the top, 60-90 degrees from"
+        " the camera axis (20% of the normals that can be observed): record again with the light there too"
+    )
+    around = [Gap(side, 60, 90, 0.05) for side in SIDES]
+    assert gaps_message(around).startswith("no light from any side, 60-90 degrees from the camera axis (40%")
+    assert gaps_message([Gap("centre", 0, 20, 0.1)]).startswith("no light around the camera, 0-20 degrees")
+
+
+def test_twelve_evenly_spread_lights_leave_no_gap_and_twelve_on_a_side_do():
+    ring = [(polar, azimuth) for polar, count in ((15, 3), (36, 9)) for azimuth in np.arange(count) * 360 / count]
+    polar, azimuth = np.radians(ring).T
+    half = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=-1)
+    assert coverage(half).gaps == ()
+    half[:, 0] = np.abs(half[:, 0])
+    assert {gap.side for gap in coverage(half).gaps} >= {"left"}
 
 
 def test_rejected_frames_do_not_count():

@@ -1,0 +1,60 @@
+"""Check the small files of captures before any frame is decoded, so that all mistakes in them are reported at once."""
+
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+
+from glint.storage.catalogue.models import Capture
+from glint.storage.errors import InputError
+from glint.storage.footage.images import SUFFIXES
+from glint.storage.inputs.lp_file import read_lights
+from glint.storage.inputs.markup import check_markup
+from glint.storage.locations.input_files import expand, locate
+
+READERS = 16
+"""Captures whose files are read side by side: an object store takes its time for each."""
+
+
+def input_errors(captures: Iterable[Capture]) -> list[list[InputError]]:
+    """Return what is wrong with the `.lp` file and the annotations of each capture, in order; empty: nothing.
+
+    Images are listed, so that their names and number are compared with the rows; a video's length is not known yet.
+
+    Raises:
+        StoreError: an object store cannot be read.
+    """
+    with ThreadPoolExecutor(READERS) as pool:
+        return list(pool.map(_input_errors, captures))
+
+
+def check_inputs(capture: Capture) -> None:
+    """Check the `.lp` file and the annotations of a capture.
+
+    Raises:
+        InputError: with all that is wrong with them.
+    """
+    errors = _input_errors(capture)
+    if errors:
+        raise InputError("; ".join(error.message for error in errors), "; ".join(error.remedy for error in errors))
+
+
+def _input_errors(capture: Capture) -> list[InputError]:
+    if capture.lights is None and capture.markup is None:
+        return []
+    errors: list[InputError] = []
+    names: tuple[str, ...] = ()
+    try:
+        files = expand(locate(capture.frames), SUFFIXES)
+        names = () if files is None else tuple(file.name for file in files)
+    except InputError as error:
+        errors.append(error)
+    try:
+        if capture.lights is not None:
+            read_lights(capture.lights, names)
+    except InputError as error:
+        errors.append(error)
+    try:
+        if capture.markup is not None:
+            check_markup(capture.markup, len(names) or None)
+    except InputError as error:
+        errors.append(error)
+    return errors
