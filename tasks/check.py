@@ -1,25 +1,31 @@
 """Check: whether a capture can be processed, how well the lights cover it, what to record again; before long stages."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from glint.storage.errors import InputError
 from glint.storage.footage.source import open_footage
 from glint.storage.frames.cache import FrameCache
+from glint.storage.inputs.preflight import check_inputs
+from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.frames.keyframes import keyframes
 from glint.tasks.algorithms.geometry.perspective import half_vectors_on_axis, rotate_from_view
 from glint.tasks.algorithms.lighting.coverage import is_observable
+from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.prior.silhouette import initial_normals
 from glint.tasks.engine.capture_context import CaptureContext
-from glint.tasks.engine.stage import perform, stage_keys
+from glint.tasks.engine.stage import StageRecord, perform, stage_keys
 from glint.tasks.engine.stage_warning import StageWarning, by_cost
-from glint.tasks.figures.check_pictures import write_check_pictures
+from glint.tasks.figures.check_pictures import write_check_pictures, write_failure_picture
 from glint.tasks.pipeline import STAGES, stages_until
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.frames import open_frames
+from glint.tasks.stages.stabilization import SAMPLED_FRAMES
+from glint.tasks.verdict import OVERVIEW, Verdict, failure_verdict, verdict
 
 LAST_STAGE = "thresholds"
 MAX_HIGHLIGHT_ANGLE_DEG = 3.0
@@ -33,32 +39,44 @@ class Check:
     """What a check measured.
 
     frames, and lights: frames with a light; could, observed: shares of the object on which a highlight could be and was
-    seen; spheres: as text; warnings: the dearest first; pictures: the files that were written.
+    seen; spheres: as text; warnings: one for each cause, the dearest first; failure: why the capture cannot be
+    processed, with the remedy, empty if it can, and None or nothing stands for what is then not known; picture: the one
+    to look at; pictures: all that were written.
     """
 
     name: str
-    frames: int
-    lights: int
-    could: float
-    observed: float
+    verdict: Verdict
+    frames: int | None
+    lights: int | None
+    could: float | None
+    observed: float | None
     spheres: tuple[str, ...]
     warnings: tuple[StageWarning, ...]
+    picture: Path | None
     pictures: tuple[Path, ...]
     seconds: float
+    failure: str = ""
 
 
 def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int | None], None]) -> Check:
     """Perform the stages up to the thresholds, which `glint run` will not repeat, and compare frames with them.
 
-    out: folder for the pictures coverage.png, overview.png and keyframe_<frame>.png. progress(stage, done, total).
+    out: folder for the pictures coverage.png, overview.png and keyframe_<frame>.png; of a capture that cannot be
+    processed overview.png alone. progress(stage, done, total).
 
     Raises:
-        InputError, StoreError, UnusableCapture: the capture cannot be processed.
+        StoreError: the store fails.
     """
-    keys = stage_keys(context, STAGES)
-    records = [
-        perform(context, stage, keys[stage.name], partial(progress, stage.name)) for stage in stages_until(LAST_STAGE)
-    ]
+    records: list[StageRecord] = []
+    stage = ""
+    try:
+        check_inputs(context.capture)
+        keys = stage_keys(context, STAGES)
+        for declared in stages_until(LAST_STAGE):
+            stage = declared.name
+            records.append(perform(context, declared, keys[stage], partial(progress, stage)))
+    except (InputError, UnusableCapture) as error:
+        return _failed(context, records, failure_verdict(stage, error), f"{error.message}: {error.remedy}", out)
     cache, geometry = open_frames(context), load_geometry(context)
     mask, half_vectors = context.load("mask").read("mask"), context.load("lights").read("half_vectors")
     observed, lit = _lit(cache, context.load("thresholds").read("thresholds"), half_vectors, progress)
@@ -75,17 +93,47 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
         {frame: cache.read(OBJECT, slice(frame, frame + 1))[0] for frame in keyframes(half_vectors, lit)},
         out,
     )
+    warnings = by_cost(warning for record in records for warning in record.warnings)
+    could_share, observed_share = float(could.mean()), float(observed[mask].mean())
+    judged = verdict(warnings, could_share, observed_share, cache.frames)
     return Check(
         name=context.name,
+        verdict=judged,
         frames=cache.frames,
         lights=int(np.isfinite(half_vectors[:, 0]).sum()),
-        could=float(could.mean()),
-        observed=float(observed[mask].mean()),
-        spheres=tuple(f"x {sphere.x:.1f}, y {sphere.y:.1f}, radius {sphere.radius:.1f}" for sphere in geometry.spheres),
-        warnings=tuple(by_cost(warning for record in records for warning in record.warnings)),
+        could=could_share,
+        observed=observed_share,
+        spheres=_texts(geometry.spheres),
+        warnings=tuple(warnings),
+        picture=next((path for path in pictures if path.stem == judged.picture), pictures[0]),
         pictures=pictures,
         seconds=sum(record.seconds for record in records),
     )
+
+
+def _failed(context: CaptureContext, records: Sequence[StageRecord], judged: Verdict, failure: str, out: Path) -> Check:
+    """Return the check of a capture that cannot be processed, with a picture of what is known of it."""
+    spheres = tuple(Sphere(sphere.x, sphere.y, sphere.radius) for sphere in context.capture.spheres)
+    region = context.capture.region
+    if records:
+        geometry = load_geometry(context)
+        spheres, region = geometry.spheres, geometry.region
+    picture: Path | None = out / f"{OVERVIEW}.png"
+    try:
+        write_failure_picture(_brightest_frame(context), region, spheres, out / f"{OVERVIEW}.png")
+    except InputError:
+        picture = None
+    warnings = by_cost(warning for record in records for warning in record.warnings)
+    pictures = () if picture is None else (picture,)
+    seconds = sum(record.seconds for record in records)
+    return Check(
+        context.name, judged, None, None, None, None, _texts(spheres), tuple(warnings), picture, pictures, seconds,
+        failure,
+    )  # fmt: skip
+
+
+def _texts(spheres: Sequence[Sphere]) -> tuple[str, ...]:
+    return tuple(f"x {sphere.x:.1f}, y {sphere.y:.1f}, radius {sphere.radius:.1f}" for sphere in spheres)
 
 
 def _lit(
@@ -103,6 +151,14 @@ def _lit(
         lit[start : start + FRAMES_READ] = above.sum(axis=(1, 2))
         progress("highlights", min(start + FRAMES_READ, cache.frames), cache.frames)
     return observed, lit
+
+
+def _brightest_frame(context: CaptureContext) -> np.ndarray:
+    """Return the maximum (H, W) of some frames spread over the footage, in which highlights and spheres show."""
+    video = context.file("frames")
+    assert video is not None
+    with open_footage(video) as footage:
+        return np.max(footage.spread(SAMPLED_FRAMES), axis=0)
 
 
 def _first_frame(context: CaptureContext) -> np.ndarray:

@@ -20,8 +20,8 @@ ORDER = {
     "glint.flows": "cli deployments pipeline reporting runtime results errors",
     "glint.storage": "inbox maintenance export versions locking frames inputs catalogue footage locations fsync errors",
     "glint.tasks": (
-        "check memory up_to_date publish warm_up robustness evaluation simulation pipeline model stages figures engine"
-        " version_diff code_provenance"
+        "check verdict memory up_to_date publish warm_up robustness evaluation simulation pipeline model stages figures"
+        " engine version_diff code_provenance"
     ),
     "glint.tasks.algorithms": (
         "simulation evaluation registration multiview labelling frames prior meshing candidates integration lighting"

@@ -24,6 +24,7 @@ def check(
 ) -> None:
     """Check captures before the long stages: spheres, lights, coverage, and what to record again."""
     from glint.flows.errors import USER_ERRORS
+    from glint.flows.pipeline.preflight import report_input_errors
     from glint.flows.reporting.console import open_console
     from glint.flows.reporting.events import CaptureEnded, CaptureFailed
     from glint.storage.locations.conditional_writes import check_conditional_writes
@@ -31,30 +32,31 @@ def check(
     from glint.tasks.check import check as check_capture
     from glint.tasks.engine.references import CaptureReference, chosen_captures, load_catalogue
 
-    chosen = chosen_captures(load_catalogue(file).objects, only or ())
+    catalogue, failed = load_catalogue(file), False
+    chosen = chosen_captures(catalogue.objects, only or ())
     place = Location.parse(chosen_store(store))
     check_conditional_writes(place)
-    checks, failed = list["Check"](), 0
+    checks = list["Check"]()
     with open_console(as_json) as console:
+        report_input_errors(catalogue, chosen, console)
         for object_id, capture_id in ((name, capture) for name, captures in chosen.items() for capture in captures):
             reference = CaptureReference(Location.parse(file).uri, object_id, capture_id, place.uri, "check")
             name = str(reference)
             try:
                 result = check_capture(reference.context(), out / object_id / capture_id, _progress(console, name))
             except USER_ERRORS as error:
-                failed += 1
                 console.emit(CaptureFailed(name, str(error)))
-            else:
-                checks.append(result)
-                console.emit(CaptureEnded(name, result.seconds))
+                failed = True
+                continue
+            checks.append(result)
+            ended = CaptureFailed(name, result.failure) if result.failure else CaptureEnded(name, result.seconds)
+            console.emit(ended)
     if as_json:
-        pictures = [[str(path) for path in result.pictures] for result in checks]
-        lines = [asdict(result) | {"pictures": paths} for result, paths in zip(checks, pictures, strict=True)]
-        print_lines({"kind": "check", **line} for line in lines)
+        print_lines({"kind": "check", **asdict(result)} for result in checks)
     else:
         _print_checks(checks, out)
         typer.echo(f"next: glint run {file}{store_option(store)}")
-    sys.exit(1 if failed else 0)
+    sys.exit(1 if failed or any(result.failure for result in checks) else 0)
 
 
 def _progress(console: "Sink", capture: str) -> Callable[[str, int, int | None], None]:
@@ -77,11 +79,13 @@ def _print_checks(checks: "Sequence[Check]", out: Path) -> None:
     rows = [
         {
             "capture": result.name,
-            "frames": result.frames,
-            "lights": result.lights,
-            "observable": f"{result.could:.0%}",
-            "observed": f"{result.observed:.0%}",
-            "spheres": "; ".join(result.spheres) or "none (lights given)",
+            "frames": "" if result.frames is None else result.frames,
+            "lights": "" if result.lights is None else result.lights,
+            "observable": "" if result.could is None else f"{result.could:.0%}",
+            "observed": "" if result.observed is None else f"{result.observed:.0%}",
+            "spheres": "; ".join(result.spheres) or "none",
+            "look at": "" if result.picture is None else str(result.picture),
+            "verdict": str(result.verdict),
         }
         for result in checks
     ]
@@ -90,6 +94,5 @@ def _print_checks(checks: "Sequence[Check]", out: Path) -> None:
         for warning in result.warnings:
             typer.secho(f"{result.name}: {warning.message}", fg="yellow")
     if checks:
-        typer.echo("observable: share of the object where a light in front of it can cause a highlight")
-        typer.echo("observed: share of the object where a highlight was recorded")
         typer.echo(f"pictures (coverage, overview, keyframes to mark highlights on): {out}")
+        typer.echo("docs/commands.md explains the columns and the verdicts")

@@ -44,6 +44,14 @@ def write_check_pictures(
     return tuple(paths)
 
 
+def write_failure_picture(frame: np.ndarray, region: Region | None, spheres: Sequence[Sphere], path: Path) -> None:
+    """Write the picture of a capture that cannot be processed: a frame (H, W) with what is known of it."""
+    height, width = frame.shape
+    whole = Region(x=0, y=0, width=width, height=height)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_png(path, draw_overview(frame, region or whole, spheres, np.zeros((height, width), bool)))
+
+
 def draw_overview(frame: np.ndarray, region: Region, spheres: Sequence[Sphere], mask: np.ndarray) -> np.ndarray:
     """Draw region, silhouette and spheres into a frame (H, W) uint8 or uint16; the picture (H, W, 3) uint8."""
     grey = frame if frame.dtype == np.uint8 else (frame // 257).astype(np.uint8)
