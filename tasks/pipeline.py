@@ -65,7 +65,7 @@ STAGES = (
         },
         peak_bytes=_per_pixel(400),
         progress_unit="spheres",
-        version=3,
+        version=4,
     ),
     Stage(
         "mask",
@@ -133,7 +133,7 @@ STAGES = (
             "confidence": ArraySchema("HW", "f", "mask"),
         },
         peak_bytes=_per_pixel(900),
-        version=6,
+        version=7,
     ),
     Stage(
         "depth",

@@ -3,12 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy import ndimage
 
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view
 from glint.tasks.algorithms.labelling.confidence import with_input_doubt
 from glint.tasks.algorithms.labelling.dual_layer import reconstruct_dual_layer
+from glint.tasks.algorithms.labelling.light_evidence import light_evidence
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.labelling.results import FILLED, MARKED, OBSERVED, OUTSIDE, PROVENANCE, Reconstruction
 from glint.tasks.algorithms.labelling.weights import FieldWeights, GraphCutWeights
@@ -18,6 +20,8 @@ from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.clusters import faced, load_clusters
+from glint.tasks.stages.light_doubt import LightDoubt, doubt_lights
+from glint.tasks.stages.lights import FILE
 from glint.tasks.stages.markup import faced_marks, load_marks
 
 
@@ -32,8 +36,10 @@ def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
         inputs.parameters_of("silhouette"),
         view=load_geometry(inputs).view_vectors,
     )
-    mask = inputs.load("mask")
-    confidence = with_input_doubt(result.confidence, inputs.load("lights").read("half_vector_sd"), mask.read("doubt"))
+    mask, half_vector_sd = inputs.load("mask"), inputs.load("lights").read("half_vector_sd")
+    doubt = _light_doubt(inputs, result)
+    shared_sd = np.hypot(half_vector_sd, doubt.half_vector_sd)
+    confidence = with_input_doubt(doubt.share * result.confidence, shared_sd, mask.read("doubt"))
     names = {PROVENANCE[code]: int((result.provenance == code).sum()) for code in (OBSERVED, MARKED, FILLED)}
     confident = float((confidence[result.provenance != OUTSIDE] >= 0.5).mean())
     return StageOutput(
@@ -50,7 +56,21 @@ def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
             ],
         },
         counts={f"{name} pixels": count for name, count in names.items()} | {"confident share": round(confident, 4)},
+        warnings=doubt.warnings,
     )
+
+
+def _light_doubt(inputs: StageInputs, result: Reconstruction) -> LightDoubt:
+    """Return the doubt about lights of an `.lp` file; those that the spheres show have the axes of the video."""
+    mask, clusters, view = inputs.load("mask").read("mask"), load_clusters(inputs), load_geometry(inputs).view_vectors
+    if inputs.load("lights").record["source"] != FILE:
+        return LightDoubt(1.0, np.zeros(mask.shape, np.float32), ())
+    candidates, expected = clusters.normals, inputs.load("silhouette").read("initial")
+    if view is not None:
+        candidates, expected = rotate_to_view(candidates, view), rotate_to_view(expected, view)
+    inradius = float(ndimage.distance_transform_edt(np.pad(mask, 1)).max())
+    observed = mask & (clusters.observations > 0)
+    return doubt_lights(light_evidence(candidates, result.labels, expected, observed, inradius), result.normals)
 
 
 def reconstruct(

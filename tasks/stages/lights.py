@@ -36,6 +36,8 @@ from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import CaptureGeometry, load_geometry, sphere_name
 from glint.tasks.stages.frames import load_levels, open_frames, spread_shards
 
+SPHERES, FILE = "spheres", "file"
+"""Where the lights of a capture come from, as its record names it."""
 BLOCK_FRAMES = 1024
 """Frames whose highlights are measured at once."""
 NEAR_CAMERA_ERROR_DEG = 6.5
@@ -66,6 +68,7 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
     median, worst = inter_sphere_angles(result)
     sweep = coverage(result.half_vectors)
     record = {
+        "source": SPHERES if known is None else FILE,
         "reasons": list(REASONS),
         "coverage": {
             "within_degrees": {f"{limit:g}": round(share, 4) for limit, share in sweep.covered_shares.items()},
