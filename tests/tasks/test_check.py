@@ -1,0 +1,36 @@
+"""A check of a capture that can be processed, and of one that cannot."""
+
+from pathlib import Path
+
+import cv2
+import pytest
+
+from glint.tasks.check import check
+from tests.tasks.make_context import make_context
+
+
+def test_a_capture_has_a_verdict_and_its_picture(simulated: Path, tmp_path: Path) -> None:
+    result = check(make_context(simulated, tmp_path / "store"), tmp_path / "out", lambda *_: None)
+    assert result.failure == "" and result.frames == 300
+    assert result.verdict.word in ("good", "usable")
+    assert result.picture is not None and result.picture in result.pictures
+
+
+def test_a_failed_capture_has_a_verdict_and_a_picture(simulated: Path, tmp_path: Path) -> None:
+    work = make_context(simulated, tmp_path / "store", spheres=[{"x": 500.0, "y": 20.0, "radius": 22.0}])
+    result = check(work, tmp_path / "out", lambda *_: None)
+    assert result.verdict.word == "correct the catalogue" and "500.0" in result.failure
+    assert (result.frames, result.lights, result.could, result.observed) == (None,) * 4
+    assert result.picture == tmp_path / "out" / "overview.png"
+    picture = cv2.imread(str(result.picture))
+    assert picture is not None and picture.max() > 200, "highlights show in the brightest of the frames"
+
+
+@pytest.mark.parametrize("name", ["lights", "markup"])
+def test_a_wrong_file_is_found_before_anything_is_decoded(simulated: Path, tmp_path: Path, name: str) -> None:
+    (tmp_path / "wrong").write_text("12\nnonsense\n")
+    spheres: dict[str, object] = {"spheres": []} if name == "lights" else {}
+    work = make_context(simulated, tmp_path / "store", **{name: str(tmp_path / "wrong")}, **spheres)
+    stages: list[str] = []
+    result = check(work, tmp_path / "out", lambda stage, *_: stages.append(stage))
+    assert result.verdict.word == "correct the catalogue" and stages == []

@@ -1,0 +1,80 @@
+"""Verdicts follow from warnings, coverage and observed share."""
+
+import pytest
+
+from glint.storage.errors import InputError
+from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.engine.stage_warning import Cause, StageWarning
+from glint.tasks.verdict import failure_verdict, verdict
+
+GAP = StageWarning("no light from the left, 30-90 degrees: record again with the light there too", "coverage", 11.0)
+
+
+def _warning(cause: Cause, cost: float) -> StageWarning:
+    return StageWarning(f"the {cause} is wrong by 3: correct it", cause, cost)
+
+
+def test_a_capture_without_fault_is_good() -> None:
+    judged = verdict([], 0.98, 0.85, 2000)
+    assert (str(judged), judged.picture) == ("good", "overview")
+
+
+@pytest.mark.parametrize(
+    ("cause", "word"),
+    [
+        ("sphere", "needs a sphere"),
+        ("mask", "needs a mask"),
+        ("camera", "needs the camera's matrix"),
+        ("light", "record again"),
+        ("video", "record again"),
+        ("highlights", "record again"),
+    ],
+)
+def test_what_costs_more_than_the_tolerance_is_to_be_corrected(cause: Cause, word: str) -> None:
+    assert str(verdict([_warning(cause, 6.0)], 0.98, 0.85, 2000)) == f"{word}: the {cause} is wrong by 3"
+    assert verdict([_warning(cause, 3.0)], 0.98, 0.85, 2000).word == "usable"
+    assert verdict([_warning(cause, 0.5)], 0.98, 0.85, 2000).word == "good"
+
+
+def test_the_dearest_warning_decides() -> None:
+    judged = verdict([_warning("mask", 6.0), GAP, _warning("sphere", 9.0)], 0.98, 0.2, 2000)
+    assert judged.word == "needs a sphere"
+
+
+@pytest.mark.parametrize(("observed", "word"), [(0.2, "record again"), (0.5, "usable"), (0.8, "good")])
+def test_a_sweep_is_judged_by_what_was_observed(observed: float, word: str) -> None:
+    judged = verdict([], 0.9, observed, 2000)
+    assert judged.word == word
+    assert word == "good" or (f"{observed:.0%}" in judged.reason and judged.picture == "coverage")
+
+
+def test_a_gap_leaves_a_capture_usable() -> None:
+    judged = verdict([GAP], 0.8, 0.7, 2000)
+    assert (judged.word, judged.reason, judged.picture) == (
+        "usable",
+        "no light from the left, 30-90 degrees",
+        "coverage",
+    )
+
+
+def test_twelve_photographs_are_no_failed_sweep() -> None:
+    assert verdict([], 0.3, 0.1, 12).word == "usable"
+
+
+@pytest.mark.parametrize(
+    ("stage", "message", "word"),
+    [
+        ("survey", "no chrome sphere found in a frame of 300 x 200", "needs a sphere"),
+        ("survey", "no highlight in 600 frames", "needs a mask"),
+        ("mask", "nothing looks like the object", "needs a mask"),
+        ("lights", "1 of 600 frames has a light before the object", "record again"),
+        ("thresholds", "the object shows no highlights", "record again"),
+    ],
+)
+def test_a_failed_stage_says_what_is_missing(stage: str, message: str, word: str) -> None:
+    judged = failure_verdict(stage, UnusableCapture(message, "do something"))
+    assert (judged.word, judged.reason) == (word, message)
+
+
+def test_an_unusable_file_is_to_be_corrected() -> None:
+    assert failure_verdict("", InputError("lights.lp:3: 'x' is no light", "write")).word == "correct the catalogue"
