@@ -18,6 +18,7 @@ from glint.storage.versions.array_schema import ArraySchema
 from glint.tasks.algorithms.simulation.options import CaptureOptions
 from glint.tasks.engine.parameters import FORMER_NAMES, Parameters
 from glint.tasks.pipeline import STAGES
+from glint.tasks.robustness.matrix_report import matrix_lines
 
 ROOT = Path(__file__).parents[1]
 FIGURES_FILE = ROOT / "docs" / "evaluation.json"
@@ -194,6 +195,11 @@ def degraded(_: str) -> str:
     return table(("defect", *heads, "confidence >= 0.95, of these within 5°"), rows)
 
 
+def perturbed(_: str) -> str:
+    """Return the matrix of perturbed inputs."""
+    return "\n".join(matrix_lines(figures()["perturbed"])) + "\n"
+
+
 def labelling(_: str) -> str:
     """Return the evaluation's table of the labelling with an ingredient switched off."""
     errors = figures()["labelling"]
@@ -262,6 +268,7 @@ TABLES: Mapping[str, Callable[[str], str]] = {
     "degrees": degrees,
     "depth-and-confidence": depth_and_confidence,
     "degraded": degraded,
+    "perturbed": perturbed,
     "labelling": labelling,
     "sweep-length": sweep_length,
     "simulation-options": simulation_options,

@@ -1,4 +1,4 @@
-"""Degraded captures: simulated once each, and evaluated by `glint evaluate --degraded --ablation`."""
+"""Degraded and perturbed captures, evaluated from the command line."""
 
 import json
 import os
@@ -83,3 +83,27 @@ def test_degraded_captures_are_evaluated_from_the_command_line(tmp_path: Path, h
     table = (tmp_path / "out" / "evaluation.md").read_text()
     assert "| one candidate | " in table and "hemisphere-perspective/front" in table
     assert {"evaluation.png", "reliability.png"} <= {path.name for path in (tmp_path / "out").iterdir()}
+
+
+@pytest.mark.server
+def test_inputs_are_perturbed_from_the_command_line(tmp_path: Path, home: Path) -> None:
+    """The command as it is, on one small shape and a share of the perturbations."""
+    code = (
+        "import sys, glint.flows.cli.main as m, glint.tasks.robustness.matrix as x;"
+        "e = sys.modules['glint.flows.cli.evaluate'];"
+        f"e.PERTURBED_QUICK_OPTIONS = {SMALL!r}; x.QUICK = ('as-it-is', 'sphere-found', 'light-at-10-widths'); m.main()"
+    )
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(("PREFECT", "GLINT"))}
+    environment |= {"GLINT_HOME": str(home), "PYTHONPATH": str(ROOT)}
+    words = ["evaluate", "--perturbed", "--quick", "--out", "out", "--only", "hemisphere/light-*"]
+    done = subprocess.run(
+        [sys.executable, "-c", code, *words], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=200
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    matrix = json.loads((tmp_path / "out" / "perturbed.json").read_text())
+    assert list(matrix) == ["as-it-is", "light-at-10-widths"]
+    assert matrix["light-at-10-widths"]["hemisphere"]["error_deg"] < 30.0
+    assert "| light at 10 widths | " in done.stdout
+    assert (tmp_path / "out" / "perturbed.md").read_text().startswith("| perturbation | hemisphere |")
+    entries = load(tmp_path / "out" / "perturbed" / "catalogue.yaml").object("hemisphere").captures
+    assert [entry.id for entry in entries] == list(matrix)
