@@ -102,6 +102,7 @@ def history_rows(store: str, object_id: str) -> list[dict[str, Any]]:
             "published": version.time.isoformat(timespec="seconds"),
             "captures": ", ".join(version.stages),
             "glint": version.metadata.get("glint", ""),
+            "catalogue": version.metadata.get("catalogue", ""),
             "message": version.message,
         }
         for version in repository.history()

@@ -27,7 +27,15 @@ _REBUILD = "run again: the frames are taken from the video or images anew"
 
 
 class DamagedFrames(StoreError):
-    """Cached frames are not those that were written; the cache can be removed and filled again."""
+    """Cached frames are not those that were written; the cache, `digest`, can be removed and filled again."""
+
+    def __init__(self, message: str, remedy: str = _REBUILD, digest: str = "") -> None:
+        super().__init__(message, remedy)
+        self.digest = digest
+
+    def __reduce__(self) -> Any:
+        """Pickle all fields."""
+        return type(self), (self.message, self.remedy, self.digest)
 
 
 def cache_digest(footage: str, crops: Mapping[str, Region]) -> str:
@@ -50,9 +58,9 @@ class FrameCache:
         attributes: dict[str, Any] = dict(group.attrs)
         try:
             if attributes["layout"] != LAYOUT_VERSION:
-                raise DamagedFrames(f"the frames at {location.uri} have layout {attributes['layout']}", _REBUILD)
+                raise DamagedFrames(f"the frames at {location.uri} have layout {attributes['layout']}", digest=digest)
             if not is_sealed(attributes) or attributes["name"] != digest:
-                raise DamagedFrames(f"the attributes of the frames at {location.uri} are damaged", _REBUILD)
+                raise DamagedFrames(f"the attributes of the frames at {location.uri} are damaged", digest=digest)
             self.frames = int(cast(int, attributes["frames"]))
             self.total = cast("int | None", attributes["total"])
             self.bits = int(cast(int, attributes["bits"]))
@@ -64,7 +72,7 @@ class FrameCache:
             self.checksums: dict[str, str] = attributes["checksums"]
             self._metadata: dict[str, str] = attributes["arrays"]
         except (KeyError, TypeError, ValueError) as error:
-            raise DamagedFrames(f"the attributes of the frames at {location.uri} are damaged", _REBUILD) from error
+            raise DamagedFrames(f"the attributes of the frames at {location.uri} are damaged", digest=digest) from error
         self._store = ShardStore(location.zarr_store(read_only=True), chunks_of(self.crops), self.checksums)
 
     @property
@@ -87,7 +95,9 @@ class FrameCache:
             except FileNotFoundError as error:
                 raise StoreError(f"there are no frames at {folder.uri}", "run the capture's frames first") from error
             except (ValueError, TypeError, LookupError) as error:
-                raise DamagedFrames(f"the attributes of the frames at {folder.uri} are damaged", _REBUILD) from error
+                raise DamagedFrames(
+                    f"the attributes of the frames at {folder.uri} are damaged", digest=digest
+                ) from error
 
     @classmethod
     def ingest(
@@ -117,8 +127,8 @@ class FrameCache:
             cache = cls(folder, digest, group)
             if not cache.complete:
                 writer = write_frames(folder, group, footage, crops, cache.frames, progress)
-                # The digest is that of the files as they were: frames of others are not kept under it.
-                if source() != stamps:
+                if not _is_same(source, stamps):
+                    # The cache is named by the files as they were: frames of others must not stay in it.
                     group.attrs.clear()
                     raise InputError(f"{footage.uri} changed while it was read", "run again once it is complete")
                 writer.finish(list(footage.warnings))
@@ -142,7 +152,8 @@ class FrameCache:
                     self._arrays[name] = self._open(name)
                 return np.asarray(self._arrays[name][index])
             except (LookupError, ValueError, TypeError, RuntimeError, FileNotFoundError, ExceptionGroup) as error:
-                raise DamagedFrames(f"the frames of {name} at {self.location.uri} are damaged", _REBUILD) from error
+                message = f"the frames of {name} at {self.location.uri} are damaged"
+                raise DamagedFrames(message, digest=self.digest) from error
 
     def _open(self, name: str) -> Any:
         """Open an array, if it is the one that was created.
@@ -158,3 +169,10 @@ class FrameCache:
         if metadata_digests(group, {name: crop}) != {name: self._metadata[name]}:
             raise ValueError(f"the metadata of {name} is not what was written")
         return array
+
+
+def _is_same(source: Callable[[], Any], stamps: Any) -> bool:
+    try:
+        return bool(source() == stamps)
+    except InputError:
+        return False

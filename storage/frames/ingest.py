@@ -81,11 +81,10 @@ def open_group(folder: Location, footage: Footage, crops: Mapping[str, Region], 
         group = zarr.open_group(store, mode="r+", use_consolidated=False)
         stored = dict(group.attrs)
         is_ours = is_sealed(stored) and all(stored.get(key) == value for key, value in attributes.items())
-        if is_ours and stored["arrays"] == metadata_digests(group, crops):
-            if stored["total"] is not None or stored["source"] == source:
-                return zarr.open_group(
-                    ShardStore(store, chunks, stored["checksums"]), mode="r+", use_consolidated=False
-                )
+        is_current = is_ours and (stored["total"] is not None or stored["source"] == source)
+        if is_current and stored["arrays"] == metadata_digests(group, crops):
+            verified = ShardStore(store, chunks, stored["checksums"])
+            return zarr.open_group(verified, mode="r+", use_consolidated=False)
     except (FileNotFoundError, ValueError, TypeError, KeyError):
         pass
     group = zarr.open_group(ShardStore(store, chunks, {}), mode="w", use_consolidated=False)

@@ -7,9 +7,10 @@ is read is what was written, or an error.
 """
 
 import hashlib
-from collections.abc import AsyncIterator, Iterable, Mapping, Sequence
+from collections.abc import AsyncIterator, Iterable, Iterator, Mapping, Sequence
 
 import icechunk
+import zarr
 from zarr.abc.store import ByteRequest, OffsetByteRequest, RangeByteRequest, Store, SuffixByteRequest
 from zarr.core.buffer import Buffer, BufferPrototype
 from zarr.storage import WrapperStore
@@ -100,6 +101,33 @@ class VerifiedStore(WrapperStore[Store]):
         is_file = parts[0] == "files" and len(parts) > 2
         label = f"file {parts[1]!r}" if is_file else f"array {parts[0]!r}"
         return damaged(f"{label} of {self._owner}", f"{'/'.join(parts[1 + is_file :])} {problem}", self._object_id)
+
+
+class VerifiedArrays(Mapping[str, zarr.Array]):
+    """Arrays of a group by name, each opened when it is asked for."""
+
+    def __init__(self, store: VerifiedStore, path: str, names: Iterable[str]) -> None:
+        self._store, self._path, self._names, self._arrays = store, path, list(names), dict[str, zarr.Array]()
+
+    def __getitem__(self, name: str) -> zarr.Array:
+        """Return an array.
+
+        Raises:
+            KeyError: there is none; DamagedError: its metadata is damaged.
+        """
+        if name not in self._arrays:
+            if name not in self._names:
+                raise KeyError(name)
+            self._arrays[name] = zarr.open_array(self._store, path=f"{self._path}/{name}", mode="r", zarr_format=3)
+        return self._arrays[name]
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield the names."""
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        """Return their number."""
+        return len(self._names)
 
 
 def _slice_of(byte_range: ByteRequest, size: int) -> slice:

@@ -220,7 +220,7 @@ def _replacements(repository: icechunk.Repository, object_id: str, current: Vers
 
 
 def _check_capture(store: Any, object_id: str, capture: str, required: Sequence[str], schemas: Schemas) -> None:
-    results = read_capture(store, object_id, capture, stage_attributes(store, capture))
+    results = read_capture(store, object_id, capture)
     violations = schema_violations(results, schemas, () if capture == WHOLE_OBJECT else required)
     if violations or not results:
         raise StoreError(

@@ -42,7 +42,7 @@ from glint.storage.versions.stage_results import (
 from glint.storage.versions.stage_writer import write_stage
 from glint.storage.versions.transaction import transaction
 
-icechunk.set_logs_filter("error")
+icechunk.set_logs_filter("off")  # what it logs it also raises
 
 NO_SCHEMAS: Schemas = MappingProxyType({})
 
@@ -150,8 +150,7 @@ class ObjectRepository:
             version = self._version_at(ref)
             if version is not None:
                 return snapshots.version_results(self._repository, self.object_id, version, capture)
-            store = self._store(ref)
-            return read_capture(store, self.object_id, capture, stage_attributes(store, capture))
+            return read_capture(self._store(ref), self.object_id, capture)
 
     def captures(self, ref: str = "work") -> list[str]:
         """Return the captures that have a result, sorted, without WHOLE_OBJECT."""

@@ -1,5 +1,6 @@
 """Branches, tags and snapshots of an object's icechunk repository: opening it, and reading its versions."""
 
+import json
 import re
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
@@ -151,7 +152,8 @@ def version_of(repository: icechunk.Repository, object_id: str, snapshot_id: str
         DamagedError: its record is not what was written.
     """
     snapshot = repository.lookup_snapshot(snapshot_id)
-    record: dict[str, Any] = snapshot.metadata
+    # The library gives the keys in any order.
+    record: dict[str, Any] = json.loads(json.dumps(snapshot.metadata, sort_keys=True))
     if "version" not in record:
         return None
     if not is_sealed(record) or record["object"] != object_id or snapshot.id != snapshot_id:
@@ -174,10 +176,9 @@ def version_results(
     Raises:
         DamagedError: one is damaged, missing or another.
     """
-    present = version.stages.get(capture, {})
-    chosen = [stage for stage in present if stages is None or stage in stages]
-    store = read_session(repository, version.snapshot).store
-    return read_capture(store, object_id, capture, chosen, version.name, version.seals.get(capture, {}))
+    seals = version.seals.get(capture, {})
+    chosen = {stage: seal for stage, seal in seals.items() if stages is None or stage in stages}
+    return read_capture(read_session(repository, version.snapshot).store, object_id, capture, version.name, chosen)
 
 
 @contextmanager

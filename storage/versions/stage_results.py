@@ -6,9 +6,9 @@ commit: a version holds whole results. All that is read is verified, see `checks
 
 import hashlib
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import zarr
@@ -16,7 +16,7 @@ from zarr.errors import GroupNotFoundError
 
 from glint.storage.errors import StoreError, damaged
 from glint.storage.inputs.digests import SEAL, is_sealed
-from glint.storage.versions.checksums import VerifiedStore
+from glint.storage.versions.checksums import VerifiedArrays, VerifiedStore
 
 WHOLE_OBJECT = "_object"
 """Takes the place of a capture for results of the whole object, such as its model; no capture can have this name."""
@@ -66,8 +66,8 @@ class StageResult:
     key: str
     record: dict[str, Any]
     files: dict[str, FileInfo]
-    arrays: dict[str, zarr.Array]
-    file_arrays: dict[str, zarr.Array] = field(default_factory=dict, repr=False)
+    arrays: Mapping[str, zarr.Array]
+    file_arrays: Mapping[str, zarr.Array] = field(default_factory=dict, repr=False)
     version: str = "work"
     seal: str = ""
     checksums: dict[str, str] = field(default_factory=dict, repr=False)
@@ -76,7 +76,7 @@ class StageResult:
     @property
     def name(self) -> str:
         """Object, capture, stage and version, for messages."""
-        return _owner(self.object_id, self.capture, self.stage, self.version)
+        return owner_name(self.object_id, self.capture, self.stage, self.version)
 
     def read(self, name: str) -> np.ndarray:
         """Return array `name`, read into memory.
@@ -152,56 +152,54 @@ def check_layout(store: Any, object_id: str, uri: str) -> None:
         )
 
 
-def read_stage(store: Any, object_id: str, capture: str, stage: str, version: str = "work") -> StageResult | None:
-    """Return the stage's result without the values of arrays and files, or None where it was never saved.
+def read_stage(store: Any, object_id: str, capture: str, stage: str) -> StageResult | None:
+    """Return the stage's newest result without the values of arrays and files, or None where it was never saved.
 
     Raises:
         DamagedError: the group is not what was written as this stage's result.
     """
-    path = f"{check_name(capture, 'capture')}/{check_name(stage, 'stage')}"
-    group, owner = open_group(store, path), _owner(object_id, capture, stage, version)
-    if group is None:
-        return None
-    attributes: dict[str, Any] = dict(group.attrs)
-    if not is_sealed(attributes) or attributes["name"] != f"{object_id}/{path}":
-        raise damaged(owner, "its attributes are not what was written", object_id)
-    checksums: dict[str, str] = attributes["checksums"]
-    verified = VerifiedStore(store, path, checksums, owner, object_id)
-    arrays, file_arrays = dict[str, zarr.Array](), dict[str, zarr.Array]()
-    for place in (key.removesuffix(_METADATA) for key in checksums if key.endswith(_METADATA)):
-        folder, _, name = place.rpartition("/")
-        if place != FILES_GROUP:
-            members = file_arrays if folder == FILES_GROUP else arrays
-            members[name] = zarr.open_array(verified, path=f"{path}/{place}", mode="r", zarr_format=3)
-    files = {name: FileInfo(**cast("dict[str, Any]", dict(array.attrs))) for name, array in file_arrays.items()}
-    return StageResult(
-        object_id, capture, stage, attributes["key"], attributes["record"], files, arrays, file_arrays,
-        version, attributes[SEAL], checksums, verified,
-    )  # fmt: skip
+    group = open_group(store, f"{check_name(capture, 'capture')}/{check_name(stage, 'stage')}")
+    return None if group is None else _result(store, dict(group.attrs), object_id, capture, stage, "work")
 
 
 def read_capture(
     store: Any,
     object_id: str,
     capture: str,
-    stages: Iterable[str],
     version: str = "work",
     seals: Mapping[str, str] | None = None,
 ) -> dict[str, StageResult]:
-    """Return the results of a capture's stages by stage; seals: those that they must have.
+    """Return the results of a capture by stage; seals: of the stages that it must have, by default it has any.
 
     Raises:
         DamagedError: one is damaged, missing or another.
     """
-    results = {stage: read_stage(store, object_id, capture, stage, version) for stage in stages}
-    present = {stage: result for stage, result in results.items() if result is not None}
-    for stage in results:
-        owner = _owner(object_id, capture, stage, version)
-        if stage not in present:
-            raise damaged(owner, "it is missing", object_id)
-        if seals is not None and present[stage].seal != seals.get(stage):
+    attributes, results = stage_attributes(store, capture), dict[str, StageResult]()
+    for stage in attributes if seals is None else seals:
+        owner = owner_name(object_id, capture, stage, version)
+        if stage not in attributes:
+            raise damaged(owner, "it is missing, or its attributes are not what was written", object_id)
+        if seals is not None and attributes[stage][SEAL] != seals[stage]:
             raise damaged(owner, "it is not the result of this version", object_id)
-    return present
+        results[stage] = _result(store, attributes[stage], object_id, capture, stage, version)
+    return results
+
+
+def _result(
+    store: Any, attributes: dict[str, Any], object_id: str, capture: str, stage: str, version: str
+) -> StageResult:
+    owner, path = owner_name(object_id, capture, stage, version), f"{capture}/{stage}"
+    if not is_sealed(attributes) or attributes["name"] != f"{object_id}/{path}":
+        raise damaged(owner, "its attributes are not what was written", object_id)
+    checksums: dict[str, str] = attributes["checksums"]
+    verified = VerifiedStore(store, path, checksums, owner, object_id)
+    places = [key.removesuffix(_METADATA) for key in checksums if key.endswith(_METADATA)]
+    files = {name: FileInfo(**info) for name, info in attributes["files"].items()}
+    arrays = VerifiedArrays(verified, path, [place for place in places if "/" not in place and place != FILES_GROUP])
+    return StageResult(
+        object_id, capture, stage, attributes["key"], attributes["record"], files, arrays,
+        VerifiedArrays(verified, f"{path}/{FILES_GROUP}", files), version, attributes[SEAL], checksums, verified,
+    )  # fmt: skip
 
 
 def contents(store: Any) -> Keys:
@@ -238,5 +236,6 @@ def _absent_error(owner: str, kind: str, name: str, present: Mapping[str, Any]) 
     )
 
 
-def _owner(object_id: str, capture: str, stage: str, version: str) -> str:
+def owner_name(object_id: str, capture: str, stage: str, version: str) -> str:
+    """Return object, capture, stage and version, as messages name a result."""
     return f"{object_id}/{capture}/{stage}" + (f" in {version}" if version != "work" else "")

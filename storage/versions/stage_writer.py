@@ -55,20 +55,19 @@ def write_stage(
         if name == FILES_GROUP:
             raise StoreError(f"{capture}/{stage} has an array named {name!r}", "give the array another name")
         _write_array(group, check_name(name, "array"), values if isinstance(values, zarr.Array) else np.asarray(values))
-    if files:
-        folder = group.create_group(FILES_GROUP)
-        for name, file in files.items():
-            info = FileInfo(len(file.data), hashlib.sha256(file.data).hexdigest(), file.media_type)
-            content = np.frombuffer(file.data, np.uint8)
-            _write_array(folder, check_file_name(name, f"{capture}/{stage}"), content, asdict(info))
-    own = f"{path}/zarr.json"
+    infos = {}
+    folder = group.create_group(FILES_GROUP) if files else group
+    for name, file in files.items():
+        infos[name] = asdict(FileInfo(len(file.data), hashlib.sha256(file.data).hexdigest(), file.media_type))
+        content = np.frombuffer(file.data, np.uint8)
+        _write_array(folder, check_file_name(name, f"{capture}/{stage}"), content, infos[name])
     written = {
         place.removeprefix(f"{path}/"): value
         for place, value in recording.checksums.items()
-        if place.startswith(f"{path}/") and place != own
+        if place.startswith(f"{path}/") and place != f"{path}/zarr.json"
     }
-    facts = {"name": f"{object_id}/{path}", "key": key, "record": json_value(record), "checksums": written}
-    group.attrs.put(sealed(facts))
+    own = {"name": f"{object_id}/{path}", "key": key, "record": json_value(record), "files": infos}
+    group.attrs.put(sealed(own | {"checksums": written}))
 
 
 def chunk_shape(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:

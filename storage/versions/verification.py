@@ -4,11 +4,15 @@ import asyncio
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from zarr.core.buffer import default_buffer_prototype
 
 from glint.storage.errors import DamagedError
 from glint.storage.versions.stage_results import StageResult
+
+if TYPE_CHECKING:
+    from glint.storage.versions.repository import ObjectRepository
 
 CONCURRENT_READS = 8
 """Values read at once; bounds the memory by as many chunks."""
@@ -35,6 +39,33 @@ def verify(results: Iterable[StageResult]) -> Verification:
     sizes = [part for part in parts if isinstance(part, int)]
     damages = {error.message.partition(" is damaged")[0]: error for error in parts if isinstance(error, DamagedError)}
     return Verification(len(parts), sum(sizes), tuple(damages.values()))
+
+
+def verify_capture(repository: "ObjectRepository", capture: str, ref: str) -> Verification:
+    """Read all bytes of a capture of a version, or of the newest results (`work`).
+
+    Raises:
+        StoreUnreachable: the store does not answer.
+    """
+    try:
+        return verify(repository.load_capture(capture, ref).values())
+    except DamagedError as error:
+        return Verification(0, 0, (error,))
+
+
+def whole_result(repository: "ObjectRepository", capture: str, stage: str, key: str) -> StageResult | None:
+    """Return the stage's newest result if it was saved under this key and is whole, else None.
+
+    Raises:
+        StoreUnreachable: the store does not answer.
+    """
+    if repository.stage_key(capture, stage) != key:
+        return None
+    try:
+        result = repository.load(capture, stage)
+    except DamagedError:
+        return None
+    return None if verify([result]).damages else result
 
 
 async def _verify(results: list[StageResult]) -> list[int | DamagedError]:
