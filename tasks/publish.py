@@ -1,10 +1,12 @@
 """Publishing: an object's newest results as a version, with everything that is needed to repeat it."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 from glint.storage.errors import StoreError
-from glint.storage.versions.repository import Version
+from glint.storage.locations.location import Location
+from glint.storage.versions.repository import ObjectRepository, Version
 from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.tasks.code_provenance import code_provenance
 from glint.tasks.engine.capture_context import INPUTS, CaptureContext
@@ -53,6 +55,20 @@ def check_catalogue(works: Sequence[CaptureContext], catalogue: str) -> None:
             f"other videos than {catalogue} names",
             "give one of the two objects another id, use another --store, or run with --adopt if they are the same",
         )
+
+
+def catalogues_of(store: Location, object_ids: Sequence[str]) -> dict[str, list[str]]:
+    """Return objects by the catalogue that their newest readable version names, empty where there is none."""
+    catalogues: dict[str, list[str]] = {}
+    for object_id in object_ids:
+        catalogue = ""
+        with suppress(StoreError):
+            repository = ObjectRepository.open(store, object_id, create=False)
+            for name in repository.version_names():
+                with suppress(StoreError):
+                    catalogue = str(repository.version(name).metadata.get("catalogue", "")) or catalogue
+        catalogues.setdefault(catalogue, []).append(object_id)
+    return catalogues
 
 
 def capture_provenance(work: CaptureContext) -> dict[str, Any]:

@@ -14,7 +14,8 @@ from glint.tasks.pipeline import STAGES
 def up_to_date_records(contexts: Sequence[CaptureContext]) -> tuple[Version, dict[str, tuple[StageRecord, ...]]] | None:
     """Return the version that already holds all results of these captures of one object, and their records; else None.
 
-    None too where a byte of what the version holds of them is damaged.
+    None too where a byte of what the version holds of them is damaged; with `rehash` also of the newest results, which
+    may be other files.
 
     Raises:
         InputError, StoreError: an input or the store cannot be read.
@@ -33,6 +34,9 @@ def up_to_date_records(contexts: Sequence[CaptureContext]) -> tuple[Version, dic
             return None
         keys[WHOLE_OBJECT] = {STAGE: key}
     version = repository.published(keys)
-    if version is None or any(verify_capture(repository, capture, version.name).damages for capture in keys):
+    if version is None:
+        return None
+    refs = (version.name, "work") if contexts[0].rehash else (version.name,)
+    if any(verify_capture(repository, capture, ref).damages for capture in keys for ref in refs):
         return None
     return version, records

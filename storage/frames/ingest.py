@@ -79,7 +79,7 @@ def open_group(folder: Location, footage: Footage, crops: Mapping[str, Region], 
     store, chunks = folder.zarr_store(), chunks_of(crops)
     try:
         group = zarr.open_group(store, mode="r+", use_consolidated=False)
-        stored = dict(group.attrs)
+        stored: dict[str, Any] = dict(group.attrs)
         is_ours = is_sealed(stored) and all(stored.get(key) == value for key, value in attributes.items())
         is_current = is_ours and (stored["total"] is not None or stored["source"] == source)
         if is_current and stored["arrays"] == metadata_digests(group, crops):
