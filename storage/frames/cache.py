@@ -25,6 +25,11 @@ from glint.storage.locations.location import Location
 _ALL = slice(None)
 _REBUILD = "run again: the frames are taken from the video or images anew"
 
+_UNREADABLE = (
+    LookupError, ValueError, TypeError, AttributeError, RuntimeError, FileNotFoundError, ExceptionGroup,
+)  # fmt: skip
+"""What zarr raises for arrays that are damaged, or that are no arrays."""
+
 
 class DamagedFrames(StoreError):
     """Cached frames are not those that were written; the cache, `digest`, can be removed and filled again."""
@@ -151,7 +156,7 @@ class FrameCache:
                 if name not in self._arrays:
                     self._arrays[name] = self._open(name)
                 return np.asarray(self._arrays[name][index])
-            except (LookupError, ValueError, TypeError, RuntimeError, FileNotFoundError, ExceptionGroup) as error:
+            except _UNREADABLE as error:
                 message = f"the frames of {name} at {self.location.uri} are damaged"
                 raise DamagedFrames(message, digest=self.digest) from error
 

@@ -43,9 +43,7 @@ class ShardStore(WrapperStore[Store]):
         """Write a value; of a shard, note the checksums of its chunks."""
         await self._store.set(key, value)
         if f"/{_CHUNKS}/" in key:
-            shard = value.as_numpy_array().view(np.uint8)
-            _, ends = _bounds(shard, self._chunks[key.partition("/")[0]])
-            self.checksums[key] = b64encode(_ends_of(shard, ends).tobytes()).decode()
+            self._note(key, value.as_numpy_array().view(np.uint8))
 
     async def get(self, key: str, prototype: BufferPrototype, byte_range: ByteRequest | None = None) -> Buffer | None:
         """Return a value or a part of it; of a shard a chunk, the index, or all.
@@ -70,6 +68,10 @@ class ShardStore(WrapperStore[Store]):
             for number, value in group:
                 self._check(key, byte_ranges[number], value)
             yield group
+
+    def _note(self, key: str, shard: np.ndarray) -> None:
+        _, ends = _bounds(shard, self._chunks[key.partition("/")[0]])
+        self.checksums[key] = b64encode(_ends_of(shard, ends).tobytes()).decode()
 
     def _check(self, key: str, byte_range: ByteRequest | None, value: Buffer | None) -> None:
         if f"/{_CHUNKS}/" not in key or value is None:

@@ -15,9 +15,9 @@ from zarr.abc.store import ByteRequest, OffsetByteRequest, RangeByteRequest, Sto
 from zarr.core.buffer import Buffer, BufferPrototype
 from zarr.storage import WrapperStore
 
-from glint.storage.errors import DamagedError, StoreError, StoreUnreachable, damaged
+from glint.storage.errors import DamagedError, StoreError, damaged
 from glint.storage.inputs.digests import HEX_DIGITS
-from glint.storage.locations.error_translation import translate
+from glint.storage.locations.error_translation import UNKNOWN_CAUSE_REMEDY, translate
 
 
 def checksum(data: bytes | memoryview) -> str:
@@ -92,7 +92,7 @@ class VerifiedStore(WrapperStore[Store]):
     def _error(self, name: str, error: Exception) -> StoreError:
         """Return what an error of the store itself means for a value."""
         translated = translate("the store", f"reading {name} of {self._owner}", error)
-        if isinstance(translated, StoreUnreachable) or not isinstance(error, icechunk.IcechunkError):
+        if translated.remedy != UNKNOWN_CAUSE_REMEDY or not isinstance(error, icechunk.IcechunkError):
             return translated
         return self._damage(name, f"cannot be read: {' '.join(str(error).split())[:120]}")
 

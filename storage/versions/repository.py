@@ -4,8 +4,8 @@ Branch `work` takes the result of every stage as it finishes; a resumed run read
 snapshot with a tag v1, v2, ..; branch `main` is the newest version, which readers see by default. A version holds the
 results of all its captures itself, so any zarr reader opens it by its tag alone.
 
-A rollback is a new version with the content of an older one: no published version leaves the history. It stands until
-the results change: publishing the very results that were rolled back creates no version.
+A rollback is a new version with the content of an older one, and stands until the results change: publishing the very
+results that were rolled back creates no version.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -94,8 +94,8 @@ class ObjectRepository:
     def records(self, capture: str, ref: str = "work") -> dict[str, tuple[str, dict[str, Any]]]:
         """Return key and record of the saved stages of a capture, without their arrays."""
         with self._errors(f"reading {capture}"):
-            attributes = stage_attributes(self._store(ref), capture)
-            return {stage: (values["key"], values["record"]) for stage, values in attributes.items()}
+            saved = stage_attributes(self._store(ref), capture).items()
+            return {stage: (attributes["key"], attributes["record"]) for stage, attributes in saved}
 
     def save(
         self,
@@ -106,9 +106,8 @@ class ObjectRepository:
         record: Mapping[str, Any],
         files: Mapping[str, StoredFile] | None = None,
     ) -> str:
-        """Replace the stage's result as a whole, in one commit on `work`; return the snapshot's id.
+        """Replace the stage's result as a whole, durably, in one commit on `work`; return the snapshot's id.
 
-        Concurrent readers see the old result or the new one. The result is durable once this returns.
 
         Raises:
             StoreError: the store cannot be written, or a name cannot be used there.
@@ -129,7 +128,7 @@ class ObjectRepository:
             StoreError: there is none.
         """
         with self._errors(f"reading {capture}/{stage}"):
-            version = self._version_at(ref)
+            version = snapshots.version_at(self._repository, self.object_id, ref)
             if version is not None:
                 result = snapshots.version_results(self._repository, self.object_id, version, capture, (stage,)).get(
                     stage
@@ -147,7 +146,7 @@ class ObjectRepository:
             DamagedError: one is damaged.
         """
         with self._errors(f"reading {capture}"):
-            version = self._version_at(ref)
+            version = snapshots.version_at(self._repository, self.object_id, ref)
             if version is not None:
                 return snapshots.version_results(self._repository, self.object_id, version, capture)
             return read_capture(self._store(ref), self.object_id, capture)
@@ -172,8 +171,8 @@ class ObjectRepository:
     ) -> Version:
         """Publish the named captures' results on `work` as a version: tag it and move `main` there.
 
-        Other captures stay as they are in the current version. If nothing changes, return the current version with
-        `created` False.
+        Other captures stay as they are in the current version; what is damaged in it counts as changed. If nothing
+        changes, return the current version with `created` False.
 
         required: stages that a capture must have; remove: captures to leave out; schemas: of the arrays.
 
@@ -238,12 +237,6 @@ class ObjectRepository:
 
     def _store(self, ref: str) -> Any:
         return read_session(self._repository, ref).store
-
-    def _version_at(self, ref: str) -> Version | None:
-        """Return the version that a branch, name or snapshot is; None if it is none."""
-        if ref == "work":
-            return None
-        return snapshots.version_of(self._repository, self.object_id, read_session(self._repository, ref).snapshot_id)
 
     def _transaction[T](self, action: str, change: Callable[[], T]) -> T:
         return transaction(self.location, self.object_id, action, change)

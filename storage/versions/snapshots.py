@@ -11,18 +11,15 @@ from typing import Any
 import icechunk
 import obstore
 
-from glint.storage.errors import DamagedError, StoreError, StoreUnreachable, damaged
+from glint.storage.errors import DamagedError, StoreError, damaged
 from glint.storage.inputs.digests import is_sealed
-from glint.storage.locations.error_translation import store_errors, translate
+from glint.storage.locations.error_translation import UNKNOWN_CAUSE_REMEDY, store_errors, translate
 from glint.storage.locations.location import Location
 from glint.storage.versions.stage_results import Keys, StageResult, read_capture
 
 # Every commit is a new snapshot of the whole object. With icechunk's default limits their cache takes a hundred
 # megabytes for each open object; only the newest snapshots are read again.
 _CONFIG = icechunk.RepositoryConfig(caching=icechunk.CachingConfig(num_snapshot_nodes=10_000, num_chunk_refs=100_000))
-
-_DAMAGE = (icechunk.FormatError, icechunk.NotFoundError, icechunk.InternalError)
-"""What icechunk raises for files that are damaged, or that another file names and that are not there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +142,11 @@ def read_version(repository: icechunk.Repository, object_id: str, name: str) -> 
     return version
 
 
+def version_at(repository: icechunk.Repository, object_id: str, ref: str) -> Version | None:
+    """Return the version that a branch, name or snapshot is, None if it is none; `work` never is."""
+    return None if ref == "work" else version_of(repository, object_id, read_session(repository, ref).snapshot_id)
+
+
 def version_of(repository: icechunk.Repository, object_id: str, snapshot_id: str) -> Version | None:
     """Return the version that a snapshot is, None for a snapshot of another kind.
 
@@ -191,8 +193,9 @@ def index_errors(uri: str, action: str, object_id: str) -> Iterator[None]:
         with store_errors(uri, action):
             try:
                 yield
-            except _DAMAGE as error:
-                if isinstance(translate(uri, action, error), StoreUnreachable):
+            except icechunk.IcechunkError as error:
+                is_known = translate(uri, action, error).remedy != UNKNOWN_CAUSE_REMEDY
+                if is_known or isinstance(error, icechunk.ConflictError):
                     raise
                 raise index_damage(uri, object_id, f"{action}: {_first(error)}") from error
     except BaseException as error:

@@ -28,7 +28,7 @@ import numpy as np
 import glint
 from glint.flows.cli.tables import history_rows, status_rows
 from glint.storage.catalogue.loading import Region
-from glint.storage.errors import GlintError
+from glint.storage.errors import GlintError, StoreError
 from glint.storage.export.export import export
 from glint.storage.footage.source import open_footage
 from glint.storage.frames.cache import FrameCache
@@ -49,7 +49,9 @@ CROPS = {"object": Region(x=3, y=5, width=70, height=66), "sphere-0": Region(x=8
 VALUE = re.compile(r"(array|file) '[\w.-]+' of (vase|wine-glass)/[\w-]+/[\w-]+( in v\d)? is damaged")
 RECORD = re.compile(r"(vase|wine-glass)/[\w-]+/[\w-]+( in v\d)? is damaged")
 INDEX = re.compile(r"(index|root|record of .*) of (object )?(vase|wine-glass)")
-FRAMES = re.compile(r"the (frames( of [\w-]+)?|attributes of the frames) at .*frames/[ab] ")
+FRAMES = re.compile(
+    r"the (frames( of [\w-]+)?|attributes of the frames) at .*frames/[ab] |there are no frames at .*frames/[ab]:"
+)
 """Errors that name what is damaged, as closely as is known."""
 
 
@@ -144,7 +146,8 @@ def _work(location: Location, object_id: str) -> Served:
 
 def _rows(location: Location, object_id: str) -> Served:
     yield _value((object_id, "history"), partial(history_rows, location.uri, object_id))
-    yield _value((object_id, "status"), partial(status_rows, location.uri))
+    (row,) = (row for row in status_rows(location.uri) if row["object"] == object_id)
+    yield (object_id, "status"), _digest(row) if row["state"] == "idle" else StoreError(row["state"], "")
 
 
 def _differences(location: Location, object_id: str) -> Served:
