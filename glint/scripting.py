@@ -34,12 +34,14 @@ def run(
     workers: int | None = None,
     rehash: bool = False,
     drift: float | None = None,
+    adopt: bool = False,
 ) -> "Summary":
     """Run a catalogue as `glint run` does, with progress on standard error; return how captures and objects ended.
 
     only: objects or captures ("wine-glass", "wine-glass/front"), by default all. scheduler: the address of a Dask
     scheduler, by default a cluster of `workers` processes on this machine. rehash: read all inputs again. drift: warn
     if the 95th percentile of normal change against the previous version exceeds so many degrees.
+    adopt: continue objects that another catalogue has published from other videos.
     A script must call this under `if __name__ == "__main__":`, since worker processes import the script.
 
     Raises:
@@ -60,6 +62,7 @@ def run(
             workers=workers,
             rehash=rehash,
             drift=drift,
+            adopt=adopt,
         )
 
 

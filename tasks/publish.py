@@ -1,9 +1,12 @@
 """Publishing: an object's newest results as a version, with everything that is needed to repeat it."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
-from glint.storage.versions.repository import Version
+from glint.storage.errors import StoreError
+from glint.storage.locations.location import Location
+from glint.storage.versions.repository import ObjectRepository, Version
 from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.tasks.code_provenance import code_provenance
 from glint.tasks.engine.capture_context import INPUTS, CaptureContext
@@ -24,11 +27,48 @@ def publish(works: Sequence[CaptureContext], run: str, catalogue: str, model: bo
         "catalogue": catalogue,
         **code_provenance(),
         "stages": NAMES,
-        "captures": {work.capture.id: capture_provenance(work) for work in works},
+        "captures": {work.capture.id: {"catalogue": catalogue, **capture_provenance(work)} for work in works},
     }
+    repository, newest = works[0].repository, works[0].repository.version_names()[-1:]
+    if newest:
+        # Captures that this run leaves alone keep what is known of them.
+        metadata["captures"] = repository.version(newest[0]).metadata.get("captures", {}) | metadata["captures"]
     names = [work.capture.id for work in works] + [WHOLE_OBJECT] * (model is True)
     removed = [WHOLE_OBJECT] if model is False else []
-    return works[0].repository.publish(names, metadata, NAMES, message=f"run {run}", remove=removed, schemas=SCHEMAS)
+    return repository.publish(names, metadata, NAMES, message=f"run {run}", remove=removed, schemas=SCHEMAS)
+
+
+def check_catalogue(works: Sequence[CaptureContext], catalogue: str) -> None:
+    """Check that an object's newest version is of this catalogue, or of the same videos, and of no other object.
+
+    Raises:
+        StoreError: another catalogue has published an object of this id from other videos.
+    """
+    repository = works[0].repository
+    names = repository.version_names()
+    earlier = repository.version(names[-1]).metadata if names else {}
+    owner, captures = earlier.get("catalogue") or catalogue, earlier.get("captures", {})
+    recorded = {name: facts.get("inputs", {}).get("frames") for name, facts in captures.items()}
+    if owner != catalogue and not any(recorded.get(work.capture.id) == work.digest("frames") for work in works):
+        raise StoreError(
+            f"object {works[0].object_id} in {works[0].location.uri} was published from the catalogue {owner}, with "
+            f"other videos than {catalogue} names",
+            "give one of the two objects another id, use another --store, or run with --adopt if they are the same",
+        )
+
+
+def catalogues_of(store: Location, object_ids: Sequence[str]) -> dict[str, list[str]]:
+    """Return objects by the catalogue that their newest readable version names, empty where there is none."""
+    catalogues: dict[str, list[str]] = {}
+    for object_id in object_ids:
+        catalogue = ""
+        with suppress(StoreError):
+            repository = ObjectRepository.open(store, object_id, create=False)
+            for name in repository.version_names():
+                with suppress(StoreError):
+                    catalogue = str(repository.version(name).metadata.get("catalogue", "")) or catalogue
+        catalogues.setdefault(catalogue, []).append(object_id)
+    return catalogues
 
 
 def capture_provenance(work: CaptureContext) -> dict[str, Any]:

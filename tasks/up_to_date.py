@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from glint.storage.versions.repository import Version
 from glint.storage.versions.stage_results import WHOLE_OBJECT
+from glint.storage.versions.verification import verify_capture
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import StageRecord, cached_records, stage_keys
 from glint.tasks.model.model import STAGE, model_key, wants_model
@@ -12,6 +13,9 @@ from glint.tasks.pipeline import STAGES
 
 def up_to_date_records(contexts: Sequence[CaptureContext]) -> tuple[Version, dict[str, tuple[StageRecord, ...]]] | None:
     """Return the version that already holds all results of these captures of one object, and their records; else None.
+
+    None too where a byte of what the version holds of them is damaged; with `rehash` also of the newest results, which
+    may be other files.
 
     Raises:
         InputError, StoreError: an input or the store cannot be read.
@@ -30,4 +34,9 @@ def up_to_date_records(contexts: Sequence[CaptureContext]) -> tuple[Version, dic
             return None
         keys[WHOLE_OBJECT] = {STAGE: key}
     version = repository.published(keys)
-    return None if version is None else (version, records)
+    if version is None:
+        return None
+    refs = (version.name, "work") if contexts[0].rehash else (version.name,)
+    if any(verify_capture(repository, capture, ref).damages for capture in keys for ref in refs):
+        return None
+    return version, records

@@ -20,6 +20,7 @@ from glint.flows.cli.maintain import maintain
 from glint.flows.cli.run import run
 from glint.flows.cli.simulate import simulate
 from glint.flows.cli.status import status
+from glint.flows.cli.verify import verify
 from glint.flows.runtime import signals
 
 COMMANDS = (
@@ -32,6 +33,7 @@ COMMANDS = (
     history,
     diff,
     maintain,
+    verify,
     rollback,
     export,
     evaluate,

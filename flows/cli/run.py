@@ -34,6 +34,9 @@ def run(
         typer.Option("--rehash", help="Read all input files again, even if their modification times are unchanged."),
     ] = False,
     drift: Annotated[float | None, typer.Option(metavar="DEGREES", min=0.0, help=DRIFT_HELP)] = None,
+    adopt: Annotated[
+        bool, typer.Option("--adopt", help="Continue objects that another catalogue has published from other videos.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Process a catalogue: compute each capture's surface, publish a version of each object.
@@ -46,8 +49,9 @@ def run(
     address = chosen_store(store)
     with open_console(as_json) as console:
         summary = run_all(
-            file, address, console, only=only or [], scheduler=scheduler, workers=workers, rehash=rehash, drift=drift
-        )
+            file, address, console, only=only or [], scheduler=scheduler, workers=workers, rehash=rehash, drift=drift,
+            adopt=adopt,
+        )  # fmt: skip
     if as_json:
         from glint.flows.cli.tables import summary_json
 

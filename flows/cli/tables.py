@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
+from glint.storage.errors import StoreError
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import run_owner
 from glint.storage.versions.repository import ObjectRepository, object_ids
@@ -76,21 +77,24 @@ def summary_json(summary: "Summary") -> dict[str, Any]:
 def status_rows(store: str) -> list[dict[str, Any]]:
     """Return one row for each object of a store."""
     location = Location.parse(store)
-    rows = []
-    for object_id in object_ids(location):
+    return [_status_row(location, object_id) for object_id in object_ids(location)]
+
+
+def _status_row(location: Location, object_id: str) -> dict[str, Any]:
+    """Return an object's row; what keeps it from being read is its state."""
+    newest, holder, state = None, None, ""
+    try:
         history = ObjectRepository.open(location, object_id, create=False).history()
-        holder = run_owner(location, object_id)
-        newest = history[-1] if history else None
-        rows.append(
-            {
-                "object": object_id,
-                "version": newest.name if newest else "",
-                "captures": len(newest.stages) if newest else 0,
-                "published": newest.time.isoformat(timespec="seconds") if newest else "",
-                "state": "idle" if holder is None else f"running ({holder})",
-            }
-        )
-    return rows
+        newest, holder = history[-1] if history else None, run_owner(location, object_id)
+    except StoreError as error:
+        state = f"{error.message} -> {error.remedy}"
+    return {
+        "object": object_id,
+        "version": newest.name if newest else "",
+        "captures": len(newest.stages) if newest else 0,
+        "published": newest.time.isoformat(timespec="seconds") if newest else "",
+        "state": state or ("idle" if holder is None else f"running ({holder})"),
+    }
 
 
 def history_rows(store: str, object_id: str) -> list[dict[str, Any]]:
@@ -102,6 +106,7 @@ def history_rows(store: str, object_id: str) -> list[dict[str, Any]]:
             "published": version.time.isoformat(timespec="seconds"),
             "captures": ", ".join(version.stages),
             "glint": version.metadata.get("glint", ""),
+            "catalogue": version.metadata.get("catalogue", ""),
             "message": version.message,
         }
         for version in repository.history()

@@ -76,8 +76,8 @@ def deployment_specs(options: DeploymentOptions) -> list[DeploymentSpec]:
         DeploymentSpec(
             run_maintenance,
             "weekly",
-            {"store": store, "frames_budget": options.frames_budget},
-            "Collects garbage and keeps the cache of frames within its budget.",
+            {"store": store, "frames_budget": options.frames_budget, "verify": True},
+            "Collects garbage, keeps the cache of frames within its budget, and verifies all versions.",
             options.weekly,
         ),
         DeploymentSpec(

@@ -12,6 +12,7 @@ from glint.flows.reporting.artifacts import artifact_key
 from glint.storage.locations.location import Location
 from glint.storage.maintenance.disk_space import DISK_SPACE_REMEDY
 from glint.storage.maintenance.maintain import Maintenance, maintain
+from glint.storage.maintenance.verify import verify_store
 from glint.tasks.figures.markdown import plain
 
 DISK_EVENT = "glint.disk-low"
@@ -25,8 +26,9 @@ def run_maintenance(
     keep: int | None = None,
     older_than: float = 1.0,
     frames_budget: int | None = None,
+    verify: bool = False,
 ) -> State[Maintenance]:
-    """Remove what no version needs, and keep the cache of frames within a budget.
+    """Remove what no version needs, keep the cache of frames within a budget, and verify what is stored.
 
     Args:
         store: The store: a folder, s3://bucket/key or az://container/key.
@@ -34,6 +36,7 @@ def run_maintenance(
         keep: Number of versions of each object to keep, the newest ones; null: all.
         older_than: Only remove data unused for at least this many days.
         frames_budget: Largest size of the cache of frames in bytes; null: no limit.
+        verify: Read all versions, and fail if something is not as it was written.
     """
     done = maintain(Location.parse(store), dry_run, keep, timedelta(days=older_than), frames_budget)
     create_table_artifact(done.rows(), key=artifact_key(f"maintenance {store}"), description=plain(store))
@@ -46,7 +49,15 @@ def run_maintenance(
             resource={"prefect.resource.id": "glint.store", "prefect.resource.name": store},
             payload={"store": store, "warning": done.warning, "remedy": DISK_SPACE_REMEDY},
         )
+    verified = verify_store(Location.parse(store)) if verify else None
+    if verified is not None and verified.damages:
+        rows = [{"damaged": plain(item.message), "what to do": plain(item.remedy)} for item in verified.damages]
+        create_table_artifact(rows, key=artifact_key(f"damage {store}"), description=plain(verified.summary))
     if done.failed:
         first = done.failed[0]
         return Failed(message=f"{len(done.failed)} not maintained; {first.target}: {first.note}", data=done)
-    return Completed(message=done.summary, data=done)
+    if verified is not None and verified.damages:
+        worst = verified.damages[0]
+        return Failed(message=f"{verified.summary}; {worst.message} -> {worst.remedy}", data=done)
+    checked = f"; {verified.summary}" if verified is not None else ""
+    return Completed(message=f"{done.summary}{checked}", data=done)

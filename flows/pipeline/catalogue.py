@@ -25,7 +25,12 @@ two seconds."""
 
 
 def run_whole_catalogue(
-    catalogue: str, store: str, only: Sequence[str] = (), rehash: bool = False, drift: float | None = None
+    catalogue: str,
+    store: str,
+    only: Sequence[str] = (),
+    rehash: bool = False,
+    drift: float | None = None,
+    adopt: bool = False,
 ) -> RunResult:
     """Run the flow of a catalogue in the current run context, and return its result.
 
@@ -34,7 +39,9 @@ def run_whole_catalogue(
     """
     address, name = Location.parse(catalogue).uri, load_catalogue(catalogue).name
     place = Location.parse(store).uri
-    state: Any = run_catalogue(address, name, place, only=list(only), rehash=rehash, drift=drift, return_state=True)
+    state: Any = run_catalogue(
+        address, name, place, only=list(only), rehash=rehash, drift=drift, adopt=adopt, return_state=True
+    )
     result: RunResult = result_of(state)
     return result
 
@@ -47,10 +54,12 @@ def run_catalogue(
     only: Sequence[str] = (),
     rehash: bool = False,
     drift: float | None = None,
+    adopt: bool = False,
 ) -> State[RunResult]:
     """Process a catalogue, or those of its captures that `only` names (OBJECT or OBJECT/CAPTURE).
 
-    drift: degrees of change against the last version above which a warning is given.
+    drift: degrees of change against the last version above which a warning is given. adopt: continue objects that
+    another catalogue has published.
     The flow run ends as Completed, PartiallyCompleted or Failed; its state says how many captures failed.
     """
     started, run, context = time.monotonic(), str(runtime.flow_run.id), run_context()
@@ -61,7 +70,7 @@ def run_catalogue(
     with ThreadPoolExecutor(max_objects) as pool:
         futures = []
         for object_id, capture_ids in chosen.items():
-            captures = ObjectCaptures.of(loaded, catalogue, object_id, capture_ids, store, run, rehash)
+            captures = ObjectCaptures.of(loaded, catalogue, object_id, capture_ids, store, run, rehash, adopt)
             futures.append(submit(pool, run_or_skip, captures, drift))
             if len(futures) < max_objects:
                 time.sleep(STAGGER_SECONDS)
@@ -105,6 +114,7 @@ def _run(captures: ObjectCaptures, drift: float | None) -> ObjectResult:
         run=first.run,
         rehash=first.rehash,
         drift=drift,
+        adopt=captures.adopt,
         return_state=True,
     )
     result = result_of(state)

@@ -25,7 +25,7 @@ from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import chosen_captures, load_catalogue
 from glint.tasks.engine.stage import StageRecord
 from glint.tasks.model.model import wants_model
-from glint.tasks.publish import publish
+from glint.tasks.publish import check_catalogue, publish
 from glint.tasks.up_to_date import up_to_date_records
 from glint.tasks.version_diff import Drift, drifts
 
@@ -37,18 +37,20 @@ MAX_THREADS = 32
 class ObjectCaptures:
     """Captures of one object: those chosen, and all of them.
 
-    catalogue: the address of the catalogue; n_captures: captures of its objects together.
+    catalogue: the address of the catalogue; n_captures: captures of its objects together; adopt: whether the object may
+    have been published from another catalogue.
     """
 
     chosen: tuple[CaptureContext, ...]
     all: tuple[CaptureContext, ...]
     catalogue: str
     n_captures: int
+    adopt: bool = False
 
     @classmethod
     def of(
         cls, catalogue: Catalogue, address: str, object_id: str, chosen: Sequence[str], store: str, run: str,
-        rehash: bool,
+        rehash: bool, adopt: bool = False,
     ) -> "ObjectCaptures":  # fmt: skip
         """Make the contexts of an object's captures; `chosen`: ids, none for all.
 
@@ -66,6 +68,7 @@ class ObjectCaptures:
             contexts,
             address,
             sum(len(entry.captures) for entry in catalogue.objects),
+            adopt,
         )
 
     @property
@@ -83,15 +86,17 @@ def run_object(
     run: str = "",
     rehash: bool = False,
     drift: float | None = None,
+    adopt: bool = False,
 ) -> State[ObjectResult]:
     """Process an object's captures (none named: all) and publish those that succeed as its next version.
 
     run: name of the whole run, by default this flow run's; drift: degrees of change against the last version above
-    which a warning is given. The flow run fails if a capture does; the other captures are published nevertheless.
+    which a warning is given; adopt: continue an object of another catalogue. The flow run fails if a capture does; the
+    other captures are published nevertheless.
     """
     run = run or str(runtime.flow_run.id)
     loaded = load_catalogue(catalogue)
-    result = process_object(ObjectCaptures.of(loaded, catalogue, object_id, captures, store, run, rehash), drift)
+    result = process_object(ObjectCaptures.of(loaded, catalogue, object_id, captures, store, run, rehash, adopt), drift)
     done = "nothing" if result.version is None else f"{result.version.name}: {len(result.captures)} captures"
     return final_state(list(result.captures), done, result)
 
@@ -114,6 +119,8 @@ def process_object(captures: ObjectCaptures, drift: float | None) -> ObjectResul
     first = captures.chosen[0]
     try:
         with run_lock(first.location, first.object_id, first.run):
+            if not captures.adopt:
+                check_catalogue(captures.all, captures.catalogue)
             results = run_captures(captures)
             completed = [context for context, result in zip(captures.chosen, results, strict=True) if not result.error]
             if not completed:

@@ -27,11 +27,12 @@ class Summary:
 
 def run(
     catalogue: str | Path, store: str, console: Sink, *, only: Sequence[str] = (), scheduler: str | None = None,
-    workers: int | None = None, rehash: bool = False, drift: float | None = None,
+    workers: int | None = None, rehash: bool = False, drift: float | None = None, adopt: bool = False,
 ) -> Summary:  # fmt: skip
     """Run a catalogue.
 
     drift: degrees of change of an object's normals against its last version above which a warning is given.
+    adopt: continue objects that another catalogue has published.
 
     Raises:
         CatalogueError, InputError: the catalogue is unusable; RunningError: server or cluster are.
@@ -62,7 +63,7 @@ def run(
             mark_orphaned_crashed()
             signals.raise_if_interrupted()
             with activate(cluster.client, console):
-                result = run_whole_catalogue(str(catalogue), store, only, rehash, drift)
+                result = run_whole_catalogue(str(catalogue), store, only, rehash, drift, adopt)
             mark_own_crashed()
         return Summary(result, f"{server.ui_url}/runs/flow-run/{result.run}")
 

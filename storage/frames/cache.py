@@ -2,7 +2,8 @@
 
 A zarr group with one array (T, height, width) per crop: `object`, `sphere-0`, ... As a cache it can be rebuilt, and an
 interrupted one is continued at its last whole shard (see `ingest`). Each shard holds 64 frames, is written whole and
-once, and is on the disk before the group's attributes count it.
+once, and is on the disk before the group's attributes count it. All that is read is verified: the attributes are sealed
+(`sealed`), and list the checksums of all chunks (`shard_checksums`).
 """
 
 from collections.abc import Callable, Mapping
@@ -12,16 +13,34 @@ import numpy as np
 import zarr
 
 from glint.storage.catalogue.models import Region
-from glint.storage.errors import StoreError
+from glint.storage.errors import InputError, StoreError
 from glint.storage.footage.source import Footage
 from glint.storage.frames.ingest import check_crops, open_group, write_frames, writer_lock
-from glint.storage.frames.layout import LAYOUT_VERSION, open_array
-from glint.storage.inputs.digests import digest_of
+from glint.storage.frames.layout import LAYOUT_VERSION, chunks_of, metadata_digests, open_array
+from glint.storage.frames.shard_checksums import ShardStore
+from glint.storage.inputs.digests import digest_of, is_sealed
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 
 _ALL = slice(None)
-_REBUILD = "delete this cache, or run again with --rehash; it is rebuilt from the video or images"
+_REBUILD = "run again: the frames are taken from the video or images anew"
+
+_UNREADABLE = (
+    LookupError, ValueError, TypeError, AttributeError, RuntimeError, FileNotFoundError, ExceptionGroup,
+)  # fmt: skip
+"""What zarr raises for arrays that are damaged, or that are no arrays."""
+
+
+class DamagedFrames(StoreError):
+    """Cached frames are not those that were written; the cache, `digest`, can be removed and filled again."""
+
+    def __init__(self, message: str, remedy: str = _REBUILD, digest: str = "") -> None:
+        super().__init__(message, remedy)
+        self.digest = digest
+
+    def __reduce__(self) -> Any:
+        """Pickle all fields."""
+        return type(self), (self.message, self.remedy, self.digest)
 
 
 def cache_digest(footage: str, crops: Mapping[str, Region]) -> str:
@@ -41,10 +60,12 @@ class FrameCache:
     def __init__(self, location: Location, digest: str, group: zarr.Group) -> None:
         self.location, self.digest, self._group = location, digest, group
         self._arrays: dict[str, Any] = {}
-        attributes = dict(group.attrs)
+        attributes: dict[str, Any] = dict(group.attrs)
         try:
             if attributes["layout"] != LAYOUT_VERSION:
-                raise StoreError(f"the frames at {location.uri} have layout {attributes['layout']}", _REBUILD)
+                raise DamagedFrames(f"the frames at {location.uri} have layout {attributes['layout']}", digest=digest)
+            if not is_sealed(attributes) or attributes["name"] != digest:
+                raise DamagedFrames(f"the attributes of the frames at {location.uri} are damaged", digest=digest)
             self.frames = int(cast(int, attributes["frames"]))
             self.total = cast("int | None", attributes["total"])
             self.bits = int(cast(int, attributes["bits"]))
@@ -53,8 +74,11 @@ class FrameCache:
             crops = cast("dict[str, dict[str, int]]", attributes["crops"])
             self.crops = {name: Region(**crop) for name, crop in crops.items()}
             self.warnings = tuple(str(text) for text in cast("list[str]", attributes["warnings"]))
+            self.checksums: dict[str, str] = attributes["checksums"]
+            self._metadata: dict[str, str] = attributes["arrays"]
         except (KeyError, TypeError, ValueError) as error:
-            raise StoreError(f"the frames at {location.uri} have damaged attributes", _REBUILD) from error
+            raise DamagedFrames(f"the attributes of the frames at {location.uri} are damaged", digest=digest) from error
+        self._store = ShardStore(location.zarr_store(read_only=True), chunks_of(self.crops), self.checksums)
 
     @property
     def complete(self) -> bool:
@@ -66,15 +90,19 @@ class FrameCache:
         """Open the cache as it is, complete or not.
 
         Raises:
-            StoreError: missing or damaged.
+            StoreError: missing; DamagedFrames: its attributes are damaged.
         """
         folder = location.child("frames", digest)
         with store_errors(folder.uri, "opening frames"):
             try:
                 store = folder.zarr_store(read_only=True)
                 return cls(folder, digest, zarr.open_group(store, mode="r", use_consolidated=False))
-            except (FileNotFoundError, ValueError, TypeError) as error:
+            except FileNotFoundError as error:
                 raise StoreError(f"there are no frames at {folder.uri}", "run the capture's frames first") from error
+            except (ValueError, TypeError, LookupError) as error:
+                raise DamagedFrames(
+                    f"the attributes of the frames at {folder.uri} are damaged", digest=digest
+                ) from error
 
     @classmethod
     def ingest(
@@ -84,29 +112,38 @@ class FrameCache:
         digest: str,
         crops: Mapping[str, Region],
         progress: Callable[[int, int | None], None] | None = None,
+        source: Callable[[], Any] = lambda: None,
     ) -> "FrameCache":
         """Complete the cache; nothing is read from the footage if it is complete already.
 
-        progress: called with (frames done, frames expected or None) after each shard.
+        progress: called with (frames done, frames expected or None) after each shard. source: returns what tells the
+        footage's files from others (JSON), as `input_stamps`; asked before and after they are read.
 
         Raises:
-            InputError: the footage cannot be read or has no frame, or a crop leaves the frame.
+            InputError: the footage cannot be read or has no frame, it changed while it was read, or a crop leaves the
+                frame.
             StoreError: the store cannot be written.
         """
         check_crops(crops, footage)
         folder = location.child("frames", digest)
         with store_errors(folder.uri, "writing frames"), writer_lock(location, digest):
-            group = open_group(folder, footage, crops)
+            stamps = source()
+            group = open_group(folder, footage, crops, stamps)
             cache = cls(folder, digest, group)
             if not cache.complete:
-                write_frames(folder, group, footage, crops, cache.frames, progress)
+                writer = write_frames(folder, group, footage, crops, cache.frames, progress)
+                if not _is_same(source, stamps):
+                    # The cache is named by the files as they were: frames of others must not stay in it.
+                    group.attrs.clear()
+                    raise InputError(f"{footage.uri} changed while it was read", "run again once it is complete")
+                writer.finish(list(footage.warnings))
         return cls.open(location, digest)
 
     def read(self, name: str, frames: slice = _ALL, rows: slice = _ALL, columns: slice = _ALL) -> np.ndarray:
         """Read a crop, uint8 or uint16 (T, h, w); whole chunks (multiples of 64) are the cheapest.
 
         Raises:
-            StoreError: no such crop, or it cannot be read.
+            StoreError: no such crop, or it cannot be read; DamagedFrames: it is damaged.
         """
         if name not in self.crops:
             raise StoreError(f"{self.location.uri} has no frames of {name!r}", f"there are {', '.join(self.crops)}")
@@ -117,7 +154,30 @@ class FrameCache:
         with store_errors(self.location.uri, f"reading frames of {name}"):
             try:
                 if name not in self._arrays:
-                    self._arrays[name] = open_array(self._group, name)
+                    self._arrays[name] = self._open(name)
                 return np.asarray(self._arrays[name][index])
-            except (KeyError, ValueError, RuntimeError) as error:
-                raise StoreError(f"the frames of {name} at {self.location.uri} are damaged", _REBUILD) from error
+            except _UNREADABLE as error:
+                message = f"the frames of {name} at {self.location.uri} are damaged"
+                raise DamagedFrames(message, digest=self.digest) from error
+
+    def _open(self, name: str) -> Any:
+        """Open an array, if it is the one that was created.
+
+        Raises:
+            ValueError: it is another.
+        """
+        group = zarr.open_group(self._store, mode="r", use_consolidated=False)
+        array, crop = open_array(group, name), self.crops[name]
+        is_long_enough = array.shape[0] == self.total or (self.total is None and array.shape[0] >= self.frames)
+        if not is_long_enough or array.shape[1:] != (crop.height, crop.width):
+            raise ValueError(f"{name} has the shape {array.shape}")
+        if metadata_digests(group, {name: crop}) != {name: self._metadata[name]}:
+            raise ValueError(f"the metadata of {name} is not what was written")
+        return array
+
+
+def _is_same(source: Callable[[], Any], stamps: Any) -> bool:
+    try:
+        return bool(source() == stamps)
+    except InputError:
+        return False

@@ -77,6 +77,17 @@ def remove_frames(location: Location, chosen: Collection[CachedFrames]) -> None:
                 obstore.delete(store, paths[start : start + 500])
 
 
+def discard_frames(location: Location, digest: str) -> None:
+    """Remove frames that are damaged; it does not matter if another process does so too."""
+    with store_errors(location.uri, "removing frames"):
+        if location.local is None:
+            remove_frames(location, [CachedFrames(digest, 0, datetime.now(UTC))])
+            return
+        folder = location.local / "frames" / digest
+        (folder / _GROUP_METADATA).unlink(missing_ok=True)
+        shutil.rmtree(folder, ignore_errors=True)
+
+
 def mark_used(location: Location, digest: str) -> None:
     """Record that these frames are used now."""
     with store_errors(location.uri, "marking frames as used"):

@@ -15,8 +15,17 @@ import zarr
 from glint.storage.catalogue.models import Region
 from glint.storage.errors import InputError
 from glint.storage.footage.source import Footage
-from glint.storage.frames.layout import LAYOUT_VERSION, SHARD, create_arrays, open_array
+from glint.storage.frames.layout import (
+    LAYOUT_VERSION,
+    SHARD,
+    chunks_of,
+    create_arrays,
+    metadata_digests,
+    open_array,
+)
+from glint.storage.frames.shard_checksums import ShardStore
 from glint.storage.fsync import flush
+from glint.storage.inputs.digests import is_sealed, sealed
 from glint.storage.locations.location import Location
 
 Progress = Callable[[int, int | None], None]
@@ -55,25 +64,34 @@ def writer_lock(location: Location, digest: str) -> Iterator[None]:
         os.close(handle)
 
 
-def open_group(folder: Location, footage: Footage, crops: Mapping[str, Region]) -> zarr.Group:
-    """Open the group as an earlier writer left it, or create an empty one."""
+def open_group(folder: Location, footage: Footage, crops: Mapping[str, Region], source: Any) -> zarr.Group:
+    """Open the group as an earlier writer left it, or create an empty one.
+
+    source: what tells the footage's files from others (JSON); an incomplete cache of other files is begun anew.
+    """
     attributes: dict[str, Any] = {
+        "name": folder.name,
         "layout": LAYOUT_VERSION,
         "bits": footage.bits,
         "frame_size": [footage.height, footage.width],
         "crops": {name: crop.model_dump() for name, crop in crops.items()},
     }
-    store = folder.zarr_store()
+    store, chunks = folder.zarr_store(), chunks_of(crops)
     try:
         group = zarr.open_group(store, mode="r+", use_consolidated=False)
-        if all(group.attrs.get(key) == value for key, value in attributes.items()):
-            return group
+        stored: dict[str, Any] = dict(group.attrs)
+        is_ours = is_sealed(stored) and all(stored.get(key) == value for key, value in attributes.items())
+        is_current = is_ours and (stored["total"] is not None or stored["source"] == source)
+        if is_current and stored["arrays"] == metadata_digests(group, crops):
+            verified = ShardStore(store, chunks, stored["checksums"])
+            return zarr.open_group(verified, mode="r+", use_consolidated=False)
     except (FileNotFoundError, ValueError, TypeError, KeyError):
         pass
-    group = zarr.open_group(store, mode="w", use_consolidated=False)
+    group = zarr.open_group(ShardStore(store, chunks, {}), mode="w", use_consolidated=False)
     length = max(1, -(-footage.count // SHARD)) * SHARD
     create_arrays(group, length, footage.bits, crops)
-    group.attrs.put({**attributes, "frames": 0, "total": None, "warnings": []})
+    attributes |= {"source": source, "arrays": metadata_digests(group, crops), "checksums": {}}
+    group.attrs.put(sealed({**attributes, "frames": 0, "total": None, "warnings": []}))
     return group
 
 
@@ -84,10 +102,10 @@ def write_frames(
     crops: Mapping[str, Region],
     start: int,
     progress: Progress | None,
-) -> None:
-    """Write all frames from the shard of frame `start` on, then their total and the footage's warnings."""
+) -> "ShardWriter":
+    """Write all frames from the shard of frame `start` on; return the writer, which is to be finished."""
     start -= start % SHARD
-    writer = _ShardWriter(folder, group, tuple(crops), start, footage.count or None, progress)
+    writer = ShardWriter(folder, group, tuple(crops), start, footage.count or None, progress)
     done = start
     # This thread decodes, the other one compresses and writes.
     with ThreadPoolExecutor(1) as executor:
@@ -101,7 +119,7 @@ def write_frames(
             future.result()
     if done == 0:
         raise InputError(f"{footage.uri} holds no frame", "record or copy it again")
-    writer.finish(done, list(footage.warnings))
+    return writer
 
 
 @dataclass
@@ -116,7 +134,7 @@ class _Shard:
     length: int = 0
 
 
-class _ShardWriter:
+class ShardWriter:
     """Writes shards in order, each durably before the group's attributes count it."""
 
     def __init__(
@@ -142,15 +160,21 @@ class _ShardWriter:
             array[shard.start : shard.start + SHARD] = shard.crops[name]
             self._flush(name, shard.start // SHARD)
         self._written = shard.start + shard.length
-        self._group.attrs.update({"frames": self._written})
+        self._count(frames=self._written)
         if self._progress is not None:
             self._progress(self._written, self._expected)
 
-    def finish(self, total: int, warnings: list[str]) -> None:
+    def finish(self, warnings: list[str]) -> None:
         """Cut the arrays to the number of frames, and mark the cache as complete."""
+        total = self._written
         for array in self._arrays.values():
             array.resize((total, *array.shape[1:]))
-        self._group.attrs.update({"frames": total, "total": total, "warnings": warnings})
+        self._count(frames=total, total=total, warnings=warnings)
+
+    def _count(self, **facts: Any) -> None:
+        store = self._group.store
+        assert isinstance(store, ShardStore)
+        self._group.attrs.put(sealed({**self._group.attrs, **facts, "checksums": store.checksums}))
 
     def _flush(self, name: str, number: int) -> None:
         if self._folder.local is not None:

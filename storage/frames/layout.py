@@ -4,11 +4,12 @@ from collections.abc import Mapping
 from typing import Any, Literal, cast
 
 import zarr
-from zarr.codecs import BloscCodec
+from zarr.codecs import BloscCodec, Crc32cCodec
 
 from glint.storage.catalogue.models import Region
+from glint.storage.inputs.digests import digest_of
 
-LAYOUT_VERSION = 3
+LAYOUT_VERSION = 4
 SHARD = 64
 """Frames of a shard, and edge of a chunk in pixels and frames."""
 COMPRESSOR: Literal["lz4", "zstd"] = "lz4"
@@ -27,7 +28,7 @@ def create_arrays(group: zarr.Group, length: int, bits: int, crops: Mapping[str,
             dtype=f"uint{bits}",
             chunks=(SHARD, SHARD, SHARD),
             shards=(SHARD, _round_up(crop.height), _round_up(crop.width)),
-            compressors=compressor,
+            compressors=(compressor, Crc32cCodec()),
             fill_value=0,
         )
 
@@ -35,6 +36,19 @@ def create_arrays(group: zarr.Group, length: int, bits: int, crops: Mapping[str,
 def open_array(group: zarr.Group, name: str) -> "zarr.Array[Any]":
     """Open an array so that missing chunks are errors."""
     return cast("zarr.Array[Any]", group[name]).with_config(_STRICT_CHUNKS)
+
+
+def chunks_of(crops: Mapping[str, Region]) -> dict[str, int]:
+    """Return the number of chunks of a shard by array."""
+    return {name: _round_up(crop.height) * _round_up(crop.width) // SHARD**2 for name, crop in crops.items()}
+
+
+def metadata_digests(group: zarr.Group, crops: Mapping[str, Region]) -> dict[str, str]:
+    """Return digests of what zarr knows of the arrays of the crops but their length, which grows."""
+    metadata = {name: group[name].metadata.to_dict() for name in crops}
+    for values in metadata.values():
+        values["shape"] = list(cast("Any", values["shape"]))[1:]
+    return {name: digest_of(values) for name, values in metadata.items()}
 
 
 def _round_up(size: int) -> int:

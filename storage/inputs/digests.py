@@ -3,7 +3,7 @@
 import hashlib
 import json
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import obstore
@@ -14,6 +14,10 @@ from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.input_files import MISSING_REMEDY, Address, expand, locate
 from glint.storage.locations.location import Location
 
+SEAL = "seal"
+"""Attribute that holds the checksum of all others."""
+HEX_DIGITS = 32
+"""Of a checksum: 128 bits of a SHA-256, which no two different contents of a store will ever share by accident."""
 _READ_BYTES = 1 << 22
 _TIMESTAMP_STEP_NS = 100_000_000
 """Nanoseconds; file systems record times in steps of up to 10 ms."""
@@ -29,6 +33,24 @@ def digest_of(value: Any) -> str:
     return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
 
+def sealed(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return JSON attributes with their seal."""
+    return {**attributes, SEAL: _seal_of(attributes)}
+
+
+def is_sealed(attributes: Mapping[str, Any]) -> bool:
+    """Return whether attributes are those that were sealed."""
+    return SEAL in attributes and attributes[SEAL] == _seal_of(attributes)
+
+
+def _seal_of(attributes: Mapping[str, Any]) -> str:
+    content = {name: value for name, value in attributes.items() if name != SEAL}
+    try:
+        return digest_of(content)[:HEX_DIGITS]
+    except ValueError:  # NaN, which no attribute that was sealed has
+        return ""
+
+
 def content_digest(
     address: Address, store: Location, rehash: bool = False, suffixes: Collection[str] = SUFFIXES
 ) -> str:
@@ -42,8 +64,7 @@ def content_digest(
         InputError: missing or unreadable, or it changed while it was read.
     """
     location = locate(address)
-    files = expand(location, suffixes)
-    chosen = [location] if files is None else files
+    files, chosen = _files_of(location, suffixes)
     stamps = [file_stamp(file) for file in chosen]
     cache = store.child("digests")
     key = digest_of([files is None, *(file.uri for file in chosen)]) + ".json"
@@ -63,10 +84,26 @@ def content_digest(
     return digest
 
 
+def input_stamps(address: Address, suffixes: Collection[str] = SUFFIXES) -> list[list[Any]]:
+    """Return address and stamp of a file, or of a folder's or pattern's files: other values if one of them changes.
+
+    Raises:
+        InputError: missing or unreadable.
+    """
+    return [[file.uri, *file_stamp(file)] for file in _files_of(locate(address), suffixes)[1]]
+
+
+def _files_of(location: Location, suffixes: Collection[str]) -> tuple[list[Location] | None, list[Location]]:
+    """Return the files of a folder or pattern (None: it is a single file), and the files in any case."""
+    files = expand(location, suffixes)
+    return files, [location] if files is None else files
+
+
 def file_stamp(file: Location) -> list[Any]:
     """Return values that change whenever a file's content does, without reading it.
 
-    These are size, time of modification and time of change (nanoseconds), in an object store size and entity tag.
+    These are size, time of modification and time of change (nanoseconds) and the file's number on its disk; in an
+    object store size and entity tag.
 
     Raises:
         InputError: missing or unreadable; StoreError: the object store cannot be read.
@@ -74,7 +111,7 @@ def file_stamp(file: Location) -> list[Any]:
     try:
         if file.local is not None:
             status = file.local.stat()
-            return [status.st_size, status.st_mtime_ns, status.st_ctime_ns]
+            return [status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
         with store_errors(file.uri, "looking at an input"):
             try:
                 meta = obstore.head(file.parent.obstore(), file.name)
@@ -103,7 +140,7 @@ def exists(file: Location) -> bool:
 
 def _is_recently_modified(stamp: list[Any]) -> bool:
     """Return whether a local file changed so recently that a further change could leave its size and times as is."""
-    return isinstance(stamp[1], int) and abs(time.time_ns() - max(stamp[1:])) < _TIMESTAMP_STEP_NS
+    return isinstance(stamp[1], int) and abs(time.time_ns() - max(stamp[1:3])) < _TIMESTAMP_STEP_NS
 
 
 def _lookup(cache: Location, key: str, stamps: list[list[Any]]) -> str | None:

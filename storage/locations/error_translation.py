@@ -41,6 +41,9 @@ UNREACHABLE_HINTS = (
 )
 """Parts of an error's text, in lower case, if the store does not answer."""
 
+UNKNOWN_CAUSE_REMEDY = "check that the store is reachable and undamaged"
+"""The remedy for an error whose text says neither what is in the way nor that the store does not answer."""
+
 
 @contextmanager
 def store_errors(uri: str, action: str) -> Iterator[None]:
@@ -63,4 +66,4 @@ def translate(uri: str, action: str, error: BaseException) -> StoreError:
     remedy = next((remedy for hints, remedy in REMEDIES if any(hint in text.lower() for hint in hints)), None)
     if remedy is None and any(hint in text.lower() for hint in UNREACHABLE_HINTS):
         return StoreUnreachable(message, "check the address and that the server is up, then run again")
-    return StoreError(message, remedy or "check that the store is reachable and undamaged")
+    return StoreError(message, remedy or UNKNOWN_CAUSE_REMEDY)

@@ -7,7 +7,10 @@ import icechunk
 import obstore
 
 from glint.storage.locations.location import Location
-from glint.storage.versions.publication import delete_stale_branches
+from glint.storage.versions.snapshots import version_names
+
+BRANCH_PREFIX = "publish-"
+"""Beginning of the names of the branches on which versions are made."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +37,23 @@ def collect(repository: icechunk.Repository, location: Location, min_age: timede
     if not dry_run and copies:
         obstore.delete(location.obstore(), list(copies))
     return Garbage(objects + len(copies), summary.bytes_deleted + sum(copies.values()))
+
+
+def prune(repository: icechunk.Repository, object_id: str, keep: int, dry_run: bool) -> list[str]:
+    """Delete the tags of all but the newest `keep` versions; return their names."""
+    names = version_names(repository, object_id)[: -max(1, keep)]
+    for name in [] if dry_run else names:
+        repository.delete_tag(name)
+    return names
+
+
+def delete_stale_branches(repository: icechunk.Repository, limit: datetime) -> None:
+    """Delete the branches, older than `limit`, of publishers that died."""
+    for branch in repository.list_branches():
+        if branch.startswith(BRANCH_PREFIX):
+            written = repository.lookup_snapshot(repository.lookup_branch(branch)).written_at
+            if written < limit:
+                repository.delete_branch(branch)
 
 
 def _index_copies(location: Location, limit: datetime) -> dict[str, int]:

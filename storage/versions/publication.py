@@ -13,10 +13,18 @@ from uuid import uuid4
 import icechunk
 import zarr
 
-from glint.storage.errors import StoreError
+from glint.storage.errors import DamagedError, StoreError
+from glint.storage.inputs.digests import SEAL, sealed
 from glint.storage.versions.array_schema import Schemas, schema_violations
+from glint.storage.versions.garbage import BRANCH_PREFIX
 from glint.storage.versions.json_values import json_value
-from glint.storage.versions.snapshots import Version, newest_version, read_session, read_version
+from glint.storage.versions.snapshots import (
+    Version,
+    newest_version,
+    read_session,
+    read_version,
+    version_results,
+)
 from glint.storage.versions.stage_results import (
     LAYOUT_NUMBER,
     WHOLE_OBJECT,
@@ -24,12 +32,11 @@ from glint.storage.versions.stage_results import (
     StoredFile,
     contents,
     read_capture,
-    read_stage,
+    stage_attributes,
     stage_keys,
 )
 from glint.storage.versions.stage_writer import write_stage
-
-_BRANCH_PREFIX = "publish-"
+from glint.storage.versions.verification import verify
 
 
 def publish(
@@ -48,7 +55,7 @@ def publish(
         StoreError: a result is missing or malformed.
         icechunk.ConflictError: another publisher was faster.
     """
-    current = repair_main(repository)
+    current = repair_main(repository, object_id)
     base = repository.lookup_branch("work")
     work = read_session(repository, base).store
     keys = {capture: stage_keys(work, capture) for capture in captures}
@@ -58,6 +65,8 @@ def publish(
         for capture, stages in keys.items()
         if stages != published.get(capture) and stages != rolled_back.get(capture)
     }
+    if current:
+        new |= _replacements(repository, object_id, current, {name: keys[name] for name in keys.keys() - new.keys()})
     if current and not new and not published.keys() & set(removed):
         return replace(current, created=False)
     for capture in new:
@@ -81,7 +90,7 @@ def rollback(repository: icechunk.Repository, object_id: str, target: Version, m
     Raises:
         icechunk.ConflictError: another publisher was faster.
     """
-    current = repair_main(repository)
+    current = repair_main(repository, object_id)
     if current is None or target.snapshot == current.snapshot:
         return replace(target, created=False)
     version = next_version(
@@ -96,9 +105,29 @@ def rollback(repository: icechunk.Repository, object_id: str, target: Version, m
     return commit_version(repository, object_id, target.snapshot, current, version, {})
 
 
-def repair_main(repository: icechunk.Repository) -> Version | None:
+def is_whole(repository: icechunk.Repository, object_id: str, version: Version, capture: str) -> bool:
+    """Return whether all bytes of a capture of a version are what was written."""
+    try:
+        results = version_results(repository, object_id, version, capture)
+    except DamagedError:
+        return False
+    return not verify(results.values()).damages
+
+
+def published(repository: icechunk.Repository, object_id: str, keys: Keys) -> Version | None:
+    """Return the newest version if publishing results with these keys would change nothing, else None."""
+    newest = newest_version(repository, object_id)
+    if newest is None or repository.lookup_branch("main") != newest.snapshot:
+        return None
+    is_same = all(
+        stages in (newest.stages.get(capture), newest.rolled_back.get(capture)) for capture, stages in keys.items()
+    )
+    return replace(newest, created=False) if is_same else None
+
+
+def repair_main(repository: icechunk.Repository, object_id: str) -> Version | None:
     """Return the newest version; move `main` there if its publisher died before it could."""
-    newest = newest_version(repository)
+    newest = newest_version(repository, object_id)
     if newest is None:
         return None
     main = repository.lookup_branch("main")
@@ -106,7 +135,7 @@ def repair_main(repository: icechunk.Repository) -> Version | None:
         try:
             repository.reset_branch("main", newest.snapshot, from_snapshot_id=main)
         except icechunk.ConflictError:
-            return repair_main(repository)
+            return repair_main(repository, object_id)
     return newest
 
 
@@ -128,7 +157,7 @@ def commit_version(
     Raises:
         icechunk.ConflictError: another publisher took the name first.
     """
-    branch = f"{_BRANCH_PREFIX}{uuid4().hex}"
+    branch = f"{BRANCH_PREFIX}{uuid4().hex}"
     repository.create_branch(branch, base)
     try:
         writable = repository.writable_session(branch)
@@ -139,25 +168,55 @@ def commit_version(
         for capture in kept:
             if current is not None and present.get(capture) != kept[capture]:
                 _copy_capture(repository, object_id, writable.store, current, capture)
-        root.attrs.put({"layout": LAYOUT_NUMBER, "version": version.name, "metadata": version.metadata})
-        record = {"stages": version.stages, "rolled_back": version.rolled_back, "metadata": version.metadata}
-        repository.create_tag(version.name, writable.commit(version.message, record))
+        own = {"layout": LAYOUT_NUMBER, "object": object_id, "version": version.name}
+        root.attrs.put(sealed(own | {"metadata": version.metadata}))
+        record = {
+            "version": version.name,
+            "object": object_id,
+            "time": version.time.isoformat(),
+            "message": version.message,
+            "stages": version.stages,
+            "seals": {
+                capture: {
+                    stage: attributes[SEAL] for stage, attributes in stage_attributes(writable.store, capture).items()
+                }
+                for capture in version.stages
+            },
+            "rolled_back": version.rolled_back,
+            "metadata": version.metadata,
+        }
+        repository.create_tag(version.name, writable.commit(version.message, sealed(record)))
     except icechunk.AlreadyExistsError as error:
         raise icechunk.ConflictError() from error
     finally:
         repository.delete_branch(branch)
     # From the tag on the version exists; if this process dies here, the next publisher moves `main`.
-    repair_main(repository)
-    return read_version(repository, version.name)
+    repair_main(repository, object_id)
+    return read_version(repository, object_id, version.name)
 
 
-def delete_stale_branches(repository: icechunk.Repository, limit: datetime) -> None:
-    """Delete the branches, older than `limit`, of publishers that died."""
-    for branch in repository.list_branches():
-        if branch.startswith(_BRANCH_PREFIX):
-            written = repository.lookup_snapshot(repository.lookup_branch(branch)).written_at
-            if written < limit:
-                repository.delete_branch(branch)
+def _seals(store: Any, capture: str) -> dict[str, str]:
+    return {stage: attributes[SEAL] for stage, attributes in stage_attributes(store, capture).items()}
+
+
+def _replacements(repository: icechunk.Repository, object_id: str, current: Version, keys: Keys) -> Keys:
+    """Return those of the keys, of captures with nothing new, whose capture is damaged in `current`.
+
+    Raises:
+        StoreError: such a capture was rolled back to other results, which these keys do not give again.
+    """
+    lost = {
+        capture: stages
+        for capture, stages in keys.items()
+        if capture in current.stages and not is_whole(repository, object_id, current, capture)
+    }
+    for capture, stages in lost.items():
+        if stages != current.stages[capture]:
+            raise StoreError(
+                f"{object_id}/{capture} is damaged in {current.name}, which was rolled back to other results",
+                f"`glint rollback {object_id} VERSION` to a version that is whole, or restore a backup",
+            )
+    return lost
 
 
 def _check_capture(store: Any, object_id: str, capture: str, required: Sequence[str], schemas: Schemas) -> None:
@@ -172,13 +231,9 @@ def _check_capture(store: Any, object_id: str, capture: str, required: Sequence[
 
 def _copy_capture(repository: icechunk.Repository, object_id: str, store: Any, current: Version, capture: str) -> None:
     """Replace the capture in `store` by its state in `current`."""
-    source = read_session(repository, current.snapshot).store
     root = zarr.open_group(store, mode="a", use_consolidated=False)
     if capture in root:
         del root[capture]
-    for stage in current.stages[capture]:
-        result = read_stage(source, object_id, capture, stage)
-        if result is None:
-            raise StoreError(f"{current.name} has lost {capture}/{stage}", "restore the object from a backup")
+    for stage, result in version_results(repository, object_id, current, capture).items():
         files = {name: StoredFile(result.read_file(name), info.media_type) for name, info in result.files.items()}
-        write_stage(store, capture, stage, result.key, result.arrays, result.record, files)
+        write_stage(store, object_id, capture, stage, result.key, result.arrays, result.record, files)

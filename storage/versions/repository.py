@@ -4,13 +4,12 @@ Branch `work` takes the result of every stage as it finishes; a resumed run read
 snapshot with a tag v1, v2, ..; branch `main` is the newest version, which readers see by default. A version holds the
 results of all its captures itself, so any zarr reader opens it by its tag alone.
 
-A rollback is a new version with the content of an older one: no published version leaves the history. It stands until
-the results change: publishing the very results that were rolled back creates no version.
+A rollback is a new version with the content of an older one, and stands until the results change: publishing the very
+results that were rolled back creates no version.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from datetime import timedelta
 from types import MappingProxyType
 from typing import Any
@@ -24,8 +23,8 @@ from glint.storage.locations.location import Location
 from glint.storage.locking.locks import mutation_lock
 from glint.storage.versions import publication, snapshots
 from glint.storage.versions.array_schema import Schemas
-from glint.storage.versions.garbage import Garbage, collect
-from glint.storage.versions.snapshots import Version, read_session
+from glint.storage.versions.garbage import Garbage, collect, prune
+from glint.storage.versions.snapshots import Version, index_errors, read_session
 from glint.storage.versions.stage_results import (
     WHOLE_OBJECT,
     Keys,
@@ -37,13 +36,13 @@ from glint.storage.versions.stage_results import (
     is_name,
     read_capture,
     read_stage,
+    stage_attributes,
     stage_keys,
-    stage_records,
 )
 from glint.storage.versions.stage_writer import write_stage
 from glint.storage.versions.transaction import transaction
 
-icechunk.set_logs_filter("error")
+icechunk.set_logs_filter("off")  # what it logs it also raises
 
 NO_SCHEMAS: Schemas = MappingProxyType({})
 
@@ -75,19 +74,17 @@ class ObjectRepository:
                 cannot be used.
         """
         folder = location.child("objects", check_name(object_id, "object"), "repo")
-        with store_errors(folder.uri, f"opening object {object_id}"):
-            try:
-                repository = snapshots.open_repository(folder)
-                if not create or "work" in repository.list_branches():
-                    check_layout(read_session(repository, "work").store, object_id, location.uri)
-                    return cls(location, object_id, repository)
-            except icechunk.RepositoryNotFoundError:
-                if not create:
-                    raise StoreError(
-                        f"no object {object_id} in {location.uri}", "see `glint status` for the objects it has"
-                    ) from None
-            with mutation_lock(location, object_id):
-                return cls(location, object_id, snapshots.open_or_create(folder))
+        with index_errors(location.uri, "opening it", object_id):
+            repository = snapshots.open_existing(folder, object_id)
+            if repository is None and not create:
+                raise StoreError(
+                    f"no object {object_id} in {location.uri}", "see `glint status` for the objects it has"
+                )
+            if repository is None or (create and "work" not in repository.list_branches()):
+                with mutation_lock(location, object_id):
+                    return cls(location, object_id, snapshots.open_or_create(folder, object_id))
+            check_layout(read_session(repository, "work").store, object_id, location.uri)
+            return cls(location, object_id, repository)
 
     def stage_key(self, capture: str, stage: str, ref: str = "work") -> str | None:
         """Return the key under which the stage was saved last, or None."""
@@ -97,7 +94,8 @@ class ObjectRepository:
     def records(self, capture: str, ref: str = "work") -> dict[str, tuple[str, dict[str, Any]]]:
         """Return key and record of the saved stages of a capture, without their arrays."""
         with self._errors(f"reading {capture}"):
-            return stage_records(self._store(ref), capture)
+            saved = stage_attributes(self._store(ref), capture).items()
+            return {stage: (attributes["key"], attributes["record"]) for stage, attributes in saved}
 
     def save(
         self,
@@ -108,9 +106,8 @@ class ObjectRepository:
         record: Mapping[str, Any],
         files: Mapping[str, StoredFile] | None = None,
     ) -> str:
-        """Replace the stage's result as a whole, in one commit on `work`; return the snapshot's id.
+        """Replace the stage's result as a whole, durably, in one commit on `work`; return the snapshot's id.
 
-        Concurrent readers see the old result or the new one. The result is durable once this returns.
 
         Raises:
             StoreError: the store cannot be written, or a name cannot be used there.
@@ -118,7 +115,7 @@ class ObjectRepository:
 
         def write() -> str:
             session = self._repository.writable_session("work")
-            write_stage(session.store, capture, stage, key, arrays, record, files or {})
+            write_stage(session.store, self.object_id, capture, stage, key, arrays, record, files or {})
             metadata = {"capture": capture, "stage": stage, "key": key}
             return str(session.commit(f"{capture}/{stage}", metadata, rebase_with=icechunk.ConflictDetector()))
 
@@ -131,14 +128,27 @@ class ObjectRepository:
             StoreError: there is none.
         """
         with self._errors(f"reading {capture}/{stage}"):
-            result = read_stage(self._store(ref), self.object_id, capture, stage)
+            version = snapshots.version_at(self._repository, self.object_id, ref)
+            if version is not None:
+                result = snapshots.version_results(self._repository, self.object_id, version, capture, (stage,)).get(
+                    stage
+                )
+            else:
+                result = read_stage(self._store(ref), self.object_id, capture, stage)
         if result is None:
             raise StoreError(f"{self.object_id} has no {capture}/{stage} in {ref}", "run the object first")
         return result
 
     def load_capture(self, capture: str, ref: str = "work") -> dict[str, StageResult]:
-        """Return all results of a capture by stage, read in one session, which is faster than one stage at a time."""
+        """Return all results of a capture by stage, read in one session, which is faster than one stage at a time.
+
+        Raises:
+            DamagedError: one is damaged.
+        """
         with self._errors(f"reading {capture}"):
+            version = snapshots.version_at(self._repository, self.object_id, ref)
+            if version is not None:
+                return snapshots.version_results(self._repository, self.object_id, version, capture)
             return read_capture(self._store(ref), self.object_id, capture)
 
     def captures(self, ref: str = "work") -> list[str]:
@@ -161,8 +171,8 @@ class ObjectRepository:
     ) -> Version:
         """Publish the named captures' results on `work` as a version: tag it and move `main` there.
 
-        Other captures stay as they are in the current version. If nothing changes, return the current version with
-        `created` False.
+        Other captures stay as they are in the current version; what is damaged in it counts as changed. If nothing
+        changes, return the current version with `created` False.
 
         required: stages that a capture must have; remove: captures to leave out; schemas: of the arrays.
 
@@ -180,7 +190,7 @@ class ObjectRepository:
         """Make a version with the content of an older one; a rollback to the current version makes none.
 
         Raises:
-            StoreError: there is no such version.
+            StoreError: there is no such version; DamagedError: it is damaged.
         """
         return self._transaction(
             "rolling back",
@@ -190,13 +200,13 @@ class ObjectRepository:
     def history(self) -> list[Version]:
         """Return all versions, oldest first."""
         with self._errors("reading the history"):
-            names = snapshots.version_names(self._repository)
-            return [snapshots.read_version(self._repository, name) for name in names]
+            names = snapshots.version_names(self._repository, self.object_id)
+            return [snapshots.read_version(self._repository, self.object_id, name) for name in names]
 
     def version_names(self) -> list[str]:
         """Return the names (v1, v2, ..) of all versions that have not been pruned, oldest first."""
         with self._errors("reading the history"):
-            return snapshots.version_names(self._repository)
+            return snapshots.version_names(self._repository, self.object_id)
 
     def version(self, name: str | None = None) -> Version:
         """Return the named version, or the newest one.
@@ -210,13 +220,7 @@ class ObjectRepository:
     def published(self, keys: Keys) -> Version | None:
         """Return the newest version if publishing results with these keys would change nothing, else None."""
         with self._errors("reading the history"):
-            newest = snapshots.newest_version(self._repository)
-            if newest is None or self._repository.lookup_branch("main") != newest.snapshot:
-                return None
-        is_same = all(
-            stages in (newest.stages.get(capture), newest.rolled_back.get(capture)) for capture, stages in keys.items()
-        )
-        return replace(newest, created=False) if is_same else None
+            return publication.published(self._repository, self.object_id, keys)
 
     def garbage_collect(self, dry_run: bool = False, min_age: timedelta = timedelta(days=1)) -> Garbage:
         """Remove what neither a version nor a branch needs and is older than `min_age`.
@@ -229,13 +233,7 @@ class ObjectRepository:
     def prune(self, keep: int, dry_run: bool = False) -> list[str]:
         """Remove all but the newest `keep` versions from the history; return their names. Their data become garbage."""
 
-        def delete_tags() -> list[str]:
-            names = snapshots.version_names(self._repository)[: -max(1, keep)]
-            for name in [] if dry_run else names:
-                self._repository.delete_tag(name)
-            return names
-
-        return self._transaction("pruning versions", delete_tags)
+        return self._transaction("pruning versions", lambda: prune(self._repository, self.object_id, keep, dry_run))
 
     def _store(self, ref: str) -> Any:
         return read_session(self._repository, ref).store
@@ -245,5 +243,5 @@ class ObjectRepository:
 
     @contextmanager
     def _errors(self, action: str) -> Iterator[None]:
-        with store_errors(self.location.uri, f"{action} of object {self.object_id}"):
+        with index_errors(self.location.uri, action, self.object_id):
             yield

@@ -1,7 +1,9 @@
 """Branches, tags and snapshots of an object's icechunk repository: opening it, and reading its versions."""
 
+import json
 import re
-from contextlib import suppress
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
@@ -9,9 +11,11 @@ from typing import Any
 import icechunk
 import obstore
 
-from glint.storage.errors import StoreError
+from glint.storage.errors import DamagedError, StoreError, damaged
+from glint.storage.inputs.digests import is_sealed
+from glint.storage.locations.error_translation import UNKNOWN_CAUSE_REMEDY, store_errors, translate
 from glint.storage.locations.location import Location
-from glint.storage.versions.stage_results import Keys
+from glint.storage.versions.stage_results import Keys, StageResult, read_capture
 
 # Every commit is a new snapshot of the whole object. With icechunk's default limits their cache takes a hundred
 # megabytes for each open object; only the newest snapshots are read again.
@@ -25,6 +29,7 @@ class Version:
     metadata: as given by the publisher
     stages: keys of its content by capture and stage
     rolled_back: keys of the results from which a rollback led to this content; publishing these again has no effect
+    seals: checksums of its content by capture and stage
     created: False if publishing found nothing new
     """
 
@@ -35,6 +40,7 @@ class Version:
     metadata: dict[str, Any] = field(default_factory=dict)
     stages: Keys = field(default_factory=dict)
     rolled_back: Keys = field(default_factory=dict)
+    seals: Keys = field(default_factory=dict)
     created: bool = True
 
 
@@ -47,20 +53,30 @@ def open_repository(location: Location) -> icechunk.Repository:
     return icechunk.Repository.open(location.icechunk_storage(), config=_CONFIG)
 
 
-def open_or_create(location: Location) -> icechunk.Repository:
+def open_existing(location: Location, object_id: str) -> icechunk.Repository | None:
+    """Open a repository; None if there is none.
+
+    Raises:
+        DamagedError: its index is missing.
+    """
+    try:
+        return open_repository(location)
+    except icechunk.RepositoryNotFoundError as error:
+        if _lists_snapshots(location):
+            raise damaged(
+                f"the index of object {object_id} in {location.uri}", "its file `repo` is lost", object_id
+            ) from error
+        return None
+
+
+def open_or_create(location: Location, object_id: str) -> icechunk.Repository:
     """Open the repository and its branch `work`; create what is missing, also after an interrupted creation.
 
     Raises:
-        StoreError: there are results but no index of them.
+        DamagedError: there are results but no index of them.
     """
-    try:
-        repository = open_repository(location)
-    except icechunk.RepositoryNotFoundError:
-        snapshots = [meta for batch in obstore.list(location.obstore(), prefix="snapshots") for meta in batch]
-        # An interrupted creation leaves at most the initial snapshot; with more, creating would hide results.
-        if len(snapshots) > 1:
-            remedy = "copy the newest file of its folder overwritten/ to the name repo, or restore a backup"
-            raise StoreError(f"{location.uri} has lost the file repo, the index of its results", remedy) from None
+    repository = open_existing(location, object_id)
+    if repository is None:
         with suppress(icechunk.ConflictError):
             icechunk.Repository.create(location.icechunk_storage(), check_clean_root=False)
         repository = open_repository(location)
@@ -68,6 +84,13 @@ def open_or_create(location: Location) -> icechunk.Repository:
         with suppress(icechunk.AlreadyExistsError, icechunk.ConflictError):
             repository.create_branch("work", repository.lookup_branch("main"))
     return repository
+
+
+def _lists_snapshots(location: Location) -> bool:
+    """Return whether there are snapshots but the initial one, which an interrupted creation may leave."""
+    if location.local is not None and not location.local.is_dir():
+        return False
+    return sum(len(batch) for batch in obstore.list(location.obstore(), prefix="snapshots")) > 1
 
 
 def read_session(repository: icechunk.Repository, ref: str) -> icechunk.Session:
@@ -82,29 +105,114 @@ def read_session(repository: icechunk.Repository, ref: str) -> icechunk.Session:
         if re.fullmatch(r"v\d+", ref):
             return repository.readonly_session(tag=ref)
         return repository.readonly_session(snapshot_id=ref)
-    except (icechunk.NotFoundError, icechunk.InvalidInputError, ValueError) as error:
+    except (icechunk.RefNotFoundError, icechunk.InvalidInputError, ValueError) as error:
         raise StoreError(f"no version {ref!r} in this repository", "see `glint history`") from error
 
 
-def version_names(repository: icechunk.Repository) -> list[str]:
-    """Return v1, v2, .. in order."""
-    tags = [tag for tag in repository.list_tags() if re.fullmatch(r"v[1-9]\d*", tag)]
-    return sorted(tags, key=lambda tag: int(tag[1:]))
+def version_names(repository: icechunk.Repository, object_id: str) -> list[str]:
+    """Return v1, v2, .. in order.
+
+    Raises:
+        DamagedError: one is missing between two others, or the newest one.
+    """
+    numbers = sorted(int(tag[1:]) for tag in repository.list_tags() if re.fullmatch(r"v[1-9]\d*", tag))
+    names = [f"v{number}" for number in numbers]
+    newest, main = numbers[-1] if numbers else 0, repository.lookup_branch("main")
+    # The branch `main` is never ahead of the newest tag, only behind it where a publisher died.
+    if not numbers or repository.lookup_tag(names[-1]) != main:
+        version = version_of(repository, object_id, main)
+        newest = max(newest, int(version.name[1:]) if version else 0)
+    absent = set(range(numbers[0] if numbers else 1, newest + 1)) - set(numbers)
+    if absent:
+        raise index_damage("", object_id, f"it has lost the version v{min(absent)}")
+    return names
 
 
-def read_version(repository: icechunk.Repository, name: str) -> Version:
+def read_version(repository: icechunk.Repository, object_id: str, name: str) -> Version:
     """Return the version from its tag and its commit's metadata.
 
     Raises:
-        StoreError: Glint did not make the tag.
+        StoreError: Glint did not make the tag; DamagedError: this is not what was written.
     """
-    snapshot = repository.lookup_snapshot(repository.lookup_tag(name))
-    record = snapshot.metadata
+    version = version_of(repository, object_id, repository.lookup_tag(name))
+    if version is None:
+        raise StoreError(f"tag {name} of {object_id} was not made by Glint", "delete the tag")
+    if version.name != name:
+        raise index_damage("", object_id, f"its {name} is {version.name}")
+    return version
+
+
+def version_at(repository: icechunk.Repository, object_id: str, ref: str) -> Version | None:
+    """Return the version that a branch, name or snapshot is, None if it is none; `work` never is."""
+    return None if ref == "work" else version_of(repository, object_id, read_session(repository, ref).snapshot_id)
+
+
+def version_of(repository: icechunk.Repository, object_id: str, snapshot_id: str) -> Version | None:
+    """Return the version that a snapshot is, None for a snapshot of another kind.
+
+    Raises:
+        DamagedError: its record is not what was written.
+    """
+    snapshot = repository.lookup_snapshot(snapshot_id)
+    # The library gives the keys in any order.
+    record: dict[str, Any] = json.loads(json.dumps(snapshot.metadata, sort_keys=True))
+    if "version" not in record:
+        return None
+    if not is_sealed(record) or record["object"] != object_id or snapshot.id != snapshot_id:
+        name = record["version"] if is_sealed(record) else "a version"
+        raise damaged(f"the record of {name} of {object_id}", "it is not what was written", object_id)
+    moment = datetime.fromisoformat(record["time"])
+    facts = record["metadata"], record["stages"], record["rolled_back"], record["seals"]
+    return Version(record["version"], snapshot.id, moment, record["message"], *facts)
+
+
+def version_results(
+    repository: icechunk.Repository,
+    object_id: str,
+    version: Version,
+    capture: str,
+    stages: Collection[str] | None = None,
+) -> dict[str, StageResult]:
+    """Return the results of a capture of a version by stage, or those of some of its stages that it has.
+
+    Raises:
+        DamagedError: one is damaged, missing or another.
+    """
+    seals = version.seals.get(capture, {})
+    chosen = {stage: seal for stage, seal in seals.items() if stages is None or stage in stages}
+    return read_capture(read_session(repository, version.snapshot).store, object_id, capture, version.name, chosen)
+
+
+@contextmanager
+def index_errors(uri: str, action: str, object_id: str) -> Iterator[None]:
+    """Raise errors of the store as StoreError that names the action, those of a damaged index as DamagedError.
+
+    Conflicts between writers pass unchanged, for the caller to try again.
+    """
     try:
-        facts = record["metadata"], record["stages"], record["rolled_back"]
-    except KeyError as error:
-        raise StoreError(f"tag {name} was not made by Glint (no {error} in its commit)", "delete the tag") from error
-    return Version(name, snapshot.id, snapshot.written_at, snapshot.message, *facts)
+        with store_errors(uri, action):
+            try:
+                yield
+            except icechunk.IcechunkError as error:
+                is_known = translate(uri, action, error).remedy != UNKNOWN_CAUSE_REMEDY
+                if is_known or isinstance(error, icechunk.ConflictError):
+                    raise
+                raise index_damage(uri, object_id, f"{action}: {_first(error)}") from error
+    except BaseException as error:
+        # The library ends so where it trusts the content of a damaged file.
+        if type(error).__name__ != "PanicException":
+            raise
+        raise index_damage(uri, object_id, f"{action}: {_first(error)}") from error
+
+
+def index_damage(uri: str, object_id: str, problem: str) -> DamagedError:
+    """Return the error for an object whose index or snapshots are damaged; uri: of the store, if known."""
+    return damaged(f"the index of object {object_id}{f' in {uri}' if uri else ''}", problem, object_id)
+
+
+def _first(error: BaseException) -> str:
+    """Return the beginning of an error's text, in one line."""
+    return " ".join(str(error).split())[:120]
 
 
 def find_version(repository: icechunk.Repository, object_id: str, name: str | None) -> Version:
@@ -113,14 +221,14 @@ def find_version(repository: icechunk.Repository, object_id: str, name: str | No
     Raises:
         StoreError: there is none.
     """
-    names = version_names(repository)
+    names = version_names(repository, object_id)
     if not names or (name is not None and name not in names):
         absence = "no version yet" if not names else f"no version {name!r} (it has {', '.join(names)})"
         raise StoreError(f"{object_id} has {absence}", "see `glint history` or run the object")
-    return read_version(repository, name or names[-1])
+    return read_version(repository, object_id, name or names[-1])
 
 
-def newest_version(repository: icechunk.Repository) -> Version | None:
+def newest_version(repository: icechunk.Repository, object_id: str) -> Version | None:
     """Return the newest version, or None before the first."""
-    names = version_names(repository)
-    return read_version(repository, names[-1]) if names else None
+    names = version_names(repository, object_id)
+    return read_version(repository, object_id, names[-1]) if names else None

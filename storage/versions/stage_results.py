@@ -1,23 +1,22 @@
 """One stage's result as a group of a versioned store: key and record as its attributes, its arrays, its files.
 
 Files (meshes, pictures) are uint8 arrays (size,) in the subgroup `files`, named like the file. They are part of the
-commit: a version holds whole results. Chunks carry a checksum (CRC-32C), files their SHA-256 as well.
+commit: a version holds whole results. All that is read is verified, see `checksums`.
 """
 
 import hashlib
 import re
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, cast
+from typing import Any
 
-import icechunk
 import numpy as np
 import zarr
 from zarr.errors import GroupNotFoundError
 
-from glint.storage.errors import StoreError, StoreUnreachable
-from glint.storage.locations.error_translation import translate
+from glint.storage.errors import StoreError, damaged
+from glint.storage.inputs.digests import SEAL, is_sealed
+from glint.storage.versions.checksums import VerifiedArrays, VerifiedStore
 
 WHOLE_OBJECT = "_object"
 """Takes the place of a capture for results of the whole object, such as its model; no capture can have this name."""
@@ -25,15 +24,15 @@ WHOLE_OBJECT = "_object"
 Keys = dict[str, dict[str, str]]
 """Stage keys by capture and stage."""
 
-LAYOUT_NUMBER = 2
+LAYOUT_NUMBER = 3
 """Number of this layout, stored in the root group's attribute `layout`; the first layout had no number."""
 
 FILES_GROUP = "files"
 """Name of the subgroup of a stage's files; no array can have this name."""
 
+_METADATA = "/zarr.json"
 _NAME = re.compile(r"[a-z0-9][a-z0-9._-]{0,63}")
 _FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}")
-_DAMAGE_REMEDY = "restore the store from a backup, or use a new --store and run again"
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +56,7 @@ class FileInfo:
 class StageResult:
     """A stored result: `arrays` are read when indexed, or whole by `read`, files by `read_file`; `record` is JSON.
 
+    version: its name, `work` for the newest results. seal: the checksum of all of it. checksums: of its values by key.
     file_arrays: arrays that hold the content of `files`, for `read_file` alone.
     """
 
@@ -66,38 +66,39 @@ class StageResult:
     key: str
     record: dict[str, Any]
     files: dict[str, FileInfo]
-    arrays: dict[str, zarr.Array]
-    file_arrays: dict[str, zarr.Array] = field(default_factory=dict, repr=False)
+    arrays: Mapping[str, zarr.Array]
+    file_arrays: Mapping[str, zarr.Array] = field(default_factory=dict, repr=False)
+    version: str = "work"
+    seal: str = ""
+    checksums: dict[str, str] = field(default_factory=dict, repr=False)
+    store: Any = field(default=None, repr=False)
 
     @property
     def name(self) -> str:
-        """Object, capture and stage, for messages."""
-        return f"{self.object_id}/{self.capture}/{self.stage}"
+        """Object, capture, stage and version, for messages."""
+        return owner_name(self.object_id, self.capture, self.stage, self.version)
 
     def read(self, name: str) -> np.ndarray:
         """Return array `name`, read into memory.
 
         Raises:
-            StoreError: the stage has no such array, or its chunks are damaged.
+            StoreError: the stage has no such array; DamagedError: it is damaged.
         """
         if name not in self.arrays:
             raise _absent_error(self.name, "array", name, self.arrays)
-        with _damage_reported(f"array {name!r} of {self.name}"):
-            return np.asarray(self.arrays[name][...])
+        return np.asarray(self.arrays[name][...])
 
     def read_file(self, name: str) -> bytes:
         """Return the content of file `name`, verified by its size and SHA-256.
 
         Raises:
-            StoreError: the stage has no such file, or its content is damaged.
+            StoreError: the stage has no such file; DamagedError: it is damaged.
         """
         if name not in self.files:
             raise _absent_error(self.name, "file", name, self.files)
-        info, label = self.files[name], f"file {name!r} of {self.name}"
-        with _damage_reported(label):
-            data = np.asarray(self.file_arrays[name][...]).tobytes()
+        info, data = self.files[name], np.asarray(self.file_arrays[name][...]).tobytes()
         if len(data) != info.size or hashlib.sha256(data).hexdigest() != info.sha256:
-            raise StoreError(f"{label} does not hold the bytes that were stored", _DAMAGE_REMEDY)
+            raise damaged(f"file {name!r} of {self.name}", "it is not what was written", self.object_id)
         return data
 
 
@@ -134,10 +135,14 @@ def check_layout(store: Any, object_id: str, uri: str) -> None:
     """Check that a store is empty or has the layout of this version of Glint.
 
     Raises:
-        StoreError: another version of Glint has written it.
+        StoreError: another version of Glint has written it; DamagedError: what says so is damaged.
     """
     root = open_group(store, "")
-    layout = LAYOUT_NUMBER if root is None else root.attrs.get("layout", 1)
+    if root is None:
+        return
+    layout = root.attrs.get("layout", 1)
+    if SEAL in root.attrs and not is_sealed(dict(root.attrs)):
+        raise damaged(f"the root of object {object_id} in {uri}", "its attributes are not what was written", object_id)
     if layout != LAYOUT_NUMBER:
         older = not isinstance(layout, int) or layout < LAYOUT_NUMBER
         raise StoreError(
@@ -148,31 +153,53 @@ def check_layout(store: Any, object_id: str, uri: str) -> None:
 
 
 def read_stage(store: Any, object_id: str, capture: str, stage: str) -> StageResult | None:
-    """Return the stage's result without the values of arrays and files, or None where it was never saved.
+    """Return the stage's newest result without the values of arrays and files, or None where it was never saved.
 
     Raises:
-        StoreError: the group is not a stage's result.
+        DamagedError: the group is not what was written as this stage's result.
     """
     group = open_group(store, f"{check_name(capture, 'capture')}/{check_name(stage, 'stage')}")
-    if group is None:
-        return None
-    attributes: dict[str, Any] = dict(group.attrs)
-    members = dict(group.members())
-    folder = members.get(FILES_GROUP)
-    arrays = {name: member for name, member in members.items() if isinstance(member, zarr.Array)}
-    file_arrays = dict(folder.arrays()) if isinstance(folder, zarr.Group) else {}
-    try:
-        files = {name: FileInfo(**cast("dict[str, Any]", dict(array.attrs))) for name, array in file_arrays.items()}
-        key, record = attributes["key"], attributes["record"]
-        return StageResult(object_id, capture, stage, key, record, files, arrays, file_arrays)
-    except (KeyError, TypeError) as error:
-        raise StoreError(f"{object_id}/{capture}/{stage} is not a result ({error})", "run it again") from error
+    return None if group is None else _result(store, dict(group.attrs), object_id, capture, stage, "work")
 
 
-def read_capture(store: Any, object_id: str, capture: str) -> dict[str, StageResult]:
-    """Return all results of a capture by stage."""
-    results = {stage: read_stage(store, object_id, capture, stage) for stage in stage_keys(store, capture)}
-    return {stage: result for stage, result in results.items() if result is not None}
+def read_capture(
+    store: Any,
+    object_id: str,
+    capture: str,
+    version: str = "work",
+    seals: Mapping[str, str] | None = None,
+) -> dict[str, StageResult]:
+    """Return the results of a capture by stage; seals: of the stages that it must have, by default it has any.
+
+    Raises:
+        DamagedError: one is damaged, missing or another.
+    """
+    attributes, results = stage_attributes(store, capture), dict[str, StageResult]()
+    for stage in attributes if seals is None else seals:
+        owner = owner_name(object_id, capture, stage, version)
+        if stage not in attributes:
+            raise damaged(owner, "it is missing, or its attributes are not what was written", object_id)
+        if seals is not None and attributes[stage][SEAL] != seals[stage]:
+            raise damaged(owner, "it is not the result of this version", object_id)
+        results[stage] = _result(store, attributes[stage], object_id, capture, stage, version)
+    return results
+
+
+def _result(
+    store: Any, attributes: dict[str, Any], object_id: str, capture: str, stage: str, version: str
+) -> StageResult:
+    owner, path = owner_name(object_id, capture, stage, version), f"{capture}/{stage}"
+    if not is_sealed(attributes) or attributes["name"] != f"{object_id}/{path}":
+        raise damaged(owner, "its attributes are not what was written", object_id)
+    checksums: dict[str, str] = attributes["checksums"]
+    verified = VerifiedStore(store, path, checksums, owner, object_id)
+    places = [key.removesuffix(_METADATA) for key in checksums if key.endswith(_METADATA)]
+    files = {name: FileInfo(**info) for name, info in attributes["files"].items()}
+    arrays = VerifiedArrays(verified, path, [place for place in places if "/" not in place and place != FILES_GROUP])
+    return StageResult(
+        object_id, capture, stage, attributes["key"], attributes["record"], files, arrays,
+        VerifiedArrays(verified, f"{path}/{FILES_GROUP}", files), version, attributes[SEAL], checksums, verified,
+    )  # fmt: skip
 
 
 def contents(store: Any) -> Keys:
@@ -183,18 +210,15 @@ def contents(store: Any) -> Keys:
 
 def stage_keys(store: Any, capture: str) -> dict[str, str]:
     """Return the keys of the saved stages of a capture."""
-    return {stage: key for stage, (key, _) in stage_records(store, capture).items()}
+    return {stage: attributes["key"] for stage, attributes in stage_attributes(store, capture).items()}
 
 
-def stage_records(store: Any, capture: str) -> dict[str, tuple[str, dict[str, Any]]]:
-    """Return key and record of the saved stages of a capture."""
+def stage_attributes(store: Any, capture: str) -> dict[str, dict[str, Any]]:
+    """Return the attributes of the saved stages of a capture; one whose attributes are damaged counts as not saved."""
     group = open_group(store, check_name(capture, "capture"))
     stages = {} if group is None else dict(group.groups())
-    return {
-        name: (str(stage.attrs["key"]), cast("dict[str, Any]", stage.attrs["record"]))
-        for name, stage in sorted(stages.items())
-        if "key" in stage.attrs and "record" in stage.attrs
-    }
+    attributes = {name: dict(stage.attrs) for name, stage in sorted(stages.items())}
+    return {name: values for name, values in attributes.items() if is_sealed(values) and "key" in values}
 
 
 def open_group(store: Any, path: str) -> zarr.Group | None:
@@ -212,17 +236,6 @@ def _absent_error(owner: str, kind: str, name: str, present: Mapping[str, Any]) 
     )
 
 
-@contextmanager
-def _damage_reported(label: str) -> Iterator[None]:
-    """Raise a StoreError where chunks are missing, truncated or do not match their checksum.
-
-    Raises:
-        StoreUnreachable: the store does not answer.
-    """
-    try:
-        yield
-    except (ValueError, RuntimeError, icechunk.IcechunkError) as error:
-        translated = translate("the store", f"reading {label}", error)
-        if isinstance(translated, StoreUnreachable):
-            raise translated from error
-        raise StoreError(f"{label} is damaged ({' '.join(str(error).split())[:200]})", _DAMAGE_REMEDY) from error
+def owner_name(object_id: str, capture: str, stage: str, version: str) -> str:
+    """Return object, capture, stage and version, as messages name a result."""
+    return f"{object_id}/{capture}/{stage}" + (f" in {version}" if version != "work" else "")

@@ -11,6 +11,8 @@ import zarr
 from zarr.codecs import BloscCodec, Crc32cCodec
 
 from glint.storage.errors import StoreError
+from glint.storage.inputs.digests import sealed
+from glint.storage.versions.checksums import RecordingStore
 from glint.storage.versions.json_values import json_value
 from glint.storage.versions.stage_results import (
     FILES_GROUP,
@@ -27,6 +29,7 @@ MAX_CHUNK_BYTES = 4 << 20
 
 def write_stage(
     store: Any,
+    object_id: str,
     capture: str,
     stage: str,
     key: str,
@@ -36,24 +39,35 @@ def write_stage(
 ) -> None:
     """Replace the group `<capture>/<stage>` as a whole. Arrays, of numpy or zarr, are copied chunk by chunk.
 
+    The group's attributes are written last: key, record, and the checksums of all else in the group, sealed.
+
     Raises:
         StoreError: a name cannot be part of a path in the store.
     """
-    root = zarr.open_group(store, mode="a", use_consolidated=False, attributes={"layout": LAYOUT_NUMBER})
-    parent = root.require_group(check_name(capture, "capture"))
-    if check_name(stage, "stage") in parent:
+    recording, path = RecordingStore(store), f"{check_name(capture, 'capture')}/{check_name(stage, 'stage')}"
+    attributes = sealed({"layout": LAYOUT_NUMBER, "object": object_id})
+    root = zarr.open_group(recording, mode="a", use_consolidated=False, attributes=attributes)
+    parent = root.require_group(capture)
+    if stage in parent:
         del parent[stage]
-    group = parent.create_group(stage, attributes={"key": key, "record": json_value(record)})
+    group = parent.create_group(stage)
     for name, values in arrays.items():
         if name == FILES_GROUP:
             raise StoreError(f"{capture}/{stage} has an array named {name!r}", "give the array another name")
         _write_array(group, check_name(name, "array"), values if isinstance(values, zarr.Array) else np.asarray(values))
-    if files:
-        folder = group.create_group(FILES_GROUP)
-        for name, file in files.items():
-            info = FileInfo(len(file.data), hashlib.sha256(file.data).hexdigest(), file.media_type)
-            content = np.frombuffer(file.data, np.uint8)
-            _write_array(folder, check_file_name(name, f"{capture}/{stage}"), content, asdict(info))
+    infos = {}
+    folder = group.create_group(FILES_GROUP) if files else group
+    for name, file in files.items():
+        infos[name] = asdict(FileInfo(len(file.data), hashlib.sha256(file.data).hexdigest(), file.media_type))
+        content = np.frombuffer(file.data, np.uint8)
+        _write_array(folder, check_file_name(name, f"{capture}/{stage}"), content, infos[name])
+    written = {
+        place.removeprefix(f"{path}/"): value
+        for place, value in recording.checksums.items()
+        if place.startswith(f"{path}/") and place != f"{path}/zarr.json"
+    }
+    own = {"name": f"{object_id}/{path}", "key": key, "record": json_value(record), "files": infos}
+    group.attrs.put(sealed(own | {"checksums": written}))
 
 
 def chunk_shape(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:

@@ -8,9 +8,9 @@ import icechunk
 
 from glint.storage.errors import StoreError
 from glint.storage.fsync import flush_tree
-from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import mutation_lock
+from glint.storage.versions.snapshots import index_errors
 
 MAX_COMMIT_ATTEMPTS = 30
 MAX_BACKOFF_SECONDS = 2.0
@@ -25,7 +25,7 @@ def transaction[T](location: Location, object_id: str, action: str, change: Call
         StoreError: the store cannot be written, or other writers were faster every time.
     """
     folder = location.child("objects", object_id, "repo")
-    with store_errors(location.uri, f"{action} of object {object_id}"), mutation_lock(location, object_id):
+    with index_errors(location.uri, f"{action} of object {object_id}", object_id), mutation_lock(location, object_id):
         for attempt in range(MAX_COMMIT_ATTEMPTS):
             started = time.time()
             try:

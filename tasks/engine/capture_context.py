@@ -1,12 +1,13 @@
 """What a stage works on: one capture of one object in one store, with its parameters; small enough to send anywhere."""
 
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 from typing import Any
 
 from glint.storage.catalogue.loading import Capture, Catalogue, parameters_for
-from glint.storage.inputs.digests import content_digest, digest_of
+from glint.storage.errors import InputError
+from glint.storage.inputs.digests import content_digest, digest_of, input_stamps
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import StageResult
@@ -87,9 +88,36 @@ class CaptureContext:
             if (address := self.file(key)) is not None
         }
 
+    def stamps(self, keys: Collection[str]) -> list[Any]:
+        """Return other values if one of the files under these keys changes, without reading them.
+
+        Raises:
+            InputError: they cannot be read.
+        """
+        return [input_stamps(address) for key in sorted(keys) if (address := self.file(key)) is not None]
+
+    def check_unchanged(self, keys: Collection[str]) -> None:
+        """Check that the files under these keys are those of which the digests are; changed ones are read again.
+
+        Raises:
+            InputError: they are not.
+        """
+        for key in sorted(keys):
+            address = self.file(key)
+            if address is not None and content_digest(address, self.location) != self.digest(key):
+                raise InputError(f"{address} changed while it was read", "run again once it is written completely")
+
     def __reduce__(self) -> Any:
-        """Send the fields alone; digests are computed again where they are needed."""
-        return type(self), (self.store, self.object_id, self.capture, self.parameters, self.run, self.rehash)
+        """Send the fields, and the digests that the keys of stages were made from."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return _restored, (values, self.__dict__.get("_digests"))
+
+
+def _restored(values: Mapping[str, Any], digests: dict[str, str] | None) -> CaptureContext:
+    context = CaptureContext(**values)
+    if digests is not None:
+        context.__dict__["_digests"] = digests
+    return context
 
 
 @lru_cache(maxsize=OPEN_REPOSITORIES)

@@ -14,15 +14,23 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import BaseModel
 
+from glint.storage.errors import InputError
+from glint.storage.frames.cache import DamagedFrames
+from glint.storage.frames.eviction import discard_frames
 from glint.storage.inputs.digests import digest_of
 from glint.storage.versions.array_schema import ArraySchema
 from glint.storage.versions.stage_results import StoredFile
+from glint.storage.versions.verification import whole_result
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
 
 Progress = Callable[[int, int | None], None]
 """Called with the parts that are done and their total (None: unknown)."""
+
+
+ATTEMPTS = 2
+"""To compute a stage whose files change meanwhile: what was copied once is not copied again and again."""
 
 
 @dataclass(frozen=True)
@@ -138,9 +146,36 @@ def perform(context: CaptureContext, stage: Stage, key: str, progress: Progress 
     }
 
     def compute() -> StageOutput:
-        return stage.run(StageInputs(context, stage), progress or no_progress)
+        return _on_unchanged_inputs(context, stage, progress or no_progress)
 
     return load_or_compute(context, context.capture.id, stage.name, key, about, compute)
+
+
+def _on_unchanged_inputs(context: CaptureContext, stage: Stage, progress: Progress) -> StageOutput:
+    """Compute a stage's result of the very files that its key covers.
+
+    Raises:
+        InputError: a file was replaced, or is being written; else what the stage raises.
+    """
+    for _ in range(ATTEMPTS):
+        stamps = context.stamps(stage.files)
+        output = _on_whole_frames(context, stage, progress)
+        # Also a file that was replaced for a while, and is now as it was, may have been read meanwhile.
+        if context.stamps(stage.files) == stamps:
+            context.check_unchanged(stage.files)
+            return output
+    raise InputError(
+        f"files of {context.name} change while {stage.name} reads them", "run again once they are written completely"
+    )
+
+
+def _on_whole_frames(context: CaptureContext, stage: Stage, progress: Progress) -> StageOutput:
+    """Compute a stage's result; cached frames that turn out to be damaged are taken from the video anew."""
+    try:
+        return stage.run(StageInputs(context, stage), progress)
+    except DamagedFrames as damage:
+        discard_frames(context.location, damage.digest)
+        return stage.run(StageInputs(context, stage), progress)
 
 
 def load_or_compute(
@@ -153,11 +188,13 @@ def load_or_compute(
 ) -> StageRecord:
     """Return the record stored under this key of a capture (or of the whole object); else compute and save it.
 
+    What is stored and damaged is computed again.
+
     about: the stage's own part of the record; its `versions` are joined by those of the code.
     """
     started, repository = perf_counter(), context.repository
-    if repository.stage_key(capture, stage) == key:
-        stored = repository.load(capture, stage)
+    stored = whole_result(repository, capture, stage, key)
+    if stored is not None:
         return _cached_record(stage, key, stored.record, perf_counter() - started)
     output = compute()
     record = {

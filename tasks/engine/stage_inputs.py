@@ -4,6 +4,7 @@ A stage's key covers what the stage declares. Anything else that it read could c
 again, so reading it is an error.
 """
 
+from collections.abc import Collection
 from typing import Any, Protocol
 
 from glint.storage.locations.location import Location
@@ -30,6 +31,9 @@ class CaptureResults(Protocol):
 
     def digest(self, key: str) -> str | None:
         """Return the content digest of the file or files under a key, None where the catalogue gives none."""
+
+    def check_unchanged(self, keys: Collection[str]) -> None:
+        """Check that the files under these keys are still those of which the digests are."""
 
 
 class Declaration(Protocol):
@@ -117,6 +121,16 @@ class StageInputs:
         """
         self._check_file(key)
         return self._context.digest(key)
+
+    def check_unchanged(self, keys: Collection[str]) -> None:
+        """Check that the files under these keys are still those of which the digests are.
+
+        Raises:
+            UndeclaredRead: one is not declared; InputError: one is not the same.
+        """
+        for key in keys:
+            self._check_file(key)
+        self._context.check_unchanged(keys)
 
     def _check_file(self, key: str) -> None:
         if not (key == "frames" and "frames" in self._stage.reads):

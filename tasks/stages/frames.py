@@ -1,8 +1,9 @@
 """Frames: the video decoded once, cropped to the object and to each sphere, and cut into chunks."""
 
-from functools import lru_cache
+from functools import lru_cache, partial
 from hashlib import sha256
 from time import monotonic
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from glint.storage.errors import StoreError
 from glint.storage.footage.source import open_footage
 from glint.storage.frames.cache import FrameCache, cache_digest
 from glint.storage.frames.eviction import mark_used
+from glint.storage.inputs.digests import input_stamps
 from glint.storage.locations.location import Location
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
@@ -120,7 +122,21 @@ def _ingest(results: CaptureResults, digest: str, progress: Progress | None = No
     with open_footage(address) as footage:
         stabilized = survey.record["stabilization"]["applied"]
         source = StabilizedFootage(footage, survey) if stabilized else footage
-        return FrameCache.ingest(source, results.location, digest, load_geometry(results).crops, progress)
+        crops = load_geometry(results).crops
+        return FrameCache.ingest(source, results.location, digest, crops, progress, partial(_unchanged, results))
+
+
+def _unchanged(results: CaptureResults) -> list[list[Any]]:
+    """Return what tells the video from others.
+
+    Raises:
+        InputError: it is not the one whose digest names the cache.
+    """
+    address = results.file("frames")
+    assert address is not None
+    stamps = input_stamps(address)
+    results.check_unchanged(["frames"])
+    return stamps
 
 
 @lru_cache(maxsize=256)

@@ -319,7 +319,7 @@ def test_a_damaged_shard_is_reported(tmp_path: Path, ready: Path, kind: str) -> 
         shard.write_bytes({"empty": b"", "cut off": data[:-40], "overwritten": bytes(len(data))}[kind])
     cache = FrameCache.open(_place(tmp_path), "d")
     assert cache.read("all", slice(0, 128)).shape == (128, 81, 100)
-    with pytest.raises(StoreError, match="delete this cache"):
+    with pytest.raises(StoreError, match=r"are damaged: run again|have layout 99: run again"):
         cache.read("all")
 
 
@@ -340,7 +340,7 @@ def test_attributes_that_make_no_sense_are_reported(tmp_path: Path, ready: Path,
     document = json.loads((ready / "zarr.json").read_text())
     document["attributes"][key] = value
     (ready / "zarr.json").write_text(json.dumps(document))
-    with pytest.raises(StoreError, match="delete this cache"):
+    with pytest.raises(StoreError, match=r"are damaged: run again|have layout 99: run again"):
         FrameCache.open(_place(tmp_path), "d")
 
 

@@ -1,0 +1,74 @@
+"""Repair what can be repaired without the catalogue: an object's index, its branch `work`, damaged cached frames."""
+
+from contextlib import suppress
+
+import icechunk
+import obstore
+
+from glint.storage.errors import DamagedError, StoreError
+from glint.storage.frames.eviction import discard_frames
+from glint.storage.locations.location import Location
+from glint.storage.locking.locks import mutation_lock, run_lock
+from glint.storage.maintenance.verify import Damage
+from glint.storage.versions.repository import ObjectRepository
+from glint.storage.versions.snapshots import open_repository, read_session, version_names
+
+INDEX = "repo"
+"""File of the index in an object's repository; the library keeps copies of it in the folder `overwritten`."""
+
+
+def repair(location: Location, damages: tuple[Damage, ...]) -> list[str]:
+    """Restore damaged indexes from their newest whole copy, and remove damaged frames; return what was done.
+
+    Raises:
+        StoreError: the store cannot be written; ObjectBusy: a run works on an object.
+    """
+    done = []
+    for object_id in sorted({damage.object_id for damage in damages if damage.object_id and not damage.version}):
+        with run_lock(location, object_id, "glint verify --repair"), mutation_lock(location, object_id):
+            done.append(_restore_index(location, object_id))
+    for damage in damages:
+        if damage.frames:
+            discard_frames(location, damage.frames)
+            done.append(f"removed the damaged frames {damage.frames}")
+    return done
+
+
+def _restore_index(location: Location, object_id: str) -> str:
+    folder = location.child("objects", object_id, "repo")
+    store = folder.obstore()
+    listed = [meta for batch in obstore.list(store, prefix="overwritten") for meta in batch]
+    with suppress(FileNotFoundError):
+        damaged = bytes(obstore.get(store, INDEX).bytes())
+        if _reset_work(folder, object_id):
+            return f"set the newest results of {object_id} back to its newest version"
+        obstore.put(store, "damaged-index", damaged, use_multipart=False)
+    for meta in sorted(listed, key=lambda meta: meta["last_modified"], reverse=True):
+        obstore.put(store, INDEX, bytes(obstore.get(store, meta["path"]).bytes()), use_multipart=False)
+        if _is_readable(location, object_id) or _reset_work(folder, object_id):
+            return f"restored the index of {object_id} as it was before its last change"
+    return f"the index of {object_id} has no whole copy: restore a backup, or remove {folder.uri} and run again"
+
+
+def _is_readable(location: Location, object_id: str) -> bool:
+    try:
+        ObjectRepository.open(location, object_id, create=False).history()
+    except StoreError:
+        return False
+    return True
+
+
+def _reset_work(folder: Location, object_id: str) -> bool:
+    """Set the branch `work` to the newest version if its own snapshot cannot be read; return whether that helped."""
+    try:
+        repository = open_repository(folder)
+        names = version_names(repository, object_id)
+        if not names:
+            return False
+        newest = repository.lookup_tag(names[-1])
+        read_session(repository, newest)
+        repository.reset_branch("work", newest)
+        read_session(repository, "work")
+    except (icechunk.IcechunkError, DamagedError, StoreError):
+        return False
+    return True

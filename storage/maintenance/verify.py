@@ -1,0 +1,134 @@
+"""Verify a store: read everything of every version, of the newest results, and on request of the cache of frames."""
+
+import os
+from collections.abc import Callable, Collection, Iterator
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from functools import partial
+
+from glint.storage.errors import DamagedError, StoreError, StoreUnreachable
+from glint.storage.frames.cache import DamagedFrames, FrameCache
+from glint.storage.frames.eviction import cached_frames
+from glint.storage.frames.layout import SHARD
+from glint.storage.locations.location import Location
+from glint.storage.versions.repository import ObjectRepository, object_ids
+from glint.storage.versions.stage_results import WHOLE_OBJECT
+from glint.storage.versions.verification import Verification, verify_capture
+
+WORK = "work"
+"""The newest results, from which a run goes on."""
+
+MAX_THREADS = 8
+"""Captures that are read at once; each reads several values at once."""
+
+FRAMES_REMEDY = "nothing is lost: the next run takes them from the video or images anew, and --repair removes them"
+
+
+@dataclass(frozen=True, slots=True)
+class Damage:
+    """Something damaged: an object's version (or `work`, or its whole index, then empty), or cached frames.
+
+    frames: their digest, empty for an object.
+    """
+
+    object_id: str
+    version: str
+    message: str
+    remedy: str
+    frames: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class StoreVerification:
+    """What was read of a store, and what of it is damaged."""
+
+    store: str
+    objects: int
+    versions: int
+    bytes: int
+    damages: tuple[Damage, ...]
+
+    @property
+    def summary(self) -> str:
+        """What was read and found, in words."""
+        read = f"{self.objects:,} objects, {self.versions:,} versions, {self.bytes / 1e6:,.1f} MB read"
+        return f"{read}: {f'{len(self.damages):,} damaged' if self.damages else 'all is whole'}"
+
+
+Part = Callable[[], tuple[int, list[Damage]]]
+"""Reads a part of a store; returns its bytes and what of it is damaged."""
+
+
+def verify_store(
+    location: Location,
+    chosen: Collection[str] = (),
+    frames: bool = False,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> StoreVerification:
+    """Read all of these objects (by default of all), and compare it with what was written.
+
+    frames: whether to read the cache of frames too; progress: called with (parts done, all parts).
+
+    Raises:
+        StoreError: the store cannot be read, or has no such object.
+    """
+    ids = sorted(chosen) or object_ids(location)
+    parts, damages, versions, size = list[Part](), list[Damage](), 0, 0
+    for object_id in ids:
+        try:
+            repository = ObjectRepository.open(location, object_id, create=False)
+            names = repository.version_names()
+            parts += list(_parts(repository, names))
+            versions += len(names)
+        except DamagedError as error:
+            damages.append(Damage(object_id, "", error.message, error.remedy))
+    if frames:
+        parts += [partial(_verify_frames, location, cache.digest) for cache in cached_frames(location)]
+    with ThreadPoolExecutor(min(MAX_THREADS, 2 * (os.cpu_count() or 1))) as pool:
+        futures = [pool.submit(part) for part in parts]
+        for done, future in enumerate(as_completed(futures), 1):
+            read, damaged = future.result()
+            size, damages = size + read, damages + damaged
+            progress(done, len(parts))
+    ordered = sorted(set(damages), key=lambda damage: (damage.object_id, damage.version, damage.message))
+    return StoreVerification(location.uri, len(ids), versions, size, tuple(ordered))
+
+
+def _parts(repository: ObjectRepository, names: Collection[str]) -> Iterator[Part]:
+    """Yield the captures of all versions and of the newest results.
+
+    Raises:
+        DamagedError: the index is damaged.
+    """
+    for ref in (*names, WORK):
+        try:
+            captures = (*repository.captures(), WHOLE_OBJECT) if ref == WORK else repository.version(ref).stages
+        except DamagedError as error:
+            yield partial(_known, Damage(repository.object_id, ref, error.message, error.remedy))
+            continue
+        for capture in captures:
+            yield partial(_verify_capture, repository, ref, capture)
+
+
+def _known(damage: Damage) -> tuple[int, list[Damage]]:
+    return 0, [damage]
+
+
+def _verify_capture(repository: ObjectRepository, ref: str, capture: str) -> tuple[int, list[Damage]]:
+    outcome: Verification = verify_capture(repository, capture, ref)
+    named = [Damage(repository.object_id, ref, error.message, error.remedy) for error in outcome.damages]
+    return outcome.bytes, named
+
+
+def _verify_frames(location: Location, digest: str) -> tuple[int, list[Damage]]:
+    read, damages = 0, list[Damage]()
+    try:
+        cache = FrameCache.open(location, digest)
+        for name in cache.crops:
+            for start in range(0, cache.frames, SHARD):
+                read += cache.read(name, slice(start, start + SHARD)).nbytes
+    except StoreUnreachable:
+        raise
+    except (DamagedFrames, StoreError) as error:
+        damages.append(Damage("", "", error.message, FRAMES_REMEDY, digest))
+    return read, damages

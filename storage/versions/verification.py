@@ -1,0 +1,88 @@
+"""Verification of whole results: all bytes read and compared with their checksums, without being decoded."""
+
+import asyncio
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from zarr.core.buffer import default_buffer_prototype
+
+from glint.storage.errors import DamagedError
+from glint.storage.versions.stage_results import StageResult
+
+if TYPE_CHECKING:
+    from glint.storage.versions.repository import ObjectRepository
+
+CONCURRENT_READS = 8
+"""Values read at once; bounds the memory by as many chunks."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """What was read, number of values and bytes, and what of it is damaged."""
+
+    values: int
+    bytes: int
+    damages: tuple[DamagedError, ...]
+
+
+def verify(results: Iterable[StageResult]) -> Verification:
+    """Read all bytes of results; damage is reported for each array and file once.
+
+    Raises:
+        StoreUnreachable: the store does not answer.
+    """
+    # A thread of its own, since the caller's may have an event loop that runs.
+    with ThreadPoolExecutor(1) as executor:
+        parts = executor.submit(asyncio.run, _verify(list(results))).result()
+    sizes = [part for part in parts if isinstance(part, int)]
+    damages = {error.message.partition(" is damaged")[0]: error for error in parts if isinstance(error, DamagedError)}
+    return Verification(len(parts), sum(sizes), tuple(damages.values()))
+
+
+def verify_capture(repository: "ObjectRepository", capture: str, ref: str) -> Verification:
+    """Read all bytes of a capture of a version, or of the newest results (`work`).
+
+    Raises:
+        StoreUnreachable: the store does not answer.
+    """
+    try:
+        return verify(repository.load_capture(capture, ref).values())
+    except DamagedError as error:
+        return Verification(0, 0, (error,))
+
+
+def whole_result(repository: "ObjectRepository", capture: str, stage: str, key: str) -> StageResult | None:
+    """Return the stage's newest result if it was saved under this key and is whole, else None.
+
+    Raises:
+        StoreUnreachable: the store does not answer.
+    """
+    if repository.stage_key(capture, stage) != key:
+        return None
+    try:
+        result = repository.load(capture, stage)
+    except DamagedError:
+        return None
+    return None if verify([result]).damages else result
+
+
+async def _verify(results: list[StageResult]) -> list[int | DamagedError]:
+    limit = asyncio.Semaphore(CONCURRENT_READS)
+
+    async def read(result: StageResult, key: str) -> int | DamagedError:
+        async with limit:
+            try:
+                value = await result.store.get(key, default_buffer_prototype())
+            except DamagedError as error:
+                return error
+            return len(value)
+
+    return list(await asyncio.gather(*(read(result, key) for result, key in _keys(results))))
+
+
+def _keys(results: Iterable[StageResult]) -> Iterator[tuple[StageResult, str]]:
+    for result in results:
+        for name in result.checksums:
+            yield result, f"{result.capture}/{result.stage}/{name}"

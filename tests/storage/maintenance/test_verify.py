@@ -1,0 +1,88 @@
+"""Verification names what is damaged; repair brings back what does not need the catalogue."""
+
+from pathlib import Path
+
+import pytest
+
+from glint.storage.errors import DamagedError, StoreError
+from glint.storage.locations.location import Location
+from glint.storage.maintenance.repair import repair
+from glint.storage.maintenance.verify import Damage, verify_store
+from glint.storage.versions.repository import ObjectRepository
+from tests.damage.damage import build
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Path:
+    """A store of two objects and the frames of two videos."""
+    return build(tmp_path)
+
+
+def _flip(path: Path, place: int = -1) -> None:
+    data = bytearray(path.read_bytes())
+    data[place] ^= 1
+    path.write_bytes(data)
+
+
+def _largest(folder: Path) -> Path:
+    return max(folder.iterdir(), key=lambda path: path.stat().st_size)
+
+
+def test_a_whole_store_is_whole(store: Path) -> None:
+    steps: list[tuple[int, int]] = []
+    outcome = verify_store(Location.parse(store), frames=True, progress=lambda *step: steps.append(step))
+    assert outcome.damages == ()
+    assert outcome.objects == 2
+    assert outcome.versions == 4
+    assert outcome.bytes > 1_000_000
+    assert steps == [(number, len(steps)) for number in range(1, len(steps) + 1)]
+    assert "all is whole" in outcome.summary
+
+
+def test_a_damaged_chunk_is_named_in_each_version_that_holds_it(store: Path) -> None:
+    _flip(_largest(store / "objects" / "vase" / "repo" / "chunks"))
+    damages = verify_store(Location.parse(store)).damages
+    assert {damage.object_id for damage in damages} == {"vase"}
+    assert "work" in {damage.version for damage in damages}
+    for damage in damages:
+        place = "" if damage.version == "work" else f" in {damage.version}"
+        assert damage.message.startswith(("array '", "file '"))
+        assert f"{place} is damaged (" in damage.message
+        assert "glint verify vase --repair" in damage.remedy
+    assert verify_store(Location.parse(store), ["wine-glass"]).damages == ()
+
+
+def test_a_lost_index_is_named_and_restored_from_its_newest_copy(store: Path) -> None:
+    location, index = Location.parse(store), store / "objects" / "vase" / "repo" / "repo"
+    before = ObjectRepository.open(location, "vase").version_names()
+    for damage in (index.unlink, lambda: index.write_bytes(b"")):
+        damage()
+        with pytest.raises(DamagedError, match=r"index of object vase.*verify vase --repair"):
+            ObjectRepository.open(location, "vase", create=False)
+        (found,) = verify_store(location).damages
+        assert (found.object_id, found.version) == ("vase", "")
+        assert repair(location, (found,)) == ["restored the index of vase as it was before its last change"]
+        assert ObjectRepository.open(location, "vase").version_names() == before
+        assert verify_store(location).damages == ()
+
+
+def test_damaged_frames_are_found_on_request_and_removed(store: Path) -> None:
+    location = Location.parse(store)
+    for name in "ab":
+        (store / "frames" / name).rename(store / "frames" / (name * 64))
+    assert verify_store(location).damages == ()
+    damages = verify_store(location, frames=True).damages  # their names are not those in their attributes
+    assert {damage.frames for damage in damages} == {"a" * 64, "b" * 64}
+    repair(location, damages)
+    assert verify_store(location, frames=True).damages == ()
+
+
+def test_an_index_without_a_copy_is_told(store: Path) -> None:
+    folder = store / "objects" / "vase" / "repo"
+    (folder / "repo").write_bytes(b"")
+    for path in (folder / "overwritten").iterdir():
+        path.write_bytes(b"")
+    (text,) = repair(Location.parse(store), (Damage("vase", "", "", ""),))
+    assert "no whole copy: restore a backup" in text
+    with pytest.raises(StoreError):
+        ObjectRepository.open(Location.parse(store), "vase", create=False)
