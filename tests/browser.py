@@ -111,9 +111,7 @@ class Browser:
 
     def page(self) -> Page:
         """A new tab."""
-        self._channels[0].send(
-            json.dumps({"id": 0, "method": "Target.createTarget", "params": {"url": "about:blank"}})
-        )
+        self._channels[0].send(json.dumps({"id": 0, "method": "Target.createTarget", "params": {"url": "about:blank"}}))
         answer = json.loads(self._channels[0].recv(timeout=PATIENCE))
         channel = connect(f"{self._origin}/devtools/page/{answer['result']['targetId']}", proxy=None, max_size=None)
         self._channels.append(channel)

@@ -89,8 +89,10 @@ class _Guard:
     def __init__(self, app: ASGIApp, opening: ASGIApp, origins: list[str]) -> None:
         self._app, self._opening, self._origins = app, opening, frozenset(origins)
         channels = " ".join(f"{origin} {origin.replace('http', 'ws', 1)}" for origin in origins)
+        # The timeline of a run draws by WebGL, whose library compiles its shaders' code.
         self._policy = (
-            "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:;"
+            "default-src 'self'; script-src 'self' 'unsafe-eval'; style-src 'self' 'unsafe-inline';"
+            " img-src 'self' data: blob:; font-src 'self' data:;"
             f" worker-src 'self' blob:; connect-src 'self' {channels}; object-src 'none'; base-uri 'self';"
             " form-action 'self'; frame-ancestors 'none'"
         )
