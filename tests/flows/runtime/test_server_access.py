@@ -136,10 +136,11 @@ def nothing() -> None:
 
 
 @flow(name="seen-in-a-browser")
-def drawn() -> str:
+def drawn() -> tuple[str, str]:
+    """The ids of the flow run, and of an artifact of it with a picture from elsewhere."""
     nothing()
-    create_markdown_artifact("text ![picture](https://pictures.example/picture.png)", key="page-with-a-picture")
-    return str(runtime.flow_run.id)
+    text = "text ![picture](https://pictures.example/picture.png)"
+    return str(runtime.flow_run.id), str(create_markdown_artifact(text, key="page-with-a-picture"))
 
 
 @pytest.fixture(scope="module")
@@ -168,12 +169,13 @@ def left_the_machine(page: browser.Page) -> list[str]:
 @pytest.mark.server
 @pytest.mark.long
 def test_a_link_opens_once_and_no_page_asks_a_third_party(server: Server, chromium: browser.Browser) -> None:
-    address = server.link(f"runs/flow-run/{drawn()}")
+    run, artifact = drawn()
+    address = server.link(f"runs/flow-run/{run}")
     page = chromium.page()
     page.open(address)
     page.wait("location.pathname.startsWith('/runs/flow-run/') && document.body.innerText.includes('Completed')")
     page.wait("document.querySelector('canvas') !== null")
-    for path in ("dashboard", "artifacts/key/page-with-a-picture", "deployments", "blocks/catalog", "settings"):
+    for path in ("dashboard", f"artifacts/artifact/{artifact}", "deployments", "blocks/catalog", "settings"):
         page.open(f"{server.ui_url}/{path}")
         page.wait("document.body.innerText.length > 50")
         page.evaluate("new Promise(done => setTimeout(done, 1500))")
