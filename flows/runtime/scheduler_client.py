@@ -74,9 +74,9 @@ def _unreachable(address: str) -> str:
 
 def _reason(error: BaseException) -> str:
     """Return the first cause of an error in one line: Dask wraps what happened in a message about its time limit."""
-    if isinstance(error, TimeoutError) and not str(error):
-        return f"no answer within {CONNECT_SECONDS:g} s"
-    while error.__cause__ is not None and not isinstance(error.__cause__, asyncio.CancelledError):
+    while error.__cause__ is not None:
         error = error.__cause__
+    if isinstance(error, TimeoutError | asyncio.CancelledError):
+        return f"no answer within {CONNECT_SECONDS:g} s"
     text = str(error).strip() or type(error).__name__
     return text.splitlines()[0].rpartition("object at ")[2].partition(">: ")[2] or text.splitlines()[0]

@@ -92,7 +92,7 @@ def test_a_scheduler_with_tls_wants_its_own_certificates(cluster: Cluster) -> No
         connected_client(cluster.address)
     with dask.config.set(settings(Security.temporary())), pytest.raises(ClusterError, match=r"SSL.*TLS__CA_FILE"):
         connected_client(cluster.address)
-    missing = {"distributed.comm.tls.ca-file": "/absent/ca.pem"}
+    missing = settings(cluster.client.security) | {"distributed.comm.tls.ca-file": "/absent/ca.pem"}
     with dask.config.set(missing), pytest.raises(ClusterError, match=r"cannot be read.*TLS__CA_FILE"):
         connected_client(cluster.address)
     with pytest.raises(ClusterError, match=r"does not answer.*tls://"):
