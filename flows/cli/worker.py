@@ -10,7 +10,7 @@ from glint.flows.cli.options import Json, print_lines
 INBOX = "inbox/nightly"
 """Name of the deployment that scans the inbox."""
 
-MAX_RUNS = 10
+MAX_SCANS = 10
 """Number of flow runs of the inbox that are listed, the newest ones."""
 
 
@@ -38,7 +38,7 @@ def inbox(
 
     with server.connected():
         started = start_inbox_run(INBOX) if now else None
-        rows = inbox_runs(INBOX, MAX_RUNS)
+        rows = inbox_runs(INBOX, MAX_SCANS)
         served = is_served(INBOX)
     if as_json:
         print_lines(rows)
@@ -49,7 +49,11 @@ def inbox(
     typer.echo(f"dashboard: {server.link(f'runs/flow-run/{started}' if started else 'deployments')}")
 
 
-def prefect(arguments: Annotated[list[str] | None, typer.Argument(metavar="ARGUMENTS ..")] = None) -> None:
+def prefect(
+    arguments: Annotated[
+        list[str] | None, typer.Argument(metavar="ARGUMENTS ..", help="Arguments of Prefect's command.")
+    ] = None,
+) -> None:
     """Run Prefect's own command with the server's address and password, such as `glint prefect work-pool ls`."""
     from glint.flows.deployments.worker import run_prefect
     from glint.flows.runtime.prefect_server import ensure_server

@@ -11,13 +11,13 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from http import HTTPStatus
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from glint.flows.errors import ServerError
 from glint.flows.runtime.environment import prepare_environment
+from glint.flows.runtime.given_server import check_given
 from glint.flows.runtime.server_access import link
 from glint.flows.runtime.server_process import (
     State,
@@ -63,7 +63,7 @@ class Server:
             ServerError: it does not, or its process has ended.
         """
         if self.process is None:
-            _check_given(self.api_url)
+            check_given(self.api_url)
             return
         deadline = time.monotonic() + seconds
         while not (listens(self.process[0], self.api_url) and answers(self.api_url)):
@@ -173,7 +173,7 @@ def running_server(home: Path | None = None) -> Server | None:
     given = _given_address(folder)
     if given:
         prepare_environment()
-        _check_given(given)
+        check_given(given)
         return Server(given, _ui_url(given), started=False)
     state = read_state(folder)
     if state is None or not is_alive(*state.process) or not answers(state.api_url):
@@ -204,43 +204,6 @@ def _own_server(folder: Path, state: State, started: bool) -> Server:
     prepare_environment(state.api_url, folder / "prefect", state.authentication)
     log = folder / "server.log"
     return Server(state.api_url, _ui_url(state.api_url), started, state.process, log, state.authentication)
-
-
-def _check_given(api_url: str) -> None:
-    from prefect.client.orchestration import get_client
-    from prefect.settings import PREFECT_API_URL, temporary_settings
-
-    error: Exception | None
-    try:
-        with temporary_settings({PREFECT_API_URL: api_url}), get_client(sync_client=True) as client:
-            error = client.api_healthcheck()
-            if error is None:
-                _check_password(client)
-    except ValueError as unusable:
-        error = unusable
-    if error is not None:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise ServerError(
-            f"the Prefect server at PREFECT_API_URL={api_url} does not answer ({reason})",
-            "start that server, correct the address, or unset PREFECT_API_URL to use Glint's own",
-        )
-
-
-def _check_password(client: Any) -> None:
-    """Ask a server what it answers to those who have its password alone: anybody may see its health."""
-    from prefect.exceptions import PrefectHTTPStatusError
-
-    try:
-        client.api_version()
-    except PrefectHTTPStatusError as error:
-        if error.response.status_code not in (HTTPStatus.UNAUTHORIZED, HTTPStatus.FORBIDDEN):
-            raise
-        is_wrong = "the password in PREFECT_API_AUTH_STRING is wrong"
-        reason = is_wrong if os.environ.get("PREFECT_API_AUTH_STRING") else "PREFECT_API_AUTH_STRING is not set"
-        raise ServerError(
-            f"the Prefect server at PREFECT_API_URL={client.api_url} wants another password ({reason})",
-            "set PREFECT_API_AUTH_STRING to the server's user:password, or unset PREFECT_API_URL to use Glint's own",
-        ) from None
 
 
 def _ui_url(api_url: str) -> str:

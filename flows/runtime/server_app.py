@@ -27,13 +27,13 @@ ORIGINS = "GLINT_SERVER_ORIGINS"
 MAX_TOKEN_BYTES = 1000
 """Bytes of a request that carries a token; longer ones are refused unread."""
 
-_PAGE = """<!doctype html>
+_OPENING_PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>Glint</title><script src="/glint/open.js" defer></script></head>
 <body><p id="message">Opening the dashboard ..</p></body></html>
 """
 
 # Prefect's pages take the password from localStorage["prefect-password"].
-_SCRIPT = """
+_OPENING_SCRIPT = """
 async function open() {
   const page = "/" + location.pathname.slice("/glint/".length).replace(/^[\\/\\\\]+/, "");
   const token = location.hash.slice(1);
@@ -75,8 +75,8 @@ def guarded(app: ASGIApp, origins: list[str], authentication: str) -> ASGIApp:
     opening = Starlette(
         routes=[
             Route(OPENING_PATH + "session", _session(Tokens(authentication), authentication), methods=["POST"]),
-            Route(OPENING_PATH + "open.js", lambda _: Response(_SCRIPT, media_type="text/javascript")),
-            Route(OPENING_PATH + "{page:path}", lambda _: HTMLResponse(_PAGE)),
+            Route(OPENING_PATH + "open.js", lambda _: Response(_OPENING_SCRIPT, media_type="text/javascript")),
+            Route(OPENING_PATH + "{page:path}", lambda _: HTMLResponse(_OPENING_PAGE)),
         ]
     )
     hosts = [urlsplit(origin).hostname or "" for origin in origins]
