@@ -8,10 +8,10 @@ import typer
 def dashboard(
     stop: Annotated[bool, typer.Option("--stop", help="Stop the embedded server.")] = False,
 ) -> None:
-    """Print the address of the dashboard; start the embedded server if none is running."""
+    """Print a link that opens the dashboard once; start the embedded server if none is running."""
     from glint.flows.runtime.prefect_server import ensure_server, stop_server
 
     if stop:
         typer.echo("the embedded server was stopped" if stop_server() else "no embedded server was running")
     else:
-        typer.echo(ensure_server().ui_url)
+        typer.echo(ensure_server().link())

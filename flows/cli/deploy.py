@@ -68,5 +68,7 @@ def deploy(
         names = create_deployments(options)
     for name in names:
         typer.echo(name)
-    typer.echo(f"dashboard: {server.ui_url}/deployments")
-    typer.echo(f"next: PREFECT_API_URL={server.api_url} prefect worker start --pool {pool}")
+    typer.echo(f"dashboard: {server.link('deployments')}")
+    typer.echo(f"next: glint worker --pool {pool}")
+    if inbox is not None:
+        typer.echo("then, to scan the inbox before its schedule: glint inbox --now")

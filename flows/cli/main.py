@@ -21,6 +21,7 @@ from glint.flows.cli.run import run
 from glint.flows.cli.simulate import simulate
 from glint.flows.cli.status import status
 from glint.flows.cli.verify import verify
+from glint.flows.cli.worker import inbox, prefect, worker
 from glint.flows.runtime import signals
 
 COMMANDS = (
@@ -38,6 +39,9 @@ COMMANDS = (
     export,
     evaluate,
     deploy,
+    worker,
+    inbox,
+    prefect,
     dashboard,
 )
 """In the order of `glint --help`."""
@@ -55,7 +59,9 @@ app = typer.Typer(
     epilog="Exit status: 0 success, 1 some captures failed, 2 wrong usage or an unusable catalogue or store.",
 )
 for command in COMMANDS:
-    app.command()(command)
+    # What follows `glint prefect` is Prefect's, its options and --help included.
+    passes_on = {"ignore_unknown_options": True, "help_option_names": []} if command is prefect else {}
+    app.command(context_settings=passes_on)(command)
 
 
 def main() -> None:

@@ -29,7 +29,7 @@ Only = Annotated[
 Scheduler = Annotated[
     str | None,
     typer.Option(
-        metavar="ADDRESS", help="Address of a running Dask scheduler, tcp://host:8786 (default: a local cluster)."
+        metavar="ADDRESS", help="Address of a running Dask scheduler, tls://host:8786 (default: a local cluster)."
     ),
 ]
 FramesBudget = Annotated[

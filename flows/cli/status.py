@@ -42,7 +42,7 @@ def status(store: Store = None, as_json: Json = False) -> None:
         stage = f" in {row['stage']}" if row["stage"] else ""
         typer.secho(f"{row['capture']} failed{stage} at {row['ended']}: {row['error']}", fg="red")
     if server is not None:
-        typer.echo(f"\ndashboard: {server.ui_url}")
+        typer.echo(f"\ndashboard: {server.link()}")
 
 
 def running_rows() -> list[dict[str, Any]]:

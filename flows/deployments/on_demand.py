@@ -37,7 +37,7 @@ def run_one_object(
         catalogue: The catalogue's YAML file: a path, s3://.. or az://..
         object_id: The object's id in the catalogue.
         store: The store: a folder, s3://bucket/key or az://container/key.
-        scheduler: Address of a running Dask scheduler, tcp://host:8786; null: a local cluster.
+        scheduler: Address of a running Dask scheduler, tls://host:8786; null: a local cluster.
         workers: Processes of the local cluster; null: one per processor.
         captures: Ids of the captures to run; empty: all.
         drift: Warn if the 95th percentile of normal change against the previous version exceeds this many degrees;
@@ -67,7 +67,7 @@ def run_objects_separately(
     Args:
         catalogue: The catalogue's YAML file: a path, s3://.. or az://..
         store: The store: a folder, s3://bucket/key or az://container/key.
-        scheduler: Address of a running Dask scheduler, tcp://host:8786; null: a local cluster for each object.
+        scheduler: Address of a running Dask scheduler, tls://host:8786; null: a local cluster for each object.
         only: Objects (OBJECT) or captures (OBJECT/CAPTURE) to run; empty: all.
         drift: Warn if the 95th percentile of normal change against the previous version exceeds this many degrees;
             null: do not compare.

@@ -36,7 +36,7 @@ def scan_inbox(
     Args:
         inbox: The inbox: a folder, s3://bucket/prefix or az://container/prefix with one sub-folder per object.
         store: The store: a folder, s3://bucket/key or az://container/key.
-        scheduler: Address of a running Dask scheduler, tcp://host:8786; null: a local cluster.
+        scheduler: Address of a running Dask scheduler, tls://host:8786; null: a local cluster.
         workers: Processes of the local cluster; null: one per processor.
         quiet_minutes: Leave sub-folders that changed within this many minutes for the next scan.
         drift: Warn if the 95th percentile of normal change against the previous version exceeds this many degrees;
@@ -75,7 +75,7 @@ def evaluate_reference(
     Args:
         catalogue: The catalogue's YAML file: a path, s3://.. or az://..
         store: The store: a folder, s3://bucket/key or az://container/key.
-        scheduler: Address of a running Dask scheduler, tcp://host:8786; null: a local cluster.
+        scheduler: Address of a running Dask scheduler, tls://host:8786; null: a local cluster.
         workers: Processes of the local cluster; null: one per processor.
         drift: Warn if the 95th percentile of normal change against the previous version exceeds this many degrees.
     """

@@ -58,14 +58,14 @@ def run(
         from glint.flows.runtime.orphaned_runs import mark_orphaned_crashed, mark_own_crashed, tagged_with_process
 
         server.wait()
-        console.emit(Message(f"dashboard {server.ui_url}, {cluster.description}"))
+        console.emit(Message(f"dashboard {server.link()}, {cluster.description}"))
         with server.connected(), tagged_with_process():
             mark_orphaned_crashed()
             signals.raise_if_interrupted()
             with activate(cluster.client, console):
                 result = run_whole_catalogue(str(catalogue), store, only, rehash, drift, adopt)
             mark_own_crashed()
-        return Summary(result, f"{server.ui_url}/runs/flow-run/{result.run}")
+        return Summary(result, server.link(f"runs/flow-run/{result.run}"))
 
 
 def _disk_space_warning(location: "Location", chosen: Mapping[str, Sequence[str]]) -> str:

@@ -1,5 +1,8 @@
 """The Dask cluster of a run: the one at a given scheduler, else a local one of processes with one thread.
 
+A scheduler runs the code of whoever may talk to it. A local cluster therefore talks TLS, with a certificate that exists
+only in the memory of its processes: neither another user of the machine nor a web page can use it.
+
 It starts in the background: `Cluster(..)` returns at once, `client` waits for it. A Dask task gets one processor and
 its libraries one thread. Nothing spills, so memory needs are checked before a task is sent.
 """
@@ -7,6 +10,7 @@ its libraries one thread. Nothing spills, so memory needs are checked before a t
 import importlib
 import logging
 import signal
+import socket
 import threading
 from collections.abc import Sequence
 from contextlib import suppress
@@ -15,17 +19,17 @@ from types import TracebackType
 
 import dask
 from dask.system import CPU_COUNT
-from distributed import Client, LocalCluster, Worker
+from distributed import Client, LocalCluster, Security, Worker
 from distributed.diagnostics.plugin import WorkerPlugin
 from distributed.system import MEMORY_LIMIT
 
 from glint.flows.errors import ClusterError
 from glint.flows.runtime.environment import prepare_environment
+from glint.flows.runtime.scheduler_client import connected_client
 
 MEMORY_SHARE = 0.8
 """The part of the machine's memory that the workers of a local cluster share."""
 
-CONNECT_SECONDS = 30
 WORKERS_SECONDS = 120
 
 TERMINATED = 0.95
@@ -53,6 +57,9 @@ SETTINGS = {
     "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 16 << 20,
 }
 """Settings of Dask; deploy/ repeats them in the environment of its containers."""
+
+WEBSOCKET_ORIGINS = "distributed.scheduler.dashboard.bokeh-application.allow_websocket_origin"
+"""Setting of Dask: the origins whose pages may read its dashboard, all of them by default."""
 
 
 @dataclass
@@ -84,8 +91,9 @@ class WarmUpPlugin(WorkerPlugin):
 class Cluster:
     """The cluster of a run; a context manager that stops what it started.
 
-    `scheduler` is the address of a running one (tcp://host:8786), None for a local cluster of `workers` processes (as
-    many as processors). `modules` are imported by every worker before its first task.
+    `scheduler` is the address of a running one (tls://host:8786, with the certificates that Dask's configuration names,
+    or tcp://host:8786), None for a local cluster of `workers` processes (as many as processors). `modules` are imported
+    by every worker before its first task.
     """
 
     def __init__(self, scheduler: str | None = None, workers: int | None = None, modules: Sequence[str] = ()) -> None:
@@ -163,14 +171,17 @@ class Cluster:
             self._failure = failure
 
     def _local(self) -> Client:
+        dashboard = _free_address()
         dask.config.set(SETTINGS)
+        dask.config.set({WEBSOCKET_ORIGINS: [dashboard]})
         self._cluster = LocalCluster(
             n_workers=self._workers,
             threads_per_worker=1,
             processes=True,
             memory_limit=int(MEMORY_LIMIT * MEMORY_SHARE / self._workers),
             host="127.0.0.1",
-            dashboard_address="127.0.0.1:0",
+            dashboard_address=dashboard,
+            security=Security.temporary(),
             silence_logs=logging.ERROR,
         )
         client = Client(self._cluster, set_as_default=False)
@@ -178,13 +189,7 @@ class Cluster:
         return client
 
     def _given(self, address: str) -> Client:
-        try:
-            client = Client(address, set_as_default=False, timeout=CONNECT_SECONDS)
-        except (OSError, ValueError) as error:
-            raise ClusterError(
-                f"the Dask scheduler at {address} does not answer ({error})",
-                "start it with `dask scheduler`, or leave out --scheduler for a local cluster",
-            ) from None
+        client = connected_client(address)
         try:
             client.wait_for_workers(1, timeout=WORKERS_SECONDS)
             client.register_plugin(WarmUpPlugin(self._modules, owned=False))
@@ -202,3 +207,9 @@ class Cluster:
                 f"the Dask workers at {address} cannot run Glint ({error})", "install this version of Glint on each"
             ) from error
         return client
+
+
+def _free_address() -> str:
+    """Return host:port of a free loopback port."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return f"127.0.0.1:{server.getsockname()[1]}"

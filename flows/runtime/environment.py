@@ -25,10 +25,13 @@ def glint_home() -> Path:
     return Path(os.environ.get("GLINT_HOME") or Path.home() / ".glint").absolute()
 
 
-def prepare_environment(api_url: str | None = None, prefect_home: Path | None = None) -> None:
+def prepare_environment(
+    api_url: str | None = None, prefect_home: Path | None = None, authentication: str | None = None
+) -> None:
     """Set variables that libraries read at import, for this process and its workers; the user's own values are kept.
 
-    `api_url` and `prefect_home` belong to the embedded server and replace earlier values.
+    `api_url`, `prefect_home` and `authentication` (user:password) belong to the embedded server and replace earlier
+    values.
     """
     for name, value in (ONE_THREAD | _PREFECT).items():
         os.environ.setdefault(name, value)
@@ -36,3 +39,5 @@ def prepare_environment(api_url: str | None = None, prefect_home: Path | None = 
         os.environ["PREFECT_API_URL"] = api_url
     if prefect_home is not None:
         os.environ["PREFECT_HOME"] = str(prefect_home)
+    if authentication is not None:
+        os.environ["PREFECT_API_AUTH_STRING"] = authentication

@@ -10,14 +10,17 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from glint.flows.errors import ServerError
 from glint.flows.runtime.environment import prepare_environment
+from glint.flows.runtime.given_server import check_given
+from glint.flows.runtime.server_access import link
 from glint.flows.runtime.server_process import (
+    State,
     answers,
     is_alive,
     keep,
@@ -36,7 +39,8 @@ START_SECONDS = 120.0
 class Server:
     """A Prefect server that answers, or is starting.
 
-    process: (pid, start time) of Glint's own server, None for one at PREFECT_API_URL; log: its output.
+    For Glint's own server: process: (pid, start time); log: its output; authentication: user:password. None for the
+    server at PREFECT_API_URL, whose password is in the environment.
     """
 
     api_url: str
@@ -44,6 +48,13 @@ class Server:
     started: bool
     process: tuple[int, float] | None = None
     log: Path | None = None
+    authentication: str | None = field(default=None, repr=False)
+
+    def link(self, page: str = "") -> str:
+        """Return the address of a page for the user to open: on Glint's own server it opens without a password."""
+        if self.authentication is None:
+            return f"{self.ui_url}/{page}".removesuffix("/")
+        return link(self.ui_url, self.authentication, page)
 
     def wait(self, seconds: float = START_SECONDS) -> None:
         """Return when the server answers.
@@ -52,7 +63,7 @@ class Server:
             ServerError: it does not, or its process has ended.
         """
         if self.process is None:
-            _check_given(self.api_url)
+            check_given(self.api_url)
             return
         deadline = time.monotonic() + seconds
         while not (listens(self.process[0], self.api_url) and answers(self.api_url)):
@@ -69,9 +80,9 @@ class Server:
         Glint's own server is restarted at its address if it dies in the meantime.
         """
         self.wait()
-        from prefect.settings import PREFECT_API_URL, PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
+        from prefect.settings import PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
 
-        settings: dict[Any, Any] = {PREFECT_API_URL: self.api_url}
+        settings = self._settings()
         if self.process is not None:
             # The thread of heartbeats costs every flow run up to a second at its end. Local runs are found to be
             # orphaned by the tag of their process (`orphaned_runs`), only scheduled ones by their heartbeats.
@@ -82,10 +93,19 @@ class Server:
     @contextmanager
     def reached(self) -> Iterator[None]:
         """Have clients that are made inside ask this server, which answers already."""
-        from prefect.settings import PREFECT_API_URL, temporary_settings
+        from prefect.settings import temporary_settings
 
-        with temporary_settings({PREFECT_API_URL: self.api_url}):
+        with temporary_settings(self._settings()):
             yield
+
+    def _settings(self) -> dict[Any, Any]:
+        """Return the settings of Prefect with which clients reach this server."""
+        from prefect.settings import PREFECT_API_AUTH_STRING, PREFECT_API_URL
+
+        settings: dict[Any, Any] = {PREFECT_API_URL: self.api_url}
+        if self.authentication is not None:
+            settings[PREFECT_API_AUTH_STRING] = self.authentication
+        return settings
 
     @contextmanager
     def _kept(self) -> Iterator[None]:
@@ -127,21 +147,20 @@ def start_server(home: Path | None = None) -> Server:
     Raises:
         ServerError: Glint's home cannot be written.
     """
-    given = os.environ.get("PREFECT_API_URL")
+    folder = server_folder(home)
+    given = _given_address(folder)
     if given:
         prepare_environment()
         return Server(given, _ui_url(given), started=False)
-    folder = server_folder(home)
     with locked(folder):
         state = read_state(folder)
-        if state is not None and state.prefect != version("prefect"):
+        if state is not None and (state.prefect != version("prefect") or not state.authentication):
             stop(state)
             state = None
         started = state is None or not is_alive(*state.process)
         if state is None or started:
             state = spawn(folder)
-    prepare_environment(state.api_url, folder / "prefect")
-    return Server(state.api_url, _ui_url(state.api_url), started, state.process, folder / "server.log")
+    return _own_server(folder, state, started)
 
 
 def running_server(home: Path | None = None) -> Server | None:
@@ -150,17 +169,16 @@ def running_server(home: Path | None = None) -> Server | None:
     Raises:
         ServerError: the one at PREFECT_API_URL does not answer.
     """
-    given = os.environ.get("PREFECT_API_URL")
+    folder = server_folder(home)
+    given = _given_address(folder)
     if given:
         prepare_environment()
-        _check_given(given)
+        check_given(given)
         return Server(given, _ui_url(given), started=False)
-    folder = server_folder(home)
     state = read_state(folder)
     if state is None or not is_alive(*state.process) or not answers(state.api_url):
         return None
-    prepare_environment(state.api_url, folder / "prefect")
-    return Server(state.api_url, _ui_url(state.api_url), False, state.process, folder / "server.log")
+    return _own_server(folder, state, started=False)
 
 
 def stop_server(home: Path | None = None) -> bool:
@@ -172,22 +190,20 @@ def stop_server(home: Path | None = None) -> bool:
         return state is not None and stop(state)
 
 
-def _check_given(api_url: str) -> None:
-    from prefect.client.orchestration import get_client
-    from prefect.settings import PREFECT_API_URL, temporary_settings
+def _given_address(folder: Path) -> str | None:
+    """Return PREFECT_API_URL, None if it is the address of Glint's own server, whose password is in its state file."""
+    given = os.environ.get("PREFECT_API_URL")
+    state = read_state(folder)
+    if given and state is not None and given.rstrip("/") == state.api_url and is_alive(*state.process):
+        return None
+    return given or None
 
-    error: Exception | None
-    try:
-        with temporary_settings({PREFECT_API_URL: api_url}), get_client(sync_client=True) as client:
-            error = client.api_healthcheck()
-    except ValueError as unusable:
-        error = unusable
-    if error is not None:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise ServerError(
-            f"the Prefect server at PREFECT_API_URL={api_url} does not answer ({reason})",
-            "start that server, correct the address, or unset PREFECT_API_URL to use Glint's own",
-        )
+
+def _own_server(folder: Path, state: State, started: bool) -> Server:
+    """Return Glint's own server, and hand its address and password to clients by the environment."""
+    prepare_environment(state.api_url, folder / "prefect", state.authentication)
+    log = folder / "server.log"
+    return Server(state.api_url, _ui_url(state.api_url), started, state.process, log, state.authentication)
 
 
 def _ui_url(api_url: str) -> str:

@@ -12,7 +12,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -21,6 +21,8 @@ import psutil
 
 from glint.flows.errors import ServerError
 from glint.flows.runtime.environment import glint_home
+from glint.flows.runtime.server_access import new_authentication, private_folder, write_private
+from glint.flows.runtime.server_app import ORIGINS
 
 FIRST_PORT = 4200
 N_PORTS = 100
@@ -35,6 +37,7 @@ _SETTINGS = {
     "PREFECT_CLI_PROMPT": "false",
     "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
     "PREFECT_SERVER_UI_SHOW_PROMOTIONAL_CONTENT": "false",
+    "PREFECT_SERVER_UI_V2_ENABLED": "false",
     "PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED": "true",
     "PREFECT_SERVER_SERVICES_DB_VACUUM_RETENTION_PERIOD": str(30 * 24 * 3600),
     # With one transaction per event, SQLite rejects the next flow run, and its client backs off for two seconds.
@@ -50,11 +53,15 @@ _SETTINGS = {
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """The state file of Glint's own server: address, process (pid, start time), and version of Prefect."""
+    """The state file of Glint's own server.
+
+    process: (pid, start time); prefect: version; authentication: user:password, empty for a server without one.
+    """
 
     api_url: str
     process: tuple[int, float]
     prefect: str
+    authentication: str = field(repr=False)
 
 
 def server_folder(home: Path | None = None) -> Path:
@@ -68,16 +75,10 @@ def locked(folder: Path) -> Iterator[None]:
     """Lock the server against being started or stopped by another process.
 
     Raises:
-        ServerError: the folder cannot be written.
+        ServerError: the folder cannot be written, or belongs to another user.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        lock = (folder / "lock").open("w")
-    except OSError as error:
-        raise ServerError(
-            f"{folder} cannot be written ({error.strerror})", "set GLINT_HOME to a folder of yours"
-        ) from None
-    with lock:
+    private_folder(folder, home=folder.parents[1])
+    with (folder / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         yield
 
@@ -87,7 +88,9 @@ def read_state(folder: Path) -> State | None:
     try:
         fields = json.loads((folder / "server.json").read_text())
         pid, created = fields["process"]
-        return State(fields["api_url"], (int(pid), float(created)), fields["prefect"])
+        return State(
+            fields["api_url"], (int(pid), float(created)), fields["prefect"], str(fields.get("authentication", ""))
+        )
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
@@ -98,15 +101,28 @@ def keep(folder: Path, ended: threading.Event) -> None:
         with locked(folder):
             state = read_state(folder)
             if state is not None and not is_alive(*state.process):
-                spawn(folder, urlsplit(state.api_url).port)
+                spawn(folder, state)
 
 
-def spawn(folder: Path, port: int | None = None) -> State:
-    """Start a server at a port, or else at a free one, and write its state file."""
-    port, claim = (port, claim_port(port) or socket.socket(socket.AF_UNIX)) if port else free_port()
-    api_url = f"http://127.0.0.1:{port}/api"
+def spawn(folder: Path, previous: State | None = None) -> State:
+    """Start a server and write its state file: at the address and with the password of a previous one, or new ones."""
+    if previous is None:
+        port, claim = free_port()
+        authentication = new_authentication()
+    else:
+        port, authentication = urlsplit(previous.api_url).port or 0, previous.authentication
+        claim = claim_port(port) or socket.socket(socket.AF_UNIX)
+    origin = f"http://127.0.0.1:{port}"
+    api_url = f"{origin}/api"
     settings = _SETTINGS | {name: value for name, value in os.environ.items() if not _of_client(name)}
-    settings |= {"PREFECT_HOME": str(folder / "prefect"), "PREFECT_SERVER_UI_API_URL": api_url}
+    settings |= {
+        ORIGINS: origin,
+        "PREFECT_HOME": str(folder / "prefect"),
+        "PREFECT_SERVER_API_AUTH_STRING": authentication,
+        "PREFECT_SERVER_CORS_ALLOWED_ORIGINS": origin,
+        "PREFECT_SERVER_UI_API_URL": api_url,
+        "PREFECT_SERVER_UI_STATIC_DIRECTORY": str(folder / "pages"),
+    }
     with claim, (folder / "server.log").open("w") as log:
         child = subprocess.Popen(
             _command(port),
@@ -118,13 +134,15 @@ def spawn(folder: Path, port: int | None = None) -> State:
             start_new_session=True,
             pass_fds=[claim.fileno()],
         )
-    state = State(api_url, (child.pid, process_start_time(child.pid)), version("prefect"))
-    (folder / "server.json").write_text(json.dumps(asdict(state)))
+    state = State(api_url, (child.pid, process_start_time(child.pid)), version("prefect"), authentication)
+    write_private(folder / "server.json", json.dumps(asdict(state)))
     return state
 
 
 def _command(port: int) -> list[str]:
-    return [sys.executable, "-m", "prefect", "server", "start", "--host", "127.0.0.1", "--port", str(port)]
+    application = ["--factory", "glint.flows.runtime.server_app:create", "--no-proxy-headers", "--no-server-header"]
+    application += ["--log-level", "warning"]
+    return [sys.executable, "-m", "uvicorn", *application, "--host", "127.0.0.1", "--port", str(port)]
 
 
 def _of_client(name: str) -> bool:

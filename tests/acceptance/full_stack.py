@@ -56,25 +56,43 @@ class Constellation:
             "PREFECT_SERVER_DATABASE_CONNECTION_URL": database,
             "PREFECT_SERVER_API_AUTH_STRING": authentication,
             "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
+            "PREFECT_SERVER_UI_STATIC_DIRECTORY": str(self.folder / "pages"),
+            "GLINT_SERVER_ORIGINS": url,
         }
-        command = python("prefect", "server", "start", "--host", "127.0.0.1", "--port", str(self.prefect))
+        guard = ["--factory", "glint.flows.runtime.server_app:create", "--log-level", "warning"]
+        command = python("uvicorn", *guard, "--host", "127.0.0.1", "--port", str(self.prefect))
         self.services.start("prefect-server", command, server, lambda: answers(f"{url}/api/health"))
         tell("Prefect server on Postgres")
         self.environment = common | self.gateway.environment
         self.environment |= {"PREFECT_API_URL": f"{url}/api", "PREFECT_API_AUTH_STRING": authentication}
         self.environment |= {"GLINT_STORE": STORE, "OMP_NUM_THREADS": "1", "PREFECT_WORKER_QUERY_SECONDS": "2"}
+        self._make_certificate()
         self._start_dask()
         tell("Dask scheduler with two workers")
 
+    def _make_certificate(self) -> None:
+        """Make Dask's certificate as `deploy/compose.yaml` does, and name it in the environment."""
+        key, certificate = self.folder / "key.pem", self.folder / "certificate.pem"
+        subject = ["-newkey", "rsa:3072", "-noenc", "-days", "2", "-subj", "/CN=glint-dask"]
+        files = ["-keyout", str(key), "-out", str(certificate)]
+        subprocess.run(["openssl", "req", "-x509", *subject, *files], check=True, capture_output=True)
+        tls = "DASK_DISTRIBUTED__COMM__TLS__"
+        self.environment |= {
+            "DASK_DISTRIBUTED__COMM__REQUIRE_ENCRYPTION": "True",
+            f"{tls}CA_FILE": str(certificate),
+            **{f"{tls}{role}__CERT": str(certificate) for role in ("CLIENT", "SCHEDULER", "WORKER")},
+            **{f"{tls}{role}__KEY": str(key) for role in ("CLIENT", "SCHEDULER", "WORKER")},
+        }
+
     def _start_dask(self) -> None:
-        place = ["--host", "127.0.0.1", "--port", str(self.scheduler)]
+        place = ["--protocol", "tls", "--host", "127.0.0.1", "--port", str(self.scheduler)]
         dashboard = ["--dashboard-address", f"127.0.0.1:{self.dashboard}"]
         command = python("distributed.cli.dask_scheduler", *place, *dashboard)
         health = f"http://127.0.0.1:{self.dashboard}/health"
         self.services.start("dask-scheduler", command, self.environment, lambda: answers(health))
         for number in (1, 2):
             options = ["--nthreads", "1", "--nworkers", "1", "--memory-limit", "3GB", "--no-dashboard"]
-            command = python("distributed.cli.dask_worker", f"tcp://127.0.0.1:{self.scheduler}", *options)
+            command = python("distributed.cli.dask_worker", f"tls://127.0.0.1:{self.scheduler}", *options)
             name = f"dask-worker-{number}"
             command += ["--local-directory", str(self.folder / name), "--death-timeout", "60"]
             self.services.start(name, command, self.environment, lambda: True)
@@ -164,7 +182,7 @@ def accept(everything: Constellation) -> None:
     second = draw_scene(everything.folder / "second", frames=500, seed=2)
     put(first, "vase")
     put(second, "bowl")
-    options = ["--inbox", INBOX, "--scheduler", f"tcp://127.0.0.1:{everything.scheduler}"]
+    options = ["--inbox", INBOX, "--scheduler", f"tls://127.0.0.1:{everything.scheduler}"]
     said = everything.glint("deploy", *options, "--timezone", "Europe/Berlin")
     check("inbox/nightly" in said, "the deployments are on the server")
     everything.start_worker()

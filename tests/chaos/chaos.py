@@ -38,6 +38,7 @@ from glint.storage.catalogue.loading import Catalogue, load, write
 from glint.storage.errors import StoreError
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository, object_ids
+from tests.prefect_api import ask
 from tests.s3_gateway import Gateway
 from tests.scene import draw_scene
 
@@ -251,13 +252,14 @@ class Chaos:
         """Names of the runs that the server shows as not ended, after a last run that changes nothing."""
         self._finish(self._start(self.folder / "round-0.yaml", str(self.folder / "undisturbed" / "0")), must=True)
         (state,) = (self.folder / "home" / "server").glob("*/server.json")
-        api = parsed(state.read_text())["api_url"]
+        server = parsed(state.read_text())
+        api = server["api_url"]
         still_open = {"state": {"type": {"any_": ["RUNNING", "PENDING", "SCHEDULED", "CANCELLING"]}}}
         for _ in range(20):
             found = [
                 f"{kind} {each['name']}"
                 for kind in ("flow_runs", "task_runs")
-                for each in asked(f"{api}/{kind}/filter", {kind: still_open})
+                for each in asked(f"{api}/{kind}/filter", {kind: still_open}, server["authentication"])
             ]
             if not found:
                 break
@@ -328,16 +330,12 @@ def parsed(text: str) -> dict[str, Any]:
     return value if isinstance(value, dict) else {}
 
 
-def asked(url: str, body: dict[str, Any]) -> list[dict[str, Any]]:
-    """What the server answers."""
-    request = urllib.request.Request(
-        url, json.dumps(body).encode(), {"Content-Type": "application/json"}, method="POST"
-    )
+def asked(url: str, body: dict[str, Any], authentication: str) -> list[dict[str, Any]]:
+    """What the server answers to its user:password."""
     for _ in range(30):
         try:
-            with urllib.request.urlopen(request, timeout=10) as answer:
-                found: list[dict[str, Any]] = json.load(answer)
-                return found
+            found: list[dict[str, Any]] = ask(url, body, authentication, seconds=10)
+            return found
         except (OSError, urllib.error.URLError):
             time.sleep(1.0)
     raise Failure(f"{url} does not answer")

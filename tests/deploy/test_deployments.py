@@ -27,6 +27,7 @@ from prefect.states import Cancelling
 from prefect.utilities.callables import parameter_schema
 
 from glint.flows.deployments.deploy import DeploymentOptions, deploy, deployment_specs
+from glint.flows.deployments.inbox_runs import inbox_runs, is_served, start_inbox_run
 from glint.flows.errors import ServerError
 from glint.flows.pipeline.drift import DRIFT_EVENT
 from glint.flows.reporting.artifacts import artifact_key
@@ -107,6 +108,11 @@ def until(query: Callable[[], Any]) -> Any:
     return result
 
 
+def read_run(run_id: Any) -> FlowRun:
+    with get_client(sync_client=True) as client:
+        return client.read_flow_run(run_id)
+
+
 def read(run: FlowRun) -> FlowRun:
     with get_client(sync_client=True) as client:
         return client.read_flow_run(run.id)
@@ -142,6 +148,23 @@ def log_of(run: FlowRun) -> list[str]:
     with get_client(sync_client=True) as client:
         chosen = LogFilter(flow_run_id=LogFilterFlowRunId(any_=[run.id]))
         return [line.message for line in client.read_logs(chosen)]
+
+
+def test_the_server_describes_every_parameter(deployed: list[str]) -> None:
+    with get_client(sync_client=True) as client:
+        for deployment in client.read_deployments():
+            schema = deployment.parameter_openapi_schema or {}
+            for name, about in schema["properties"].items():
+                assert about.get("description"), f"{deployment.name}: {name}"
+
+
+def test_the_inbox_is_scanned_at_once_on_request(deployed: list[str]) -> None:
+    started = start_inbox_run("inbox/nightly")
+    assert is_served("inbox/nightly")
+    until(lambda: (state := read_run(started).state) and state.is_final())
+    assert any(row["state"] not in ("", "Scheduled") for row in inbox_runs("inbox/nightly", 10))
+    with pytest.raises(ServerError, match=r"no deployment inbox/other.*glint deploy"):
+        start_inbox_run("inbox/other")
 
 
 def test_an_inbox_is_run_once_and_its_failure_is_notified(

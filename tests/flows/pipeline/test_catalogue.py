@@ -1,10 +1,8 @@
 """The flow of a catalogue on a real server and cluster: a run for each object, truthful ends, nothing for unchanged."""
 
-import json
 import os
 import re
 import time
-import urllib.request
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -28,6 +26,7 @@ from glint.storage.versions.repository import ObjectRepository
 from glint.tasks.code_provenance import code_provenance
 from glint.tasks.engine.stage import StageRecord
 from glint.tasks.pipeline import STAGES
+from tests.prefect_api import ask
 
 pytestmark = [pytest.mark.server, pytest.mark.usefixtures("server")]
 Run = Callable[..., tuple[Any, list[Event]]]
@@ -105,12 +104,9 @@ def task_runs(flow_run: str, count: int) -> set[str]:
 
 def told_events(name: str) -> list[dict[str, Any]]:
     """Payloads of the events of that name, once the server has them."""
-    body = json.dumps({"filter": {"event": {"name": [name]}}}).encode()
     url = f"{os.environ['PREFECT_API_URL']}/events/filter"
     for _ in range(60):
-        request = urllib.request.Request(url, body, {"Content-Type": "application/json"}, method="POST")
-        with urllib.request.urlopen(request) as answer:
-            found = json.load(answer)["events"]
+        found = ask(url, {"filter": {"event": {"name": [name]}}})["events"]
         if found:
             return [each["payload"] for each in found]
         time.sleep(0.5)

@@ -29,7 +29,7 @@ class RecordingSink:
 @pytest.fixture
 def context(cluster: Cluster) -> Iterator[RunContext]:
     """A context with a client of its own, which may be cancelled."""
-    client = Client(cluster.address, set_as_default=False)
+    client = Client(cluster.address, security=cluster.client.security, set_as_default=False)
     yield RunContext(client, PrefectSink())
     client.close()
 

@@ -1,8 +1,6 @@
 """Stages on Prefect's timeline, as a real server records them; warnings in the log and progress beside them."""
 
-import json
 import time
-import urllib.request
 from collections.abc import Callable
 from typing import Any
 
@@ -23,6 +21,7 @@ from glint.flows.runtime.orphaned_runs import RUN_TAG, tagged_with_process
 from glint.flows.runtime.prefect_server import Server
 from glint.tasks.engine.stage import StageRecord
 from glint.tasks.engine.stage_warning import StageWarning
+from tests.prefect_api import ask
 
 pytestmark = [pytest.mark.server, pytest.mark.usefixtures("server")]
 NAME = "glass/front"
@@ -72,8 +71,7 @@ def until[Found](look: Callable[[], Found], seconds: float = 60.0) -> Found:
 
 def graph(server: Server, run: str) -> dict[str, dict[str, Any]]:
     """Nodes of a flow run's graph by their labels."""
-    with urllib.request.urlopen(f"{server.api_url}/flow_runs/{run}/graph-v2") as answer:
-        return {node["label"]: node for _, node in json.load(answer)["nodes"]}
+    return {node["label"]: node for _, node in ask(f"{server.api_url}/flow_runs/{run}/graph-v2")["nodes"]}
 
 
 def recorded(node: dict[str, Any]) -> TaskRun:
@@ -162,8 +160,9 @@ def test_a_stage_whose_worker_died_is_shown_as_crashed_and_run_again(server: Ser
     flow_id, _ = run(events, ClusterError(f"{NAME} labels: the worker process died", "run again"))
 
     def stage_states() -> list[tuple[str, str]]:
-        with urllib.request.urlopen(f"{server.api_url}/flow_runs/{flow_id}/graph-v2") as answer:
-            nodes = [node for _, node in json.load(answer)["nodes"] if node["label"] != NAME]
+        nodes = [
+            node for _, node in ask(f"{server.api_url}/flow_runs/{flow_id}/graph-v2")["nodes"] if node["label"] != NAME
+        ]
         return [(node["label"], node["state_type"]) for node in sorted(nodes, key=lambda node: node["start_time"])]
 
     expected = [("labels", "CRASHED"), ("survey", "COMPLETED"), ("labels", "FAILED")]

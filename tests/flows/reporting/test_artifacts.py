@@ -1,5 +1,4 @@
 import json
-import urllib.request
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -12,6 +11,7 @@ from glint.flows.results import CaptureResult, ObjectResult, RunResult
 from glint.flows.runtime.prefect_server import Server
 from glint.tasks.engine.stage import StageRecord
 from glint.tasks.engine.stage_warning import StageWarning
+from tests.prefect_api import ask
 
 RECORDS = (
     StageRecord("frames", "k", False, 12.345, {"frames": 8000}, ()),
@@ -49,12 +49,8 @@ def test_a_run_has_its_table_and_its_problems_on_the_server(server: Server) -> N
         create_catalogue_artifact("glassware", result())
         return str(runtime.flow_run.id)
 
-    asked = json.dumps({"flow_runs": {"id": {"any_": [run()]}}}).encode()
-    request = urllib.request.Request(
-        f"{server.api_url}/artifacts/filter", asked, {"Content-Type": "application/json"}, method="POST"
-    )
-    with urllib.request.urlopen(request) as answer:
-        artifacts = {each["key"]: each for each in json.load(answer)}
+    found = ask(f"{server.api_url}/artifacts/filter", {"flow_runs": {"id": {"any_": [run()]}}})
+    artifacts = {each["key"]: each for each in found}
     assert set(artifacts) == {"catalogue-glassware", "problems-glassware"}
     second, first = json.loads(artifacts["catalogue-glassware"]["data"])  # failures come first
     assert (first["capture"], first["state"], first["version"], first["frames"]) == ("glass/front", "done", "v2", 8000)

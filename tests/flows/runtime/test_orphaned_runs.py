@@ -1,8 +1,6 @@
-import json
 import subprocess
 import sys
 import time
-import urllib.request
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +8,7 @@ import pytest
 
 from glint.flows.runtime.orphaned_runs import _is_dead, _tag, mark_orphaned_crashed, process_tag
 from glint.flows.runtime.prefect_server import Server
+from tests.prefect_api import ask
 
 pytestmark = pytest.mark.server
 
@@ -41,12 +40,7 @@ with server.connected(), tagged_with_process():
 
 def states_of(server: Server, kind: str, tag: str) -> list[str]:
     asked = {f"{kind}s": {"tags": {"all_": [tag]}}}
-    body = json.dumps(asked).encode()
-    request = urllib.request.Request(
-        f"{server.api_url}/{kind}s/filter", body, {"Content-Type": "application/json"}, method="POST"
-    )
-    with urllib.request.urlopen(request) as answer:
-        found: list[dict[str, Any]] = json.load(answer)
+    found: list[dict[str, Any]] = ask(f"{server.api_url}/{kind}s/filter", asked)
     return sorted(each["state"]["type"] for each in found)
 
 

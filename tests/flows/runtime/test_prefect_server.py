@@ -19,6 +19,7 @@ from glint.flows.runtime import prefect_server as module
 from glint.flows.runtime import server_process
 from glint.flows.runtime.prefect_server import Server, ensure_server, start_server, stop_server
 from glint.flows.runtime.server_process import FIRST_PORT, is_alive, process_start_time
+from tests.prefect_api import ask
 
 
 @task
@@ -55,8 +56,7 @@ def sleeper(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_runs_report_to_the_server(server: Server) -> None:
     value, run = doubled(4)
     assert value == 8
-    with urllib.request.urlopen(f"{server.api_url}/flow_runs/{run}") as answer:
-        assert json.load(answer)["state"]["type"] == "COMPLETED"
+    assert ask(f"{server.api_url}/flow_runs/{run}")["state"]["type"] == "COMPLETED"
     with urllib.request.urlopen(server.ui_url) as page:
         assert b"<html" in page.read()
 
@@ -67,8 +67,7 @@ def test_the_server_listens_on_loopback_alone_and_tells_nobody(server: Server) -
     assert server.api_url.startswith("http://127.0.0.1:")
     environment = Path(f"/proc/{server.process[0]}/environ").read_text().split("\0")
     assert "PREFECT_SERVER_ANALYTICS_ENABLED=false" in environment
-    with urllib.request.urlopen(f"{server.api_url}/admin/settings") as answer:
-        settings = json.load(answer)
+    settings = ask(f"{server.api_url}/admin/settings")
     assert settings["server"]["services"]["db_vacuum"]["enabled"] is True
     assert settings["server"]["ui"]["api_url"] == server.api_url
 

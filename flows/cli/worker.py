@@ -1,0 +1,62 @@
+"""`glint worker`, `glint inbox`, `glint prefect`: serve, start and steer what `glint deploy` has put on the server."""
+
+import sys
+from typing import Annotated
+
+import typer
+
+from glint.flows.cli.options import Json, print_lines
+
+INBOX = "inbox/nightly"
+"""Name of the deployment that scans the inbox."""
+
+MAX_SCANS = 10
+"""Number of flow runs of the inbox that are listed, the newest ones."""
+
+
+def worker(pool: Annotated[str, typer.Option(help="Name of the work pool to serve.")] = "glint") -> None:
+    """Run what is due: start the worker that `glint deploy` asks for, and the server with it."""
+    from glint.flows.deployments.worker import run_worker
+    from glint.flows.runtime.prefect_server import ensure_server
+
+    server = ensure_server()
+    typer.echo(f"dashboard {server.link()}")
+    with server.connected():
+        sys.exit(run_worker(server, pool))
+
+
+def inbox(
+    now: Annotated[bool, typer.Option("--now", help="Scan the inbox now, without waiting for its schedule.")] = False,
+    as_json: Json = False,
+) -> None:
+    """List the latest and the next scans of the inbox."""
+    from glint.flows.runtime.prefect_server import ensure_server
+
+    server = ensure_server()
+    from glint.flows.cli.tables import show, table_of
+    from glint.flows.deployments.inbox_runs import inbox_runs, is_served, start_inbox_run
+
+    with server.connected():
+        started = start_inbox_run(INBOX) if now else None
+        rows = inbox_runs(INBOX, MAX_SCANS)
+        served = is_served(INBOX)
+    if as_json:
+        print_lines(rows)
+        return
+    show(table_of(rows, "no scan yet: glint inbox --now"))
+    if not served:
+        typer.secho("no worker serves the inbox: glint worker", fg="yellow")
+    typer.echo(f"dashboard: {server.link(f'runs/flow-run/{started}' if started else 'deployments')}")
+
+
+def prefect(
+    arguments: Annotated[
+        list[str] | None, typer.Argument(metavar="ARGUMENTS ..", help="Arguments of Prefect's command.")
+    ] = None,
+) -> None:
+    """Run Prefect's own command with the server's address and password, such as `glint prefect work-pool ls`."""
+    from glint.flows.deployments.worker import run_prefect
+    from glint.flows.runtime.prefect_server import ensure_server
+
+    with ensure_server().connected():
+        sys.exit(run_prefect(arguments or []))

@@ -1,0 +1,59 @@
+"""Prefect's own command for the server of this machine: its address and password come from the environment."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from glint.flows.runtime.prefect_server import Server, start_server
+from glint.flows.runtime.server_process import read_state
+
+POLL_SECONDS = 2.0
+"""Interval at which a worker is checked to have the password of the server that runs now."""
+
+
+def run_prefect(arguments: Sequence[str]) -> int:
+    """Run Prefect's command, telemetry off, and return its exit status."""
+    child = _start(arguments)
+    try:
+        return child.wait()
+    except KeyboardInterrupt:
+        child.terminate()
+        return child.wait()
+
+
+def run_worker(server: Server, pool: str) -> int:
+    """Serve a work pool until the worker ends, and return its exit status.
+
+    A server that was stopped and started again has another password, with which the worker is started again.
+    """
+    arguments = ["worker", "start", "--pool", pool]
+    if server.log is None:
+        return run_prefect(arguments)
+    address = _address(server.log.parent)
+    child = _start(arguments)
+    try:
+        while True:
+            try:
+                return child.wait(POLL_SECONDS)
+            except subprocess.TimeoutExpired:
+                now = _address(server.log.parent)
+                if now is not None and now != address:
+                    address = now
+                    child.terminate()
+                    child.wait()
+                    start_server(server.log.parents[2])
+                    child = _start(arguments)
+    finally:
+        child.terminate()
+        child.wait()
+
+
+def _start(arguments: Sequence[str]) -> subprocess.Popen[bytes]:
+    return subprocess.Popen([sys.executable, "-m", "prefect", *arguments], env=os.environ.copy())
+
+
+def _address(folder: Path) -> tuple[str, str] | None:
+    state = read_state(folder)
+    return None if state is None else (state.api_url, state.authentication)
