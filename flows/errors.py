@@ -1,6 +1,6 @@
 """Errors of a run: each names the offending value and the remedy."""
 
-from glint.storage.errors import GlintError
+from glint.storage.errors import GlintError, printable
 from glint.tasks.engine.errors import UnusableCapture
 
 
@@ -8,9 +8,8 @@ class RunningError(Exception):
     """Base of the errors of this package: `message` names the offending value, `remedy` says what to do about it."""
 
     def __init__(self, message: str, remedy: str) -> None:
-        super().__init__(f"{message}: {remedy}")
-        self.message = message
-        self.remedy = remedy
+        self.message, self.remedy = printable(message), printable(remedy)
+        super().__init__(f"{self.message}: {self.remedy}")
 
     def __reduce__(self) -> tuple[type["RunningError"], tuple[str, str]]:
         """Pickle both texts, so that a worker process can raise the error."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from glint.flows.cli.options import CatalogueFile, Json, Only, Store, chosen_store, print_lines, store_option
+from glint.flows.cli.output import echo
 
 if TYPE_CHECKING:
     from glint.flows.reporting.events import Sink
@@ -53,7 +54,7 @@ def check(
         print_lines({"kind": "check", **line} for line in lines)
     else:
         _print_checks(checks, out)
-        typer.echo(f"next: glint run {file}{store_option(store)}")
+        echo(f"next: glint run {file}{store_option(store)}")
     sys.exit(1 if failed else 0)
 
 
@@ -88,8 +89,8 @@ def _print_checks(checks: "Sequence[Check]", out: Path) -> None:
     show(table_of(rows, "no capture can be used"))
     for result in checks:
         for warning in result.warnings:
-            typer.secho(f"{result.name}: {warning.message}", fg="yellow")
+            echo(f"{result.name}: {warning.message}", colour="yellow")
     if checks:
-        typer.echo("observable: share of the object where a light in front of it can cause a highlight")
-        typer.echo("observed: share of the object where a highlight was recorded")
-        typer.echo(f"pictures (coverage, overview, keyframes to mark highlights on): {out}")
+        echo("observable: share of the object where a light in front of it can cause a highlight")
+        echo("observed: share of the object where a highlight was recorded")
+        echo(f"pictures (coverage, overview, keyframes to mark highlights on): {out}")

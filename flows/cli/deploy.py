@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from glint.flows.cli.options import DRIFT_HELP, FramesBudget, Scheduler, Store, budget_bytes, chosen_store
+from glint.flows.cli.output import echo
 
 
 def deploy(
@@ -67,6 +68,6 @@ def deploy(
     with server.connected():
         names = create_deployments(options)
     for name in names:
-        typer.echo(name)
-    typer.echo(f"dashboard: {server.ui_url}/deployments")
-    typer.echo(f"next: PREFECT_API_URL={server.api_url} prefect worker start --pool {pool}")
+        echo(name)
+    echo(f"dashboard: {server.ui_url}/deployments")
+    echo(f"next: PREFECT_API_URL={server.api_url} prefect worker start --pool {pool}")

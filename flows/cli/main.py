@@ -17,6 +17,7 @@ from glint.flows.cli.evaluate import evaluate
 from glint.flows.cli.export import export
 from glint.flows.cli.history import history, rollback
 from glint.flows.cli.maintain import maintain
+from glint.flows.cli.output import echo
 from glint.flows.cli.run import run
 from glint.flows.cli.simulate import simulate
 from glint.flows.cli.status import status
@@ -71,6 +72,6 @@ def main() -> None:
             message, remedy = f"{error.filename}: {error.strerror}", "check the path and its permissions"
         if remedy is None:
             raise
-        typer.secho(f"glint: {message}", fg="red", err=True)
-        typer.secho(f"  -> {remedy}", err=True)
+        echo(f"glint: {message}", colour="red", err=True)
+        echo(f"  -> {remedy}", err=True)
         sys.exit(USAGE_ERROR)

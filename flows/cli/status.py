@@ -3,9 +3,8 @@
 import json
 from typing import Any
 
-import typer
-
 from glint.flows.cli.options import Json, Store, chosen_store
+from glint.flows.cli.output import echo
 
 MAX_RUNS = 200
 """Number of flow runs or captures that are read from the server, the newest ones."""
@@ -31,18 +30,18 @@ def status(store: Store = None, as_json: Json = False) -> None:
     if as_json:
         for kind, rows in (("object", objects), ("running", running), ("failed", failed)):
             for row in rows:
-                typer.echo(json.dumps({"kind": kind, **row}, default=str))
+                echo(json.dumps({"kind": kind, **row}, default=str))
         return
     show(table_of(objects, "no objects yet: glint run CATALOGUE"))
     if running:
-        typer.echo()
+        echo()
         show(table_of(running, ""))
     for row in failed:
-        typer.echo()
+        echo()
         stage = f" in {row['stage']}" if row["stage"] else ""
-        typer.secho(f"{row['capture']} failed{stage} at {row['ended']}: {row['error']}", fg="red")
+        echo(f"{row['capture']} failed{stage} at {row['ended']}: {row['error']}", colour="red")
     if server is not None:
-        typer.echo(f"\ndashboard: {server.ui_url}")
+        echo(f"\ndashboard: {server.ui_url}")
 
 
 def running_rows() -> list[dict[str, Any]]:

@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
+from glint.storage.errors import printable
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import run_owner
 from glint.storage.versions.repository import ObjectRepository, object_ids
@@ -122,5 +124,7 @@ def _percent(share: float | None) -> str:
     return "" if share is None else f"{share:.0%}"
 
 
-def _text(value: Any) -> str:
-    return f"{value:,}" if isinstance(value, int) and not isinstance(value, bool) else str(value)
+def _text(value: Any) -> Text:
+    """Return a cell: text is shown as it is, without rich's markup and without what a terminal would obey."""
+    text = f"{value:,}" if isinstance(value, int) and not isinstance(value, bool) else str(value)
+    return Text(printable(text, keep="\n"))
