@@ -14,6 +14,12 @@ def deploy(
         str | None,
         typer.Option(metavar="URI", help="Folder or prefix whose sub-folders are scanned for captures every night."),
     ] = None,
+    inbox_may_read: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="FOLDER", help="Folder that catalogues in the inbox may name besides their own; repeatable."
+        ),
+    ] = None,
     reference: Annotated[
         str | None,
         typer.Option(metavar="CATALOGUE", help="Catalogue of captures with ground truth, evaluated every week."),
@@ -52,6 +58,7 @@ def deploy(
     options = DeploymentOptions(
         store=chosen_store(store),
         inbox=inbox,
+        inbox_may_read=tuple(inbox_may_read or ()),
         reference=reference,
         scheduler=scheduler,
         pool=pool,
