@@ -47,5 +47,9 @@ class StoreError(GlintError):
     """The store cannot be read or written, or its content is not as expected."""
 
 
+class OutputError(GlintError):
+    """The folder of an export cannot be written."""
+
+
 class StoreUnreachable(StoreError):
     """The store does not answer, or not in time; a later attempt may succeed."""

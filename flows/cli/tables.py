@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from glint.flows.errors import message_and_remedy
 from glint.storage.errors import printable
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import run_owner
@@ -75,24 +76,33 @@ def summary_json(summary: "Summary") -> dict[str, Any]:
     return {"kind": "summary", "run": summary.result.run, "page": summary.page, "captures": rows, "drifts": drifts}
 
 
-def status_rows(store: str) -> list[dict[str, Any]]:
-    """Return one row for each object of a store."""
+def status_rows(store: str) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return one row for each object of a store, and the errors of those that cannot be read."""
     location = Location.parse(store)
-    rows = []
+    rows, damaged = list[dict[str, Any]](), list[dict[str, Any]]()
     for object_id in object_ids(location):
-        history = ObjectRepository.open(location, object_id, create=False).history()
-        holder = run_owner(location, object_id)
-        newest = history[-1] if history else None
-        rows.append(
-            {
-                "object": object_id,
-                "version": newest.name if newest else "",
-                "captures": len(newest.stages) if newest else 0,
-                "published": newest.time.isoformat(timespec="seconds") if newest else "",
-                "state": "idle" if holder is None else f"running ({holder})",
-            }
-        )
-    return rows
+        try:
+            row = _object_row(location, object_id)
+        except Exception as error:
+            # Whatever is wrong with one object must not hide the others.
+            message, remedy = message_and_remedy(error)
+            damaged.append({"object": object_id, "error": message, "remedy": remedy})
+            row = {"object": object_id, "version": "", "captures": 0, "published": "", "state": "unreadable"}
+        rows.append(row)
+    return rows, damaged
+
+
+def _object_row(location: Location, object_id: str) -> dict[str, Any]:
+    history = ObjectRepository.open(location, object_id, create=False).history()
+    holder = run_owner(location, object_id)
+    newest = history[-1] if history else None
+    return {
+        "object": object_id,
+        "version": newest.name if newest else "",
+        "captures": len(newest.stages) if newest else 0,
+        "published": newest.time.isoformat(timespec="seconds") if newest else "",
+        "state": "idle" if holder is None else f"running ({holder})",
+    }
 
 
 def history_rows(store: str, object_id: str) -> list[dict[str, Any]]:
