@@ -23,6 +23,8 @@ MAX_IMAGE_BYTES = 2_000_000_000
 """Size of the largest image that is read, as a frame or a mask."""
 _HALF_OPAQUE = 128
 """Level of an 8-bit alpha channel from which a pixel belongs to a cut-out: the middle of an antialiased edge."""
+# What is wrong with an image is said once, by an error.
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 warnings.filterwarnings("ignore", category=Image.DecompressionBombWarning)
 _READ_AHEAD = 4
 _N_READERS = 2

@@ -179,6 +179,11 @@ def _open(location: Location) -> Iterator[Any]:
         container = within_time(lambda step: av.open(source, options={"format_whitelist": _FORMATS}), location.uri)
     except FileNotFoundError as error:
         raise InputError(f"{location.uri} does not exist", "check the path") from error
+    except av.ArgumentError as error:
+        raise InputError(
+            f"{location.uri} has a format that holds no video",
+            "give a video (MP4, MKV, ..) or a folder of images",
+        ) from error
     except (OSError, ValueError) as error:
         raise InputError(
             f"{location.uri} is no video that can be read ({getattr(error, 'strerror', None) or error})",

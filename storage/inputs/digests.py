@@ -11,7 +11,7 @@ import obstore
 
 from glint.storage.errors import InputError
 from glint.storage.footage.images import SUFFIXES
-from glint.storage.inputs.heads import check_head
+from glint.storage.inputs.heads import SINGLE_FILES, check_head
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.input_files import MISSING_REMEDY, Address, expand, locate
 from glint.storage.locations.location import Location
@@ -52,7 +52,7 @@ def content_digest(
             read.
     """
     location = locate(address)
-    files = expand(location, suffixes)
+    files = None if key in SINGLE_FILES else expand(location, suffixes)
     chosen = [location] if files is None else files
     stamps = within_time(lambda step: _stamps(chosen, step), location.uri)
     cache = store.child("digests")

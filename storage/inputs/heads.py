@@ -5,8 +5,11 @@ from collections.abc import Sequence
 from glint.storage.errors import InputError
 from glint.storage.footage.images import MAX_IMAGE_BYTES, check_image_head
 from glint.storage.footage.video import check_video_head
-from glint.storage.locations.input_files import MAX_TEXT_BYTES
+from glint.storage.locations.input_files import MAX_TEXT_BYTES, check_plain_file
 from glint.storage.locations.location import Location
+
+SINGLE_FILES = ("lights", "markup", "mask")
+"""Keys of the catalogue that name one file, not a folder or a pattern."""
 
 
 def check_head(key: str, files: Sequence[Location], sizes: Sequence[int], is_set: bool) -> None:
@@ -20,6 +23,9 @@ def check_head(key: str, files: Sequence[Location], sizes: Sequence[int], is_set
     if key == "frames" and not is_set:
         check_video_head(files[0])
         return
+    path = files[0].local
+    if path is not None:
+        check_plain_file(path)
     limit = MAX_TEXT_BYTES if key in ("lights", "markup") else MAX_IMAGE_BYTES
     for file, size in zip(files, sizes, strict=True):
         if size > limit:
