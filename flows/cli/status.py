@@ -19,7 +19,7 @@ EXCEPTION_PREFIX = "Task run encountered an exception "
 def status(store: Store = None, as_json: Json = False) -> None:
     """List the objects with their newest versions, what is running, and the captures that failed last."""
     from glint.flows.cli.tables import show, status_rows, table_of
-    from glint.flows.runtime.prefect_server import running_server
+    from glint.flows.runtime.prefect_server import running_server, server_damage
     from glint.storage.locations.location import Location
 
     place = Location.parse(chosen_store(store)).uri
@@ -48,6 +48,9 @@ def status(store: Store = None, as_json: Json = False) -> None:
         echo()
         stage = f" in {row['stage']}" if row["stage"] else ""
         echo(f"{row['capture']} failed{stage} at {row['ended']}: {row['error']}", colour="red")
+    if server is None and (cause := server_damage()):
+        echo(f"\nthe dashboard's database is damaged ({cause}); results are untouched", colour="yellow")
+        echo("  -> the next `glint run` or `glint dashboard` moves it aside and begins anew")
     if server is not None:
         echo(f"\ndashboard: {server.ui_url}")
 

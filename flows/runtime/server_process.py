@@ -21,6 +21,7 @@ import psutil
 
 from glint.flows.errors import ServerError
 from glint.flows.runtime.environment import glint_home
+from glint.flows.runtime.server_database import set_damaged_aside
 
 FIRST_PORT = 4200
 N_PORTS = 100
@@ -103,6 +104,7 @@ def keep(folder: Path, ended: threading.Event) -> None:
 
 def spawn(folder: Path, port: int | None = None) -> State:
     """Start a server at a port, or else at a free one, and write its state file."""
+    set_damaged_aside(folder)
     port, claim = (port, claim_port(port) or socket.socket(socket.AF_UNIX)) if port else free_port()
     api_url = f"http://127.0.0.1:{port}/api"
     settings = _SETTINGS | {name: value for name, value in os.environ.items() if not _of_client(name)}
