@@ -25,8 +25,11 @@ find_python() {
 libraries=(libusb-1.0.so.0:libusb-1.0-0 libGL.so.1:libgl1 libEGL.so.1:libegl1 libX11.so.6:libx11-6 libudev.so.1:libudev1
     libgomp.so.1:libgomp1)
 
+lock_seconds=${GLINT_APT_LOCK_SECONDS:-600}
+
 install_libraries() {
-    local python=$1 pair missing=()
+    local python=$1 pair missing=() log
+    log=$(mktemp)
     for pair in "${libraries[@]}"; do
         "$python" -c 'import ctypes, sys; ctypes.CDLL(sys.argv[1])' "${pair%%:*}" 2>/dev/null || missing+=("${pair##*:}")
     done
@@ -38,8 +41,13 @@ install_libraries() {
     fi
     command -v apt-get >/dev/null || fail "system libraries are missing; Debian calls their packages ${missing[*]}"
     echo "setup: installing ${missing[*]}"
-    "${become[@]}" apt-get update -qq || true
-    "${become[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null ||
+    # A fresh machine upgrades itself, and holds apt's locks for minutes.
+    local wait=(-o "DPkg::Lock::Timeout=$lock_seconds") tries=0
+    until "${become[@]}" apt-get "${wait[@]}" update -qq 2>"$log" || ! grep -q "lock" "$log" || [ $((tries += 5)) -gt "$lock_seconds" ]; do
+        [ "$tries" -eq 5 ] && echo "setup: waiting for another apt-get, at most $lock_seconds s"
+        sleep 5
+    done
+    "${become[@]}" env DEBIAN_FRONTEND=noninteractive apt-get "${wait[@]}" install -y -qq --no-install-recommends "${missing[@]}" >/dev/null ||
         fail "apt-get install ${missing[*]} did not work: install them by hand"
 }
 

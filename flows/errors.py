@@ -1,6 +1,10 @@
-"""Errors of a run: each names the offending value and the remedy."""
+"""Errors of a run: each names the offending value and the remedy, also when it comes from a worker process."""
 
-from glint.storage.errors import GlintError
+import pickle
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from glint.storage.errors import GlintError, printable
 from glint.tasks.engine.errors import UnusableCapture
 
 
@@ -8,9 +12,8 @@ class RunningError(Exception):
     """Base of the errors of this package: `message` names the offending value, `remedy` says what to do about it."""
 
     def __init__(self, message: str, remedy: str) -> None:
-        super().__init__(f"{message}: {remedy}")
-        self.message = message
-        self.remedy = remedy
+        self.message, self.remedy = printable(message), printable(remedy)
+        super().__init__(f"{self.message}: {self.remedy}")
 
     def __reduce__(self) -> tuple[type["RunningError"], tuple[str, str]]:
         """Pickle both texts, so that a worker process can raise the error."""
@@ -30,6 +33,47 @@ USER_ERRORS = (GlintError, UnusableCapture, RunningError)
 
 INTERNAL_ERROR = "internal error; see the traceback in the run's log and report it"
 """The remedy for any other error."""
+
+
+MAX_SENT_CHARACTERS = 9000
+"""Length of a message from a worker: Dask replaces an error of more than 10,000 characters by another."""
+
+
+@contextmanager
+def sent_from_worker() -> Iterator[None]:
+    """Raise errors so that they survive pickling: the causes of many libraries' errors do not, and become text."""
+    try:
+        yield
+    except Exception as error:
+        for sent in (error, _with_text_as_cause(error)):
+            if _survives(sent):
+                raise sent from sent.__cause__
+        raise RuntimeError(f"{type(error).__name__}: {str(error)[:MAX_SENT_CHARACTERS]}") from None
+
+
+def _with_text_as_cause(error: Exception) -> Exception:
+    """Return an error of a user without its cause's object, shortened; any other error unchanged."""
+    if not isinstance(error, USER_ERRORS):
+        return error
+    cause, short = error.__cause__, error
+    if len(str(error)) > MAX_SENT_CHARACTERS:
+        kind = next(kind for kind in (GlintError, UnusableCapture, RunningError) if isinstance(error, kind))
+        short = kind(error.message[: MAX_SENT_CHARACTERS // 2] + " ..", error.remedy[: MAX_SENT_CHARACTERS // 3])
+    short.__cause__ = None if cause is None else RuntimeError(f"{type(cause).__name__}: {cause}")
+    return short.with_traceback(error.__traceback__)
+
+
+def _survives(error: Exception) -> bool:
+    """Return whether an error arrives as it is, with all its causes."""
+    causes: list[BaseException] = [error]
+    while causes[-1].__cause__ is not None:
+        causes.append(causes[-1].__cause__)
+    try:
+        return len(str(error)) <= MAX_SENT_CHARACTERS and all(
+            type(pickle.loads(pickle.dumps(cause))) is type(cause) for cause in causes
+        )
+    except Exception:
+        return False
 
 
 def message_and_remedy(error: Exception) -> tuple[str, str]:

@@ -1,13 +1,38 @@
-"""Errors of Glint: each names the offending value and the remedy."""
+"""Errors of Glint: each names the offending value and the remedy, as text that is safe to print."""
+
+import json
+import unicodedata
+
+_UNPRINTABLE = frozenset(("Cc", "Cf", "Cs", "Zl", "Zp"))
+"""Unicode categories that a terminal obeys instead of showing: control, direction, lone surrogates, line ends."""
+
+
+def printable(text: str, keep: str = "") -> str:
+    r"""Return a text with control characters, marks of writing direction and lone surrogates written as \uXXXX.
+
+    Names and values come from files of other people; a terminal would obey the escape sequences in them.
+
+    keep: characters that are left as they are.
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        _escaped(character) if unicodedata.category(character) in _UNPRINTABLE and character not in keep else character
+        for character in text
+    )
+
+
+def _escaped(character: str) -> str:
+    escaped = json.dumps(character)[1:-1]
+    return escaped if escaped != character else f"\\u{ord(character):04x}"
 
 
 class GlintError(Exception):
     """Base of the errors that a user can fix: `message` names the offending value, `remedy` says what to do."""
 
     def __init__(self, message: str, remedy: str) -> None:
-        super().__init__(f"{message}: {remedy}")
-        self.message = message
-        self.remedy = remedy
+        self.message, self.remedy = printable(message), printable(remedy)
+        super().__init__(f"{self.message}: {self.remedy}")
 
     def __reduce__(self) -> tuple[type["GlintError"], tuple[str, str]]:
         """Return class and arguments for pickling, so that both texts arrive from a worker process."""
@@ -20,6 +45,10 @@ class InputError(GlintError):
 
 class StoreError(GlintError):
     """The store cannot be read or written, or its content is not as expected."""
+
+
+class OutputError(GlintError):
+    """The folder of an export cannot be written."""
 
 
 class StoreUnreachable(StoreError):

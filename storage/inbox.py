@@ -1,19 +1,23 @@
 """Find the new and changed captures of an inbox: a folder, or a prefix of an object store, that people copy them into.
 
 Each sub-folder is an object that follows the usual names (see `storage.catalogue.from_folder`), or holds a
-catalogue.yaml of its own. The name, size and entity tag of its files are recorded once a run has finished it; it is
-skipped until one of them changes. A sub-folder that failed is tried again.
+catalogue.yaml of its own. It may name its own files alone, and those of folders that are allowed. What has been checked
+is written into the store as a catalogue, so that nobody can change it before it runs.
+
+The name, size and entity tag of a sub-folder's files are recorded once a run has finished it; it is skipped until one
+of them changes. A sub-folder that failed is tried again.
 """
 
 import json
 from collections import defaultdict
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 import obstore
 from pydantic import BaseModel
 
+from glint.storage.catalogue.confinement import check_inside, confined
 from glint.storage.catalogue.from_folder import object_from_folder
 from glint.storage.catalogue.loading import Catalogue, Object, load, write
 from glint.storage.errors import GlintError, InputError
@@ -59,9 +63,20 @@ class InboxScan:
 class Inbox:
     """An inbox, and the record of its finished sub-folders, which the store keeps under STORE/inbox/."""
 
-    def __init__(self, address: str, store: str, parameters_model: type[BaseModel] | None = None) -> None:
-        """Open an inbox; parameters_model: checks the parameters of catalogues (see `storage.catalogue.loading`)."""
+    def __init__(
+        self,
+        address: str,
+        store: str,
+        parameters_model: type[BaseModel] | None = None,
+        allowed: Sequence[str] = (),
+    ) -> None:
+        """Open an inbox.
+
+        parameters_model: checks the parameters of catalogues (see `storage.catalogue.loading`); allowed: folders or
+        prefixes that sub-folders may name besides their own files.
+        """
         self.location = Location.parse(address)
+        self._allowed = [Location.parse(folder) for folder in allowed]
         self._records = Location.parse(store).child("inbox", digest_of(self.location.uri)[:16])
         self._parameters_model = parameters_model
 
@@ -103,7 +118,8 @@ class Inbox:
         problems, empty = dict[str, str](), list[str]()
         for submission in (submission for submission in changed if submission.changed <= latest):
             try:
-                objects = self._objects(submission)
+                catalogue = self._catalogue(submission)
+                objects = catalogue.objects if isinstance(catalogue, Catalogue) else catalogue
             except GlintError as error:
                 problems[submission.name] = str(error)
                 continue
@@ -116,12 +132,16 @@ class Inbox:
                 empty.append(submission.name)
             else:
                 owners |= dict.fromkeys(ids, submission)
-                if submission.has_catalogue:
-                    batches.append(Batch(self._catalogue(submission), dict.fromkeys(ids, submission)))
+                if isinstance(catalogue, Catalogue):
+                    address = self._write_catalogue(catalogue, f"{submission.name}.yaml")
+                    batches.append(Batch(address, dict.fromkeys(ids, submission)))
                 else:
                     loose += objects
         if loose:
-            batches.append(Batch(self._write_catalogue(loose), {item.id: owners[item.id] for item in loose}))
+            name = self.location.name or "inbox"
+            together = Catalogue.model_validate({"schema": 1, "name": name, "objects": tuple(loose)})
+            address = self._write_catalogue(together, CATALOGUE)
+            batches.append(Batch(address, {item.id: owners[item.id] for item in loose}))
         waiting = tuple(submission.name for submission in changed if submission.changed > latest)
         return InboxScan(tuple(batches), problems, waiting, tuple(empty), len(submissions) - len(changed))
 
@@ -147,20 +167,23 @@ class Inbox:
                 return {}
         return record if isinstance(record, dict) else {}
 
-    def _objects(self, submission: Submission) -> tuple[Object, ...]:
-        if submission.has_catalogue:
-            return load(self._catalogue(submission), self._parameters_model).objects
-        item = object_from_folder(self.location.child(submission.name), set())
-        return () if item is None else (item,)
+    def _catalogue(self, submission: Submission) -> Catalogue | tuple[Object, ...]:
+        """Return the catalogue of a sub-folder, or the objects of one that has none."""
+        folder = self.location.child(submission.name)
+        folders = [folder, *self._allowed]
+        # A sub-folder that is itself a link leads out of the inbox, whatever it holds.
+        check_inside(folder, [self.location, *self._allowed], "the sub-folder")
+        if not submission.has_catalogue:
+            item = object_from_folder(folder, set())
+            return () if item is None else confined([item], folders)
+        catalogue = load(check_inside(folder.child(CATALOGUE), folders, "the catalogue"), self._parameters_model)
+        return catalogue.model_copy(update={"objects": confined(catalogue.objects, folders)})
 
-    def _catalogue(self, submission: Submission) -> str:
-        return self.location.child(submission.name, CATALOGUE).uri
-
-    def _write_catalogue(self, objects: Collection[Object]) -> str:
-        """Write a catalogue of objects that have none of their own into the store; return its address."""
-        fields = {"schema": 1, "name": self.location.name or "inbox", "objects": tuple(objects)}
-        target = self._records.child(CATALOGUE)
-        if target.local is not None:
-            target.local.parent.mkdir(parents=True, exist_ok=True)
-        write(Catalogue.model_validate(fields), target)
+    def _write_catalogue(self, catalogue: Catalogue, name: str) -> str:
+        """Write a catalogue whose files have been checked into the store; return its address."""
+        folder = self._records if name == CATALOGUE else self._records.child("catalogues")
+        if folder.local is not None:
+            folder.local.mkdir(parents=True, exist_ok=True)
+        target = folder.child(name)
+        write(catalogue, target)
         return target.uri

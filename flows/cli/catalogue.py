@@ -4,6 +4,8 @@ from typing import Annotated
 
 import typer
 
+from glint.flows.cli.output import echo
+
 
 def catalogue(
     folder: Annotated[
@@ -29,5 +31,5 @@ def catalogue(
     write(listed, target)
     path = out or f"{folder.rstrip('/')}/catalogue.yaml"
     captures = sum(len(item.captures) for item in listed.objects)
-    typer.echo(f"{path}: {len(listed.objects)} objects, {captures} captures")
-    typer.echo(f"next: glint check {path}")
+    echo(f"{path}: {len(listed.objects)} objects, {captures} captures")
+    echo(f"next: glint check {path}")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from glint.flows.cli.options import CatalogueFile, Json, Only, Store, chosen_store, print_lines, store_option
+from glint.flows.cli.output import echo
 
 if TYPE_CHECKING:
     from glint.flows.reporting.events import Sink
@@ -55,7 +56,7 @@ def check(
         print_lines({"kind": "check", **asdict(result)} for result in checks)
     else:
         _print_checks(checks, out)
-        typer.echo(f"next: glint run {file}{store_option(store)}")
+        echo(f"next: glint run {file}{store_option(store)}")
     sys.exit(1 if failed or any(result.failure for result in checks) else 0)
 
 
@@ -92,7 +93,7 @@ def _print_checks(checks: "Sequence[Check]", out: Path) -> None:
     show(table_of(rows, "no capture can be used"))
     for result in checks:
         for warning in result.warnings:
-            typer.secho(f"{result.name}: {warning.message}", fg="yellow")
+            echo(f"{result.name}: {warning.message}", colour="yellow")
     if checks:
-        typer.echo(f"pictures (coverage, overview, keyframes to mark highlights on): {out}")
-        typer.echo("docs/commands.md explains the columns and the verdicts")
+        echo(f"pictures (coverage, overview, keyframes to mark highlights on): {out}")
+        echo("docs/commands.md explains the columns and the verdicts")

@@ -4,6 +4,8 @@ from typing import Annotated
 
 import typer
 
+from glint.flows.cli.output import echo
+
 
 def dashboard(
     stop: Annotated[bool, typer.Option("--stop", help="Stop the embedded server.")] = False,
@@ -12,6 +14,6 @@ def dashboard(
     from glint.flows.runtime.prefect_server import ensure_server, stop_server
 
     if stop:
-        typer.echo("the embedded server was stopped" if stop_server() else "no embedded server was running")
+        echo("the embedded server was stopped" if stop_server() else "no embedded server was running")
     else:
-        typer.echo(ensure_server().link())
+        echo(ensure_server().link())

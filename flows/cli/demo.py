@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from glint.flows.cli.options import Json
+from glint.flows.cli.output import echo
 
 DEMO_SHAPES = ("hemisphere", "bird")
 FRAMES, SCALE = 1500, 0.8
@@ -45,12 +46,12 @@ def demo(
             written = export(store, item.object_id, folder / "export" / item.object_id)
             reports += [str(Path(written.out) / capture / "report.html") for capture in written.captures]
     if as_json:
-        typer.echo(json.dumps(summary_json(summary) | {"reports": reports}))
+        echo(json.dumps(summary_json(summary) | {"reports": reports}))
     else:
         show(run_table(summary))
-        typer.echo("reports:")
+        echo("reports:")
         for report in reports:
-            typer.echo(f"  {report}")
-        typer.echo(f"dashboard: {summary.page} (`glint dashboard --stop` stops its server)")
-        typer.echo(f"next: glint evaluate {captures / 'catalogue.yaml'} (errors against the ground truth)")
+            echo(f"  {report}")
+        echo(f"dashboard: {summary.page} (`glint dashboard --stop` stops its server)")
+        echo(f"next: glint evaluate {captures / 'catalogue.yaml'} (errors against the ground truth)")
     sys.exit(1 if summary.result.failed else 0)

@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from glint.flows.cli.options import DRIFT_HELP, FramesBudget, Scheduler, Store, budget_bytes, chosen_store
+from glint.flows.cli.output import echo
 
 
 def deploy(
@@ -12,6 +13,12 @@ def deploy(
     inbox: Annotated[
         str | None,
         typer.Option(metavar="URI", help="Folder or prefix whose sub-folders are scanned for captures every night."),
+    ] = None,
+    inbox_may_read: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="FOLDER", help="Folder that catalogues in the inbox may name besides their own; repeatable."
+        ),
     ] = None,
     reference: Annotated[
         str | None,
@@ -51,6 +58,7 @@ def deploy(
     options = DeploymentOptions(
         store=chosen_store(store),
         inbox=inbox,
+        inbox_may_read=tuple(inbox_may_read or ()),
         reference=reference,
         scheduler=scheduler,
         pool=pool,
@@ -67,8 +75,8 @@ def deploy(
     with server.connected():
         names = create_deployments(options)
     for name in names:
-        typer.echo(name)
-    typer.echo(f"dashboard: {server.link('deployments')}")
-    typer.echo(f"next: glint worker --pool {pool}")
+        echo(name)
+    echo(f"dashboard: {server.link('deployments')}")
+    echo(f"next: glint worker --pool {pool}")
     if inbox is not None:
-        typer.echo("then, to scan the inbox before its schedule: glint inbox --now")
+        echo("then, to scan the inbox before its schedule: glint inbox --now")

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from glint.flows.cli.options import Json, ObjectId, Store, chosen_store
+from glint.flows.cli.output import echo
 
 
 def diff(
@@ -50,7 +51,7 @@ def diff(
     if out is not None:
         (out / "diff.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     if as_json:
-        typer.echo(json.dumps(report))
+        echo(json.dumps(report))
     else:
         _print_report(report, out)
 
@@ -61,10 +62,10 @@ def _print_report(report: dict[str, Any], out: Path | None) -> None:
 
     before, after = report["before"], report["after"]
     show(table_of(report["captures"], f"{before} and {after} share no capture"))
-    typer.echo()
+    echo()
     show(table_of(report["changes"], "parameters, inputs and code are the same"))
     for captures, version in ((report["removed"], before), (report["added"], after)):
         if captures:
-            typer.echo(f"only in {version}: {', '.join(captures)}")
+            echo(f"only in {version}: {', '.join(captures)}")
     if out is not None:
-        typer.echo(f"maps of normals (0 to {MAX_ANGLE_DEG:g} degrees) and depths, and diff.json: {out}")
+        echo(f"maps of normals (0 to {MAX_ANGLE_DEG:g} degrees) and depths, and diff.json: {out}")

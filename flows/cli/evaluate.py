@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from glint.flows.cli.options import Json, Only
+from glint.flows.cli.output import echo
 
 if TYPE_CHECKING:
     from glint.flows.reporting.events import Sink
@@ -71,12 +72,12 @@ def evaluate(
         table = _write_evaluation(path, address, summary.result, out, ablation, console)
     if table and as_json:
         captures = json.loads((out / "evaluation.json").read_text(encoding="utf-8"))
-        typer.echo(json.dumps({"kind": "evaluation", "captures": captures}))
+        echo(json.dumps({"kind": "evaluation", "captures": captures}))
     elif table:
-        typer.echo(table)
-        typer.echo(f"written: {out / 'evaluation.md'}, evaluation.json, evaluation.png, reliability.png")
+        echo(table)
+        echo(f"written: {out / 'evaluation.md'}, evaluation.json, evaluation.png, reliability.png")
     for failure in summary.result.failed:
-        typer.secho(f"{failure.name} failed: {failure.error}\n  -> {failure.remedy}", fg="red", err=True)
+        echo(f"{failure.name} failed: {failure.error}\n  -> {failure.remedy}", colour="red", err=True)
     sys.exit(1 if summary.result.failed else 0)
 
 

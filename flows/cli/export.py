@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from glint.flows.cli.options import Json, ObjectId, Store, chosen_store, print_lines
+from glint.flows.cli.output import echo
 
 
 def export(
@@ -38,6 +39,6 @@ def export(
         print_lines([asdict(written)])
         return
     size = f"{written.size / 1e6:.1f} MB"
-    typer.echo(f"{written.object_id} {written.version}: {written.files} files, {size} in {written.out}")
+    echo(f"{written.object_id} {written.version}: {written.files} files, {size} in {written.out}")
     for capture in written.captures if format_name == "files" else ():
-        typer.echo(f"report: {Path(written.out) / capture / 'report.html'}")
+        echo(f"report: {Path(written.out) / capture / 'report.html'}")

@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from glint.flows.cli.options import Json, ObjectId, Store, chosen_store, print_lines
+from glint.flows.cli.output import echo
 
 
 def history(object_id: ObjectId, store: Store = None, as_json: Json = False) -> None:
@@ -30,6 +31,6 @@ def rollback(
     repository = ObjectRepository.open(Location.parse(chosen_store(store)), object_id, create=False)
     newest = repository.rollback(version)
     if newest.created:
-        typer.echo(f"{object_id}: published {newest.name} with the content of {version}")
+        echo(f"{object_id}: published {newest.name} with the content of {version}")
     else:
-        typer.echo(f"{object_id}: {newest.name} is the newest version and has this content already")
+        echo(f"{object_id}: {newest.name} is the newest version and has this content already")

@@ -3,7 +3,10 @@
 A command's module imports what is slow to import when the command runs, so that `glint --help` answers at once.
 """
 
+import errno
+import os
 import sys
+from contextlib import suppress
 
 import typer
 
@@ -17,6 +20,7 @@ from glint.flows.cli.evaluate import evaluate
 from glint.flows.cli.export import export
 from glint.flows.cli.history import history, rollback
 from glint.flows.cli.maintain import maintain
+from glint.flows.cli.output import echo
 from glint.flows.cli.run import run
 from glint.flows.cli.simulate import simulate
 from glint.flows.cli.status import status
@@ -49,6 +53,9 @@ COMMANDS = (
 USAGE_ERROR = 2
 """Exit status of wrong usage and of errors that have a remedy."""
 
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Errors of a write for which there is no room."""
+
 app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -72,13 +79,33 @@ def main() -> None:
     """
     signals.install()
     try:
-        app()
-    except Exception as error:
-        message, remedy = getattr(error, "message", error), getattr(error, "remedy", None)
-        if remedy is None and isinstance(error, OSError) and error.filename is not None:
-            message, remedy = f"{error.filename}: {error.strerror}", "check the path and its permissions"
-        if remedy is None:
+        try:
+            app()
+        finally:
+            sys.stdout.flush()
+    except (Exception, KeyboardInterrupt) as error:
+        if isinstance(error, KeyboardInterrupt) or signals.was_interrupted():
+            # Libraries turn an interrupt into errors of their own.
+            sys.exit(signals.EXIT_STATUS)
+        described = _described(error)
+        if described is None:
             raise
-        typer.secho(f"glint: {message}", fg="red", err=True)
-        typer.secho(f"  -> {remedy}", err=True)
+        with suppress(OSError):
+            echo(f"glint: {described[0]}", colour="red", err=True)
+            echo(f"  -> {described[1]}", err=True)
+        # What is still buffered for a full disk or a closed pipe would fail again.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(USAGE_ERROR)
+
+
+def _described(error: Exception) -> tuple[str, str] | None:
+    """Return message and remedy of an error that a user can fix, None of any other."""
+    remedy = getattr(error, "remedy", None)
+    if remedy is not None:
+        return str(getattr(error, "message", error)), str(remedy)
+    if not isinstance(error, OSError):
+        return None
+    place = "" if error.filename is None else f"{error.filename}: "
+    if error.errno in DISK_FULL:
+        return f"{place}{error.strerror}", "free space on the disk that is written to, or name another with --out"
+    return (f"{place}{error.strerror}", "check the path and its permissions") if place else None

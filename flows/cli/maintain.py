@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from glint.flows.cli.options import FramesBudget, Json, Store, budget_bytes, chosen_store
+from glint.flows.cli.output import echo
 
 if TYPE_CHECKING:
     from glint.storage.maintenance.maintain import Maintenance
@@ -44,7 +45,7 @@ def maintain(
         mark_orphaned_crashed()
         done: Maintenance = result_of(run_maintenance(place.uri, dry_run, keep, older_than, budget, return_state=True))
     if as_json:
-        typer.echo(json.dumps({"kind": "maintenance", **asdict(done)}))
+        echo(json.dumps({"kind": "maintenance", **asdict(done)}))
     else:
         _print_maintenance(done)
     sys.exit(1 if done.failed else 0)
@@ -55,7 +56,7 @@ def _print_maintenance(done: "Maintenance") -> None:
     from glint.storage.maintenance.disk_space import DISK_SPACE_REMEDY
 
     show(table_of(done.rows(), "nothing to do"))
-    typer.echo(done.summary)
+    echo(done.summary)
     if done.warning:
-        typer.secho(done.warning, fg="yellow")
-        typer.echo(f"  -> {DISK_SPACE_REMEDY}")
+        echo(done.warning, colour="yellow")
+        echo(f"  -> {DISK_SPACE_REMEDY}")

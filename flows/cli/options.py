@@ -7,6 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
+from glint.flows.cli.output import echo
+
 Store = Annotated[
     str | None,
     typer.Option(
@@ -68,4 +70,4 @@ def budget_bytes(text: str | None) -> int | None:
 def print_lines(rows: Iterable[Mapping[str, Any]]) -> None:
     """Print rows as JSON lines."""
     for row in rows:
-        typer.echo(json.dumps(row, default=str))
+        echo(json.dumps(row, default=str))

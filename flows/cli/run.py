@@ -16,6 +16,7 @@ from glint.flows.cli.options import (
     chosen_store,
     store_option,
 )
+from glint.flows.cli.output import echo
 
 if TYPE_CHECKING:
     from glint.flows.pipeline.run import Summary
@@ -55,7 +56,7 @@ def run(
     if as_json:
         from glint.flows.cli.tables import summary_json
 
-        typer.echo(json.dumps(summary_json(summary)))
+        echo(json.dumps(summary_json(summary)))
     else:
         _print_summary(summary, store)
     sys.exit(1 if summary.result.failed else 0)
@@ -67,12 +68,12 @@ def _print_summary(summary: "Summary", store: str | None) -> None:
 
     show(run_table(summary))
     for capture in summary.result.failed:
-        typer.secho(f"{capture.name} failed: {capture.error}", fg="red")
-        typer.echo(f"  -> {capture.remedy}")
+        echo(f"{capture.name} failed: {capture.error}", colour="red")
+        echo(f"  -> {capture.remedy}")
     for drift in summary.result.drifts:
-        typer.secho(f"{drift}", fg="yellow")
-        typer.echo(f"  -> glint diff {drift.object_id} {drift.before} {drift.after}{store_option(store)}")
-    typer.echo(f"dashboard: {summary.page}")
+        echo(f"{drift}", colour="yellow")
+        echo(f"  -> glint diff {drift.object_id} {drift.before} {drift.after}{store_option(store)}")
+    echo(f"dashboard: {summary.page}")
     published = next((item.object_id for item in summary.result.objects if item.version is not None), None)
     if published is not None:
-        typer.echo(f"next: glint export {published} --out {published}{store_option(store)}")
+        echo(f"next: glint export {published} --out {published}{store_option(store)}")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from glint.flows.cli.output import echo
 from glint.flows.errors import RunningError
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ def simulate(
     with open_console() as console:
         for name in PRESETS if shape == "all" else (shape,):
             _simulate(name, out, options, console)
-    typer.echo(f"next: glint run {out / 'catalogue.yaml'}")
+    echo(f"next: glint run {out / 'catalogue.yaml'}")
 
 
 def simulate_presets(out: Path, scale: float, frames: int | None, console: "Sink") -> Path:

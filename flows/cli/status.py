@@ -3,12 +3,14 @@
 import json
 from typing import Any
 
-import typer
-
 from glint.flows.cli.options import Json, Store, chosen_store
+from glint.flows.cli.output import echo
 
 MAX_RUNS = 200
 """Number of flow runs or captures that are read from the server, the newest ones."""
+
+MAX_PAGES = 5
+"""Pages of MAX_RUNS runs in which those of the store are looked for: a server may serve many stores."""
 
 EXCEPTION_PREFIX = "Task run encountered an exception "
 """How Prefect begins the message of a failed task run."""
@@ -17,9 +19,11 @@ EXCEPTION_PREFIX = "Task run encountered an exception "
 def status(store: Store = None, as_json: Json = False) -> None:
     """List the objects with their newest versions, what is running, and the captures that failed last."""
     from glint.flows.cli.tables import show, status_rows, table_of
-    from glint.flows.runtime.prefect_server import running_server
+    from glint.flows.runtime.prefect_server import running_server, server_damage
+    from glint.storage.locations.location import Location
 
-    objects = status_rows(chosen_store(store))
+    place = Location.parse(chosen_store(store)).uri
+    objects, damaged = status_rows(place)
     server = running_server()
     running, failed = list[dict[str, Any]](), list[dict[str, Any]]()
     if server is not None:
@@ -27,26 +31,32 @@ def status(store: Store = None, as_json: Json = False) -> None:
 
         with server.reached():
             mark_orphaned_crashed()
-            running, failed = running_rows(), failed_rows()
+            running, failed = running_rows(place), failed_rows(place)
     if as_json:
-        for kind, rows in (("object", objects), ("running", running), ("failed", failed)):
+        for kind, rows in (("object", objects), ("damaged", damaged), ("running", running), ("failed", failed)):
             for row in rows:
-                typer.echo(json.dumps({"kind": kind, **row}, default=str))
+                echo(json.dumps({"kind": kind, **row}, default=str))
         return
     show(table_of(objects, "no objects yet: glint run CATALOGUE"))
+    for row in damaged:
+        echo(f"{row['object']} cannot be read: {row['error']}", colour="red")
+        echo(f"  -> {row['remedy']}")
     if running:
-        typer.echo()
+        echo()
         show(table_of(running, ""))
     for row in failed:
-        typer.echo()
+        echo()
         stage = f" in {row['stage']}" if row["stage"] else ""
-        typer.secho(f"{row['capture']} failed{stage} at {row['ended']}: {row['error']}", fg="red")
+        echo(f"{row['capture']} failed{stage} at {row['ended']}: {row['error']}", colour="red")
+    if server is None and (cause := server_damage()):
+        echo(f"\nthe dashboard's database is damaged ({cause}); results are untouched", colour="yellow")
+        echo("  -> the next `glint run` or `glint dashboard` moves it aside and begins anew")
     if server is not None:
-        typer.echo(f"\ndashboard: {server.link()}")
+        echo(f"\ndashboard: {server.link()}")
 
 
-def running_rows() -> list[dict[str, Any]]:
-    """Return one row for each running catalogue, maintenance and capture: type, stage, progress, begin."""
+def running_rows(store: str) -> list[dict[str, Any]]:
+    """Return one row for each running catalogue, maintenance and capture of a store: type, stage, progress, begin."""
     from prefect.client.orchestration import get_client
     from prefect.client.schemas.filters import ArtifactFilter, ArtifactFilterTaskRunId
     from prefect.client.schemas.objects import StateType
@@ -57,8 +67,9 @@ def running_rows() -> list[dict[str, Any]]:
             {"running": run.name, "type": flow, "stage": "", "progress": "", "since": _time(run.start_time)}
             for flow in ("catalogue", "maintenance")
             for run in _flow_runs(client, flow, states)
+            if run.parameters.get("store") == store
         ]
-        captures = _capture_runs(client, states)
+        captures = _capture_runs(client, states, store)
         if captures:
             chosen = ArtifactFilterTaskRunId(any_=[run.id for run in captures])
             artifacts = client.read_artifacts(artifact_filter=ArtifactFilter(task_run_id=chosen))
@@ -80,14 +91,14 @@ def running_rows() -> list[dict[str, Any]]:
     return rows
 
 
-def failed_rows() -> list[dict[str, Any]]:
-    """Return one row for each capture whose last run did not succeed: end, stage, and error with its remedy."""
+def failed_rows(store: str) -> list[dict[str, Any]]:
+    """Return one row for each capture of a store whose last run did not succeed: end, stage, error with its remedy."""
     from prefect.client.orchestration import get_client
     from prefect.client.schemas.objects import StateType
 
     with get_client(sync_client=True) as client:
         latest: dict[str, Any] = {}
-        for run in _capture_runs(client, None):
+        for run in _capture_runs(client, None, store):
             latest.setdefault(run.name, run)
         failed = [run for run in latest.values() if run.state and run.state.is_final() and not run.state.is_completed()]
         stages = _stage_names(client, failed, [StateType.FAILED, StateType.CRASHED])
@@ -117,8 +128,27 @@ def _flow_runs(client: Any, flow: str, states: list[Any]) -> list[Any]:
     return runs
 
 
-def _capture_runs(client: Any, states: list[Any] | None) -> list[Any]:
-    """Read task runs of captures and models (named OBJECT/..) in these states (None: any), newest first."""
+def _capture_runs(client: Any, states: list[Any] | None, store: str) -> list[Any]:
+    """Read task runs of a store's captures and models (named OBJECT/..) in these states (None: any), newest first."""
+    runs: list[Any] = []
+    for page in range(MAX_PAGES):
+        found = _task_runs(client, states, page * MAX_RUNS)
+        flow_runs = _flow_runs_by_id(client, [run.flow_run_id for run in found])
+        runs += [run for run in found if flow_runs[run.flow_run_id].parameters.get("store") == store]
+        if len(found) < MAX_RUNS or len(runs) >= MAX_RUNS:
+            break
+    return runs[:MAX_RUNS]
+
+
+def _flow_runs_by_id(client: Any, ids: list[Any]) -> dict[Any, Any]:
+    from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterId
+
+    chosen = FlowRunFilter(id=FlowRunFilterId(any_=list(set(ids))))
+    return {run.id: run for run in client.read_flow_runs(flow_run_filter=chosen, limit=MAX_RUNS)} if ids else {}
+
+
+def _task_runs(client: Any, states: list[Any] | None, offset: int) -> list[Any]:
+    """Read a page of the task runs of all stores."""
     from prefect.client.schemas.filters import (
         FlowFilter,
         FlowFilterName,
@@ -137,6 +167,7 @@ def _capture_runs(client: Any, states: list[Any] | None) -> list[Any]:
         ),
         sort=TaskRunSort.EXPECTED_START_TIME_DESC,
         limit=MAX_RUNS,
+        offset=offset,
     )
     return runs
 

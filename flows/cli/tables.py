@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
-from glint.storage.errors import StoreError
+from glint.flows.errors import message_and_remedy
+from glint.storage.errors import printable
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import run_owner
 from glint.storage.versions.repository import ObjectRepository, object_ids
@@ -74,26 +76,32 @@ def summary_json(summary: "Summary") -> dict[str, Any]:
     return {"kind": "summary", "run": summary.result.run, "page": summary.page, "captures": rows, "drifts": drifts}
 
 
-def status_rows(store: str) -> list[dict[str, Any]]:
-    """Return one row for each object of a store."""
+def status_rows(store: str) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return one row for each object of a store, and the errors of those that cannot be read."""
     location = Location.parse(store)
-    return [_status_row(location, object_id) for object_id in object_ids(location)]
+    rows, damaged = list[dict[str, Any]](), list[dict[str, Any]]()
+    for object_id in object_ids(location):
+        try:
+            row = _object_row(location, object_id)
+        except Exception as error:
+            # Whatever is wrong with one object must not hide the others.
+            message, remedy = message_and_remedy(error)
+            damaged.append({"object": object_id, "error": message, "remedy": remedy})
+            row = {"object": object_id, "version": "", "captures": 0, "published": "", "state": "unreadable"}
+        rows.append(row)
+    return rows, damaged
 
 
-def _status_row(location: Location, object_id: str) -> dict[str, Any]:
-    """Return an object's row; what keeps it from being read is its state."""
-    newest, holder, state = None, None, ""
-    try:
-        history = ObjectRepository.open(location, object_id, create=False).history()
-        newest, holder = history[-1] if history else None, run_owner(location, object_id)
-    except StoreError as error:
-        state = f"{error.message} -> {error.remedy}"
+def _object_row(location: Location, object_id: str) -> dict[str, Any]:
+    history = ObjectRepository.open(location, object_id, create=False).history()
+    holder = run_owner(location, object_id)
+    newest = history[-1] if history else None
     return {
         "object": object_id,
         "version": newest.name if newest else "",
         "captures": len(newest.stages) if newest else 0,
         "published": newest.time.isoformat(timespec="seconds") if newest else "",
-        "state": state or ("idle" if holder is None else f"running ({holder})"),
+        "state": "idle" if holder is None else f"running ({holder})",
     }
 
 
@@ -127,5 +135,7 @@ def _percent(share: float | None) -> str:
     return "" if share is None else f"{share:.0%}"
 
 
-def _text(value: Any) -> str:
-    return f"{value:,}" if isinstance(value, int) and not isinstance(value, bool) else str(value)
+def _text(value: Any) -> Text:
+    """Return a cell: text is shown as it is, without rich's markup and without what a terminal would obey."""
+    text = f"{value:,}" if isinstance(value, int) and not isinstance(value, bool) else str(value)
+    return Text(printable(text, keep="\n"))

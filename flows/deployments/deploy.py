@@ -29,13 +29,14 @@ from glint.storage.locations.location import Location
 class DeploymentOptions:
     """What `glint deploy` was asked for.
 
-    inbox, reference: None leaves that deployment out; pool, pool_type: name and type of the work pool (process, docker,
-    kubernetes); frames_budget: bytes; objects: on-demand objects that run at once; drift: degrees; notify: TYPE/NAME
-    of a notification block.
+    inbox, reference: None leaves that deployment out; inbox_may_read: folders that catalogues in the inbox may name;
+    pool, pool_type: name and type of the work pool (process, docker, kubernetes); frames_budget: bytes; objects:
+    on-demand objects that run at once; drift: degrees; notify: TYPE/NAME of a notification block.
     """
 
     store: str
     inbox: str | None = None
+    inbox_may_read: tuple[str, ...] = ()
     reference: str | None = None
     scheduler: str | None = None
     pool: str = "glint"
@@ -99,7 +100,11 @@ def deployment_specs(options: DeploymentOptions) -> list[DeploymentSpec]:
             DeploymentSpec(
                 scan_inbox,
                 "nightly",
-                {**shared, "inbox": Location.parse(options.inbox).uri},
+                {
+                    **shared,
+                    "inbox": Location.parse(options.inbox).uri,
+                    "allowed_folders": [Location.parse(folder).uri for folder in options.inbox_may_read],
+                },
                 "Runs new and changed captures of the inbox.",
                 options.nightly,
                 # A scan that starts while the previous one is still running has nothing to add.

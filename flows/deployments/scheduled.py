@@ -4,6 +4,7 @@ They use the Dask scheduler whose address they are given, or else start a local 
 `glint deploy` puts them on a server with their schedules.
 """
 
+from collections.abc import Sequence
 from datetime import timedelta
 
 from prefect import flow
@@ -30,6 +31,7 @@ def scan_inbox(
     quiet_minutes: float = 10.0,
     drift: float | None = None,
     separate_runs: bool = False,
+    allowed_folders: Sequence[str] = (),
 ) -> State[None]:
     """Run the new and changed captures of an inbox.
 
@@ -42,9 +44,10 @@ def scan_inbox(
         drift: Warn if the 95th percentile of normal change against the previous version exceeds this many degrees;
             null: do not compare.
         separate_runs: Run each object as a flow run of its own by run-object/on-demand, which can be cancelled alone.
+        allowed_folders: Folders or prefixes that sub-folders may name besides their own files.
     """
     tag_run()
-    place = Inbox(inbox, store, Parameters)
+    place = Inbox(inbox, store, Parameters, allowed_folders)
     scan = place.scan(timedelta(minutes=quiet_minutes))
     failed = {name: f"cannot be run: {problem}" for name, problem in scan.problems.items()}
     if scan.batches:

@@ -15,6 +15,7 @@ from distributed import Client
 
 from glint.flows.pipeline.prefect_sink import PrefectSink
 from glint.flows.reporting.events import TOPIC, Event, Sink, subscribe
+from glint.flows.reporting.input_reading import reading_shown
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +110,8 @@ def activate(client: Client, *sinks: Sink) -> Iterator[RunContext]:
         subscribe(client, context.emit)
         token = _CURRENT.set(context)
         try:
-            yield context
+            with reading_shown(context.emit):
+                yield context
         finally:
             _CURRENT.reset(token)
             with suppress(Exception):  # a cancelled run has closed its client

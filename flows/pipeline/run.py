@@ -58,6 +58,8 @@ def run(
         from glint.flows.runtime.orphaned_runs import mark_orphaned_crashed, mark_own_crashed, tagged_with_process
 
         server.wait()
+        if notice := server.notice():
+            console.emit(Message(notice))
         console.emit(Message(f"dashboard {server.link()}, {cluster.description}"))
         with server.connected(), tagged_with_process():
             mark_orphaned_crashed()

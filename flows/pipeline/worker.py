@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from dask.utils import format_bytes
 
-from glint.flows.errors import ClusterError
+from glint.flows.errors import ClusterError, sent_from_worker
 from glint.flows.reporting.events import (
     CaptureWarning,
     ProgressThrottle,
@@ -22,6 +22,7 @@ PROGRESS_SECONDS = 0.5
 """Interval at which a worker reports a stage's progress."""
 
 
+@sent_from_worker()
 def run_stages(
     capture: CaptureContext, stages: Sequence[str], keys: Mapping[str, str], limit: int | None
 ) -> list[StageRecord]:
@@ -48,6 +49,7 @@ def run_stages(
     return records
 
 
+@sent_from_worker()
 def run_model_stage(captures: Sequence[CaptureContext], key: str, name: str, stage: str) -> StageRecord:
     """Run the model stage of an object on a Dask worker, and publish its events as those of `name`."""
     emit = publish_from_worker()

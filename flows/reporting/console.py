@@ -9,6 +9,7 @@ from dataclasses import asdict
 from typing import IO, Protocol, Self
 
 from glint.flows.reporting.events import Event, Sink, StageProgress, StageStarted, sentence
+from glint.storage.errors import printable
 
 
 class ConsoleSink(Sink, Protocol):
@@ -46,7 +47,7 @@ class JsonLines(AbstractContextManager["JsonLines"]):
             fields["frames_per_second"] = round(rate, 1)
         line = {"time": round(time.time(), 3), "kind": event.kind, **fields}
         with self._lock:
-            write_line(self._stream, json.dumps(line, ensure_ascii=False))
+            write_line(self._stream, printable(json.dumps(line, ensure_ascii=False)))
 
     def __exit__(self, *unused: object) -> None:
         """Leave the stream open."""

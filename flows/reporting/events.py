@@ -9,6 +9,8 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
+from glint.storage.errors import printable
+
 if TYPE_CHECKING:
     from distributed import Client
 
@@ -166,7 +168,7 @@ def sentence(event: Event) -> str:
     rate = getattr(event, "rate", None)
     if rate is not None:
         parts.append(f"{rate:.0f} frames/s")
-    return "  ".join(part for part in parts if part)
+    return printable("  ".join(part for part in parts if part))
 
 
 def counted(event: StageStarted | StageProgress) -> str:

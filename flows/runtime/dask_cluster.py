@@ -7,8 +7,10 @@ It starts in the background: `Cluster(..)` returns at once, `client` waits for i
 its libraries one thread. Nothing spills, so memory needs are checked before a task is sent.
 """
 
+import atexit
 import importlib
 import logging
+import multiprocessing
 import signal
 import socket
 import threading
@@ -20,16 +22,22 @@ from types import TracebackType
 import dask
 from dask.system import CPU_COUNT
 from distributed import Client, LocalCluster, Security, Worker
+from distributed.deploy.spec import close_clusters
 from distributed.diagnostics.plugin import WorkerPlugin
 from distributed.system import MEMORY_LIMIT
 
 from glint.flows.errors import ClusterError
 from glint.flows.runtime.environment import prepare_environment
 from glint.flows.runtime.scheduler_client import connected_client
+from glint.flows.runtime.signals import raise_if_interrupted
 
 MEMORY_SHARE = 0.8
 """The part of the machine's memory that the workers of a local cluster share."""
 
+POLL_SECONDS = 0.2
+"""How often a wait for the cluster looks whether the run was interrupted."""
+STOP_SECONDS = 5.0
+"""How long Dask may take to stop a local cluster; what is stored is whole, whenever a worker is killed."""
 WORKERS_SECONDS = 120
 
 TERMINATED = 0.95
@@ -127,7 +135,9 @@ class Cluster:
         Raises:
             ClusterError: the scheduler does not answer, or no worker came.
         """
-        self._thread.join()
+        while self._thread.is_alive():
+            self._thread.join(POLL_SECONDS)
+            raise_if_interrupted()
         if self._failure is not None:
             raise self._failure
         assert self._client is not None
@@ -156,6 +166,17 @@ class Cluster:
 
     def close(self) -> None:
         """Stop the local cluster and its processes, or disconnect from the given one. Safe to call twice."""
+        closing = threading.Thread(target=self._close, name="glint-cluster-end", daemon=True)
+        closing.start()
+        closing.join(STOP_SECONDS)
+        if closing.is_alive():
+            # Dask waits for workers that are starting, in an interrupted run without end, and again at exit.
+            atexit.unregister(close_clusters)
+            logging.disable(logging.ERROR)
+            for worker in multiprocessing.active_children():
+                worker.kill()
+
+    def _close(self) -> None:
         self._thread.join()
         client, self._client = self._client, None
         cluster, self._cluster = self._cluster, None

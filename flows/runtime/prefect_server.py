@@ -19,6 +19,7 @@ from glint.flows.errors import ServerError
 from glint.flows.runtime.environment import prepare_environment
 from glint.flows.runtime.given_server import check_given
 from glint.flows.runtime.server_access import link
+from glint.flows.runtime.server_database import damage, set_damaged_aside, take_notice
 from glint.flows.runtime.server_process import (
     State,
     answers,
@@ -90,6 +91,10 @@ class Server:
         with temporary_settings(settings), self._kept():
             yield
 
+    def notice(self) -> str:
+        """Return what the user has to know of the server and has not been shown yet, empty if there is nothing."""
+        return "" if self.log is None else take_notice(self.log.parent)
+
     @contextmanager
     def reached(self) -> Iterator[None]:
         """Have clients that are made inside ask this server, which answers already."""
@@ -157,6 +162,10 @@ def start_server(home: Path | None = None) -> Server:
         if state is not None and (state.prefect != version("prefect") or not state.authentication):
             stop(state)
             state = None
+        if state is not None and is_alive(*state.process) and (cause := damage(folder, answers(state.api_url))):
+            stop(state)
+            set_damaged_aside(folder, cause)
+            state = None
         started = state is None or not is_alive(*state.process)
         if state is None or started:
             state = spawn(folder)
@@ -176,9 +185,14 @@ def running_server(home: Path | None = None) -> Server | None:
         check_given(given)
         return Server(given, _ui_url(given), started=False)
     state = read_state(folder)
-    if state is None or not is_alive(*state.process) or not answers(state.api_url):
+    if state is None or not is_alive(*state.process) or not answers(state.api_url) or damage(folder, is_up=True):
         return None
     return _own_server(folder, state, started=False)
+
+
+def server_damage(home: Path | None = None) -> str:
+    """Return what is wrong with the database of Glint's own server, empty if it is whole or not in use."""
+    return "" if os.environ.get("PREFECT_API_URL") else damage(server_folder(home))
 
 
 def stop_server(home: Path | None = None) -> bool:

@@ -23,6 +23,7 @@ from glint.flows.errors import ServerError
 from glint.flows.runtime.environment import glint_home
 from glint.flows.runtime.server_access import new_authentication, private_folder, write_private
 from glint.flows.runtime.server_app import ORIGINS
+from glint.flows.runtime.server_database import set_damaged_aside
 
 FIRST_PORT = 4200
 N_PORTS = 100
@@ -106,6 +107,7 @@ def keep(folder: Path, ended: threading.Event) -> None:
 
 def spawn(folder: Path, previous: State | None = None) -> State:
     """Start a server and write its state file: at the address and with the password of a previous one, or new ones."""
+    set_damaged_aside(folder)
     if previous is None:
         port, claim = free_port()
         authentication = new_authentication()

@@ -1,27 +1,42 @@
-"""Handle SIGINT and SIGTERM: raise KeyboardInterrupt, and remember the request in case a library swallows it.
+"""Handle SIGINT and SIGTERM: one line, KeyboardInterrupt, and an end in time.
 
 Some libraries swallow a KeyboardInterrupt that arrives while they are imported, so `raise_if_interrupted` raises it
-again before anything long begins. A run that does not end in time is ended: a cluster that is interrupted during its
-start may otherwise wait forever for workers.
+again before anything long begins; others print a traceback where one arrives in a callback, so these are left out. A
+run that does not end in time, or is asked twice, is ended.
 """
 
 import os
 import signal
+import sys
 import threading
+from collections.abc import Callable
 from types import FrameType
+from typing import Any
 
 EXIT_STATUS = 130
 """Exit status of an interrupted run that did not end by itself."""
 GRACE_SECONDS = 30.0
 """How long an interrupted run may take to end."""
+REPEAT_SECONDS = 1.0
+"""A second signal ends the run at once, unless it comes so soon that a terminal and its shell sent the same one."""
+LINE = "glint: interrupted; what is finished is kept, and the same command goes on from there"
 
 _interrupted = threading.Event()
+_repeated = threading.Event()
 
 
 def install() -> None:
     """Install the handler of both signals; to be called in the main thread."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _handle)
+    sys.excepthook = _without_interrupts(sys.excepthook)
+    sys.unraisablehook = _without_interrupts(sys.unraisablehook)
+    threading.excepthook = _without_interrupts(threading.excepthook)
+
+
+def was_interrupted() -> bool:
+    """Return whether one of the signals has come."""
+    return _interrupted.is_set()
 
 
 def raise_if_interrupted() -> None:
@@ -35,9 +50,25 @@ def raise_if_interrupted() -> None:
 
 
 def _handle(number: int, frame: FrameType | None) -> None:
+    if _repeated.is_set():
+        os._exit(EXIT_STATUS)
     if not _interrupted.is_set():
         _interrupted.set()
-        timer = threading.Timer(GRACE_SECONDS, os._exit, [EXIT_STATUS])
-        timer.daemon = True
-        timer.start()
+        # Unbuffered and without a lock, which the interrupted code may hold.
+        os.write(2, f"{LINE}\n".encode())
+        for seconds, call, arguments in ((REPEAT_SECONDS, _repeated.set, []), (GRACE_SECONDS, os._exit, [EXIT_STATUS])):
+            timer = threading.Timer(seconds, call, arguments)
+            timer.daemon = True
+            timer.start()
     raise KeyboardInterrupt
+
+
+def _without_interrupts(hook: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a hook of exceptions that leaves out those of an interrupt."""
+
+    def call(*arguments: Any) -> None:
+        kinds = [arguments[0]] if isinstance(arguments[0], type) else [arguments[0].exc_type]
+        if not (_interrupted.is_set() and issubclass(kinds[0], KeyboardInterrupt)):
+            hook(*arguments)
+
+    return call

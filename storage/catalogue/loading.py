@@ -13,10 +13,11 @@ from glint.storage.catalogue.from_folder import from_folder
 from glint.storage.catalogue.messages import diagnostics_of
 from glint.storage.catalogue.models import ADDRESS_KEYS, MODEL, Camera, Capture, Catalogue, Object, Pose, Region, Sphere
 from glint.storage.catalogue.writing import write
-from glint.storage.catalogue.yaml_lines import MAX_BYTES, LinedDict, LinedList, parse
-from glint.storage.errors import GlintError, InputError
-from glint.storage.locations.input_files import Address, locate, read_bytes
+from glint.storage.catalogue.yaml_lines import MAX_BYTES, Kind, LinedDict, LinedList, parse
+from glint.storage.errors import GlintError, InputError, printable
+from glint.storage.locations.input_files import Address, check_plain_file, locate, read_bytes
 from glint.storage.locations.location import Location
+from glint.storage.locations.time_limit import within_time
 
 __all__ = [
     "Camera",
@@ -35,12 +36,23 @@ __all__ = [
 ]
 
 
+MAX_CAPTURES = 100_000
+"""Captures of one catalogue: so many are read within a minute."""
+_KIND = Kind(
+    "catalogue",
+    lambda root: isinstance(root, LinedDict) and not {"schema", "objects"}.isdisjoint(root),
+    "begin with `schema: 1`, `name` and `objects`",
+)
+
+
 class CatalogueError(GlintError):
     """An invalid catalogue, with all its errors in the order of their lines."""
 
     def __init__(self, diagnostics: tuple[Diagnostic, ...]) -> None:
         self.diagnostics = diagnostics
-        super().__init__("\n".join(map(str, diagnostics)), "fix the catalogue and run again")
+        super().__init__("", "fix the catalogue and run again")
+        self.message = "\n".join(printable(str(diagnostic)) for diagnostic in diagnostics)
+        self.args = (f"{self.message}: {self.remedy}",)
 
     def __reduce__(self) -> Any:
         """Support pickling, since the constructor's arguments differ from the exception's."""
@@ -58,13 +70,14 @@ def load(path: Address, parameters_model: type[BaseModel] | None = None) -> Cata
         InputError: no such file, or it is too large; StoreError: the object store cannot be read.
     """
     location, name = locate(path), path.uri if isinstance(path, Location) else str(path)
-    root, diagnostics = parse(_text(location, name), name)
-    if root is None and diagnostics:
+    text = _text(location, name)
+    captures = text.count("frames")
+    if captures > MAX_CAPTURES:
+        message = f"this lists about {captures:,} captures"
+        raise CatalogueError((Diagnostic(name, 1, message, f"at most {MAX_CAPTURES:,} are read: split the catalogue"),))
+    root, diagnostics = parse(text, name, _KIND)
+    if root is None:
         raise CatalogueError(tuple(diagnostics))
-    if not isinstance(root, LinedDict):
-        raise CatalogueError(
-            (Diagnostic(name, 1, "this is no catalogue", "begin with `schema: 1`, `name` and `objects`"),)
-        )
     diagnostics += _check_keys_together(root, name)
     if parameters_model is not None:
         for entry in _entries(root):
@@ -113,14 +126,19 @@ def _bytes(location: Location, name: str) -> bytes:
     if path is None:
         return read_bytes(location, MAX_BYTES)
     try:
-        if path.exists() and not path.is_file():
-            raise InputError(f"the catalogue {name} is not a file", "name the YAML file")
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise InputError(f"{name} has {size:,} bytes", f"a catalogue has at most {MAX_BYTES:,}; split it")
-        return path.read_bytes()
+        return within_time(lambda step: _local_bytes(path, name), name)
     except OSError as error:
         raise InputError(f"the catalogue {name} cannot be read ({error.strerror})", "check the path") from error
+
+
+def _local_bytes(path: Path, name: str) -> bytes:
+    if path.exists() and not path.is_file():
+        raise InputError(f"the catalogue {name} is not a file", "name the YAML file")
+    check_plain_file(path)
+    size = path.stat().st_size
+    if size > MAX_BYTES:
+        raise InputError(f"{name} has {size:,} bytes", f"a catalogue has at most {MAX_BYTES:,}; split it")
+    return path.read_bytes()
 
 
 def _entries(root: LinedDict) -> Iterator[LinedDict]:

@@ -22,6 +22,9 @@ _REMEDIES = {
     "dict_type": "write keys and values",
     "finite_number": "write a finite number",
     "pose": "give exactly one of the two",
+    "rigid": "invert it if it is world_to_camera, and give lengths in its last column only",
+    "greater_than_equal": "check the number and its unit",
+    "less_than_equal": "check the number and its unit",
     "schema": "write `schema: 1`",
 }
 """By pydantic's name of the error."""
@@ -62,7 +65,7 @@ def _diagnostic(detail: ErrorDetails, root: Any, model: type[BaseModel], file: s
         remedy = "1 to 64 of a-z, 0-9, '.', '_' and '-', the first a letter or digit"
         return Diagnostic(file, line, f"{path} {truncate_repr(detail['input'])} is no id", remedy)
     remedy = _REMEDIES.get(kind, _DEFAULT_REMEDY)
-    if kind in ("pose", "camera", "schema"):
+    if kind in ("pose", "rigid", "camera", "schema"):
         return Diagnostic(file, line, detail["msg"], remedy)
     cause = detail["msg"][:1].lower() + detail["msg"][1:]
     return Diagnostic(file, line, f"{path} is {truncate_repr(detail['input'])}: {cause}", remedy)

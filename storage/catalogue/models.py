@@ -1,6 +1,7 @@
 """The catalogue's models: objects, their captures, and the addresses of each capture's files."""
 
 import re
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Annotated, Any, Self
 
@@ -14,9 +15,18 @@ MODEL = "model"
 
 Id = Annotated[str, Field(pattern=rf"^{ID.pattern}$")]
 Address = Annotated[str, Field(min_length=1, max_length=4096, pattern=r"^[^\x00]+$")]
-Positive = Annotated[float, Field(gt=0)]
-Row3 = Annotated[tuple[float, float, float], Field(strict=False)]
-Row4 = Annotated[tuple[float, float, float, float], Field(strict=False)]
+MAX_PIXELS_PER_SIDE = 1_000_000
+"""Pixels; no frame is wider or higher, nor does anything that a catalogue names lie farther outside of it."""
+Pixel = Annotated[float, Field(ge=-MAX_PIXELS_PER_SIDE, le=MAX_PIXELS_PER_SIDE)]
+Count = Annotated[int, Field(ge=0, le=MAX_PIXELS_PER_SIDE)]
+Positive = Annotated[float, Field(ge=1e-6, le=1e6)]
+"""A length in pixels or millimetres, from the size of a molecule to a kilometre: numbers beyond it are mistakes."""
+ROTATION_TOLERANCE = 0.01
+"""Of products of a rotation's rows: what is rounded or calibrated passes, a scale or a mirror does not."""
+Entry = Annotated[float, Field(ge=-1e9, le=1e9)]
+"""An entry of a matrix, in pixels or millimetres: beyond it, single precision loses what is added."""
+Row3 = Annotated[tuple[Entry, Entry, Entry], Field(strict=False)]
+Row4 = Annotated[tuple[Entry, Entry, Entry, Entry], Field(strict=False)]
 Parameters = dict[str, Any]
 
 
@@ -27,10 +37,10 @@ class _Strict(BaseModel):
 class Region(_Strict):
     """A crop of the full frame: column and row of its top-left pixel, and its size, in pixels."""
 
-    x: Annotated[int, Field(ge=0)]
-    y: Annotated[int, Field(ge=0)]
-    width: Annotated[int, Field(ge=1)]
-    height: Annotated[int, Field(ge=1)]
+    x: Count
+    y: Count
+    width: Annotated[Count, Field(ge=1)]
+    height: Annotated[Count, Field(ge=1)]
 
     @property
     def rows(self) -> slice:
@@ -46,8 +56,8 @@ class Region(_Strict):
 class Sphere(_Strict):
     """A chrome sphere: centre and radius in pixels of the full frame, y down; its diameter gives the scale."""
 
-    x: float
-    y: float
+    x: Pixel
+    y: Pixel
     radius: Positive
     diameter_mm: Positive | None = None
 
@@ -69,7 +79,7 @@ class Camera(_Strict):
 class Pose(_Strict):
     """Camera pose: degrees of a turntable, or a 4 x 4 matrix (columns: camera's x right, y up, z to the camera)."""
 
-    turntable: float | None = None
+    turntable: Annotated[float, Field(ge=-36_000, le=36_000)] | None = None
     camera_to_world: Annotated[tuple[Row4, Row4, Row4, Row4], Field(strict=False)] | None = None
 
     @model_validator(mode="after")
@@ -77,6 +87,24 @@ class Pose(_Strict):
         if (self.turntable is None) == (self.camera_to_world is None):
             raise PydanticCustomError("pose", "a pose is either turntable or camera_to_world")
         return self
+
+    @model_validator(mode="after")
+    def _is_rigid(self) -> Self:
+        rows = self.camera_to_world
+        if rows is not None and not (rows[3] == (0, 0, 0, 1) and _is_rotation([row[:3] for row in rows[:3]])):
+            raise PydanticCustomError(
+                "rigid", "camera_to_world must be [[R, t], [0, 0, 0, 1]] with a rotation R, neither scaled nor mirrored"
+            )
+        return self
+
+
+def _is_rotation(rows: Sequence[Sequence[float]]) -> bool:
+    """Return whether three rows of three are orthonormal and right-handed, to ROTATION_TOLERANCE."""
+    products = [sum(a * b for a, b in zip(rows[i], rows[j], strict=True)) for i in range(3) for j in range(3)]
+    (a, b, c), (d, e, f), (g, h, k) = rows
+    determinant = a * (e * k - f * h) - b * (d * k - f * g) + c * (d * h - e * g)
+    errors = [abs(product - (index % 4 == 0)) for index, product in enumerate(products)]
+    return max(errors) < ROTATION_TOLERANCE and abs(determinant - 1) < ROTATION_TOLERANCE
 
 
 class Capture(_Strict):

@@ -4,6 +4,8 @@ Tags, aliases and several documents are refused; scalars follow YAML 1.2's core 
 """
 
 import re
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from ruamel.yaml import YAML
@@ -22,8 +24,11 @@ from glint.storage.catalogue.diagnostics import Diagnostic, truncate_repr
 
 MAX_BYTES = 64_000_000
 """Size of the largest file that is read."""
+MAX_VALUES = 2_000_000
+"""Values of a file; a catalogue of 100,000 captures with spheres and regions has fewer, and is read in a minute."""
 MAX_DEPTH = 32
 """Levels of nesting that are read."""
+_QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"")
 _INTEGER = re.compile(r"[-+]?[0-9]{1,18}")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _CONSTANTS = {
@@ -58,23 +63,41 @@ class LinedList(list[Any]):
         self.lines: list[int] = []
 
 
-def parse(text: str, file: str) -> tuple[Any, list[Diagnostic]]:
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of file: its name, whether a value that was read at least in part belongs to it, and how it begins.
+
+    The content of a file of another kind is not shown: who wrote its address may not be allowed to read it.
+    """
+
+    name: str
+    includes: Callable[[Any], bool]
+    remedy: str
+
+
+def parse(text: str, file: str, kind: Kind) -> tuple[Any, list[Diagnostic]]:
     """Return the document's value and its errors; the value is None if the text cannot be read to its end."""
+    separators = sum(map(text.count, ("\n", ",")))
+    if separators > MAX_VALUES:
+        message = f"this has more than {separators:,} values"
+        return None, [Diagnostic(file, 1, message, f"at most {MAX_VALUES:,} are read: split the file")]
     builder = _Builder(file)
+    is_read, cause = False, ""
     try:
-        for event in YAML(typ="safe").parse(text):
-            if not builder.add_event(event):
-                return None, builder.diagnostics
+        is_read = all(builder.add_event(event) for event in YAML(typ="safe").parse(text))
     except YAMLError as error:
         mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
         cause = getattr(error, "problem", None) or str(error).splitlines()[0]
         remedy = "fix the line, and check its indentation"
         builder.report(mark.line + 1 if mark else 1, f"this is not YAML: {cause}", remedy)
-        return None, builder.diagnostics
     except ValueError as error:
-        builder.report(1, f"this is not YAML: {error}", "save the file as UTF-8 text")
-        return None, builder.diagnostics
-    return builder.root, builder.diagnostics
+        cause = str(error)
+        builder.report(1, f"this is not YAML: {cause}", "save the file as UTF-8 text")
+    if not kind.includes(builder.root):
+        line = builder.diagnostics[-1].line if builder.diagnostics else 1
+        shown = f" ({_QUOTED.sub('..', cause)})" if cause else ""
+        return None, [Diagnostic(file, line, f"this is no {kind.name}{shown}", kind.remedy)]
+    return builder.root if is_read else None, builder.diagnostics
 
 
 class _Builder:

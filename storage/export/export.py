@@ -13,12 +13,11 @@ import numpy as np
 from glint.storage.errors import StoreError
 from glint.storage.export.camera import camera_facts, camera_of
 from glint.storage.export.image_files import encode_normals, write_exr, write_png, write_tiff
-from glint.storage.export.replaced_folder import merge_into, temporary_folder_beside
+from glint.storage.export.replaced_folder import merge_into, output_errors, temporary_folder_beside
 from glint.storage.export.report import capture_report, code_names
 from glint.storage.export.report_page import report_images, report_page
 from glint.storage.export.stored_capture import entry_of, model_result, ordered_stages
 from glint.storage.inputs.lp_file import write_lights
-from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository, Version
 from glint.storage.versions.stage_results import WHOLE_OBJECT, StageResult, check_file_name, check_name
@@ -46,13 +45,13 @@ def export(location: Location, object_id: str, out: Path, version: str | None = 
     Files appear whole or not at all. An earlier export of the same object is replaced; other files in `out` stay.
 
     Raises:
-        StoreError: no such object or version, a result or file is missing or damaged, `out` cannot be written or holds
-            another folder with a capture's name.
+        StoreError: no such object or version, a result or file is missing or damaged, or `out` holds another folder
+            with a capture's name; OutputError: `out` cannot be written.
     """
     repository = ObjectRepository.open(location, object_id, create=False)
     chosen = repository.version(version)
     model = model_result(repository, chosen)
-    with store_errors(str(out), f"exporting {object_id}"), temporary_folder_beside(out) as content:
+    with output_errors(out, object_id), temporary_folder_beside(out) as content:
         for capture in chosen.stages:
             folder = content if capture == WHOLE_OBJECT else content / check_name(capture, "capture")
             folder.mkdir(exist_ok=True)

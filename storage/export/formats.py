@@ -9,9 +9,8 @@ from glint.storage.export.camera import camera_facts
 from glint.storage.export.export import ExportRecord, export
 from glint.storage.export.pcd import optical_cloud, write_pcd
 from glint.storage.export.point_cloud import point_cloud_of
-from glint.storage.export.replaced_folder import replaced_folder
+from glint.storage.export.replaced_folder import output_errors, replaced_folder
 from glint.storage.export.stored_capture import ExportedCapture, exported_captures, mesh_of, model_result
-from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
 
@@ -28,7 +27,7 @@ def export_as(
 
     Raises:
         StoreError: no such format, object or version, a result is missing or damaged, the format cannot hold it, or
-            `out` cannot be written or holds something else.
+            `out` holds something else; OutputError: `out` cannot be written.
     """
     if format_name == "files":
         return export(location, object_id, out, version)
@@ -39,7 +38,7 @@ def export_as(
     model = model_result(repository, chosen)
     captures = list(exported_captures(repository, chosen, model))
     facts = {"object": object_id, "format": format_name, "version": chosen.name, "snapshot": chosen.snapshot}
-    with store_errors(str(out), f"exporting {object_id}"), replaced_folder(out, facts) as folder:
+    with output_errors(out, object_id), replaced_folder(out, facts) as folder:
         if format_name == "bop":
             merged = None if model is None else mesh_of(model, "model.ply")
             write_bop(folder, object_id, chosen.name, captures, merged)

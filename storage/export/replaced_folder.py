@@ -1,5 +1,6 @@
 """Folders of exports: files appear whole or not at all, earlier exports of an object are replaced, other files stay."""
 
+import errno
 import json
 import shutil
 import tempfile
@@ -7,10 +8,43 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from glint.storage.errors import StoreError
+from glint.storage.errors import OutputError, StoreError
 
+FULL_BYTES = 1 << 20
+"""Free bytes below which a disk counts as full after a write that failed without a cause."""
 MARKER = "export.json"
 """File that names the object, version and format of an exported folder."""
+
+
+@contextmanager
+def output_errors(out: Path, object_id: str) -> Iterator[None]:
+    """Raise errors of writing an export as OutputError: the store has no part in them.
+
+    Raises:
+        OutputError: a file of `out` cannot be written.
+    """
+    try:
+        yield
+    except (OSError, RuntimeError) as error:
+        # NumPy and OpenEXR report a short write without the system's number of the error.
+        cause = getattr(error, "strerror", None) or " ".join(str(error).split())[:200]
+        if _is_full(out, error):
+            raise OutputError(
+                f"the disk of {out} is full: exporting {object_id} failed ({cause})",
+                "free space there, or name a folder on another disk with --out",
+            ) from error
+        if not isinstance(error, OSError):
+            raise
+        raise OutputError(
+            f"exporting {object_id} to {out} failed ({cause})", "name a folder that you may write to with --out"
+        ) from error
+
+
+def _is_full(out: Path, error: Exception) -> bool:
+    if isinstance(error, OSError) and error.errno is not None:
+        return error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+    folder = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
+    return shutil.disk_usage(folder).free < FULL_BYTES
 
 
 @contextmanager

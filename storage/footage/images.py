@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import islice
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -18,7 +19,12 @@ from glint.storage.locations.location import Location
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm", ".webp", ".jp2")
 MAX_PIXELS = 170_000_000
 """Largest frame that is decoded; the header of a file of a few kilobytes can state far more (decompression bomb)."""
-_MAX_IMAGE_BYTES = 2_000_000_000
+MAX_IMAGE_BYTES = 2_000_000_000
+"""Size of the largest image that is read, as a frame or a mask."""
+_HALF_OPAQUE = 128
+"""Level of an 8-bit alpha channel from which a pixel belongs to a cut-out: the middle of an antialiased edge."""
+# What is wrong with an image is said once, by an error.
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 warnings.filterwarnings("ignore", category=Image.DecompressionBombWarning)
 _READ_AHEAD = 4
 _N_READERS = 2
@@ -43,9 +49,50 @@ def decode_image(data: bytes, name: str, colour: bool = False) -> np.ndarray:
     return pixels
 
 
-def _check_size(data: bytes, name: str) -> None:
+def decode_mask(data: bytes, name: str) -> np.ndarray:
+    """Decode an image as a mask, bool (H, W): true where a pixel is not black, and not transparent.
+
+    In a cut-out, the object's own colours on a transparent ground, black pixels count too.
+
+    Raises:
+        InputError: no image, too large, or of another depth.
+    """
+    is_painted = decode_image(data, name, colour=True).any(axis=2)
+    is_opaque = _opaque(data)
+    if is_opaque is None or is_opaque.shape != is_painted.shape or is_opaque.all():
+        return is_painted
+    with Image.open(io.BytesIO(data)) as image:
+        levels = np.asarray(image.convert("L"))[is_opaque]
+    is_black_and_white = levels.size > 0 and {int(levels.min()), int(levels.max())} == {0, 255}
+    is_black_and_white = is_black_and_white and bool(np.isin(levels, (0, 255)).all())
+    return is_opaque & is_painted if is_black_and_white else is_opaque
+
+
+def _opaque(data: bytes) -> np.ndarray | None:
+    """Return where an image is at least half opaque, bool (H, W); None if it has no transparency."""
     try:
         with Image.open(io.BytesIO(data)) as image:
+            if not image.has_transparency_data:
+                return None
+            return np.asarray(image.convert("RGBA").getchannel("A")) >= _HALF_OPAQUE
+    except (OSError, ValueError, SyntaxError):
+        return None
+
+
+def check_image_head(file: Location) -> None:
+    """Refuse a local file whose head is not that of an image.
+
+    Raises:
+        InputError: no image, or too large.
+    """
+    if file.local is not None:
+        _check_size(file.local, file.uri)
+
+
+def _check_size(source: bytes | Path, name: str) -> None:
+    """Check the size that an image's head states; source: its bytes, or its path, of which the head alone is read."""
+    try:
+        with Image.open(source if isinstance(source, Path) else io.BytesIO(source)) as image:
             width, height = image.size
     except Image.DecompressionBombError as error:
         raise InputError(f"{name} states an impossible size", f"at most {MAX_PIXELS:,} pixels are read") from error
@@ -110,4 +157,4 @@ class ImageSet:
         return frame
 
     def _read(self, file: Location) -> np.ndarray:
-        return decode_image(read_bytes(file, _MAX_IMAGE_BYTES), file.uri)
+        return decode_image(read_bytes(file, MAX_IMAGE_BYTES), file.uri)

@@ -12,6 +12,7 @@ from glint.storage.footage.images import MAX_PIXELS
 from glint.storage.footage.luma import LumaConverter
 from glint.storage.footage.remote_file import RemoteFile
 from glint.storage.locations.location import Location
+from glint.storage.locations.time_limit import within_time
 
 MIN_KEYFRAMES = 8
 """Keyframes from which on they stand for the whole video."""
@@ -19,6 +20,23 @@ UNKNOWN_LENGTH_STEP = 64
 """Frames from one that is taken to the next in a video that does not state how many it has."""
 _MAX_DAMAGED_END = 64
 """Consecutive damaged frames that are held back, since they may be the end of a truncated file."""
+
+
+_FORMATS = (
+    "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpegtsraw,mpeg,mpegvideo,m4v,mxf,asf,flv,ogg,h264,hevc,obu,av1,"
+    "ivf,nut,gif,mjpeg,yuv4mpegpipe,dv"
+)
+"""FFmpeg's names of formats that hold a video themselves; playlists (hls, dash, concat, ..) would open other files."""
+
+
+def check_video_head(location: Location) -> None:
+    """Refuse a file whose head is not that of a video.
+
+    Raises:
+        InputError: missing, no video, or a stated size that is too large.
+    """
+    with _open(location):
+        pass
 
 
 class Video:
@@ -30,7 +48,7 @@ class Video:
         self.uri, self._location = location.uri, location
         self.warnings: list[str] = []
         with contextlib.ExitStack() as stack:
-            container = stack.enter_context(self._open())
+            container = stack.enter_context(_open(self._location))
             first = next(self._decoded(container), None)
             if first is None:
                 raise InputError(f"{self.uri} holds no frame that can be decoded", "record or copy it again")
@@ -56,7 +74,7 @@ class Video:
         """
         done, first_time, last_time = 0, None, 0.0
         warnings: list[str] = []
-        with self._open() as container:
+        with _open(self._location) as container:
             converter: LumaConverter | None = None
             for frame in self._undamaged(container, warnings):
                 if done >= start and (done - start) % step == 0:
@@ -89,7 +107,7 @@ class Video:
     def _keyframes(self, count: int) -> list[np.ndarray]:
         """Return the distinct keyframes at or before `count` moments spread evenly over the video."""
         frames: dict[int, np.ndarray] = {}
-        with self._open() as container:
+        with _open(self._location) as container:
             stream = container.streams.video[0]
             duration = int(_seconds(container) / stream.time_base) if stream.time_base else 0
             try:
@@ -152,27 +170,32 @@ class Video:
             if packet is None or (packet.dts is None and packet.size == 0):
                 return
 
-    @contextlib.contextmanager
-    def _open(self) -> Iterator[Any]:
-        source: Any = self._location.path
-        try:
-            if self._location.local is None:
-                source = RemoteFile(self._location)
-            container = av.open(source)
-        except FileNotFoundError as error:
-            raise InputError(f"{self.uri} does not exist", "check the path") from error
-        except (OSError, ValueError) as error:
-            raise InputError(
-                f"{self.uri} is no video that can be read ({getattr(error, 'strerror', None) or error})",
-                "record or copy it again; a truncated copy has lost its index",
-            ) from error
-        with container:
-            if not container.streams.video:
-                raise InputError(f"{self.uri} has no video stream", "give a video or a folder of images")
-            stream = container.streams.video[0]
-            if stream.width * stream.height > MAX_PIXELS:
-                raise InputError(f"{self.uri} states {stream.width} x {stream.height} pixels", "check the file")
-            yield container
+
+@contextlib.contextmanager
+def _open(location: Location) -> Iterator[Any]:
+    """Open a container whose first video stream can be decoded."""
+    try:
+        source: Any = location.path if location.local is not None else RemoteFile(location)
+        container = within_time(lambda step: av.open(source, options={"format_whitelist": _FORMATS}), location.uri)
+    except FileNotFoundError as error:
+        raise InputError(f"{location.uri} does not exist", "check the path") from error
+    except av.ArgumentError as error:
+        raise InputError(
+            f"{location.uri} has a format that holds no video",
+            "give a video (MP4, MKV, ..) or a folder of images",
+        ) from error
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"{location.uri} is no video that can be read ({getattr(error, 'strerror', None) or error})",
+            "record or copy it again; a truncated copy has lost its index",
+        ) from error
+    with container:
+        if not container.streams.video:
+            raise InputError(f"{location.uri} has no video stream", "give a video or a folder of images")
+        stream = container.streams.video[0]
+        if stream.width * stream.height > MAX_PIXELS:
+            raise InputError(f"{location.uri} states {stream.width} x {stream.height} pixels", "check the file")
+        yield container
 
 
 def _is_truncated(container: Any, done: int, time: float) -> bool:

@@ -3,22 +3,29 @@
 import hashlib
 import json
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Buffer, Callable, Collection, Iterator, Mapping, Sequence
+from contextvars import ContextVar
 from typing import Any
 
 import obstore
 
 from glint.storage.errors import InputError
 from glint.storage.footage.images import SUFFIXES
+from glint.storage.inputs.heads import SINGLE_FILES, check_head
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.input_files import MISSING_REMEDY, Address, expand, locate
 from glint.storage.locations.location import Location
+from glint.storage.locations.time_limit import within_time
 
 SEAL = "seal"
 """Attribute that holds the checksum of all others."""
 HEX_DIGITS = 32
 """Of a checksum: 128 bits of a SHA-256, which no two different contents of a store will ever share by accident."""
 _READ_BYTES = 1 << 22
+READING_PROGRESS: ContextVar[Callable[[str, int, int], None]] = ContextVar(
+    "glint_reading_progress", default=lambda uri, done, total: None
+)
+"""Called with an input's address, the bytes read and all its bytes, while its digest is computed."""
 _TIMESTAMP_STEP_NS = 100_000_000
 """Nanoseconds; file systems record times in steps of up to 10 ms."""
 
@@ -52,7 +59,7 @@ def _seal_of(attributes: Mapping[str, Any]) -> str:
 
 
 def content_digest(
-    address: Address, store: Location, rehash: bool = False, suffixes: Collection[str] = SUFFIXES
+    address: Address, store: Location, rehash: bool = False, suffixes: Collection[str] = SUFFIXES, key: str = ""
 ) -> str:
     """Return the SHA-256 (hex) of a file's bytes, or of names and bytes of a folder's or pattern's files.
 
@@ -60,18 +67,24 @@ def content_digest(
     store: entity tag) are those of an earlier call is not read again, unless `rehash`. Digests are cached under
     STORE/digests/.
 
+    key: the catalogue's key that names the files; before they are read, their heads are checked, see `check_head`.
+
     Raises:
-        InputError: missing or unreadable, or it changed while it was read.
+        InputError: missing or unreadable, not of the key's kind, on a mount that hangs, or it changed while it was
+            read.
     """
     location = locate(address)
-    files, chosen = _files_of(location, suffixes)
-    stamps = [file_stamp(file) for file in chosen]
+    files, chosen = (None, [location]) if key in SINGLE_FILES else _files_of(location, suffixes)
+    stamps = within_time(lambda step: _stamps(chosen, step), location.uri)
     cache = store.child("digests")
-    key = digest_of([files is None, *(file.uri for file in chosen)]) + ".json"
-    cached = None if rehash else _lookup(cache, key, stamps)
+    entry = digest_of([files is None, *(file.uri for file in chosen)]) + ".json"
+    cached = None if rehash else _lookup(cache, entry, stamps)
     if cached is not None:
         return cached
-    digests = [_sha256(file) for file in chosen]
+    sizes = [int(stamp[0]) for stamp in stamps]
+    if key:
+        within_time(lambda step: check_head(key, chosen, sizes, files is not None), location.uri)
+    digests = within_time(lambda step: _sha256_of_all(chosen, location.uri, sum(sizes), step), location.uri)
     names = (file.name for file in chosen)
     digest = digests[0] if files is None else digest_of(sorted(zip(names, digests, strict=True)))
     if [file_stamp(file) for file in chosen] != stamps:
@@ -80,7 +93,7 @@ def content_digest(
         return digest
     record = json.dumps({"address": location.uri, "stamps": stamps, "digest": digest}).encode()
     with store_errors(cache.uri, "caching a digest"):
-        obstore.put(cache.obstore(), key, record, use_multipart=False)
+        obstore.put(cache.obstore(), entry, record, use_multipart=False)
     return digest
 
 
@@ -155,17 +168,46 @@ def _lookup(cache: Location, key: str, stamps: list[list[Any]]) -> str | None:
     return str(record["digest"])
 
 
-def _sha256(file: Location) -> str:
+def _stamps(files: Sequence[Location], step: Callable[[], None]) -> list[list[Any]]:
+    stamps = []
+    for file in files:
+        stamps.append(file_stamp(file))
+        step()
+    return stamps
+
+
+def _sha256_of_all(files: Sequence[Location], uri: str, total: int, step: Callable[[], None]) -> list[str]:
+    """Return the files' digests; `total`: their bytes together, for the progress of `uri`; `step`: after each block."""
+    done, show = 0, READING_PROGRESS.get()
+
+    def count(size: int) -> None:
+        nonlocal done
+        done += size
+        step()
+        show(uri, done, total)
+
+    return [_sha256(file, count) for file in files]
+
+
+def _sha256(file: Location, count: Callable[[int], None]) -> str:
     digest = hashlib.sha256()
     try:
-        if file.local is not None:
-            with file.local.open("rb") as stream:
-                return hashlib.file_digest(stream, "sha256").hexdigest()
-        with store_errors(file.uri, "reading an input"):
-            for block in obstore.get(file.parent.obstore(), file.name).stream(min_chunk_size=_READ_BYTES):
-                digest.update(block)
+        for block in _blocks(file):
+            digest.update(block)
+            count(len(block))
     except OSError as error:
         raise InputError(
             f"{file.uri} cannot be read ({error.strerror})", "check the file and its permissions"
         ) from error
     return digest.hexdigest()
+
+
+def _blocks(file: Location) -> Iterator[Buffer]:
+    """Yield a file's bytes block by block."""
+    if file.local is None:
+        with store_errors(file.uri, "reading an input"):
+            yield from obstore.get(file.parent.obstore(), file.name).stream(min_chunk_size=_READ_BYTES)
+        return
+    with file.local.open("rb", buffering=0) as stream:
+        while block := stream.read(_READ_BYTES):
+            yield block

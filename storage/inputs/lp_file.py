@@ -29,18 +29,18 @@ def read_lights(address: Address, names: Sequence[str] = (), count: int | None =
     lines = read_bytes(location, MAX_TEXT_BYTES).decode("utf-8-sig", "replace").splitlines()
     rows = [(number, line.strip()) for number, line in enumerate(lines, 1) if line.strip()]
     if not rows or not rows[0][1].isdecimal() or len(rows[0][1]) > 9:
-        first = rows[0][1] if rows else ""
-        raise InputError(
-            f"{location.uri}:1: {truncate_repr(first)} is no count", "write the number of lights into the first line"
-        )
+        raise InputError(f"{location.uri}:1: this is no count", "write the number of lights into the first line")
     if len(rows) == 1:
         raise InputError(f"{location.uri} holds no light", "give one row `name x y z` per frame")
     (first_line, stated_count), rows = (rows[0][0], int(rows[0][1])), rows[1:]
     diagnostics: list[Diagnostic] = []
     row_names: list[str] = []
     directions: list[list[float]] = []
-    for number, line in rows:
-        name, direction = _parse_row(line)
+    parsed = [(number, line, *_parse_row(line)) for number, line in rows]
+    if all(direction is None for *_, direction in parsed):
+        # The lines of a file of another kind are not shown: the catalogue's author may not be allowed to read them.
+        raise InputError(f"{location.uri} is no .lp file", "write `name x y z` into each line after the first")
+    for number, line, name, direction in parsed:
         if direction is None:
             message, remedy = f"{truncate_repr(line)} is no light", "write `name x y z`"
             diagnostics.append(Diagnostic(location.uri, number, message, remedy))

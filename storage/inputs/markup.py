@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from glint.storage.catalogue.diagnostics import Diagnostic, raise_diagnostics
 from glint.storage.catalogue.messages import diagnostics_of
 from glint.storage.catalogue.models import Region
-from glint.storage.catalogue.yaml_lines import line_of, parse
+from glint.storage.catalogue.yaml_lines import Kind, line_of, parse
 from glint.storage.errors import InputError
 from glint.storage.locations.input_files import MAX_TEXT_BYTES, Address, locate, read_bytes
 from glint.storage.locations.location import Location
@@ -25,6 +25,16 @@ class AnnotationEntry(BaseModel):
 
 
 _ANNOTATIONS = TypeAdapter(list[AnnotationEntry])
+
+
+def _is_markup(root: Any) -> bool:
+    """Return whether a value is a list of marks, though perhaps one with errors."""
+    return isinstance(root, list) and (
+        not root or any(isinstance(item, dict) and AnnotationEntry.model_fields.keys() & item for item in root)
+    )
+
+
+_KIND = Kind("list of marks", _is_markup, "write [{frame: .., x: .., y: .., kind: ..}, ..]")
 
 
 def read_markup(
@@ -85,7 +95,7 @@ def _parse(location: Location) -> tuple[Any, list[AnnotationEntry]]:
     """
     data = read_bytes(location, MAX_TEXT_BYTES)
     try:
-        root, diagnostics = parse(data.decode("utf-8-sig"), location.uri)
+        root, diagnostics = parse(data.decode("utf-8-sig"), location.uri, _KIND)
     except UnicodeDecodeError as error:
         raise InputError(f"{location.uri} is not UTF-8 text", "save it as UTF-8") from error
     raise_diagnostics(diagnostics)

@@ -11,7 +11,7 @@ import numpy as np
 
 from glint.storage.catalogue.models import Camera, Region
 from glint.storage.errors import InputError
-from glint.storage.footage.images import decode_image
+from glint.storage.footage.images import MAX_IMAGE_BYTES, decode_mask
 from glint.storage.inputs.lp_file import read_lights
 from glint.storage.inputs.markup import AnnotationEntry, read_markup
 from glint.storage.locations.input_files import Address, locate, read_bytes
@@ -26,12 +26,11 @@ __all__ = [
     "read_truth",
 ]
 
-_MAX_MASK_BYTES = 1_000_000_000
 _MAX_ARRAY_BYTES = 4_000_000_000
 
 
 def read_mask(address: Address, frame_size: tuple[int, int], region: Region | None = None) -> np.ndarray:
-    """Read the object's mask, bool (H, W) of the region (of the frame if there is none): true where the image is not 0.
+    """Read the object's mask, bool (H, W) of the region (of the frame if there is none); see `decode_mask`.
 
     frame_size: (height, width). The image has the frame's or the region's size, with any number of channels.
 
@@ -39,7 +38,7 @@ def read_mask(address: Address, frame_size: tuple[int, int], region: Region | No
         InputError: unreadable, of another size, or empty inside the region.
     """
     location = locate(address)
-    pixels = decode_image(read_bytes(location, _MAX_MASK_BYTES), location.uri, colour=True).any(axis=2)
+    pixels = decode_mask(read_bytes(location, MAX_IMAGE_BYTES), location.uri)
     expected = (region.height, region.width) if region else frame_size
     if pixels.shape == frame_size and region is not None and pixels.shape != expected:
         pixels = pixels[region.rows, region.columns]

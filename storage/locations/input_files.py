@@ -3,7 +3,9 @@
 import fnmatch
 import glob
 import re
-from collections.abc import Collection
+import stat
+from collections.abc import Callable, Collection
+from functools import lru_cache
 from pathlib import Path
 
 import obstore
@@ -11,6 +13,7 @@ import obstore
 from glint.storage.errors import InputError
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
+from glint.storage.locations.time_limit import within_time
 
 Address = str | Path | Location
 """A path, an address of an object store, or a location."""
@@ -38,8 +41,9 @@ def expand(location: Location, suffixes: Collection[str]) -> list[Location] | No
     Raises:
         InputError: no such file or folder, or no file in it.
     """
-    if location.local is not None:
-        files = _expand_local(location.local, suffixes)
+    path = location.local
+    if path is not None:
+        files = within_time(lambda step: _expand_local(path, suffixes, step), location.uri)
     else:
         files = _expand_remote(location, suffixes)
     if files is None:
@@ -88,10 +92,14 @@ def read_bytes(location: Location, limit: int) -> bytes:
     """Read a file.
 
     Raises:
-        InputError: missing, unreadable, or larger than `limit` bytes.
+        InputError: missing, unreadable, no plain file, larger than `limit` bytes, or on a mount that hangs.
     """
+    path = location.local
     try:
-        size, data = _local_bytes(location.local, limit) if location.local else _remote_bytes(location, limit)
+        if path is None:
+            size, data = _remote_bytes(location, limit)
+        else:
+            size, data = within_time(lambda step: _local_bytes(path, limit), location.uri)
     except FileNotFoundError as error:
         raise InputError(f"{location.uri} does not exist", MISSING_REMEDY) from error
     except OSError as error:
@@ -102,10 +110,31 @@ def read_bytes(location: Location, limit: int) -> bytes:
 
 
 def _local_bytes(path: Path, limit: int) -> tuple[int, bytes | None]:
-    if path.exists() and not path.is_file():
-        raise InputError(f"{path} is not a file", "give the path of a file")
+    check_plain_file(path)
     size = path.stat().st_size
-    return size, path.read_bytes() if size <= limit else None
+    if size > limit:
+        return size, None
+    with path.open("rb") as file:
+        return size, file.read(size)
+
+
+def check_plain_file(path: Path) -> None:
+    """Refuse what is no file on a disk: reading a pipe or a device may never end, and /proc shows other programs.
+
+    Raises:
+        InputError: a folder, pipe, socket or device, or a file of the system's own; OSError: missing or unreadable.
+    """
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode):
+        raise InputError(f"{path} is not a file", "give the path of a file")
+    if status.st_dev in _system_devices():
+        raise InputError(f"{path} belongs to the system and is no input", "give the path of a file on a disk")
+
+
+@lru_cache(maxsize=1)
+def _system_devices() -> frozenset[int]:
+    """Return the device numbers of the file systems that the kernel invents."""
+    return frozenset(folder.stat().st_dev for folder in (Path("/proc"), Path("/sys")) if folder.is_dir())
 
 
 def _remote_bytes(location: Location, limit: int) -> tuple[int, bytes | None]:
@@ -123,19 +152,26 @@ def is_pattern(text: str) -> bool:
     return any(wildcard in text for wildcard in "*?[")
 
 
-def _expand_local(path: Path, suffixes: Collection[str]) -> list[Location] | None:
+def _expand_local(path: Path, suffixes: Collection[str], step: Callable[[], None]) -> list[Location] | None:
+    """List as `expand` does; `step` is called after every file."""
+
+    def is_file(file: Path) -> bool:
+        step()
+        return file.is_file()
+
     try:
         if path.is_dir():
             files = (
                 file for file in path.iterdir() if file.suffix.lower() in suffixes and not file.name.startswith(".")
             )
-            return [Location("file", "", str(file)) for file in files if file.is_file()]
+            return [Location("file", "", str(file)) for file in files if is_file(file)]
         if path.is_file():
+            check_plain_file(path)
             return None
         if path.exists():
             raise InputError(f"{path} is neither a file nor a folder", MISSING_REMEDY)
         if is_pattern(str(path)):
-            return [Location("file", "", file) for file in glob.glob(str(path)) if Path(file).is_file()]  # noqa: PTH207
+            return [Location("file", "", file) for file in glob.iglob(str(path)) if is_file(Path(file))]  # noqa: PTH207
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error.strerror})", "check the path and its permissions") from error
     raise InputError(f"{path} does not exist", MISSING_REMEDY)

@@ -63,7 +63,7 @@ def run_owner(location: Location, object_id: str) -> LockOwner | None:
         return lease_owner(location, object_id)
     if not _path(location.local, object_id, "run.lock").exists():
         return None
-    with _open(location, object_id, "run.lock") as handle:
+    with _open(location, object_id, "run.lock", os.O_RDONLY) as handle:
         try:
             fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -90,12 +90,14 @@ def _path(root: Path, object_id: str, name: str) -> Path:
 
 
 @contextmanager
-def _open(location: Location, object_id: str, name: str) -> Iterator[int]:
+def _open(location: Location, object_id: str, name: str, mode: int = os.O_RDWR | os.O_CREAT) -> Iterator[int]:
+    """Open a lock; with os.O_RDONLY also one in a store that this process may only read."""
     assert location.local is not None
     path = _path(location.local, object_id, name)
     with store_errors(location.uri, f"locking object {object_id}"):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        if mode & os.O_CREAT:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        handle = os.open(path, mode | os.O_CLOEXEC, 0o666)
     try:
         yield handle
     finally:

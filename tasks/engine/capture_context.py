@@ -83,7 +83,7 @@ class CaptureContext:
     @cached_property
     def _digests(self) -> dict[str, str]:
         return {
-            key: content_digest(address, self.location, rehash=self.rehash)
+            key: content_digest(address, self.location, rehash=self.rehash, key=key)
             for key in INPUTS
             if (address := self.file(key)) is not None
         }

@@ -68,7 +68,8 @@ def test_a_sub_folder_with_a_catalogue_is_run_by_it(inbox: Inbox) -> None:
     put(inbox, "bad/catalogue.yaml", data=b"schema: 2\n")
     scan = inbox.scan(AT_ONCE)
     (batch,) = scan.batches
-    assert batch.catalogue == f"{inbox.location.path}/tray/catalogue.yaml" and set(batch.submissions) == {"a"}
+    assert set(batch.submissions) == {"a"}
+    assert load(batch.catalogue).object("a").capture("front").frames == f"{inbox.location.path}/tray/a.mp4"
     assert list(scan.problems) == ["bad"] and "schema" in scan.problems["bad"]
     finish(inbox, scan)
     assert inbox.scan(AT_ONCE).batches == () and list(inbox.scan(AT_ONCE).problems) == ["bad"]
@@ -96,3 +97,67 @@ def test_a_missing_inbox_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is not a folder"):
         Inbox(str(tmp_path / "unmounted"), str(tmp_path / "store")).scan(AT_ONCE)
     assert not (tmp_path / "unmounted").exists()
+
+
+@pytest.mark.parametrize(
+    "frames",
+    ["/etc/hostname", "../other/a.mp4", "link.mp4", "folder", "shots/*.png", "s3://other/a.mp4", "../*/a.mp4"],
+)
+def test_a_catalogue_names_files_of_its_own_folder_alone(inbox: Inbox, tmp_path: Path, frames: str) -> None:
+    text = f"schema: 1\nname: x\nobjects:\n- {{id: a, captures: [{{id: front, frames: '{frames}'}}]}}\n"
+    put(inbox, "tray/catalogue.yaml", data=text.encode())
+    put(inbox, "other/a.mp4", "other/b.png", "other/c.png", "tray/shots/a.png")
+    other, tray = Path(inbox.location.path) / "other", Path(inbox.location.path) / "tray"
+    (tray / "link.mp4").symlink_to(other / "a.mp4")
+    (tray / "folder").symlink_to(other)
+    (tray / "shots" / "b.png").symlink_to(other / "b.png")
+    scan = inbox.scan(AT_ONCE)
+    assert objects(scan) == {"other"} and set(scan.problems) == {"tray"}
+    assert "a/front: frames" in scan.problems["tray"] and "--inbox-may-read" in scan.problems["tray"]
+
+
+@pytest.mark.parametrize("key", ["mask", "lights", "markup", "truth"])
+def test_every_file_of_a_capture_is_its_own(inbox: Inbox, key: str) -> None:
+    text = f"schema: 1\nname: x\nobjects:\n- {{id: a, captures: [{{id: front, frames: a.mp4, {key}: /etc}}]}}\n"
+    put(inbox, "tray/a.mp4")
+    put(inbox, "tray/catalogue.yaml", data=text.encode())
+    assert f"a/front: {key} /etc leads out of" in inbox.scan(AT_ONCE).problems["tray"]
+
+
+def test_links_of_a_sub_folder_without_a_catalogue_are_followed_inside_alone(inbox: Inbox, tmp_path: Path) -> None:
+    put(inbox, "duck/notes.txt", "fish/real.mp4", "cat/a.mp4", "dog/a.txt")
+    place = Path(inbox.location.path)
+    (tmp_path / "secret.mp4").write_bytes(b"x")
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "a.mp4").write_bytes(b"x")
+    (place / "duck" / "video.mp4").symlink_to(tmp_path / "secret.mp4")
+    (place / "fish" / "video.mp4").symlink_to(place / "fish" / "real.mp4")
+    (place / "linked").symlink_to(tmp_path / "elsewhere")
+    (place / "dog" / "catalogue.yaml").symlink_to("/etc/passwd")
+    scan = inbox.scan(AT_ONCE)
+    assert objects(scan) == {"fish", "cat"} and not {"duck", "dog"} & objects(scan)
+    assert {"duck", "dog"} <= set(scan.problems) and "root:" not in scan.problems["dog"]
+
+
+def test_a_folder_can_be_allowed(tmp_path: Path) -> None:
+    (tmp_path / "masks").mkdir()
+    (tmp_path / "masks" / "a.png").write_bytes(b"x")
+    capture = f"{{id: front, frames: a.mp4, mask: {tmp_path}/masks/a.png}}"
+    text = f"schema: 1\nname: x\nobjects:\n- {{id: a, captures: [{capture}]}}\n"
+    inbox = Inbox(str(tmp_path / "inbox"), str(tmp_path / "store"), allowed=[str(tmp_path / "masks")])
+    put(inbox, "tray/a.mp4")
+    put(inbox, "tray/catalogue.yaml", data=text.encode())
+    assert objects(inbox.scan(AT_ONCE)) == {"a"}
+    assert set(Inbox(inbox.location.path, str(tmp_path / "store")).scan(AT_ONCE).problems) == {"tray"}
+
+
+def test_what_was_checked_is_what_runs(inbox: Inbox) -> None:
+    text = "schema: 1\nname: x\nparameters: {labels: {method: sheets}}\n"
+    text += "objects:\n- {id: a, captures: [{id: f, frames: %s}]}\n"
+    put(inbox, "tray/a.mp4")
+    put(inbox, "tray/catalogue.yaml", data=(text % "a.mp4").encode())
+    (batch,) = inbox.scan(AT_ONCE).batches
+    put(inbox, "tray/catalogue.yaml", data=(text % "/etc/hostname").encode())
+    catalogue = load(batch.catalogue)
+    assert catalogue.object("a").capture("f").frames == f"{inbox.location.path}/tray/a.mp4"
+    assert catalogue.parameters == {"labels": {"method": "sheets"}}

@@ -38,7 +38,7 @@ def fake_capture(name: str, good: bool) -> None:
 
 
 @flow(name="object", persist_result=False)
-def fake_object(name: str, good: bool) -> None:
+def fake_object(name: str, good: bool, store: str) -> None:
     with suppress(InputError):
         fake_capture(name, good)
 
@@ -48,10 +48,12 @@ def test_the_last_failures_are_shown_with_their_remedies(
 ) -> None:
     for name, good in (("broken/front", False), ("fixed/front", False), ("fixed/front", True)):
         with tagged_with_process():
-            fake_object(name, good)
+            fake_object(name, good, str(tmp_path))
+    with tagged_with_process():
+        fake_object("elsewhere/front", False, "/another/store")
     expected = {("broken/front", "front.mp4 does not exist: check the path")}
-    assert wait_for(lambda: {(row["capture"], row["error"]) for row in failed_rows()} >= expected)
-    assert wait_for(lambda: "fixed/front" not in {row["capture"] for row in failed_rows()})
+    assert wait_for(lambda: {(row["capture"], row["error"]) for row in failed_rows(str(tmp_path))} >= expected)
+    assert wait_for(lambda: "fixed/front" not in {row["capture"] for row in failed_rows(str(tmp_path))})
     status(str(tmp_path), as_json=True)
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert {"kind": "failed", "capture": "broken/front"}.items() <= next(
@@ -59,10 +61,11 @@ def test_the_last_failures_are_shown_with_their_remedies(
     ).items()
     status(str(tmp_path), as_json=False)
     shown = capsys.readouterr().out
+    assert "elsewhere" not in shown
     assert "no objects yet" in shown and "check the path" in shown and server.ui_url in shown
 
 
-def test_running_captures_are_shown_with_their_progress(server: Server) -> None:
+def test_running_captures_are_shown_with_their_progress(server: Server, tmp_path: Path) -> None:
     reached, released = threading.Event(), threading.Event()
 
     @task(name="capture", task_run_name="running/front", persist_result=False)
@@ -72,33 +75,35 @@ def test_running_captures_are_shown_with_their_progress(server: Server) -> None:
         released.wait(60)
 
     @flow(name="object", persist_result=False)
-    def fake_object() -> None:
+    def fake_object(store: str) -> None:
         fake_capture()
 
     def work() -> None:
         with server.connected(), tagged_with_process():
-            fake_object()
+            fake_object(str(tmp_path))
 
     thread = threading.Thread(target=work)
     thread.start()
     try:
         assert reached.wait(60)
-        row = wait_for(lambda: next((row for row in running_rows() if row["running"] == "running/front"), None))
+        row = wait_for(
+            lambda: next((row for row in running_rows(str(tmp_path)) if row["running"] == "running/front"), None)
+        )
     finally:
         released.set()
         thread.join()
     assert (row["type"], row["stage"], row["progress"]) == ("capture", "clusters", "42%") and row["since"]
-    assert wait_for(lambda: not [row for row in running_rows() if row["running"] == "running/front"])
+    assert wait_for(lambda: not [row for row in running_rows(str(tmp_path)) if row["running"] == "running/front"])
 
 
 def test_the_stage_of_a_running_and_of_a_failed_capture_is_shown(
-    server: Server, monkeypatch: pytest.MonkeyPatch
+    server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(prefect_sink, "RUNNING_SECONDS", 0.0)
     running: list[dict[str, Any]] = []
 
     def running_row() -> dict[str, Any] | None:
-        rows = [row for row in running_rows() if row["running"] == "staged/front" and row["stage"]]
+        rows = [row for row in running_rows(str(tmp_path)) if row["running"] == "staged/front" and row["stage"]]
         return rows[0] if rows else None
 
     @task(name="capture", task_run_name="staged/front", persist_result=False)
@@ -109,14 +114,14 @@ def test_the_stage_of_a_running_and_of_a_failed_capture_is_shown(
             raise InputError("front.mp4 does not exist", "check the path")
 
     @flow(name="object", persist_result=False)
-    def fake_object() -> None:
+    def fake_object(store: str) -> None:
         with suppress(InputError), PrefectSink() as sink:
             fake_capture(sink)
 
-    fake_object()
+    fake_object(str(tmp_path))
 
     def failed_stage() -> str:
-        return "".join(row["stage"] for row in failed_rows() if row["capture"] == "staged/front")
+        return "".join(row["stage"] for row in failed_rows(str(tmp_path)) if row["capture"] == "staged/front")
 
     assert running[0]["stage"] == "labels"
     assert wait_for(failed_stage) == "labels"

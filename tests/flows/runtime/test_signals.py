@@ -46,6 +46,48 @@ def test_a_run_that_is_asked_to_stop_leaves_nothing(
     assert not [each for each in family if each.is_running() and "server" not in each.cmdline()]
 
 
+def catches_signals(pid: int) -> bool:
+    """Whether a process has a handler of SIGTERM, which Python itself does not install."""
+    caught = next(
+        line for line in Path(f"/proc/{pid}/status").read_text().splitlines() if line.startswith("SigCgt")
+    ).split()[1]
+    return bool(int(caught, 16) >> (signal.SIGTERM - 1) & 1)
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.2, 0.6, 1.5, 3.0, 5.0])
+def test_an_interrupt_at_any_moment_is_one_line(
+    seconds: float, tmp_path: Path, simulated: Path, glint_home: Path
+) -> None:
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(("PREFECT", "GLINT"))}
+    environment |= {"GLINT_HOME": str(glint_home), "PYTHONPATH": str(ROOT)}
+    words = [sys.executable, "-m", "glint", "run", str(simulated), "--store", "store", "--workers", "1", "--json"]
+    process = subprocess.Popen(
+        words, cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
+    while not catches_signals(process.pid):
+        time.sleep(0.005)
+    time.sleep(seconds)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=100)
+    assert process.returncode == 130
+    assert [line[:18] for line in errors.splitlines()] == ["glint: interrupted"]
+
+
+def test_a_second_interrupt_ends_at_once() -> None:
+    code = (
+        "import threading, time\nfrom glint.flows.runtime import signals\nsignals.REPEAT_SECONDS = 0.2\n"
+        "signals.install()\nthreading.Thread(target=time.sleep, args=[60]).start()\nprint('ready', flush=True)\n"
+        "time.sleep(60)"
+    )
+    process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert process.stdout is not None and process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    time.sleep(1.0)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=10)
+    assert process.returncode == 130 and errors.decode().splitlines() == [signals.LINE]
+
+
 def test_a_run_that_does_not_end_by_itself_is_ended() -> None:
     code = (
         "import threading, time\nfrom glint.flows.runtime import signals\nsignals.GRACE_SECONDS = 0.5\n"
@@ -71,6 +113,7 @@ def test_a_signal_that_a_library_swallowed_is_remembered(monkeypatch: pytest.Mon
             signals.raise_if_interrupted()
     finally:
         signals._interrupted.clear()
+        signals._repeated.clear()
         for timer in [each for each in threading.enumerate() if isinstance(each, threading.Timer)]:
             timer.cancel()
         for each, handler in zip((signal.SIGINT, signal.SIGTERM), before, strict=True):

@@ -349,7 +349,7 @@ def test_written_and_read_again_it_is_the_same(tmp_path: Path) -> None:
         "        mask: az://container/mask.png\n"
         "        truth: /elsewhere/truth\n"
         "        region: {x: 1, y: 2, width: 3, height: 4}\n"
-        "        spheres: [{x: 0.1, y: 1e-7, radius: 1e20}]\n"
+        "        spheres: [{x: 0.1, y: 1e-7, radius: 1e5}]\n"
         "        camera: {matrix: [[900.5, 0, 320], [0, 900, 240], [0, 0, 1]]}\n"
         '        parameters: {lights: {note: "yes", version: "1.0", seed: 0.25, off: null}}\n'
     )  # fmt: skip

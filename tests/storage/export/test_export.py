@@ -9,7 +9,7 @@ import pytest
 import tifffile
 import zarr
 
-from glint.storage.errors import StoreError
+from glint.storage.errors import OutputError, StoreError
 from glint.storage.export.export import export
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
@@ -228,10 +228,10 @@ def test_optional_results_may_be_absent_and_required_ones_may_not(location: Loca
     assert {"normals.npy", "provenance.json", "report.html"} <= names and "depth.npy" not in names
 
 
-def test_a_folder_that_cannot_be_written_is_a_store_error(
+def test_a_folder_that_cannot_be_written_is_an_error_of_the_output(
     repository: ObjectRepository, location: Location, tmp_path: Path
 ) -> None:
     repository.publish(["front"], {})
     (tmp_path / "file").write_text("")
-    with pytest.raises(StoreError, match="exporting duck failed"):
+    with pytest.raises(OutputError, match=r"exporting duck to .*file/out failed"):
         export(location, "duck", tmp_path / "file" / "out")

@@ -3,6 +3,7 @@
 import hashlib
 import os
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +29,9 @@ def read(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     names: list[str] = []
     original = glint.storage.inputs.digests._sha256
 
-    def noted(file: Location) -> str:
+    def noted(file: Location, count: Callable[[int], None]) -> str:
         names.append(file.name)
-        return original(file)
+        return original(file, count)
 
     monkeypatch.setattr(glint.storage.inputs.digests, "_sha256", noted)
     monkeypatch.setattr(glint.storage.inputs.digests, "_TIMESTAMP_STEP_NS", 0)
@@ -118,7 +119,7 @@ def test_a_file_that_changes_while_it_is_read_is_reported(
 ) -> None:
     path = _file(tmp_path / "a.mp4", b"one")
 
-    def grow(file: Location) -> str:
+    def grow(file: Location, count: Callable[[int], None]) -> str:
         path.write_bytes(b"longer")
         return "0" * 64
 

@@ -7,6 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from glint.storage.catalogue.loading import Camera, Region
 from glint.storage.errors import InputError
@@ -350,3 +351,35 @@ def test_hostile_headers_are_refused(tmp_path: Path, header: str) -> None:
     data = b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text + bytes(64)
     (tmp_path / "depth.npy").write_bytes(data)
     assert str(tmp_path / "depth.npy") in _refused(read_truth, tmp_path).message
+
+
+@pytest.mark.parametrize("kind", ["dark object", "white on clear", "palette", "grey with alpha", "painted", "soft"])
+def test_a_cut_out_is_a_mask(tmp_path: Path, kind: str) -> None:
+    """A transparent ground is background, whatever colour lies under it."""
+    mask = _disc()
+    alpha = (mask * 255).astype(np.uint8)
+    colours = np.random.default_rng(1).integers(0, 256, (*SIZE, 3), np.uint8)
+    path = tmp_path / "mask.png"
+    if kind == "dark object":
+        colours[mask] //= 8
+        colours[8, 10] = 0
+        Image.fromarray(np.dstack([colours, alpha])).save(path)
+    elif kind == "white on clear":
+        Image.fromarray(np.dstack([np.full((*SIZE, 3), 255, np.uint8), alpha])).save(path)
+    elif kind == "palette":
+        palette = Image.fromarray(np.where(mask, 3, 7).astype(np.uint8), "P")
+        palette.putpalette([90] * 768)
+        palette.save(path, transparency=7)
+    elif kind == "grey with alpha":
+        Image.fromarray(np.dstack([colours[..., 0], alpha])).save(path)
+    elif kind == "painted":
+        # Black and white, with a transparent margin: the paint counts.
+        margin = np.full(SIZE, 255, np.uint8)
+        margin[0] = 0
+        Image.fromarray(np.dstack([np.repeat(alpha[..., None], 3, axis=2), margin])).save(path)
+    else:
+        rows, columns = np.indices(SIZE)
+        edge = np.clip(4.0 - np.hypot(rows - 8, columns - 10), -0.5, 0.5) + 0.5
+        Image.fromarray(np.dstack([colours, np.floor(edge * 255).astype(np.uint8)])).save(path)
+        mask = np.floor(edge * 255) >= 128
+    assert np.array_equal(read_mask(path, SIZE), mask)

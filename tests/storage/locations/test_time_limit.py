@@ -1,0 +1,84 @@
+"""Inputs that never answer, or are far too large: refused in time, by their head, with progress."""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from glint.flows.reporting import input_reading
+from glint.flows.reporting.events import Event, Message
+from glint.storage.catalogue.loading import load
+from glint.storage.errors import InputError
+from glint.storage.inputs.digests import content_digest
+from glint.storage.inputs.lp_file import read_lights
+from glint.storage.locations import time_limit
+from glint.storage.locations.location import Location
+from glint.storage.locations.time_limit import within_time
+
+HOLDER = """
+import fcntl, os, signal, sys, time
+signal.signal(signal.SIGIO, signal.SIG_IGN)
+handle = os.open(sys.argv[1], os.O_RDWR)
+fcntl.fcntl(handle, fcntl.F_SETLEASE, fcntl.F_WRLCK)
+print("held", flush=True)
+time.sleep(60)
+"""
+"""Holds a lease on a file: whoever opens it waits in the kernel, as on a mount whose server is gone."""
+
+
+@pytest.fixture
+def hung(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A file whose opening blocks, and a short patience."""
+    monkeypatch.setattr(time_limit, "SILENCE_SECONDS", 1.0)
+    path = tmp_path / "hung"
+    path.write_text("1\nx 0 0 1\n")
+    holder = subprocess.Popen([sys.executable, "-c", HOLDER, str(path)], stdout=subprocess.PIPE, text=True)
+    assert holder.stdout is not None
+    if holder.stdout.readline() != "held\n":
+        pytest.skip("the file system knows no leases")
+    yield path
+    holder.kill()
+    holder.wait()
+
+
+def test_files_that_hang_are_given_up(hung: Path, tmp_path: Path) -> None:
+    started = time.monotonic()
+    for read in (
+        lambda: load(hung),
+        lambda: read_lights(hung),
+        lambda: content_digest(hung, Location.parse(tmp_path / "store")),
+        lambda: content_digest(hung, Location.parse(tmp_path / "store"), key="frames"),
+    ):
+        with pytest.raises(InputError, match="has given nothing for 1 s") as caught:
+            read()
+        assert "mount" in caught.value.remedy
+    assert time.monotonic() - started < 20
+
+
+def test_what_goes_on_slowly_is_not_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(time_limit, "SILENCE_SECONDS", 0.5)
+
+    def slow(step: object) -> str:
+        for _ in range(8):
+            time.sleep(0.2)
+            step()  # type: ignore[operator]
+        return "read"
+
+    assert within_time(slow, "tape") == "read"
+    with pytest.raises(ZeroDivisionError):
+        within_time(lambda step: 1 // 0, "tape")
+
+
+def test_progress_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(input_reading, "INTERVAL_SECONDS", 0.0)
+    (tmp_path / "video.mp4").write_bytes(b"x")
+    os.truncate(tmp_path / "video.mp4", 50_000_000)
+    events: list[Event] = []
+    with input_reading.reading_shown(events.append):
+        content_digest(tmp_path / "video.mp4", Location.parse(tmp_path / "store"))
+    texts = [event.text for event in events if isinstance(event, Message)]
+    assert (texts and texts[-1].endswith("video.mp4: 0.1 of 0.1 GB")) or texts[-1].endswith("0.0 of 0.1 GB")
