@@ -61,11 +61,12 @@ STAGES = (
             "half_vectors": ArraySchema("T3", "f", "accepted"),
             "lights": ArraySchema("T3", "f", "accepted"),
             "reason": ArraySchema("T", "u"),
+            "inverse_distance": ArraySchema("T", "f", "all"),
             "half_vector_sd": ArraySchema("HW", "f", "all"),
         },
         peak_bytes=_per_pixel(400),
         progress_unit="spheres",
-        version=3,
+        version=4,
     ),
     Stage(
         "mask",

@@ -1,10 +1,7 @@
 """Lights: one half vector per frame, from the spheres or from known lights."""
 
-from dataclasses import asdict
-
 import numpy as np
 
-from glint.storage.errors import InputError
 from glint.storage.footage.source import open_footage
 from glint.storage.frames.cache import FrameCache
 from glint.storage.inputs.masks_and_truth import read_lights
@@ -12,6 +9,7 @@ from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of
 from glint.tasks.algorithms.lighting.coverage import coverage
 from glint.tasks.algorithms.lighting.focal_length import estimate_focal_length
+from glint.tasks.algorithms.lighting.half_vector_error import combined_error
 from glint.tasks.algorithms.lighting.highlights import measure_highlights, static_background
 from glint.tasks.algorithms.lighting.lights import (
     ACCEPTED,
@@ -20,16 +18,15 @@ from glint.tasks.algorithms.lighting.lights import (
     Lights,
     classify_frames,
     inter_sphere_angles,
-    merge_spheres,
 )
-from glint.tasks.algorithms.lighting.near_light import PointLight, estimate_point_light
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.parameters import LightsParameters
 from glint.tasks.engine.stage import Progress, StageOutput
-from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
+from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import CaptureGeometry, load_geometry, sphere_name
 from glint.tasks.stages.frames import load_levels, open_frames, spread_shards
+from glint.tasks.stages.light_distance import DistanceResult, measure_distance
 
 BLOCK_FRAMES = 1024
 """Frames whose highlights are measured at once."""
@@ -46,16 +43,19 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
     """
     cache, geometry, known = open_frames(inputs), load_geometry(inputs), inputs.file("lights")
     if known is not None:
-        result, point_light, warnings = _known(inputs, known, cache.frames), None, list[StageWarning]()
+        measured = DistanceResult(_known(inputs, known, cache.frames), None, None, None, [], [])
+        warnings = list[StageWarning]()
     else:
-        result, point_light = _measured(inputs, geometry, cache, progress)
-        warnings = _near_camera(inputs, geometry)
+        measured = _measured(inputs, geometry, cache, progress)
+        warnings = [*measured.warnings, *_near_camera(inputs, geometry)]
+    result = measured.lights
     accepted = int(result.accepted.sum())
     if accepted < 2:
         raise UnusableCapture(
             f"{accepted} of {cache.frames} frames has a light before the object",
             "record for longer and move the light over the whole hemisphere before the object",
         )
+    shape = (geometry.region.height, geometry.region.width)
     median, worst = inter_sphere_angles(result)
     sweep = coverage(result.half_vectors)
     record = {
@@ -64,7 +64,7 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
             "within_degrees": {f"{limit:g}": round(share, 4) for limit, share in sweep.covered_shares.items()},
             "gaps": [str(gap) for gap in sweep.gaps],
         },
-        "near_lamp": None if point_light is None else asdict(point_light),
+        "near_light": measured.record,
         "disagreement_degrees": None if np.isnan(median) else {"median": median, "95th percentile": worst},
     }
     rejected = {
@@ -77,7 +77,8 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
             "half_vectors": result.half_vectors,
             "lights": result.lights,
             "reason": result.reason,
-            "half_vector_sd": _half_vector_sd(geometry),
+            "inverse_distance": _inverse_distance(measured),
+            "half_vector_sd": combined_error([np.zeros(shape), *measured.errors]),
         },
         record=record,
         counts={"accepted": accepted, **rejected},
@@ -85,15 +86,10 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
     )
 
 
-def _half_vector_sd(geometry: CaptureGeometry) -> np.ndarray:
-    """Return the standard deviation per axis (H, W) float32, radians, of an error that all half vectors share."""
-    return np.zeros((geometry.region.height, geometry.region.width), np.float32)
-
-
-def load_point_light(results: CaptureResults) -> PointLight | None:
-    """Load the near light that was measured or given; None: far away."""
-    saved = results.load("lights").record["near_lamp"]
-    return None if saved is None else PointLight(**saved)
+def _inverse_distance(measured: DistanceResult) -> np.ndarray:
+    """Return the inverse distance (T,) float32 of the light, 1/pixels; 0 for a distant one."""
+    near = measured.near
+    return np.zeros(len(measured.lights.reason), np.float32) if near is None else near.inverse_distance
 
 
 def _known(inputs: StageInputs, address: str, count: int) -> Lights:
@@ -108,10 +104,8 @@ def _known(inputs: StageInputs, address: str, count: int) -> Lights:
     return Lights(half_vectors_of(kept).astype(np.float32), kept, reason, unknown, unknown)
 
 
-def _measured(
-    inputs: StageInputs, geometry: CaptureGeometry, cache: FrameCache, progress: Progress
-) -> tuple[Lights, PointLight | None]:
-    """Measure the lights on all spheres; with two, or a given distance, the near light as well."""
+def _measured(inputs: StageInputs, geometry: CaptureGeometry, cache: FrameCache, progress: Progress) -> DistanceResult:
+    """Measure the lights on all spheres, and the distance of a near light."""
     parameters: LightsParameters = inputs.parameters
     by_sphere = []
     for number, sphere in enumerate(geometry.spheres):
@@ -119,15 +113,7 @@ def _measured(
         in_crop, camera = sphere.in_crop(crop.x, crop.y), geometry.camera_within(crop)
         by_sphere.append(_of_sphere(parameters, cache, sphere_name(number), in_crop, camera))
         progress(number + 1, len(geometry.spheres))
-    combined = merge_spheres(by_sphere, tolerance=parameters.tolerance)
-    if parameters.distance is None:
-        return combined, estimate_point_light([lights.half_vectors for lights in by_sphere], geometry.spheres)
-    if geometry.pixel_size is None:
-        raise InputError(
-            "the light's distance is given in millimetres, but nothing gives the scale",
-            "give a sphere's diameter_mm, or the capture's pixel_size",
-        )
-    return combined, PointLight.from_distance(geometry.spheres, parameters.distance / geometry.pixel_size)
+    return measure_distance(by_sphere, geometry, parameters.tolerance, parameters.distance)
 
 
 def _near_camera(inputs: StageInputs, geometry: CaptureGeometry) -> list[StageWarning]:

@@ -1,123 +1,114 @@
-"""Near point light: its distance from the parallax between two chrome spheres, and half vectors corrected for it.
+"""Near light: its position in every frame, and half vectors of the object's pixels corrected for it.
 
 Yeung et al. 2009 assume a distant light (section 3). A near one is seen in different directions from sphere and
-object. Two spheres measure its distance by triangulation (Powell et al. 2001), and with
-it the half vector that a sphere gave is converted to that of each pixel.
+object. Its position relative to a reference point (the middle of the object's region) is kept as a direction and an
+inverse distance, which is zero for a distant light. Both are in pixels of the object: the object and the spheres are
+taken to be equally far from the camera.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
+from glint.tasks.algorithms.geometry.perspective import Cone
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of, lights_of, unit
 from glint.tasks.algorithms.lighting.spheres import Sphere
 
-MIN_SHARED_FRAMES = 20
-"""Frames that two spheres must share."""
-MIN_SIGNIFICANCE = 5.0
-"""Standard errors by which the inverse distance must exceed zero."""
-MIN_PARALLAX_DEG = 0.3
-"""Difference between the spheres' directions to the light below which it counts as distant."""
-MIN_TANGENT_NZ = 0.2
-"""Lower bound of n_z in the derivative of a normal by its n_x and n_y."""
-ROBUST_ITERATIONS = 3
-"""Fits of the inverse distance, each without the outliers of the one before."""
+NEIGHBOURING_LIGHTS = 6
+"""Frames whose distances are averaged where a half vector lies between those of frames."""
 
 
 @dataclass(frozen=True, slots=True)
-class PointLight:
-    """Point light at a distance in pixels from a sphere.
+class NearLight:
+    """Positions of a near light in T frames.
 
-    x, y, radius: the sphere's, in pixels of the full frame, y down; of several spheres the mean.
+    x, y: the reference point, pixels of the full frame, y down. half_vectors (T, 3): at the reference point, NaN where
+    the frame was rejected. inverse_distance (T,): of the light from the reference point, 1/pixels.
     """
 
-    distance: float
     x: float
     y: float
-    radius: float
-
-    @classmethod
-    def from_distance(cls, spheres: Sequence[Sphere], distance: float) -> "PointLight":
-        """Return the light at a known distance in pixels from the spheres."""
-        mean = np.mean([(sphere.x, sphere.y, sphere.radius) for sphere in spheres], axis=0)
-        return cls(distance, *(float(value) for value in mean))
+    half_vectors: np.ndarray
+    inverse_distance: np.ndarray
 
     def half_vectors_at(self, half_vectors: np.ndarray, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Return the half vectors (..., 3) float32 at pixels of the frame, from those (..., 3) of the sphere.
+        """Return the half vectors (..., 3) float32 at pixels of the frame, from those (..., 3) at the reference point.
 
-        columns, rows: (...), pixels of the full frame. The light's position is the sphere's surface point that
-        reflects it, plus the distance along the sphere's light direction.
+        columns, rows: (...), pixels of the full frame. A half vector that lies between those of frames, such as a
+        cluster's centre, has the mean distance of the nearest frames.
         """
-        directions = lights_of(half_vectors.astype(np.float64))
-        offset = np.stack([columns - self.x, self.y - rows, np.zeros(np.shape(columns))], axis=-1)
-        position = self.radius * half_vectors + self.distance * directions - offset
-        return np.asarray(half_vectors_of(unit(position)), np.float32)
+        result = np.full(half_vectors.shape, np.nan, np.float32)
+        finite, known = np.isfinite(half_vectors[..., 0]), np.isfinite(self.half_vectors[:, 0])
+        if not (finite.any() and known.any()):
+            return result
+        count = min(NEIGHBOURING_LIGHTS, int(known.sum()))
+        _, nearest = cKDTree(self.half_vectors[known]).query(half_vectors[finite], count)
+        inverse = self.inverse_distance[known][nearest.reshape(-1, count)].mean(axis=1)
+        shape = half_vectors.shape[:-1]
+        offset = np.stack(
+            [
+                np.broadcast_to(columns, shape)[finite] - self.x,
+                self.y - np.broadcast_to(rows, shape)[finite],
+                np.zeros(int(finite.sum())),
+            ],
+            axis=-1,
+        )
+        directions = lights_of(half_vectors[finite].astype(np.float64))
+        result[finite] = half_vectors_of(unit(directions - inverse[:, None] * offset))
+        return result
 
 
-def estimate_point_light(half_vectors: Sequence[np.ndarray], spheres: Sequence[Sphere]) -> PointLight | None:
-    """Estimate the light's usual distance; None if it is distant, or if no two spheres share enough frames.
+@dataclass(frozen=True, slots=True)
+class SphereLights:
+    """Light directions that one sphere shows.
 
-    Pairs of spheres are combined with weights of their inverse variance.
-
-    Args:
-        half_vectors: (T, 3) of each sphere, NaN where the frame was rejected.
-        spheres: in pixels of the full frame.
+    lights (T, 3) float64: NaN where the sphere shows none. positions (T, 3): the surface point that reflects the light,
+    relative to the reference point, in pixels, y up.
     """
-    weighted_sum = precision = 0.0
-    for first in range(len(spheres)):
-        for second in range(first + 1, len(spheres)):
-            estimate = _inverse_distance(half_vectors[first], half_vectors[second], spheres[first], spheres[second])
-            if estimate is not None:
-                weighted_sum, precision = weighted_sum + estimate[0] / estimate[1], precision + 1.0 / estimate[1]
-    if precision == 0.0:
-        return None
-    inverse_distance, error = weighted_sum / precision, precision**-0.5
-    span = max(np.hypot(a.x - b.x, a.y - b.y) for a in spheres for b in spheres)
-    if inverse_distance < MIN_SIGNIFICANCE * error or np.degrees(inverse_distance * span) < MIN_PARALLAX_DEG:
-        return None
-    return PointLight.from_distance(spheres, 1.0 / inverse_distance)
+
+    lights: np.ndarray
+    positions: np.ndarray
+
+    @classmethod
+    def of(
+        cls, half_vectors: np.ndarray, sphere: Sphere, reference: tuple[float, float], camera: np.ndarray | None
+    ) -> "SphereLights":
+        """Return the lights of a sphere.
+
+        Args:
+            half_vectors: (T, 3) that the sphere shows, relative to V0 = (0, 0, 1).
+            sphere: in pixels of the full frame.
+            reference: x and y of the reference point, likewise.
+            camera: matrix (3, 3) of a perspective camera, under which the sphere's normal is midway between the light
+                and the view vector of the sphere.
+        """
+        lights = lights_of(half_vectors.astype(np.float64))
+        view = np.array([0.0, 0.0, 1.0])
+        if camera is not None:
+            view = -Cone.from_ellipse(sphere.x, sphere.y, sphere.radius, camera).axis
+        centre = np.array([sphere.x - reference[0], reference[1] - sphere.y, 0.0])
+        return cls(lights, centre + sphere.radius * unit(lights + view))
+
+    def at_reference(self, inverse_distance: np.ndarray) -> np.ndarray:
+        """Return the light's directions (T, 3) at the reference point, given its inverse distance (T,) from there.
+
+        With the reference point at 0 and the sphere's surface point at q, a light at P in direction l from q is at
+        P = q + s l with |P| = d, hence s = sqrt(d^2 - |q|^2 + (q.l)^2) - q.l.
+        """
+        inverse = inverse_distance[:, None]
+        scaled = inverse * self.positions
+        along = (scaled * self.lights).sum(axis=1, keepdims=True)
+        square = 1.0 - (scaled**2).sum(axis=1, keepdims=True) + along**2
+        return unit(scaled + (np.sqrt(np.maximum(square, 1e-6)) - along) * self.lights)
 
 
-def _inverse_distance(
-    first: np.ndarray, second: np.ndarray, first_sphere: Sphere, second_sphere: Sphere
-) -> tuple[float, float] | None:
-    """Return the light's inverse distance (1 / pixels) and its variance, from the half vectors (T, 3) of two spheres.
-
-    To first order the direction to the light at a position p is l - (p - (p.l) l) / distance, so the difference
-    between two spheres' directions is linear in the inverse distance. An error of a sphere's centre rotates all its
-    normals alike; two further unknowns, along x and y, take it up.
-    """
-    shared = np.isfinite(first[:, 0]) & np.isfinite(second[:, 0])
-    if shared.sum() < MIN_SHARED_FRAMES:
-        return None
-    a, b = first[shared].astype(float), second[shared].astype(float)
-    light = unit(lights_of(a) + lights_of(b))
-    # Baseline between the reflecting surface points, perpendicular to the light.
-    offset = np.array([first_sphere.x - second_sphere.x, second_sphere.y - first_sphere.y, 0.0])
-    baseline = offset + first_sphere.radius * a - second_sphere.radius * b
-    parallax = -(baseline - (baseline * light).sum(axis=1, keepdims=True) * light)
-    columns = [parallax, *_centre_error_columns(unit(a + b))]
-    matrix = np.stack([column.ravel() for column in columns], axis=1)
-    difference = (lights_of(a) - lights_of(b)).ravel()
-    # Least squares, repeated without residuals beyond three robust standard deviations.
-    inliers = np.ones(len(difference), bool)
-    solution, error = np.zeros(3), 0.0
-    for _ in range(ROBUST_ITERATIONS):
-        solution = np.linalg.lstsq(matrix[inliers], difference[inliers], rcond=None)[0]
-        residuals = difference - matrix @ solution
-        error = 1.4826 * float(np.median(np.abs(residuals[inliers]))) + 1e-9
-        inliers = np.abs(residuals) < 3.0 * error
-    covariance = np.linalg.inv(matrix[inliers].T @ matrix[inliers]) * error**2
-    return float(solution[0]), float(covariance[0, 0]) + 1e-14
+def mean_distance(inverse_distance: np.ndarray) -> float:
+    """Return the distance in pixels that belongs to the median of inverse distances (T,), NaN left out."""
+    return float(1.0 / np.nanmedian(inverse_distance))
 
 
-def _centre_error_columns(normal: np.ndarray) -> list[np.ndarray]:
-    """Return the derivatives (T, 3) of light directions by an error of the normals' (T, 3) n_x and of their n_y."""
-    columns = []
-    for axis in (0, 1):
-        tangent = np.zeros_like(normal)
-        tangent[:, axis] = 1.0
-        tangent[:, 2] = -normal[:, axis] / np.maximum(normal[:, 2], MIN_TANGENT_NZ)
-        columns.append(2.0 * (normal[:, 2:] * tangent + tangent[:, 2:] * normal))
-    return columns
+def span(spheres: Sequence[Sphere]) -> float:
+    """Return the largest distance in pixels between two spheres' centres; 0 with a single one."""
+    return max(float(np.hypot(a.x - b.x, a.y - b.y)) for a in spheres for b in spheres)
