@@ -98,7 +98,7 @@ def _digest(results: CaptureResults) -> str:
     stabilization = survey.record["stabilization"]
     if stabilization["applied"]:
         reference = sha256(survey.read(REFERENCE).tobytes()).hexdigest()
-        content = f"{content} stabilized to {reference} at {stabilization['origin']}"
+        content = f"{content} stabilized to {reference} at {stabilization['origin']} {stabilization['places']}"
     return cache_digest(content, load_geometry(results).crops)
 
 
