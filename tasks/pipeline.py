@@ -49,7 +49,7 @@ STAGES = (
         arrays={"background": ArraySchema("HW", "u"), "peak": ArraySchema("HW", "u")},
         peak_bytes=_frames_bytes,
         progress_unit="frames",
-        version=4,
+        version=5,
     ),
     Stage(
         "lights",

@@ -8,22 +8,29 @@ import numpy as np
 
 from glint.storage.errors import InputError
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of
+from glint.tasks.algorithms.lighting.falloff import Falloff, measure_falloff
 from glint.tasks.algorithms.lighting.half_vector_error import (
+    LEAST_DISTANCE_SIZES,
     PixelGrid,
+    combined_error,
     depth_error,
     light_distance_error,
     unknown_distance_error,
 )
 from glint.tasks.algorithms.lighting.lights import Lights, merge_spheres
 from glint.tasks.algorithms.lighting.near_light import NearLight, SphereLights
-from glint.tasks.algorithms.lighting.triangulation import LightDistance, rotated, triangulate
+from glint.tasks.algorithms.lighting.triangulation import MIN_SHARED_FRAMES, rotated, triangulate
 from glint.tasks.engine.stage_inputs import CaptureResults
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import CaptureGeometry
+from glint.tasks.stages.thumbnails import thumbnail_grid
 
 GIVEN_ERROR, TRIANGULATED_ERROR = 0.1, 0.05
 """Relative standard deviation of an inverse distance that was given (a hand's distance varies) or triangulated (the
 spheres' depths differ)."""
+
+SPHERE_REACH = 1.15
+"""Radius around a sphere, in radii, within which the frame does not show the background."""
 
 
 @dataclass(frozen=True)
@@ -41,65 +48,144 @@ class DistanceResult:
 
 
 def measure_distance(
-    by_sphere: Sequence[Lights], geometry: CaptureGeometry, tolerance: float, distance_mm: float | None
+    by_sphere: Sequence[Lights],
+    geometry: CaptureGeometry,
+    thumbnails: tuple[np.ndarray, np.ndarray],
+    tolerance: float,
+    distance_mm: float | None,
 ) -> DistanceResult:
     """Merge the lights of all spheres, corrected for the parallax of a near light where its distance is known.
 
     Args:
         by_sphere: of `geometry.spheres`.
         geometry: of the capture.
+        thumbnails: (N, h, w) of the whole frame, 0 to 255, and their frames' numbers (N,).
         tolerance: see `merge_spheres`.
         distance_mm: that the user gave.
 
     Raises:
         InputError: a distance is given, but no scale.
     """
-    pixels = region_pixels(geometry)
-    sphere_lights = [
-        SphereLights.of(lights.half_vectors, sphere, reference_point(geometry), geometry.camera)
+    reference = reference_point(geometry)
+    sites = [
+        SphereLights.of(lights.half_vectors, sphere, reference, geometry.camera)
         for lights, sphere in zip(by_sphere, geometry.spheres, strict=True)
     ]
+    count = len(by_sphere[0].reason)
+    unrotated = np.zeros((len(by_sphere), 2))
     if distance_mm is not None:
-        inverse = np.full(len(by_sphere[0].reason), 1.0 / _in_pixels(distance_mm, geometry))
-        found = LightDistance(inverse, GIVEN_ERROR * float(inverse[0]), False, np.zeros((len(by_sphere), 2)))
-    else:
-        triangulated = triangulate(sphere_lights)
-        if triangulated is None:
-            return _distant(by_sphere, geometry, tolerance)
-        found = triangulated
+        inverse = np.full(count, 1.0 / _in_pixels(distance_mm, geometry))
+        return _near(
+            by_sphere, sites, geometry, tolerance, inverse, unrotated, GIVEN_ERROR * float(inverse[0]), "given"
+        )
+    found = triangulate(sites)
+    if found is not None:
+        deviation = np.hypot(TRIANGULATED_ERROR * np.median(found.inverse_distance), found.standard_error)
+        result = _near(
+            by_sphere, sites, geometry, tolerance, found.inverse_distance, found.rotations, float(deviation), "spheres"
+        )
+        return replace(result, rotations=found.rotations)
+    merged = merge_spheres(by_sphere, tolerance=tolerance)
+    if np.isfinite(merged.inter_sphere_angle).sum() >= MIN_SHARED_FRAMES:
+        return DistanceResult(merged, None, None, None, [], [])
+    falloff = _falloff(sites, geometry, thumbnails)
+    if falloff is None:
+        return _unknown(merged, geometry)
+    if falloff.inverse_distance > 0.0:
+        inverse, deviation = np.full(count, falloff.inverse_distance), falloff.standard_deviation
+        return _near(by_sphere, sites, geometry, tolerance, inverse, unrotated, deviation, "background")
+    error = light_distance_error(region_pixels(geometry), geometry.spheres, falloff.standard_deviation)
+    return DistanceResult(merged, None, None, None, [error], [])
+
+
+def _near(
+    by_sphere: Sequence[Lights],
+    sites: Sequence[SphereLights],
+    geometry: CaptureGeometry,
+    tolerance: float,
+    inverse: np.ndarray,
+    rotations: np.ndarray,
+    deviation: float,
+    source: str,
+) -> DistanceResult:
+    """Return the lights of all spheres as seen from the reference point.
+
+    inverse: distance of the light (T,), 1/pixels; rotations (S, 2): see `LightDistance`; deviation: standard deviation
+    of the inverse distances; source: where the distance comes from.
+    """
     moved = [
-        _seen_from_reference(lights, site, found.inverse_distance, rotation)
-        for lights, site, rotation in zip(by_sphere, sphere_lights, found.rotations, strict=True)
+        _seen_from_reference(lights, site, inverse, rotation)
+        for lights, site, rotation in zip(by_sphere, sites, rotations, strict=True)
     ]
     merged = merge_spheres(moved, tolerance=tolerance)
-    inverse = found.inverse_distance
     near = NearLight(*reference_point(geometry), merged.half_vectors, inverse.astype(np.float32))
-    middle = float(np.median(inverse))
-    low, high = np.percentile(inverse, (95.0, 5.0))
+    least, middle, greatest = 1.0 / np.percentile(inverse, (95.0, 50.0, 5.0))
     record = {
         "x": near.x,
         "y": near.y,
-        "distance": 1.0 / middle,
-        "least": float(1.0 / low),
-        "greatest": float(1.0 / high),
-        "source": "spheres" if distance_mm is None else "given",
+        "distance": float(middle),
+        "least": float(least),
+        "greatest": float(greatest),
+        "relative_error": float(deviation * middle),
+        "source": source,
     }
-    share = TRIANGULATED_ERROR if distance_mm is None else GIVEN_ERROR
-    errors = [
-        light_distance_error(pixels, geometry.spheres, float(np.hypot(share * middle, found.standard_error))),
-        depth_error(pixels, middle),
-    ]
-    rotations = found.rotations if distance_mm is None else None
-    return DistanceResult(merged, near, rotations, record, errors, [])
-
-
-def _distant(by_sphere: Sequence[Lights], geometry: CaptureGeometry, tolerance: float) -> DistanceResult:
-    """Merge the lights as those of a distant light, in doubt where no two spheres could measure it."""
-    merged = merge_spheres(by_sphere, tolerance=tolerance)
-    several = np.isfinite(merged.inter_sphere_angle).sum()
     pixels = region_pixels(geometry)
-    errors = [] if several else [unknown_distance_error(pixels, geometry.spheres)]
-    return DistanceResult(merged, None, None, None, errors, [])
+    errors = [light_distance_error(pixels, geometry.spheres, deviation), depth_error(pixels, 1.0 / float(middle))]
+    return DistanceResult(merged, near, None, record, errors, _near_warnings(geometry, errors, float(middle), source))
+
+
+def _near_warnings(
+    geometry: CaptureGeometry, errors: Sequence[np.ndarray], distance: float, source: str
+) -> list[StageWarning]:
+    """Warn of a light that is nearer than recommended and whose distance two spheres did not measure."""
+    sizes = distance / max(geometry.region.width, geometry.region.height)
+    if source != "background" or sizes > LEAST_DISTANCE_SIZES:
+        return []
+    message = (
+        f"the background shows that the light was near, some {sizes:.1f} times the region's size away: half vectors are"
+        " corrected for it, but two spheres would measure it three times as well; use two, or give its distance in"
+        " millimetres, `parameters: {lights: {distance: ..}}`"
+    )
+    return [StageWarning(message, "light", _cost_deg(errors))]
+
+
+def _unknown(merged: Lights, geometry: CaptureGeometry) -> DistanceResult:
+    """Return the lights as if they were distant, in doubt by the least distance that is recommended."""
+    errors = [unknown_distance_error(region_pixels(geometry), geometry.spheres)]
+    message = (
+        "nothing shows how far away the light was: a single sphere cannot, and the background does not follow the"
+        " light. Use two spheres, one on either side, or give its distance in millimetres,"
+        " `parameters: {lights: {distance: ..}}`"
+    )
+    return DistanceResult(merged, None, None, None, errors, [StageWarning(message, "light", _cost_deg(errors))])
+
+
+def _cost_deg(errors: Sequence[np.ndarray]) -> float:
+    """Return the usual size, in degrees, of errors (H, W) per axis."""
+    return float(np.degrees(np.sqrt(2.0) * np.median(combined_error(errors))))
+
+
+def _falloff(
+    sites: Sequence[SphereLights], geometry: CaptureGeometry, thumbnails: tuple[np.ndarray, np.ndarray]
+) -> Falloff | None:
+    """Measure the light's distance by the background, with the directions of the sphere that shows the most."""
+    number = int(np.argmax([np.isfinite(site.lights[:, 0]).sum() for site in sites]))
+    pictures, frames = thumbnails
+    columns, rows = thumbnail_grid(pictures.shape[1:], geometry.frame_size)
+    region, margin = geometry.region, geometry.frame_size[0] / pictures.shape[2]
+    background = ~(
+        (columns > region.x - margin)
+        & (columns < region.x + region.width + margin)
+        & (rows > region.y - margin)
+        & (rows < region.y + region.height + margin)
+    )
+    for sphere in geometry.spheres:
+        background &= np.hypot(columns - sphere.x, rows - sphere.y) > SPHERE_REACH * sphere.radius + margin
+    x, y = reference_point(geometry)
+    sphere = geometry.spheres[number]
+    place = np.array([sphere.x - x, y - sphere.y, 0.0])
+    lights = sites[number].lights[frames]
+    return measure_falloff(pictures[:, background], columns[background] - x, y - rows[background], lights, place)
 
 
 def load_near_light(results: CaptureResults) -> NearLight | None:

@@ -1,5 +1,8 @@
 """Lights: one half vector per frame, from the spheres or from known lights."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from glint.storage.footage.source import open_footage
@@ -8,8 +11,8 @@ from glint.storage.inputs.masks_and_truth import read_lights
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of
 from glint.tasks.algorithms.lighting.coverage import coverage
-from glint.tasks.algorithms.lighting.focal_length import estimate_focal_length
-from glint.tasks.algorithms.lighting.half_vector_error import combined_error
+from glint.tasks.algorithms.lighting.focal_length import estimate_focal_length, focal_length_of_parallax
+from glint.tasks.algorithms.lighting.half_vector_error import combined_error, unknown_camera_error
 from glint.tasks.algorithms.lighting.highlights import measure_highlights, static_background
 from glint.tasks.algorithms.lighting.lights import (
     ACCEPTED,
@@ -25,8 +28,8 @@ from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import CaptureGeometry, load_geometry, sphere_name
-from glint.tasks.stages.frames import load_levels, open_frames, spread_shards
-from glint.tasks.stages.light_distance import DistanceResult, measure_distance
+from glint.tasks.stages.frames import load_levels, load_thumbnails, open_frames, spread_shards
+from glint.tasks.stages.light_distance import DistanceResult, measure_distance, region_pixels
 
 BLOCK_FRAMES = 1024
 """Frames whose highlights are measured at once."""
@@ -46,8 +49,13 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
         measured = DistanceResult(_known(inputs, known, cache.frames), None, None, None, [], [])
         warnings = list[StageWarning]()
     else:
-        measured = _measured(inputs, geometry, cache, progress)
-        warnings = [*measured.warnings, *_near_camera(inputs, geometry)]
+        by_sphere = _by_sphere(inputs, geometry, cache, progress)
+        parameters: LightsParameters = inputs.parameters
+        measured = measure_distance(
+            by_sphere, geometry, load_thumbnails(inputs), parameters.tolerance, parameters.distance
+        )
+        measured = _with_unknown_camera(inputs, geometry, by_sphere, measured)
+        warnings = list(measured.warnings)
     result = measured.lights
     accepted = int(result.accepted.sum())
     if accepted < 2:
@@ -104,22 +112,46 @@ def _known(inputs: StageInputs, address: str, count: int) -> Lights:
     return Lights(half_vectors_of(kept).astype(np.float32), kept, reason, unknown, unknown)
 
 
-def _measured(inputs: StageInputs, geometry: CaptureGeometry, cache: FrameCache, progress: Progress) -> DistanceResult:
-    """Measure the lights on all spheres, and the distance of a near light."""
-    parameters: LightsParameters = inputs.parameters
+def _by_sphere(inputs: StageInputs, geometry: CaptureGeometry, cache: FrameCache, progress: Progress) -> list[Lights]:
+    """Measure the lights on all spheres."""
     by_sphere = []
     for number, sphere in enumerate(geometry.spheres):
         crop = geometry.crops[sphere_name(number)]
         in_crop, camera = sphere.in_crop(crop.x, crop.y), geometry.camera_within(crop)
-        by_sphere.append(_of_sphere(parameters, cache, sphere_name(number), in_crop, camera))
+        by_sphere.append(_of_sphere(inputs.parameters, cache, sphere_name(number), in_crop, camera))
         progress(number + 1, len(geometry.spheres))
-    return measure_distance(by_sphere, geometry, parameters.tolerance, parameters.distance)
+    return by_sphere
 
 
-def _near_camera(inputs: StageInputs, geometry: CaptureGeometry) -> list[StageWarning]:
-    """Warn where a sphere's contour shows a near camera whose matrix is not given."""
+def _with_unknown_camera(
+    inputs: StageInputs, geometry: CaptureGeometry, by_sphere: Sequence[Lights], measured: DistanceResult
+) -> DistanceResult:
+    """Return the lights in doubt by the view vectors, with a warning, if a near camera is seen and not given."""
+    width, height = geometry.frame_size
+    centre = (width - 1) / 2, (height - 1) / 2
     if geometry.camera is not None:
-        return []
+        return measured
+    focal = focal_length_of_parallax([lights.half_vectors for lights in by_sphere], geometry.spheres, centre)
+    if focal is not None:
+        evidence = "the spheres show the light in directions that only a near camera explains"
+    else:
+        ellipse = _focal_length_of_ellipses(inputs, geometry)
+        if ellipse is None:
+            return measured
+        sphere, focal = ellipse
+        evidence = f"the sphere at ({sphere.x:.0f}, {sphere.y:.0f}) is seen as an ellipse, as by a near camera"
+    error = unknown_camera_error(region_pixels(geometry), geometry.spheres, centre, focal)
+    message = (
+        f"{evidence}, with a focal length of some {focal:.0f} pixels: give the camera's matrix, about `camera: {{matrix:"
+        f" [[{focal:.0f}, 0, {centre[0]:g}], [0, {focal:.0f}, {centre[1]:g}], [0, 0, 1]]}}`, or record from farther away"
+        " with a longer lens"
+    )
+    warning = StageWarning(message, "camera", float(np.degrees(np.sqrt(2.0) * np.median(error))))
+    return replace(measured, errors=[*measured.errors, error], warnings=[*measured.warnings, warning])
+
+
+def _focal_length_of_ellipses(inputs: StageInputs, geometry: CaptureGeometry) -> tuple[Sphere, float] | None:
+    """Return the first sphere whose contour shows a near camera, and the focal length in pixels."""
     width, height = geometry.frame_size
     for number, sphere in enumerate(geometry.spheres):
         crop = geometry.crops[sphere_name(number)]
@@ -127,13 +159,8 @@ def _near_camera(inputs: StageInputs, geometry: CaptureGeometry) -> list[StageWa
         middle = (width - 1) / 2 - crop.x, (height - 1) / 2 - crop.y
         focal = estimate_focal_length(background, peak, sphere.in_crop(crop.x, crop.y), middle, width)
         if focal is not None:
-            message = (
-                f"the sphere at ({sphere.x:.0f}, {sphere.y:.0f}) is seen as an ellipse, as by a near camera with a"
-                f" focal length of some {focal:.1f} frame widths: give `camera: {{matrix: ..}}`, or record from farther"
-                " away with a longer lens"
-            )
-            return [StageWarning(message, "camera")]
-    return []
+            return sphere, focal * width
+    return None
 
 
 def _of_sphere(

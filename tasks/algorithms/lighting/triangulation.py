@@ -52,33 +52,61 @@ class LightDistance:
     rotations: np.ndarray
 
 
-def triangulate(spheres: Sequence[SphereLights]) -> LightDistance | None:
-    """Estimate a light's inverse distance; None if it is distant, or if no two spheres share enough frames."""
-    lights, positions = np.stack([s.lights for s in spheres]), np.stack([s.positions for s in spheres])
-    accepted = np.isfinite(lights[..., 0])
+@dataclass(frozen=True, slots=True)
+class Parallax:
+    """One inverse distance of all frames: 1/pixels, 0 for a distant light; its standard_error; rotations (S, 2): see
+    `LightDistance`; span: mean distance of the spheres' reflecting points, pixels; shared (T,) bool: the frames."""
+
+    inverse_distance: float
+    standard_error: float
+    rotations: np.ndarray
+    span: float
+    shared: np.ndarray
+
+
+def fit_parallax(spheres: Sequence[SphereLights]) -> Parallax | None:
+    """Fit the inverse distance of a light and the spheres' rotations; None if no two spheres share enough frames."""
+    lights, positions, accepted = _stacked(spheres)
     shared = accepted.sum(axis=0) > 1
     if shared.sum() < MIN_SHARED_FRAMES:
         return None
     lights, positions, accepted = lights[:, shared], positions[:, shared], accepted[:, shared]
     span = float(np.nanmax([np.linalg.norm(a - b, axis=1).mean() for a in positions for b in positions]))
-    inverse, rotations = np.zeros(lights.shape[1]), np.zeros((len(spheres), 2))
-    error = 0.0
+    inverse, rotations, error = 0.0, np.zeros((len(spheres), 2)), 0.0
     for _ in range(GAUSS_NEWTON_STEPS):
-        residuals, by_inverse, by_rotation = _linearized(lights, positions, accepted, inverse, rotations)
+        everywhere = np.full(lights.shape[1], inverse)
+        residuals, by_inverse, by_rotation = _linearized(lights, positions, accepted, everywhere, rotations)
         matrix = np.concatenate([by_inverse[..., None], by_rotation], axis=-1).reshape(-1, 1 + 2 * len(spheres))
         step, error = _robust_solution(matrix, residuals.ravel(), np.repeat(accepted, 3))
-        inverse = np.full(len(inverse), np.clip(inverse[0] + step[0], 0.0, MAX_INVERSE_DISTANCE_SPAN / span))
+        inverse = float(np.clip(inverse + step[0], 0.0, MAX_INVERSE_DISTANCE_SPAN / span))
         rotations = rotations + step[1:].reshape(-1, 2)
-    if inverse[0] < MIN_SIGNIFICANCE * error or np.degrees(inverse[0] * span) < MIN_PARALLAX_DEG:
+    return Parallax(inverse, error, rotations, span, shared)
+
+
+def triangulate(spheres: Sequence[SphereLights]) -> LightDistance | None:
+    """Estimate a light's inverse distance; None if it is distant, or if no two spheres share enough frames."""
+    fit = fit_parallax(spheres)
+    if (
+        fit is None
+        or fit.inverse_distance < MIN_SIGNIFICANCE * fit.standard_error
+        or np.degrees(fit.inverse_distance * fit.span) < MIN_PARALLAX_DEG
+    ):
         return None
-    residuals, by_inverse, _ = _linearized(lights, positions, accepted, inverse, rotations)
+    lights, positions, accepted = (values[:, fit.shared] for values in _stacked(spheres))
+    inverse = np.full(lights.shape[1], fit.inverse_distance)
+    residuals, by_inverse, _ = _linearized(lights, positions, accepted, inverse, fit.rotations)
     change = _smooth_change(residuals, by_inverse)
-    varying = np.full(len(shared), inverse[0])
+    varying = np.full(len(fit.shared), fit.inverse_distance)
     if change is not None:
-        frames = np.arange(len(shared))
         limited = np.clip(inverse + change, 0.3 * inverse, 3.0 * inverse)
-        varying = np.interp(frames, frames[shared], limited)
-    return LightDistance(varying, error, change is not None, rotations)
+        varying = np.interp(np.arange(len(fit.shared)), np.flatnonzero(fit.shared), limited)
+    return LightDistance(varying, fit.standard_error, change is not None, fit.rotations)
+
+
+def _stacked(spheres: Sequence[SphereLights]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return lights (S, T, 3) and positions (S, T, 3) of all spheres, and where there are any (S, T)."""
+    lights = np.stack([sphere.lights for sphere in spheres])
+    return lights, np.stack([sphere.positions for sphere in spheres]), np.isfinite(lights[..., 0])
 
 
 def rotated(lights: np.ndarray, rotation: np.ndarray) -> np.ndarray:
