@@ -8,7 +8,6 @@ import numpy as np
 
 from glint.storage.errors import InputError
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of
-from glint.tasks.algorithms.lighting.falloff import Falloff, measure_falloff
 from glint.tasks.algorithms.lighting.half_vector_error import (
     LEAST_DISTANCE_SIZES,
     PixelGrid,
@@ -18,8 +17,9 @@ from glint.tasks.algorithms.lighting.half_vector_error import (
     unknown_distance_error,
 )
 from glint.tasks.algorithms.lighting.lights import Lights, merge_spheres
-from glint.tasks.algorithms.lighting.near_light import NearLight, SphereLights
-from glint.tasks.algorithms.lighting.triangulation import MIN_SHARED_FRAMES, rotated, triangulate
+from glint.tasks.algorithms.near_light.falloff import Falloff, measure_falloff
+from glint.tasks.algorithms.near_light.positions import NearLight, SphereLights
+from glint.tasks.algorithms.near_light.triangulation import MIN_SHARED_FRAMES, rotated, triangulate
 from glint.tasks.engine.stage_inputs import CaptureResults
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import CaptureGeometry

@@ -11,7 +11,7 @@ from glint.storage.inputs.masks_and_truth import read_lights
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of
 from glint.tasks.algorithms.lighting.coverage import coverage
-from glint.tasks.algorithms.lighting.focal_length import estimate_focal_length, focal_length_of_parallax
+from glint.tasks.algorithms.lighting.focal_length import estimate_focal_length
 from glint.tasks.algorithms.lighting.half_vector_error import combined_error, unknown_camera_error
 from glint.tasks.algorithms.lighting.highlights import measure_highlights, static_background
 from glint.tasks.algorithms.lighting.lights import (
@@ -23,6 +23,7 @@ from glint.tasks.algorithms.lighting.lights import (
     inter_sphere_angles,
 )
 from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.near_light.focal_length_of_parallax import focal_length_of_parallax
 from glint.tasks.engine.parameters import LightsParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
@@ -132,6 +133,8 @@ def _with_unknown_camera(
     if geometry.camera is not None:
         return measured
     focal = focal_length_of_parallax([lights.half_vectors for lights in by_sphere], geometry.spheres, centre)
+    if focal == np.inf:
+        return measured
     if focal is not None:
         evidence = "the spheres show the light in directions that only a near camera explains"
     else:
@@ -141,10 +144,10 @@ def _with_unknown_camera(
         sphere, focal = ellipse
         evidence = f"the sphere at ({sphere.x:.0f}, {sphere.y:.0f}) is seen as an ellipse, as by a near camera"
     error = unknown_camera_error(region_pixels(geometry), geometry.spheres, centre, focal)
+    matrix = f"[[{focal:.0f}, 0, {centre[0]:g}], [0, {focal:.0f}, {centre[1]:g}], [0, 0, 1]]"
     message = (
-        f"{evidence}, with a focal length of some {focal:.0f} pixels: give the camera's matrix, about `camera: {{matrix:"
-        f" [[{focal:.0f}, 0, {centre[0]:g}], [0, {focal:.0f}, {centre[1]:g}], [0, 0, 1]]}}`, or record from farther away"
-        " with a longer lens"
+        f"{evidence}, with a focal length of some {focal:.0f} pixels: give the camera's matrix, about"
+        f" `camera: {{matrix: {matrix}}}`, or record from farther away with a longer lens"
     )
     warning = StageWarning(message, "camera", float(np.degrees(np.sqrt(2.0) * np.median(error))))
     return replace(measured, errors=[*measured.errors, error], warnings=[*measured.warnings, warning])

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import solveh_banded
 
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
-from glint.tasks.algorithms.lighting.near_light import SphereLights
+from glint.tasks.algorithms.near_light.positions import SphereLights
 
 MIN_SHARED_FRAMES = 20
 """Frames that two spheres must share."""
@@ -28,6 +28,8 @@ MIN_PARALLAX_DEG = 0.3
 MIN_TANGENT_NZ = 0.2
 """Lower bound of n_z in the derivative of a normal by its n_x and n_y."""
 GAUSS_NEWTON_STEPS = 6
+ALTERNATIONS = 4
+"""Times that a varying distance and the rotations are fitted in turn."""
 MAX_INVERSE_DISTANCE_SPAN = 1.5
 """Largest inverse distance, times the spheres' span, that a step may reach: nearer lights stand between the spheres."""
 SMOOTHING_FRAMES = (4.0, 12.0, 36.0, 108.0)
@@ -93,14 +95,22 @@ def triangulate(spheres: Sequence[SphereLights]) -> LightDistance | None:
     ):
         return None
     lights, positions, accepted = (values[:, fit.shared] for values in _stacked(spheres))
-    inverse = np.full(lights.shape[1], fit.inverse_distance)
-    residuals, by_inverse, _ = _linearized(lights, positions, accepted, inverse, fit.rotations)
-    change = _smooth_change(residuals, by_inverse)
-    varying = np.full(len(fit.shared), fit.inverse_distance)
-    if change is not None:
-        limited = np.clip(inverse + change, 0.3 * inverse, 3.0 * inverse)
-        varying = np.interp(np.arange(len(fit.shared)), np.flatnonzero(fit.shared), limited)
-    return LightDistance(varying, fit.standard_error, change is not None, fit.rotations)
+    inverse, rotations, varies = np.full(lights.shape[1], fit.inverse_distance), fit.rotations, False
+    for _ in range(ALTERNATIONS):
+        residuals, by_inverse, by_rotation = _linearized(lights, positions, accepted, inverse, rotations)
+        change = _smooth_change(residuals, by_inverse)
+        if change is None:
+            break
+        varies = True
+        inverse = np.clip(inverse + change, 0.3 * fit.inverse_distance, 3.0 * fit.inverse_distance)
+        # What one distance left of the variation has bent the rotations.
+        residuals, by_inverse, by_rotation = _linearized(lights, positions, accepted, inverse, rotations)
+        matrix = np.concatenate([by_inverse[..., None], by_rotation], axis=-1)
+        matrix = matrix.reshape(-1, matrix.shape[-1])
+        step, _ = _robust_solution(matrix, residuals.ravel(), np.repeat(accepted, 3))
+        inverse, rotations = inverse + step[0], rotations + step[1:].reshape(-1, 2)
+    varying = np.interp(np.arange(len(fit.shared)), np.flatnonzero(fit.shared), inverse)
+    return LightDistance(varying, fit.standard_error, varies, rotations)
 
 
 def _stacked(spheres: Sequence[SphereLights]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
