@@ -16,24 +16,34 @@ from glint.tasks.algorithms.lighting.half_vector_error import combined_error, un
 from glint.tasks.algorithms.lighting.highlights import measure_highlights, static_background
 from glint.tasks.algorithms.lighting.lights import (
     ACCEPTED,
+    BEFORE_OBJECT,
     BEHIND,
+    COVERED,
     REASONS,
     Lights,
     classify_frames,
     inter_sphere_angles,
+    without_frames,
 )
+from glint.tasks.algorithms.lighting.occlusion import is_light_before_object, is_sphere_covered
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.near_light.focal_length_of_parallax import focal_length_of_parallax
 from glint.tasks.engine.parameters import LightsParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
-from glint.tasks.stages.capture_geometry import CaptureGeometry, load_geometry, sphere_name
+from glint.tasks.stages.capture_geometry import OBJECT, CaptureGeometry, load_geometry, sphere_name
 from glint.tasks.stages.frames import load_levels, load_thumbnails, open_frames, spread_shards
 from glint.tasks.stages.light_distance import DistanceResult, measure_distance, region_pixels
 
 BLOCK_FRAMES = 1024
 """Frames whose highlights are measured at once."""
+OBJECT_BLOCK_FRAMES = 128
+"""Frames of the object that are held at once."""
+MAX_BEFORE_OBJECT_SHARE = 0.2
+"""Share of the frames beyond which a bright border is no light before the object but an overexposed background."""
+MIN_ELONGATION_PX = 1.0
+"""Pixels by which an ellipse's half axes must differ at the focal length that it suggests: less is no evidence."""
 MAX_REFLECTION_SHARDS = 50
 """Most shards from which a sphere's static reflection is taken."""
 
@@ -57,7 +67,7 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
         )
         measured = _with_unknown_camera(inputs, geometry, by_sphere, measured)
         warnings = list(measured.warnings)
-    result = measured.lights
+    result = without_frames(measured.lights, _is_light_before_object(inputs, cache), BEFORE_OBJECT)
     accepted = int(result.accepted.sum())
     if accepted < 2:
         raise UnusableCapture(
@@ -161,7 +171,11 @@ def _focal_length_of_ellipses(inputs: StageInputs, geometry: CaptureGeometry) ->
         background, peak = load_levels(inputs, sphere_name(number))
         middle = (width - 1) / 2 - crop.x, (height - 1) / 2 - crop.y
         focal = estimate_focal_length(background, peak, sphere.in_crop(crop.x, crop.y), middle, width)
-        if focal is not None:
+        if focal is None:
+            continue
+        offset = np.hypot(sphere.x - (width - 1) / 2, sphere.y - (height - 1) / 2) / (focal * width)
+        # The long half axis of a sphere at an angle from the axis exceeds the short one by 1 / cos.
+        if sphere.radius * (np.hypot(1.0, offset) - 1.0) > MIN_ELONGATION_PX:
             return sphere, focal * width
     return None
 
@@ -173,9 +187,12 @@ def _of_sphere(
     step, shards = 16 if cache.frames > 640 else 1, spread_shards(cache.frames, MAX_REFLECTION_SHARDS)
     sample = np.concatenate([cache.read(name, slice(start, start + 64))[::step] for start in shards])
     static = static_background(sample, sphere, camera=camera)
-    blocks = [
-        measure_highlights(
-            cache.read(name, slice(start, start + BLOCK_FRAMES)),
+    blocks, covered = [], []
+    for start in range(0, cache.frames, BLOCK_FRAMES):
+        frames = cache.read(name, slice(start, start + BLOCK_FRAMES))
+        covered.append(is_sphere_covered(frames, static.background, static.saturation, sphere))
+        block = measure_highlights(
+            frames,
             sphere,
             static,
             peak_level=parameters.peak_level,
@@ -183,8 +200,19 @@ def _of_sphere(
             full_level=parameters.full_level,
             camera=camera,
         )
-        for start in range(0, cache.frames, BLOCK_FRAMES)
-    ]
-    return classify_frames(
+        blocks.append(block)
+    found = classify_frames(
         blocks, static, sphere, second_light_ratio=parameters.second_light_ratio, area_ratio=parameters.area_ratio
     )
+    return without_frames(found, np.concatenate(covered), COVERED)
+
+
+def _is_light_before_object(inputs: StageInputs, cache: FrameCache) -> np.ndarray:
+    """Return whether the light itself stands before the object, (T,) bool."""
+    background, _ = load_levels(inputs)
+    blocks = [
+        is_light_before_object(cache.read(OBJECT, slice(start, start + OBJECT_BLOCK_FRAMES)), background)
+        for start in range(0, cache.frames, OBJECT_BLOCK_FRAMES)
+    ]
+    before = np.concatenate(blocks)
+    return before if before.mean() <= MAX_BEFORE_OBJECT_SHARE else np.zeros_like(before)

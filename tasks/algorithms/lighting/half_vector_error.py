@@ -79,7 +79,8 @@ def unknown_camera_error(
     """Return the error (H, W), radians per axis, of half vectors that ignore a perspective camera.
 
     A sphere's normals, read as if its view vector were the optical axis, give light directions that are wrong by the
-    angle between the two; the pixel's own view vector is wrong by its own angle.
+    angle between the two; the pixel's own view vector is wrong by its own angle. The two add up on one side of the axis
+    and cancel on the other; how much of either remains is not known, so they are taken as independent.
 
     Args:
         pixels: of the object's region.
@@ -87,9 +88,16 @@ def unknown_camera_error(
         frame_centre: x and y of the optical axis, likewise.
         focal: focal length in pixels.
     """
-    x, y = np.mean([(sphere.x - frame_centre[0], sphere.y - frame_centre[1]) for sphere in spheres], axis=0)
-    right, down = (pixels.columns - frame_centre[0] + x) / focal, (pixels.rows - frame_centre[1] + y) / focal
-    return _per_axis(np.hypot(np.arctan(right), np.arctan(down)))
+    of_spheres = np.mean([_view_angle(sphere.x, sphere.y, frame_centre, focal) ** 2 for sphere in spheres])
+    of_pixels = _view_angle(pixels.columns, pixels.rows, frame_centre, focal)
+    return _per_axis(np.sqrt(of_pixels**2 + of_spheres))
+
+
+def _view_angle(
+    x: np.ndarray | float, y: np.ndarray | float, frame_centre: tuple[float, float], focal: float
+) -> np.ndarray:
+    """Return the angle (...), radians, between the view vector of a pixel (...) and the optical axis."""
+    return np.asarray(np.arctan(np.hypot(x - frame_centre[0], y - frame_centre[1]) / focal))
 
 
 def _per_axis(direction_error: np.ndarray) -> np.ndarray:

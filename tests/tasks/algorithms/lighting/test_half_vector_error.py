@@ -54,7 +54,8 @@ def test_heights_cost_more_under_a_nearer_light() -> None:
 
 
 def test_an_unknown_camera_costs_the_view_vectors() -> None:
-    """A sphere and a pixel on the same side of the axis add up; on opposite sides the errors cancel."""
+    """Those of the sphere and of the pixel: on the axis the sphere's alone."""
+    sphere = 0.5 * np.degrees(np.arctan(100.0 / 500.0))
     error = size_deg(unknown_camera_error(PIXELS, [SPHERE], (260.0, 110.0), 500.0))
-    assert abs(error[60, 199] - 0.5 * np.degrees(np.arctan(139.0 / 500.0))) < 0.2
-    assert error[60, 60] < 0.1
+    assert abs(error[60, 160] - sphere) < 0.01
+    assert abs(error[60, 60] - np.sqrt(2.0) * sphere) < 0.01
