@@ -31,7 +31,7 @@ REASONS = (
     "clipped or ambiguous",
     "outside the sphere",
     "sphere covered",
-    "light before the object",
+    "overexposed, or light before the object",
 )
 """Names of the codes in `Lights.reason`."""
 ACCEPTED, NO_LIGHT, BEHIND, TWO_LIGHTS, AMBIGUOUS, OUTSIDE_SPHERE, COVERED, BEFORE_OBJECT = range(len(REASONS))
