@@ -36,12 +36,10 @@ SPHERE_REACH = 1.15
 @dataclass(frozen=True)
 class DistanceResult:
     """lights: those of all spheres, seen from the reference point of a near light; near: its positions, None for a
-    distant one; rotations: see `LightDistance`, None unless triangulated; record: to be saved; errors: of half vectors,
-    (H, W) radians per axis; warnings."""
+    distant one; record: to be saved; errors: of half vectors, (H, W) radians per axis; warnings."""
 
     lights: Lights
     near: NearLight | None
-    rotations: np.ndarray | None
     record: Mapping[str, Any] | None
     errors: Sequence[np.ndarray]
     warnings: Sequence[StageWarning]
@@ -78,16 +76,14 @@ def measure_distance(
         return _near(
             by_sphere, sites, geometry, tolerance, inverse, unrotated, GIVEN_ERROR * float(inverse[0]), "given"
         )
-    found = triangulate(sites)
-    if found is not None:
-        deviation = np.hypot(TRIANGULATED_ERROR * np.median(found.inverse_distance), found.standard_error)
-        result = _near(
-            by_sphere, sites, geometry, tolerance, found.inverse_distance, found.rotations, float(deviation), "spheres"
-        )
-        return replace(result, rotations=found.rotations)
+    triangulated = triangulate(sites)
+    if triangulated is not None:
+        inverse, rotations = triangulated.inverse_distance, triangulated.rotations
+        deviation = float(np.hypot(TRIANGULATED_ERROR * np.median(inverse), triangulated.standard_error))
+        return _near(by_sphere, sites, geometry, tolerance, inverse, rotations, deviation, "spheres")
     merged = merge_spheres(by_sphere, tolerance=tolerance)
     if np.isfinite(merged.inter_sphere_angle).sum() >= MIN_SHARED_FRAMES:
-        return DistanceResult(merged, None, None, None, [], [])
+        return DistanceResult(merged, None, None, [], [])
     falloff = _falloff(sites, geometry, thumbnails)
     if falloff is None:
         return _unknown(merged, geometry)
@@ -95,7 +91,7 @@ def measure_distance(
         inverse, deviation = np.full(count, falloff.inverse_distance), falloff.standard_deviation
         return _near(by_sphere, sites, geometry, tolerance, inverse, unrotated, deviation, "background")
     error = light_distance_error(region_pixels(geometry), geometry.spheres, falloff.standard_deviation)
-    return DistanceResult(merged, None, None, None, [error], [])
+    return DistanceResult(merged, None, None, [error], [])
 
 
 def _near(
@@ -131,7 +127,7 @@ def _near(
     }
     pixels = region_pixels(geometry)
     errors = [light_distance_error(pixels, geometry.spheres, deviation), depth_error(pixels, 1.0 / float(middle))]
-    return DistanceResult(merged, near, None, record, errors, _near_warnings(geometry, errors, float(middle), source))
+    return DistanceResult(merged, near, record, errors, _near_warnings(geometry, errors, float(middle), source))
 
 
 def _near_warnings(
@@ -157,7 +153,7 @@ def _unknown(merged: Lights, geometry: CaptureGeometry) -> DistanceResult:
         " light. Use two spheres, one on either side, or give its distance in millimetres,"
         " `parameters: {lights: {distance: ..}}`"
     )
-    return DistanceResult(merged, None, None, None, errors, [StageWarning(message, "light", _cost_deg(errors))])
+    return DistanceResult(merged, None, None, errors, [StageWarning(message, "light", _cost_deg(errors))])
 
 
 def _cost_deg(errors: Sequence[np.ndarray]) -> float:

@@ -57,7 +57,7 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
     """
     cache, geometry, known = open_frames(inputs), load_geometry(inputs), inputs.file("lights")
     if known is not None:
-        measured = DistanceResult(_known(inputs, known, cache.frames), None, None, None, [], [])
+        measured = DistanceResult(_known(inputs, known, cache.frames), None, None, [], [])
         warnings = list[StageWarning]()
     else:
         by_sphere = _by_sphere(inputs, geometry, cache, progress)
@@ -201,10 +201,10 @@ def _of_sphere(
             camera=camera,
         )
         blocks.append(block)
-    found = classify_frames(
+    lights = classify_frames(
         blocks, static, sphere, second_light_ratio=parameters.second_light_ratio, area_ratio=parameters.area_ratio
     )
-    return without_frames(found, np.concatenate(covered), COVERED)
+    return without_frames(lights, np.concatenate(covered), COVERED)
 
 
 def _is_light_before_object(inputs: StageInputs, cache: FrameCache) -> np.ndarray:

@@ -9,12 +9,11 @@ import numpy as np
 from glint.storage.catalogue.loading import Region
 from glint.storage.footage.source import Footage
 from glint.storage.versions.stage_results import StageResult
+from glint.tasks.algorithms.frames.shake import knocked_places, shake_amplitude
 from glint.tasks.algorithms.frames.stabilization import (
     TranslationEstimator,
     downsample,
-    knocked_places,
     register,
-    shake_amplitude,
     translate,
 )
 from glint.tasks.engine.stage_warning import StageWarning

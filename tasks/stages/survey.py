@@ -22,7 +22,7 @@ from glint.tasks.stages.stabilization import Shake, measure_shake
 SAMPLE_BYTES = 256 << 20
 """Most bytes of full frames that are held for their median."""
 
-SPHERE_REACH = 1.1
+SHADED_REACH = 1.1
 """Half the side of the square around a sphere in which nothing counts as standing still, in radii."""
 
 
@@ -116,7 +116,7 @@ def _moving_parts(region: Region, spheres: Sequence[Sphere], size: tuple[int, in
     """Return the rectangles of object and spheres: their shading and reflections move with the light."""
     parts = [region]
     for sphere in spheres:
-        reach = SPHERE_REACH * sphere.radius
+        reach = SHADED_REACH * sphere.radius
         left, top = max(int(sphere.x - reach), 0), max(int(sphere.y - reach), 0)
         right, bottom = min(int(sphere.x + reach) + 1, size[1]), min(int(sphere.y + reach) + 1, size[0])
         parts.append(Region(x=left, y=top, width=right - left, height=bottom - top))

@@ -18,7 +18,8 @@ import numpy as np
 
 from glint.storage.catalogue.loading import Capture, Catalogue, load
 from glint.storage.footage.source import open_footage
-from glint.tasks.algorithms.frames.stabilization import downsample, register, shake_amplitude
+from glint.tasks.algorithms.frames.shake import shake_amplitude
+from glint.tasks.algorithms.frames.stabilization import downsample, register
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.near_light.focal_length_of_parallax import focal_length_of_parallax
 from glint.tasks.algorithms.near_light.positions import SphereLights

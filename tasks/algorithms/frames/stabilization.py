@@ -37,8 +37,6 @@ MAX_SHIFT_PX = 16
 CLIPPED_NOISE_RATIO = 3.0
 """Noise levels to which differences are clipped, so that a highlight does not decide a block."""
 CONVERGED_STEP_PX = 0.01
-MAX_STEP_SCATTER_PX = 0.35
-"""Distance from the nearest of two places, in the mean, up to which a camera stood at the two and nowhere else."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,12 +197,12 @@ def register(
     # The median of all frames has no highlights and shadows, but a large shake blurs it beyond recognition; one frame
     # is sharp. Against something that moves by itself, only neighbouring frames agree.
     median, middle = np.median(frames, axis=0).astype(np.float32), frames[len(frames) // 2].astype(np.float32)
-    found, best = _translations(frames, median, excluded), 0
-    if np.isfinite(found[:, 0]).mean() < MIN_REGISTERED:
-        found, best = _translations(frames, middle, excluded), 1
-    if np.isfinite(found[:, 0]).mean() < MIN_REGISTERED:
+    translated, best = _translations(frames, median, excluded), 0
+    if np.isfinite(translated[:, 0]).mean() < MIN_REGISTERED:
+        translated, best = _translations(frames, middle, excluded), 1
+    if np.isfinite(translated[:, 0]).mean() < MIN_REGISTERED:
         return median, np.zeros((len(frames), 2))
-    reference, translations = (median, middle)[best], np.nan_to_num(found)
+    reference, translations = (median, middle)[best], np.nan_to_num(translated)
     for _ in range(iterations - 1):
         if best == 0 and np.abs(translations).max() < AGREEMENT_PX:
             break
@@ -218,33 +216,8 @@ def register(
 def _translations(frames: np.ndarray, reference: np.ndarray, excluded: np.ndarray | None) -> np.ndarray:
     """Return the translation (T, 2) of each frame (T, H, W) against a reference, NaN without a consensus."""
     estimator = TranslationEstimator(reference, excluded)
-    found = [estimator.consensus(frame) for frame in frames]
-    return np.array([consensus.translation if consensus.blocks else (np.nan, np.nan) for consensus in found])
-
-
-def shake_amplitude(translations: np.ndarray) -> float:
-    """Return the width in pixels of the middle nine tenths of translations (T, 2), the larger of x and y."""
-    low, high = np.percentile(translations, (5.0, 95.0), axis=0)
-    return float((high - low).max())
-
-
-def knocked_places(translations: np.ndarray) -> np.ndarray | None:
-    """Return the two places (2, 2) at which a camera stood before and after it was knocked; None if it shook otherwise.
-
-    translations: (T, 2) in the order of the frames, pixels.
-    """
-    count = len(translations)
-    if count < 4:
-        return None
-    # The change point whose two means leave the least scatter; the frame of the knock itself belongs to either side.
-    splits = [
-        np.abs(translations[:k] - np.median(translations[:k], axis=0)).sum()
-        + np.abs(translations[k:] - np.median(translations[k:], axis=0)).sum()
-        for k in range(1, count)
-    ]
-    split = 1 + int(np.argmin(splits))
-    places = np.stack([np.median(part, axis=0) for part in (translations[:split], translations[split:])])
-    return places if splits[split - 1] / (2 * count) < MAX_STEP_SCATTER_PX else None
+    agreed = [estimator.consensus(frame) for frame in frames]
+    return np.array([consensus.translation if consensus.blocks else (np.nan, np.nan) for consensus in agreed])
 
 
 def _band_pass(image: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ MAX_HIDDEN_LEVEL = 0.6
 """Level relative to the static one below which a reflection's pixel is hidden: exposure drifts by less."""
 MAX_HIDDEN_SHARE = 0.5
 """Share of hidden pixels beyond which the sphere is covered."""
-BORDER_PX = 3
+BACKGROUND_BORDER_PX = 3
 """Width of the border of the object's region that shows the background."""
 CLIPPED_SHARE = 0.9
 """Level as a share of saturation from which a pixel of the border shows the light."""
@@ -56,7 +56,7 @@ def is_light_before_object(frames: np.ndarray, background: np.ndarray) -> np.nda
     """
     largest = float(np.iinfo(frames.dtype).max)
     border = np.ones(background.shape, bool)
-    border[BORDER_PX:-BORDER_PX, BORDER_PX:-BORDER_PX] = False
+    border[BACKGROUND_BORDER_PX:-BACKGROUND_BORDER_PX, BACKGROUND_BORDER_PX:-BACKGROUND_BORDER_PX] = False
     # What is bright all the time, such as a window behind the object, is no light.
     border &= background < 0.5 * largest
     if not border.any():

@@ -16,7 +16,7 @@ from glint.tasks.algorithms.geometry.vectors import unit
 
 CAMERA_EXPONENT = 1.0 / 2.2
 """Exponent of a usual camera's levels over irradiance."""
-MIN_FRAMES, MIN_PLACES = 40, 60
+MIN_LIT_FRAMES, MIN_PLACES = 40, 60
 """Frames and places of the background from which the pattern is trusted."""
 MIN_LIGHT_NZ = 0.25
 """Light's z below which the background is lit at a grazing angle, and shadows cover it."""
@@ -64,7 +64,7 @@ def measure_falloff(
     middle = np.median(levels, axis=0)
     places = (middle > MIN_LEVEL) & (np.percentile(levels, 95.0, axis=0) < MAX_LEVEL)
     frames = np.isfinite(lights[:, 0]) & (np.nan_to_num(lights[:, 2]) > MIN_LIGHT_NZ)
-    if frames.sum() < MIN_FRAMES or places.sum() < MIN_PLACES:
+    if frames.sum() < MIN_LIT_FRAMES or places.sum() < MIN_PLACES:
         return None
     places = np.flatnonzero(places)[:: -(-int(places.sum()) // MAX_PLACES)]
     logarithms = np.log(np.maximum(levels[:, places], 1.0))
@@ -118,9 +118,9 @@ def _log_irradiance(lights: np.ndarray, inverse_distance: float, sphere: np.ndar
 
     lights (T, 3): at the sphere; the light's distance is counted from there. The background faces the camera.
     """
-    towards = lights[:, None] + inverse_distance * (sphere - points)
-    length = np.linalg.norm(towards, axis=-1)
-    return np.asarray(np.log(np.maximum(unit(towards)[..., 2], 0.02)) - 2.0 * np.log(length))
+    to_light = lights[:, None] + inverse_distance * (sphere - points)
+    length = np.linalg.norm(to_light, axis=-1)
+    return np.asarray(np.log(np.maximum(unit(to_light)[..., 2], 0.02)) - 2.0 * np.log(length))
 
 
 def _without_medians(values: np.ndarray, used: np.ndarray) -> np.ndarray:

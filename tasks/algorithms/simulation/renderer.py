@@ -81,8 +81,8 @@ def _irradiance(shape: tuple[int, ...], light: np.ndarray, distance: float | Non
     offset = np.stack(
         [columns - (shape[1] - 1) / 2, (shape[0] - 1) / 2 - rows, np.zeros(shape)], axis=-1, dtype=np.float64
     )
-    towards = np.asarray(light, np.float64) - offset / distance
-    return np.asarray(np.maximum(towards[..., 2], 0.0) / np.linalg.norm(towards, axis=-1) ** 3)
+    to_light = np.asarray(light, np.float64) - offset / distance
+    return np.asarray(np.maximum(to_light[..., 2], 0.0) / np.linalg.norm(to_light, axis=-1) ** 3)
 
 
 def prepare_renderer(paths: Paths, environment: Environment, shape: tuple[int, int], light_radius: float) -> Renderer:

@@ -2,11 +2,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from glint.tasks.algorithms.frames.shake import knocked_places, shake_amplitude
 from glint.tasks.algorithms.frames.stabilization import (
     TranslationEstimator,
-    knocked_places,
     register,
-    shake_amplitude,
     translate,
 )
 
