@@ -22,7 +22,7 @@ MIN_LIGHT_NZ = 0.25
 """Light's z below which the background is lit at a grazing angle, and shadows cover it."""
 MIN_LEVEL, MAX_LEVEL = 8.0, 250.0
 """Levels, of 255, between which the background is neither noise nor clipped."""
-MAX_ROOM_SHARE = 0.5
+MAX_ROOM_SHARE = 0.65
 """Share of the room's light in the background's beyond which the lamp's pattern is not trusted."""
 SHADOW_PERCENTILE, SHADOWED_PLACES_PERCENTILE = 1.0, 2.0
 """Percentile over the frames of a place's level in shadow, and over the places: the darkest shadow, without noise."""
@@ -36,7 +36,8 @@ SWEEPS = 3
 FOLDS = 8
 """Groups of consecutive frames; leaving each out in turn gives the standard error (jackknife)."""
 MODEL_ERROR = 0.25
-"""Relative standard deviation of the inverse distance, since the camera's exponent and the lamp's beam are unknown."""
+"""Relative standard deviation of the inverse distance in a dark room, since the camera's exponent and the lamp's beam
+are unknown; the room's light, whose share is uncertain, enlarges it."""
 MIN_SIGNIFICANCE = 5.0
 """Standard errors by which the inverse distance must exceed zero."""
 
@@ -68,9 +69,10 @@ def measure_falloff(
         return None
     places = np.flatnonzero(places)[:: -(-int(places.sum()) // MAX_PLACES)]
     logarithms = np.log(np.maximum(levels[:, places], 1.0))
-    response = CAMERA_EXPONENT * (1.0 - _room_share(levels[:, places], logarithms, lights, frames))
-    if response < CAMERA_EXPONENT * (1.0 - MAX_ROOM_SHARE):
+    lamp_share = 1.0 - _room_share(levels[:, places], logarithms, lights, frames)
+    if lamp_share < 1.0 - MAX_ROOM_SHARE:
         return None
+    response = CAMERA_EXPONENT * lamp_share
     points = np.stack([x[places], y[places], np.zeros(len(places))], axis=-1)
     observed, directions = logarithms[frames], lights[frames].astype(np.float64)
     pattern = _without_medians(observed, np.ones(observed.shape, bool))
@@ -98,7 +100,7 @@ def measure_falloff(
     error = np.sqrt(FOLDS - 1.0) * float(np.std([fit(groups != fold, inverse, 1) for fold in range(FOLDS)]))
     if inverse < MIN_SIGNIFICANCE * error:
         return Falloff(0.0, float(np.hypot(error, max(inverse, 0.0))))
-    return Falloff(inverse, float(np.hypot(error, MODEL_ERROR * inverse)))
+    return Falloff(inverse, float(np.hypot(error, MODEL_ERROR / lamp_share * inverse)))
 
 
 def _room_share(levels: np.ndarray, logarithms: np.ndarray, lights: np.ndarray, frames: np.ndarray) -> float:
