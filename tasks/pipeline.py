@@ -49,7 +49,7 @@ STAGES = (
         arrays={"background": ArraySchema("HW", "u"), "peak": ArraySchema("HW", "u")},
         peak_bytes=_frames_bytes,
         progress_unit="frames",
-        version=4,
+        version=5,
     ),
     Stage(
         "lights",
@@ -61,6 +61,7 @@ STAGES = (
             "half_vectors": ArraySchema("T3", "f", "accepted"),
             "lights": ArraySchema("T3", "f", "accepted"),
             "reason": ArraySchema("T", "u"),
+            "inverse_distance": ArraySchema("T", "f", "all"),
             "half_vector_sd": ArraySchema("HW", "f", "all"),
         },
         peak_bytes=_per_pixel(400),

@@ -24,8 +24,8 @@ ORDER = {
         " engine version_diff code_provenance"
     ),
     "glint.tasks.algorithms": (
-        "simulation evaluation registration multiview labelling frames prior meshing candidates integration lighting"
-        " geometry errors"
+        "simulation evaluation registration multiview labelling frames prior meshing candidates integration"
+        " near_light lighting geometry errors"
     ),
 }
 """The rooms of a layer in descending order: a room imports only those after it."""

@@ -34,10 +34,12 @@ class StageParameters(BaseModel):
 
 
 class SurveyParameters(StageParameters):
-    """sample: frames read where the spheres or the region must be found; margin: pixels around the mask."""
+    """sample: frames read where the spheres or the region must be found; margin: pixels around the mask; stabilize:
+    whether frames of a shaken camera are moved back."""
 
     sample: Annotated[int, Field(ge=3, le=5000)] = 600
     margin: Annotated[int, Field(ge=2, le=500)] = 8
+    stabilize: bool = True
 
 
 class FramesParameters(StageParameters):

@@ -17,7 +17,7 @@ from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.frames import open_frames
-from glint.tasks.stages.lights import load_point_light
+from glint.tasks.stages.light_distance import load_near_light
 
 Mapper = Callable[[Callable[[Any, Any], Any], Iterable[Any], Any], Iterable[Any]]
 """Applies a function to tasks and to what they share, anywhere; yields the results in the tasks' order."""
@@ -134,12 +134,12 @@ def faced(clusters: Clusters, view: np.ndarray) -> Clusters:
 
 def _arrays(inputs: StageInputs, result: Clusters) -> dict[str, np.ndarray]:
     """Return the arrays to save, their half vectors corrected for a near light and turned into normals."""
-    geometry, point_light = load_geometry(inputs), load_point_light(inputs)
+    geometry, near_light = load_geometry(inputs), load_near_light(inputs)
     vectors = {"normals": result.normals, "winner": result.winner}
-    if point_light is not None:
+    if near_light is not None:
         grid = np.indices(result.observations.shape)
         columns, rows = grid[1] + geometry.region.x, grid[0] + geometry.region.y
-        vectors = {name: point_light.half_vectors_at(values, columns, rows) for name, values in vectors.items()}
+        vectors = {name: near_light.half_vectors_at(values, columns, rows) for name, values in vectors.items()}
     view = geometry.view_vectors
     if view is not None:
         vectors = {name: half_vectors_for_view(values, view) for name, values in vectors.items()}

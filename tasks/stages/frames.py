@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from glint.storage.errors import StoreError
-from glint.storage.footage.source import open_footage
+from glint.storage.footage.source import Footage, open_footage
 from glint.storage.frames.cache import FrameCache, cache_digest
 from glint.storage.frames.eviction import mark_used
 from glint.storage.inputs.digests import input_stamps
@@ -18,6 +18,7 @@ from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.stabilization import REFERENCE, StabilizedFootage
+from glint.tasks.stages.thumbnails import NUMBERS, PICTURES, ThumbnailRecorder
 
 OBJECT_SHARDS, SPHERE_SHARDS = 24, 8
 """Most shards from which background and peak level are taken. The peak level of a sphere shall show its contour: over
@@ -35,9 +36,12 @@ def frames(inputs: StageInputs, progress: Progress) -> StageOutput:
         InputError: the video cannot be read.
         StoreError: the store cannot be written.
     """
-    digest = _digest(inputs)
-    cache = _complete(inputs.location, digest) or _ingest(inputs, digest, progress)
-    arrays: dict[str, np.ndarray] = {}
+    digest, address = _digest(inputs), inputs.file("frames")
+    assert address is not None
+    with open_footage(address) as footage:
+        recorder = ThumbnailRecorder(footage)
+        cache = _complete(inputs.location, digest) or _ingest(inputs, digest, recorder, progress)
+        arrays = dict(recorder.arrays())
     for name in cache.crops:
         background, peak = levels(cache, name)
         arrays |= {level_name("background", name): background, level_name("peak", name): peak}
@@ -56,13 +60,25 @@ def open_frames(results: CaptureResults) -> FrameCache:
         InputError: the video cannot be read; StoreError: the store fails.
     """
     digest = str(results.load("frames").record["cache"])
-    return _complete(results.location, digest) or _ingest(results, digest)
+    cache = _complete(results.location, digest)
+    if cache is not None:
+        return cache
+    address = results.file("frames")
+    assert address is not None
+    with open_footage(address) as footage:
+        return _ingest(results, digest, footage)
 
 
 def load_levels(results: CaptureResults, crop: str = OBJECT) -> tuple[np.ndarray, np.ndarray]:
     """Load background and peak level (H, W) of a crop, of the frames' dtype."""
     stored = results.load("frames")
     return stored.read(level_name("background", crop)), stored.read(level_name("peak", crop))
+
+
+def load_thumbnails(results: CaptureResults) -> tuple[np.ndarray, np.ndarray]:
+    """Load the thumbnails (N, h, w) uint8 of the whole frame, 0 to 255, and the number (N,) of each one's frame."""
+    stored = results.load("frames")
+    return stored.read(PICTURES), stored.read(NUMBERS)
 
 
 def level_name(level: str, crop: str) -> str:
@@ -100,7 +116,7 @@ def _digest(results: CaptureResults) -> str:
     stabilization = survey.record["stabilization"]
     if stabilization["applied"]:
         reference = sha256(survey.read(REFERENCE).tobytes()).hexdigest()
-        content = f"{content} stabilized to {reference} at {stabilization['origin']}"
+        content = f"{content} stabilized to {reference} at {stabilization['origin']} {stabilization['places']}"
     return cache_digest(content, load_geometry(results).crops)
 
 
@@ -115,15 +131,12 @@ def _complete(location: Location, digest: str) -> FrameCache | None:
     return cache if cache.complete else None
 
 
-def _ingest(results: CaptureResults, digest: str, progress: Progress | None = None) -> FrameCache:
+def _ingest(results: CaptureResults, digest: str, footage: Footage, progress: Progress | None = None) -> FrameCache:
     """Decode the video, moved back where the camera was shaken, into the cache."""
-    survey, address = results.load("survey"), results.file("frames")
-    assert address is not None
-    with open_footage(address) as footage:
-        stabilized = survey.record["stabilization"]["applied"]
-        source = StabilizedFootage(footage, survey) if stabilized else footage
-        crops = load_geometry(results).crops
-        return FrameCache.ingest(source, results.location, digest, crops, progress, partial(_unchanged, results))
+    survey = results.load("survey")
+    source = StabilizedFootage(footage, survey) if survey.record["stabilization"]["applied"] else footage
+    crops = load_geometry(results).crops
+    return FrameCache.ingest(source, results.location, digest, crops, progress, partial(_unchanged, results))
 
 
 def _unchanged(results: CaptureResults) -> list[list[Any]]:

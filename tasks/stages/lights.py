@@ -1,10 +1,10 @@
 """Lights: one half vector per frame, from the spheres or from known lights."""
 
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from glint.storage.errors import InputError
 from glint.storage.footage.source import open_footage
 from glint.storage.frames.cache import FrameCache
 from glint.storage.inputs.masks_and_truth import read_lights
@@ -17,31 +17,40 @@ from glint.tasks.algorithms.lighting.coverage import (
     gaps_message,
 )
 from glint.tasks.algorithms.lighting.focal_length import estimate_focal_length
+from glint.tasks.algorithms.lighting.half_vector_error import combined_error, unknown_camera_error
 from glint.tasks.algorithms.lighting.highlights import measure_highlights, static_background
 from glint.tasks.algorithms.lighting.lights import (
     ACCEPTED,
+    BEFORE_OBJECT,
     BEHIND,
+    COVERED,
     REASONS,
     Lights,
     classify_frames,
     inter_sphere_angles,
-    merge_spheres,
+    without_frames,
 )
-from glint.tasks.algorithms.lighting.near_light import PointLight, estimate_point_light
+from glint.tasks.algorithms.lighting.occlusion import is_light_before_object, is_sphere_covered
 from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.near_light.focal_length_of_parallax import focal_length_of_parallax
 from glint.tasks.engine.parameters import LightsParameters
 from glint.tasks.engine.stage import Progress, StageOutput
-from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
+from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
-from glint.tasks.stages.capture_geometry import CaptureGeometry, load_geometry, sphere_name
-from glint.tasks.stages.frames import load_levels, open_frames, spread_shards
+from glint.tasks.stages.capture_geometry import OBJECT, CaptureGeometry, load_geometry, sphere_name
+from glint.tasks.stages.frames import load_levels, load_thumbnails, open_frames, spread_shards
+from glint.tasks.stages.light_distance import DistanceResult, measure_distance, region_pixels
 
 SPHERES, FILE = "spheres", "file"
 """Where the lights of a capture come from, as its record names it."""
 BLOCK_FRAMES = 1024
 """Frames whose highlights are measured at once."""
-NEAR_CAMERA_ERROR_DEG = 6.5
-"""Degrees by which the mean error grows where the matrix of a near camera is not given (docs/photographing.md)."""
+OBJECT_BLOCK_FRAMES = 128
+"""Frames of the object that are held at once."""
+MAX_BEFORE_OBJECT_SHARE = 0.2
+"""Share of the frames beyond which a bright border is no light before the object but an overexposed background."""
+MIN_ELONGATION_PX = 1.0
+"""Pixels by which an ellipse's half axes must differ at the focal length that it suggests: less is no evidence."""
 MAX_REFLECTION_SHARDS = 50
 """Most shards from which a sphere's static reflection is taken."""
 
@@ -55,16 +64,24 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
     """
     cache, geometry, known = open_frames(inputs), load_geometry(inputs), inputs.file("lights")
     if known is not None:
-        result, point_light, warnings = _known(inputs, known, cache.frames), None, list[StageWarning]()
+        measured = DistanceResult(_known(inputs, known, cache.frames), None, None, [], [])
+        warnings = list[StageWarning]()
     else:
-        result, point_light = _measured(inputs, geometry, cache, progress)
-        warnings = _near_camera(inputs, geometry)
+        by_sphere = _by_sphere(inputs, geometry, cache, progress)
+        parameters: LightsParameters = inputs.parameters
+        measured = measure_distance(
+            by_sphere, geometry, load_thumbnails(inputs), parameters.tolerance, parameters.distance
+        )
+        measured = _with_unknown_camera(inputs, geometry, by_sphere, measured)
+        warnings = list(measured.warnings)
+    result = without_frames(measured.lights, _is_light_before_object(inputs, cache), BEFORE_OBJECT)
     accepted = int(result.accepted.sum())
     if accepted < 2:
         raise UnusableCapture(
             f"{accepted} of {cache.frames} frames has a light before the object",
             "record for longer and move the light over the whole hemisphere before the object",
         )
+    shape = (geometry.region.height, geometry.region.width)
     median, worst = inter_sphere_angles(result)
     sweep = coverage(result.half_vectors)
     record = {
@@ -74,7 +91,7 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
             "within_degrees": {f"{limit:g}": round(share, 4) for limit, share in sweep.covered_shares.items()},
             "gaps": [str(gap) for gap in sweep.gaps],
         },
-        "near_lamp": None if point_light is None else asdict(point_light),
+        "near_light": measured.record,
         "disagreement_degrees": None if np.isnan(median) else {"median": median, "95th percentile": worst},
     }
     rejected = {
@@ -87,7 +104,8 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
             "half_vectors": result.half_vectors,
             "lights": result.lights,
             "reason": result.reason,
-            "half_vector_sd": _half_vector_sd(geometry),
+            "inverse_distance": _inverse_distance(measured),
+            "half_vector_sd": combined_error([np.zeros(shape), *measured.errors]),
         },
         record=record,
         counts={"accepted": accepted, **rejected},
@@ -100,15 +118,10 @@ def _gap_warnings(sweep: Coverage) -> list[StageWarning]:
     return [StageWarning(gaps_message(sweep.gaps), "coverage", EXTRAPOLATED_ERROR_DEG)] if sweep.gaps else []
 
 
-def _half_vector_sd(geometry: CaptureGeometry) -> np.ndarray:
-    """Return the standard deviation per axis (H, W) float32, radians, of an error that all half vectors share."""
-    return np.zeros((geometry.region.height, geometry.region.width), np.float32)
-
-
-def load_point_light(results: CaptureResults) -> PointLight | None:
-    """Load the near light that was measured or given; None: far away."""
-    saved = results.load("lights").record["near_lamp"]
-    return None if saved is None else PointLight(**saved)
+def _inverse_distance(measured: DistanceResult) -> np.ndarray:
+    """Return the inverse distance (T,) float32 of the light, 1/pixels; 0 for a distant one."""
+    near = measured.near
+    return np.zeros(len(measured.lights.reason), np.float32) if near is None else near.inverse_distance
 
 
 def _known(inputs: StageInputs, address: str, count: int) -> Lights:
@@ -123,46 +136,61 @@ def _known(inputs: StageInputs, address: str, count: int) -> Lights:
     return Lights(half_vectors_of(kept).astype(np.float32), kept, reason, unknown, unknown)
 
 
-def _measured(
-    inputs: StageInputs, geometry: CaptureGeometry, cache: FrameCache, progress: Progress
-) -> tuple[Lights, PointLight | None]:
-    """Measure the lights on all spheres; with two, or a given distance, the near light as well."""
-    parameters: LightsParameters = inputs.parameters
+def _by_sphere(inputs: StageInputs, geometry: CaptureGeometry, cache: FrameCache, progress: Progress) -> list[Lights]:
+    """Measure the lights on all spheres."""
     by_sphere = []
     for number, sphere in enumerate(geometry.spheres):
         crop = geometry.crops[sphere_name(number)]
         in_crop, camera = sphere.in_crop(crop.x, crop.y), geometry.camera_within(crop)
-        by_sphere.append(_of_sphere(parameters, cache, sphere_name(number), in_crop, camera))
+        by_sphere.append(_of_sphere(inputs.parameters, cache, sphere_name(number), in_crop, camera))
         progress(number + 1, len(geometry.spheres))
-    combined = merge_spheres(by_sphere, tolerance=parameters.tolerance)
-    if parameters.distance is None:
-        return combined, estimate_point_light([lights.half_vectors for lights in by_sphere], geometry.spheres)
-    if geometry.pixel_size is None:
-        raise InputError(
-            "the light's distance is given in millimetres, but nothing gives the scale",
-            "give a sphere's diameter_mm, or the capture's pixel_size",
-        )
-    return combined, PointLight.from_distance(geometry.spheres, parameters.distance / geometry.pixel_size)
+    return by_sphere
 
 
-def _near_camera(inputs: StageInputs, geometry: CaptureGeometry) -> list[StageWarning]:
-    """Warn where a sphere's contour shows a near camera whose matrix is not given."""
+def _with_unknown_camera(
+    inputs: StageInputs, geometry: CaptureGeometry, by_sphere: Sequence[Lights], measured: DistanceResult
+) -> DistanceResult:
+    """Return the lights in doubt by the view vectors, with a warning, if a near camera is seen and not given."""
+    width, height = geometry.frame_size
+    centre = (width - 1) / 2, (height - 1) / 2
     if geometry.camera is not None:
-        return []
+        return measured
+    focal = focal_length_of_parallax([lights.half_vectors for lights in by_sphere], geometry.spheres, centre)
+    if focal == np.inf:
+        return measured
+    if focal is not None:
+        evidence = "the spheres show the light in directions that only a near camera explains"
+    else:
+        ellipse = _focal_length_of_ellipses(inputs, geometry)
+        if ellipse is None:
+            return measured
+        sphere, focal = ellipse
+        evidence = f"the sphere at ({sphere.x:.0f}, {sphere.y:.0f}) is seen as an ellipse, as by a near camera"
+    error = unknown_camera_error(region_pixels(geometry), geometry.spheres, centre, focal)
+    matrix = f"[[{focal:.0f}, 0, {centre[0]:g}], [0, {focal:.0f}, {centre[1]:g}], [0, 0, 1]]"
+    message = (
+        f"{evidence}, with a focal length of some {focal:.0f} pixels: give the camera's matrix, about"
+        f" `camera: {{matrix: {matrix}}}`, or record from farther away with a longer lens"
+    )
+    warning = StageWarning(message, "camera", float(np.degrees(np.sqrt(2.0) * np.median(error))))
+    return replace(measured, errors=[*measured.errors, error], warnings=[*measured.warnings, warning])
+
+
+def _focal_length_of_ellipses(inputs: StageInputs, geometry: CaptureGeometry) -> tuple[Sphere, float] | None:
+    """Return the first sphere whose contour shows a near camera, and the focal length in pixels."""
     width, height = geometry.frame_size
     for number, sphere in enumerate(geometry.spheres):
         crop = geometry.crops[sphere_name(number)]
         background, peak = load_levels(inputs, sphere_name(number))
         middle = (width - 1) / 2 - crop.x, (height - 1) / 2 - crop.y
         focal = estimate_focal_length(background, peak, sphere.in_crop(crop.x, crop.y), middle, width)
-        if focal is not None:
-            message = (
-                f"the sphere at ({sphere.x:.0f}, {sphere.y:.0f}) is seen as an ellipse, as by a near camera with a"
-                f" focal length of some {focal:.1f} frame widths: give `camera: {{matrix: ..}}`, or record from farther"
-                " away with a longer lens"
-            )
-            return [StageWarning(message, "camera", NEAR_CAMERA_ERROR_DEG)]
-    return []
+        if focal is None:
+            continue
+        offset = np.hypot(sphere.x - (width - 1) / 2, sphere.y - (height - 1) / 2) / (focal * width)
+        # The long half axis of a sphere at an angle from the axis exceeds the short one by 1 / cos.
+        if sphere.radius * (np.hypot(1.0, offset) - 1.0) > MIN_ELONGATION_PX:
+            return sphere, focal * width
+    return None
 
 
 def _of_sphere(
@@ -172,9 +200,12 @@ def _of_sphere(
     step, shards = 16 if cache.frames > 640 else 1, spread_shards(cache.frames, MAX_REFLECTION_SHARDS)
     sample = np.concatenate([cache.read(name, slice(start, start + 64))[::step] for start in shards])
     static = static_background(sample, sphere, camera=camera)
-    blocks = [
-        measure_highlights(
-            cache.read(name, slice(start, start + BLOCK_FRAMES)),
+    blocks, covered = [], []
+    for start in range(0, cache.frames, BLOCK_FRAMES):
+        frames = cache.read(name, slice(start, start + BLOCK_FRAMES))
+        covered.append(is_sphere_covered(frames, static.background, static.saturation, sphere))
+        block = measure_highlights(
+            frames,
             sphere,
             static,
             peak_level=parameters.peak_level,
@@ -182,8 +213,19 @@ def _of_sphere(
             full_level=parameters.full_level,
             camera=camera,
         )
-        for start in range(0, cache.frames, BLOCK_FRAMES)
-    ]
-    return classify_frames(
+        blocks.append(block)
+    lights = classify_frames(
         blocks, static, sphere, second_light_ratio=parameters.second_light_ratio, area_ratio=parameters.area_ratio
     )
+    return without_frames(lights, np.concatenate(covered), COVERED)
+
+
+def _is_light_before_object(inputs: StageInputs, cache: FrameCache) -> np.ndarray:
+    """Return whether the light itself stands before the object, (T,) bool."""
+    background, _ = load_levels(inputs)
+    blocks = [
+        is_light_before_object(cache.read(OBJECT, slice(start, start + OBJECT_BLOCK_FRAMES)), background)
+        for start in range(0, cache.frames, OBJECT_BLOCK_FRAMES)
+    ]
+    before = np.concatenate(blocks)
+    return before if before.mean() <= MAX_BEFORE_OBJECT_SHARE else np.zeros_like(before)

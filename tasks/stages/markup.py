@@ -14,7 +14,7 @@ from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.frames import open_frames
-from glint.tasks.stages.lights import load_point_light
+from glint.tasks.stages.light_distance import load_near_light
 
 
 def markup(inputs: StageInputs, progress: Progress) -> StageOutput:
@@ -33,10 +33,10 @@ def markup(inputs: StageInputs, progress: Progress) -> StageOutput:
     thresholds = inputs.load("thresholds").read("thresholds")
     half_vectors = inputs.load("lights").read("half_vectors")
     tracks = track(marks, partial(cache.read, OBJECT), thresholds, half_vectors, mask, (region.x, region.y))
-    tracked, point_light = tracks.marks, load_point_light(inputs)
-    if point_light is not None and len(tracked.kind):
+    tracked, near_light = tracks.marks, load_near_light(inputs)
+    if near_light is not None and len(tracked.kind):
         rows, columns = tracked.pixels.T
-        vectors = point_light.half_vectors_at(tracked.half_vectors, columns + region.x, rows + region.y)
+        vectors = near_light.half_vectors_at(tracked.half_vectors, columns + region.x, rows + region.y)
         tracked = replace(tracked, half_vectors=vectors)
     view = geometry.view_vectors
     if view is not None and len(tracked.kind):

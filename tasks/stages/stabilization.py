@@ -6,18 +6,19 @@ from typing import Any, Self
 
 import numpy as np
 
+from glint.storage.catalogue.loading import Region
 from glint.storage.footage.source import Footage
 from glint.storage.versions.stage_results import StageResult
+from glint.tasks.algorithms.frames.shake import knocked_places, shake_amplitude
 from glint.tasks.algorithms.frames.stabilization import (
     TranslationEstimator,
     downsample,
     register,
-    shake_amplitude,
     translate,
 )
 from glint.tasks.engine.stage_warning import StageWarning
 
-SAMPLED_FRAMES = 12
+SAMPLED_FRAMES = 24
 """Frames over the video in which the shake is measured."""
 SAMPLED_PIXELS = 1 << 19
 """Pixels beyond which these are made smaller."""
@@ -27,6 +28,10 @@ STEADY_PX = 0.6
 """Shake up to which frames are taken as they are: half of it is the codec's."""
 STABILIZED_ERROR_DEG = 1.0
 """Degrees by which the mean error of simulated captures grows when a shake was corrected (docs/evaluation.md)."""
+STEADY_OBJECT_PX = 1.5
+"""The same where only the object and the spheres have structure: shading moves over a round object with the light."""
+SETTLED_PX = 1.0
+"""Distance from one of the places of a knocked camera up to which a frame is taken to stand there."""
 REFERENCE = "stabilization_reference"
 
 
@@ -40,26 +45,56 @@ class Shake:
     warnings: Sequence[StageWarning] = ()
 
 
-def measure_shake(footage: Footage, to_first: bool) -> Shake:
+def measure_shake(footage: Footage, to_first: bool, excluded: Sequence[Region] = ()) -> Shake:
     """Measure how far the camera moved during a video.
 
-    to_first: move frames back to the first one rather than to the middle of all.
+    Args:
+        footage: the video.
+        to_first: move frames back to the first one rather than to the middle of all.
+        excluded: rectangles around object and spheres, pixels of the full frame: shading moves over them.
     """
     if 0 < footage.count < MIN_FRAMES:
         return Shake({"shake_pixels": 0.0, "applied": False})
     reduction = max(1, round((footage.height * footage.width / SAMPLED_PIXELS) ** 0.5))
     frames = np.stack([downsample(frame, reduction) for frame in footage.spread(SAMPLED_FRAMES)])
-    reference, shifts = register(frames)
+    rectangles = [region.model_dump() for region in excluded]
+    covered = _covered(frames.shape[1:], rectangles, reduction)
+    reference, shifts = register(frames, covered)
     shake = reduction * shake_amplitude(shifts)
-    if shake <= STEADY_PX:
+    steady = STEADY_PX if TranslationEstimator(reference, covered).on_background else STEADY_OBJECT_PX
+    if shake <= steady:
         return Shake({"shake_pixels": round(shake, 3), "applied": False})
+    places = knocked_places(shifts)
     origin = shifts[0] if to_first else np.median(shifts, axis=0)
-    record = {"shake_pixels": round(shake, 3), "applied": True, "origin": origin.tolist(), "reduction": reduction}
+    if places is not None:
+        origin = places[np.abs(places - origin).sum(axis=1).argmin()]
+    record = {
+        "shake_pixels": round(shake, 3),
+        "applied": True,
+        "origin": origin.tolist(),
+        "reduction": reduction,
+        "excluded": rectangles,
+        "places": None if places is None else places.tolist(),
+    }
     target = "the first one" if to_first else "the middle"
+    moved = f"the camera moved by {shake:.1f} pixels: frames are moved back to {target}"
+    if places is not None:
+        moved = f"the camera was knocked {shake:.1f} pixels aside once: the frames of one side are moved to the other"
     warning = (
-        f"the camera moved by {shake:.1f} pixels: frames are moved back to {target}; a firm tripod gives better normals"
+        f"{moved}; a firm tripod gives better normals, and `parameters: {{survey: {{stabilize: false}}}}` leaves the"
+        " frames as they are"
     )
     return Shake(record, {REFERENCE: reference}, [StageWarning(warning, "camera", STABILIZED_ERROR_DEG)])
+
+
+def _covered(shape: tuple[int, ...], rectangles: Sequence[Mapping[str, int]], reduction: int) -> np.ndarray:
+    """Return the pixels (H, W) bool that rectangles of the full frame cover in a picture `reduction` times smaller."""
+    covered = np.zeros(shape, bool)
+    for rectangle in rectangles:
+        top, left = rectangle["y"] // reduction, rectangle["x"] // reduction
+        bottom, right = rectangle["y"] + rectangle["height"], rectangle["x"] + rectangle["width"]
+        covered[top : -(-bottom // reduction), left : -(-right // reduction)] = True
+    return covered
 
 
 class StabilizedFootage:
@@ -68,7 +103,10 @@ class StabilizedFootage:
     def __init__(self, footage: Footage, survey: StageResult) -> None:
         about = survey.record["stabilization"]
         self._footage, self._reduction = footage, int(about["reduction"])
-        self._estimator, self._origin = TranslationEstimator(survey.read(REFERENCE)), np.array(about["origin"])
+        reference = survey.read(REFERENCE)
+        covered = _covered(reference.shape, about["excluded"], self._reduction)
+        self._estimator, self._origin = TranslationEstimator(reference, covered), np.array(about["origin"])
+        self._places = None if about["places"] is None else np.array(about["places"])
         self.uri, self.count, self.codec = footage.uri, footage.count, footage.codec
         self.bits, self.height, self.width, self.names = footage.bits, footage.height, footage.width, footage.names
 
@@ -87,8 +125,15 @@ class StabilizedFootage:
     def frames(self, start: int = 0, step: int = 1) -> Iterator[np.ndarray]:
         """Yield the luma (H, W) of frames start, start + step, .., each moved back."""
         for frame in self._footage.frames(start, step):
-            shift = self._estimator.estimate(downsample(frame, self._reduction))
+            shift = self._settled(self._estimator.estimate(downsample(frame, self._reduction)))
             yield translate(frame, self._reduction * (self._origin - shift))
+
+    def _settled(self, shift: np.ndarray) -> np.ndarray:
+        """Return the place (2,) of a camera that was knocked once, or the shift itself during the knock."""
+        if self._places is None:
+            return shift
+        distances = np.abs(self._places - shift).max(axis=1)
+        return np.asarray(self._places[distances.argmin()]) if distances.min() < SETTLED_PX else shift
 
     def spread(self, count: int) -> list[np.ndarray]:
         """Return about `count` frames spread over the video, as they were recorded."""

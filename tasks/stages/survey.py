@@ -1,6 +1,6 @@
 """Survey: what the video is, whether its camera stood still, where the spheres and the object are."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -17,10 +17,13 @@ from glint.tasks.algorithms.lighting.spheres import Sphere, find_spheres
 from glint.tasks.engine.parameters import SurveyParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
-from glint.tasks.stages.stabilization import measure_shake
+from glint.tasks.stages.stabilization import Shake, measure_shake
 
 SAMPLE_BYTES = 256 << 20
 """Most bytes of full frames that are held for their median."""
+
+SHADED_REACH = 1.1
+"""Half the side of the square around a sphere in which nothing counts as standing still, in radii."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +64,9 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
             arrays["mask"] = estimate[region.rows, region.columns]
         _check_region(region, size)
         # Whoever gives spheres or a mask has read them off the first frame.
-        shake = measure_shake(footage, to_first=bool(given_spheres or mask))
+        shake = Shake({"shake_pixels": None, "applied": False})
+        if parameters.stabilize:
+            shake = measure_shake(footage, bool(given_spheres or mask), _moving_parts(region, spheres, size))
         record = {
             "frame_size": [footage.width, footage.height],
             "frames_claimed": footage.count,
@@ -105,6 +110,17 @@ def around(mask: np.ndarray, margin: int) -> Region:
     bottom = min(int(rows[-1]) + margin + 1, mask.shape[0])
     right = min(int(columns[-1]) + margin + 1, mask.shape[1])
     return Region(x=left, y=top, width=right - left, height=bottom - top)
+
+
+def _moving_parts(region: Region, spheres: Sequence[Sphere], size: tuple[int, int]) -> list[Region]:
+    """Return the rectangles of object and spheres: their shading and reflections move with the light."""
+    parts = [region]
+    for sphere in spheres:
+        reach = SHADED_REACH * sphere.radius
+        left, top = max(int(sphere.x - reach), 0), max(int(sphere.y - reach), 0)
+        right, bottom = min(int(sphere.x + reach) + 1, size[1]), min(int(sphere.y + reach) + 1, size[0])
+        parts.append(Region(x=left, y=top, width=right - left, height=bottom - top))
+    return parts
 
 
 def _scale(inputs: StageInputs, camera: np.ndarray | None) -> Mapping[str, Any]:

@@ -22,7 +22,7 @@ CENTRE_SHIFTS_PX = (-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5)
 """Offsets of the circle's centre from the given one, along x and y."""
 RADIUS_RATIOS = tuple(np.arange(0.94, 1.061, 0.015).tolist())
 """Ratios of the circle's radius to the given one."""
-MIN_SCORE_RATIO = 1.03
+MIN_SCORE_RATIO = 1.05
 """Ratio of the best score to an orthographic camera's from which the contour counts as an ellipse."""
 SCORED_RADIUS_PX = 50.0
 """Radius to which larger spheres are reduced."""

@@ -23,9 +23,18 @@ from glint.tasks.algorithms.lighting.highlights import (
 )
 from glint.tasks.algorithms.lighting.spheres import Sphere
 
-REASONS = ("accepted", "no light", "behind the object", "two lights", "clipped or ambiguous", "outside the sphere")
+REASONS = (
+    "accepted",
+    "no light",
+    "behind the object",
+    "two lights",
+    "clipped or ambiguous",
+    "outside the sphere",
+    "sphere covered",
+    "overexposed, or light before the object",
+)
 """Names of the codes in `Lights.reason`."""
-ACCEPTED, NO_LIGHT, BEHIND, TWO_LIGHTS, AMBIGUOUS, OUTSIDE_SPHERE = range(len(REASONS))
+ACCEPTED, NO_LIGHT, BEHIND, TWO_LIGHTS, AMBIGUOUS, OUTSIDE_SPHERE, COVERED, BEFORE_OBJECT = range(len(REASONS))
 
 MIN_HALF_VECTOR_NZ = float(np.cos(np.radians(45.0)))
 """n_z of the sphere's normal below which the light is more than 90 degrees from the view vector."""
@@ -106,6 +115,14 @@ def classify_frames(
     reason[area[:, 0] > MAX_AREA_FRACTION * front_disc_area] = AMBIGUOUS
     reason[area[:, 0] <= 0] = NO_LIGHT
     return _lights(half[:, 0], reason, area[:, 0])
+
+
+def without_frames(lights: Lights, rejected: np.ndarray, reason: int) -> Lights:
+    """Return lights whose accepted frames (T,) bool are rejected for another reason, an index into `REASONS`."""
+    codes = np.where(rejected & lights.accepted, reason, lights.reason)
+    return _lights(
+        lights.half_vectors, codes, lights.area, np.where(codes == ACCEPTED, lights.inter_sphere_angle, np.nan)
+    )
 
 
 def find_lights(

@@ -57,7 +57,7 @@ class Renderer:
         if not np.isfinite(light).all():
             return image
         if light[2] > 0:
-            image += self.matte * np.float32(MATTE_IRRADIANCE * light[2])
+            image += self.matte * (MATTE_IRRADIANCE * _irradiance(self.matte.shape, light, distance)).astype(np.float32)
         direction = np.asarray(light, np.float64)
         inverse_distance = 0.0 if distance is None else 1.0 / distance
         # Under a near light the direction differs from pixel to pixel, so more bins may hold its paths.
@@ -68,6 +68,21 @@ class Renderer:
             self.starts, self.size, reach, self.light_radius,
         )  # fmt: skip
         return image
+
+
+def _irradiance(shape: tuple[int, ...], light: np.ndarray, distance: float | None) -> np.ndarray:
+    """Return the irradiance (H, W), or a scalar for a distant light, of the background relative to a zenith light's.
+
+    light, distance: see `Renderer.render`; a near light is brighter on its own side, by the inverse square.
+    """
+    if distance is None:
+        return np.asarray(light[2])
+    rows, columns = np.indices(shape)
+    offset = np.stack(
+        [columns - (shape[1] - 1) / 2, (shape[0] - 1) / 2 - rows, np.zeros(shape)], axis=-1, dtype=np.float64
+    )
+    to_light = np.asarray(light, np.float64) - offset / distance
+    return np.asarray(np.maximum(to_light[..., 2], 0.0) / np.linalg.norm(to_light, axis=-1) ** 3)
 
 
 def prepare_renderer(paths: Paths, environment: Environment, shape: tuple[int, int], light_radius: float) -> Renderer:

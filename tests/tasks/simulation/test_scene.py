@@ -34,7 +34,7 @@ def test_lights_agree_with_the_formula_and_the_spheres_with_each_other(scene: Sc
     assert np.median(error) < 0.58 and np.max(error) < 2.15
     assert np.abs(np.mean(found.read("lights") - scene.lights, axis=0)).max() < 2.3e-4, "no bias"
     assert 0.22 < found.record["disagreement_degrees"]["median"] < 0.34
-    assert found.record["near_lamp"] is None, "the light is far away"
+    assert found.record["near_light"] is None, "the light is far away"
 
 
 def test_two_spheres_are_better_than_either(scene: Scene, store: Path, tmp_path: Path) -> None:

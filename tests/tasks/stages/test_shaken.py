@@ -6,9 +6,12 @@ import numpy as np
 
 from glint.storage.catalogue.loading import load
 from glint.storage.footage.source import open_footage
+from glint.tasks.algorithms.frames.shake import shake_amplitude
+from glint.tasks.algorithms.frames.stabilization import register
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from glint.tasks.stages.capture_geometry import OBJECT
 from glint.tasks.stages.frames import open_frames
+from glint.tasks.stages.stabilization import STEADY_PX
 from tests.tasks.make_context import make_context, perform_all
 
 
@@ -30,6 +33,19 @@ def test_frames_of_a_shaken_camera_are_moved_back(tmp_path: Path) -> None:
     assert capture.region is not None
     with open_footage(capture.frames) as footage:
         levels["raw"] = np.array([each[capture.region.rows, capture.region.columns] for each in footage.frames()])
+    as_recorded = make_context(shaken.catalogue, tmp_path / "as-recorded", {"survey": {"stabilize": False}})
+    perform_all(as_recorded, "frames")
+    assert np.array_equal(open_frames(as_recorded).read(OBJECT), levels["raw"])
     inner = np.s_[:, 8:-8, 8:-8]
     off = {name: np.median(np.abs(levels["still"] - levels[name])[inner]) for name in ("raw", "shaken")}
     assert off["shaken"] < 0.6 * off["raw"]
+
+
+def test_tripods_of_the_shared_recordings_stand_still(shared_data: Path) -> None:
+    """Photographs under moving lights, whose number does not matter here, and videos with drifting shadows."""
+    patterns = ("psbox/LightProbe-2/Image_*.JPG", "uw_chrome/chrome/chrome.[0-9]*.png", "gold_ring/*.jpg")
+    addresses = [str(shared_data / "real" / pattern) for pattern in patterns]
+    for address in [*addresses, str(shared_data / "captures" / "duck" / "front" / "video.mp4")]:
+        with open_footage(address) as footage:
+            frames = np.stack(footage.spread(12))
+        assert shake_amplitude(register(frames)[1]) < STEADY_PX, address

@@ -1,10 +1,11 @@
 import numpy as np
+import pytest
 from scipy.ndimage import gaussian_filter
 
+from glint.tasks.algorithms.frames.shake import knocked_places, shake_amplitude
 from glint.tasks.algorithms.frames.stabilization import (
     TranslationEstimator,
     register,
-    shake_amplitude,
     translate,
 )
 
@@ -53,3 +54,63 @@ def test_shake_amplitude_separates_a_tripod_from_a_shaken_camera() -> None:
 def test_an_image_without_structure_is_not_translated() -> None:
     estimator = TranslationEstimator(np.full((50, 60), 40.0, np.float32))
     assert np.allclose(estimator.estimate(np.full((50, 60), 40, np.uint8)), 0.0)
+
+
+def shadowed_frames(shifts: np.ndarray, texture: float = 1.0) -> np.ndarray:
+    """Return frames (T, 240, 320) uint8 of a cloth over which the sharp shadows of two spheres and a caustic drift.
+
+    The shadows cover a sixth of the image and move by a pixel or two in a frame; texture: contrast of the cloth.
+    """
+    generator = np.random.default_rng(5)
+    rows, columns = np.mgrid[:240, :320]
+    cloth = 70 + texture * 130 * gaussian_filter(generator.normal(size=(240, 320)), 2)
+    caustic = 50 * (gaussian_filter(generator.normal(size=(90, 90)), 1.5) * 5).clip(0, 2)
+    frames = []
+    for number, shift in enumerate(shifts):
+        image = cloth * (0.7 + 0.3 * np.sin(number / 5))
+        for x, y, radius in ((90 + 1.7 * number, 90, 38), (210 + 1.7 * number, 150, 34)):
+            image = np.where(np.hypot(columns - x, rows - y) < radius, 0.35 * image, image)
+        left = int(20 + 1.5 * number)
+        image[140:230, left : left + 90] += caustic[:, : 320 - left]
+        image = translate(image.astype(np.float32), shift) + generator.normal(0, 1.5, image.shape)
+        frames.append(image.clip(0, 255).astype(np.uint8))
+    return np.array(frames)
+
+
+@pytest.mark.parametrize("texture", [1.0, 0.25, 0.0])
+def test_shadows_and_caustics_are_no_shake(texture: float) -> None:
+    """Nor are they on a cloth of weak structure, nor on a black one, where what moves is all that there is."""
+    _, found = register(shadowed_frames(np.zeros((24, 2)), texture))
+    assert np.abs(found).max() < 0.2
+
+
+def test_a_shake_is_measured_under_moving_shadows() -> None:
+    shifts = np.random.default_rng(6).normal(0, 1.5, (24, 2))
+    _, found = register(shadowed_frames(shifts))
+    assert np.abs(found - found[0] - (shifts - shifts[0])).max() < 0.3
+
+
+def test_the_background_decides_where_it_has_structure() -> None:
+    """Shading that moves over the object alone is no shake."""
+    frames = shadowed_frames(np.zeros((9, 2)))
+    relief = 200 * gaussian_filter(np.random.default_rng(7).normal(size=(240, 160)), 2)
+    for number, frame in enumerate(frames):
+        frame[:, 80:240] = (90 + translate(relief.astype(np.float32), np.array([0.5 * number, 0.0]))).clip(0, 255)
+    excluded = np.zeros((240, 320), bool)
+    excluded[:, 80:240] = True
+    assert TranslationEstimator(frames[0], excluded).on_background
+    assert np.abs(register(frames, excluded)[1]).max() < 0.2
+
+
+@pytest.mark.parametrize("change", [2, 12, 21])
+def test_a_knock_is_a_step_between_two_places(change: int) -> None:
+    shifts = np.zeros((24, 2))
+    shifts[change:] = 2.4, -1.3
+    places = knocked_places(register(shadowed_frames(shifts))[1])
+    assert places is not None
+    assert np.allclose(places[1] - places[0], (2.4, -1.3), atol=0.15)
+
+
+def test_a_hand_held_camera_stands_nowhere() -> None:
+    walk = np.cumsum(np.random.default_rng(8).normal(0, 0.7, (24, 2)), axis=0)
+    assert knocked_places(walk) is None

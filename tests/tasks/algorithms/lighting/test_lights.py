@@ -65,7 +65,7 @@ def test_every_rejected_frame_has_its_reason():
     assert lights.reason[[3, 5, 7, 9, 11]].tolist() == [NO_LIGHT, BEHIND, TWO_LIGHTS, AMBIGUOUS, NO_LIGHT]
     assert np.isnan(lights.half_vectors[[3, 5, 7, 9, 11]]).all()
     assert (np.delete(lights.reason, [3, 5, 7, 9, 11]) == ACCEPTED).all()
-    assert len(REASONS) == 6 and REASONS[ACCEPTED] == "accepted"
+    assert len(REASONS) == 8 and REASONS[ACCEPTED] == "accepted"
 
 
 def test_dim_second_reflections_are_no_second_light():

@@ -1,0 +1,64 @@
+"""Frames in which an arm covers a sphere, or the light itself stands before the object.
+
+An arm before a sphere hides its static reflections (windows), and may cut the light's highlight, whose centre is then
+wrong. A light before the object lights pixels that it covers; it reaches beyond the object, onto the border of the
+object's region, where nothing else clips.
+"""
+
+import numpy as np
+
+from glint.tasks.algorithms.lighting.spheres import Sphere
+
+MIN_REFLECTION_RATIO = 2.0
+"""Level of a static reflection relative to the sphere's median level from which it is a window."""
+MIN_REFLECTION_LEVEL_SHARE = 0.15
+"""Level of a static reflection as a share of saturation, so that its absence is no noise."""
+MIN_REFLECTION_PIXELS = 8
+"""Pixels of static reflections below which their absence shows nothing."""
+MAX_HIDDEN_LEVEL = 0.6
+"""Level relative to the static one below which a reflection's pixel is hidden: exposure drifts by less."""
+MAX_HIDDEN_SHARE = 0.5
+"""Share of hidden pixels beyond which the sphere is covered."""
+BACKGROUND_BORDER_PX = 3
+"""Width of the border of the object's region that shows the background."""
+CLIPPED_SHARE = 0.9
+"""Level as a share of saturation from which a pixel of the border shows the light."""
+MAX_CLIPPED_BORDER_SHARE = 0.05
+"""Share of the border that shows the light beyond which it stands before the object."""
+
+
+def is_sphere_covered(frames: np.ndarray, background: np.ndarray, saturation: float, sphere: Sphere) -> np.ndarray:
+    """Return whether static reflections of a sphere are hidden (T,) bool; False where it has none.
+
+    Args:
+        frames: (T, h, w) uint8 or uint16.
+        background: (h, w), see `StaticBackground`.
+        saturation: level of clipped pixels, likewise.
+        sphere: in the frames' pixels.
+    """
+    rows, columns = np.indices(background.shape)
+    disc = np.hypot(columns - sphere.x, rows - sphere.y) < 0.95 * sphere.radius
+    level = max(
+        MIN_REFLECTION_RATIO * float(np.median(background[disc])) if disc.any() else np.inf,
+        MIN_REFLECTION_LEVEL_SHARE * saturation,
+    )
+    reflections = disc & (background > level)
+    if reflections.sum() < MIN_REFLECTION_PIXELS:
+        return np.zeros(len(frames), bool)
+    hidden = frames[:, reflections] < MAX_HIDDEN_LEVEL * background[reflections]
+    return np.asarray(hidden.mean(axis=1) > MAX_HIDDEN_SHARE)
+
+
+def is_light_before_object(frames: np.ndarray, background: np.ndarray) -> np.ndarray:
+    """Return whether the light shows on the border of the object's region (T,) bool.
+
+    frames: (T, H, W) uint8 or uint16 of the region; background (H, W): their temporal median.
+    """
+    largest = float(np.iinfo(frames.dtype).max)
+    border = np.ones(background.shape, bool)
+    border[BACKGROUND_BORDER_PX:-BACKGROUND_BORDER_PX, BACKGROUND_BORDER_PX:-BACKGROUND_BORDER_PX] = False
+    # What is bright all the time, such as a window behind the object, is no light.
+    border &= background < 0.5 * largest
+    if not border.any():
+        return np.zeros(len(frames), bool)
+    return np.asarray((frames[:, border] > CLIPPED_SHARE * largest).mean(axis=1) > MAX_CLIPPED_BORDER_SHARE)

@@ -1,0 +1,228 @@
+"""The light's distance: given, measured by several spheres, or unknown; and what not knowing it costs."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from glint.storage.errors import InputError
+from glint.tasks.algorithms.geometry.vectors import half_vectors_of
+from glint.tasks.algorithms.lighting.half_vector_error import (
+    LEAST_DISTANCE_SIZES,
+    PixelGrid,
+    combined_error,
+    depth_error,
+    light_distance_error,
+    unknown_distance_error,
+)
+from glint.tasks.algorithms.lighting.lights import Lights, merge_spheres
+from glint.tasks.algorithms.near_light.falloff import Falloff, measure_falloff
+from glint.tasks.algorithms.near_light.positions import NearLight, SphereLights
+from glint.tasks.algorithms.near_light.triangulation import MIN_SHARED_FRAMES, rotated, triangulate
+from glint.tasks.engine.stage_inputs import CaptureResults
+from glint.tasks.engine.stage_warning import StageWarning
+from glint.tasks.stages.capture_geometry import CaptureGeometry
+from glint.tasks.stages.thumbnails import thumbnail_grid
+
+GIVEN_ERROR, TRIANGULATED_ERROR = 0.1, 0.05
+"""Relative standard deviation of an inverse distance that was given (a hand's distance varies) or triangulated (the
+spheres' depths differ)."""
+
+SPHERE_REACH = 1.15
+"""Radius around a sphere, in radii, within which the frame does not show the background."""
+
+
+@dataclass(frozen=True)
+class DistanceResult:
+    """lights: those of all spheres, seen from the reference point of a near light; near: its positions, None for a
+    distant one; record: to be saved; errors: of half vectors, (H, W) radians per axis; warnings."""
+
+    lights: Lights
+    near: NearLight | None
+    record: Mapping[str, Any] | None
+    errors: Sequence[np.ndarray]
+    warnings: Sequence[StageWarning]
+
+
+def measure_distance(
+    by_sphere: Sequence[Lights],
+    geometry: CaptureGeometry,
+    thumbnails: tuple[np.ndarray, np.ndarray],
+    tolerance: float,
+    distance_mm: float | None,
+) -> DistanceResult:
+    """Merge the lights of all spheres, corrected for the parallax of a near light where its distance is known.
+
+    Args:
+        by_sphere: of `geometry.spheres`.
+        geometry: of the capture.
+        thumbnails: (N, h, w) of the whole frame, 0 to 255, and their frames' numbers (N,).
+        tolerance: see `merge_spheres`.
+        distance_mm: that the user gave.
+
+    Raises:
+        InputError: a distance is given, but no scale.
+    """
+    reference = reference_point(geometry)
+    sites = [
+        SphereLights.of(lights.half_vectors, sphere, reference, geometry.camera)
+        for lights, sphere in zip(by_sphere, geometry.spheres, strict=True)
+    ]
+    count = len(by_sphere[0].reason)
+    unrotated = np.zeros((len(by_sphere), 2))
+    if distance_mm is not None:
+        inverse = np.full(count, 1.0 / _in_pixels(distance_mm, geometry))
+        return _near(
+            by_sphere, sites, geometry, tolerance, inverse, unrotated, GIVEN_ERROR * float(inverse[0]), "given"
+        )
+    triangulated = triangulate(sites)
+    if triangulated is not None:
+        inverse, rotations = triangulated.inverse_distance, triangulated.rotations
+        deviation = float(np.hypot(TRIANGULATED_ERROR * np.median(inverse), triangulated.standard_error))
+        return _near(by_sphere, sites, geometry, tolerance, inverse, rotations, deviation, "spheres")
+    merged = merge_spheres(by_sphere, tolerance=tolerance)
+    if np.isfinite(merged.inter_sphere_angle).sum() >= MIN_SHARED_FRAMES:
+        return DistanceResult(merged, None, None, [], [])
+    falloff = _falloff(sites, geometry, thumbnails)
+    if falloff is None:
+        return _unknown(merged, geometry)
+    if falloff.inverse_distance > 0.0:
+        inverse, deviation = np.full(count, falloff.inverse_distance), falloff.standard_deviation
+        return _near(by_sphere, sites, geometry, tolerance, inverse, unrotated, deviation, "background")
+    error = light_distance_error(region_pixels(geometry), geometry.spheres, falloff.standard_deviation)
+    return DistanceResult(merged, None, None, [error], [])
+
+
+def _near(
+    by_sphere: Sequence[Lights],
+    sites: Sequence[SphereLights],
+    geometry: CaptureGeometry,
+    tolerance: float,
+    inverse: np.ndarray,
+    rotations: np.ndarray,
+    deviation: float,
+    source: str,
+) -> DistanceResult:
+    """Return the lights of all spheres as seen from the reference point.
+
+    inverse: distance of the light (T,), 1/pixels; rotations (S, 2): see `LightDistance`; deviation: standard deviation
+    of the inverse distances; source: where the distance comes from.
+    """
+    moved = [
+        _seen_from_reference(lights, site, inverse, rotation)
+        for lights, site, rotation in zip(by_sphere, sites, rotations, strict=True)
+    ]
+    merged = merge_spheres(moved, tolerance=tolerance)
+    near = NearLight(*reference_point(geometry), merged.half_vectors, inverse.astype(np.float32))
+    least, middle, greatest = 1.0 / np.percentile(inverse, (95.0, 50.0, 5.0))
+    record = {
+        "x": near.x,
+        "y": near.y,
+        "distance": float(middle),
+        "least": float(least),
+        "greatest": float(greatest),
+        "relative_error": float(deviation * middle),
+        "source": source,
+    }
+    pixels = region_pixels(geometry)
+    errors = [light_distance_error(pixels, geometry.spheres, deviation), depth_error(pixels, 1.0 / float(middle))]
+    return DistanceResult(merged, near, record, errors, _near_warnings(geometry, errors, float(middle), source))
+
+
+def _near_warnings(
+    geometry: CaptureGeometry, errors: Sequence[np.ndarray], distance: float, source: str
+) -> list[StageWarning]:
+    """Warn of a light that is nearer than recommended and whose distance two spheres did not measure."""
+    sizes = distance / max(geometry.region.width, geometry.region.height)
+    if source != "background" or sizes > LEAST_DISTANCE_SIZES:
+        return []
+    message = (
+        f"the background shows that the light was near, some {sizes:.1f} times the region's size away: half vectors are"
+        " corrected for it, but two spheres would measure it three times as well; use two, or give its distance in"
+        " millimetres, `parameters: {lights: {distance: ..}}`"
+    )
+    return [StageWarning(message, "light", _cost_deg(errors))]
+
+
+def _unknown(merged: Lights, geometry: CaptureGeometry) -> DistanceResult:
+    """Return the lights as if they were distant, in doubt by the least distance that is recommended."""
+    errors = [unknown_distance_error(region_pixels(geometry), geometry.spheres)]
+    message = (
+        "nothing shows how far away the light was: a single sphere cannot, and the background does not follow the"
+        " light. Use two spheres, one on either side, or give its distance in millimetres,"
+        " `parameters: {lights: {distance: ..}}`"
+    )
+    return DistanceResult(merged, None, None, errors, [StageWarning(message, "light", _cost_deg(errors))])
+
+
+def _cost_deg(errors: Sequence[np.ndarray]) -> float:
+    """Return the usual size, in degrees, of errors (H, W) per axis."""
+    return float(np.degrees(np.sqrt(2.0) * np.median(combined_error(errors))))
+
+
+def _falloff(
+    sites: Sequence[SphereLights], geometry: CaptureGeometry, thumbnails: tuple[np.ndarray, np.ndarray]
+) -> Falloff | None:
+    """Measure the light's distance by the background, with the directions of the sphere that shows the most."""
+    number = int(np.argmax([np.isfinite(site.lights[:, 0]).sum() for site in sites]))
+    pictures, frames = thumbnails
+    columns, rows = thumbnail_grid(pictures.shape[1:], geometry.frame_size)
+    region, margin = geometry.region, geometry.frame_size[0] / pictures.shape[2]
+    background = ~(
+        (columns > region.x - margin)
+        & (columns < region.x + region.width + margin)
+        & (rows > region.y - margin)
+        & (rows < region.y + region.height + margin)
+    )
+    for sphere in geometry.spheres:
+        background &= np.hypot(columns - sphere.x, rows - sphere.y) > SPHERE_REACH * sphere.radius + margin
+    x, y = reference_point(geometry)
+    sphere = geometry.spheres[number]
+    place = np.array([sphere.x - x, y - sphere.y, 0.0])
+    lights = sites[number].lights[frames]
+    return measure_falloff(pictures[:, background], columns[background] - x, y - rows[background], lights, place)
+
+
+def load_near_light(results: CaptureResults) -> NearLight | None:
+    """Load the near light that was measured or given; None: far away."""
+    saved = results.load("lights")
+    about = saved.record["near_light"]
+    return (
+        None
+        if about is None
+        else NearLight(about["x"], about["y"], saved.read("half_vectors"), saved.read("inverse_distance"))
+    )
+
+
+def reference_point(geometry: CaptureGeometry) -> tuple[float, float]:
+    """Return x and y of the region's middle, in pixels of the full frame."""
+    region = geometry.region
+    return region.x + (region.width - 1) / 2, region.y + (region.height - 1) / 2
+
+
+def region_pixels(geometry: CaptureGeometry) -> PixelGrid:
+    """Return the pixels of the region."""
+    region = geometry.region
+    return PixelGrid.of(region.x, region.y, region.width, region.height)
+
+
+def _seen_from_reference(
+    lights: Lights, site: SphereLights, inverse_distance: np.ndarray, rotation: np.ndarray
+) -> Lights:
+    """Return the lights of one sphere as they are seen from the reference point."""
+    corrected = replace(site, lights=rotated(site.lights, rotation)).at_reference(inverse_distance)
+    return replace(
+        lights,
+        half_vectors=half_vectors_of(corrected).astype(np.float32),
+        lights=corrected.astype(np.float32),
+    )
+
+
+def _in_pixels(distance_mm: float, geometry: CaptureGeometry) -> float:
+    if geometry.pixel_size is None:
+        raise InputError(
+            "the light's distance is given in millimetres, but nothing gives the scale",
+            "give a sphere's diameter_mm, or the capture's pixel_size",
+        )
+    return distance_mm / geometry.pixel_size

@@ -1,0 +1,75 @@
+import numpy as np
+
+from glint.tasks.algorithms.lighting.lights import (
+    ACCEPTED,
+    COVERED,
+    NO_LIGHT,
+    find_lights,
+    without_frames,
+)
+from glint.tasks.algorithms.lighting.occlusion import is_light_before_object, is_sphere_covered
+from glint.tasks.algorithms.lighting.spheres import Sphere
+from tests.tasks.algorithms.lighting.chrome_sphere import light_direction, sphere_frame
+
+SPHERE, SHAPE = Sphere(40.0, 40.0, 30.0), (80, 80)
+
+
+def sphere_frames(window: bool = True) -> np.ndarray:
+    """Return 12 frames (12, 80, 80) of a sphere; in the frames 3 and 4 an arm lies over its left half."""
+    frames = np.stack(
+        [sphere_frame(SPHERE, [light_direction(30.0 * k, 20.0)], SHAPE, window=window, seed=k) for k in range(12)]
+    )
+    frames[3:5, :, :34] = 12
+    return frames
+
+
+def covered(frames: np.ndarray) -> list[int]:
+    background = np.median(frames, axis=0)
+    return np.flatnonzero(is_sphere_covered(frames, background, 255.0, SPHERE)).tolist()
+
+
+def test_an_arm_over_the_window_covers_the_sphere() -> None:
+    assert covered(sphere_frames()) == [3, 4]
+
+
+def test_an_exposure_that_drifts_covers_nothing() -> None:
+    frames = sphere_frames()[[0, 1, 2, 5, 6, 7]]
+    drifting = (frames * np.linspace(0.75, 1.0, 6)[:, None, None]).astype(np.uint8)
+    assert covered(drifting) == []
+
+
+def test_a_sphere_without_static_reflections_shows_no_arm() -> None:
+    assert covered(sphere_frames(window=False)) == []
+
+
+def test_only_accepted_frames_get_another_reason() -> None:
+    lights = find_lights(sphere_frames(), SPHERE)
+    lights.reason[3] = NO_LIGHT
+    rejected = np.isin(np.arange(12), (3, 4))
+    result = without_frames(lights, rejected, COVERED)
+    assert result.reason[3:5].tolist() == [NO_LIGHT, COVERED]
+    assert np.isnan(result.half_vectors[4]).all() and np.isnan(result.lights[4]).all()
+    assert (result.reason[:3] == ACCEPTED).all()
+
+
+def object_frames() -> np.ndarray:
+    """Return 20 frames (20, 60, 80) of a dark region with highlights; in the frames 7 and 8 a lamp reaches into it."""
+    generator = np.random.default_rng(0)
+    frames = generator.integers(20, 40, (20, 60, 80)).astype(np.uint8)
+    rows, columns = np.mgrid[:60, :80]
+    for number, frame in enumerate(frames):
+        frame[np.hypot(columns - 25 - number, rows - 30) < 4] = 255
+        if number in (7, 8):
+            frame[np.hypot(columns - 60 - number, rows - 5) < 18] = 255
+    return frames
+
+
+def test_a_light_before_the_object_reaches_beyond_it() -> None:
+    frames = object_frames()
+    assert np.flatnonzero(is_light_before_object(frames, np.median(frames, axis=0))).tolist() == [7, 8]
+
+
+def test_a_window_at_the_border_is_no_light() -> None:
+    frames = object_frames()[:6]
+    frames[:, :20, :30] = 255
+    assert not is_light_before_object(frames, np.median(frames, axis=0)).any()

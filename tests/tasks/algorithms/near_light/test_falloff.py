@@ -1,0 +1,78 @@
+import numpy as np
+import pytest
+
+from glint.tasks.algorithms.geometry.vectors import unit
+from glint.tasks.algorithms.near_light.falloff import Falloff, measure_falloff
+from tests.tasks.algorithms.near_light.two_spheres import spiral
+
+SPHERE = np.array([120.0, 10.0, 0.0])
+SIZE = 100.0
+"""Of an object in pixels; the frame is four times as wide."""
+
+
+def background(
+    distance: float, *, room: float = 0.1, shadows: bool = True, drift: float = 0.2, gamma: float = 2.2, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return levels (T, N), x and y (N,) of a matte cloth, and the light's directions (T, 3) at the sphere."""
+    generator = np.random.default_rng(seed)
+    rows, columns = np.mgrid[-110:111:10.0, -200:201:10.0]
+    x, y = columns.ravel(), rows.ravel()
+    beside = np.hypot(x, y) > 60.0
+    x, y = x[beside], y[beside]
+    positions = distance * spiral(128, 60.0)
+    towards = positions[:, None] - np.stack([x, y, np.zeros(x.size)], axis=-1)
+    length = np.linalg.norm(towards, axis=-1)
+    irradiance = towards[..., 2] / length * (distance / length) ** 2
+    if shadows:
+        foot = SPHERE[:2] - 40.0 * positions[:, :2] / positions[:, 2:]
+        irradiance[np.hypot(x - foot[:, :1], y - foot[:, 1:]) < 30.0] = 0.0
+    albedo = generator.uniform(0.5, 1.0, x.size)
+    exposure = 1.0 + drift * np.sin(np.arange(128) / 9.0)[:, None]
+    levels = 70.0 * (exposure * albedo * (irradiance + room)) ** (1.0 / gamma) + generator.normal(
+        0, 0.4, towards.shape[:2]
+    )
+    return levels, x, y, unit(positions - SPHERE)
+
+
+@pytest.mark.parametrize(
+    ("distance", "shadows"), [(500.0, True), (1000.0, True), (1000.0, False), (3000.0, True), (3000.0, False)]
+)
+def test_the_background_shows_a_near_light(distance: float, shadows: bool) -> None:
+    found = measure_falloff(*background(distance, shadows=shadows, drift=0.2 if shadows else 0.0), SPHERE)
+    assert found is not None
+    assert abs(found.inverse_distance * distance - 1) < 0.3
+    assert 0.2 < found.standard_deviation * distance < 0.5
+
+
+def test_a_distant_light_is_proven_distant() -> None:
+    found = measure_falloff(*background(1e6), SPHERE)
+    assert found is not None and found.inverse_distance == 0.0
+    assert found.standard_deviation < 0.01 / SIZE
+
+
+def test_a_camera_without_gamma_is_within_the_error() -> None:
+    found = measure_falloff(*background(1000.0, gamma=1.6), SPHERE)
+    assert found is not None
+    assert abs(found.inverse_distance - 1e-3) < 2.0 * found.standard_deviation
+
+
+def test_a_bright_room_shows_nothing() -> None:
+    assert measure_falloff(*background(1000.0, room=5.0), SPHERE) is None
+
+
+def test_a_black_cloth_shows_nothing() -> None:
+    levels, x, y, lights = background(1000.0)
+    assert measure_falloff(0.05 * levels, x, y, lights, SPHERE) is None
+
+
+def test_a_dozen_photographs_show_nothing() -> None:
+    levels, x, y, lights = background(1000.0)
+    assert measure_falloff(levels[::10], x, y, lights[::10], SPHERE) is None
+
+
+def test_rejected_frames_are_left_out() -> None:
+    levels, x, y, lights = background(1000.0)
+    lights[::7], levels[::7] = np.nan, 200.0
+    found = measure_falloff(levels, x, y, lights, SPHERE)
+    assert isinstance(found, Falloff)
+    assert abs(found.inverse_distance * 1000.0 - 1) < 0.3
