@@ -1,5 +1,6 @@
 """Lights: one half vector per frame, from the spheres or from known lights."""
 
+from collections.abc import Sequence
 from dataclasses import asdict
 
 import numpy as np
@@ -35,6 +36,12 @@ BLOCK_FRAMES = 1024
 """Frames whose highlights are measured at once."""
 MAX_REFLECTION_SHARDS = 50
 """Most shards from which a sphere's static reflection is taken."""
+MAX_LIGHT_DEVIATION_DEG = 2.0
+"""Standard deviation of the lights' directions, from the spheres' fits, above which they are doubted."""
+MIN_DISAGREEMENT_DEG, DISAGREEMENT_DEVIATIONS = 0.6, 2.5
+"""Median angle between a sphere's half vectors and the mean that is doubted: at least, and in standard deviations."""
+MAX_ELLIPSE_DEVIATION_RATIO = 0.01
+"""Standard deviation of a sphere's centre, in radii, from which its misfit may look like an ellipse."""
 
 
 def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
@@ -49,7 +56,9 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
         result, point_light, warnings = _known(inputs, known, cache.frames), None, list[StageWarning]()
     else:
         result, point_light = _measured(inputs, geometry, cache, progress)
-        warnings = _near_camera(inputs, geometry)
+        warnings = sphere_doubts(geometry.spheres, result, is_near=point_light is not None) + _near_camera(
+            inputs, geometry
+        )
     accepted = int(result.accepted.sum())
     if accepted < 2:
         raise UnusableCapture(
@@ -77,7 +86,7 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
             "half_vectors": result.half_vectors,
             "lights": result.lights,
             "reason": result.reason,
-            "half_vector_sd": _half_vector_sd(geometry),
+            "half_vector_sd": _half_vector_sd(geometry, result),
         },
         record=record,
         counts={"accepted": accepted, **rejected},
@@ -85,9 +94,42 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
     )
 
 
-def _half_vector_sd(geometry: CaptureGeometry) -> np.ndarray:
+def _half_vector_sd(geometry: CaptureGeometry, result: Lights) -> np.ndarray:
     """Return the standard deviation per axis (H, W) float32, radians, of an error that all half vectors share."""
-    return np.zeros((geometry.region.height, geometry.region.width), np.float32)
+    deviation = _spheres_sd(geometry.spheres, result)
+    return np.full((geometry.region.height, geometry.region.width), deviation, np.float32)
+
+
+def _spheres_sd(spheres: Sequence[Sphere], result: Lights) -> float:
+    """Return the standard deviation per axis, radians, that the spheres' fits leave in the mean half vector."""
+    variances = [sphere.half_vector_sd(result.half_vectors) ** 2 for sphere in spheres]
+    return float(np.sqrt(np.sum(variances))) / len(variances) if variances else 0.0
+
+
+def sphere_doubts(spheres: Sequence[Sphere], result: Lights, *, is_near: bool) -> list[StageWarning]:
+    """Warn where the spheres' fits leave the light uncertain, and where two spheres disagree."""
+    # The error has two axes; that of the light is twice that of the half vector.
+    error = float(np.degrees(_spheres_sd(spheres, result))) * np.sqrt(2.0)
+    if 2.0 * error > MAX_LIGHT_DEVIATION_DEG:
+        message = (
+            f"the contour of the chrome sphere is seen to {_contour_percent(spheres):.1f}% of its radius only, so lights"
+            f" may be off by {2.0 * error:.1f} degrees: use a plain background that differs from the sphere's rim, or"
+            " give `spheres` in the catalogue"
+        )
+        return [StageWarning(message, "sphere", error)]
+    median, _ = inter_sphere_angles(result)
+    if not is_near and median > max(MIN_DISAGREEMENT_DEG, DISAGREEMENT_DEVIATIONS * error):
+        message = (
+            f"the spheres disagree on the half vectors by {2.0 * median:.1f} degrees: check the circles in the catalogue,"
+            " or leave out the worse sphere"
+        )
+        return [StageWarning(message, "sphere", 2.0 * median)]
+    return []
+
+
+def _contour_percent(spheres: Sequence[Sphere]) -> float:
+    """Return the largest standard deviation of a sphere's centre in percent of its radius."""
+    return max(100.0 * sphere.centre_sd / sphere.radius for sphere in spheres)
 
 
 def load_point_light(results: CaptureResults) -> PointLight | None:
@@ -136,6 +178,8 @@ def _near_camera(inputs: StageInputs, geometry: CaptureGeometry) -> list[StageWa
         return []
     width, height = geometry.frame_size
     for number, sphere in enumerate(geometry.spheres):
+        if sphere.centre_sd > MAX_ELLIPSE_DEVIATION_RATIO * sphere.radius:
+            continue
         crop = geometry.crops[sphere_name(number)]
         background, peak = load_levels(inputs, sphere_name(number))
         middle = (width - 1) / 2 - crop.x, (height - 1) / 2 - crop.y

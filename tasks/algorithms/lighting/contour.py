@@ -41,19 +41,22 @@ COARSE_STEP_RATIO, FINE_STEP_RATIO = 0.01, 0.0025
 """Steps of the grids of circles, in radii."""
 FINE_REACH_RATIO = 0.035
 """Distance from the best coarse circle that the fine grid covers, in radii."""
+OUTSIDE_RATIOS = 1.08, 1.25
+"""Radii, relative to a circle's, between which there is no rounder edge if the circle is a contour."""
 DEVIATION_FLOOR_RATIO = 0.002
 """Least standard deviation of centre and radius, in radii: half a step, and the shape of real spheres."""
 
 
 @dataclass(frozen=True, slots=True)
 class ContourFit:
-    """Circle (x, y, radius) in pixels; covariance (3, 3) of the three; score: its mean evidence, at most 1."""
+    """Circle (x, y, radius) in pixels; covariance (3, 3) of the three; contrast: its mean evidence, at most 1, beyond
+    that of the circles outside it."""
 
     x: float
     y: float
     radius: float
     covariance: np.ndarray
-    score: float
+    contrast: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +81,15 @@ def log_frames(frames: Sequence[np.ndarray] | np.ndarray) -> list[np.ndarray]:
         cv2.GaussianBlur(np.log(np.asarray(frame, np.float32) + np.float32(LOG_OFFSET)), (0, 0), SMOOTHING_PX)
         for frame in frames
     ]
+
+
+def reduced_image(image: np.ndarray, scale: int) -> np.ndarray:
+    """Return an image (H, W) reduced `scale` times by averaging, (H // scale, W // scale) float32."""
+    image = image.astype(np.float32)
+    if scale == 1:
+        return image
+    height, width = (side // scale * scale for side in image.shape)
+    return cv2.resize(image[:height, :width], (width // scale, height // scale), interpolation=cv2.INTER_AREA)
 
 
 def edge_evidence(
@@ -111,7 +123,7 @@ def edge_evidence(
         levels = cv2.remap(frame, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         change = np.zeros_like(levels)
         change[:, reach:-reach] = (levels[:, 2 * reach :] - levels[:, : -2 * reach]) / (2 * reach * spacing)
-        usual = float(np.median(np.abs(change[valid]))) + MIN_CHANGE
+        usual = float(np.median(np.abs(change[valid][::3]))) + MIN_CHANGE
         square = np.minimum((change / usual) ** 2, 1e3)
         single += square / (square + HALF_FRAME_RATIO)
         mean += square
@@ -153,7 +165,9 @@ def fit_contour(
         radius_reach: distance of the radii searched, in radii.
     """
     margin = centre_reach + radius_reach + 2.5 * FINE_REACH_RATIO
-    evidence = edge_evidence(frames, x, y, (1.0 - margin) * radius, (1.0 + margin) * radius)
+    evidence = edge_evidence(
+        frames, x, y, (1.0 - margin) * radius, (OUTSIDE_RATIOS[1] + centre_reach + radius_reach) * radius
+    )
     step = COARSE_STEP_RATIO * radius
     radii = np.arange(1.0 - radius_reach, 1.0 + radius_reach + 1e-6, COARSE_STEP_RATIO) * radius
     profile = radius_profile(evidence, centre_reach * radius, radii, step)
@@ -183,7 +197,9 @@ def _fine_fit(evidence: EdgeEvidence, right: float, down: float, radius: float) 
     mean = weight.ravel() @ circles
     covariance = (weight.ravel()[:, None] * (circles - mean)).T @ (circles - mean)
     covariance += np.eye(3) * (DEVIATION_FLOOR_RATIO * radius) ** 2
-    return ContourFit(evidence.x + mean[0], evidence.y + mean[1], float(mean[2]), covariance, best)
+    outside = shifted.scores(np.zeros(1), float(mean[2]) * np.linspace(*OUTSIDE_RATIOS, 8))
+    contrast = best - float(outside.mean())
+    return ContourFit(float(evidence.x + mean[0]), float(evidence.y + mean[1]), float(mean[2]), covariance, contrast)
 
 
 def _shifted(evidence: EdgeEvidence, right: float, down: float) -> np.ndarray:
