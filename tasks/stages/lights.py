@@ -112,15 +112,15 @@ def sphere_doubts(spheres: Sequence[Sphere], result: Lights, *, is_near: bool) -
     error = float(np.degrees(_spheres_sd(spheres, result))) * np.sqrt(2.0)
     if 2.0 * error > MAX_LIGHT_DEVIATION_DEG:
         message = (
-            f"the contour of the chrome sphere is seen to {_contour_percent(spheres):.1f}% of its radius only, so lights"
-            f" may be off by {2.0 * error:.1f} degrees: use a plain background that differs from the sphere's rim, or"
+            f"the chrome sphere's contour is known to {_contour_percent(spheres):.1f}% of its radius only, so"
+            f" lights may be off by {2.0 * error:.1f} degrees: use a plain background unlike the sphere's rim, or"
             " give `spheres` in the catalogue"
         )
         return [StageWarning(message, "sphere", error)]
     median, _ = inter_sphere_angles(result)
     if not is_near and median > max(MIN_DISAGREEMENT_DEG, DISAGREEMENT_DEVIATIONS * error):
         message = (
-            f"the spheres disagree on the half vectors by {2.0 * median:.1f} degrees: check the circles in the catalogue,"
+            f"the spheres disagree on the half vectors by {2.0 * median:.1f} degrees: check `spheres` in the catalogue,"
             " or leave out the worse sphere"
         )
         return [StageWarning(message, "sphere", 2.0 * median)]

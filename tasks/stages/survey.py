@@ -131,8 +131,8 @@ def confirm_given(
         if confirmed.is_corrected:
             warnings.append(
                 StageWarning(
-                    f"{place} is seen at ({fit.x:.1f}, {fit.y:.1f}) with radius {fit.radius:.1f}, which is used: correct"
-                    " `spheres` in the catalogue",
+                    f"{place} is seen at ({fit.x:.1f}, {fit.y:.1f}) with radius {fit.radius:.1f}, which is used:"
+                    " correct `spheres` in the catalogue",
                     "sphere",
                     float(np.degrees(offset)) * 0.25,
                 )

@@ -49,8 +49,8 @@ class Result:
         """One line of the table."""
         outcome = "refused: " + self.refusal if self.refusal else f"warned: {self.warnings[0]}" if self.warnings else ""
         return (
-            f"{self.name}  lights {self.light_deg:5.2f} (true circles {self.true_light_deg:4.2f})  {self.seconds:4.1f} s "
-            f" missed {self.missed} wrong {self.wrong}  {'; '.join(self.spheres)}  {outcome[:110]}"
+            f"{self.name}  lights {self.light_deg:5.2f} (true circles {self.true_light_deg:4.2f})  {self.seconds:.1f} s"
+            f"  missed {self.missed} wrong {self.wrong}  {'; '.join(self.spheres)}  {outcome[:110]}"
         )
 
 
@@ -153,9 +153,7 @@ def main() -> None:
     if len(pairs):
         ratios = pairs[:, 0] / pairs[:, 1]
         within = (np.abs(pairs[:, 0]).max(axis=1) <= 1.0).sum()
-        print(
-            f"spheres within 1% {within} of {len(pairs)}; error / sd, root mean square: {np.sqrt((ratios**2).mean()):.2f}"
-        )
+        print(f"spheres within 1% {within} of {len(pairs)}; errors / sd, rms: {np.sqrt((ratios**2).mean()):.2f}")
 
 
 if __name__ == "__main__":

@@ -63,7 +63,7 @@ SPHERE_REMEDY = (
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """Chrome spheres, best first; contradicting: sentences on spheres that were left out, since they contradict them."""
+    """Chrome spheres, best first; contradicting: sentences on those left out, since they contradict the others."""
 
     spheres: list[Sphere]
     contradicting: list[str]
@@ -183,11 +183,10 @@ def _highlight_discs(level: PyramidLevel) -> list[Sphere]:
     """Return seeds from the smallest circles around what the passing light lit: the discs of highlights of spheres."""
     lit = (level.residual > 0.5 * np.percentile(level.residual, 99.8)).astype(np.uint8)
     closing = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (CLOSING_PX, CLOSING_PX))
-    outlines = cv2.findContours(
-        cv2.morphologyEx(lit, cv2.MORPH_CLOSE, closing), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
-    )
+    closed = cv2.morphologyEx(lit, cv2.MORPH_CLOSE, closing)
+    outlines, _ = cv2.findContours(closed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     seeds = []
-    for outline in outlines[0]:
+    for outline in outlines:
         (x, y), radius = cv2.minEnclosingCircle(outline)
         if DISC_RADIUS_RATIO * MIN_LEVEL_RADIUS_PX <= radius <= MAX_LEVEL_RADIUS_PX:
             seeds.append(Sphere(x, y, radius))

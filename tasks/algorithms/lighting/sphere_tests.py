@@ -21,7 +21,7 @@ HIGHLIGHT_REACH_DEG = 25.0
 SHADED_RATIOS = 0.3, 0.9
 """Radii, in radii of the sphere, between which its body is tested for shading."""
 MAX_SHADING_CORRELATION = 0.85
-"""Correlation of a body's levels with Lambert's law from which it is shaded (a glossy sphere: .91, chrome: up to .79)."""
+"""Correlation of a body's levels with Lambert's law from which it is shaded: a glossy sphere has .91, chrome .79."""
 MAX_CONTRADICTION_DEG = 6.0
 """Median angle between the half vectors of two spheres from which they are not both chrome spheres, or misplaced."""
 CROP_MARGIN_PX = 4
