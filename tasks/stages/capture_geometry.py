@@ -39,7 +39,10 @@ class CaptureGeometry:
         return cls(
             (int(width), int(height)),
             Region(**record["region"]),
-            tuple(Sphere(sphere["x"], sphere["y"], sphere["radius"], sphere["score"]) for sphere in record["spheres"]),
+            tuple(
+                Sphere(**{name: sphere[name] for name in ("x", "y", "radius", "score", "centre_sd", "radius_sd")})
+                for sphere in record["spheres"]
+            ),
             None if camera is None else np.array(camera, float),
             record["pixel_size"],
             record["unit"],

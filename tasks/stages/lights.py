@@ -40,6 +40,7 @@ from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import OBJECT, CaptureGeometry, load_geometry, sphere_name
 from glint.tasks.stages.frames import load_levels, load_thumbnails, open_frames, spread_shards
 from glint.tasks.stages.light_distance import DistanceResult, measure_distance, region_pixels
+from glint.tasks.stages.sphere_doubts import sphere_doubts, spheres_error
 
 SPHERES, FILE = "spheres", "file"
 """Where the lights of a capture come from, as its record names it."""
@@ -53,6 +54,8 @@ MIN_ELONGATION_PX = 1.0
 """Pixels by which an ellipse's half axes must differ at the focal length that it suggests: less is no evidence."""
 MAX_REFLECTION_SHARDS = 50
 """Most shards from which a sphere's static reflection is taken."""
+MAX_ELLIPSE_DEVIATION_RATIO = 0.01
+"""Standard deviation of a sphere's centre, in radii, from which its misfit may look like an ellipse."""
 
 
 def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
@@ -73,7 +76,8 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
             by_sphere, geometry, load_thumbnails(inputs), parameters.tolerance, parameters.distance
         )
         measured = _with_unknown_camera(inputs, geometry, by_sphere, measured)
-        warnings = list(measured.warnings)
+        doubts = sphere_doubts(geometry.spheres, measured.lights, is_near=measured.near is not None)
+        warnings = [*doubts, *measured.warnings]
     result = without_frames(measured.lights, _is_light_before_object(inputs, cache), BEFORE_OBJECT)
     accepted = int(result.accepted.sum())
     if accepted < 2:
@@ -105,7 +109,9 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
             "lights": result.lights,
             "reason": result.reason,
             "inverse_distance": _inverse_distance(measured),
-            "half_vector_sd": combined_error([np.zeros(shape), *measured.errors]),
+            "half_vector_sd": combined_error(
+                [np.full(shape, spheres_error(geometry.spheres, result)), *measured.errors]
+            ),
         },
         record=record,
         counts={"accepted": accepted, **rejected},
@@ -180,6 +186,8 @@ def _focal_length_of_ellipses(inputs: StageInputs, geometry: CaptureGeometry) ->
     """Return the first sphere whose contour shows a near camera, and the focal length in pixels."""
     width, height = geometry.frame_size
     for number, sphere in enumerate(geometry.spheres):
+        if sphere.centre_sd > MAX_ELLIPSE_DEVIATION_RATIO * sphere.radius:
+            continue
         crop = geometry.crops[sphere_name(number)]
         background, peak = load_levels(inputs, sphere_name(number))
         middle = (width - 1) / 2 - crop.x, (height - 1) / 2 - crop.y

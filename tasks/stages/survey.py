@@ -13,10 +13,12 @@ from glint.storage.footage.source import Footage, open_footage
 from glint.storage.inputs.masks_and_truth import camera_matrix, read_mask
 from glint.tasks.algorithms.frames.mask import estimate_mask
 from glint.tasks.algorithms.geometry.perspective import Cone
-from glint.tasks.algorithms.lighting.spheres import Sphere, find_spheres
+from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, find_spheres, spread
+from glint.tasks.algorithms.lighting.spheres import Sphere, confirm_sphere
 from glint.tasks.engine.parameters import SurveyParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
+from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.stabilization import Shake, measure_shake
 
 SAMPLE_BYTES = 256 << 20
@@ -28,10 +30,12 @@ SHADED_REACH = 1.1
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """The full frame over time: temporal `median` and `peak`, both (H, W) float32, 0 to 255."""
+    """The full frame over time: temporal `median` and `peak`, both (H, W) float32, 0 to 255; `frames` (T, H, W) uint8,
+    some of them."""
 
     median: np.ndarray
     peak: np.ndarray
+    frames: np.ndarray
 
 
 def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
@@ -51,11 +55,17 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
         mask_region = around(read_mask(mask, size), parameters.margin) if given_region is None and mask else None
         seek_spheres = not given_spheres and inputs.file("lights") is None
         seek_region = given_region is None and mask_region is None
-        sample = take_sample(footage, parameters.sample, progress) if seek_spheres or seek_region else None
+        needs_sample = inputs.file("lights") is None or seek_region
+        sample = take_sample(footage, parameters.sample, progress) if needs_sample else None
         spheres = [Sphere(sphere.x, sphere.y, sphere.radius) for sphere in given_spheres]
-        if sample is not None and seek_spheres:
-            spheres = find_spheres(sample.median, sample.peak, camera=camera)
         _check_spheres(spheres, size)
+        warnings = list[StageWarning]()
+        if sample is not None and seek_spheres:
+            detection = find_spheres(sample.frames, sample.peak, camera=camera)
+            spheres = detection.spheres
+            warnings = [StageWarning(sentence, "sphere") for sentence in detection.contradicting]
+        elif sample is not None and inputs.file("lights") is None:
+            spheres, warnings = confirm_given(sample, spheres, camera)
         region, arrays = given_region or mask_region, dict[str, np.ndarray]()
         if region is None:
             assert sample is not None
@@ -74,12 +84,16 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
             "codec": footage.codec,
             "region": region.model_dump(),
             "spheres": [asdict(sphere) | {"found": seek_spheres} for sphere in spheres],
+            "given_spheres": [sphere.model_dump() for sphere in given_spheres],
             "camera": None if camera is None else camera.tolist(),
             "stabilization": shake.record,
             **_scale(inputs, camera),
         }
     return StageOutput(
-        arrays={**arrays, **shake.arrays}, record=record, counts={"spheres": len(spheres)}, warnings=shake.warnings
+        arrays={**arrays, **shake.arrays},
+        record=record,
+        counts={"spheres": len(spheres)},
+        warnings=[*warnings, *shake.warnings],
     )
 
 
@@ -100,7 +114,49 @@ def take_sample(footage: Footage, count: int, progress: Progress) -> Sample:
     if peak is None:
         raise InputError(f"{footage.uri} holds no frame", "record or copy it again")
     scale = np.float32(1.0 if footage.bits == 8 else 1.0 / 257.0)
-    return Sample(np.median(kept, axis=0).astype(np.float32) * scale, peak.astype(np.float32) * scale)
+    some = spread(np.stack(kept), 2 * FIT_FRAMES)
+    return Sample(
+        np.median(kept, axis=0).astype(np.float32) * scale,
+        peak.astype(np.float32) * scale,
+        some if footage.bits == 8 else (some >> 8).astype(np.uint8),
+    )
+
+
+def confirm_given(
+    sample: Sample, given: list[Sphere], camera: np.ndarray | None
+) -> tuple[list[Sphere], list[StageWarning]]:
+    """Measure given spheres; return those to be used, and a warning where the frames contradict what was given."""
+    spheres, warnings = list[Sphere](), list[StageWarning]()
+    for sphere in given:
+        confirmed = confirm_sphere(spread(sample.frames, FIT_FRAMES), sphere, camera=camera)
+        spheres.append(confirmed.sphere)
+        place = f"the sphere given at ({sphere.x:.1f}, {sphere.y:.1f}) with radius {sphere.radius:.1f}"
+        fit = confirmed.fit
+        offset = max(sphere.distance(fit), abs(sphere.radius - fit.radius)) / sphere.radius
+        if confirmed.is_corrected:
+            warnings.append(
+                StageWarning(
+                    f"{place} is seen at ({fit.x:.1f}, {fit.y:.1f}) with radius {fit.radius:.1f}, which is used:"
+                    " correct `spheres` in the catalogue",
+                    "sphere",
+                    float(np.degrees(offset)) * 0.25,
+                )
+            )
+        elif not confirmed.is_clear:
+            warnings.append(
+                StageWarning(
+                    f"{place} is used as it is, since its contour is not seen: compare it with the frame, and put a"
+                    " plain background behind the sphere",
+                    "sphere",
+                    float(np.degrees(2.0 * sphere_deviation(confirmed.sphere))),
+                )
+            )
+    return spheres, warnings
+
+
+def sphere_deviation(sphere: Sphere) -> float:
+    """Return the standard deviation of a sphere's centre in radii."""
+    return sphere.centre_sd / sphere.radius
 
 
 def around(mask: np.ndarray, margin: int) -> Region:

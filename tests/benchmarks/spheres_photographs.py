@@ -13,14 +13,15 @@ from ruamel.yaml import YAML
 
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of, unit
 from glint.tasks.algorithms.lighting.lights import find_lights
-from glint.tasks.algorithms.lighting.spheres import Sphere, find_spheres
+from glint.tasks.algorithms.lighting.sphere_detection import find_spheres
+from glint.tasks.algorithms.lighting.spheres import Sphere
 
 
 def report(name: str, frames: np.ndarray, truth: Sphere, lights: np.ndarray, *, half: bool) -> None:
     """One line: errors of the found sphere in percent of the radius, of the lights in degrees with each circle."""
     sample = frames[np.linspace(0, len(frames) - 1, min(len(frames), 100)).astype(int)]
     start = time.perf_counter()
-    found = find_spheres(np.median(sample, axis=0), frames.max(axis=0))[0]
+    found = find_spheres(sample, frames.max(axis=0)).spheres[0]
     seconds = time.perf_counter() - start
     error = np.array([found.x - truth.x, found.y - truth.y, found.radius - truth.radius]) / truth.radius * 100
     line = (

@@ -1,7 +1,7 @@
-"""Circles in images: a Hough transform along gradients, and a contour score that is fitted to subpixel accuracy.
+"""Circles in images: a Hough transform along gradients, and a contour score.
 
-Sources: the gradient-directed Hough transform for circles (Kimme, Ballard and Sklansky 1975) gives the seeds; the fit
-maximizes an integro-differential score over centre and radius, as Daugman 1993 does for irises.
+Sources: the gradient-directed Hough transform for circles (Kimme, Ballard and Sklansky 1975); an integro-differential
+score (Daugman 1993).
 """
 
 from dataclasses import dataclass
@@ -18,15 +18,6 @@ SIDE_OFFSET_PX = 2.0
 
 IMAGE_WEIGHT_RATIO = 0.2
 """Weight of each image relative to the one before it: moving light leaves edges of its own in the maximum."""
-
-RADIUS_POWER = 4.5
-"""Power of the radius in a fit: reflections near a sphere's rim make false edges inside the contour, none outside."""
-
-HORIZON_RADIUS_RATIO = float(np.sin(np.radians(45.0)))
-"""Radius, as a share of the sphere's, at which a chrome sphere reflects directions perpendicular to the view. The edge
-between the lit space before the object and the far parts of the table often lies there."""
-HORIZON_WEIGHT = 0.25
-"""Weight of the contour score on that circle."""
 
 MIN_GRADIENT_FLOOR = 0.004
 """Lower bound of an image's usual gradient, for images without structure."""
@@ -85,35 +76,6 @@ def strongest_circles(edges: LogGradient, radii: np.ndarray, count: int) -> list
 def contour_score(edges: list[LogGradient], x: float, y: float, radius: float) -> float:
     """Return the share 0..1 of a circle's arcs along which the images have a coherent edge, earlier images first."""
     return max(float(_contour_score(*_stack(edges), x, y, radius)), 0.0)
-
-
-def fit_circle(
-    edges: list[LogGradient],
-    x: float,
-    y: float,
-    min_radius: float,
-    max_radius: float,
-    *,
-    reach: float,
-    step: float,
-    final_step: float = 0.02,
-) -> tuple[float, float, float, float]:
-    """Fit a sphere's circle (x, y, radius, score), in pixels, to the images' edges.
-
-    All circles on a grid are scored, then the best one is improved by coordinate search with steps that are halved
-    until `final_step`.
-
-    Args:
-        edges: of the images, the most reliable first.
-        x: column of the first centre.
-        y: row of the first centre.
-        min_radius: smallest radius on the grid.
-        max_radius: largest radius on the grid.
-        reach: distance of the grid's outermost centres from the first one, along x and y.
-        step: distance of the grid's circles in x, y and radius.
-        final_step: accuracy of the result.
-    """
-    return _search(*_stack(edges), x, y, min_radius, max_radius, reach, step, final_step)
 
 
 def _ridges(strength: np.ndarray, nx: np.ndarray, ny: np.ndarray, floor: float) -> np.ndarray:
@@ -188,51 +150,3 @@ def _contour_score(gradient: np.ndarray, floor: np.ndarray, x: float, y: float, 
                 sharp = abs(radial[1]) - 0.5 * (abs(radial[0]) + abs(radial[2]))
                 score += share[p] * max(sharp, 0.0) / (magnitude + 3.0 * samples * floor[p])
     return score / arcs
-
-
-@njit(cache=True, nogil=True)
-def _sphere_score(gradient: np.ndarray, floor: np.ndarray, x: float, y: float, radius: float) -> float:
-    """Return the score that a fit maximizes: contour and horizon, with preference for the outermost circle."""
-    horizon = _contour_score(gradient, floor, x, y, HORIZON_RADIUS_RATIO * radius)
-    return (_contour_score(gradient, floor, x, y, radius) + HORIZON_WEIGHT * horizon) * radius**RADIUS_POWER
-
-
-@njit(cache=True, nogil=True)
-def _search(
-    gradient: np.ndarray,
-    floor: np.ndarray,
-    x: float,
-    y: float,
-    min_radius: float,
-    max_radius: float,
-    reach: float,
-    step: float,
-    final_step: float,
-) -> tuple[float, float, float, float]:
-    best = (x, y, 0.5 * (min_radius + max_radius), -1.0)
-    # Exhaustive: the score has many local maxima, since any edge inside a sphere is part of some circle.
-    side = int(np.ceil(reach / step))
-    radii = int(np.ceil((max_radius - min_radius) / step))
-    for k in range(radii + 1):
-        radius = min_radius + k * step
-        for i in range(-side, side + 1):
-            for j in range(-side, side + 1):
-                score = _sphere_score(gradient, floor, x + j * step, y + i * step, radius)
-                if score > best[3]:
-                    best = (x + j * step, y + i * step, radius, score)
-    # Then uphill among the 26 neighbours, at most three moves per step size.
-    finer = step
-    while finer > final_step:
-        finer *= 0.5
-        for _ in range(3):
-            centre = best
-            for k in range(-1, 2):
-                for i in range(-1, 2):
-                    for j in range(-1, 2):
-                        u, v, r = centre[0] + j * finer, centre[1] + i * finer, centre[2] + k * finer
-                        score = _sphere_score(gradient, floor, u, v, r)
-                        if score > best[3]:
-                            best = (u, v, r, score)
-            if best == centre:
-                break
-    return best

@@ -12,7 +12,7 @@ import numpy as np
 
 from glint.tasks.algorithms.geometry.perspective import VirtualCamera
 from glint.tasks.algorithms.lighting.circles import contour_score, log_gradient
-from glint.tasks.algorithms.lighting.spheres import MIN_SPHERE_SCORE, Sphere
+from glint.tasks.algorithms.lighting.spheres import Sphere
 
 FOCAL_WIDTHS = tuple(np.round(np.geomspace(0.6, 2.4, 5), 3).tolist())
 """Focal lengths in frame widths that are tried; longer ones make too small a difference from a circle."""
@@ -24,6 +24,8 @@ RADIUS_RATIOS = tuple(np.arange(0.94, 1.061, 0.015).tolist())
 """Ratios of the circle's radius to the given one."""
 MIN_SCORE_RATIO = 1.05
 """Ratio of the best score to an orthographic camera's from which the contour counts as an ellipse."""
+MIN_CONTOUR_SCORE = 0.14
+"""Contour score below which no contour is seen."""
 SCORED_RADIUS_PX = 50.0
 """Radius to which larger spheres are reduced."""
 
@@ -54,7 +56,7 @@ def estimate_focal_length(
         camera = np.array([[pixels, 0.0, column], [0.0, pixels, row], [0.0, 0.0, 1.0]])
         scores.append(_circle_score(images, reduced, camera))
     best = int(np.argmax(scores))
-    if best == 0 or scores[best] < max(MIN_SCORE_RATIO * scores[0], MIN_SPHERE_SCORE):
+    if best == 0 or scores[best] < max(MIN_SCORE_RATIO * scores[0], MIN_CONTOUR_SCORE):
         return None
     return FOCAL_WIDTHS[best - 1]
 

@@ -1,27 +1,34 @@
-"""Image pyramid of the temporal median and maximum (Burt and Adelson 1983, with a box filter)."""
+"""Image pyramid of a capture's frames (Burt and Adelson 1983, with a box filter)."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from glint.tasks.algorithms.lighting.circles import LogGradient, log_gradient
+from glint.tasks.algorithms.lighting.contour import log_frames, reduced_image
 
 MIN_LEVEL_RADIUS_PX, MAX_LEVEL_RADIUS_PX = 18.0, 44.0
 """Radii searched on a pyramid level, in its pixels; larger spheres are found on coarser levels."""
+MAX_LEVEL_PIXELS = 2_600_000
+"""Pixels of the finest level at most: in a larger frame a sphere has a larger radius."""
+USUAL_PERCENTILE = 75.0
+"""Percentile of a pixel's levels that a passing light exceeds, but not the table under a light that stays high."""
+DEVIATION_LEVELS = 200.0
+"""Levels that stand for a standard deviation of one in log levels."""
 
 
 @dataclass(frozen=True, slots=True)
 class PyramidLevel:
     """Level of an image pyramid.
 
-    median: temporal median (h, w) float32. residual: maximum - median, (h, w). edges: of median and maximum. scale:
-    full-frame pixels per pixel.
+    residual: (h, w), the temporal maximum above the usual level. edges: of temporal median, maximum and deviation.
+    frames: of `log_frames`, (h, w) each. scale: full-frame pixels per pixel.
     """
 
-    median: np.ndarray
     residual: np.ndarray
     edges: list[LogGradient]
+    frames: list[np.ndarray]
     scale: float
 
     def to_full_frame(self, x: float, y: float, radius: float) -> tuple[float, float, float]:
@@ -29,28 +36,30 @@ class PyramidLevel:
         shift = 0.5 * (self.scale - 1.0)
         return x * self.scale + shift, y * self.scale + shift, radius * self.scale
 
+    def from_full_frame(self, x: float, y: float, radius: float) -> tuple[float, float, float]:
+        """Return a circle (x, y, radius) of the full frame in this level's pixels."""
+        shift = 0.5 * (self.scale - 1.0)
+        return (x - shift) / self.scale, (y - shift) / self.scale, radius / self.scale
 
-def pyramid(median: np.ndarray, maximum: np.ndarray) -> list[PyramidLevel]:
-    """Return levels of halved images (H, W), down to where a sphere of the frame's size has the largest radius."""
-    levels, scale = [], 1
-    while min(median.shape) / scale >= 2 * MIN_LEVEL_RADIUS_PX:
-        levels.append(pyramid_level(median, maximum, scale))
-        if min(median.shape) / scale < 2 * MAX_LEVEL_RADIUS_PX:
+
+def pyramid(frames: Sequence[np.ndarray], maximum: np.ndarray) -> Iterator[PyramidLevel]:
+    """Yield levels of halved images (H, W), down to where a sphere of the frame's size has the largest radius."""
+    scale = 1
+    while maximum.size > MAX_LEVEL_PIXELS * scale**2:
+        scale *= 2
+    while min(maximum.shape) / scale >= 2 * MIN_LEVEL_RADIUS_PX:
+        yield pyramid_level(frames, maximum, scale)
+        if min(maximum.shape) / scale < 2 * MAX_LEVEL_RADIUS_PX:
             break
         scale *= 2
-    return levels
 
 
-def pyramid_level(median: np.ndarray, maximum: np.ndarray, scale: int) -> PyramidLevel:
-    """Return the level of temporal median and maximum (H, W) reduced `scale` times."""
-    pair = [reduced_image(image, scale) for image in (median, maximum)]
-    return PyramidLevel(pair[0], pair[1] - pair[0], [log_gradient(image) for image in pair], float(scale))
-
-
-def reduced_image(image: np.ndarray, scale: int) -> np.ndarray:
-    """Return an image (H, W) reduced `scale` times by averaging, (H // scale, W // scale) float32."""
-    image = image.astype(np.float32)
-    if scale == 1:
-        return image
-    height, width = (side // scale * scale for side in image.shape)
-    return cv2.resize(image[:height, :width], (width // scale, height // scale), interpolation=cv2.INTER_AREA)
+def pyramid_level(frames: Sequence[np.ndarray], maximum: np.ndarray, scale: int) -> PyramidLevel:
+    """Return the level of frames and their temporal maximum, (H, W) each, reduced `scale` times."""
+    reduced = np.stack([reduced_image(frame, scale) for frame in frames])
+    peak = reduced_image(maximum, scale)
+    logs = log_frames(reduced)
+    median, usual = np.percentile(reduced, (50.0, USUAL_PERCENTILE), axis=0).astype(np.float32)
+    deviation = DEVIATION_LEVELS * np.std(logs, axis=0)
+    edges = [log_gradient(image) for image in (median, peak, deviation)]
+    return PyramidLevel(np.maximum(peak - usual, 0.0), edges, logs, float(scale))

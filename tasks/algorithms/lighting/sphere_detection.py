@@ -1,0 +1,253 @@
+"""Detection of chrome spheres in a capture's frames.
+
+Edge gradients that point at one centre (Kimme, Ballard and Sklansky 1975) give seeds: a sphere's contour, the edge
+inside it where the mirrored table ends, or the disc that the light's highlights fill. Around each seed the contour is
+the outermost circle with evidence of its own over the frames: beyond it there is nothing that is round. A chrome sphere
+shows one moving highlight within r sin 45 of its centre (lights before the object), while the ring inside the contour
+stays as it was; glass lights up to its contour and beyond.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.lighting.circles import strongest_circles
+from glint.tasks.algorithms.lighting.contour import OUTSIDE_RATIOS, edge_evidence, fit_contour, radius_profile
+from glint.tasks.algorithms.lighting.pyramid import (
+    MAX_LEVEL_RADIUS_PX,
+    MIN_LEVEL_RADIUS_PX,
+    PyramidLevel,
+    pyramid,
+    pyramid_level,
+)
+from glint.tasks.algorithms.lighting.sphere_tests import consistent_spheres, is_chrome
+from glint.tasks.algorithms.lighting.spheres import Sphere, measure_sphere
+
+MAX_SPHERES = 8
+SEED_FRAMES, FIT_FRAMES = 12, 32
+"""Frames, spread over the capture, in which spheres are sought, and by which they are measured and tested."""
+SEEDS_PER_IMAGE = 25
+"""Strongest circles of each image and level that are examined as spheres."""
+SEED_RADIUS_RATIOS = 0.92, 1.75
+"""Radius of a sphere relative to that of a seed: lowest, highest (the disc of highlights)."""
+SEED_CENTRE_RATIO = 0.12
+"""Distance of a sphere's centre from that of a seed along x and y, in radii: seen obliquely, what ends inside the
+contour is not concentric."""
+SEED_RAYS = 32
+DISC_RADIUS_RATIO, CLOSING_PX = 0.45, 9
+"""Least radius of a disc of highlights in radii of the sphere; gaps between highlights that are closed, in pixels."""
+MIN_HIGHLIGHT_EVIDENCE = 0.1
+"""Highlight evidence below which a circle is no sphere."""
+MIN_CONTRAST = 0.08
+"""Evidence of a contour beyond that outside it, below which it is none."""
+MIN_OUTER_RATIO, MIN_OUTER_SIZE, MAX_OUTER_DISTANCE = 0.5, 1.1, 0.2
+"""A circle around a better one is the contour if its score is at least this share of the better one's, its radius this
+much larger, and its centre at most this share of its radius away."""
+MAX_REFINED = 12
+"""Best candidates that are measured at full resolution."""
+MIN_SPHERE_SCORE = 0.06
+"""Lower bound of the product of contour contrast and highlight evidence."""
+MAX_MOVES = 3
+"""Most measurements from the result of the one before."""
+SCORED_RADIUS_PX = 40.0
+"""Radius to which a measured sphere's image is reduced at most for its score."""
+
+SPHERE_REMEDY = (
+    "put a chrome sphere of at least 40 pixels across beside the object, wholly in the frame and against a plain "
+    "background, or give its centre and radius as `spheres: [{x: .., y: .., radius: ..}]` in the catalogue"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Detection:
+    """Chrome spheres, best first; contradicting: sentences on those left out, since they contradict the others."""
+
+    spheres: list[Sphere]
+    contradicting: list[str]
+
+
+def find_spheres(
+    frames: np.ndarray,
+    maximum: np.ndarray,
+    *,
+    min_radius: float = 20.0,
+    min_score: float = MIN_SPHERE_SCORE,
+    camera: np.ndarray | None = None,
+) -> Detection:
+    """Find chrome spheres and measure them.
+
+    Args:
+        frames: (T, H, W) in levels of 8 bits, spread evenly over the capture.
+        maximum: temporal maximum (H, W) of the whole capture.
+        min_radius: smallest radius in pixels.
+        min_score: smallest product of contour contrast and highlight evidence.
+        camera: perspective camera's matrix (3, 3); spheres are then measured by virtual cameras aimed at them.
+
+    Raises:
+        UnusableCapture: there is no sphere.
+        ValueError: the images differ in shape.
+    """
+    if frames.ndim != 3 or frames.shape[1:] != maximum.shape:
+        raise ValueError(f"images have shapes {frames.shape} and {maximum.shape}, expected (T, H, W) and (H, W)")
+    candidates: list[Sphere] = []
+    few = spread(frames, SEED_FRAMES)
+    for level in pyramid(few, maximum):
+        candidates += _candidates(level, max(min_radius / level.scale, MIN_LEVEL_RADIUS_PX))
+    candidates = distinct(candidates, 0.04)[:MAX_REFINED]
+    many = spread(frames, FIT_FRAMES)
+    refined = distinct([_refined(many, few, maximum, sphere, camera) for sphere in candidates], 0.06)
+    accepted, rejected = list[Sphere](), list[str]()
+    for sphere in _outermost([sphere for sphere in refined if sphere.score >= min_score]):
+        reason = is_chrome(many, sphere, camera)
+        if reason is None:
+            accepted.append(sphere)
+        else:
+            rejected.append(f"the circle at ({sphere.x:.0f}, {sphere.y:.0f}) is no chrome sphere: {reason}")
+    accepted, contradicting = consistent_spheres(many, accepted[:MAX_SPHERES], camera)
+    if not accepted:
+        best = max((sphere.score for sphere in refined), default=None)
+        reasons = "".join(f"; {reason}" for reason in rejected) or (
+            "" if best is None else f"; the best candidate scores {best:.2f} of {min_score:.2f}"
+        )
+        raise UnusableCapture(
+            f"no chrome sphere found in a frame of {maximum.shape[1]} x {maximum.shape[0]}{reasons}", SPHERE_REMEDY
+        )
+    return Detection(accepted, contradicting)
+
+
+def spread(frames: np.ndarray, count: int) -> np.ndarray:
+    """Return at most `count` of the frames (T, H, W), spread evenly."""
+    return frames[np.unique(np.linspace(0, len(frames) - 1, min(count, len(frames))).round().astype(int))]
+
+
+def highlight_evidence(residual: np.ndarray, x: float, y: float, radius: float) -> float:
+    """Return how well, 0..1, the moving light stays within the inner disc of a sphere.
+
+    residual: maximum above the usual level, (H, W); x, y, radius: of the sphere, in its pixels.
+    """
+    top, left = max(int(y - radius), 0), max(int(x - radius), 0)
+    window = residual[top : max(int(y + radius) + 2, 0), left : max(int(x + radius) + 2, 0)]
+    rows, columns = np.mgrid[: window.shape[0], : window.shape[1]]
+    distance = np.hypot(columns + left - x, rows + top - y) / radius
+    inner, ring = window[distance < 0.75], window[(distance > 0.85) & (distance < 0.97)]
+    if inner.size == 0 or ring.size == 0:
+        return 0.0
+    peak = float(np.percentile(inner, 98.0))
+    if peak <= 0.0:
+        return 0.0
+    # The ring is darker than the disc, hardly any of it is lit, and the disc is bright at all.
+    contrast = max(1.0 - float(np.median(ring)) / peak, 0.0)
+    lit = float((ring > 0.35 * peak).mean())
+    return contrast * min(max(1.8 - 2.5 * lit, 0.0), 1.0) * min(peak / 100.0, 1.0)
+
+
+def distinct(spheres: Sequence[Sphere], share: float) -> list[Sphere]:
+    """Keep the best of spheres whose circles differ by less than `share` of a radius; best first."""
+    kept: list[Sphere] = []
+    for sphere in sorted(spheres, key=lambda sphere: -sphere.score):
+        if all(
+            max(sphere.distance(better), abs(sphere.radius - better.radius)) > share * better.radius for better in kept
+        ):
+            kept.append(sphere)
+    return kept
+
+
+def _candidates(level: PyramidLevel, min_radius: float) -> list[Sphere]:
+    """Return scored spheres of a level, in full-frame pixels, from the strongest circles of its images."""
+    radii = np.arange(0.6 * min_radius, MAX_LEVEL_RADIUS_PX + 1.0)
+    seeds = [
+        Sphere(*circle, score=1.0 / (1 + order))
+        for edges in level.edges
+        for order, circle in enumerate(strongest_circles(edges, radii, SEEDS_PER_IMAGE))
+    ] + _highlight_discs(level)
+    spheres: list[Sphere] = []
+    for seed in distinct(seeds, 0.08):
+        largest = min(SEED_RADIUS_RATIOS[1] * seed.radius, 1.1 * MAX_LEVEL_RADIUS_PX)
+        grid = np.arange(max(SEED_RADIUS_RATIOS[0] * seed.radius, min_radius), largest, 0.02 * seed.radius)
+        probes = seed.radius * np.array([1.0, 1.2, 1.45, 1.7])
+        if len(grid) < 3 or not any(
+            highlight_evidence(level.residual, seed.x, seed.y, radius) > MIN_HIGHLIGHT_EVIDENCE for radius in probes
+        ):
+            continue
+        for x, y, radius, contrast in _contours(level, seed, grid):
+            fit = fit_contour(level.frames, x, y, radius, centre_reach=0.02, radius_reach=0.03)
+            score = contrast * highlight_evidence(level.residual, fit.x, fit.y, fit.radius)
+            spheres.append(Sphere(*level.to_full_frame(fit.x, fit.y, fit.radius), score))
+    return [sphere for sphere in spheres if sphere.score > 0.0]
+
+
+def _highlight_discs(level: PyramidLevel) -> list[Sphere]:
+    """Return seeds from the smallest circles around what the passing light lit: the discs of highlights of spheres."""
+    lit = (level.residual > 0.5 * np.percentile(level.residual, 99.8)).astype(np.uint8)
+    closing = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (CLOSING_PX, CLOSING_PX))
+    closed = cv2.morphologyEx(lit, cv2.MORPH_CLOSE, closing)
+    outlines, _ = cv2.findContours(closed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    seeds = []
+    for outline in outlines:
+        (x, y), radius = cv2.minEnclosingCircle(outline)
+        if DISC_RADIUS_RATIO * MIN_LEVEL_RADIUS_PX <= radius <= MAX_LEVEL_RADIUS_PX:
+            seeds.append(Sphere(x, y, radius))
+    return seeds
+
+
+def _contours(level: PyramidLevel, seed: Sphere, radii: np.ndarray) -> list[tuple[float, float, float, float]]:
+    """Return the circles (x, y, radius, contrast) about a seed that may be contours: peaks over the radius."""
+    beyond = np.append(radii, np.arange(radii[-1], OUTSIDE_RATIOS[1] * radii[-1], 0.02 * seed.radius)[1:])
+    evidence = edge_evidence(level.frames, seed.x, seed.y, 0.8 * radii[0], 1.15 * beyond[-1], SEED_RAYS)
+    profile = radius_profile(evidence, SEED_CENTRE_RATIO * seed.radius, beyond, 0.04 * seed.radius)
+    scores = profile[:, 2]
+    found = []
+    for k, radius in enumerate(radii):
+        outside = (beyond > OUTSIDE_RATIOS[0] * radius) & (beyond <= OUTSIDE_RATIOS[1] * radius)
+        contrast = float(scores[k] - scores[outside].mean())
+        if scores[k] >= scores[max(k - 2, 0) : k + 3].max() and contrast > MIN_CONTRAST:
+            found.append((seed.x + profile[k, 0], seed.y + profile[k, 1], float(radius), contrast))
+    return found
+
+
+def _refined(
+    frames: np.ndarray, few: np.ndarray, maximum: np.ndarray, sphere: Sphere, camera: np.ndarray | None
+) -> Sphere:
+    """Measure a candidate at full resolution; its score is the product of contour contrast and highlight evidence."""
+    measured = measure_sphere(frames, sphere, camera=camera)
+    for _ in range(MAX_MOVES):
+        if max(measured.distance(sphere), abs(measured.radius - sphere.radius)) < 0.015 * sphere.radius:
+            break
+        # The best circle may lie beyond the ones that were searched.
+        sphere, measured = measured, measure_sphere(frames, measured, camera=camera)
+    height, width = maximum.shape
+    reach = 0.99 * measured.radius
+    if not (reach <= measured.x <= width - 1 - reach and reach <= measured.y <= height - 1 - reach):
+        return replace(measured, score=0.0)
+    margin = 1.45 * measured.radius
+    top, left = max(int(measured.y - margin), 0), max(int(measured.x - margin), 0)
+    window = slice(top, int(measured.y + margin) + 2), slice(left, int(measured.x + margin) + 2)
+    scale = 2 ** max(0, int(np.floor(np.log2(measured.radius / SCORED_RADIUS_PX))))
+    level = pyramid_level([frame[window] for frame in few], maximum[window], scale)
+    x, y, radius = level.from_full_frame(measured.x - left, measured.y - top, measured.radius)
+    return replace(measured, score=measured.score * highlight_evidence(level.residual, x, y, radius))
+
+
+def _outermost(spheres: list[Sphere]) -> list[Sphere]:
+    """Keep of overlapping circles the best, or a larger one around it that is not much weaker; best first."""
+    kept: list[Sphere] = []
+    remaining = sorted(spheres, key=lambda sphere: -sphere.score)
+    while remaining:
+        best = remaining[0]
+        around = [
+            sphere
+            for sphere in remaining
+            if sphere.radius > MIN_OUTER_SIZE * best.radius
+            and sphere.distance(best) < MAX_OUTER_DISTANCE * sphere.radius
+            and sphere.score >= MIN_OUTER_RATIO * best.score
+        ]
+        kept.append(max(around, key=lambda sphere: sphere.score, default=best))
+        remaining = [
+            sphere
+            for sphere in remaining
+            if sphere.distance(kept[-1]) > max(0.9 * kept[-1].radius, 0.5 * (sphere.radius + kept[-1].radius))
+        ]
+    return kept

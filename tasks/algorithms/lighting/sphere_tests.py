@@ -1,0 +1,124 @@
+"""Tests of what looks like a chrome sphere, by its highlight in single frames.
+
+A chrome sphere shows one highlight of constant area in nearly all frames; glass, coins and clock faces do not. A glossy
+sphere shows one too, but its body is lit: its levels follow Lambert's law over pixels and frames. And all chrome
+spheres of a capture mirror the same light.
+"""
+
+import numpy as np
+
+from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of
+from glint.tasks.algorithms.lighting.lights import Lights, find_lights
+from glint.tasks.algorithms.lighting.spheres import Sphere
+
+MIN_ACCEPTED_SHARE = 0.5
+"""Share of the frames that must show one highlight: an arm may hide it for a while, and windows may cover it."""
+MIN_TESTED_FRAMES = 4
+"""Frames below which a circle is not tested."""
+HIGHLIGHT_REACH_DEG = 25.0
+"""Angle about the half vector within which a highlight and its glare are left out of the test of shading."""
+SHADED_RATIOS = 0.3, 0.9
+"""Radii, in radii of the sphere, between which its body is tested for shading."""
+MAX_SHADING_CORRELATION = 0.85
+"""Correlation of a body's levels with Lambert's law from which it is shaded: a glossy sphere has .91, chrome .79."""
+MAX_CONTRADICTION_DEG = 6.0
+"""Median angle between the half vectors of two spheres from which they are not both chrome spheres, or misplaced."""
+CROP_MARGIN_PX = 4
+
+
+def is_chrome(frames: np.ndarray, sphere: Sphere, camera: np.ndarray | None = None) -> str | None:
+    """Return why a circle is no chrome sphere; None if nothing speaks against it.
+
+    Args:
+        frames: (T, H, W), spread over the capture.
+        sphere: in the frames' pixels.
+        camera: perspective camera's matrix (3, 3).
+    """
+    if len(frames) < MIN_TESTED_FRAMES:
+        return None
+    crop, inside, matrix = _crop(frames, sphere, camera)
+    try:
+        lights = find_lights(crop, inside, camera=matrix)
+    except UnusableCapture:
+        return "no light moves on it"
+    share = float(lights.accepted.mean())
+    if share < MIN_ACCEPTED_SHARE:
+        return f"{share:.0%} of the frames show one light on it"
+    if lights.accepted.sum() >= MIN_TESTED_FRAMES:
+        correlation = shading_correlation(crop, inside, lights)
+        if correlation > MAX_SHADING_CORRELATION:
+            return f"its body is shaded like a matte or glossy one (correlation {correlation:.2f})"
+    return None
+
+
+def shading_correlation(crop: np.ndarray, sphere: Sphere, lights: Lights) -> float:
+    """Return the correlation, over pixels and accepted frames, of levels (T, h, w) with Lambert's law n.l.
+
+    Per pixel and per frame the mean is subtracted first: static reflections, and the light's overall brightness.
+    """
+    directions = lights.lights[lights.accepted].astype(float)
+    rows, columns = np.mgrid[: crop.shape[1], : crop.shape[2]]
+    nx, ny = (columns - sphere.x) / sphere.radius, (sphere.y - rows) / sphere.radius
+    body = (np.hypot(nx, ny) > SHADED_RATIOS[0]) & (np.hypot(nx, ny) < SHADED_RATIOS[1])
+    normals = np.stack([nx[body], ny[body], np.sqrt(1.0 - nx[body] ** 2 - ny[body] ** 2)], axis=1)
+    kept = half_vectors_of(directions) @ normals.T < np.cos(np.radians(HIGHLIGHT_REACH_DEG))
+    levels = _centred(crop[lights.accepted][:, body].astype(float), kept)
+    shading = _centred(np.maximum(directions @ normals.T, 0.0), kept)
+    return float((levels * shading).sum() / np.sqrt((levels**2).sum() * (shading**2).sum() + 1e-12))
+
+
+def consistent_spheres(
+    frames: np.ndarray, spheres: list[Sphere], camera: np.ndarray | None = None
+) -> tuple[list[Sphere], list[str]]:
+    """Drop spheres whose lights contradict those of better ones; return the rest, and a sentence on each dropped one.
+
+    Args:
+        frames: (T, H, W), spread over the capture.
+        spheres: best first, in the frames' pixels.
+        camera: perspective camera's matrix (3, 3).
+    """
+    kept, half_vectors, sentences = list[Sphere](), list[np.ndarray](), list[str]()
+    if len(spheres) < 2 or len(frames) < MIN_TESTED_FRAMES:
+        return spheres, sentences
+    measured = [find_lights(*_crop(frames, sphere, camera)[:2]).half_vectors for sphere in spheres]
+    # The reference is the sphere that the others agree with best; of two, the better one.
+    matrix = np.array([[_median_angle(first, second) for second in measured] for first in measured])
+    agreeing = (matrix < MAX_CONTRADICTION_DEG).sum(axis=1)
+    reference = int(np.argmax(agreeing))
+    for k, sphere in enumerate(spheres):
+        angle = matrix[reference, k]
+        if k == reference or not angle >= MAX_CONTRADICTION_DEG:
+            kept.append(sphere)
+            half_vectors.append(measured[k])
+        else:
+            sentences.append(
+                f"the sphere at ({sphere.x:.0f}, {sphere.y:.0f}) is left out: its lights are {angle:.0f} degrees from"
+                f" those of the sphere at ({spheres[reference].x:.0f}, {spheres[reference].y:.0f})"
+            )
+    return kept, sentences
+
+
+def _median_angle(first: np.ndarray, second: np.ndarray) -> float:
+    """Return the median angle in degrees between half vectors (T, 3); 0 if they share no frame."""
+    shared = np.isfinite(first[:, 0]) & np.isfinite(second[:, 0])
+    return float(np.median(angles(first[shared], second[shared]))) if shared.any() else 0.0
+
+
+def _centred(values: np.ndarray, kept: np.ndarray) -> np.ndarray:
+    """Return values (T, P) without the means of pixels and of frames over the kept ones; 0 where not kept."""
+    for axis in (0, 1):
+        mean = (values * kept).sum(axis=axis, keepdims=True) / np.maximum(kept.sum(axis=axis, keepdims=True), 1)
+        values = np.where(kept, values - mean, 0.0)
+    return values
+
+
+def _crop(
+    frames: np.ndarray, sphere: Sphere, camera: np.ndarray | None
+) -> tuple[np.ndarray, Sphere, np.ndarray | None]:
+    """Return the frames, the sphere and the camera's matrix in the pixels of a crop around the sphere."""
+    margin = sphere.radius + CROP_MARGIN_PX
+    left, top = max(int(sphere.x - margin), 0), max(int(sphere.y - margin), 0)
+    crop = frames[:, top : int(sphere.y + margin) + 2, left : int(sphere.x + margin) + 2]
+    matrix = None if camera is None else camera - np.array([[0, 0, left], [0, 0, top], [0, 0, 0]])
+    return np.ascontiguousarray(crop), sphere.in_crop(left, top), matrix

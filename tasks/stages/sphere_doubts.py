@@ -1,0 +1,46 @@
+"""Doubt of the spheres: what their fits leave uncertain in the half vectors, and where two spheres disagree."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from glint.tasks.algorithms.lighting.lights import Lights, inter_sphere_angles
+from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.engine.stage_warning import StageWarning
+
+MAX_LIGHT_DEVIATION_DEG = 2.0
+"""Standard deviation of the lights' directions, from the spheres' fits, above which they are doubted."""
+MIN_DISAGREEMENT_DEG, DISAGREEMENT_DEVIATIONS = 0.6, 2.5
+"""Median angle between a sphere's half vectors and the mean that is doubted: at least, and in standard deviations."""
+
+
+def spheres_error(spheres: Sequence[Sphere], result: Lights) -> float:
+    """Return the standard deviation per axis, radians, that the spheres' fits leave in the mean half vector."""
+    variances = [sphere.half_vector_sd(result.half_vectors) ** 2 for sphere in spheres]
+    return float(np.sqrt(np.sum(variances))) / len(variances) if variances else 0.0
+
+
+def sphere_doubts(spheres: Sequence[Sphere], result: Lights, *, is_near: bool) -> list[StageWarning]:
+    """Warn where the spheres' fits leave the light uncertain, and where two spheres disagree."""
+    # The error has two axes; that of the light is twice that of the half vector.
+    error = float(np.degrees(spheres_error(spheres, result))) * np.sqrt(2.0)
+    if 2.0 * error > MAX_LIGHT_DEVIATION_DEG:
+        message = (
+            f"the chrome sphere's contour is known to {_contour_percent(spheres):.1f}% of its radius only, so"
+            f" lights may be off by {2.0 * error:.1f} degrees: use a plain background unlike the sphere's rim, or"
+            " give `spheres` in the catalogue"
+        )
+        return [StageWarning(message, "sphere", error)]
+    median, _ = inter_sphere_angles(result)
+    if not is_near and median > max(MIN_DISAGREEMENT_DEG, DISAGREEMENT_DEVIATIONS * error):
+        message = (
+            f"the spheres disagree on the half vectors by {2.0 * median:.1f} degrees: check `spheres` in the catalogue,"
+            " or leave out the worse sphere"
+        )
+        return [StageWarning(message, "sphere", 2.0 * median)]
+    return []
+
+
+def _contour_percent(spheres: Sequence[Sphere]) -> float:
+    """Return the largest standard deviation of a sphere's centre in percent of its radius."""
+    return max(100.0 * sphere.centre_sd / sphere.radius for sphere in spheres)
