@@ -82,6 +82,7 @@ STAGES = (
         parameters.ThresholdsParameters,
         reads=("frames", "mask"),
         arrays={"thresholds": ArraySchema("HW", "u")},
+        version=2,
     ),
     Stage(
         "markup",
@@ -115,11 +116,12 @@ STAGES = (
             "count": ArraySchema("KHW", "i"),
             "observations": ArraySchema("HW", "i"),
             "winner": ArraySchema("HW3", "f", required=False),
+            "shading": ArraySchema("KHW", "f"),
         },
         peak_bytes=lambda size: TILES_HELD * TILE_BYTES,
         progress_unit="tiles",
         parallel_tiles=True,
-        version=2,
+        version=3,
     ),
     Stage(
         "labels",
@@ -133,7 +135,7 @@ STAGES = (
             "confidence": ArraySchema("HW", "f", "mask"),
         },
         peak_bytes=_per_pixel(900),
-        version=6,
+        version=7,
     ),
     Stage(
         "depth",
