@@ -10,7 +10,7 @@ from glint.storage.frames.cache import FrameCache
 from glint.storage.locations.location import Location
 from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, inverse_density_weights
 from glint.tasks.algorithms.candidates.shading import MAX_SHADING, object_shading, with_object_shading
-from glint.tasks.algorithms.candidates.surround import RING_OUTER_DEG, Rings, find_rings
+from glint.tasks.algorithms.candidates.surround import INNER_RING_DEG, Rings, find_rings
 from glint.tasks.algorithms.geometry.perspective import half_vectors_for_view, rotate_to_view
 from glint.tasks.engine.parameters import ClustersParameters
 from glint.tasks.engine.stage import Progress, StageOutput
@@ -162,7 +162,7 @@ def _warnings(observed: np.ndarray, mask: np.ndarray, shading: float) -> list[St
     if shading > MAX_SHADING:
         message = (
             f"the object is matte: its pixels keep {shading:.0%} of their rise when the light moves on by"
-            f" {RING_OUTER_DEG:g} degrees of half vector, glass and metal less than {MAX_SHADING:.0%}. Shading gives no"
+            f" {INNER_RING_DEG[1]:g} degrees of half vector, glass and metal less than {MAX_SHADING:.0%}. Shading gives no"
             " normals here, so all come from the silhouette: use photometric stereo"
         )
         return [StageWarning(message, "highlights", MATTE_COST_DEG)]

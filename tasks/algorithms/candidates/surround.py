@@ -1,10 +1,10 @@
 """Response around a highlight: how bright a pixel stays when the light moves away from where it lights the pixel most.
 
 A surface that mirrors shows the light itself: once the half vector is farther from the normal than the light's own
-disc, the pixel is as dark as without the light. What scatters the light is shaded: its brightness falls with the cosine
-of the light's angle and is still high 12 degrees of half vector beside its maximum (Nayar, Ikeuchi and Kanade 1991 call
-the two specular spike and diffuse lobe). The ratio is a property of the surface, whatever its brightness, the exposure,
-and the number of lights.
+disc, the pixel is as dark as anywhere. What scatters the light is shaded: its brightness falls with the cosine of the
+light's angle, hardly over 12 degrees of half vector and more over 30 (Nayar, Ikeuchi and Kanade 1991: specular spike
+and diffuse lobe). The share of the fall from the lit frames to an outer ring that is left in an inner ring is a
+property of the surface, whatever its brightness, what it shows besides, and the number of lights.
 """
 
 from dataclasses import dataclass
@@ -12,28 +12,31 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-RING_INNER_DEG, RING_OUTER_DEG = 4.5, 12.0
-"""Half vectors at this angle from a lit frame's: beyond the disc of a usual light, and near enough for shading."""
+INNER_RING_DEG = (4.5, 12.0)
+"""Angles of half vectors from a lit frame's: beyond the disc of a usual light, and near enough for shading."""
+OUTER_RING_DEG = (15.0, 30.0)
+"""The same of frames that give the level without the highlight: shading has fallen by then."""
 RING_FRAMES = 24
 """Most frames of a ring that are looked at: enough for a mean, and cheap."""
-DISTANT_FRAMES = 24
-"""Frames spread over the sweep that give a pixel's level without the light."""
+MIN_OUTER_FRAMES = 3
+"""Frames in the outer ring below which frames of the whole sweep take their place."""
 DARK_QUANTILE = 0.25
-"""Quantile of these that is the dark level: shading reaches it in shadow, and an arm before the object seldom does."""
+"""Quantile of the levels in these that is the level without the highlight: shading has many levels."""
 LIT_FRAMES = 4
 """Lit frames of a candidate whose rings are looked at."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rings:
-    """Frames to compare with, negative indices meaning none.
+    """Frames to compare with.
 
-    around: (T, RING_FRAMES) int32, those whose half vector lies in the ring of each frame's; distant: (DISTANT_FRAMES,)
-    int32, spread over the sweep.
+    inner, outer: (T, RING_FRAMES) int32, those whose half vector lies in the rings of each frame's, -1 where there are
+    fewer; sweep: (RING_FRAMES,) int32 at most, spread over the sweep.
     """
 
-    around: np.ndarray
-    distant: np.ndarray
+    inner: np.ndarray
+    outer: np.ndarray
+    sweep: np.ndarray
 
 
 def find_rings(half_vectors: np.ndarray, weights: np.ndarray) -> Rings:
@@ -42,33 +45,32 @@ def find_rings(half_vectors: np.ndarray, weights: np.ndarray) -> Rings:
     half_vectors: (T, 3), NaN where the frame was rejected; weights: (T,), by which places count instead of frames.
     """
     usable = np.flatnonzero(weights > 0)
-    # Weighted sampling without replacement (Efraimidis and Spirakis 2006): ascending exponential variates over weights.
-    order = usable[np.argsort(np.random.default_rng(0).exponential(size=len(usable)) / weights[usable])].astype(
-        np.int32
-    )
-    cosines = np.cos(np.radians([RING_INNER_DEG, RING_OUTER_DEG]))
-    around = _rings(np.nan_to_num(half_vectors).astype(np.float32), order, *cosines.astype(np.float32))
-    return Rings(around, order[:DISTANT_FRAMES])
+    # Weighted sampling without replacement (Efraimidis and Spirakis 2006): by exponential variates over the weights.
+    variates = np.random.default_rng(0).exponential(size=len(usable)) / weights[usable]
+    order = usable[np.argsort(variates)].astype(np.int32)
+    vectors = np.nan_to_num(half_vectors).astype(np.float32)
+    inner, outer = (_ring(vectors, order, *np.cos(np.radians(ring))) for ring in (INNER_RING_DEG, OUTER_RING_DEG))
+    return Rings(inner, outer, order[:RING_FRAMES])
 
 
 @njit(cache=True, nogil=True)
-def _rings(half_vectors: np.ndarray, order: np.ndarray, cos_inner: float, cos_outer: float) -> np.ndarray:
+def _ring(half_vectors: np.ndarray, order: np.ndarray, cos_least: float, cos_most: float) -> np.ndarray:
     """Return the first RING_FRAMES frames of `order` in the ring of each frame: (T, RING_FRAMES) int32, -1 for none."""
-    around = np.full((len(half_vectors), RING_FRAMES), -1, np.int32)
+    ring = np.full((len(half_vectors), RING_FRAMES), -1, np.int32)
     for i in order:
-        found = 0
+        count = 0
         for j in order:
             cosine = (
                 half_vectors[i, 0] * half_vectors[j, 0]
                 + half_vectors[i, 1] * half_vectors[j, 1]
                 + half_vectors[i, 2] * half_vectors[j, 2]
             )
-            if cos_outer < cosine < cos_inner:
-                around[i, found] = j
-                found += 1
-                if found == RING_FRAMES:
+            if cos_most < cosine < cos_least:
+                ring[i, count] = j
+                count += 1
+                if count == RING_FRAMES:
                     break
-    return around
+    return ring
 
 
 @njit(cache=True, nogil=True)
@@ -78,9 +80,10 @@ def surround_response(
     lit: np.ndarray,
     half_vectors: np.ndarray,
     normals: np.ndarray,
-    around: np.ndarray,
-    distant: np.ndarray,
     cos_radius: float,
+    inner: np.ndarray,
+    outer: np.ndarray,
+    sweep: np.ndarray,
 ) -> np.ndarray:
     """Measure how bright pixels are in the rings around their candidates' lit frames.
 
@@ -89,22 +92,22 @@ def surround_response(
         starts, lit: lit frames of each pixel, from `collect_lit_frames`.
         half_vectors: (T, 3).
         normals: (K, N, 3) candidates, NaN where there are fewer.
-        around, distant: of `Rings`.
         cos_radius: cosine of the radius of a candidate's disc.
+        inner, outer, sweep: of `Rings`.
 
     Returns:
-        (K, N) float32, mean level there between dark (0) and that of the lit frames (1); NaN where there is no candidate
-        or no frame in the rings.
+        (K, N) float32, mean level in the inner ring, from that without the highlight (0) to that of the lit frames (1);
+        NaN where there is no candidate or no frame in the inner ring.
     """
     candidates, pixels = normals.shape[:2]
     result = np.full((candidates, pixels), np.nan, np.float32)
-    levels = np.empty(len(distant), np.float32)
+    levels = np.empty(len(sweep), np.float32)
     for pixel in range(pixels):
         if starts[pixel] == starts[pixel + 1]:
             continue
-        for i in range(len(distant)):
-            levels[i] = frames[distant[i], pixel]
-        dark = np.sort(levels)[int(DARK_QUANTILE * (len(levels) - 1))]
+        for i in range(len(sweep)):
+            levels[i] = frames[sweep[i], pixel]
+        sweep_level = np.sort(levels)[int(DARK_QUANTILE * (len(levels) - 1))]
         members = lit[starts[pixel] : starts[pixel + 1]]
         for k in range(candidates):
             normal = normals[k, pixel]
@@ -113,15 +116,29 @@ def surround_response(
             h = half_vectors[members]
             own = members[h[:, 0] * normal[0] + h[:, 1] * normal[1] + h[:, 2] * normal[2] > cos_radius]
             step = max(1, -(-len(own) // LIT_FRAMES))
-            total, count = np.float32(0.0), 0
+            total, count = 0.0, 0
             for frame in own[::step]:
-                rise = max(np.float32(frames[frame, pixel]) - dark, np.float32(1.0))
-                for ring_frame in around[frame]:
+                dark, outer_count = _mean_level(frames, pixel, outer[frame])
+                if outer_count < MIN_OUTER_FRAMES:
+                    dark = sweep_level
+                rise = max(frames[frame, pixel] - dark, 1.0)
+                for ring_frame in inner[frame]:
                     if ring_frame < 0:
                         break
-                    response = (np.float32(frames[ring_frame, pixel]) - dark) / rise
-                    total += min(max(response, np.float32(0.0)), np.float32(1.0))
+                    total += min(max((frames[ring_frame, pixel] - dark) / rise, 0.0), 1.0)
                     count += 1
             if count > 0:
-                result[k, pixel] = total / np.float32(count)
+                result[k, pixel] = total / count
     return result
+
+
+@njit(cache=True, nogil=True)
+def _mean_level(frames: np.ndarray, pixel: int, ring: np.ndarray) -> tuple[float, int]:
+    """Return a pixel's mean level in the frames of a ring, and their number."""
+    total, count = 0.0, 0
+    for frame in ring:
+        if frame < 0:
+            break
+        total += frames[frame, pixel]
+        count += 1
+    return total / max(count, 1), count
