@@ -31,6 +31,7 @@ ABLATIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         "no tension": {"field_weights": FieldWeights(tension_length=100.0)},
         "spread that does not grow": {"field_error": FieldError(slope=0.0)},
         "rim as weak as a normal": {"field_weights": FieldWeights(rim=0.1)},
+        "no evidence of shading": {"graph_cut_weights": GraphCutWeights(shading_weight=0.0)},
         "shading taken for highlights": {"without_shading": False},
         "two candidates": {"clusters": 2},
         "one candidate": {"clusters": 1},
@@ -75,7 +76,7 @@ def _labelled_normals(
     if not parameters.pop("marks", True):
         marks = None
     result = reconstruct_normals(
-        replace(clusters, normals=kept),
+        replace(clusters, normals=kept, shading=clusters.shading[: len(kept)]),
         mask,
         marks=marks,
         **parameters,

@@ -161,9 +161,9 @@ def _warnings(observed: np.ndarray, mask: np.ndarray, shading: float) -> list[St
     """Warn of an object that shows shading instead of highlights, and otherwise of one that shows few highlights."""
     if shading > MAX_SHADING:
         message = (
-            f"the object is matte: its pixels keep {shading:.0%} of their rise when the light moves on by"
-            f" {INNER_RING_DEG[1]:g} degrees of half vector, glass and metal less than {MAX_SHADING:.0%}. Shading gives no"
-            " normals here, so all come from the silhouette: use photometric stereo"
+            f"the object shows shading, not highlights: {INNER_RING_DEG[1]:g} degrees of half vector beside them its"
+            f" pixels keep {shading:.0%} of their rise, glass and polished metal less than {MAX_SHADING:.0%}. It is"
+            " matte or rough, or overexposed: all normals come from the silhouette. Use photometric stereo for it"
         )
         return [StageWarning(message, "highlights", MATTE_COST_DEG)]
     share = observed.sum() / mask.sum()

@@ -2,8 +2,8 @@
 
     python -m tests.benchmarks.opaque_objects
 
-The objects: `tests/opaque_objects.py`. A matte finish must have a shading above MAX_SHADING, or be refused; of the pixels
-at confidence 0.95, nine tenths must be within 5 degrees.
+The objects: `tests/opaque_objects.py`. A matte finish must have a shading above MAX_SHADING, or be refused; of the
+pixels at confidence 0.95, nine tenths must be within 5 degrees.
 """
 
 import sys
@@ -25,9 +25,7 @@ LIGHTS = {"12 in 40": (12, 40.0), "42 in 30": (42, 30.0), "64 in 80": (64, 80.0)
 def main() -> None:
     """Print a line per shape, lights and finish."""
     forms = sys.argv[1:] or ["sphere", "vase", "pebble"]
-    print(
-        f"{'shape':7s} {'lights':9s} {'finish':14s} {'shading':>7s} {'observed':>8s} {'median':>6s} {'confident':>9s} right"
-    )
+    print("shape   lights    finish         shading observed median confident right")
     for form in forms:
         truth = shape(form)
         mask = np.isfinite(truth[..., 0])

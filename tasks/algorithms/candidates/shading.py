@@ -13,9 +13,12 @@ from glint.tasks.algorithms.candidates.clusters import Clusters
 MAX_SHADING = 0.33
 """Shading above which a candidate is no highlight: glass and chrome keep below it, matte surfaces above."""
 
+TRUE_MEAN, FALSE_MEAN = 0.08, 0.19
+"""Mean shading of true and of false highlights on glass: a path through the glass scatters, and bends what it shows."""
+
 
 def object_shading(shading: np.ndarray) -> float:
-    """Return the mean shading of an object's pixels by their heaviest candidates, of (K, H, W); NaN if none is known."""
+    """Return the mean shading of an object's pixels by their heaviest candidates (K, H, W); NaN if none is known."""
     known = np.isfinite(shading[0])
     return float(shading[0][known].mean()) if known.any() else float("nan")
 
@@ -38,3 +41,12 @@ def without_shading(clusters: Clusters) -> Clusters:
         normals=np.where(shaded[..., None], np.float32(np.nan), clusters.normals),
         winner=np.where(shaded[0, ..., None], np.float32(np.nan), clusters.winner),
     )
+
+
+def shading_log_ratio(shading: np.ndarray) -> np.ndarray:
+    """Return the log-likelihood ratio (K, H, W), nats, of a true against a false highlight; 0 where nothing is known.
+
+    Both are taken to have exponentially distributed shading.
+    """
+    ratio = np.log(FALSE_MEAN / TRUE_MEAN) - shading * (1.0 / TRUE_MEAN - 1.0 / FALSE_MEAN)
+    return np.asarray(np.nan_to_num(ratio), np.float32)

@@ -53,6 +53,7 @@ def saturation_level(peak: np.ndarray, background: np.ndarray) -> float:
         raise UnusableCapture(
             f"the object shows no highlights (its peak level is {saturation:.0f}, its background level {dark:.0f},"
             f" of {limit:.0f})",
-            "move a bright light around the object, expose so that its highlights clip, and check the region",
+            "move a bright light around the object, expose so that its highlights clip, and check the region; a dark"
+            " matte object has none",
         )
     return saturation
