@@ -121,7 +121,7 @@ STAGES = (
         peak_bytes=lambda size: TILES_HELD * TILE_BYTES,
         progress_unit="tiles",
         parallel_tiles=True,
-        version=3,
+        version=4,
     ),
     Stage(
         "labels",

@@ -14,7 +14,7 @@ MAX_SHADING = 0.33
 """Shading above which a candidate is no highlight: glass and chrome keep below it, matte surfaces above."""
 
 TRUE_MEAN, FALSE_MEAN = 0.08, 0.19
-"""Mean shading of true and of false highlights on glass: a path through the glass scatters, and bends what it shows."""
+"""Mean shading of highlights on a surface, and of light that went a way on which it is scattered or spread."""
 
 
 def object_shading(shading: np.ndarray) -> float:
@@ -46,7 +46,8 @@ def without_shading(clusters: Clusters) -> Clusters:
 def shading_log_ratio(shading: np.ndarray) -> np.ndarray:
     """Return the log-likelihood ratio (K, H, W), nats, of a true against a false highlight; 0 where nothing is known.
 
-    Both are taken to have exponentially distributed shading.
+    Both are taken to have exponentially distributed shading. It only counts against a candidate: in clear glass false
+    highlights are as sharp as true ones.
     """
     ratio = np.log(FALSE_MEAN / TRUE_MEAN) - shading * (1.0 / TRUE_MEAN - 1.0 / FALSE_MEAN)
-    return np.asarray(np.nan_to_num(ratio), np.float32)
+    return np.asarray(np.nan_to_num(np.minimum(ratio, 0.0)), np.float32)

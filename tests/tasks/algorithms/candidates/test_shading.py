@@ -65,7 +65,7 @@ def test_where_nothing_compares_the_object_decides() -> None:
     np.testing.assert_allclose(with_object_shading(shading)[0, 0], [0.1, 0.2, 0.15])
     assert np.isnan(object_shading(np.full((1, 1, 1), np.nan)))
     ratio = shading_log_ratio(np.array([[[0.0, 0.5, np.nan]]]))[0, 0]
-    assert ratio[0] > 0 > ratio[1] and ratio[2] == 0
+    assert ratio[0] == ratio[2] == 0 > ratio[1]
 
 
 def test_rings_hold_the_frames_at_their_angles() -> None:

@@ -27,11 +27,12 @@ def pebble(size: int = 90, seed: int = 0) -> Scene:
     nodes[1][~inside | (rng.random((size, size)) < 0.2)] = np.nan
     swap = rng.random((size, size)) < 0.5
     nodes = unit(np.where(swap[None, ..., None], nodes[::-1], nodes)).astype(np.float32)
-    return (
-        SimpleNamespace(normals=nodes, shading=np.full(nodes.shape[:3], np.nan)),
-        inside,
-        np.where(inside[..., None], truth, np.nan),
-    )
+    return clusters_of(nodes), inside, np.where(inside[..., None], truth, np.nan)
+
+
+def clusters_of(normals: np.ndarray) -> SimpleNamespace:
+    """Candidates (K, H, W, 3) of whose shading nothing is known."""
+    return SimpleNamespace(normals=normals, shading=np.full(normals.shape[:3], np.nan))
 
 
 @pytest.fixture(scope="module")
