@@ -74,16 +74,19 @@ def photograph(normals: np.ndarray, finish: Finish, lights: np.ndarray, *, seed:
     generator = np.random.default_rng(seed)
     inside = np.isfinite(normals[..., 0])
     points = normals[inside]
-    variance = finish.roughness**2 + np.tan(np.radians(LIGHT_RADIUS_DEG)) ** 2 / 2
+    # The light's disc, blurred by the lobe: flat inside the disc, the lobe's own flank outside, energy kept.
+    area = finish.roughness**2 + np.tan(np.radians(LIGHT_RADIUS_DEG)) ** 2
     levels = []
     for light, half in zip(lights, half_vectors_of(lights), strict=True):
         cosine = np.maximum(points @ light, 0)
-        facing = np.clip(points @ half, 1e-3, 1.0)
-        lobe = np.exp(-(1 / facing**2 - 1) / variance) / (variance * facing**4)
+        facing = np.arccos(np.clip(points @ half, 1e-3, 1.0))
+        beyond = np.tan(np.maximum(facing - np.radians(LIGHT_RADIUS_DEG), 0.0))
+        lobe = np.exp(-((beyond / finish.roughness) ** 2)) / (area * np.cos(facing) ** 4)
         fresnel = finish.reflectance + (1 - finish.reflectance) * (1 - half[2]) ** 5
         levels.append(finish.albedo * cosine + fresnel * lobe / 4 * (cosine > 0) / np.maximum(points[:, 2], 0.2))
     stack = np.array(levels)
-    brightest = finish.albedo if finish.albedo > 0.05 else 0.7 * np.quantile(stack.max(axis=0), 0.9)
+    # Without a diffuse part worth the name the highlights clip at a third of their height.
+    brightest = finish.albedo if finish.albedo > 0.05 else 0.2 * stack.max()
     frames = np.full((len(lights), SIZE, SIZE), 8.0)
     frames[:, inside] += 140.0 / brightest * stack
     frames = np.minimum(frames, 255.0) + generator.normal(0, 1.5, frames.shape)

@@ -42,7 +42,7 @@ def test_what_scatters_the_light_is_shaded(finish: str, count: int, widest_deg: 
 @pytest.mark.parametrize("finish", ["glaze", "polished metal", "chrome"])
 def test_what_reflects_the_light_is_not(finish: str, count: int, widest_deg: float) -> None:
     found = candidates_of(FINISHES[finish], count, widest_deg)
-    assert object_shading(found.shading) < 0.6 * MAX_SHADING
+    assert object_shading(found.shading) < 0.8 * MAX_SHADING
     assert np.isfinite(without_shading(found).normals[0, ..., 0]).sum() > 300
 
 
