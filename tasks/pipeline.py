@@ -83,6 +83,7 @@ STAGES = (
         parameters.ThresholdsParameters,
         reads=("frames", "mask"),
         arrays={"thresholds": ArraySchema("HW", "u")},
+        version=2,
     ),
     Stage(
         "markup",
@@ -116,11 +117,12 @@ STAGES = (
             "count": ArraySchema("KHW", "i"),
             "observations": ArraySchema("HW", "i"),
             "winner": ArraySchema("HW3", "f", required=False),
+            "shading": ArraySchema("KHW", "f"),
         },
         peak_bytes=lambda size: TILES_HELD * TILE_BYTES,
         progress_unit="tiles",
         parallel_tiles=True,
-        version=2,
+        version=4,
     ),
     Stage(
         "labels",

@@ -93,7 +93,7 @@ class SilhouetteParameters(StageParameters):
 
 
 class LabelsParameters(StageParameters):
-    """method: `sheets`, the literal `paper`, or `winner` takes all (for opaque shiny objects); edges, weight: of the
+    """method: `sheets`, the literal `paper`, or `winner` takes all; edges, weight: of the
     paper's graph; the others belong to `sheets`."""
 
     method: Literal["sheets", "paper", "winner"] = "sheets"

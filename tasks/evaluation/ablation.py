@@ -1,6 +1,7 @@
 """Ablation: the errors with each ingredient of the labelling switched off, on stored clusters."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks
+from glint.tasks.algorithms.candidates.shading import without_shading
 from glint.tasks.algorithms.evaluation.metrics import squared_errors
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
@@ -29,6 +31,8 @@ ABLATIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         "no tension": {"field_weights": FieldWeights(tension_length=100.0)},
         "spread that does not grow": {"field_error": FieldError(slope=0.0)},
         "rim as weak as a normal": {"field_weights": FieldWeights(rim=0.1)},
+        "no evidence of shading": {"graph_cut_weights": GraphCutWeights(shading_weight=0.0)},
+        "shading taken for highlights": {"without_shading": False},
         "two candidates": {"clusters": 2},
         "one candidate": {"clusters": 1},
         "no marks": {"marks": False},
@@ -66,11 +70,13 @@ def _labelled_normals(
     clusters: Clusters, mask: np.ndarray, marks: Marks | None, parameters: dict[str, Any]
 ) -> np.ndarray:
     """Return the normals (H, W, 3) that the labelling gives with these parameters, see ABLATIONS."""
+    if parameters.pop("without_shading", True):
+        clusters = without_shading(clusters)
     kept = clusters.normals[: parameters.pop("clusters", None)]
     if not parameters.pop("marks", True):
         marks = None
     result = reconstruct_normals(
-        Clusters(kept, clusters.weight, clusters.spread, clusters.count, clusters.observations, clusters.winner),
+        replace(clusters, normals=kept, shading=clusters.shading[: len(kept)]),
         mask,
         marks=marks,
         **parameters,

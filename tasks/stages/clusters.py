@@ -9,6 +9,8 @@ import numpy as np
 from glint.storage.frames.cache import FrameCache
 from glint.storage.locations.location import Location
 from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, inverse_density_weights
+from glint.tasks.algorithms.candidates.shading import MAX_SHADING, object_shading, with_object_shading
+from glint.tasks.algorithms.candidates.surround import INNER_RING_DEG, Rings, find_rings
 from glint.tasks.algorithms.geometry.perspective import half_vectors_for_view, rotate_to_view
 from glint.tasks.algorithms.lighting.coverage import EXTRAPOLATED_ERROR_DEG, MIN_SWEEP_FRAMES
 from glint.tasks.engine.parameters import ClustersParameters
@@ -26,18 +28,21 @@ TILE_BYTES = 96 << 20
 """Most bytes of frames that one tile holds."""
 MIN_OBSERVED_SHARE = 0.3
 """Share of the object's pixels with a highlight below which the recording is too short or too dark."""
+MATTE_COST_DEG = 15.0
+"""Error of normals that the silhouette alone gives, as in the evaluation."""
 
 Tile = tuple[slice, slice]
 
 
 @dataclass(frozen=True, slots=True)
 class SharedInputs:
-    """What all tiles share: where the frames are, half_vectors (T, 3) and weights (T,) of the lights."""
+    """What all tiles share: where the frames are, half_vectors (T, 3), weights (T,) and rings of the lights."""
 
     store: str
     digest: str
     half_vectors: np.ndarray
     weights: np.ndarray
+    rings: Rings
     parameters: ClustersParameters
 
 
@@ -54,17 +59,22 @@ def clusters(inputs: StageInputs, progress: Progress, mapper: Mapper = serial_ma
     thresholds = inputs.load("thresholds").read("thresholds")
     weights = inverse_density_weights(half_vectors, parameters.dwell)
     tiles = [tile for tile in tiles_of(mask.shape, cache.frames * cache.bits // 8) if mask[tile].any()]
-    shared = SharedInputs(inputs.location.uri, cache.digest, half_vectors, weights, parameters)
+    shared = SharedInputs(
+        inputs.location.uri, cache.digest, half_vectors, weights, find_rings(half_vectors, weights), parameters
+    )
     tasks = [(tile, thresholds[tile]) for tile in tiles]
     result = empty_clusters(parameters.clusters, mask.shape)
     for done, (tile, part) in enumerate(zip(tiles, mapper(cluster_tile, tasks, shared), strict=True), 1):
         paste(result, tile, part)
         progress(done, len(tiles))
     observed = (result.observations > 0) & mask
+    mean = object_shading(result.shading)
+    result = replace(result, shading=with_object_shading(result.shading))
     return StageOutput(
         arrays=_arrays(inputs, result),
+        record={"shading": None if np.isnan(mean) else round(mean, 4)},
         counts={"observed pixels": int(observed.sum()), "observations": int(result.observations.sum())},
-        warnings=_warnings(observed, mask, cache.frames),
+        warnings=_warnings(observed, mask, cache.frames, mean),
     )
 
 
@@ -80,6 +90,7 @@ def cluster_tile(task: tuple[Tile, np.ndarray], shared: SharedInputs) -> Cluster
         clusters=shared.parameters.clusters,
         radius_deg=shared.parameters.radius,
         separation=shared.parameters.separation,
+        rings=shared.rings,
     )
 
 
@@ -108,12 +119,13 @@ def empty_clusters(count: int, shape: tuple[int, ...]) -> Clusters:
         np.zeros(scalars, np.int32),
         np.zeros(shape, np.int32),
         np.full((*shape, 3), np.nan, np.float32),
+        np.full(scalars, np.nan, np.float32),
     )
 
 
 def paste(result: Clusters, tile: Tile, part: Clusters) -> None:
     """Write a tile's clusters into the region's."""
-    for name in ("normals", "weight", "spread", "count"):
+    for name in ("normals", "weight", "spread", "count", "shading"):
         getattr(result, name)[:, tile[0], tile[1]] = getattr(part, name)
     for name in ("observations", "winner"):
         getattr(result, name)[tile] = getattr(part, name)
@@ -146,7 +158,15 @@ def _arrays(inputs: StageInputs, result: Clusters) -> dict[str, np.ndarray]:
     return {field.name: getattr(result, field.name) for field in fields(result)} | vectors
 
 
-def _warnings(observed: np.ndarray, mask: np.ndarray, frames: int) -> list[StageWarning]:
+def _warnings(observed: np.ndarray, mask: np.ndarray, frames: int, shading: float) -> list[StageWarning]:
+    """Warn of an object that shows shading instead of highlights, and otherwise of one that shows few highlights."""
+    if shading > MAX_SHADING:
+        message = (
+            f"the object shows shading, not highlights: {INNER_RING_DEG[1]:g} degrees of half vector beside them its"
+            f" pixels keep {shading:.0%} of their rise, glass and polished metal less than {MAX_SHADING:.0%}. It is"
+            " matte or rough, or overexposed: all normals come from the silhouette. Use photometric stereo for it"
+        )
+        return [StageWarning(message, "highlights", MATTE_COST_DEG)]
     share = observed.sum() / mask.sum()
     if share > MIN_OBSERVED_SHARE:
         return []

@@ -7,6 +7,7 @@ from scipy import ndimage
 
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks
+from glint.tasks.algorithms.candidates.shading import MAX_SHADING, without_shading
 from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view
 from glint.tasks.algorithms.labelling.confidence import with_input_doubt
 from glint.tasks.algorithms.labelling.dual_layer import reconstruct_dual_layer
@@ -96,9 +97,13 @@ def reconstruct(
             result, normals=rotate_from_view(result.normals, view), initial=rotate_from_view(result.initial, view)
         )
     if parameters.method == "paper":
-        return reconstruct_dual_layer(
+        # The literal baseline keeps its candidates, but no confidence in those that show shading.
+        result = reconstruct_dual_layer(
             clusters, mask, initial, marks=marks, connectivity=parameters.edges, weight=parameters.weight
         )
+        shaded = ((result.labels > 0) & (clusters.shading > MAX_SHADING)).any(axis=0)
+        return replace(result, confidence=np.where(shaded, np.float32(0.0), result.confidence))
+    clusters = without_shading(clusters)
     if parameters.method == "winner":
         filling = FieldWeights(tension_length=silhouette.tension_length)
         return reconstruct_winner(clusters, mask, initial, marks=marks, field_weights=filling)

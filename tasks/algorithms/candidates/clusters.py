@@ -14,6 +14,7 @@ from numba import njit
 from scipy.spatial import cKDTree
 
 from glint.tasks.algorithms.candidates.lit_frames import collect_lit_frames
+from glint.tasks.algorithms.candidates.surround import Rings, find_rings, surround_response
 
 CELL_DEG = 1.1
 """Edge in degrees of the cells in which densities are counted: half the disc of a usual light."""
@@ -29,6 +30,7 @@ class Clusters:
     solid angle of half vectors that it covers, in units of the lights' spacing. spread: (K, H, W) float32, RMS angle in
     radians to the normal. count: (K, H, W) int32, frames. observations: (H, W) int32, the paper's M: frames in which
     the pixel is lit. winner: (H, W, 3) float32, top eigenvector of sum h h^T over all of them (Chen et al. 2006).
+    shading: (K, H, W) float32, level beside the candidate's disc between dark (0) and lit (1); NaN where unknown.
     """
 
     normals: np.ndarray
@@ -37,6 +39,7 @@ class Clusters:
     count: np.ndarray
     observations: np.ndarray
     winner: np.ndarray
+    shading: np.ndarray
 
 
 def inverse_density_weights(half_vectors: np.ndarray, radius_deg: float = 1.0) -> np.ndarray:
@@ -66,6 +69,7 @@ def cluster_pixels(
     clusters: int = 3,
     radius_deg: float = 2.2,
     separation: float = 1.6,
+    rings: Rings | None = None,
 ) -> Clusters:
     """Cluster the highlights of a tile's pixels.
 
@@ -77,13 +81,20 @@ def cluster_pixels(
         clusters: largest number per pixel, K.
         radius_deg: of the light's disc of half vectors.
         separation: least distance, in radii, of another cluster's highlights.
+        rings: of these half vectors and weights, where several tiles share them.
     """
     length, height, width = frames.shape
     usable = np.flatnonzero(np.isfinite(half_vectors[:, 0]))
-    starts, lit = collect_lit_frames(frames.reshape(length, height * width), usable, thresholds.reshape(-1))
+    levels = frames.reshape(length, height * width)
+    starts, lit = collect_lit_frames(levels, usable, thresholds.reshape(-1))
     cells, size = _cells(half_vectors)
     normals, weight, spread, count, winner = _cluster(
         starts, lit, half_vectors, weights, cells, size, clusters, np.radians(radius_deg), separation
+    )
+    rings = rings or find_rings(half_vectors, weights)
+    cos_radius = float(np.cos(np.radians(radius_deg)))
+    shading = surround_response(
+        levels, starts, lit, half_vectors, normals, cos_radius, rings.inner, rings.outer, rings.sweep
     )
     shape = (clusters, height, width)
     return Clusters(
@@ -93,6 +104,7 @@ def cluster_pixels(
         count.reshape(shape),
         np.diff(starts).astype(np.int32).reshape(height, width),
         winner.reshape(height, width, 3),
+        shading.reshape(shape),
     )
 
 

@@ -8,6 +8,9 @@ import numpy as np
 
 from glint.tasks.algorithms.errors import UnusableCapture
 
+SATURATION_PERCENTILE = 99.9
+"""Percentile of the object's peak levels that is the saturation level: in one frame the highlight of a light's disc of
+2.2 degrees covers at least 0.15% of a convex object, and with few lights little more is covered in all."""
 MIN_HEADROOM_SHARE = 0.02
 """Lower bound of a pixel's headroom, as a share of the saturation level: even a bright background has noise."""
 MAX_BACKGROUND_SHARE = 0.93
@@ -40,7 +43,7 @@ def saturation_level(peak: np.ndarray, background: np.ndarray) -> float:
         UnusableCapture: the object shows no highlights, or is saturated all the time.
     """
     limit = float(np.iinfo(peak.dtype).max)
-    saturation, dark = float(np.percentile(peak, 95.0)), float(np.median(background))
+    saturation, dark = float(np.percentile(peak, SATURATION_PERCENTILE)), float(np.median(background))
     if dark >= MAX_BACKGROUND_SHARE * limit:
         raise UnusableCapture(
             f"the object is saturated all the time (its background level is {dark:.0f} of {limit:.0f})",
@@ -50,6 +53,7 @@ def saturation_level(peak: np.ndarray, background: np.ndarray) -> float:
         raise UnusableCapture(
             f"the object shows no highlights (its peak level is {saturation:.0f}, its background level {dark:.0f},"
             f" of {limit:.0f})",
-            "move a bright light around the object, expose so that its highlights clip, and check the region",
+            "move a bright light around the object, expose so that its highlights clip, and check the region; a dark"
+            " matte object has none",
         )
     return saturation

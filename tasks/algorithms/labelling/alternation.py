@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
+from glint.tasks.algorithms.candidates.shading import shading_log_ratio
 from glint.tasks.algorithms.geometry.vectors import unit
 from glint.tasks.algorithms.labelling.confidence import (
     field_confidence,
@@ -48,11 +49,13 @@ HELD_OUT_MAX_NODES = 5_000
 class Alternation:
     """Working state of the alternation: constants of the view, then what each iteration replaces.
 
+    evidence (K, H, W): log-likelihood ratio of a true against a false highlight, by the sheet's shape and by shading.
     labels (K, H, W) bool: exterior nodes. values (H, W, 3): accepted normals, NaN elsewhere. confidence (H, W): theirs,
     NaN elsewhere. known (H, W) bool: where they enter the field. smooth (H, W, 3): the field.
     """
 
     normals: np.ndarray
+    shading: np.ndarray
     mask: np.ndarray
     marks: Marks | None
     expected: np.ndarray | None
@@ -64,7 +67,7 @@ class Alternation:
     surface: SmoothNormalField = field(init=False)
     rim: np.ndarray = field(init=False)
     outward: np.ndarray = field(init=False)
-    shape: np.ndarray = field(init=False)
+    evidence: np.ndarray = field(init=False)
     marked: np.ndarray = field(init=False)
     marked_normals: np.ndarray = field(init=False)
     pins: np.ndarray = field(init=False)
@@ -80,7 +83,9 @@ class Alternation:
         self.scale, self.local_scale = inradius(self.mask), thickness(self.mask)
         self.surface = smooth_normal_field(self.mask, self.field_weights.tension_length)
         self.rim, self.outward = contour_normals(self.mask)
-        self.shape = self.graph_cut_weights.shape_weight * shape_log_ratio(self.normals, self.scale)
+        weights = self.graph_cut_weights
+        self.evidence = weights.shape_weight * shape_log_ratio(self.normals, self.scale)
+        self.evidence += weights.shading_weight * shading_log_ratio(self.shading)
         self.marked, self.marked_normals, self.pins = mark_constraints(self.marks, self.normals, self.mask)
         self.labels = np.zeros(self.normals.shape[:3], dtype=bool)
         self.known, self.values = self.marked, self.marked_normals
@@ -122,7 +127,7 @@ class Alternation:
         # The field is trusted near what shaped it: the contour too, unless expected normals took its place.
         sources = observed if self.expected is not None else self.rim | observed
         spread = field_spread(sources, self.local_scale, error.floor, error.slope, error.ceiling)
-        ratios = unary_log_ratio(self.normals, self.smooth, spread, weights.prior) + self.shape
+        ratios = unary_log_ratio(self.normals, self.smooth, spread, weights.prior) + self.evidence
         ratios = np.where(self.pins != 0, self.pins * HARD_CONSTRAINT, ratios)
         previous = self.labels
         cut = graph_cut(self.normals, ratios, weights.strength, weights.contrast)
@@ -146,7 +151,7 @@ class Alternation:
         # While labels change, the neighbourhood has to do; now each sheet is tested against the rest of the object.
         coarse = smooth_normal_field(self.mask, self.field_weights.tension_length, HELD_OUT_MAX_NODES)
         sheets = segment_sheets(self.values)
-        shape = np.take_along_axis(self.shape, self.labels.argmax(axis=0)[None], axis=0)[0]
+        evidence = np.take_along_axis(self.evidence, self.labels.argmax(axis=0)[None], axis=0)[0]
         residual = held_out_residual(
             sheets,
             self.values,
@@ -156,7 +161,7 @@ class Alternation:
             self.scale,
             lambda kept: self.solve_field(kept, self.values, coarse),
         )
-        observed = sheet_confidence(self.values, sheet_means(sheets, shape), residual, self.scale)
+        observed = sheet_confidence(self.values, sheet_means(sheets, evidence), residual, self.scale)
         observed = np.where(self.marked, 1.0, observed)
         slope = field_error_slope(
             lambda kept: self.solve_field(kept, self.values),

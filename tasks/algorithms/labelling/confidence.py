@@ -2,7 +2,7 @@
 
 An observed normal is wrong if its sheet is. Logistic regressions fitted to simulated captures judge that by the
 roughness of the normals, by curl (a normal field's gradients have none; half vectors of internal paths have), by the
-integrability and convexity prior, and by the held-out residual (`segments`). While labels still change, only
+evidence of shape and shading, and by the held-out residual (`segments`). While labels still change, only
 neighbourhood cues are used. Between observations the field is trusted as far as it proves itself by cross-validation:
 blocks of accepted normals are held out, and its error is taken to grow linearly with the distance from known pixels.
 """
@@ -18,7 +18,7 @@ TOLERANCE_RAD = np.radians(5.0)
 NEIGHBOURHOOD_LOGIT = (2.5, 4.5, -1.2, -5.5)
 """Logit of an observed normal being right by its neighbourhood: constant, then cover, roughness, curl."""
 SHEET_LOGIT = (4.7, -0.9, -2.0, 0.8, -1.7)
-"""The same by its sheet: constant, then roughness, curl, the sheet's mean shape ratio and its held-out residual.
+"""The same by its sheet: constant, then roughness, curl, the sheet's mean evidence and its held-out residual.
 
 Fitted to simulated captures of 600 to 1,200 frames of fish, bird, jug and glasses."""
 OCCLUDING_CONTOUR_SHARE = 0.7
@@ -73,14 +73,14 @@ def observed_confidence(normals: np.ndarray, scale: float) -> np.ndarray:
     return _logistic(NEIGHBOURHOOD_LOGIT, *sheet_quality(normals, scale))
 
 
-def sheet_confidence(normals: np.ndarray, shape: np.ndarray, residual: np.ndarray, scale: float) -> np.ndarray:
+def sheet_confidence(normals: np.ndarray, evidence: np.ndarray, residual: np.ndarray, scale: float) -> np.ndarray:
     """Return the confidence (H, W) of accepted normals (H, W, 3; NaN elsewhere) by their sheets, NaN elsewhere.
 
-    shape (H, W): the sheet's mean `shape_log_ratio`; residual (H, W): its `held_out_residual`; scale: inradius in
-    pixels.
+    evidence (H, W): the sheet's mean log-likelihood ratio by shape and shading; residual (H, W): its
+    `held_out_residual`; scale: inradius in pixels.
     """
     _, roughness, curl = sheet_quality(normals, scale)
-    return _logistic(SHEET_LOGIT, roughness, np.minimum(curl, 2.0), shape, residual)
+    return _logistic(SHEET_LOGIT, roughness, np.minimum(curl, 2.0), evidence, residual)
 
 
 def _logistic(weights: tuple[float, ...], *cues: np.ndarray) -> np.ndarray:

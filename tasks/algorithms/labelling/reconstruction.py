@@ -56,7 +56,8 @@ def reconstruct_normals(
     """Reconstruct the exterior normals of one view from its candidate normals.
 
     Args:
-        clusters: candidates of the region; `normals` (K, H, W, 3), unit, camera frame, NaN where there is none.
+        clusters: candidates of the region; `normals` (K, H, W, 3), unit, camera frame, NaN where there is none, and
+            their `shading`.
         mask: (H, W) bool, the object.
         marks: true and false highlights marked by a user.
         expected: (H, W, 3) normals known beforehand, as from a visual hull, finite in the mask; they replace the
@@ -76,7 +77,7 @@ def reconstruct_normals(
     if expected is not None and not np.isfinite(expected[mask]).all():
         raise ValueError("the expected normals leave pixels of the mask out")
     normals = np.where(mask[None, :, :, None], normals, np.nan)
-    state = Alternation(normals, mask, marks, expected, graph_cut_weights, field_weights, field_error)
+    state = Alternation(normals, clusters.shading, mask, marks, expected, graph_cut_weights, field_weights, field_error)
     initial = state.smooth
     state.iterate(max_iterations, convergence_tolerance, min_confidence)
     if expected is None and symmetry and state.adopt_symmetry():

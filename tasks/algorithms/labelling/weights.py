@@ -11,14 +11,15 @@ class GraphCutWeights:
     """Terms of the graph cut's energy (see `graph_cut` and `integrability`).
 
     strength: cost in nats of labelling two identical neighbours differently; contrast: difference of unit normals at
-    which that cost has fallen to 1/e; prior: share of the nodes that are exterior; shape_weight: factor of the
-    integrability and convexity prior, which is a log-likelihood ratio.
+    which that cost has fallen to 1/e; prior: share of the nodes that are exterior; shape_weight, shading_weight:
+    factors of the log-likelihood ratios of the integrability and convexity prior and of the shading.
     """
 
     strength: float = 10.0
     contrast: float = 0.1
     prior: float = 0.5
     shape_weight: float = 1.0
+    shading_weight: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """Winner takes all (Chen, Goesele and Seidel, Mesostructure from Specularity, CVPR 2006): every highlight is accepted.
 
-This is the paper's baseline (section 5): wrong on glass, where most highlights are false, and right on opaque shiny
-objects, whose highlights all lie on their surface.
+This is the paper's baseline (section 5): wrong on glass, where most highlights are false, and on opaque objects
+no better than the labelling of sheets.
 """
 
 import numpy as np

@@ -18,3 +18,9 @@ def test_an_object_without_highlights_has_no_saturation_level() -> None:
         saturation_level(dark + 5, dark)
     with pytest.raises(UnusableCapture, match="saturated"):
         saturation_level(np.full(100, 255, np.uint8), np.full(100, 255, np.uint8))
+
+
+def test_few_highlights_set_the_level_and_not_the_shading_around_them() -> None:
+    peak = np.full(10_000, 150, np.uint8)
+    peak[:30] = 250
+    assert saturation_level(peak, np.full(10_000, 90, np.uint8)) == 250

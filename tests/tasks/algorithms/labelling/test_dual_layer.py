@@ -129,6 +129,7 @@ def clusters_of(normals: np.ndarray) -> Clusters:
         observed * 1,
         observed.sum(axis=0),
         np.zeros(normals.shape[1:]),
+        observed * 0.0,
     )
 
 

@@ -27,7 +27,12 @@ def pebble(size: int = 90, seed: int = 0) -> Scene:
     nodes[1][~inside | (rng.random((size, size)) < 0.2)] = np.nan
     swap = rng.random((size, size)) < 0.5
     nodes = unit(np.where(swap[None, ..., None], nodes[::-1], nodes)).astype(np.float32)
-    return SimpleNamespace(normals=nodes), inside, np.where(inside[..., None], truth, np.nan)
+    return clusters_of(nodes), inside, np.where(inside[..., None], truth, np.nan)
+
+
+def clusters_of(normals: np.ndarray) -> SimpleNamespace:
+    """Candidates (K, H, W, 3) of whose shading nothing is known."""
+    return SimpleNamespace(normals=normals, shading=np.full(normals.shape[:3], np.nan))
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +101,7 @@ def test_marks_pin_their_nodes(scene: Scene) -> None:
 def test_a_marked_normal_pulls_more_than_its_noisy_neighbours(scene: Scene) -> None:
     clusters, mask, truth = scene
     noise = np.random.default_rng(0).normal(0.0, 0.03, clusters.normals.shape)
-    noisy = SimpleNamespace(normals=unit(clusters.normals + noise))
+    noisy = clusters_of(unit(clusters.normals + noise))
     near = np.nan_to_num(angles(clusters.normals, truth[None]), nan=180.0).min(axis=0) < 1.0
     pixels = np.argwhere(mask & near)[::40]
     marks = Marks(pixels, truth[tuple(pixels.T)].astype(np.float32), np.ones(len(pixels), np.int8))
@@ -110,7 +115,7 @@ def test_a_marked_normal_pulls_more_than_its_noisy_neighbours(scene: Scene) -> N
 
 def test_without_highlights_the_silhouette_remains(scene: Scene) -> None:
     clusters, mask, _ = scene
-    result = reconstruct_normals(SimpleNamespace(normals=np.full_like(clusters.normals, np.nan)), mask)
+    result = reconstruct_normals(clusters_of(np.full_like(clusters.normals, np.nan)), mask)
     assert np.allclose(result.normals[mask], result.initial[mask])
     assert not result.labels.any() and np.nanmax(result.confidence) < 0.95
 
@@ -136,7 +141,7 @@ def test_a_turned_glass_is_known_at_its_end() -> None:
 
     truth = beaker_normals(20.0)
     mask = np.isfinite(truth[..., 0])
-    clusters = SimpleNamespace(normals=observable(truth)[None].astype(np.float32))
+    clusters = clusters_of(observable(truth)[None].astype(np.float32))
     result = reconstruct_normals(clusters, mask)
     without = reconstruct_normals(clusters, mask, symmetry=False)
     end = mask & (truth @ np.array([0.0, np.cos(np.radians(20.0)), np.sin(np.radians(20.0))]) > 0.99)

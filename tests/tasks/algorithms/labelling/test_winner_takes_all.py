@@ -21,7 +21,8 @@ def scene() -> tuple[np.ndarray, np.ndarray]:
 
 def clusters_of(winner: np.ndarray) -> Clusters:
     observed = np.isfinite(winner[..., 0])[None].repeat(3, axis=0)
-    return Clusters(np.stack([winner] * 3), observed * 1.0, observed * 0.0, observed * 1, observed[0] * 5, winner)
+    zero = observed * 0.0
+    return Clusters(np.stack([winner] * 3), observed * 1.0, zero, observed * 1, observed[0] * 5, winner, zero)
 
 
 def test_winners_are_kept_and_the_rest_is_filled_from_them() -> None:

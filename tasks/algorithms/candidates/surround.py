@@ -1,0 +1,144 @@
+"""Response around a highlight: how bright a pixel stays when the light moves away from where it lights the pixel most.
+
+A surface that mirrors shows the light itself: once the half vector is farther from the normal than the light's own
+disc, the pixel is as dark as anywhere. What scatters the light is shaded: its brightness falls with the cosine of the
+light's angle, hardly over 12 degrees of half vector and more over 30 (Nayar, Ikeuchi and Kanade 1991: specular spike
+and diffuse lobe). The share of the fall from the lit frames to an outer ring that is left in an inner ring is a
+property of the surface, whatever its brightness, what it shows besides, and the number of lights.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+INNER_RING_DEG = (4.5, 12.0)
+"""Angles of half vectors from a lit frame's: beyond the disc of a usual light, and near enough for shading."""
+OUTER_RING_DEG = (15.0, 30.0)
+"""The same of frames that give the level without the highlight: shading has fallen by then."""
+RING_FRAMES = 24
+"""Most frames of a ring that are looked at: enough for a mean, and cheap."""
+MIN_OUTER_FRAMES = 3
+"""Frames in the outer ring below which frames of the whole sweep take their place."""
+DARK_QUANTILE = 0.25
+"""Quantile of the levels in these that is the level without the highlight: shading has many levels."""
+LIT_FRAMES = 4
+"""Lit frames of a candidate whose rings are looked at."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rings:
+    """Frames to compare with.
+
+    inner, outer: (T, RING_FRAMES) int32, those whose half vector lies in the rings of each frame's, -1 where there are
+    fewer; sweep: (RING_FRAMES,) int32 at most, spread over the sweep.
+    """
+
+    inner: np.ndarray
+    outer: np.ndarray
+    sweep: np.ndarray
+
+
+def find_rings(half_vectors: np.ndarray, weights: np.ndarray) -> Rings:
+    """Choose the frames to compare each frame with, at random but the same at each call.
+
+    half_vectors: (T, 3), NaN where the frame was rejected; weights: (T,), by which places count instead of frames.
+    """
+    usable = np.flatnonzero(weights > 0)
+    # Weighted sampling without replacement (Efraimidis and Spirakis 2006): by exponential variates over the weights.
+    variates = np.random.default_rng(0).exponential(size=len(usable)) / weights[usable]
+    order = usable[np.argsort(variates)].astype(np.int32)
+    vectors = np.nan_to_num(half_vectors).astype(np.float32)
+    inner, outer = (_ring(vectors, order, *np.cos(np.radians(ring))) for ring in (INNER_RING_DEG, OUTER_RING_DEG))
+    return Rings(inner, outer, order[:RING_FRAMES])
+
+
+@njit(cache=True, nogil=True)
+def _ring(half_vectors: np.ndarray, order: np.ndarray, cos_least: float, cos_most: float) -> np.ndarray:
+    """Return the first RING_FRAMES frames of `order` in the ring of each frame: (T, RING_FRAMES) int32, -1 for none."""
+    ring = np.full((len(half_vectors), RING_FRAMES), -1, np.int32)
+    for i in order:
+        count = 0
+        for j in order:
+            cosine = (
+                half_vectors[i, 0] * half_vectors[j, 0]
+                + half_vectors[i, 1] * half_vectors[j, 1]
+                + half_vectors[i, 2] * half_vectors[j, 2]
+            )
+            if cos_most < cosine < cos_least:
+                ring[i, count] = j
+                count += 1
+                if count == RING_FRAMES:
+                    break
+    return ring
+
+
+@njit(cache=True, nogil=True)
+def surround_response(
+    frames: np.ndarray,
+    starts: np.ndarray,
+    lit: np.ndarray,
+    half_vectors: np.ndarray,
+    normals: np.ndarray,
+    cos_radius: float,
+    inner: np.ndarray,
+    outer: np.ndarray,
+    sweep: np.ndarray,
+) -> np.ndarray:
+    """Measure how bright pixels are in the rings around their candidates' lit frames.
+
+    Args:
+        frames: (T, N) uint8 or uint16.
+        starts, lit: lit frames of each pixel, from `collect_lit_frames`.
+        half_vectors: (T, 3).
+        normals: (K, N, 3) candidates, NaN where there are fewer.
+        cos_radius: cosine of the radius of a candidate's disc.
+        inner, outer, sweep: of `Rings`.
+
+    Returns:
+        (K, N) float32, mean level in the inner ring, from that without the highlight (0) to that of the lit frames (1);
+        NaN where there is no candidate or no frame in the inner ring.
+    """
+    candidates, pixels = normals.shape[:2]
+    result = np.full((candidates, pixels), np.nan, np.float32)
+    levels = np.empty(len(sweep), np.float32)
+    for pixel in range(pixels):
+        if starts[pixel] == starts[pixel + 1]:
+            continue
+        for i in range(len(sweep)):
+            levels[i] = frames[sweep[i], pixel]
+        sweep_level = np.sort(levels)[int(DARK_QUANTILE * (len(levels) - 1))]
+        members = lit[starts[pixel] : starts[pixel + 1]]
+        for k in range(candidates):
+            normal = normals[k, pixel]
+            if np.isnan(normal[0]):
+                break
+            h = half_vectors[members]
+            own = members[h[:, 0] * normal[0] + h[:, 1] * normal[1] + h[:, 2] * normal[2] > cos_radius]
+            step = max(1, -(-len(own) // LIT_FRAMES))
+            total, count = 0.0, 0
+            for frame in own[::step]:
+                dark, outer_count = _mean_level(frames, pixel, outer[frame])
+                if outer_count < MIN_OUTER_FRAMES:
+                    dark = sweep_level
+                rise = max(frames[frame, pixel] - dark, 1.0)
+                for ring_frame in inner[frame]:
+                    if ring_frame < 0:
+                        break
+                    total += min(max((frames[ring_frame, pixel] - dark) / rise, 0.0), 1.0)
+                    count += 1
+            if count > 0:
+                result[k, pixel] = total / count
+    return result
+
+
+@njit(cache=True, nogil=True)
+def _mean_level(frames: np.ndarray, pixel: int, ring: np.ndarray) -> tuple[float, int]:
+    """Return a pixel's mean level in the frames of a ring, and their number."""
+    total, count = 0.0, 0
+    for frame in ring:
+        if frame < 0:
+            break
+        total += frames[frame, pixel]
+        count += 1
+    return total / max(count, 1), count
