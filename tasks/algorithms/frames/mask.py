@@ -1,134 +1,190 @@
-"""Object mask from its highlights: GrabCut (Rother et al. 2004) seeded by the temporal maximum.
+"""Object mask of a bare video: where pixels do not follow the light as the table does.
 
-Yeung et al. 2009 take the silhouette as given (section 4.1). In the temporal maximum glass is bright all over, while
-the table around it shows at most the light's soft shading and a few caustics. Highlights seed the foreground, pixels
-far from them the background, and GrabCut finds the boundary in the temporal median and maximum and their difference.
+Yeung et al. 2009 take the silhouette as given (section 4.1). Here a first cut separates the pixels whose response to
+the light differs from that of the table around them (`table_response`); holes and gaps that are glass are filled
+(`mask_regions`); and a second cut moves the contour to the edges of the background and of the response nearby. Walls
+and feet of glasses refract the table without any highlight: the contour moves out to an edge of the background that is
+stronger than the one that it leaves.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.frames.contour_edges import edge_image, stronger_pieces
+from glint.tasks.algorithms.frames.grid_cut import grid_cut, links
+from glint.tasks.algorithms.frames.mask_regions import (
+    CLOSE_SHARE,
+    bridged,
+    closed,
+    filled,
+    large_components,
+    main_components,
+)
+from glint.tasks.algorithms.frames.table_model import TableModel, fit_table
+from glint.tasks.algorithms.frames.table_response import TableResponse, table_response
 from glint.tasks.algorithms.lighting.spheres import Sphere
 
-MAX_GRABCUT_EDGE_PX = 700
-"""Longest edge at which GrabCut runs; larger images are reduced to it."""
-SPHERE_MARGIN = 1.2
+SPHERE_MARGIN = 1.3
 """Radii around a sphere's centre that are excluded: beside the sphere lie its caustics."""
 MASK_REMEDY = "paint a mask (white object on black) and name it as `mask: mask.png`, or give the object's `region`"
+ROUNDS = 3
+"""Times that object and table around it are found from each other."""
+DISTANCE_THRESHOLD, STRONG_DISTANCE = 9.0, 16.0
+"""Squared Mahalanobis distance from the table at which object and table are equally likely, and from which a pixel
+differs whatever its neighbours do: lines of highlights are a pixel wide."""
+MAX_RATIO = 5.0
+"""Bound of the log-likelihood ratio of a pixel, nats: a surprise is no proof."""
+CUT_STRENGTH, CUT_CONTRAST = 3.0, 0.5
+"""Cost of the first cut per pixel of contour, nats, and the difference of log response that counts as an edge."""
+CLOSED_CONTOUR_SHARE = 0.02
+"""Gaps of the contour that the second cut takes as closed, as a share of the edge of a square of the object's area."""
+MAX_OUTWARD_SHARE, MAX_INWARD_SHARE = 0.06, 0.03
+"""Farthest that the second cut moves the contour, likewise."""
+OUTWARD_BONUS = 0.2
+"""Nats by which a pixel is preferred inside where a contour farther out is looked for."""
+EDGE_FLOOR = 0.03
+"""Cost of the second cut across the strongest edge, relative to that without an edge."""
+RESPONSE_EDGE = 0.24
+"""Difference of the saturated response that counts as an edge."""
+RESPONSE_WEIGHT = 0.03
+"""Weight of the log-likelihood ratios in the second cut: near the contour edges decide."""
+OUTWARD_ROUNDS = 2
+"""Times that a contour farther out is looked for."""
+MIN_HIGHLIGHT_PX = 12
+"""Pixels with highlights without which there is no object."""
+MAX_HIGHLIGHT_SHARE = 0.9
+"""Share of the picture beyond which highlights are no highlights."""
+MIN_TABLE_PX = 50
+"""Pixels around the object without which the frame's border is the table."""
 
 
-def estimate_mask(
-    median: np.ndarray,
-    maximum: np.ndarray,
-    *,
-    spheres: Sequence[Sphere] = (),
-    min_rise: float = 0.85,
-    iterations: int = 4,
-    min_area_ratio: float = 0.15,
-) -> np.ndarray:
-    """Estimate the mask (H, W) bool of the object.
+@dataclass(frozen=True, slots=True)
+class _Classes:
+    """Object and table as the responses separate them.
+
+    found: (H, W) bool, pixels that differ from the table. filled: with gaps and holes that are glass. bridged: what a
+    contour with gaps encloses. features: (H, W, 2), log responses. ratios: (H, W), log-likelihood ratios, nats.
+    is_table: (H, W) bool, pixels of the table around the object. table: its model.
+    """
+
+    found: np.ndarray
+    filled: np.ndarray
+    bridged: np.ndarray
+    features: np.ndarray
+    ratios: np.ndarray
+    is_table: np.ndarray
+    table: TableModel
+
+
+def estimate_mask(frames: np.ndarray, *, spheres: Sequence[Sphere] = ()) -> np.ndarray:
+    """Estimate the mask (H, W) bool of the object from a sample of the frames.
 
     Args:
-        median: temporal median (H, W), any real dtype.
-        maximum: temporal maximum (H, W).
+        frames: (T, H, W) uint8, spread over the video.
         spheres: chrome spheres in these pixels; they are excluded, with the object's reflections in them.
-        min_rise: rise of the maximum above the median that makes a highlight, as a share of the largest rise.
-        iterations: of GrabCut.
-        min_area_ratio: smallest area of a further component, relative to the largest.
 
     Raises:
         UnusableCapture: no pixel shows a highlight, or nearly all do.
-        ValueError: the images differ in shape.
+        ValueError: frames are not (T, H, W) uint8.
     """
-    if median.shape != maximum.shape or median.ndim != 2:
-        raise ValueError(f"images have shapes {median.shape} and {maximum.shape}, expected two equal (H, W)")
-    height, width = median.shape
-    scale = min(1.0, MAX_GRABCUT_EDGE_PX / max(height, width))
-    size = (max(1, round(width * scale)), max(1, round(height * scale)))
-    low, high = (
-        cv2.resize(image.astype(np.float32), size, interpolation=cv2.INTER_AREA) for image in (median, maximum)
-    )
-    free = _outside_spheres(low.shape, spheres, scale)
-    residual = np.where(free, high - low, 0.0)
-    # A high percentile in place of the maximum, which a single noisy pixel would decide.
-    peak = float(np.percentile(residual, 99.5))
-    if peak < 0.1 * max(float(high.max()), 1.0):
-        raise UnusableCapture(
-            f"no highlight in {width} x {height} pixels (the maximum rises by at most {peak:.0f} levels)", MASK_REMEDY
-        )
-    highlights = _large_components(_closed(residual > min_rise * peak) & free, min_area_ratio)
-    if highlights.mean() > 0.9:
-        raise UnusableCapture(f"{highlights.mean():.0%} of {width} x {height} pixels show a highlight", MASK_REMEDY)
-    depth = ndimage.distance_transform_edt(highlights)
-    channels = [
-        low * (255.0 / max(float(low.max()), 1.0)),
-        high * (255.0 / float(high.max())),
-        residual * (255.0 / peak),
-    ]
-    image = np.clip(np.stack(channels, axis=-1), 0, 255).astype(np.uint8)
-    foreground = _grabcut(image, _trimap(highlights, depth, free), iterations)
-    # Opening cuts off thin leaks along edges of the table; the interior of the highlights is the object in any case.
-    foreground = ndimage.binary_opening(foreground, iterations=1) | (depth > 2.0)
-    foreground = _large_components(_without_pinholes(foreground), min_area_ratio)
-    smooth = cv2.resize(foreground.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
-    return cv2.GaussianBlur(smooth, (0, 0), max(0.8, 0.5 / scale)) > 0.5
+    if frames.ndim != 3 or frames.dtype != np.uint8:
+        raise ValueError(f"frames have shape {frames.shape} and dtype {frames.dtype}, expected (T, H, W) uint8")
+    free = beside_spheres(frames.shape[1:], spheres)
+    response = table_response(frames, free)
+    classes = _separate(response, free)
+    return _at_edges(classes, response.background, free)
 
 
-def _outside_spheres(shape: tuple[int, ...], spheres: Sequence[Sphere], scale: float) -> np.ndarray:
-    """Return the pixels (h, w) bool of an image reduced by `scale` that lie beside the spheres."""
-    free = np.ones(shape, bool)
+def beside_spheres(shape: tuple[int, ...], spheres: Sequence[Sphere]) -> np.ndarray:
+    """Return the pixels (H, W) bool that lie beside the spheres."""
     rows, columns = np.mgrid[: shape[0], : shape[1]]
+    free = np.ones(shape, bool)
     for sphere in spheres:
-        distance = np.hypot(columns - sphere.x * scale, rows - sphere.y * scale)
-        free &= distance > SPHERE_MARGIN * sphere.radius * scale
+        free &= np.hypot(columns - sphere.x, rows - sphere.y) > SPHERE_MARGIN * sphere.radius
     return free
 
 
-def _trimap(highlights: np.ndarray, depth: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """Return GrabCut's initial classes (h, w) uint8 from the highlights and their depth inside them in pixels."""
-    distance = ndimage.distance_transform_edt(~highlights)
-    # Beyond this distance from any highlight a pixel is certainly background.
-    reach = max(3.0, 0.35 * float(depth.max()))
-    trimap = np.full(highlights.shape, cv2.GC_PR_BGD, np.uint8)
-    trimap[(distance > reach) | ~free] = cv2.GC_BGD
-    trimap[highlights] = cv2.GC_PR_FGD
-    trimap[depth > 2.0] = cv2.GC_FGD
-    return trimap
+def _separate(response: TableResponse, free: np.ndarray) -> _Classes:
+    """Find object and table from each other, beginning with the frame's border as the table."""
+    features = np.clip(np.stack([response.deviation, response.flash], axis=-1), -4.0, 6.0).astype(np.float32)
+    images = [cv2.GaussianBlur(channel, (0, 0), 0.6) / CUT_CONTRAST for channel in np.moveaxis(features, -1, 0)]
+    capacities = links(images, CUT_STRENGTH, EDGE_FLOOR, gaussian=True)
+    is_table, edge = response.border, None
+    for _ in range(ROUNDS):
+        table = fit_table(features, is_table, edge)
+        flashing = table.flashing(features) & free
+        _check_highlights(flashing, free)
+        distance = table.distance(features)
+        ratios = np.clip((distance - DISTANCE_THRESHOLD) / 2.0, -MAX_RATIO, MAX_RATIO)
+        found = grid_cut(ratios, capacities, np.zeros_like(free), ~free)
+        strong = _without_specks((distance > STRONG_DISTANCE) & free)
+        found = main_components((found & free) | strong, flashing)
+        mask = filled(found, CLOSE_SHARE)
+        enclosed = bridged(found, mask)
+        edge = float(np.sqrt(max(int(found.sum()), 1)))
+        apart = ndimage.distance_transform_edt(~(mask | enclosed))
+        is_table = (apart > max(3.0, 0.02 * edge)) & (apart < max(20.0, 0.4 * edge)) & free
+        is_table &= ~ndimage.binary_dilation(flashing, np.ones((3, 3)))
+        if is_table.sum() < MIN_TABLE_PX:
+            is_table = response.border
+    return _Classes(found, mask | enclosed, enclosed, features, ratios, is_table, table)
 
 
-def _grabcut(image: np.ndarray, trimap: np.ndarray, iterations: int) -> np.ndarray:
-    """Return the foreground (h, w) bool; reproducible, since the seed of OpenCV's generator is fixed."""
-    models = np.zeros((1, 65)), np.zeros((1, 65))
-    cv2.setRNGSeed(0)
-    cv2.grabCut(image, trimap, None, *models, iterations, cv2.GC_INIT_WITH_MASK)
-    return (trimap == cv2.GC_FGD) | (trimap == cv2.GC_PR_FGD)
+def _check_highlights(flashing: np.ndarray, free: np.ndarray) -> None:
+    """Refuse a picture without highlights, or one full of them.
+
+    Raises:
+        UnusableCapture: as `estimate_mask`.
+    """
+    height, width = flashing.shape
+    count = int(flashing.sum())
+    if count < MIN_HIGHLIGHT_PX:
+        raise UnusableCapture(f"no highlight in {width} x {height} pixels ({count} pixels flash)", MASK_REMEDY)
+    if count > MAX_HIGHLIGHT_SHARE * free.sum():
+        raise UnusableCapture(f"{count / free.sum():.0%} of {width} x {height} pixels show a highlight", MASK_REMEDY)
 
 
-def _closed(lit: np.ndarray, share: float = 0.08) -> np.ndarray:
-    """Close gaps between lit pixels up to `share` of the edge of a square of their area."""
-    radius = max(2, round(share * float(np.sqrt(lit.sum()))))
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    padded = np.pad(lit.astype(np.uint8), 2 * radius)
-    return cv2.morphologyEx(padded, cv2.MORPH_CLOSE, disc)[2 * radius : -2 * radius, 2 * radius : -2 * radius] > 0
+def _at_edges(classes: _Classes, background: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Return the mask (H, W) bool with its contour moved to the edges nearby."""
+    edge = float(np.sqrt(classes.found.sum()))
+    farthest = max(2, round(MAX_OUTWARD_SHARE * edge))
+    # Closing fills concavities of the silhouette as well as gaps of its contour: what it alone adds is not certain.
+    holes = classes.filled & ~closed(classes.found, CLOSE_SHARE * edge)
+    certain = filled(closed(classes.found | holes, CLOSED_CONTOUR_SHARE * edge), 0.0) | classes.bridged
+    inside = ndimage.distance_transform_edt(certain) > max(2, round(MAX_INWARD_SHARE * edge))
+    brightness = edge_image(background, classes.is_table)
+    capacities = links([brightness, *_saturated_responses(classes)], 1.0, EDGE_FLOOR)
+
+    def cut(inside: np.ndarray, reach: np.ndarray, bonus: float) -> np.ndarray:
+        outside = (ndimage.distance_transform_edt(~reach) > farthest) | ~free
+        return large_components(grid_cut(RESPONSE_WEIGHT * classes.ratios + bonus, capacities, inside, outside) & free)
+
+    reach = classes.filled
+    mask = cut(inside, reach, 0.0)
+    for _ in range(OUTWARD_ROUNDS):
+        outer = cut(inside, reach, OUTWARD_BONUS)
+        mask = mask | stronger_pieces(mask, outer, brightness)
+        inside, reach = inside | mask, mask
+    return mask
 
 
-def _large_components(mask: np.ndarray, min_area_ratio: float) -> np.ndarray:
-    """Return the largest component and those whose area is at least `min_area_ratio` of its area."""
-    components, count = ndimage.label(mask)
-    if count == 0:
-        return mask
-    areas = np.bincount(components.ravel())[1:]
-    return np.isin(components, 1 + np.flatnonzero(areas >= min_area_ratio * areas.max()))
+def _saturated_responses(classes: _Classes) -> list[np.ndarray]:
+    """Return both responses (H, W) on a scale on which their edge lies halfway between the object's and the table's."""
+    images = []
+    for channel in range(2):
+        excess = classes.features[..., channel] - classes.table.mean[..., channel]
+        reference = max(float(np.exp(np.median(excess[classes.found]))) - 1.0, 1.0)
+        ratio = np.exp(excess.clip(-1.0, 5.0)) - 1.0
+        images.append(ratio / (np.abs(ratio) + reference) / RESPONSE_EDGE)
+    return images
 
 
-def _without_pinholes(mask: np.ndarray, max_area_ratio: float = 0.015) -> np.ndarray:
-    """Close holes of less than `max_area_ratio` of the object's area; that of a handle is larger and stays."""
-    holes, count = ndimage.label(~mask)
-    areas = np.bincount(holes.ravel(), minlength=count + 1)
-    small = areas < max_area_ratio * mask.sum()
-    small[0] = False
-    return mask | small[holes]
+def _without_specks(mask: np.ndarray) -> np.ndarray:
+    """Return a mask (H, W) bool without single pixels."""
+    components, _ = ndimage.label(mask, np.ones((3, 3)))
+    return mask & (np.bincount(components.ravel())[components] > 1)

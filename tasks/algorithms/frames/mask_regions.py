@@ -1,0 +1,110 @@
+"""Regions of an estimated mask: components that belong together, gaps that close, holes that are glass."""
+
+import cv2
+import numpy as np
+from scipy import ndimage
+
+JOIN_SHARE, CLOSE_SHARE, BRIDGE_SHARE = 0.1, 0.07, 0.12
+"""Gaps that are closed, as shares of the edge of a square of the object's area: between components of one object,
+between pixels of its contour, and those that only a contour along most of the region may bridge."""
+THIN_SHARE = 0.015
+"""Half the width of a thin line, likewise: glass beyond a line is still the object, while a handle is thicker."""
+MIN_HOLE_RATIO = 0.015
+"""Area of the smallest hole, relative to the object's."""
+MAX_MOUTH_SHARE = 0.33
+"""Share of a region's contour that may be open for it to be bridged: a concavity of the silhouette is more open."""
+MIN_BRIDGED_RATIO = 0.003
+"""Area of the smallest bridged region, relative to the object's."""
+MIN_SEED_RATIO = 0.1
+"""Flashing pixels of a further component, relative to the component with the most."""
+EDGE_PENALTY = 0.1
+"""Weight of the flashing pixels of a component along the frame's edge: a light or an arm in the picture."""
+
+
+def main_components(found: np.ndarray, flashing: np.ndarray) -> np.ndarray:
+    """Return those components of `found` (H, W) bool that hold most of the `flashing` pixels (H, W) bool."""
+    components, count = ndimage.label(closed(found, JOIN_SHARE * _edge(flashing)))
+    if count == 0:
+        return found
+    seeds = np.bincount(components.ravel(), (flashing & found).ravel(), minlength=count + 1)
+    seeds[0] = 0
+    areas = np.bincount(components.ravel(), minlength=count + 1)
+    along_edge = np.bincount(_frame_edge(components), minlength=count + 1)
+    seeds = np.where(along_edge > 0.3 * np.sqrt(areas), EDGE_PENALTY * seeds, seeds)
+    return found & np.isin(components, np.flatnonzero(seeds >= MIN_SEED_RATIO * seeds.max()))
+
+
+def large_components(mask: np.ndarray, min_area_ratio: float = 0.15) -> np.ndarray:
+    """Return the largest component and those whose area is at least `min_area_ratio` of its area."""
+    components, count = ndimage.label(mask)
+    if count == 0:
+        return mask
+    areas = np.bincount(components.ravel())[1:]
+    return np.isin(components, 1 + np.flatnonzero(areas >= min_area_ratio * areas.max()))
+
+
+def filled(found: np.ndarray, share: float) -> np.ndarray:
+    """Return `found` (H, W) bool with gaps up to `share` closed and with the holes that are glass.
+
+    A hole is glass if it is small, or if only a thin line separates it from the surroundings: the rim of a foot, the
+    edge of a wall.
+    """
+    mask = closed(found, share * _edge(found))
+    around, open_labels = _around_solid(found, mask)
+    holes, count = ndimage.label(~mask)
+    outside = set(np.unique(_frame_edge(holes)))
+    for hole in set(range(1, count + 1)) - outside:
+        region = holes == hole
+        if region.sum() < MIN_HOLE_RATIO * mask.sum() or np.isin(around[region], open_labels).mean() > 0.5:
+            mask |= region
+    return mask
+
+
+def bridged(found: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Return the regions (H, W) bool beside the `mask` that a contour of thin lines with gaps encloses."""
+    edge = _edge(mask)
+    wide = closed(found, BRIDGE_SHARE * edge)
+    around, open_labels = _around_solid(found, mask)
+    regions, _ = ndimage.label(wide & ~mask)
+    result = np.zeros_like(mask)
+    for number, window in enumerate(ndimage.find_objects(regions), 1):
+        grown = tuple(slice(max(0, side.start - 2), side.stop + 2) for side in window)
+        region = regions[grown] == number
+        rim = ndimage.binary_dilation(region) & ~region
+        is_large = region.sum() >= MIN_BRIDGED_RATIO * found.sum()
+        is_enclosed = (rim & ~wide[grown]).sum() < MAX_MOUTH_SHARE * rim.sum()
+        if is_large and is_enclosed and np.isin(around[grown][region], open_labels).mean() > 0.5:
+            result[grown] |= region
+    return result
+
+
+def closed(mask: np.ndarray, radius: float) -> np.ndarray:
+    """Close the gaps of a mask (H, W) bool that are narrower than twice `radius` pixels."""
+    disc, margin = _disc(radius), round(radius) + 2
+    padded = np.pad(mask.astype(np.uint8), 2 * margin)
+    inner = slice(2 * margin, -2 * margin)
+    return cv2.morphologyEx(padded, cv2.MORPH_CLOSE, disc)[inner, inner] > 0
+
+
+def _around_solid(found: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return components (H, W) of what remains of the picture without the thick parts, and those at its edge."""
+    radius = THIN_SHARE * _edge(mask)
+    solid = cv2.morphologyEx(found.astype(np.uint8), cv2.MORPH_OPEN, _disc(radius)) > 0
+    around, _ = ndimage.label(~solid)
+    at_edge = np.unique(_frame_edge(around))
+    return around, at_edge[at_edge > 0]
+
+
+def _disc(radius: float) -> np.ndarray:
+    size = 2 * max(1, round(radius)) + 1
+    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+
+
+def _edge(mask: np.ndarray) -> float:
+    """Return the edge of a square of the mask's area, at least 5 pixels."""
+    return float(np.sqrt(max(int(mask.sum()), 25)))
+
+
+def _frame_edge(image: np.ndarray) -> np.ndarray:
+    """Return the values (N,) along the edge of an image (H, W)."""
+    return np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])

@@ -1,0 +1,91 @@
+"""The table around the object as a normal distribution of log responses, whose mean and spread vary over the picture.
+
+Shadow and caustics of the object change the table's response smoothly around it, so mean and spread are those nearby
+(normalised convolution: Knutsson and Westin 1993).
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+NEAR_SHARE, MIN_NEAR_PX = 0.05, 4.0
+"""Standard deviation of the neighbourhood, as a share of the edge of a square of the object's area and in pixels."""
+FAR_FACTOR, MIN_FAR_PX = 4.0, 6.0
+"""The same of the wider neighbourhood that is used inside the object: relative to the near one, and in pixels."""
+MIN_NEIGHBOURS = 0.02
+"""Share of a neighbourhood that must be table for its mean to count in full."""
+MIN_SPREAD = 0.12
+"""Standard deviation of the log response that the table has at least: a difference of 12% is no evidence."""
+MAX_LOCAL_VARIANCE = 9.0
+"""Bound of the local variance, relative to that of the whole table."""
+TRIMMED_QUANTILE, TRIMMED_ROUNDS, TRIMMED_VARIANCE = 0.97, 4, 1.15
+"""Trimming of the covariance: share that is kept, rounds, and factor that makes up for the removed tail."""
+MIN_FLASH, MIN_FLASH_SPREADS = 1.0, 5.0
+"""Log ratio of a flash to the table's, and its number of standard deviations, that make a highlight."""
+
+
+@dataclass(frozen=True, slots=True)
+class TableModel:
+    """mean: (H, W, 2), expected log responses (deviation, flash); covariance: (2, 2); variance: (H, W, 2), local
+    variance relative to that."""
+
+    mean: np.ndarray
+    covariance: np.ndarray
+    variance: np.ndarray
+
+    def distance(self, features: np.ndarray) -> np.ndarray:
+        """Return the squared Mahalanobis distance (H, W) of log responses (H, W, 2) from the table."""
+        offset = (features - self.mean) / np.sqrt(self.variance)
+        return np.asarray(((offset @ np.linalg.inv(self.covariance)) * offset).sum(axis=-1))
+
+    def flashing(self, features: np.ndarray) -> np.ndarray:
+        """Return the pixels (H, W) bool that show highlights."""
+        flash = features[..., 1] - self.mean[..., 1]
+        return (flash > MIN_FLASH) & (flash > MIN_FLASH_SPREADS * np.sqrt(self.covariance[1, 1]))
+
+
+def fit_table(features: np.ndarray, is_table: np.ndarray, edge: float | None) -> TableModel:
+    """Fit the table's log responses.
+
+    Args:
+        features: (H, W, 2) float32, log responses.
+        is_table: (H, W) bool, pixels of the table.
+        edge: of a square of the object's area, pixels; None: unknown, so one mean holds everywhere.
+    """
+    minimum = MIN_SPREAD**2 * np.eye(2)
+    mean, covariance = _trimmed_normal(features[is_table])
+    if edge is None:
+        means = np.broadcast_to(mean, features.shape)
+        return TableModel(means, covariance + minimum, np.ones(features.shape, np.float32))
+    sigma = max(MIN_NEAR_PX, NEAR_SHARE * edge)
+    weight = is_table.astype(np.float32)
+    wide, wide_trust = _local_mean(features, weight, max(MIN_FAR_PX, FAR_FACTOR * sigma))
+    near, near_trust = _local_mean(features, weight, sigma)
+    wide = wide_trust * wide + (1.0 - wide_trust) * mean
+    means = near_trust * near + (1.0 - near_trust) * wide
+    covariance = _trimmed_normal((features - means)[is_table])[1]
+    square, _ = _local_mean((features - means) ** 2, weight, sigma)
+    variance = near_trust * square / np.diag(covariance) + (1.0 - near_trust)
+    return TableModel(means, covariance + minimum, variance.clip(1.0, MAX_LOCAL_VARIANCE))
+
+
+def _trimmed_normal(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean (2,) and covariance (2, 2) of samples (N, 2) without their outliers."""
+    kept = np.ones(len(samples), bool)
+    for _ in range(TRIMMED_ROUNDS):
+        mean = samples[kept].mean(axis=0)
+        covariance = np.cov(samples[kept].T) + 1e-4 * np.eye(samples.shape[1])
+        offset = samples - mean
+        distance = ((offset @ np.linalg.inv(covariance)) * offset).sum(axis=1)
+        kept = distance <= np.quantile(distance, TRIMMED_QUANTILE)
+    return mean, TRIMMED_VARIANCE * covariance
+
+
+def _local_mean(values: np.ndarray, weight: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the weighted local mean (H, W, 2) of values, and how far it can be trusted (H, W, 1), 0 to 1."""
+    total = cv2.GaussianBlur(weight, (0, 0), sigma)
+    channels = [np.ascontiguousarray(channel) for channel in np.moveaxis(values, -1, 0)]
+    sums = [cv2.GaussianBlur(channel * weight, (0, 0), sigma) for channel in channels]
+    mean = np.stack(sums, axis=-1) / np.maximum(total, 1e-6)[..., None]
+    return mean, np.clip(total / MIN_NEIGHBOURS, 0.0, 1.0)[..., None]
