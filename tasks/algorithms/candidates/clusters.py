@@ -92,10 +92,8 @@ def cluster_pixels(
         starts, lit, half_vectors, weights, cells, size, clusters, np.radians(radius_deg), separation
     )
     rings = rings or find_rings(half_vectors, weights)
-    cos_radius = float(np.cos(np.radians(radius_deg)))
-    shading = surround_response(
-        levels, starts, lit, half_vectors, normals, cos_radius, rings.inner, rings.outer, rings.sweep
-    )
+    cosine, compared = float(np.cos(np.radians(radius_deg))), (rings.inner, rings.outer, rings.sweep)
+    shading = surround_response(levels, starts, lit, half_vectors, normals, cosine, *compared)
     shape = (clusters, height, width)
     return Clusters(
         normals.reshape(*shape, 3),

@@ -11,7 +11,7 @@ import numpy as np
 from glint.tasks.algorithms.candidates.clusters import Clusters
 
 MAX_SHADING = 0.25
-"""Shading above which a candidate is no highlight: glass and chrome keep below it, lobes broader than 6 degrees above."""
+"""Shading above which a candidate is no highlight: glass and chrome keep below, lobes broader than 6 degrees above."""
 
 TRUE_MEAN, FALSE_MEAN = 0.08, 0.19
 """Mean shading of highlights on a surface, and of light that went a way on which it is scattered or spread."""
