@@ -130,8 +130,8 @@ def named_causes(cell: Cell, baseline: Cell | None) -> tuple[str, ...]:
 def outcome(cell: Cell, baseline: Cell | None) -> Outcome:
     """Return how a cell ends.
 
-    warned: the capture is refused, or a warning names the cause and less than MAX_WARNED_SHARE of the mask is confident;
-    ok: nothing is confident, or MIN_RIGHT_SHARE of what is confident is right; else SILENT: it passes as right.
+    warned: the capture is refused, or a warning names the cause and less than MAX_WARNED_SHARE of the mask is
+    confident; ok: nothing is confident, or MIN_RIGHT_SHARE of what is confident is right; else SILENT: it passes as right.
     baseline: the unperturbed cell of the capture.
     """
     if cell.refusal or (named_causes(cell, baseline) and cell.confident_share < MAX_WARNED_SHARE):

@@ -16,7 +16,7 @@ NO_SURFACE_ERROR_DEG = 15.0
 
 @dataclass(frozen=True, slots=True)
 class LightDoubt:
-    """share: probability that the lights are right; half_vector_sd: radians, what their being turned may cost a normal."""
+    """share: probability that the lights are right; half_vector_sd: radians, what their turn may cost a normal."""
 
     share: float = 1.0
     half_vector_sd: float = 0.0
