@@ -131,7 +131,9 @@ def outcome(cell: Cell, baseline: Cell | None) -> Outcome:
     """Return how a cell ends.
 
     warned: the capture is refused, or a warning names the cause and less than MAX_WARNED_SHARE of the mask is
-    confident; ok: nothing is confident, or MIN_RIGHT_SHARE of what is confident is right; else SILENT: it passes as right.
+    confident; ok: nothing is confident, or MIN_RIGHT_SHARE of what is confident is right; SILENT: else, as it passes as
+    right.
+
     baseline: the unperturbed cell of the capture.
     """
     if cell.refusal or (named_causes(cell, baseline) and cell.confident_share < MAX_WARNED_SHARE):
