@@ -130,16 +130,15 @@ def named_causes(cell: Cell, baseline: Cell | None) -> tuple[str, ...]:
 def outcome(cell: Cell, baseline: Cell | None) -> Outcome:
     """Return how a cell ends.
 
-    ok: nothing is confident, or MIN_RIGHT_SHARE of what is confident is right; warned: the capture is refused, or a
-    warning names the cause and less than MAX_WARNED_SHARE of the mask is confident; else SILENT: it passes as right.
+    warned: the capture is refused, or a warning names the cause and less than MAX_WARNED_SHARE of the mask is
+    confident; ok: nothing is confident, or MIN_RIGHT_SHARE of what is confident is right; SILENT: else, as it passes as
+    right.
+
     baseline: the unperturbed cell of the capture.
     """
-    if cell.refusal:
+    if cell.refusal or (named_causes(cell, baseline) and cell.confident_share < MAX_WARNED_SHARE):
         return "warned"
-    if np.isnan(cell.right_share) or cell.right_share >= MIN_RIGHT_SHARE:
-        return "ok"
-    is_named = bool(named_causes(cell, baseline))
-    return "warned" if is_named and cell.confident_share < MAX_WARNED_SHARE else "SILENT"
+    return "ok" if np.isnan(cell.right_share) or cell.right_share >= MIN_RIGHT_SHARE else "SILENT"
 
 
 def baselines(cells: Sequence[Cell]) -> Mapping[str, Cell]:

@@ -65,13 +65,13 @@ def _light_doubt(inputs: StageInputs, result: Reconstruction) -> LightDoubt:
     """Return the doubt about lights of an `.lp` file; those that the spheres show have the axes of the video."""
     mask, clusters, view = inputs.load("mask").read("mask"), load_clusters(inputs), load_geometry(inputs).view_vectors
     if inputs.load("lights").record["source"] != FILE:
-        return LightDoubt(1.0, np.zeros(mask.shape, np.float32), ())
+        return LightDoubt()
     candidates, expected = clusters.normals, inputs.load("silhouette").read("initial")
     if view is not None:
         candidates, expected = rotate_to_view(candidates, view), rotate_to_view(expected, view)
     inradius = float(ndimage.distance_transform_edt(np.pad(mask, 1)).max())
     observed = mask & (clusters.observations > 0)
-    return doubt_lights(light_evidence(candidates, result.labels, expected, observed, inradius), result.normals)
+    return doubt_lights(light_evidence(candidates, result.labels, expected, observed, inradius))
 
 
 def reconstruct(

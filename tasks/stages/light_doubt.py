@@ -16,26 +16,25 @@ NO_SURFACE_ERROR_DEG = 15.0
 
 @dataclass(frozen=True, slots=True)
 class LightDoubt:
-    """share: probability that the lights are right; half_vector_sd (H, W): radians, error of the normals by a turn."""
+    """share: probability that the lights are right; half_vector_sd: radians, what their turn may cost a normal."""
 
-    share: float
-    half_vector_sd: np.ndarray
-    warnings: Sequence[StageWarning]
+    share: float = 1.0
+    half_vector_sd: float = 0.0
+    warnings: Sequence[StageWarning] = ()
 
 
-def doubt_lights(evidence: LightEvidence, normals: np.ndarray) -> LightDoubt:
-    """Return the doubt about known lights; normals (H, W, 3): those of the result, NaN outside the mask.
+def doubt_lights(evidence: LightEvidence) -> LightDoubt:
+    """Return the doubt about known lights.
 
-    A turn about the view vector moves a normal by its angle times the sine of the normal's tilt.
+    Lights that seem turned belong to other frames, some by more than the mean, so no pixel is spared the whole angle.
     """
-    turn_sd = np.zeros(normals.shape[:2], np.float32)
     if evidence.has_other_axes:
         message = (
             f"the given lights contradict the object: {evidence.axes}, they would fit {evidence.axes_ratio:.1f} times"
             " as well: correct the `.lp` file (x to the right, y up, z towards the camera)"
         )
         warning = StageWarning(message, "light", OTHER_AXES_ERROR_DEG)
-        return LightDoubt(1.0 / (1.0 + evidence.axes_ratio), turn_sd, [warning])
+        return LightDoubt(share=1.0 / (1.0 + evidence.axes_ratio), warnings=[warning])
     if evidence.has_no_surface:
         message = (
             "the given lights contradict the object: no surface has the normals that they give"
@@ -43,14 +42,14 @@ def doubt_lights(evidence: LightEvidence, normals: np.ndarray) -> LightDoubt:
         )
         # The probability that candidates of such a likelihood ratio are a surface.
         share = 1.0 / (1.0 + float(np.exp(-evidence.log_ratio)))
-        return LightDoubt(share, turn_sd, [StageWarning(message, "light", NO_SURFACE_ERROR_DEG)])
+        return LightDoubt(share=share, warnings=[StageWarning(message, "light", NO_SURFACE_ERROR_DEG)])
     if evidence.is_turned:
-        tilt = np.hypot(np.nan_to_num(normals[..., 0]), np.nan_to_num(normals[..., 1]))
-        turn_sd = np.asarray(np.radians(abs(evidence.turn_deg)) * tilt, np.float32)
         message = (
             f"the given lights contradict the object: its normals are turned by {evidence.turn_deg:.0f} degrees about"
             " the camera axis: compare the rows of the `.lp` file with the frames, and its axes with the camera's"
         )
-        cost = abs(evidence.turn_deg) * float(tilt[np.isfinite(normals[..., 0])].mean())
-        return LightDoubt(1.0, turn_sd, [StageWarning(message, "light", round(cost, 1))])
-    return LightDoubt(1.0, turn_sd, [])
+        cost = abs(evidence.turn_deg)
+        return LightDoubt(
+            half_vector_sd=float(np.radians(cost)), warnings=[StageWarning(message, "light", round(cost, 1))]
+        )
+    return LightDoubt()

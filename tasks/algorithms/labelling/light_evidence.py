@@ -37,7 +37,7 @@ MIN_AXES_RATIO = 1.1
 rendered captures with right lights it is 0.2 to 0.85 (`python -m tests.benchmarks.light_evidence`)."""
 MIN_OPPOSITE_RATIO = 1.6
 """The same for both axes negated: highlights of a rear wall, as concave as the front is convex, reach 1.2."""
-MIN_TURN_DEG, MIN_TURN_ERRORS = 4.0, 4.0
+MIN_TURN_DEG, MIN_TURN_ERRORS = 3.0, 3.0
 """Turn of the normals that contradicts the lights, in degrees and in standard errors; right lights show up to 1.5."""
 TURN_BLOCKS = 6
 """Blocks along each side of the region between which the turn's standard error is estimated."""

@@ -1,18 +1,14 @@
 """What contradicting lights leave of the confidence, and what is reported."""
 
-import numpy as np
 import pytest
 
 from glint.tasks.algorithms.labelling.light_evidence import LightEvidence
-from glint.tasks.stages.light_doubt import doubt_lights
-
-NORMALS = np.array([[[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [np.nan] * 3]])
+from glint.tasks.stages.light_doubt import LightDoubt, doubt_lights
 
 
 def test_right_lights_cost_nothing() -> None:
-    doubt = doubt_lights(LightEvidence("y negated", 0.8, 1.0, 0.5, 1.5), NORMALS)
-    assert (doubt.share, list(doubt.warnings)) == (1.0, [])
-    assert not doubt.half_vector_sd.any()
+    assert doubt_lights(LightEvidence("y negated", 0.8, 1.0, 0.5, 1.5)) == LightDoubt()
+    assert doubt_lights(LightEvidence("y negated", 0.8, 6.0, 2.5, 1.5)) == LightDoubt(), "within its error"
 
 
 @pytest.mark.parametrize(
@@ -23,15 +19,14 @@ def test_right_lights_cost_nothing() -> None:
     ],
 )
 def test_lights_that_are_wrong_everywhere_leave_nothing_confident(evidence: LightEvidence, text: str) -> None:
-    doubt = doubt_lights(evidence, NORMALS)
+    doubt = doubt_lights(evidence)
     (warning,) = doubt.warnings
     assert text in warning.message and ".lp" in warning.message
     assert (warning.cause, doubt.share < 0.5) == ("light", True) and warning.cost_deg > 5.0
 
 
-def test_a_turn_costs_by_the_tilt_of_a_normal() -> None:
-    doubt = doubt_lights(LightEvidence("y negated", 0.5, -10.0, 0.5, 1.0), NORMALS)
-    assert doubt.share == 1.0
-    np.testing.assert_allclose(np.degrees(doubt.half_vector_sd), [[0.0, 6.0, 0.0]], atol=1e-4)
+def test_a_turn_costs_its_angle() -> None:
+    doubt = doubt_lights(LightEvidence("y negated", 0.5, -10.0, 0.5, 1.0))
+    assert doubt.share == 1.0 and doubt.half_vector_sd == pytest.approx(0.1745, abs=1e-3)
     assert "turned by -10 degrees" in doubt.warnings[0].message
-    assert doubt.warnings[0].cost_deg == pytest.approx(3.0)
+    assert doubt.warnings[0].cost_deg == pytest.approx(10.0)
