@@ -34,7 +34,7 @@ def test_a_whole_store_is_whole(store: Path) -> None:
     assert outcome.damages == ()
     assert outcome.objects == 2
     assert outcome.versions == 4
-    assert outcome.bytes > 1_000_000
+    assert outcome.bytes > 500_000
     assert steps == [(number, len(steps)) for number in range(1, len(steps) + 1)]
     assert "all is whole" in outcome.summary
 
