@@ -59,10 +59,10 @@ class DamagedError(StoreError):
     """Stored bytes are not those that were written."""
 
 
-def damaged(what: str, problem: str, object_id: str) -> DamagedError:
-    """Return the error that says what is damaged, how that shows, and what to do.
+def damaged(place: str, problem: str, object_id: str) -> DamagedError:
+    """Return the error of a damaged place in the store, how that shows, and what to do.
 
-    what: with object, and as far as they are known version, capture, stage and array.
+    place: object, and as far as they are known version, capture, stage and array.
     """
     remedy = f"`glint verify {object_id} --repair` rebuilds what the catalogue can rebuild; else restore a backup"
-    return DamagedError(f"{what} is damaged ({problem})", remedy)
+    return DamagedError(f"{place} is damaged ({problem})", remedy)

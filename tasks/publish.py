@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
 
-from glint.storage.errors import StoreError
+from glint.storage.errors import InputError, StoreError
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository, Version
 from glint.storage.versions.stage_results import WHOLE_OBJECT
@@ -49,12 +49,20 @@ def check_catalogue(works: Sequence[CaptureContext], catalogue: str) -> None:
     earlier = repository.version(names[-1]).metadata if names else {}
     owner, captures = earlier.get("catalogue") or catalogue, earlier.get("captures", {})
     recorded = {name: facts.get("inputs", {}).get("frames") for name, facts in captures.items()}
-    if owner != catalogue and not any(recorded.get(work.capture.id) == work.digest("frames") for work in works):
+    if owner != catalogue and not any(_has_video(work, recorded.get(work.capture.id)) for work in works):
         raise StoreError(
             f"object {works[0].object_id} in {works[0].location.uri} was published from the catalogue {owner}, with "
             f"other videos than {catalogue} names",
             "give one of the two objects another id, use another --store, or run with --adopt if they are the same",
         )
+
+
+def _has_video(work: CaptureContext, digest: str | None) -> bool:
+    """Return whether a capture's video has this digest; a video that cannot be read has none."""
+    try:
+        return digest is not None and work.digest("frames") == digest
+    except InputError:
+        return False
 
 
 def catalogues_of(store: Location, object_ids: Sequence[str]) -> dict[str, list[str]]:

@@ -45,6 +45,7 @@ def capture_report(
     return {
         "object": object_id,
         "capture": capture,
+        "catalogue": _catalogue(version.get("metadata", {}), capture),
         "version": version,
         "region": _first(records, "region") or {"x": None, "y": None, "width": mask.shape[1], "height": mask.shape[0]},
         "frame_size": _first(records, "frame_size"),
@@ -66,6 +67,13 @@ def capture_report(
         "versions": _merged(records, "versions"),
         "stages": records,
     }
+
+
+def _catalogue(metadata: Mapping[str, Any], capture: str) -> str | None:
+    """Return the address of the catalogue from which a capture was computed, None where that is not recorded."""
+    own = metadata.get("captures", {}).get(capture, {}).get("catalogue")
+    address: str | None = own or metadata.get("catalogue")
+    return address
 
 
 def _counts(arrays: Mapping[str, Any], records: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from glint.storage.versions.verification import Verification, verify_capture
 WORK = "work"
 """The newest results, from which a run goes on."""
 
-MAX_THREADS = 8
+MAX_READERS = 8
 """Captures that are read at once; each reads several values at once."""
 
 FRAMES_REMEDY = "nothing is lost: the next run takes them from the video or images anew, and --repair removes them"
@@ -84,7 +84,7 @@ def verify_store(
             damages.append(Damage(object_id, "", error.message, error.remedy))
     if frames:
         parts += [partial(_verify_frames, location, cache.digest) for cache in cached_frames(location)]
-    with ThreadPoolExecutor(min(MAX_THREADS, 2 * (os.cpu_count() or 1))) as pool:
+    with ThreadPoolExecutor(min(MAX_READERS, 2 * (os.cpu_count() or 1))) as pool:
         futures = [pool.submit(part) for part in parts]
         for done, future in enumerate(as_completed(futures), 1):
             read, damaged = future.result()

@@ -80,6 +80,48 @@ def test_rollback_brings_an_old_version_back(place: Path, home: Path) -> None:
     assert [version["version"] for version in versions] == ["v1", "v2", "v3"]
 
 
+def test_damage_is_named_and_repaired(place: Path, home: Path) -> None:
+    words = ("--store", "hurt")
+    glint("run", "catalogue.yaml", "--only", "hemisphere/front", *words, folder=place, home=home)
+    assert "all is whole" in glint("verify", "--cache", *words, folder=place, home=home).stdout
+    chunks = place / "hurt" / "objects" / "hemisphere" / "repo" / "chunks"
+    chunk = max(chunks.iterdir(), key=lambda path: path.stat().st_size)
+    data = bytearray(chunk.read_bytes())
+    data[len(data) // 2] ^= 1
+    chunk.write_bytes(data)
+    told = glint("verify", *words, folder=place, home=home, check=1).stdout
+    assert re.search(r"(array|file) '\S+' of hemisphere/front/\w+ in v1 is damaged", told)
+    assert "-> `glint verify hemisphere --repair`" in told
+    repaired = glint("verify", "hemisphere", "--repair", *words, folder=place, home=home, check=1)
+    assert "computed again what was damaged" in repaired.stdout or "missing.mp4" in repaired.stdout
+    lines = glint("verify", "--json", *words, folder=place, home=home, check=1).stdout.splitlines()
+    damages = [json.loads(line) for line in lines]
+    assert {damage["version"] for damage in damages if damage["kind"] == "damage"} == {"v1"}
+    assert damages[-1]["kind"] == "verification" and damages[-1]["versions"] == 2
+    again = glint("run", "catalogue.yaml", "--only", "hemisphere/front", *words, folder=place, home=home)
+    assert "up to date" in again.stdout
+    glint("export", "hemisphere", "--out", "whole", *words, folder=place, home=home)
+    glint("maintain", "--keep", "1", "--older-than", "0", *words, folder=place, home=home)
+    assert "all is whole" in glint("verify", *words, folder=place, home=home).stdout
+
+
+def test_an_object_of_another_catalogue_is_refused_unless_adopted(place: Path, home: Path) -> None:
+    words = ("--only", "hemisphere/front", "--store", "shared")
+    glint("run", "catalogue.yaml", *words, folder=place, home=home)
+    capture = load(place / "catalogue.yaml").objects[0].captures[0]
+    other = place / f"other{Path(capture.frames).suffix}"
+    other.write_bytes(Path(capture.frames).read_bytes() + b"\0")
+    item = load(place / "catalogue.yaml").objects[0]
+    entry = item.model_copy(update={"captures": (capture.model_copy(update={"frames": str(other)}),)})
+    write(load(place / "catalogue.yaml").model_copy(update={"objects": (entry,)}), place / "second.yaml")
+    refused = glint("run", "second.yaml", *words, folder=place, home=home, check=1).stdout
+    assert "was published from the catalogue" in refused and "--adopt" in refused
+    glint("run", "second.yaml", "--adopt", *words, folder=place, home=home)
+    shown = glint("history", "hemisphere", "--json", "--store", "shared", folder=place, home=home).stdout
+    catalogues = [Path(json.loads(line)["catalogue"]).name for line in shown.splitlines()]
+    assert catalogues == ["catalogue.yaml", "second.yaml"]
+
+
 def test_check_draws_pictures_and_reports_unusable_captures(place: Path, home: Path) -> None:
     done = glint("check", "catalogue.yaml", "--store", "other", folder=place, home=home, check=1)
     assert "missing.mp4" in done.stderr and "hemisphere/front" in done.stdout
