@@ -132,10 +132,10 @@ def _capture_runs(client: Any, states: list[Any] | None, store: str) -> list[Any
     """Read task runs of a store's captures and models (named OBJECT/..) in these states (None: any), newest first."""
     runs: list[Any] = []
     for page in range(MAX_PAGES):
-        found = _task_runs(client, states, page * MAX_RUNS)
-        flow_runs = _flow_runs_by_id(client, [run.flow_run_id for run in found])
-        runs += [run for run in found if flow_runs[run.flow_run_id].parameters.get("store") == store]
-        if len(found) < MAX_RUNS or len(runs) >= MAX_RUNS:
+        page_runs = _task_runs(client, states, page * MAX_RUNS)
+        flow_runs = _flow_runs_by_id(client, [run.flow_run_id for run in page_runs])
+        runs += [run for run in page_runs if flow_runs[run.flow_run_id].parameters.get("store") == store]
+        if len(page_runs) < MAX_RUNS or len(runs) >= MAX_RUNS:
             break
     return runs[:MAX_RUNS]
 
