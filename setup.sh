@@ -25,29 +25,40 @@ find_python() {
 libraries=(libusb-1.0.so.0:libusb-1.0-0 libGL.so.1:libgl1 libEGL.so.1:libegl1 libX11.so.6:libx11-6 libudev.so.1:libudev1
     libgomp.so.1:libgomp1)
 
-lock_seconds=${GLINT_APT_LOCK_SECONDS:-600}
+# A fresh machine upgrades itself, and holds apt's locks for minutes: wait for it.
+lock_seconds=600
+become=()
+apt_get() {
+    local log waited=0
+    log=$(mktemp)
+    until "${become[@]}" env LC_ALL=C DEBIAN_FRONTEND=noninteractive \
+        apt-get -o "DPkg::Lock::Timeout=$lock_seconds" "$@" 2>"$log"; do
+        if [ "$waited" -ge "$lock_seconds" ] || ! grep -qi "get lock\|unable to lock" "$log"; then
+            cat "$log" >&2
+            rm "$log"
+            return 1
+        fi
+        [ "$waited" -eq 0 ] && echo "setup: waiting for another apt-get, at most $lock_seconds s" >&2
+        sleep 5
+        waited=$((waited + 5))
+    done
+    rm "$log"
+}
 
 install_libraries() {
-    local python=$1 pair missing=() log
-    log=$(mktemp)
+    local python=$1 pair missing=()
     for pair in "${libraries[@]}"; do
         "$python" -c 'import ctypes, sys; ctypes.CDLL(sys.argv[1])' "${pair%%:*}" 2>/dev/null || missing+=("${pair##*:}")
     done
     [ ${#missing[@]} -eq 0 ] && return
-    local become=()
     if [ "$(id -u)" -ne 0 ]; then
         sudo -n true 2>/dev/null || fail "system libraries are missing: sudo apt-get install ${missing[*]}"
         become=(sudo -n)
     fi
     command -v apt-get >/dev/null || fail "system libraries are missing; Debian calls their packages ${missing[*]}"
     echo "setup: installing ${missing[*]}"
-    # A fresh machine upgrades itself, and holds apt's locks for minutes.
-    local wait=(-o "DPkg::Lock::Timeout=$lock_seconds") tries=0
-    until "${become[@]}" apt-get "${wait[@]}" update -qq 2>"$log" || ! grep -q "lock" "$log" || [ $((tries += 5)) -gt "$lock_seconds" ]; do
-        [ "$tries" -eq 5 ] && echo "setup: waiting for another apt-get, at most $lock_seconds s"
-        sleep 5
-    done
-    "${become[@]}" env DEBIAN_FRONTEND=noninteractive apt-get "${wait[@]}" install -y -qq --no-install-recommends "${missing[@]}" >/dev/null ||
+    apt_get update -qq || true
+    apt_get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null ||
         fail "apt-get install ${missing[*]} did not work: install them by hand"
 }
 

@@ -56,6 +56,31 @@ def test_scripts_are_executable_and_parse(script: str) -> None:
     assert subprocess.run(["bash", "-n", str(path)], capture_output=True).returncode == 0
 
 
+@pytest.mark.parametrize(("locked", "other", "status"), [(2, 0, 0), (99, 0, 1), (0, 1, 1)])
+def test_setup_waits_for_another_apt(tmp_path: Path, locked: int, other: int, status: int) -> None:
+    """locked: calls that find the lock taken; other: calls that fail for another cause."""
+    fake = tmp_path / "apt-get"
+    held = "E: Could not get lock /var/lib/apt/lists/lock."
+    fake.write_text(
+        "#!/bin/bash\necho x >> calls\n"
+        f"if [ $(wc -l < calls) -le {locked} ]; then echo '{held}' >&2; exit 100; fi\n"
+        f"if [ $(wc -l < calls) -le {locked + other} ]; then echo 'E: no network' >&2; exit 100; fi\n"
+    )
+    (tmp_path / "sleep").write_text("#!/bin/bash\n")
+    for path in (fake, tmp_path / "sleep"):
+        path.chmod(0o755)
+    function = (ROOT / "setup.sh").read_text().partition("lock_seconds=600")[2].partition("install_libraries()")[0]
+    done = subprocess.run(
+        ["bash", "-euc", f"PATH=$PWD:$PATH; lock_seconds=20 {function} apt_get update -qq"],
+        cwd=tmp_path, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == status
+    assert ("waiting for another apt-get" in done.stderr) == (locked > 0)
+    assert ("no network" in done.stderr) == (other > 0)
+    calls = len((tmp_path / "calls").read_text().splitlines())
+    assert calls == (3 if locked == 2 else 5 if locked else 1)
+
+
 def test_a_missing_python_is_said_in_one_line(tmp_path: Path) -> None:
     for name in ("setup.sh", "requirements.txt", "pyproject.toml"):
         (tmp_path / name).write_bytes((ROOT / name).read_bytes())

@@ -132,19 +132,23 @@ def _capture_runs(client: Any, states: list[Any] | None, store: str) -> list[Any
     """Read task runs of a store's captures and models (named OBJECT/..) in these states (None: any), newest first."""
     runs: list[Any] = []
     for page in range(MAX_PAGES):
-        found = _task_runs(client, states, page * MAX_RUNS)
-        flow_runs = _flow_runs_by_id(client, [run.flow_run_id for run in found])
-        runs += [run for run in found if flow_runs[run.flow_run_id].parameters.get("store") == store]
-        if len(found) < MAX_RUNS or len(runs) >= MAX_RUNS:
+        page_runs = _task_runs(client, states, page * MAX_RUNS)
+        own = _flow_runs_of(client, [run.flow_run_id for run in page_runs], store)
+        runs += [run for run in page_runs if run.flow_run_id in own]
+        if len(page_runs) < MAX_RUNS or len(runs) >= MAX_RUNS:
             break
     return runs[:MAX_RUNS]
 
 
-def _flow_runs_by_id(client: Any, ids: list[Any]) -> dict[Any, Any]:
+def _flow_runs_of(client: Any, ids: list[Any], store: str) -> set[Any]:
+    """Return those of the ids whose flow runs work on a store."""
     from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterId
 
+    if not ids:
+        return set()
     chosen = FlowRunFilter(id=FlowRunFilterId(any_=list(set(ids))))
-    return {run.id: run for run in client.read_flow_runs(flow_run_filter=chosen, limit=MAX_RUNS)} if ids else {}
+    runs = client.read_flow_runs(flow_run_filter=chosen, limit=MAX_RUNS)
+    return {run.id for run in runs if run.parameters.get("store") == store}
 
 
 def _task_runs(client: Any, states: list[Any] | None, offset: int) -> list[Any]:

@@ -38,7 +38,7 @@ __all__ = [
 
 MAX_CAPTURES = 100_000
 """Captures of one catalogue: so many are read within a minute."""
-_KIND = Kind(
+CATALOGUE_KIND = Kind(
     "catalogue",
     lambda root: isinstance(root, LinedDict) and not {"schema", "objects"}.isdisjoint(root),
     "begin with `schema: 1`, `name` and `objects`",
@@ -75,7 +75,7 @@ def load(path: Address, parameters_model: type[BaseModel] | None = None) -> Cata
     if captures > MAX_CAPTURES:
         message = f"this lists about {captures:,} captures"
         raise CatalogueError((Diagnostic(name, 1, message, f"at most {MAX_CAPTURES:,} are read: split the catalogue"),))
-    root, diagnostics = parse(text, name, _KIND)
+    root, diagnostics = parse(text, name, CATALOGUE_KIND)
     if root is None:
         raise CatalogueError(tuple(diagnostics))
     diagnostics += _check_keys_together(root, name)

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import time
-from collections.abc import Buffer, Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from typing import Any
 
@@ -202,7 +202,7 @@ def _sha256(file: Location, count: Callable[[int], None]) -> str:
     return digest.hexdigest()
 
 
-def _blocks(file: Location) -> Iterator[Buffer]:
+def _blocks(file: Location) -> Iterator[Any]:
     """Yield a file's bytes block by block."""
     if file.local is None:
         with store_errors(file.uri, "reading an input"):

@@ -34,7 +34,7 @@ def _is_markup(root: Any) -> bool:
     )
 
 
-_KIND = Kind("list of marks", _is_markup, "write [{frame: .., x: .., y: .., kind: ..}, ..]")
+MARKUP_KIND = Kind("list of marks", _is_markup, "write [{frame: .., x: .., y: .., kind: ..}, ..]")
 
 
 def read_markup(
@@ -95,7 +95,7 @@ def _parse(location: Location) -> tuple[Any, list[AnnotationEntry]]:
     """
     data = read_bytes(location, MAX_TEXT_BYTES)
     try:
-        root, diagnostics = parse(data.decode("utf-8-sig"), location.uri, _KIND)
+        root, diagnostics = parse(data.decode("utf-8-sig"), location.uri, MARKUP_KIND)
     except UnicodeDecodeError as error:
         raise InputError(f"{location.uri} is not UTF-8 text", "save it as UTF-8") from error
     raise_diagnostics(diagnostics)
