@@ -132,14 +132,14 @@ def confirm_given(
         spheres.append(confirmed.sphere)
         place = f"the sphere given at ({sphere.x:.1f}, {sphere.y:.1f}) with radius {sphere.radius:.1f}"
         fit = confirmed.fit
-        offset = max(sphere.distance(fit), abs(sphere.radius - fit.radius)) / sphere.radius
+        cost = float(np.degrees(confirmed.sphere.centre_sd / confirmed.sphere.radius))
         if confirmed.is_corrected:
             warnings.append(
                 StageWarning(
                     f"{place} is seen at ({fit.x:.1f}, {fit.y:.1f}) with radius {fit.radius:.1f}, which is used:"
                     " correct `spheres` in the catalogue",
                     "sphere",
-                    float(np.degrees(offset)) * 0.25,
+                    cost,
                 )
             )
         elif not confirmed.is_clear:
@@ -148,15 +148,10 @@ def confirm_given(
                     f"{place} is used as it is, since its contour is not seen: compare it with the frame, and put a"
                     " plain background behind the sphere",
                     "sphere",
-                    float(np.degrees(2.0 * sphere_deviation(confirmed.sphere))),
+                    cost,
                 )
             )
     return spheres, warnings
-
-
-def sphere_deviation(sphere: Sphere) -> float:
-    """Return the standard deviation of a sphere's centre in radii."""
-    return sphere.centre_sd / sphere.radius
 
 
 def around(mask: np.ndarray, margin: int) -> Region:

@@ -10,7 +10,7 @@ little farther out is subtracted.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -50,13 +50,14 @@ DEVIATION_FLOOR_RATIO = 0.002
 @dataclass(frozen=True, slots=True)
 class ContourFit:
     """Circle (x, y, radius) in pixels; covariance (3, 3) of the three; contrast: its mean evidence, at most 1, beyond
-    that of the circles outside it."""
+    that of the circles outside it; start_contrast: likewise, of the circle with which the fit began."""
 
     x: float
     y: float
     radius: float
     covariance: np.ndarray
     contrast: float
+    start_contrast: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +173,9 @@ def fit_contour(
     radii = np.arange(1.0 - radius_reach, 1.0 + radius_reach + 1e-6, COARSE_STEP_RATIO) * radius
     profile = radius_profile(evidence, centre_reach * radius, radii, step)
     best = int(profile[:, 2].argmax())
-    return _fine_fit(evidence, profile[best, 0], profile[best, 1], float(radii[best]))
+    fit = _fine_fit(evidence, profile[best, 0], profile[best, 1], float(radii[best]))
+    start = evidence.scores(np.zeros(1), radius * np.append(1.0, np.linspace(*OUTSIDE_RATIOS, 8))).ravel()
+    return replace(fit, start_contrast=float(start[0] - start[1:].mean()))
 
 
 def _fine_fit(evidence: EdgeEvidence, right: float, down: float, radius: float) -> ContourFit:

@@ -15,8 +15,11 @@ FINE_RADIUS_PX = 150.0
 """Radius in pixels to which the image of a larger sphere is reduced: its contour is rough or out of focus by more."""
 MIN_CLEAR_CONTRAST = 0.12
 """Contrast of a contour from which it is trusted more than a circle that was given."""
-MIN_CORRECTION_RATIO, MIN_CORRECTION_DEVIATIONS = 0.012, 3.0
+MIN_CORRECTION_RATIO, MIN_CORRECTION_DEVIATIONS = 0.012, 2.0
 """Difference from a given circle, in radii and in standard deviations, from which the fit replaces it."""
+MAX_START_RATIO = 0.9
+"""Contrast of a given circle, relative to that of the fit, up to which the fit replaces it: an ellipse has no better
+circle than the given one."""
 GIVEN_REACH_RATIO = 0.08
 """Distance from a given circle that is searched, in radii: by hand one errs by 6%."""
 UNKNOWN_DEVIATION_RATIO = 0.02
@@ -82,29 +85,7 @@ def measure_sphere(
         camera: perspective camera's matrix (3, 3); the sphere is then measured by a virtual camera aimed at it, which
             sees its contour as a circle.
     """
-    if camera is not None:
-        virtual = VirtualCamera.aimed_at(sphere.x, sphere.y, sphere.radius, camera)
-        centred = replace(sphere, x=virtual.centre, y=virtual.centre)
-        warped = [virtual.warp(np.asarray(frame, np.float32)) for frame in frames]
-        circle = measure_sphere(warped, centred, centre_reach=centre_reach, radius_reach=radius_reach)
-        x, y, radius = virtual.project_back(circle.x, circle.y, circle.radius)
-        return replace(circle, x=x, y=y, radius=radius)
-    margin = (1.0 + CROP_MARGIN_RATIO + centre_reach + radius_reach) * sphere.radius
-    scale = 2 ** max(0, int(np.ceil(np.log2(sphere.radius / FINE_RADIUS_PX))))
-    top, left = (max(int(position - margin) // scale * scale, 0) for position in (sphere.y, sphere.x))
-    rows, columns = slice(top, int(sphere.y + margin) + 2), slice(left, int(sphere.x + margin) + 2)
-    crops = log_frames([reduced_image(np.asarray(frame[rows, columns]), scale) for frame in frames])
-    # Pixel centres of a reduced image lie `shift` full pixels inside.
-    shift = 0.5 * (scale - 1)
-    fit = fit_contour(
-        crops,
-        (sphere.x - left - shift) / scale,
-        (sphere.y - top - shift) / scale,
-        sphere.radius / scale,
-        centre_reach=centre_reach,
-        radius_reach=radius_reach,
-    )
-    return _sphere_of(fit, scale, left + shift, top + shift)
+    return _measured(frames, sphere, centre_reach, radius_reach, camera)[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,16 +106,53 @@ def confirm_sphere(
 
     Args: see `measure_sphere`.
     """
-    fit = measure_sphere(frames, given, centre_reach=GIVEN_REACH_RATIO, radius_reach=GIVEN_REACH_RATIO, camera=camera)
+    fit, start_contrast = _measured(frames, given, GIVEN_REACH_RATIO, GIVEN_REACH_RATIO, camera)
     if fit.score < MIN_CLEAR_CONTRAST:
         deviation = UNKNOWN_DEVIATION_RATIO * given.radius
         return ConfirmedSphere(replace(given, centre_sd=deviation, radius_sd=deviation), fit, False, False)
     least = MIN_CORRECTION_RATIO * given.radius
-    is_corrected = given.distance(fit) > max(least, MIN_CORRECTION_DEVIATIONS * fit.centre_sd) or abs(
-        given.radius - fit.radius
-    ) > max(least, MIN_CORRECTION_DEVIATIONS * fit.radius_sd)
-    used = fit if is_corrected else replace(given, centre_sd=fit.centre_sd, radius_sd=fit.radius_sd)
-    return ConfirmedSphere(used, fit, True, is_corrected)
+    distance, difference = given.distance(fit), abs(given.radius - fit.radius)
+    is_corrected = start_contrast < MAX_START_RATIO * fit.score and (
+        distance > max(least, MIN_CORRECTION_DEVIATIONS * fit.centre_sd)
+        or difference > max(least, MIN_CORRECTION_DEVIATIONS * fit.radius_sd)
+    )
+    if is_corrected:
+        return ConfirmedSphere(fit, fit, True, True)
+    deviations = float(np.hypot(fit.centre_sd, 0.5 * distance)), float(np.hypot(fit.radius_sd, 0.5 * difference))
+    return ConfirmedSphere(replace(given, centre_sd=deviations[0], radius_sd=deviations[1]), fit, True, False)
+
+
+def _measured(
+    frames: Sequence[np.ndarray] | np.ndarray,
+    sphere: Sphere,
+    centre_reach: float,
+    radius_reach: float,
+    camera: np.ndarray | None,
+) -> tuple[Sphere, float]:
+    """Return the measured sphere and the contrast of the circle that it began with; see `measure_sphere`."""
+    if camera is not None:
+        virtual = VirtualCamera.aimed_at(sphere.x, sphere.y, sphere.radius, camera)
+        centred = replace(sphere, x=virtual.centre, y=virtual.centre)
+        warped = [virtual.warp(np.asarray(frame, np.float32)) for frame in frames]
+        circle, start = _measured(warped, centred, centre_reach, radius_reach, None)
+        x, y, radius = virtual.project_back(circle.x, circle.y, circle.radius)
+        return replace(circle, x=x, y=y, radius=radius), start
+    margin = (1.0 + CROP_MARGIN_RATIO + centre_reach + radius_reach) * sphere.radius
+    scale = 2 ** max(0, int(np.ceil(np.log2(sphere.radius / FINE_RADIUS_PX))))
+    top, left = (max(int(position - margin) // scale * scale, 0) for position in (sphere.y, sphere.x))
+    rows, columns = slice(top, int(sphere.y + margin) + 2), slice(left, int(sphere.x + margin) + 2)
+    crops = log_frames([reduced_image(np.asarray(frame[rows, columns]), scale) for frame in frames])
+    # Pixel centres of a reduced image lie `shift` full pixels inside.
+    shift = 0.5 * (scale - 1)
+    fit = fit_contour(
+        crops,
+        (sphere.x - left - shift) / scale,
+        (sphere.y - top - shift) / scale,
+        sphere.radius / scale,
+        centre_reach=centre_reach,
+        radius_reach=radius_reach,
+    )
+    return _sphere_of(fit, scale, left + shift, top + shift), fit.start_contrast
 
 
 def _sphere_of(fit: ContourFit, scale: int, left: float, top: float) -> Sphere:
