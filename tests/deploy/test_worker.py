@@ -1,4 +1,4 @@
-"""`glint worker` and `glint prefect`: Prefect's own command with the address and password of the server that runs now."""
+"""`glint worker` and `glint prefect`: Prefect's own command with address and password of the server that runs now."""
 
 import json
 import os
