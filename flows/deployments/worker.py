@@ -4,9 +4,9 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
-from glint.flows.runtime.prefect_server import Server, start_server
+from glint.flows.runtime.environment import prepare_environment
+from glint.flows.runtime.prefect_server import Server
 from glint.flows.runtime.server_process import read_state
 
 POLL_SECONDS = 2.0
@@ -31,19 +31,20 @@ def run_worker(server: Server, pool: str) -> int:
     arguments = ["worker", "start", "--pool", pool]
     if server.log is None:
         return run_prefect(arguments)
-    address = _address(server.log.parent)
+    folder = server.log.parent
+    known = read_state(folder)
     child = _start(arguments)
     try:
         while True:
             try:
                 return child.wait(POLL_SECONDS)
             except subprocess.TimeoutExpired:
-                now = _address(server.log.parent)
-                if now is not None and now != address:
-                    address = now
+                state = read_state(folder)
+                if state is not None and (known is None or state.authentication != known.authentication):
+                    known = state
                     child.terminate()
                     child.wait()
-                    start_server(server.log.parents[2])
+                    prepare_environment(state.api_url, folder / "prefect", state.authentication)
                     child = _start(arguments)
     finally:
         child.terminate()
@@ -52,8 +53,3 @@ def run_worker(server: Server, pool: str) -> int:
 
 def _start(arguments: Sequence[str]) -> subprocess.Popen[bytes]:
     return subprocess.Popen([sys.executable, "-m", "prefect", *arguments], env=os.environ.copy())
-
-
-def _address(folder: Path) -> tuple[str, str] | None:
-    state = read_state(folder)
-    return None if state is None else (state.api_url, state.authentication)
