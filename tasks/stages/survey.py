@@ -11,7 +11,7 @@ from glint.storage.catalogue.loading import Region
 from glint.storage.errors import InputError
 from glint.storage.footage.source import Footage, open_footage
 from glint.storage.inputs.masks_and_truth import camera_matrix, read_mask
-from glint.tasks.algorithms.frames.mask import estimate_mask
+from glint.tasks.algorithms.frames.frame_sample import FrameSample
 from glint.tasks.algorithms.geometry.perspective import Cone
 from glint.tasks.algorithms.lighting.spheres import Sphere, find_spheres
 from glint.tasks.engine.parameters import SurveyParameters
@@ -25,10 +25,14 @@ SAMPLE_BYTES = 256 << 20
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """The full frame over time: temporal `median` and `peak`, both (H, W) float32, 0 to 255."""
+    """The full frame over time.
+
+    median, peak: temporal median and maximum (H, W) float32, 0 to 255. frames: reduced.
+    """
 
     median: np.ndarray
     peak: np.ndarray
+    frames: FrameSample
 
 
 def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
@@ -47,19 +51,20 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
         size = (footage.height, footage.width)
         mask_region = around(read_mask(mask, size), parameters.margin) if given_region is None and mask else None
         seek_spheres = not given_spheres and inputs.file("lights") is None
-        seek_region = given_region is None and mask_region is None
-        sample = take_sample(footage, parameters.sample, progress) if seek_spheres or seek_region else None
+        seek_mask = mask is None
+        sample = take_sample(footage, parameters.sample, progress) if seek_spheres or seek_mask else None
         spheres = [Sphere(sphere.x, sphere.y, sphere.radius) for sphere in given_spheres]
         if sample is not None and seek_spheres:
             spheres = find_spheres(sample.median, sample.peak, camera=camera)
         _check_spheres(spheres, size)
         region, arrays = given_region or mask_region, dict[str, np.ndarray]()
-        if region is None:
-            assert sample is not None
-            estimate = estimate_mask(sample.median, sample.peak, spheres=spheres)
-            region = around(estimate, 2 * parameters.margin)
+        if region is not None:
+            _check_region(region, size)
+        if sample is not None and seek_mask:
+            estimate = sample.frames.estimate_mask(spheres, _within(region, size))
+            region = region or around(estimate, 2 * parameters.margin)
             arrays["mask"] = estimate[region.rows, region.columns]
-        _check_region(region, size)
+        assert region is not None
         # Whoever gives spheres or a mask has read them off the first frame.
         shake = measure_shake(footage, to_first=bool(given_spheres or mask))
         record = {
@@ -79,7 +84,10 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
 
 
 def take_sample(footage: Footage, count: int, progress: Progress) -> Sample:
-    """Compute median and maximum of about `count` frames spread over a video; of a long one, of fewer for memory."""
+    """Compute median and maximum of about `count` frames spread over a video, and keep them reduced.
+
+    The median is of fewer frames where they are large.
+    """
     expected = footage.count or 10 * count
     step = max(1, expected // count)
     frame_bytes = footage.width * footage.height * footage.bits // 8
@@ -87,15 +95,27 @@ def take_sample(footage: Footage, count: int, progress: Progress) -> Sample:
     interval = max(1, -(-(expected // step) // held))
     kept: list[np.ndarray] = []
     peak: np.ndarray | None = None
+    reduced = FrameSample(footage.height, footage.width, expected // step)
     for number, frame in enumerate(footage.frames(step=step)):
         peak = frame.copy() if peak is None else np.maximum(peak, frame, out=peak)
         if number % interval == 0:
             kept.append(frame.copy())
+        reduced.add(frame)
         progress(number * step, footage.count or None)
     if peak is None:
         raise InputError(f"{footage.uri} holds no frame", "record or copy it again")
     scale = np.float32(1.0 if footage.bits == 8 else 1.0 / 257.0)
-    return Sample(np.median(kept, axis=0).astype(np.float32) * scale, peak.astype(np.float32) * scale)
+    median = np.median(kept, axis=0).astype(np.float32) * scale
+    return Sample(median, peak.astype(np.float32) * scale, reduced)
+
+
+def _within(region: Region | None, size: tuple[int, int]) -> np.ndarray | None:
+    """Return the pixels (H, W) bool of a region; None: no region is given."""
+    if region is None:
+        return None
+    inside = np.zeros(size, bool)
+    inside[region.rows, region.columns] = True
+    return inside
 
 
 def around(mask: np.ndarray, margin: int) -> Region:

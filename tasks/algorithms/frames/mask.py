@@ -81,12 +81,15 @@ class _Classes:
     table: TableModel
 
 
-def estimate_mask(frames: np.ndarray, *, spheres: Sequence[Sphere] = ()) -> np.ndarray:
+def estimate_mask(
+    frames: np.ndarray, *, spheres: Sequence[Sphere] = (), within: np.ndarray | None = None
+) -> np.ndarray:
     """Estimate the mask (H, W) bool of the object from a sample of the frames.
 
     Args:
         frames: (T, H, W) uint8, spread over the video.
         spheres: chrome spheres in these pixels; they are excluded, with the object's reflections in them.
+        within: (H, W) bool, where the object lies; None: anywhere.
 
     Raises:
         UnusableCapture: no pixel shows a highlight, or nearly all do.
@@ -95,9 +98,10 @@ def estimate_mask(frames: np.ndarray, *, spheres: Sequence[Sphere] = ()) -> np.n
     if frames.ndim != 3 or frames.dtype != np.uint8:
         raise ValueError(f"frames have shape {frames.shape} and dtype {frames.dtype}, expected (T, H, W) uint8")
     free = beside_spheres(frames.shape[1:], spheres)
+    allowed = free if within is None else free & within
     response = table_response(frames, free)
-    classes = _separate(response, free)
-    return _at_edges(classes, response.background, free)
+    classes = _separate(response, free, allowed)
+    return _at_edges(classes, response.background, allowed)
 
 
 def beside_spheres(shape: tuple[int, ...], spheres: Sequence[Sphere]) -> np.ndarray:
@@ -109,21 +113,24 @@ def beside_spheres(shape: tuple[int, ...], spheres: Sequence[Sphere]) -> np.ndar
     return free
 
 
-def _separate(response: TableResponse, free: np.ndarray) -> _Classes:
-    """Find object and table from each other, beginning with the frame's border as the table."""
+def _separate(response: TableResponse, free: np.ndarray, allowed: np.ndarray) -> _Classes:
+    """Find object and table from each other, beginning with the frame's border as the table.
+
+    free, allowed: (H, W) bool, pixels beside the spheres, and those of them that may be the object.
+    """
     features = np.clip(np.stack([response.deviation, response.flash], axis=-1), -4.0, 6.0).astype(np.float32)
     images = [cv2.GaussianBlur(channel, (0, 0), 0.6) / CUT_CONTRAST for channel in np.moveaxis(features, -1, 0)]
     capacities = links(images, CUT_STRENGTH, EDGE_FLOOR, gaussian=True)
     is_table, edge = response.border, None
     for _ in range(ROUNDS):
         table = fit_table(features, is_table, edge)
-        flashing = table.flashing(features) & free
-        _check_highlights(flashing, free)
+        flashing = table.flashing(features) & allowed
+        _check_highlights(flashing, allowed)
         distance = table.distance(features)
         ratios = np.clip((distance - DISTANCE_THRESHOLD) / 2.0, -MAX_RATIO, MAX_RATIO)
-        found = grid_cut(ratios, capacities, np.zeros_like(free), ~free)
-        strong = _without_specks((distance > STRONG_DISTANCE) & free)
-        found = main_components((found & free) | strong, flashing)
+        found = grid_cut(ratios, capacities, np.zeros_like(free), ~allowed)
+        strong = _without_specks((distance > STRONG_DISTANCE) & allowed)
+        found = main_components((found & allowed) | strong, flashing)
         mask = filled(found, CLOSE_SHARE)
         enclosed = bridged(found, mask)
         edge = float(np.sqrt(max(int(found.sum()), 1)))
