@@ -14,8 +14,9 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import BaseModel
 
+from glint.storage.errors import StoreError
 from glint.storage.inputs.digests import digest_of
-from glint.storage.versions.array_schema import ArraySchema
+from glint.storage.versions.array_schema import ArraySchema, ArraySource, ComputedArrays, schema_violations
 from glint.storage.versions.stage_results import StoredFile
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage_inputs import StageInputs
@@ -38,6 +39,10 @@ class StageOutput:
     files: Mapping[str, StoredFile] = field(default_factory=dict)
     counts: Mapping[str, float] = field(default_factory=dict)
     warnings: Sequence[StageWarning] = ()
+
+
+FINITE_DOMAINS = ("mask", "lights")
+"""Stages whose arrays say where those of other stages must be finite."""
 
 
 class StageFunction(Protocol):
@@ -130,6 +135,7 @@ def perform(context: CaptureContext, stage: Stage, key: str, progress: Progress 
 
     Raises:
         InputError, StoreError, UnusableCapture: as the stage does.
+        StoreError: an array is not what the stage declares; nothing is stored.
     """
     about = {
         "parameters": _parameters(context, stage.name),
@@ -138,7 +144,9 @@ def perform(context: CaptureContext, stage: Stage, key: str, progress: Progress 
     }
 
     def compute() -> StageOutput:
-        return stage.run(StageInputs(context, stage), progress or no_progress)
+        output = stage.run(StageInputs(context, stage), progress or no_progress)
+        _check_arrays(context, stage, output)
+        return output
 
     return load_or_compute(context, context.capture.id, stage.name, key, about, compute)
 
@@ -170,6 +178,18 @@ def load_or_compute(
     }
     repository.save(capture, stage, key, output.arrays, record, output.files)
     return StageRecord(stage, key, False, perf_counter() - started, dict(output.counts), tuple(output.warnings))
+
+
+def _check_arrays(context: CaptureContext, stage: Stage, output: StageOutput) -> None:
+    """Refuse arrays that a version could not hold, such as normals that are not finite inside the mask."""
+    results: dict[str, ArraySource] = {name: context.load(name) for name in stage.reads if name in FINITE_DOMAINS}
+    results[stage.name] = ComputedArrays(stage.name, output.arrays)
+    violations = schema_violations(results, {stage.name: stage.arrays})
+    if violations:
+        raise StoreError(
+            f"{context.name} cannot store {stage.name}: {'; '.join(violations)}",
+            "report this defect with the capture; a mask painted by hand may avoid it",
+        )
 
 
 def no_progress(done: int, total: int | None) -> None:

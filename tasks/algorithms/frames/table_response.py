@@ -62,8 +62,7 @@ def table_response(frames: np.ndarray, free: np.ndarray) -> TableResponse:
             # The second largest: a single noisy frame does not count.
             np.maximum(second, np.minimum(largest, flash), out=second)
             np.maximum(largest, flash, out=largest)
-    amplitudes = amplitudes.reshape(-1, height, width)
-    level = np.abs(amplitudes[0]) * float(np.abs(basis[:, 0]).mean())
+    level = np.abs(amplitudes[0].reshape(height, width)) * float(np.abs(basis[:, 0]).mean())
     residual = np.sqrt(square / count)
     return TableResponse(
         np.log(np.maximum(residual, 0.2) / _expected(residual, level, border)),
