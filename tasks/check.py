@@ -61,8 +61,8 @@ class Check:
 def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int | None], None]) -> Check:
     """Perform the stages up to the thresholds, which `glint run` will not repeat, and compare frames with them.
 
-    out: folder for the pictures coverage.png, overview.png and keyframe_<frame>.png; of a capture that cannot be
-    processed overview.png alone. progress(stage, done, total).
+    out: folder for the pictures of `write_check_pictures`; of a capture that cannot be processed overview.png alone.
+    progress(stage, done, total).
 
     Raises:
         StoreError: the store fails.
@@ -89,6 +89,8 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
         geometry.region,
         geometry.spheres,
         mask,
+        context.load("mask").read("doubt"),
+        context.load("frames").read("peak"),
         half_vectors,
         {frame: cache.read(OBJECT, slice(frame, frame + 1))[0] for frame in keyframes(half_vectors, lit)},
         out,

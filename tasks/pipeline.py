@@ -39,6 +39,7 @@ STAGES = (
         catalogue_keys=("spheres", "region", "pixel_size", "camera"),
         files=("frames", "mask", "lights"),
         progress_unit="frames",
+        version=2,
     ),
     Stage(
         "frames",
@@ -75,7 +76,8 @@ STAGES = (
         reads=("survey", "frames"),
         files=("mask",),
         arrays={"mask": ArraySchema("HW", "b"), "doubt": ArraySchema("HW", "f", "all")},
-        version=2,
+        peak_bytes=_per_pixel(300),
+        version=3,
     ),
     Stage(
         "thresholds",

@@ -1,11 +1,10 @@
-"""What the arrays of a result must be: shape, dtype, where they are finite; a version is checked against it."""
+"""What the arrays of a result must be: shape, dtype, where they are finite; checked as stored and published."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
-
-from glint.storage.versions.stage_results import StageResult
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,11 +22,38 @@ class ArraySchema:
     required: bool = True
 
 
+class ArraySource(Protocol):
+    """Arrays of a stage: stored ones, or those that are about to be stored."""
+
+    @property
+    def stage(self) -> str:
+        """The stage's name."""
+
+    @property
+    def arrays(self) -> Mapping[str, Any]:
+        """Arrays of numpy or zarr by name."""
+
+    def read(self, name: str) -> np.ndarray:
+        """Return an array, read into memory."""
+
+
+@dataclass(frozen=True, slots=True)
+class ComputedArrays:
+    """Arrays that a stage computed and that are not stored yet."""
+
+    stage: str
+    arrays: Mapping[str, Any]
+
+    def read(self, name: str) -> np.ndarray:
+        """Return an array, read into memory."""
+        return np.asarray(self.arrays[name][...])
+
+
 Schemas = Mapping[str, Mapping[str, ArraySchema]]
 """Schemas of arrays by stage. Stages and arrays beyond these may be saved too and are not checked."""
 
 
-def schema_violations(results: Mapping[str, StageResult], schemas: Schemas, required: Sequence[str] = ()) -> list[str]:
+def schema_violations(results: Mapping[str, ArraySource], schemas: Schemas, required: Sequence[str] = ()) -> list[str]:
     """Return what keeps one capture's results from being a version, one line each; none when they are complete.
 
     required: stages that must be there.
@@ -44,8 +70,8 @@ def schema_violations(results: Mapping[str, StageResult], schemas: Schemas, requ
 
 
 def _array_violations(
-    results: Mapping[str, StageResult],
-    result: StageResult,
+    results: Mapping[str, ArraySource],
+    result: ArraySource,
     name: str,
     schema: ArraySchema,
     sizes: dict[str, tuple[int, str]],
@@ -69,7 +95,7 @@ def _array_violations(
     return [f"{label} has {count:,} values that are not finite"] if count else []
 
 
-def _finite_domain(results: Mapping[str, StageResult], finite: str) -> np.ndarray | None:
+def _finite_domain(results: Mapping[str, ArraySource], finite: str) -> np.ndarray | None:
     """Return where values must be finite; None where the stage that determines it is missing itself."""
     if finite == "all":
         return np.ones((), bool)

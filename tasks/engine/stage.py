@@ -22,6 +22,7 @@ from glint.storage.versions.array_schema import ArraySchema
 from glint.storage.versions.stage_results import StoredFile
 from glint.storage.versions.verification import whole_result
 from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.engine.declared_arrays import check_arrays
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
 
@@ -46,6 +47,10 @@ class StageOutput:
     files: Mapping[str, StoredFile] = field(default_factory=dict)
     counts: Mapping[str, float] = field(default_factory=dict)
     warnings: Sequence[StageWarning] = ()
+
+
+FINITE_DOMAINS = ("mask", "lights")
+"""Stages whose arrays say where those of other stages must be finite."""
 
 
 class StageFunction(Protocol):
@@ -138,6 +143,7 @@ def perform(context: CaptureContext, stage: Stage, key: str, progress: Progress 
 
     Raises:
         InputError, StoreError, UnusableCapture: as the stage does.
+        StoreError: an array is not what the stage declares; nothing is stored.
     """
     about = {
         "parameters": _parameters(context, stage.name),
@@ -146,7 +152,9 @@ def perform(context: CaptureContext, stage: Stage, key: str, progress: Progress 
     }
 
     def compute() -> StageOutput:
-        return _on_unchanged_inputs(context, stage, progress or no_progress)
+        output = _on_unchanged_inputs(context, stage, progress or no_progress)
+        check_arrays(context, stage.name, stage.reads, stage.arrays, output.arrays)
+        return output
 
     return load_or_compute(context, context.capture.id, stage.name, key, about, compute)
 

@@ -13,7 +13,9 @@ from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.figures.coverage_map import draw_coverage
 from glint.tasks.figures.keyframe_picture import draw_keyframe
 
-REGION_RGB, MASK_RGB, SPHERE_RGB = (255, 190, 60), (80, 220, 120), (90, 160, 255)
+REGION_RGB, MASK_RGB, SPHERE_RGB, DOUBT_RGB = (255, 190, 60), (80, 220, 120), (90, 160, 255), (255, 60, 60)
+DOUBTFUL = 0.25
+"""Doubt of a silhouette from which it is drawn as doubtful."""
 
 
 def write_check_pictures(
@@ -21,19 +23,26 @@ def write_check_pictures(
     region: Region,
     spheres: Sequence[Sphere],
     mask: np.ndarray,
+    doubt: np.ndarray,
+    peak: np.ndarray,
     half_vectors: np.ndarray,
     keyframe_pictures: Mapping[int, np.ndarray],
     out: Path,
 ) -> tuple[Path, ...]:
-    """Write coverage.png, overview.png and keyframe_<frame>.png to a folder; return their paths.
+    """Write coverage.png, overview.png, keyframe_<frame>.png and the pictures of a mask; return their paths.
 
-    first_frame: of the video, whole; mask (H, W) of the region; half_vectors (T, 3); keyframe_pictures: frames (H, W)
-    of the region by number.
+    The latter, frame.png, brightest.png (peak level) and mask.png, have the frame's size: layers to correct it in.
+
+    first_frame: of the video, whole; mask, doubt and peak (H, W) of the region; half_vectors (T, 3); keyframe_pictures:
+    frames (H, W) of the region by number.
     """
     out.mkdir(parents=True, exist_ok=True)
     pictures = {
         "coverage": draw_coverage(coverage(half_vectors), half_vectors),
-        "overview": draw_overview(first_frame, region, spheres, mask),
+        "overview": draw_overview(first_frame, region, spheres, mask, doubt),
+        "frame": _eight_bits(first_frame),
+        "brightest": _placed(_eight_bits(peak), region, _eight_bits(first_frame)),
+        "mask": _placed(mask.astype(np.uint8) * 255, region, np.zeros(first_frame.shape, np.uint8)),
     }
     for frame, picture in keyframe_pictures.items():
         pictures[f"keyframe_{frame:06d}"] = draw_keyframe(picture, frame, region.x, region.y)
@@ -49,19 +58,38 @@ def write_failure_picture(frame: np.ndarray, region: Region | None, spheres: Seq
     height, width = frame.shape
     whole = Region(x=0, y=0, width=width, height=height)
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_png(path, draw_overview(frame, region or whole, spheres, np.zeros((height, width), bool)))
+    nothing = np.zeros((height, width), bool)
+    write_png(path, draw_overview(frame, region or whole, spheres, nothing, nothing.astype(np.float32)))
 
 
-def draw_overview(frame: np.ndarray, region: Region, spheres: Sequence[Sphere], mask: np.ndarray) -> np.ndarray:
-    """Draw region, silhouette and spheres into a frame (H, W) uint8 or uint16; the picture (H, W, 3) uint8."""
-    grey = frame if frame.dtype == np.uint8 else (frame // 257).astype(np.uint8)
-    picture = cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB)
+def draw_overview(
+    frame: np.ndarray, region: Region, spheres: Sequence[Sphere], mask: np.ndarray, doubt: np.ndarray
+) -> np.ndarray:
+    """Draw region, silhouette and spheres into a frame (H, W) uint8 or uint16; the picture (H, W, 3) uint8.
+
+    The silhouette is red where its doubt (H, W) of the region is at least DOUBTFUL.
+    """
+    picture = cv2.cvtColor(_eight_bits(frame), cv2.COLOR_GRAY2RGB)
     corner = (region.x + region.width - 1, region.y + region.height - 1)
     cv2.rectangle(picture, (region.x, region.y), corner, REGION_RGB, 1)
     contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
     cv2.drawContours(picture, contours, -1, MASK_RGB, 1, offset=(region.x, region.y))
+    inside = picture[region.rows, region.columns]
+    rim = (cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)) > 0) & mask
+    inside[rim & (doubt >= DOUBTFUL)] = DOUBT_RGB
     for sphere in spheres:
         centre = round(sphere.x), round(sphere.y)
         cv2.circle(picture, centre, round(sphere.radius), SPHERE_RGB, 1, cv2.LINE_AA)
         cv2.drawMarker(picture, centre, SPHERE_RGB, cv2.MARKER_CROSS, 8, 1)
+    return picture
+
+
+def _eight_bits(image: np.ndarray) -> np.ndarray:
+    return image if image.dtype == np.uint8 else (image // 257).astype(np.uint8)
+
+
+def _placed(image: np.ndarray, region: Region, frame: np.ndarray) -> np.ndarray:
+    """Return a frame (H, W) with the region's image in its place."""
+    picture = frame.copy()
+    picture[region.rows, region.columns] = image
     return picture

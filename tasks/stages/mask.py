@@ -1,34 +1,92 @@
-"""Mask: the object's pixels, given or estimated."""
+"""Mask: the object's pixels, given or estimated, and where they are doubtful."""
 
 import numpy as np
+from scipy import ndimage
 
 from glint.storage.inputs.masks_and_truth import read_mask
-from glint.tasks.algorithms.frames.mask import estimate_mask
+from glint.tasks.algorithms.frames.mask import beside_spheres
+from glint.tasks.algorithms.frames.mask_doubt import Objection, doubt_of, mask_objections
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
-from glint.tasks.stages.capture_geometry import load_geometry
+from glint.tasks.engine.stage_warning import StageWarning
+from glint.tasks.stages.capture_geometry import CaptureGeometry, load_geometry
 from glint.tasks.stages.frames import load_levels
+
+UNSUPPORTED_COST_DEG = 5.0
+"""Error of the normals beside a contour that nothing supports: that of a contour off by a tenth of the inradius."""
+CUT_COST_DEG = 15.0
+"""Error of the normals beside a contour that is the frame's edge: there the surface does not turn from the camera."""
+SHAPE_COST_DEG = 3.0
+"""Error of the normals beside a neck or a ragged piece."""
+REMEDY = "correct it by hand: `glint check` writes mask.png, frame.png and brightest.png, and draws the doubt in red"
 
 
 def mask(inputs: StageInputs, progress: Progress) -> StageOutput:
-    """Read or estimate the mask of the region.
+    """Read or estimate the mask of the region, and compare it with background and peak level.
 
     Raises:
         InputError: the given mask cannot be used.
-        UnusableCapture: nothing in the region looks like the object.
     """
     geometry, address = load_geometry(inputs), inputs.file("mask")
     region, (width, height) = geometry.region, geometry.frame_size
     if address is not None:
         pixels = read_mask(address, (height, width), region)
-    elif "mask" in inputs.load("survey").arrays:
-        pixels = inputs.load("survey").read("mask")
     else:
-        background, peak = load_levels(inputs)
-        spheres = [sphere.in_crop(region.x, region.y) for sphere in geometry.spheres]
-        pixels = estimate_mask(background, peak, spheres=spheres)
+        pixels = inputs.load("survey").read("mask")
+    objections = _objections(inputs, geometry, pixels, estimated=address is None)
     return StageOutput(
-        arrays={"mask": pixels, "doubt": np.zeros(pixels.shape, np.float32)},
+        arrays={"mask": pixels, "doubt": doubt_of(pixels, objections)},
         record={"region": region.model_dump(), "estimated": address is None},
         counts={"object pixels": int(pixels.sum())},
+        warnings=[_warning(objection, pixels, geometry, address is None) for objection in objections],
     )
+
+
+def _objections(inputs: StageInputs, geometry: CaptureGeometry, pixels: np.ndarray, estimated: bool) -> list[Objection]:
+    region, (width, height) = geometry.region, geometry.frame_size
+    background, peak = load_levels(inputs)
+    scale = np.float32(1.0 if background.dtype == np.uint8 else 1.0 / 257.0)
+    frame_edges = np.zeros(pixels.shape, bool)
+    frame_edges[0], frame_edges[:, 0] = region.y == 0, region.x == 0
+    frame_edges[-1] |= region.y + region.height == height
+    frame_edges[:, -1] |= region.x + region.width == width
+    return mask_objections(
+        pixels,
+        background * scale,
+        peak * scale,
+        free=beside_spheres(pixels.shape, [sphere.in_crop(region.x, region.y) for sphere in geometry.spheres]),
+        estimated=estimated,
+        frame_edges=frame_edges,
+    )
+
+
+def _warning(objection: Objection, pixels: np.ndarray, geometry: CaptureGeometry, estimated: bool) -> StageWarning:
+    """Return an objection in words, with its place in pixels of the full frame."""
+    name = "the estimated mask" if estimated else "the mask"
+    x, y = objection.x + geometry.region.x, objection.y + geometry.region.y
+    place = f"on its {_side(objection, pixels)}, about x {x:.0f}, y {y:.0f}"
+    inradius = float(ndimage.distance_transform_edt(np.pad(pixels, 1)).max())
+    if objection.kind in ("too large", "too small"):
+        amount = f" by {abs(objection.offset):.0f} pixels" if objection.offset else f" {place}"
+        beside = "inside" if objection.kind == "too large" else "outside"
+        evidence = f"the strongest edges and highlights lie {beside} its contour"
+        cost = float(np.degrees(np.arctan(max(abs(objection.offset), 2.0) / max(inradius, 1.0))))
+        return StageWarning(f"{name} is {objection.kind}{amount}: {evidence}; {REMEDY}", "mask", round(cost, 1))
+    share = f"{objection.share:.0%} of its contour"
+    text, cost = {
+        "cut": (f"{share} lies along the edge of the frame {place}: the object goes on beyond it", CUT_COST_DEG),
+        "neck": (f"a neck joins its parts {place}", SHAPE_COST_DEG),
+        "ragged": (f"its contour is ragged {place}", SHAPE_COST_DEG),
+        "unsupported": (f"no highlight was recorded near {share}, most {place}", UNSUPPORTED_COST_DEG),
+    }[objection.kind]
+    return StageWarning(f"{name} is doubtful: {text}; {REMEDY}", "mask", cost)
+
+
+def _side(objection: Objection, pixels: np.ndarray) -> str:
+    """Return the side of the object on which an objection's piece lies."""
+    rows, columns = np.nonzero(pixels)
+    right = (objection.x - columns.mean()) / max(float(np.ptp(columns)), 1.0)
+    down = (objection.y - rows.mean()) / max(float(np.ptp(rows)), 1.0)
+    if abs(right) > abs(down):
+        return "right" if right > 0 else "left"
+    return "lower side" if down > 0 else "upper side"

@@ -1,17 +1,51 @@
-"""Doubt of the spheres: what their fits leave uncertain in the half vectors, and where two spheres disagree."""
+"""Doubt of the spheres: where the frames contradict given ones, what their fits leave uncertain in the half
+vectors, and where two disagree."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from glint.tasks.algorithms.lighting.lights import Lights, inter_sphere_angles
-from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, spread
+from glint.tasks.algorithms.lighting.spheres import Sphere, confirm_sphere
 from glint.tasks.engine.stage_warning import StageWarning
 
 MAX_LIGHT_DEVIATION_DEG = 2.0
 """Standard deviation of the lights' directions, from the spheres' fits, above which they are doubted."""
 MIN_DISAGREEMENT_DEG, DISAGREEMENT_DEVIATIONS = 0.6, 2.5
 """Median angle between a sphere's half vectors and the mean that is doubted: at least, and in standard deviations."""
+
+
+def confirm_given(
+    frames: np.ndarray, given: list[Sphere], camera: np.ndarray | None
+) -> tuple[list[Sphere], list[StageWarning]]:
+    """Measure given spheres; return those to be used, and a warning where the frames contradict what was given."""
+    spheres, warnings = list[Sphere](), list[StageWarning]()
+    for sphere in given:
+        confirmed = confirm_sphere(spread(frames, FIT_FRAMES), sphere, camera=camera)
+        spheres.append(confirmed.sphere)
+        place = f"the sphere given at ({sphere.x:.1f}, {sphere.y:.1f}) with radius {sphere.radius:.1f}"
+        fit = confirmed.fit
+        cost = float(np.degrees(confirmed.sphere.centre_sd / confirmed.sphere.radius))
+        if confirmed.is_corrected:
+            warnings.append(
+                StageWarning(
+                    f"{place} is seen at ({fit.x:.1f}, {fit.y:.1f}) with radius {fit.radius:.1f}, which is used:"
+                    " correct `spheres` in the catalogue",
+                    "sphere",
+                    cost,
+                )
+            )
+        elif not confirmed.is_clear:
+            warnings.append(
+                StageWarning(
+                    f"{place} is used as it is, since its contour is not seen: compare it with the frame, and put a"
+                    " plain background behind the sphere",
+                    "sphere",
+                    cost,
+                )
+            )
+    return spheres, warnings
 
 
 def spheres_error(spheres: Sequence[Sphere], result: Lights) -> float:

@@ -11,18 +11,19 @@ from glint.storage.catalogue.loading import Region
 from glint.storage.errors import InputError
 from glint.storage.footage.source import Footage, open_footage
 from glint.storage.inputs.masks_and_truth import camera_matrix, read_mask
-from glint.tasks.algorithms.frames.mask import estimate_mask
+from glint.tasks.algorithms.frames.frame_sample import FrameSample
 from glint.tasks.algorithms.geometry.perspective import Cone
 from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, find_spheres, spread
-from glint.tasks.algorithms.lighting.spheres import Sphere, confirm_sphere
+from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.parameters import SurveyParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
+from glint.tasks.stages.sphere_doubts import confirm_given
 from glint.tasks.stages.stabilization import Shake, measure_shake
 
 SAMPLE_BYTES = 256 << 20
-"""Most bytes of full frames that are held for their median."""
+"""Most bytes of frames that are held in full size."""
 
 SHADED_REACH = 1.1
 """Half the side of the square around a sphere in which nothing counts as standing still, in radii."""
@@ -30,12 +31,14 @@ SHADED_REACH = 1.1
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """The full frame over time: temporal `median` and `peak`, both (H, W) float32, 0 to 255; `frames` (T, H, W) uint8,
-    some of them."""
+    """The full frame over time.
 
-    median: np.ndarray
+    peak: temporal maximum (H, W) float32, 0 to 255; frames: some (T, H, W) uint8; reduced: more of them, smaller.
+    """
+
     peak: np.ndarray
     frames: np.ndarray
+    reduced: FrameSample
 
 
 def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
@@ -54,8 +57,8 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
         size = (footage.height, footage.width)
         mask_region = around(read_mask(mask, size), parameters.margin) if given_region is None and mask else None
         seek_spheres = not given_spheres and inputs.file("lights") is None
-        seek_region = given_region is None and mask_region is None
-        needs_sample = inputs.file("lights") is None or seek_region
+        seek_mask = mask is None
+        needs_sample = inputs.file("lights") is None or seek_mask
         sample = take_sample(footage, parameters.sample, progress) if needs_sample else None
         spheres = [Sphere(sphere.x, sphere.y, sphere.radius) for sphere in given_spheres]
         _check_spheres(spheres, size)
@@ -65,14 +68,15 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
             spheres = detection.spheres
             warnings = [StageWarning(sentence, "sphere") for sentence in detection.contradicting]
         elif sample is not None and inputs.file("lights") is None:
-            spheres, warnings = confirm_given(sample, spheres, camera)
+            spheres, warnings = confirm_given(sample.frames, spheres, camera)
         region, arrays = given_region or mask_region, dict[str, np.ndarray]()
-        if region is None:
-            assert sample is not None
-            estimate = estimate_mask(sample.median, sample.peak, spheres=spheres)
-            region = around(estimate, 2 * parameters.margin)
+        if region is not None:
+            _check_region(region, size)
+        if sample is not None and seek_mask:
+            estimate = sample.reduced.estimate_mask(spheres, _within(region, size))
+            region = region or around(estimate, 2 * parameters.margin)
             arrays["mask"] = estimate[region.rows, region.columns]
-        _check_region(region, size)
+        assert region is not None
         # Whoever gives spheres or a mask has read them off the first frame.
         shake = Shake({"shake_pixels": None, "applied": False})
         if parameters.stabilize:
@@ -98,60 +102,35 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
 
 
 def take_sample(footage: Footage, count: int, progress: Progress) -> Sample:
-    """Compute median and maximum of about `count` frames spread over a video; of a long one, of fewer for memory."""
+    """Compute the maximum of about `count` frames spread over a video, and keep them reduced, and a few in full size."""
     expected = footage.count or 10 * count
     step = max(1, expected // count)
     frame_bytes = footage.width * footage.height * footage.bits // 8
-    held = max(5, min(count, SAMPLE_BYTES // frame_bytes))
+    held = max(5, min(count, 2 * FIT_FRAMES, SAMPLE_BYTES // frame_bytes))
     interval = max(1, -(-(expected // step) // held))
     kept: list[np.ndarray] = []
     peak: np.ndarray | None = None
+    reduced = FrameSample(footage.height, footage.width, expected // step)
     for number, frame in enumerate(footage.frames(step=step)):
         peak = frame.copy() if peak is None else np.maximum(peak, frame, out=peak)
         if number % interval == 0:
             kept.append(frame.copy())
+        reduced.add(frame)
         progress(number * step, footage.count or None)
     if peak is None:
         raise InputError(f"{footage.uri} holds no frame", "record or copy it again")
     scale = np.float32(1.0 if footage.bits == 8 else 1.0 / 257.0)
     some = spread(np.stack(kept), 2 * FIT_FRAMES)
-    return Sample(
-        np.median(kept, axis=0).astype(np.float32) * scale,
-        peak.astype(np.float32) * scale,
-        some if footage.bits == 8 else (some >> 8).astype(np.uint8),
-    )
+    return Sample(peak.astype(np.float32) * scale, some if footage.bits == 8 else (some >> 8).astype(np.uint8), reduced)
 
 
-def confirm_given(
-    sample: Sample, given: list[Sphere], camera: np.ndarray | None
-) -> tuple[list[Sphere], list[StageWarning]]:
-    """Measure given spheres; return those to be used, and a warning where the frames contradict what was given."""
-    spheres, warnings = list[Sphere](), list[StageWarning]()
-    for sphere in given:
-        confirmed = confirm_sphere(spread(sample.frames, FIT_FRAMES), sphere, camera=camera)
-        spheres.append(confirmed.sphere)
-        place = f"the sphere given at ({sphere.x:.1f}, {sphere.y:.1f}) with radius {sphere.radius:.1f}"
-        fit = confirmed.fit
-        cost = float(np.degrees(confirmed.sphere.centre_sd / confirmed.sphere.radius))
-        if confirmed.is_corrected:
-            warnings.append(
-                StageWarning(
-                    f"{place} is seen at ({fit.x:.1f}, {fit.y:.1f}) with radius {fit.radius:.1f}, which is used:"
-                    " correct `spheres` in the catalogue",
-                    "sphere",
-                    cost,
-                )
-            )
-        elif not confirmed.is_clear:
-            warnings.append(
-                StageWarning(
-                    f"{place} is used as it is, since its contour is not seen: compare it with the frame, and put a"
-                    " plain background behind the sphere",
-                    "sphere",
-                    cost,
-                )
-            )
-    return spheres, warnings
+def _within(region: Region | None, size: tuple[int, int]) -> np.ndarray | None:
+    """Return the pixels (H, W) bool of a region; None: no region is given."""
+    if region is None:
+        return None
+    inside = np.zeros(size, bool)
+    inside[region.rows, region.columns] = True
+    return inside
 
 
 def around(mask: np.ndarray, margin: int) -> Region:

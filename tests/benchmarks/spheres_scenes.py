@@ -22,8 +22,8 @@ from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.lighting.lights import Lights, find_lights, merge_spheres
 from glint.tasks.algorithms.lighting.sphere_detection import find_spheres
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from glint.tasks.stages.sphere_doubts import sphere_doubts
-from glint.tasks.stages.survey import Sample, confirm_given, take_sample
+from glint.tasks.stages.sphere_doubts import confirm_given, sphere_doubts
+from glint.tasks.stages.survey import Sample, take_sample
 
 SAMPLE_FRAMES = 200
 SILENT_DEG = 2.5
@@ -96,7 +96,7 @@ def evaluate_scene(folder: Path, perturbation: float) -> Result:
         if perturbation:
             generator = np.random.default_rng(int(folder.name[-3:]))
             given = [perturbed(ball, perturbation, generator) for ball in balls]
-            spheres, warnings = confirm_given(sample, given, None)
+            spheres, warnings = confirm_given(sample.frames, given, None)
             result.warnings += [str(warning) for warning in warnings]
         else:
             spheres = find_spheres(sample.frames, sample.peak).spheres

@@ -33,7 +33,7 @@ SPHERE_MARGIN = 1.3
 """Radii around a sphere's centre that are excluded: beside the sphere lie its caustics."""
 MASK_REMEDY = "paint a mask (white object on black) and name it as `mask: mask.png`, or give the object's `region`"
 ROUNDS = 3
-"""Times that object and table around it are found from each other."""
+"""Times that object and table around it are separated."""
 DISTANCE_THRESHOLD, STRONG_DISTANCE = 9.0, 16.0
 """Squared Mahalanobis distance from the table at which object and table are equally likely, and from which a pixel
 differs whatever its neighbours do: lines of highlights are a pixel wide."""
@@ -67,12 +67,12 @@ MIN_TABLE_PX = 50
 class _Classes:
     """Object and table as the responses separate them.
 
-    found: (H, W) bool, pixels that differ from the table. filled: with gaps and holes that are glass. bridged: what a
+    differing: (H, W) bool, pixels unlike the table. filled: with gaps and holes that are glass. bridged: what a
     contour with gaps encloses. features: (H, W, 2), log responses. ratios: (H, W), log-likelihood ratios, nats.
     is_table: (H, W) bool, pixels of the table around the object. table: its model.
     """
 
-    found: np.ndarray
+    differing: np.ndarray
     filled: np.ndarray
     bridged: np.ndarray
     features: np.ndarray
@@ -81,12 +81,15 @@ class _Classes:
     table: TableModel
 
 
-def estimate_mask(frames: np.ndarray, *, spheres: Sequence[Sphere] = ()) -> np.ndarray:
+def estimate_mask(
+    frames: np.ndarray, *, spheres: Sequence[Sphere] = (), within: np.ndarray | None = None
+) -> np.ndarray:
     """Estimate the mask (H, W) bool of the object from a sample of the frames.
 
     Args:
         frames: (T, H, W) uint8, spread over the video.
         spheres: chrome spheres in these pixels; they are excluded, with the object's reflections in them.
+        within: (H, W) bool, where the object lies; None: anywhere.
 
     Raises:
         UnusableCapture: no pixel shows a highlight, or nearly all do.
@@ -95,9 +98,10 @@ def estimate_mask(frames: np.ndarray, *, spheres: Sequence[Sphere] = ()) -> np.n
     if frames.ndim != 3 or frames.dtype != np.uint8:
         raise ValueError(f"frames have shape {frames.shape} and dtype {frames.dtype}, expected (T, H, W) uint8")
     free = beside_spheres(frames.shape[1:], spheres)
+    allowed = free if within is None else free & within
     response = table_response(frames, free)
-    classes = _separate(response, free)
-    return _at_edges(classes, response.background, free)
+    classes = _separate(response, free, allowed)
+    return _at_edges(classes, response.background, allowed)
 
 
 def beside_spheres(shape: tuple[int, ...], spheres: Sequence[Sphere]) -> np.ndarray:
@@ -109,30 +113,33 @@ def beside_spheres(shape: tuple[int, ...], spheres: Sequence[Sphere]) -> np.ndar
     return free
 
 
-def _separate(response: TableResponse, free: np.ndarray) -> _Classes:
-    """Find object and table from each other, beginning with the frame's border as the table."""
+def _separate(response: TableResponse, free: np.ndarray, allowed: np.ndarray) -> _Classes:
+    """Separate object and table, beginning with the frame's border as the table.
+
+    free, allowed: (H, W) bool, pixels beside the spheres, and those of them that may be the object.
+    """
     features = np.clip(np.stack([response.deviation, response.flash], axis=-1), -4.0, 6.0).astype(np.float32)
     images = [cv2.GaussianBlur(channel, (0, 0), 0.6) / CUT_CONTRAST for channel in np.moveaxis(features, -1, 0)]
     capacities = links(images, CUT_STRENGTH, EDGE_FLOOR, gaussian=True)
     is_table, edge = response.border, None
     for _ in range(ROUNDS):
         table = fit_table(features, is_table, edge)
-        flashing = table.flashing(features) & free
-        _check_highlights(flashing, free)
+        flashing = table.flashing(features) & allowed
+        _check_highlights(flashing, allowed)
         distance = table.distance(features)
         ratios = np.clip((distance - DISTANCE_THRESHOLD) / 2.0, -MAX_RATIO, MAX_RATIO)
-        found = grid_cut(ratios, capacities, np.zeros_like(free), ~free)
-        strong = _without_specks((distance > STRONG_DISTANCE) & free)
-        found = main_components((found & free) | strong, flashing)
-        mask = filled(found, CLOSE_SHARE)
-        enclosed = bridged(found, mask)
-        edge = float(np.sqrt(max(int(found.sum()), 1)))
+        differing = grid_cut(ratios, capacities, np.zeros_like(free), ~allowed)
+        strong = _without_specks((distance > STRONG_DISTANCE) & allowed)
+        differing = main_components((differing & allowed) | strong, flashing)
+        mask = filled(differing, CLOSE_SHARE)
+        enclosed = bridged(differing, mask)
+        edge = float(np.sqrt(max(int(differing.sum()), 1)))
         apart = ndimage.distance_transform_edt(~(mask | enclosed))
         is_table = (apart > max(3.0, 0.02 * edge)) & (apart < max(20.0, 0.4 * edge)) & free
         is_table &= ~ndimage.binary_dilation(flashing, np.ones((3, 3)))
         if is_table.sum() < MIN_TABLE_PX:
             is_table = response.border
-    return _Classes(found, mask | enclosed, enclosed, features, ratios, is_table, table)
+    return _Classes(differing, mask | enclosed, enclosed, features, ratios, is_table, table)
 
 
 def _check_highlights(flashing: np.ndarray, free: np.ndarray) -> None:
@@ -151,11 +158,11 @@ def _check_highlights(flashing: np.ndarray, free: np.ndarray) -> None:
 
 def _at_edges(classes: _Classes, background: np.ndarray, free: np.ndarray) -> np.ndarray:
     """Return the mask (H, W) bool with its contour moved to the edges nearby."""
-    edge = float(np.sqrt(classes.found.sum()))
+    edge = float(np.sqrt(classes.differing.sum()))
     farthest = max(2, round(MAX_OUTWARD_SHARE * edge))
     # Closing fills concavities of the silhouette as well as gaps of its contour: what it alone adds is not certain.
-    holes = classes.filled & ~closed(classes.found, CLOSE_SHARE * edge)
-    certain = filled(closed(classes.found | holes, CLOSED_CONTOUR_SHARE * edge), 0.0) | classes.bridged
+    holes = classes.filled & ~closed(classes.differing, CLOSE_SHARE * edge)
+    certain = filled(closed(classes.differing | holes, CLOSED_CONTOUR_SHARE * edge), 0.0) | classes.bridged
     inside = ndimage.distance_transform_edt(certain) > max(2, round(MAX_INWARD_SHARE * edge))
     brightness = edge_image(background, classes.is_table)
     capacities = links([brightness, *_saturated_responses(classes)], 1.0, EDGE_FLOOR)
@@ -178,7 +185,7 @@ def _saturated_responses(classes: _Classes) -> list[np.ndarray]:
     images = []
     for channel in range(2):
         excess = classes.features[..., channel] - classes.table.mean[..., channel]
-        reference = max(float(np.exp(np.median(excess[classes.found]))) - 1.0, 1.0)
+        reference = max(float(np.exp(np.median(excess[classes.differing]))) - 1.0, 1.0)
         ratio = np.exp(excess.clip(-1.0, 5.0)) - 1.0
         images.append(ratio / (np.abs(ratio) + reference) / RESPONSE_EDGE)
     return images

@@ -21,17 +21,17 @@ EDGE_PENALTY = 0.1
 """Weight of the flashing pixels of a component along the frame's edge: a light or an arm in the picture."""
 
 
-def main_components(found: np.ndarray, flashing: np.ndarray) -> np.ndarray:
-    """Return those components of `found` (H, W) bool that hold most of the `flashing` pixels (H, W) bool."""
-    components, count = ndimage.label(closed(found, JOIN_SHARE * _edge(flashing)))
+def main_components(differing: np.ndarray, flashing: np.ndarray) -> np.ndarray:
+    """Return those components of `differing` (H, W) bool that hold most of the `flashing` pixels (H, W) bool."""
+    components, count = ndimage.label(closed(differing, JOIN_SHARE * _edge(flashing)))
     if count == 0:
-        return found
-    seeds = np.bincount(components.ravel(), (flashing & found).ravel(), minlength=count + 1)
+        return differing
+    seeds = np.bincount(components.ravel(), (flashing & differing).ravel(), minlength=count + 1)
     seeds[0] = 0
     areas = np.bincount(components.ravel(), minlength=count + 1)
     along_edge = np.bincount(_frame_edge(components), minlength=count + 1)
     seeds = np.where(along_edge > 0.3 * np.sqrt(areas), EDGE_PENALTY * seeds, seeds)
-    return found & np.isin(components, np.flatnonzero(seeds >= MIN_SEED_RATIO * seeds.max()))
+    return differing & np.isin(components, np.flatnonzero(seeds >= MIN_SEED_RATIO * seeds.max()))
 
 
 def large_components(mask: np.ndarray, min_area_ratio: float = 0.15) -> np.ndarray:
@@ -43,14 +43,14 @@ def large_components(mask: np.ndarray, min_area_ratio: float = 0.15) -> np.ndarr
     return np.isin(components, 1 + np.flatnonzero(areas >= min_area_ratio * areas.max()))
 
 
-def filled(found: np.ndarray, share: float) -> np.ndarray:
-    """Return `found` (H, W) bool with gaps up to `share` closed and with the holes that are glass.
+def filled(differing: np.ndarray, share: float) -> np.ndarray:
+    """Return `differing` (H, W) bool with gaps up to `share` closed and with the holes that are glass.
 
     A hole is glass if it is small, or if only a thin line separates it from the surroundings: the rim of a foot, the
     edge of a wall.
     """
-    mask = closed(found, share * _edge(found))
-    around, open_labels = _around_solid(found, mask)
+    mask = closed(differing, share * _edge(differing))
+    around, open_labels = _around_solid(differing, mask)
     holes, count = ndimage.label(~mask)
     outside = set(np.unique(_frame_edge(holes)))
     for hole in set(range(1, count + 1)) - outside:
@@ -60,18 +60,18 @@ def filled(found: np.ndarray, share: float) -> np.ndarray:
     return mask
 
 
-def bridged(found: np.ndarray, mask: np.ndarray) -> np.ndarray:
+def bridged(differing: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """Return the regions (H, W) bool beside the `mask` that a contour of thin lines with gaps encloses."""
     edge = _edge(mask)
-    wide = closed(found, BRIDGE_SHARE * edge)
-    around, open_labels = _around_solid(found, mask)
+    wide = closed(differing, BRIDGE_SHARE * edge)
+    around, open_labels = _around_solid(differing, mask)
     regions, _ = ndimage.label(wide & ~mask)
     result = np.zeros_like(mask)
     for number, window in enumerate(ndimage.find_objects(regions), 1):
         grown = tuple(slice(max(0, side.start - 2), side.stop + 2) for side in window)
         region = regions[grown] == number
         rim = ndimage.binary_dilation(region) & ~region
-        is_large = region.sum() >= MIN_BRIDGED_RATIO * found.sum()
+        is_large = region.sum() >= MIN_BRIDGED_RATIO * differing.sum()
         is_enclosed = (rim & ~wide[grown]).sum() < MAX_MOUTH_SHARE * rim.sum()
         if is_large and is_enclosed and np.isin(around[grown][region], open_labels).mean() > 0.5:
             result[grown] |= region
@@ -86,10 +86,10 @@ def closed(mask: np.ndarray, radius: float) -> np.ndarray:
     return cv2.morphologyEx(padded, cv2.MORPH_CLOSE, disc)[inner, inner] > 0
 
 
-def _around_solid(found: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _around_solid(differing: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return components (H, W) of what remains of the picture without the thick parts, and those at its edge."""
     radius = THIN_SHARE * _edge(mask)
-    solid = cv2.morphologyEx(found.astype(np.uint8), cv2.MORPH_OPEN, _disc(radius)) > 0
+    solid = cv2.morphologyEx(differing.astype(np.uint8), cv2.MORPH_OPEN, _disc(radius)) > 0
     around, _ = ndimage.label(~solid)
     at_edge = np.unique(_frame_edge(around))
     return around, at_edge[at_edge > 0]

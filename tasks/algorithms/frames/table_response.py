@@ -18,6 +18,8 @@ BORDER_SHARE, MIN_BORDER_PX = 0.06, 4
 """Width of the frame's border that shows the table, as a share of its shorter edge and in pixels."""
 BORDER_SAMPLES = 1500
 """Pixels of the border whose time series are decomposed."""
+FRAMES_PER_BLOCK = 16
+"""Frames that are held as floating-point numbers at once."""
 FLASH_SIGMA_PX = 3.0
 """Standard deviation of the blur against which a flash stands out: wider than a highlight, narrower than a shadow."""
 
@@ -45,20 +47,22 @@ def table_response(frames: np.ndarray, free: np.ndarray) -> TableResponse:
     count, height, width = frames.shape
     border = _border((height, width)) & free
     basis = _border_basis(frames, border)
-    amplitudes = np.zeros((basis.shape[1], height, width), np.float32)
-    for frame, weights in zip(frames, basis, strict=True):
-        for amplitude, weight in zip(amplitudes, weights, strict=True):
-            amplitude += weight * frame
+    blocks = [slice(start, start + FRAMES_PER_BLOCK) for start in range(0, count, FRAMES_PER_BLOCK)]
+    flat = frames.reshape(count, -1)
+    amplitudes = np.zeros((basis.shape[1], flat.shape[1]), np.float32)
+    for block in blocks:
+        amplitudes += basis[block].T @ flat[block].astype(np.float32)
     square = np.zeros((height, width), np.float32)
     largest, second = np.zeros_like(square), np.zeros_like(square)
-    for frame, weights in zip(frames, basis, strict=True):
-        residual = frame - np.tensordot(weights, amplitudes, axes=1)
-        square += residual * residual
-        flash = residual - cv2.GaussianBlur(residual, (0, 0), FLASH_SIGMA_PX)
-        # The second largest: a single noisy frame does not count.
-        np.maximum(second, np.minimum(largest, flash), out=second)
-        np.maximum(largest, flash, out=largest)
-    level = np.abs(amplitudes[0]) * float(np.abs(basis[:, 0]).mean())
+    for block in blocks:
+        residuals = flat[block].astype(np.float32) - basis[block] @ amplitudes
+        for residual in residuals.reshape(-1, height, width):
+            square += residual * residual
+            flash = residual - cv2.GaussianBlur(residual, (0, 0), FLASH_SIGMA_PX)
+            # The second largest: a single noisy frame does not count.
+            np.maximum(second, np.minimum(largest, flash), out=second)
+            np.maximum(largest, flash, out=largest)
+    level = np.abs(amplitudes[0].reshape(height, width)) * float(np.abs(basis[:, 0]).mean())
     residual = np.sqrt(square / count)
     return TableResponse(
         np.log(np.maximum(residual, 0.2) / _expected(residual, level, border)),
@@ -92,6 +96,7 @@ def _expected(values: np.ndarray, level: np.ndarray, border: np.ndarray) -> np.n
 
 
 def _median(frames: np.ndarray) -> np.ndarray:
-    """Return the temporal median (H, W) float32, computed by rows to bound memory."""
-    rows = [np.median(frames[:, start : start + 32], axis=0) for start in range(0, frames.shape[1], 32)]
-    return np.concatenate(rows).astype(np.float32)
+    """Return the temporal median (H, W) float32, the lower of two, computed by rows to bound memory."""
+    middle = (len(frames) - 1) // 2
+    rows = [np.partition(frames[:, row], middle, axis=0)[middle] for row in range(frames.shape[1])]
+    return np.stack(rows).astype(np.float32)

@@ -27,6 +27,8 @@ MIN_NORMALS, SAMPLED_NORMALS = 20, 1500
 """Accepted normals without which no surface is fitted, and number of those compared for each tilt."""
 COARSE_STEP_PX, COARSE_STRIDE = 2.0, 8
 """Step along the axis, and subsampling of the normals, for the tilts tried first."""
+FITTED_STEP_PX = 1.0
+"""Step along the axis while the tilt is refined."""
 REFINED_ERROR_RATIO = 1.3
 """Ratio to the least error of those tilts up to which an axis is refined."""
 END_CONE_DEG = 25.0
@@ -68,6 +70,8 @@ def surface_of_revolution_normals(
     weight = np.ones(len(rows)) if weights is None else weights[rows, columns]
     surface = surface.with_fitted_slopes(x[known], y[known], accepted[rows, columns][known], weight[known])
     normals = surface.normals(x, y)
+    if not np.isfinite(normals[:, 0]).any():
+        return None
     is_end = normals @ (surface.upward * np.sign(surface.tilt)) > np.cos(np.radians(END_CONE_DEG))
     if is_end.any():
         far_wall = surface.normals(x[is_end], y[is_end], far=True)
@@ -100,8 +104,10 @@ def _fitted_surface(mask: np.ndarray, accepted: np.ndarray, limit: float) -> Sur
     x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
     normals = accepted[rows, columns]
 
-    def mean_error(axis: ReflectionAxis, tilt: float, step: float = 1.0, stride: int = 1) -> float:
-        surface = SurfaceOfRevolution.from_silhouette(mask, axis, tilt, step)
+    def mean_error(axis: ReflectionAxis, tilt: float, step: float = FITTED_STEP_PX, stride: int = 1) -> float:
+        return surface_error(SurfaceOfRevolution.from_silhouette(mask, axis, tilt, step), stride)
+
+    def surface_error(surface: SurfaceOfRevolution, stride: int = 1) -> float:
         error = np.nan_to_num(angles(surface.normals(x[::stride], y[::stride]), normals[::stride]), nan=ERROR_CAP_DEG)
         return float(np.minimum(error, ERROR_CAP_DEG).mean())
 
@@ -126,4 +132,7 @@ def _fitted_surface(mask: np.ndarray, accepted: np.ndarray, limit: float) -> Sur
                 turn /= 2
         if error < least_error:
             least_error, best = error, SurfaceOfRevolution.from_silhouette(mask, axis, tilt)
+            # Trimming is discontinuous: with finer steps a profile can collapse that fits with coarser ones.
+            if surface_error(best) > limit:
+                best = SurfaceOfRevolution.from_silhouette(mask, axis, tilt, FITTED_STEP_PX)
     return best

@@ -1,0 +1,101 @@
+"""Offset of a mask's contour from the strongest edges nearby: masks that are too large or too small."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy import ndimage
+
+SEARCH_SHARE, MIN_SEARCH_PX = 0.04, 6
+"""Distance from the contour in which a stronger edge is looked for: share of the edge of a square of the object's
+area, and in pixels."""
+MIN_OFFSET_PX = 2
+"""Distance of a stronger edge that is reported: nearer ones are within the blur of the contour."""
+INWARD_RATIO, OUTWARD_RATIO = 1.5, 1.05
+"""Strength of an edge farther in, or farther out, relative to that at the contour, which contradicts a mask. Glass has
+edges inside: up to 1.2 times those of a right contour, while the table beside it has at most 0.9 times these."""
+MAX_SLOPE = 6.0
+"""Bound of an edge's strength, in edges of the table: one highlight shall not outweigh the whole contour."""
+MAX_OUTER_HIGHLIGHTS = 0.4
+"""Share of the contour that may have highlights beyond it: caustics beside the object make some."""
+OUTER_DENSITY = 0.05
+"""Share of the pixels beyond a part of the contour that highlights there fill at least."""
+PARTS = 24
+"""Parts of equal length into which the contour is divided."""
+
+
+@dataclass(frozen=True, slots=True)
+class Misplacement:
+    """A contour beside its object's.
+
+    kind: `too large` or `too small`; offset: of the strongest edge, pixels outward, 0 if unknown; piece: (H, W) bool,
+    the pixels of the contour that are affected.
+    """
+
+    kind: str
+    offset: float
+    piece: np.ndarray
+
+
+def misplacement(
+    contour: np.ndarray,
+    distance: np.ndarray,
+    images: Sequence[np.ndarray],
+    flash: np.ndarray,
+    free: np.ndarray,
+    edge: float,
+) -> Misplacement | None:
+    """Return how a contour lies beside the strongest edges or inside of highlights; None: it does not.
+
+    Args:
+        contour: (H, W) bool, the outermost pixels of the mask.
+        distance: (H, W), from the contour, negative inside, pixels.
+        images: (H, W) each, see `edge_image`.
+        flash: (H, W) bool, pixels of highlights.
+        free: (H, W) bool, pixels beside the spheres.
+        edge: of a square of the mask's area, pixels.
+    """
+    reach = max(MIN_SEARCH_PX, round(SEARCH_SHARE * edge))
+    profile = _edge_profile(distance, images, reach, free)
+    at_contour = float(profile[reach])
+    inward, outward = profile[: reach - MIN_OFFSET_PX + 1], profile[reach + MIN_OFFSET_PX :]
+    if outward.max() > OUTWARD_RATIO * at_contour and outward.max() > inward.max() / INWARD_RATIO:
+        return Misplacement("too small", float(outward.argmax()) + MIN_OFFSET_PX, contour)
+    if inward.max() > INWARD_RATIO * at_contour:
+        return Misplacement("too large", float(inward.argmax()) - reach, contour)
+    beyond = _beside_outer_highlights(contour, flash, (distance > 1.5) & (distance <= reach) & free) & contour
+    if beyond.sum() > MAX_OUTER_HIGHLIGHTS * contour.sum():
+        return Misplacement("too small", 0.0, beyond)
+    return None
+
+
+def _edge_profile(distance: np.ndarray, images: Sequence[np.ndarray], reach: int, free: np.ndarray) -> np.ndarray:
+    """Return the mean strength (2 reach + 1,) of edges parallel to the contour by their distance, outward."""
+    down, right = np.gradient(cv2.GaussianBlur(distance, (0, 0), 1.0))
+    length = np.hypot(down, right) + 1e-6
+    strength = np.zeros(distance.shape)
+    for image in images:
+        image_down, image_right = np.gradient(image)
+        strength += np.minimum(np.abs(image_down * down + image_right * right) / length, MAX_SLOPE)
+    steps = np.rint(distance).astype(int) + reach
+    used = (steps >= 0) & (steps <= 2 * reach) & free
+    count = np.bincount(steps[used], minlength=2 * reach + 1)
+    mean = np.bincount(steps[used], strength[used], minlength=2 * reach + 1) / np.maximum(count, 1)
+    return np.convolve(np.pad(mean, 1, mode="edge"), [0.25, 0.5, 0.25], "valid")
+
+
+def _beside_outer_highlights(contour: np.ndarray, flash: np.ndarray, band: np.ndarray) -> np.ndarray:
+    """Return the pixels (H, W) bool whose part of the contour has highlights in a band (H, W) bool beyond it."""
+    rows, columns = np.nonzero(contour)
+    turn = np.arctan2(rows - rows.mean(), columns - columns.mean()) / (2.0 * np.pi) + 0.5
+    # Equal numbers of pixels in every part, in order of their direction from the centre.
+    part = np.argsort(np.argsort(turn)) * PARTS // len(rows)
+    parts = np.zeros(contour.shape, int)
+    parts[rows, columns] = part
+    nearest = ndimage.distance_transform_edt(~contour, return_distances=False, return_indices=True)
+    parts = parts[tuple(nearest)]
+    density = np.bincount(parts[flash & band], minlength=PARTS) / np.maximum(
+        np.bincount(parts[band], minlength=PARTS), 1
+    )
+    return np.asarray((density > OUTER_DENSITY)[parts])

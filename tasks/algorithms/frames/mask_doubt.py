@@ -1,0 +1,176 @@
+"""Doubt of a mask: where its contour contradicts the video, and the probability that the silhouette is wrong there.
+
+A right contour is where background and highlights change most: farther in and farther out their edges are weaker.
+Glass shows highlights up to its contour; where there are none, an estimated contour rests on refraction alone.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy import ndimage
+
+from glint.tasks.algorithms.frames.contour_edges import edge_image
+from glint.tasks.algorithms.frames.contour_offset import misplacement
+from glint.tasks.algorithms.frames.mask_regions import large_components
+
+MIN_FLASH_LEVELS, FLASH_QUANTILE, FLASH_FACTOR = 12.0, 0.995, 1.5
+"""A highlight rises above its surroundings by so many levels, and by a factor above this quantile of the table's."""
+NEAR_SHARE, MIN_NEAR_PX = 0.025, 3.0
+"""Distance from the contour within which a highlight supports it, as above."""
+MAX_WITHOUT_HIGHLIGHT = 0.07
+"""Share of an estimated contour that may be without highlight: smooth glass shows them along all of it, and the masks
+of solid objects have at most 0.05."""
+MAX_CUT_SHARE = 0.01
+"""Share of the contour that may lie along the frame's edge."""
+NECK_SHARE, MIN_PART_RATIO = 0.06, 0.1
+"""Half the width of a neck, as a share of the edge of a square of the object's area, and area of the part beyond it,
+relative to the object's."""
+RAGGED_RATIO = 1.25
+"""Length of a contour relative to its smoothed self from which it is ragged."""
+SHIFT_DOUBT, UNSUPPORTED_DOUBT = 0.8, 0.5
+"""Probability that the silhouette is wrong where the data contradict it, and where nothing supports it."""
+OVERALL_SHARE = 0.1
+"""Doubt that a doubtful contour casts on the whole object, relative to the doubt at the contour."""
+REACH_INRADII = 0.3
+"""Distance from a doubtful piece of contour at which its doubt has fallen to 1/e, in inradii."""
+
+
+@dataclass(frozen=True, slots=True)
+class Objection:
+    """What speaks against a piece of a contour.
+
+    kind: `too large`, `too small`, `cut`, `neck`, `ragged` or `unsupported`. share: of the contour. offset: of the
+    stronger edge, pixels outward. x, y: centre of the piece in pixels of the mask. doubt: probability that the
+    silhouette is wrong there. piece: (H, W) bool, its pixels.
+    """
+
+    kind: str
+    share: float
+    offset: float
+    x: float
+    y: float
+    doubt: float
+    piece: np.ndarray
+
+
+def mask_objections(
+    mask: np.ndarray,
+    background: np.ndarray,
+    peak: np.ndarray,
+    *,
+    free: np.ndarray,
+    estimated: bool,
+    frame_edges: np.ndarray,
+) -> list[Objection]:
+    """Compare a mask with the background and peak level, and return what speaks against it.
+
+    Args:
+        mask: (H, W) bool.
+        background: (H, W), temporal median, 0 to 255.
+        peak: (H, W), temporal maximum, 0 to 255.
+        free: (H, W) bool, pixels beside the spheres.
+        estimated: whether the mask was estimated; a given one need not have highlights everywhere.
+        frame_edges: (H, W) bool, pixels along the edge of the frame.
+    """
+    contour = mask & ~ndimage.binary_erosion(mask, border_value=1)
+    contour |= mask & frame_edges
+    if not contour.any():
+        return []
+    distance = _signed_distance(mask)
+    edge = float(np.sqrt(mask.sum()))
+    table = _table(distance, edge, free)
+    rise = np.clip(peak.astype(np.float32) - background, 0.0, None)
+    flash = _highlights(rise, table)
+    objections = _cut_off(mask, contour, frame_edges)
+    images = edge_image(background, table), edge_image(rise, table)
+    shift = misplacement(contour, distance, images, flash, free, edge)
+    if shift is not None:
+        share = float(shift.piece.sum() / contour.sum())
+        objections.append(_objection(shift.kind, shift.piece, share, SHIFT_DOUBT, shift.offset))
+    if estimated:
+        objections += _unsupported(contour & ~frame_edges, edge, flash) + _misshapen(mask, contour, edge)
+    return objections
+
+
+def doubt_of(mask: np.ndarray, objections: Sequence[Objection]) -> np.ndarray:
+    """Return the probability (H, W) float32 that the silhouette on which a pixel depends is wrong.
+
+    It is highest beside a doubtful piece of contour, falls with the distance from it, and does not vanish anywhere.
+    """
+    trusted = np.ones(mask.shape)
+    inradius = max(float(ndimage.distance_transform_edt(np.pad(mask, 1)).max()), 1.0)
+    for objection in objections:
+        distance = ndimage.distance_transform_edt(~objection.piece)
+        local = np.exp(-distance / (REACH_INRADII * inradius))
+        overall = OVERALL_SHARE * objection.share
+        trusted *= 1.0 - objection.doubt * np.maximum(local, overall)
+    return np.where(mask, 1.0 - trusted, 0.0).astype(np.float32)
+
+
+def _signed_distance(mask: np.ndarray) -> np.ndarray:
+    """Return the distance (H, W) from the contour, negative inside, in pixels."""
+    inside, outside = ndimage.distance_transform_edt(mask), ndimage.distance_transform_edt(~mask)
+    return np.asarray(np.where(mask, 0.5 - inside, outside - 0.5), np.float32)
+
+
+def _table(distance: np.ndarray, edge: float, free: np.ndarray) -> np.ndarray:
+    """Return the pixels (H, W) bool that show the table: at some distance from the mask, nearer if there are none."""
+    for share in (0.08, 0.03, 0.0):
+        table = (distance > share * edge + 1.0) & (distance < 0.5 * edge) & free
+        if table.sum() > 100:
+            break
+    return table
+
+
+def _highlights(rise: np.ndarray, table: np.ndarray) -> np.ndarray:
+    """Return the pixels (H, W) bool of highlights: those whose rise stands out of its surroundings."""
+    flash = rise - cv2.GaussianBlur(rise, (0, 0), 3.0)
+    of_table = float(np.quantile(flash[table], FLASH_QUANTILE)) if table.any() else 0.0
+    return np.asarray(flash > max(FLASH_FACTOR * of_table, MIN_FLASH_LEVELS))
+
+
+def _cut_off(mask: np.ndarray, contour: np.ndarray, frame_edges: np.ndarray) -> list[Objection]:
+    """Object to a contour along the frame's edge, where the object goes on and its silhouette does not end."""
+    cut = mask & frame_edges
+    share = float(cut.sum() / contour.sum())
+    return [_objection("cut", cut, share, UNSUPPORTED_DOUBT)] if share > MAX_CUT_SHARE else []
+
+
+def _unsupported(contour: np.ndarray, edge: float, flash: np.ndarray) -> list[Objection]:
+    """Object to a contour along which no highlight was recorded."""
+    lonely = contour & (ndimage.distance_transform_edt(~flash) > max(MIN_NEAR_PX, NEAR_SHARE * edge))
+    share = float(lonely.sum() / max(int(contour.sum()), 1))
+    return [_objection("unsupported", lonely, share, UNSUPPORTED_DOUBT)] if share > MAX_WITHOUT_HIGHLIGHT else []
+
+
+def _misshapen(mask: np.ndarray, contour: np.ndarray, edge: float) -> list[Objection]:
+    """Object to parts that only a neck joins, and to a ragged contour."""
+    objections = []
+    radius = max(1, round(NECK_SHARE * edge))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    opened = large_components(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, disc) > 0, MIN_PART_RATIO)
+    if ndimage.label(opened)[1] > ndimage.label(large_components(mask, MIN_PART_RATIO))[1]:
+        neck = contour & ~ndimage.binary_dilation(opened, iterations=2)
+        if neck.any():
+            objections.append(_objection("neck", neck, float(neck.sum() / contour.sum()), UNSUPPORTED_DOUBT))
+    smooth = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), max(1.5, 0.015 * edge)) > 0.5
+    ragged = _perimeter(mask) / max(_perimeter(smooth), 1.0)
+    if ragged > RAGGED_RATIO:
+        piece = contour & (mask ^ smooth | ndimage.binary_dilation(mask ^ smooth))
+        objections.append(
+            _objection("ragged", piece if piece.any() else contour, 1.0 - 1.0 / ragged, UNSUPPORTED_DOUBT)
+        )
+    return objections
+
+
+def _perimeter(mask: np.ndarray) -> float:
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    return float(sum(cv2.arcLength(contour, True) for contour in contours))
+
+
+def _objection(kind: str, piece: np.ndarray, share: float, doubt: float, offset: float = 0.0) -> Objection:
+    """Return an objection to the largest part of a piece, whose centre is reported."""
+    rows, columns = np.nonzero(large_components(piece, 1.0) if share < 1.0 else piece)
+    return Objection(kind, share, offset, float(columns.mean()), float(rows.mean()), doubt, piece)
