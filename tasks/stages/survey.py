@@ -102,7 +102,7 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
 
 
 def take_sample(footage: Footage, count: int, progress: Progress) -> Sample:
-    """Compute the maximum of about `count` frames spread over a video, and keep them reduced, and a few in full size."""
+    """Compute the maximum of about `count` frames spread over a video; keep them reduced, and a few in full size."""
     expected = footage.count or 10 * count
     step = max(1, expected // count)
     frame_bytes = footage.width * footage.height * footage.bits // 8
