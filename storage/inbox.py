@@ -17,9 +17,9 @@ from pydantic import BaseModel
 from glint.storage.catalogue.from_folder import object_from_folder
 from glint.storage.catalogue.loading import Catalogue, Object, load, write
 from glint.storage.errors import GlintError, InputError
-from glint.storage.inputs.digests import digest_of
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
+from glint.storage.seals import digest_of
 
 CATALOGUE = "catalogue.yaml"
 FINISHED = "finished.json"
