@@ -21,9 +21,9 @@ from glint.storage.catalogue.confinement import check_inside, confined
 from glint.storage.catalogue.from_folder import object_from_folder
 from glint.storage.catalogue.loading import Catalogue, Object, load, write
 from glint.storage.errors import GlintError, InputError
-from glint.storage.inputs.digests import digest_of
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
+from glint.storage.seals import digest_of
 
 CATALOGUE = "catalogue.yaml"
 FINISHED = "finished.json"

@@ -18,7 +18,9 @@ MAY_IMPORT = {
 }
 ORDER = {
     "glint.flows": "cli deployments pipeline reporting runtime results errors",
-    "glint.storage": "inbox maintenance export versions locking frames inputs catalogue footage locations fsync errors",
+    "glint.storage": (
+        "inbox maintenance export versions locking frames inputs catalogue footage locations seals fsync errors"
+    ),
     "glint.tasks": (
         "check verdict memory up_to_date publish warm_up robustness evaluation simulation pipeline model stages figures"
         " engine version_diff code_provenance"

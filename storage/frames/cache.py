@@ -18,9 +18,9 @@ from glint.storage.footage.source import Footage
 from glint.storage.frames.ingest import check_crops, open_group, write_frames, writer_lock
 from glint.storage.frames.layout import LAYOUT_VERSION, chunks_of, metadata_digests, open_array
 from glint.storage.frames.shard_checksums import ShardStore
-from glint.storage.inputs.digests import digest_of, is_sealed
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
+from glint.storage.seals import digest_of, is_sealed
 
 _ALL = slice(None)
 _REBUILD = "run again: the frames are taken from the video or images anew"

@@ -25,8 +25,8 @@ from glint.storage.frames.layout import (
 )
 from glint.storage.frames.shard_checksums import ShardStore
 from glint.storage.fsync import flush
-from glint.storage.inputs.digests import is_sealed, sealed
 from glint.storage.locations.location import Location
+from glint.storage.seals import is_sealed, sealed
 
 Progress = Callable[[int, int | None], None]
 

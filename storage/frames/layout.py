@@ -7,7 +7,7 @@ import zarr
 from zarr.codecs import BloscCodec, Crc32cCodec
 
 from glint.storage.catalogue.models import Region
-from glint.storage.inputs.digests import digest_of
+from glint.storage.seals import digest_of
 
 LAYOUT_VERSION = 4
 SHARD = 64

@@ -1,9 +1,9 @@
-"""Digests of inputs by their content, cached by path, size and time of change; digests of parameters."""
+"""Digests of inputs by their content, cached by path, size and time of change."""
 
 import hashlib
 import json
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextvars import ContextVar
 from typing import Any
 
@@ -16,11 +16,8 @@ from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.input_files import MISSING_REMEDY, Address, expand, locate
 from glint.storage.locations.location import Location
 from glint.storage.locations.time_limit import within_time
+from glint.storage.seals import digest_of
 
-SEAL = "seal"
-"""Attribute that holds the checksum of all others."""
-HEX_DIGITS = 32
-"""Of a checksum: 128 bits of a SHA-256, which no two different contents of a store will ever share by accident."""
 _READ_BYTES = 1 << 22
 READING_PROGRESS: ContextVar[Callable[[str, int, int], None]] = ContextVar(
     "glint_reading_progress", default=lambda uri, done, total: None
@@ -28,34 +25,6 @@ READING_PROGRESS: ContextVar[Callable[[str, int, int], None]] = ContextVar(
 """Called with an input's address, the bytes read and all its bytes, while its digest is computed."""
 _TIMESTAMP_STEP_NS = 100_000_000
 """Nanoseconds; file systems record times in steps of up to 10 ms."""
-
-
-def digest_of(value: Any) -> str:
-    """Return the SHA-256 (hex) of a JSON value by its content: the order of keys does not matter.
-
-    Raises:
-        ValueError: NaN or infinity; TypeError: a type that JSON lacks.
-    """
-    text = json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
-    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
-
-
-def sealed(attributes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return JSON attributes with their seal."""
-    return {**attributes, SEAL: _seal_of(attributes)}
-
-
-def is_sealed(attributes: Mapping[str, Any]) -> bool:
-    """Return whether attributes are those that were sealed."""
-    return SEAL in attributes and attributes[SEAL] == _seal_of(attributes)
-
-
-def _seal_of(attributes: Mapping[str, Any]) -> str:
-    content = {name: value for name, value in attributes.items() if name != SEAL}
-    try:
-        return digest_of(content)[:HEX_DIGITS]
-    except ValueError:  # NaN, which no attribute that was sealed has
-        return ""
 
 
 def content_digest(

@@ -16,8 +16,8 @@ from zarr.core.buffer import Buffer, BufferPrototype
 from zarr.storage import WrapperStore
 
 from glint.storage.errors import DamagedError, StoreError, damaged
-from glint.storage.inputs.digests import HEX_DIGITS
 from glint.storage.locations.error_translation import UNKNOWN_CAUSE_REMEDY, translate
+from glint.storage.seals import HEX_DIGITS
 
 
 def checksum(data: bytes | memoryview) -> str:

@@ -14,7 +14,7 @@ import icechunk
 import zarr
 
 from glint.storage.errors import DamagedError, StoreError
-from glint.storage.inputs.digests import SEAL, sealed
+from glint.storage.seals import SEAL, sealed
 from glint.storage.versions.array_schema import Schemas, schema_violations
 from glint.storage.versions.garbage import BRANCH_PREFIX
 from glint.storage.versions.json_values import json_value

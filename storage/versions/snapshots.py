@@ -12,9 +12,9 @@ import icechunk
 import obstore
 
 from glint.storage.errors import DamagedError, StoreError, damaged
-from glint.storage.inputs.digests import is_sealed
 from glint.storage.locations.error_translation import UNKNOWN_CAUSE_REMEDY, store_errors, translate
 from glint.storage.locations.location import Location
+from glint.storage.seals import is_sealed
 from glint.storage.versions.stage_results import Keys, StageResult, read_capture
 
 # Every commit is a new snapshot of the whole object. With icechunk's default limits their cache takes a hundred

@@ -15,7 +15,7 @@ import zarr
 from zarr.errors import GroupNotFoundError
 
 from glint.storage.errors import StoreError, damaged
-from glint.storage.inputs.digests import SEAL, is_sealed
+from glint.storage.seals import SEAL, is_sealed
 from glint.storage.versions.checksums import VerifiedArrays, VerifiedStore
 
 WHOLE_OBJECT = "_object"

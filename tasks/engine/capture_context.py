@@ -7,8 +7,9 @@ from typing import Any
 
 from glint.storage.catalogue.loading import Capture, Catalogue, parameters_for
 from glint.storage.errors import InputError
-from glint.storage.inputs.digests import content_digest, digest_of, input_stamps
+from glint.storage.inputs.digests import content_digest, input_stamps
 from glint.storage.locations.location import Location
+from glint.storage.seals import digest_of
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import StageResult
 from glint.tasks.engine.parameters import Parameters, with_current_names

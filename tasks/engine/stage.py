@@ -17,7 +17,7 @@ from pydantic import BaseModel
 from glint.storage.errors import InputError
 from glint.storage.frames.cache import DamagedFrames
 from glint.storage.frames.eviction import discard_frames
-from glint.storage.inputs.digests import digest_of
+from glint.storage.seals import digest_of
 from glint.storage.versions.array_schema import ArraySchema
 from glint.storage.versions.stage_results import StoredFile
 from glint.storage.versions.verification import whole_result

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from glint.storage.inputs.digests import digest_of
+from glint.storage.seals import digest_of
 from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.reconstruction import (

@@ -19,9 +19,9 @@ from typing import Any
 
 from zarr.codecs import Crc32cCodec
 
+from glint.storage import seals
 from glint.storage.frames import cache, ingest
 from glint.storage.frames.shard_checksums import ShardStore
-from glint.storage.inputs import digests
 from glint.storage.versions import checksums
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.publish import publish
@@ -31,7 +31,7 @@ from tests.tasks.make_context import make_context, perform_all
 
 TIMED = (
     (checksums, "checksum"),
-    (digests, "_seal_of"),
+    (seals, "_seal_of"),
     (cache, "metadata_digests"),
     (ingest, "metadata_digests"),
     (ShardStore, "_check"),

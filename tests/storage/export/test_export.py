@@ -12,6 +12,7 @@ import zarr
 from glint.storage.errors import OutputError, StoreError
 from glint.storage.export.export import export
 from glint.storage.locations.location import Location
+from glint.storage.seals import sealed
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import WHOLE_OBJECT, StoredFile
 from tests.storage.export.image_readers import read_exr, read_png
@@ -189,9 +190,10 @@ def test_damaged_or_hostile_content_leaves_nothing(
     for number, name in enumerate((".bashrc", "..escape", "x\x00y")):
         repository.save("front", "surface", f"bad{number}", {}, {}, {"surface.ply": file})
         session = inner.writable_session("work")
-        folder = zarr.open_group(session.store, path="front/surface/files")
-        attributes = dict(folder["surface.ply"].attrs)
-        folder.create_array(name, data=np.zeros(3, np.uint8), attributes=attributes)
+        group = zarr.open_group(session.store, path="front/surface")
+        attributes = dict(group.attrs)
+        attributes["files"][name] = attributes["files"]["surface.ply"]
+        group.attrs.put(sealed(attributes))
         session.commit("foreign")
         repository.publish(["front"], {})
         with pytest.raises(StoreError, match="names a file"):
@@ -208,7 +210,7 @@ def test_a_file_whose_content_was_replaced_is_refused(
     zarr.open_group(session.store, path="front/surface/files")["surface.ply"][...] = np.frombuffer(b"plx 0", np.uint8)
     session.commit("damage")
     repository.publish(["front"], {})
-    with pytest.raises(StoreError, match=r"'surface\.ply' of duck/front/surface does not hold the bytes"):
+    with pytest.raises(StoreError, match=r"'surface\.ply' of duck/front/surface in v\d is damaged"):
         export(location, "duck", tmp_path / "out")
     assert [path.name for path in tmp_path.iterdir()] == ["store"]
 

@@ -11,8 +11,9 @@ import pytest
 
 import glint.storage.inputs.digests
 from glint.storage.errors import InputError, StoreError
-from glint.storage.inputs.digests import content_digest, digest_of
+from glint.storage.inputs.digests import content_digest
 from glint.storage.locations.location import Location
+from glint.storage.seals import digest_of
 
 PAST = time.time() - 1000
 

@@ -46,7 +46,7 @@ def _perform(context: CaptureContext, names: tuple[str, ...] = NAMES) -> list[bo
 
 def _flip_a_chunk(context: CaptureContext) -> Path:
     chunks = Path(context.store, "objects", context.object_id, "repo", "chunks")
-    largest = max(chunks.iterdir(), key=lambda path: path.stat().st_size)
+    largest = max(chunks.iterdir(), key=lambda path: (path.stat().st_size, path.stat().st_mtime_ns))
     data = bytearray(largest.read_bytes())
     data[len(data) // 2] ^= 4
     largest.write_bytes(data)
