@@ -125,8 +125,8 @@ def sphere_doubts(spheres: Sequence[Sphere], result: Lights, *, is_near: bool) -
     if behind > MAX_BEHIND_SHARE:
         message = (
             f"{behind:.0%} of the highlights lie near the chrome sphere's contour, as if the light were behind the"
-            " object: check in the picture that the circle is the sphere's contour and no smaller one inside it, or give"
-            " `spheres`"
+            " object: check in the picture that the circle is the sphere's contour and no smaller one inside it, or"
+            " give `spheres`"
         )
         return [StageWarning(message, "sphere", SMALL_CIRCLE_DEG)]
     median, _ = inter_sphere_angles(result)
