@@ -6,13 +6,15 @@ import numpy as np
 
 from glint.storage.errors import StoreError
 from glint.storage.versions.array_schema import (
-    FINITE_DOMAINS,
     ArraySchema,
     ArraySource,
     ComputedArrays,
     schema_violations,
 )
 from glint.tasks.engine.capture_context import CaptureContext
+
+FINITE_DOMAINS = ("mask", "lights")
+"""Stages whose arrays say where those of other stages must be finite."""
 
 
 def check_arrays(

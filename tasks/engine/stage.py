@@ -49,10 +49,6 @@ class StageOutput:
     warnings: Sequence[StageWarning] = ()
 
 
-FINITE_DOMAINS = ("mask", "lights")
-"""Stages whose arrays say where those of other stages must be finite."""
-
-
 class StageFunction(Protocol):
     """A stage's function: loads what the stage declares, computes, and returns what is to be saved."""
 

@@ -32,7 +32,7 @@ MEAN_WEIGHT = 0.6
 """Weight of the mean's evidence; the rest is that of single frames."""
 OUTER_GAP_PX, OUTER_WEIGHT = 3.0, 0.25
 """Distance outside an edge at which evidence counts against it, and its weight."""
-INWARD_SHIFT_PX = 0.3
+INWARD_SHIFT_PX = 0.15
 """Distance by which the strongest change lies inside the contour: the rim mirrors the table's edge of the contour."""
 SCORE_DEVIATION = 0.01
 """Difference of mean evidence that divides the posterior by e; chosen so that deviations match the errors

@@ -43,9 +43,10 @@ MIN_HIGHLIGHT_EVIDENCE = 0.1
 """Highlight evidence below which a circle is no sphere."""
 MIN_CONTRAST = 0.08
 """Evidence of a contour beyond that outside it, below which it is none."""
-MIN_OUTER_RATIO, MIN_OUTER_SIZE, MAX_OUTER_DISTANCE = 0.5, 1.1, 0.2
-"""A circle around a better one is the contour if its score is at least this share of the better one's, its radius this
-much larger, and its centre at most this share of its radius away."""
+MIN_OUTER_RATIO, INNER_RATIOS, MAX_INNER_REACH = 0.33, (0.6, 0.91), 0.97
+"""A circle around a better one is the contour if its score is at least this share of the better one's, and if the
+better one may be the edge of what the sphere mirrors: by its radius, and by how far it reaches, in radii of the outer
+circle."""
 MAX_REFINED = 12
 """Best candidates that are measured at full resolution."""
 MIN_SPHERE_SCORE = 0.06
@@ -240,8 +241,8 @@ def _outermost(spheres: list[Sphere]) -> list[Sphere]:
         around = [
             sphere
             for sphere in remaining
-            if sphere.radius > MIN_OUTER_SIZE * best.radius
-            and sphere.distance(best) < MAX_OUTER_DISTANCE * sphere.radius
+            if INNER_RATIOS[0] * sphere.radius < best.radius < INNER_RATIOS[1] * sphere.radius
+            and sphere.distance(best) + best.radius < MAX_INNER_REACH * sphere.radius
             and sphere.score >= MIN_OUTER_RATIO * best.score
         ]
         kept.append(max(around, key=lambda sphere: sphere.score, default=best))

@@ -9,11 +9,13 @@ import numpy as np
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of
-from glint.tasks.algorithms.lighting.lights import Lights, find_lights
+from glint.tasks.algorithms.lighting.lights import TWO_LIGHTS, Lights, find_lights
 from glint.tasks.algorithms.lighting.spheres import Sphere
 
 MIN_ACCEPTED_SHARE = 0.5
 """Share of the frames that must show one highlight: an arm may hide it for a while, and windows may cover it."""
+MAX_TWO_LIGHTS_SHARE, MIN_TWO_LIGHTS = 0.08, 2
+"""Share and number of frames with two lights from which it is glass, whose inside shows further highlights."""
 MIN_TESTED_FRAMES = 4
 """Frames below which a circle is not tested."""
 HIGHLIGHT_REACH_DEG = 25.0
@@ -45,6 +47,9 @@ def is_chrome(frames: np.ndarray, sphere: Sphere, camera: np.ndarray | None = No
     share = float(lights.accepted.mean())
     if share < MIN_ACCEPTED_SHARE:
         return f"{share:.0%} of the frames show one light on it"
+    several = int((lights.reason == TWO_LIGHTS).sum())
+    if several > max(MIN_TWO_LIGHTS, MAX_TWO_LIGHTS_SHARE * len(frames)):
+        return f"{several} of {len(frames)} frames show two lights on it, as glass does"
     if lights.accepted.sum() >= MIN_TESTED_FRAMES:
         correlation = shading_correlation(crop, inside, lights)
         if correlation > MAX_SHADING_CORRELATION:

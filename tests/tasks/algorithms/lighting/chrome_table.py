@@ -18,13 +18,14 @@ REFLECTANCE = 0.75
 @dataclass(frozen=True)
 class Scene:
     """spheres: on a table; tilt_deg: of the view from the table's normal; texture: the table's relative contrast;
-    blur: standard deviation in pixels."""
+    check: side in pixels of a checkerboard on it, 0: none; blur: standard deviation in pixels."""
 
     spheres: list[Sphere] = field(default_factory=list)
     tilt_deg: float = 10.0
     shape: tuple[int, int] = (220, 300)
     frames: int = 24
     texture: float = 0.15
+    check: int = 0
     blur: float = 0.7
     seed: int = 0
 
@@ -46,6 +47,9 @@ def render(scene: Scene) -> np.ndarray:
     height, width = scene.shape
     pattern = cv2.GaussianBlur(generator.normal(0, 1, (3 * height, 3 * width)).astype(np.float32), (0, 0), 4.0)
     albedo = 1.0 + scene.texture * pattern / pattern.std()
+    if scene.check:
+        across, down = np.meshgrid(np.arange(3 * width) // scene.check, np.arange(3 * height) // scene.check)
+        albedo *= np.where((across + down) % 2 == 0, 1.25, 0.5)
     columns, rows = np.meshgrid(
         (np.arange(width * SAMPLES) + 0.5) / SAMPLES - 0.5, (np.arange(height * SAMPLES) + 0.5) / SAMPLES - 0.5
     )

@@ -168,3 +168,10 @@ def test_a_near_camera_finds_a_sphere_by_its_ellipse():
     frame_centre = (180.0, 130.0)
     focal = estimate_focal_length(np.median(frames, axis=0), frames.max(axis=0), truth, frame_centre, 360)
     assert focal == pytest.approx(330 / 360, rel=0.5)
+
+
+@pytest.mark.long
+def test_on_a_checkerboard_the_contour_is_found_and_not_the_edge_inside():
+    sphere = Sphere(150.3, 115.8, 45.0)
+    for check, tilt_deg in ((25, 10.0), (16, 35.0)):
+        assert_near(find(Scene([sphere], tilt_deg=tilt_deg, check=check, blur=1.5))[0], sphere, 0.02)
