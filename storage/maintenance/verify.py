@@ -72,6 +72,8 @@ def verify_store(
     Raises:
         StoreError: the store cannot be read, or has no such object.
     """
+    if location.local is not None and not location.local.is_dir():
+        raise StoreError(f"no store at {location.uri}", "give the folder that `glint run --store` wrote to")
     ids = sorted(chosen) or object_ids(location)
     parts, damages, versions, size = list[Part](), list[Damage](), 0, 0
     for object_id in ids:

@@ -77,6 +77,13 @@ def test_damaged_frames_are_found_on_request_and_removed(store: Path) -> None:
     assert verify_store(location, frames=True).damages == ()
 
 
+def test_a_store_or_object_that_is_not_there_is_not_called_whole(store: Path, tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="no store at"):
+        verify_store(Location.parse(tmp_path / "absent"))
+    with pytest.raises(StoreError, match="no object cup"):
+        verify_store(Location.parse(store), ["cup"])
+
+
 def test_an_index_without_a_copy_is_told(store: Path) -> None:
     folder = store / "objects" / "vase" / "repo"
     (folder / "repo").write_bytes(b"")
