@@ -21,7 +21,7 @@ def short(number: int) -> int:
 
 
 def test_flows_outlive_the_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("PREFECT_API_URL", "PREFECT_HOME"):
+    for name in ("PREFECT_API_URL", "PREFECT_API_AUTH_STRING", "PREFECT_HOME"):
         monkeypatch.setenv(name, "")  # so that what the server sets is undone
         monkeypatch.delenv(name)
     server = start_server(tmp_path)

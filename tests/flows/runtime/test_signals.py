@@ -43,7 +43,7 @@ def test_a_run_that_is_asked_to_stop_leaves_nothing(
     assert process.returncode == 130 and "Traceback" not in errors
     psutil.wait_procs(family, 30)
     # The server outlives every run; what else is left would be a worker.
-    assert not [each for each in family if each.is_running() and "server" not in each.cmdline()]
+    assert not [each for each in family if each.is_running() and "uvicorn" not in each.cmdline()]
 
 
 def catches_signals(pid: int) -> bool:
