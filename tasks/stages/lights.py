@@ -54,16 +54,6 @@ MIN_ELONGATION_PX = 1.0
 """Pixels by which an ellipse's half axes must differ at the focal length that it suggests: less is no evidence."""
 MAX_REFLECTION_SHARDS = 50
 """Most shards from which a sphere's static reflection is taken."""
-<<<<<<< HEAD
-=======
-MAX_LIGHT_DEVIATION_DEG = 2.0
-"""Standard deviation of the lights' directions, from the spheres' fits, above which they are doubted."""
-MIN_DISAGREEMENT_DEG, DISAGREEMENT_DEVIATIONS = 0.6, 2.5
-"""Median angle between a sphere's half vectors and the mean that is doubted: at least, and in standard deviations."""
-MAX_BEHIND_SHARE, SMALL_CIRCLE_DEG = 0.1, 7.0
-"""Share of the highlights beyond r sin 45 from which the circle may be an edge inside the sphere, and the error of the
-half vectors that this has."""
->>>>>>> spheres
 MAX_ELLIPSE_DEVIATION_RATIO = 0.01
 """Standard deviation of a sphere's centre, in radii, from which its misfit may look like an ellipse."""
 
@@ -134,58 +124,10 @@ def _gap_warnings(sweep: Coverage) -> list[StageWarning]:
     return [StageWarning(gaps_message(sweep.gaps), "coverage", EXTRAPOLATED_ERROR_DEG)] if sweep.gaps else []
 
 
-<<<<<<< HEAD
 def _inverse_distance(measured: DistanceResult) -> np.ndarray:
     """Return the inverse distance (T,) float32 of the light, 1/pixels; 0 for a distant one."""
     near = measured.near
     return np.zeros(len(measured.lights.reason), np.float32) if near is None else near.inverse_distance
-=======
-def _spheres_sd(spheres: Sequence[Sphere], result: Lights) -> float:
-    """Return the standard deviation per axis, radians, that the spheres' fits leave in the mean half vector."""
-    variances = [sphere.half_vector_sd(result.half_vectors) ** 2 for sphere in spheres]
-    return float(np.sqrt(np.sum(variances))) / len(variances) if variances else 0.0
-
-
-def sphere_doubts(spheres: Sequence[Sphere], result: Lights, *, is_near: bool) -> list[StageWarning]:
-    """Warn where the spheres' fits leave the light uncertain, and where two spheres disagree."""
-    # The error has two axes; that of the light is twice that of the half vector.
-    error = float(np.degrees(_spheres_sd(spheres, result))) * np.sqrt(2.0)
-    if 2.0 * error > MAX_LIGHT_DEVIATION_DEG:
-        message = (
-            f"the chrome sphere's contour is known to {_contour_percent(spheres):.1f}% of its radius only, so"
-            f" lights may be off by {2.0 * error:.1f} degrees: use a plain background unlike the sphere's rim, or"
-            " give `spheres` in the catalogue"
-        )
-        return [StageWarning(message, "sphere", error)]
-    highlights = (result.reason == ACCEPTED) | (result.reason == BEHIND)
-    behind = float((result.reason[highlights] == BEHIND).mean()) if highlights.any() else 0.0
-    if behind > MAX_BEHIND_SHARE:
-        message = (
-            f"{behind:.0%} of the highlights lie near the chrome sphere's contour, as if the light were behind the"
-            " object: check in the picture that the circle is the sphere's contour and no smaller one inside it, or"
-            " give `spheres`"
-        )
-        return [StageWarning(message, "sphere", SMALL_CIRCLE_DEG)]
-    median, _ = inter_sphere_angles(result)
-    if not is_near and median > max(MIN_DISAGREEMENT_DEG, DISAGREEMENT_DEVIATIONS * error):
-        message = (
-            f"the spheres disagree on the half vectors by {2.0 * median:.1f} degrees: check `spheres` in the catalogue,"
-            " or leave out the worse sphere"
-        )
-        return [StageWarning(message, "sphere", 2.0 * median)]
-    return []
-
-
-def _contour_percent(spheres: Sequence[Sphere]) -> float:
-    """Return the largest standard deviation of a sphere's centre in percent of its radius."""
-    return max(100.0 * sphere.centre_sd / sphere.radius for sphere in spheres)
-
-
-def load_point_light(results: CaptureResults) -> PointLight | None:
-    """Load the near light that was measured or given; None: far away."""
-    saved = results.load("lights").record["near_lamp"]
-    return None if saved is None else PointLight(**saved)
->>>>>>> spheres
 
 
 def _known(inputs: StageInputs, address: str, count: int) -> Lights:

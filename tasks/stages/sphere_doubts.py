@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glint.tasks.algorithms.lighting.lights import Lights, inter_sphere_angles
+from glint.tasks.algorithms.lighting.lights import ACCEPTED, BEHIND, Lights, inter_sphere_angles
 from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, spread
 from glint.tasks.algorithms.lighting.spheres import Sphere, confirm_sphere
 from glint.tasks.engine.stage_warning import StageWarning
@@ -14,6 +14,9 @@ MAX_LIGHT_DEVIATION_DEG = 2.0
 """Standard deviation of the lights' directions, from the spheres' fits, above which they are doubted."""
 MIN_DISAGREEMENT_DEG, DISAGREEMENT_DEVIATIONS = 0.6, 2.5
 """Median angle between a sphere's half vectors and the mean that is doubted: at least, and in standard deviations."""
+MAX_BEHIND_SHARE, SMALL_CIRCLE_DEG = 0.1, 7.0
+"""Share of the highlights beyond r sin 45 from which the circle may be an edge inside the sphere, and the error of the
+half vectors that this has."""
 
 
 def confirm_given(
@@ -65,6 +68,15 @@ def sphere_doubts(spheres: Sequence[Sphere], result: Lights, *, is_near: bool) -
             " give `spheres` in the catalogue"
         )
         return [StageWarning(message, "sphere", error)]
+    highlights = (result.reason == ACCEPTED) | (result.reason == BEHIND)
+    behind = float((result.reason[highlights] == BEHIND).mean()) if highlights.any() else 0.0
+    if behind > MAX_BEHIND_SHARE:
+        message = (
+            f"{behind:.0%} of the highlights lie near the chrome sphere's contour, as if the light were behind the"
+            " object: check in the picture that the circle is the sphere's contour and no smaller one inside it, or"
+            " give `spheres`"
+        )
+        return [StageWarning(message, "sphere", SMALL_CIRCLE_DEG)]
     median, _ = inter_sphere_angles(result)
     if not is_near and median > max(MIN_DISAGREEMENT_DEG, DISAGREEMENT_DEVIATIONS * error):
         message = (
