@@ -12,11 +12,11 @@ from glint.tasks.stages.clusters import MIN_OBSERVED_SHARE
 
 GOOD, USABLE, RECORD_AGAIN, CORRECT = "good", "usable", "record again", "correct the catalogue"
 NEEDS_SPHERE, NEEDS_MASK, NEEDS_CAMERA = "needs a sphere", "needs a mask", "needs the camera's matrix"
-REMEDIES: MappingProxyType[Cause, str] = MappingProxyType(
+WORD_BY_CAUSE: MappingProxyType[Cause, str] = MappingProxyType(
     {"sphere": NEEDS_SPHERE, "mask": NEEDS_MASK, "camera": NEEDS_CAMERA, "marks": CORRECT, "views": CORRECT}
 )
 """What a capture needs by the cause of a warning that is too dear; by any other cause it is to be recorded again."""
-PICTURES: MappingProxyType[Cause, str] = MappingProxyType({"coverage": "coverage", "light": "coverage"})
+PICTURE_BY_CAUSE: MappingProxyType[Cause, str] = MappingProxyType({"coverage": "coverage", "light": "coverage"})
 """The picture of a check that shows a cause; of any other it is the overview."""
 OVERVIEW = "overview"
 MAX_USABLE_COST_DEG = 5.0
@@ -52,7 +52,7 @@ def verdict(warnings: Sequence[StageWarning], could: float, observed: float, fra
     ordered = by_cost(warnings)
     faults = [warning for warning in ordered if warning.cause != "coverage"]
     if faults and faults[0].cost_deg >= MAX_USABLE_COST_DEG:
-        return _because(REMEDIES.get(faults[0].cause, RECORD_AGAIN), faults[0])
+        return _because(WORD_BY_CAUSE.get(faults[0].cause, RECORD_AGAIN), faults[0])
     shown = f"highlights on {observed:.0%} of the object, {could:.0%} could show one"
     if observed < MIN_OBSERVED_SHARE and frames >= MIN_SWEEP_FRAMES:
         return Verdict(RECORD_AGAIN, shown, "coverage")
@@ -77,4 +77,4 @@ def failure_verdict(stage: str, error: InputError | UnusableCapture) -> Verdict:
 
 def _because(word: str, warning: StageWarning) -> Verdict:
     """Return a verdict with what the warning states, without its remedy."""
-    return Verdict(word, warning.message.partition(": ")[0], PICTURES.get(warning.cause, OVERVIEW))
+    return Verdict(word, warning.message.partition(": ")[0], PICTURE_BY_CAUSE.get(warning.cause, OVERVIEW))

@@ -183,7 +183,7 @@ def pairs_of(value: Any) -> Iterator[tuple[float, float]]:
     if isinstance(value, dict):
         for item in value.values():
             yield from pairs_of(item)
-    elif isinstance(value, list) and len(value) == 2:
+    elif isinstance(value, list) and len(value) == 2 and not isinstance(value[0], str):
         yield value[0], value[1]
 
 

@@ -22,7 +22,7 @@ from glint.tasks.pipeline import STAGES, stages_until
 from glint.tasks.robustness.perturbations import PERTURBATIONS, UNPERTURBED
 from glint.tasks.robustness.perturbed_captures import write_perturbed
 
-LAST_STAGE = "labels"
+LABELLING = "labels"
 """Stage that gives normals and confidence; depth and surface follow from them alone."""
 MIN_RIGHT_SHARE = 0.95
 """Share of the confident pixels that must be right."""
@@ -87,7 +87,7 @@ def measure_cell(task: CellTask, shared: None = None) -> Cell | None:
     warnings, refusal, shares = list[StageWarning](), "", (float("nan"), 0.0, float("nan"))
     try:
         keys = stage_keys(context, STAGES)
-        for stage in stages_until(LAST_STAGE):
+        for stage in stages_until(LABELLING):
             warnings += perform(context, stage, keys[stage.name]).warnings
         shares = _compare(context)
     except (InputError, UnusableCapture) as error:
@@ -105,7 +105,7 @@ def measure_cell(task: CellTask, shared: None = None) -> Cell | None:
 
 def _compare(context: CaptureContext) -> tuple[float, float, float]:
     """Return mean error in degrees, confident share of the mask, and share of the confident pixels that are right."""
-    mask, labels = context.load("mask").read("mask"), context.load(LAST_STAGE)
+    mask, labels = context.load("mask").read("mask"), context.load(LABELLING)
     assert context.capture.truth is not None
     truth = read_truth(context.capture.truth, (mask.shape[0], mask.shape[1])).normals
     assert truth is not None
