@@ -36,7 +36,6 @@ class DeploymentOptions:
 
     store: str
     inbox: str | None = None
-    inbox_may_read: tuple[str, ...] = ()
     reference: str | None = None
     scheduler: str | None = None
     pool: str = "glint"
@@ -49,6 +48,7 @@ class DeploymentOptions:
     objects: int = 4
     drift: float = 0.5
     notify: str | None = None
+    inbox_may_read: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
