@@ -43,7 +43,7 @@ def test_what_scatters_the_light_is_shaded(finish: str, count: int, widest_deg: 
 def test_what_reflects_the_light_is_not(finish: str, count: int, widest_deg: float) -> None:
     found = candidates_of(FINISHES[finish], count, widest_deg)
     assert object_shading(found.shading) < 0.8 * MAX_SHADING
-    assert np.isfinite(without_shading(found).normals[0, ..., 0]).sum() > 300
+    assert np.isfinite(without_shading(found).normals[0, ..., 0]).sum() > 100
 
 
 def test_shading_does_not_depend_on_the_exposure() -> None:
