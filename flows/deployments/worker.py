@@ -9,7 +9,7 @@ from glint.flows.runtime.environment import prepare_environment
 from glint.flows.runtime.prefect_server import Server
 from glint.flows.runtime.server_process import read_state
 
-POLL_SECONDS = 2.0
+WORK_POLL_SECONDS = 2.0
 """Interval at which a worker is checked to have the password of the server that runs now."""
 
 
@@ -37,7 +37,7 @@ def run_worker(server: Server, pool: str) -> int:
     try:
         while True:
             try:
-                return child.wait(POLL_SECONDS)
+                return child.wait(WORK_POLL_SECONDS)
             except subprocess.TimeoutExpired:
                 state = read_state(folder)
                 if state is not None and (known is None or state.authentication != known.authentication):

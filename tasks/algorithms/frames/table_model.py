@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-NEAR_SHARE, MIN_NEAR_PX = 0.05, 4.0
+TABLE_NEAR_SHARE, MIN_TABLE_NEAR_PX = 0.05, 4.0
 """Standard deviation of the neighbourhood, as a share of the edge of a square of the object's area and in pixels."""
 FAR_FACTOR, MIN_FAR_PX = 4.0, 6.0
 """The same of the wider neighbourhood that is used inside the object: relative to the near one, and in pixels."""
@@ -58,7 +58,7 @@ def fit_table(features: np.ndarray, is_table: np.ndarray, edge: float | None) ->
     if edge is None:
         means = np.broadcast_to(mean, features.shape)
         return TableModel(means, covariance + minimum, np.ones(features.shape, np.float32))
-    sigma = max(MIN_NEAR_PX, NEAR_SHARE * edge)
+    sigma = max(MIN_TABLE_NEAR_PX, TABLE_NEAR_SHARE * edge)
     weight = is_table.astype(np.float32)
     wide, wide_trust = _local_mean(features, weight, max(MIN_FAR_PX, FAR_FACTOR * sigma))
     near, near_trust = _local_mean(features, weight, sigma)

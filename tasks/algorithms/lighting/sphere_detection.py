@@ -22,6 +22,7 @@ from glint.tasks.algorithms.lighting.pyramid import (
     PyramidLevel,
     pyramid,
     pyramid_level,
+    spread,
 )
 from glint.tasks.algorithms.lighting.sphere_tests import consistent_spheres, is_chrome
 from glint.tasks.algorithms.lighting.spheres import Sphere, measure_sphere
@@ -41,7 +42,7 @@ DISC_RADIUS_RATIO, CLOSING_PX = 0.45, 9
 """Least radius of a disc of highlights in radii of the sphere; gaps between highlights that are closed, in pixels."""
 MIN_HIGHLIGHT_EVIDENCE = 0.1
 """Highlight evidence below which a circle is no sphere."""
-MIN_CONTRAST = 0.08
+MIN_SCORE_CONTRAST = 0.08
 """Evidence of a contour beyond that outside it, below which it is none."""
 MIN_OUTER_RATIO, INNER_RATIOS, MAX_INNER_REACH = 0.33, (0.6, 0.91), 0.97
 """A circle around a better one is the contour if its score is at least this share of the better one's, and if the
@@ -53,7 +54,7 @@ MIN_SPHERE_SCORE = 0.06
 """Lower bound of the product of contour contrast and highlight evidence."""
 MAX_MOVES = 3
 """Most measurements from the result of the one before."""
-SCORED_RADIUS_PX = 40.0
+MEASURED_RADIUS_PX = 40.0
 """Radius to which a measured sphere's image is reduced at most for its score."""
 
 SPHERE_REMEDY = (
@@ -117,11 +118,6 @@ def find_spheres(
             f"no chrome sphere found in a frame of {maximum.shape[1]} x {maximum.shape[0]}{reasons}", SPHERE_REMEDY
         )
     return Detection(accepted, contradicting)
-
-
-def spread(frames: np.ndarray, count: int) -> np.ndarray:
-    """Return at most `count` of the frames (T, H, W), spread evenly."""
-    return frames[np.unique(np.linspace(0, len(frames) - 1, min(count, len(frames))).round().astype(int))]
 
 
 def highlight_evidence(residual: np.ndarray, x: float, y: float, radius: float) -> float:
@@ -200,13 +196,13 @@ def _contours(level: PyramidLevel, seed: Sphere, radii: np.ndarray) -> list[tupl
     evidence = edge_evidence(level.frames, seed.x, seed.y, 0.8 * radii[0], 1.15 * beyond[-1], SEED_RAYS)
     profile = radius_profile(evidence, SEED_CENTRE_RATIO * seed.radius, beyond, 0.04 * seed.radius)
     scores = profile[:, 2]
-    found = []
+    circles = []
     for k, radius in enumerate(radii):
         outside = (beyond > OUTSIDE_RATIOS[0] * radius) & (beyond <= OUTSIDE_RATIOS[1] * radius)
         contrast = float(scores[k] - scores[outside].mean())
-        if scores[k] >= scores[max(k - 2, 0) : k + 3].max() and contrast > MIN_CONTRAST:
-            found.append((seed.x + profile[k, 0], seed.y + profile[k, 1], float(radius), contrast))
-    return found
+        if scores[k] >= scores[max(k - 2, 0) : k + 3].max() and contrast > MIN_SCORE_CONTRAST:
+            circles.append((seed.x + profile[k, 0], seed.y + profile[k, 1], float(radius), contrast))
+    return circles
 
 
 def _refined(
@@ -226,7 +222,7 @@ def _refined(
     margin = 1.45 * measured.radius
     top, left = max(int(measured.y - margin), 0), max(int(measured.x - margin), 0)
     window = slice(top, int(measured.y + margin) + 2), slice(left, int(measured.x + margin) + 2)
-    scale = 2 ** max(0, int(np.floor(np.log2(measured.radius / SCORED_RADIUS_PX))))
+    scale = 2 ** max(0, int(np.floor(np.log2(measured.radius / MEASURED_RADIUS_PX))))
     level = pyramid_level([frame[window] for frame in few], maximum[window], scale)
     x, y, radius = level.from_full_frame(measured.x - left, measured.y - top, measured.radius)
     return replace(measured, score=measured.score * highlight_evidence(level.residual, x, y, radius))
