@@ -88,7 +88,7 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
         arrays={**arrays, **shake.arrays},
         record=record,
         counts={"spheres": len(spheres)},
-        warnings=warnings + shake.warnings,
+        warnings=[*warnings, *shake.warnings],
     )
 
 

@@ -42,7 +42,7 @@ class PyramidLevel:
         return (x - shift) / self.scale, (y - shift) / self.scale, radius / self.scale
 
 
-def pyramid(frames: Sequence[np.ndarray], maximum: np.ndarray) -> Iterator[PyramidLevel]:
+def pyramid(frames: Sequence[np.ndarray] | np.ndarray, maximum: np.ndarray) -> Iterator[PyramidLevel]:
     """Yield levels of halved images (H, W), down to where a sphere of the frame's size has the largest radius."""
     scale = 1
     while maximum.size > MAX_LEVEL_PIXELS * scale**2:
@@ -54,7 +54,7 @@ def pyramid(frames: Sequence[np.ndarray], maximum: np.ndarray) -> Iterator[Pyram
         scale *= 2
 
 
-def pyramid_level(frames: Sequence[np.ndarray], maximum: np.ndarray, scale: int) -> PyramidLevel:
+def pyramid_level(frames: Sequence[np.ndarray] | np.ndarray, maximum: np.ndarray, scale: int) -> PyramidLevel:
     """Return the level of frames and their temporal maximum, (H, W) each, reduced `scale` times."""
     reduced = np.stack([reduced_image(frame, scale) for frame in frames])
     peak = reduced_image(maximum, scale)
