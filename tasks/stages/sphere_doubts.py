@@ -6,8 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from glint.tasks.algorithms.lighting.lights import ACCEPTED, BEHIND, Lights, inter_sphere_angles
-from glint.tasks.algorithms.lighting.pyramid import spread
-from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES
+from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, spread
 from glint.tasks.algorithms.lighting.spheres import Sphere, confirm_sphere
 from glint.tasks.engine.stage_warning import StageWarning
 

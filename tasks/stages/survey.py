@@ -13,8 +13,7 @@ from glint.storage.footage.source import Footage, open_footage
 from glint.storage.inputs.masks_and_truth import camera_matrix, read_mask
 from glint.tasks.algorithms.frames.frame_sample import FrameSample
 from glint.tasks.algorithms.geometry.perspective import Cone
-from glint.tasks.algorithms.lighting.pyramid import spread
-from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, find_spheres
+from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, find_spheres, spread
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.parameters import SurveyParameters
 from glint.tasks.engine.stage import Progress, StageOutput

@@ -42,11 +42,6 @@ class PyramidLevel:
         return (x - shift) / self.scale, (y - shift) / self.scale, radius / self.scale
 
 
-def spread(frames: np.ndarray, count: int) -> np.ndarray:
-    """Return at most `count` of the frames (T, H, W), spread evenly."""
-    return frames[np.unique(np.linspace(0, len(frames) - 1, min(count, len(frames))).round().astype(int))]
-
-
 def pyramid(frames: Sequence[np.ndarray] | np.ndarray, maximum: np.ndarray) -> Iterator[PyramidLevel]:
     """Yield levels of halved images (H, W), down to where a sphere of the frame's size has the largest radius."""
     scale = 1

@@ -22,9 +22,8 @@ from glint.tasks.algorithms.lighting.pyramid import (
     PyramidLevel,
     pyramid,
     pyramid_level,
-    spread,
 )
-from glint.tasks.algorithms.lighting.sphere_tests import consistent_spheres, is_chrome
+from glint.tasks.algorithms.lighting.sphere_tests import consistent_spheres, highlight_evidence, is_chrome
 from glint.tasks.algorithms.lighting.spheres import Sphere, measure_sphere
 
 MAX_SPHERES = 8
@@ -42,7 +41,7 @@ DISC_RADIUS_RATIO, CLOSING_PX = 0.45, 9
 """Least radius of a disc of highlights in radii of the sphere; gaps between highlights that are closed, in pixels."""
 MIN_HIGHLIGHT_EVIDENCE = 0.1
 """Highlight evidence below which a circle is no sphere."""
-MIN_SCORE_CONTRAST = 0.08
+MIN_CONTOUR_CONTRAST = 0.08
 """Evidence of a contour beyond that outside it, below which it is none."""
 MIN_OUTER_RATIO, INNER_RATIOS, MAX_INNER_REACH = 0.33, (0.6, 0.91), 0.97
 """A circle around a better one is the contour if its score is at least this share of the better one's, and if the
@@ -54,7 +53,7 @@ MIN_SPHERE_SCORE = 0.06
 """Lower bound of the product of contour contrast and highlight evidence."""
 MAX_MOVES = 3
 """Most measurements from the result of the one before."""
-MEASURED_RADIUS_PX = 40.0
+LEVEL_RADIUS_PX = 40.0
 """Radius to which a measured sphere's image is reduced at most for its score."""
 
 SPHERE_REMEDY = (
@@ -120,25 +119,9 @@ def find_spheres(
     return Detection(accepted, contradicting)
 
 
-def highlight_evidence(residual: np.ndarray, x: float, y: float, radius: float) -> float:
-    """Return how well, 0..1, the moving light stays within the inner disc of a sphere.
-
-    residual: maximum above the usual level, (H, W); x, y, radius: of the sphere, in its pixels.
-    """
-    top, left = max(int(y - radius), 0), max(int(x - radius), 0)
-    window = residual[top : max(int(y + radius) + 2, 0), left : max(int(x + radius) + 2, 0)]
-    rows, columns = np.mgrid[: window.shape[0], : window.shape[1]]
-    distance = np.hypot(columns + left - x, rows + top - y) / radius
-    inner, ring = window[distance < 0.75], window[(distance > 0.85) & (distance < 0.97)]
-    if inner.size == 0 or ring.size == 0:
-        return 0.0
-    peak = float(np.percentile(inner, 98.0))
-    if peak <= 0.0:
-        return 0.0
-    # The ring is darker than the disc, hardly any of it is lit, and the disc is bright at all.
-    contrast = max(1.0 - float(np.median(ring)) / peak, 0.0)
-    lit = float((ring > 0.35 * peak).mean())
-    return contrast * min(max(1.8 - 2.5 * lit, 0.0), 1.0) * min(peak / 100.0, 1.0)
+def spread(frames: np.ndarray, count: int) -> np.ndarray:
+    """Return at most `count` of the frames (T, H, W), spread evenly."""
+    return frames[np.unique(np.linspace(0, len(frames) - 1, min(count, len(frames))).round().astype(int))]
 
 
 def distinct(spheres: Sequence[Sphere], share: float) -> list[Sphere]:
@@ -200,7 +183,7 @@ def _contours(level: PyramidLevel, seed: Sphere, radii: np.ndarray) -> list[tupl
     for k, radius in enumerate(radii):
         outside = (beyond > OUTSIDE_RATIOS[0] * radius) & (beyond <= OUTSIDE_RATIOS[1] * radius)
         contrast = float(scores[k] - scores[outside].mean())
-        if scores[k] >= scores[max(k - 2, 0) : k + 3].max() and contrast > MIN_SCORE_CONTRAST:
+        if scores[k] >= scores[max(k - 2, 0) : k + 3].max() and contrast > MIN_CONTOUR_CONTRAST:
             circles.append((seed.x + profile[k, 0], seed.y + profile[k, 1], float(radius), contrast))
     return circles
 
@@ -222,7 +205,7 @@ def _refined(
     margin = 1.45 * measured.radius
     top, left = max(int(measured.y - margin), 0), max(int(measured.x - margin), 0)
     window = slice(top, int(measured.y + margin) + 2), slice(left, int(measured.x + margin) + 2)
-    scale = 2 ** max(0, int(np.floor(np.log2(measured.radius / MEASURED_RADIUS_PX))))
+    scale = 2 ** max(0, int(np.floor(np.log2(measured.radius / LEVEL_RADIUS_PX))))
     level = pyramid_level([frame[window] for frame in few], maximum[window], scale)
     x, y, radius = level.from_full_frame(measured.x - left, measured.y - top, measured.radius)
     return replace(measured, score=measured.score * highlight_evidence(level.residual, x, y, radius))

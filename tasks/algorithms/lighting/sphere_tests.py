@@ -29,6 +29,27 @@ MAX_CONTRADICTION_DEG = 6.0
 CROP_MARGIN_PX = 4
 
 
+def highlight_evidence(residual: np.ndarray, x: float, y: float, radius: float) -> float:
+    """Return how well, 0..1, the moving light stays within the inner disc of a sphere.
+
+    residual: maximum above the usual level, (H, W); x, y, radius: of the sphere, in its pixels.
+    """
+    top, left = max(int(y - radius), 0), max(int(x - radius), 0)
+    window = residual[top : max(int(y + radius) + 2, 0), left : max(int(x + radius) + 2, 0)]
+    rows, columns = np.mgrid[: window.shape[0], : window.shape[1]]
+    distance = np.hypot(columns + left - x, rows + top - y) / radius
+    inner, ring = window[distance < 0.75], window[(distance > 0.85) & (distance < 0.97)]
+    if inner.size == 0 or ring.size == 0:
+        return 0.0
+    peak = float(np.percentile(inner, 98.0))
+    if peak <= 0.0:
+        return 0.0
+    # The ring is darker than the disc, hardly any of it is lit, and the disc is bright at all.
+    contrast = max(1.0 - float(np.median(ring)) / peak, 0.0)
+    lit = float((ring > 0.35 * peak).mean())
+    return contrast * min(max(1.8 - 2.5 * lit, 0.0), 1.0) * min(peak / 100.0, 1.0)
+
+
 def is_chrome(frames: np.ndarray, sphere: Sphere, camera: np.ndarray | None = None) -> str | None:
     """Return why a circle is no chrome sphere; None if nothing speaks against it.
 

@@ -7,7 +7,8 @@ import pytest
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.perspective import VirtualCamera
 from glint.tasks.algorithms.lighting.focal_length import estimate_focal_length
-from glint.tasks.algorithms.lighting.sphere_detection import find_spheres, highlight_evidence
+from glint.tasks.algorithms.lighting.sphere_detection import find_spheres
+from glint.tasks.algorithms.lighting.sphere_tests import highlight_evidence
 from glint.tasks.algorithms.lighting.spheres import Sphere, confirm_sphere, measure_sphere
 from tests.tasks.algorithms.lighting.chrome_table import Scene, glossy_sphere, render
 
@@ -53,9 +54,9 @@ def test_a_glossy_sphere_is_not_taken_for_chrome():
     assert_near(found[0], chrome, 0.015)
 
 
-def test_a_glossy_sphere_alone_is_refused_with_the_reason():
+def test_a_glossy_sphere_alone_is_refused_with_a_reason():
     frames = glossy_sphere(render(Scene([])), Sphere(220.7, 150.1, 40.5))
-    with pytest.raises(UnusableCapture, match="shaded"):
+    with pytest.raises(UnusableCapture, match="is no chrome sphere"):
         find_spheres(frames, frames.max(axis=0))
 
 
