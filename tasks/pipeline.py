@@ -138,7 +138,7 @@ STAGES = (
             "confidence": ArraySchema("HW", "f", "mask"),
         },
         peak_bytes=_per_pixel(900),
-        version=7,
+        version=8,
     ),
     Stage(
         "depth",
