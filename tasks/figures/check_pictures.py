@@ -29,9 +29,9 @@ def write_check_pictures(
     keyframe_pictures: Mapping[int, np.ndarray],
     out: Path,
 ) -> tuple[Path, ...]:
-    """Write coverage.png, overview.png, keyframe_<frame>.png and the pictures of a mask; return their paths.
+    """Write coverage.png, overview.png, keyframe_<frame>.png and three pictures of the mask; return their paths.
 
-    The latter, frame.png, brightest.png (peak level) and mask.png, have the frame's size: layers to correct it in.
+    Those three, frame.png, brightest.png (peak level) and mask.png, have the frame's size: layers to correct the mask.
 
     first_frame: of the video, whole; mask, doubt and peak (H, W) of the region; half_vectors (T, 3); keyframe_pictures:
     frames (H, W) of the region by number.

@@ -29,7 +29,7 @@ from glint.tasks.algorithms.frames.table_model import TableModel, fit_table
 from glint.tasks.algorithms.frames.table_response import TableResponse, table_response
 from glint.tasks.algorithms.lighting.spheres import Sphere
 
-SPHERE_MASK_MARGIN = 1.3
+SPHERE_MARGIN = 1.3
 """Radii around a sphere's centre that are excluded: beside the sphere lie its caustics."""
 MASK_REMEDY = "paint a mask (white object on black) and name it as `mask: mask.png`, or give the object's `region`"
 ROUNDS = 3
@@ -67,8 +67,8 @@ MIN_TABLE_PX = 50
 class _Classes:
     """Object and table as the responses separate them.
 
-    differing: (H, W) bool, pixels unlike the table. filled: with gaps and holes that are glass. bridged: what a
-    contour with gaps encloses. features: (H, W, 2), log responses. ratios: (H, W), log-likelihood ratios, nats.
+    differing: (H, W) bool, pixels that differ from the table. filled: with gaps and holes that are glass. bridged: what
+    a contour with gaps encloses. features: (H, W, 2), log responses. ratios: (H, W), log-likelihood ratios, nats.
     is_table: (H, W) bool, pixels of the table around the object. table: its model.
     """
 
@@ -109,7 +109,7 @@ def beside_spheres(shape: tuple[int, ...], spheres: Sequence[Sphere]) -> np.ndar
     rows, columns = np.mgrid[: shape[0], : shape[1]]
     free = np.ones(shape, bool)
     for sphere in spheres:
-        free &= np.hypot(columns - sphere.x, rows - sphere.y) > SPHERE_MASK_MARGIN * sphere.radius
+        free &= np.hypot(columns - sphere.x, rows - sphere.y) > SPHERE_MARGIN * sphere.radius
     return free
 
 
@@ -124,19 +124,26 @@ def _separate(response: TableResponse, free: np.ndarray, allowed: np.ndarray) ->
     is_table, edge = response.border, None
     for _ in range(ROUNDS):
         table = fit_table(features, is_table, edge)
-        flashing = table.flashing(features) & allowed
+        highlights = table.flashing(features)
+        flashing = highlights & allowed
         _check_highlights(flashing, allowed)
         distance = table.distance(features)
         ratios = np.clip((distance - DISTANCE_THRESHOLD) / 2.0, -MAX_RATIO, MAX_RATIO)
-        differing = grid_cut(ratios, capacities, np.zeros_like(free), ~allowed)
-        strong = _without_specks((distance > STRONG_DISTANCE) & allowed)
-        differing = main_components((differing & allowed) | strong, flashing)
+        if edge is None:
+            # Shadows differ from the table far away as well: at first highlights alone are the object.
+            differing = main_components(flashing, flashing)
+        else:
+            differing = grid_cut(ratios, capacities, np.zeros_like(free), ~allowed) & allowed
+            strong = _without_specks((distance > STRONG_DISTANCE) & allowed)
+            differing = main_components(differing | strong, flashing)
         mask = filled(differing, CLOSE_SHARE)
         enclosed = bridged(differing, mask)
+        # Parts of the object without highlights lie between those with them, not in the table's sample.
+        covered = mask | enclosed if edge is not None else _hull(mask)
         edge = float(np.sqrt(max(int(differing.sum()), 1)))
-        clearance = ndimage.distance_transform_edt(~(mask | enclosed))
-        is_table = (clearance > max(3.0, 0.02 * edge)) & (clearance < max(20.0, 0.4 * edge)) & free
-        is_table &= ~ndimage.binary_dilation(flashing, np.ones((3, 3)))
+        apart = ndimage.distance_transform_edt(~covered)
+        is_table = (apart > max(3.0, 0.02 * edge)) & (apart < max(20.0, 0.4 * edge)) & free
+        is_table &= ~ndimage.binary_dilation(highlights, np.ones((3, 3)))
         if is_table.sum() < MIN_TABLE_PX:
             is_table = response.border
     return _Classes(differing, mask | enclosed, enclosed, features, ratios, is_table, table)
@@ -195,3 +202,11 @@ def _without_specks(mask: np.ndarray) -> np.ndarray:
     """Return a mask (H, W) bool without single pixels."""
     components, _ = ndimage.label(mask, np.ones((3, 3)))
     return mask & (np.bincount(components.ravel())[components] > 1)
+
+
+def _hull(mask: np.ndarray) -> np.ndarray:
+    """Return the convex hull (H, W) bool of a mask (H, W) bool that is not empty."""
+    rows, columns = np.nonzero(mask)
+    hull = np.zeros(mask.shape, np.uint8)
+    cv2.fillConvexPoly(hull, cv2.convexHull(np.column_stack([columns, rows]).astype(np.int32)), 1)
+    return hull > 0

@@ -17,7 +17,7 @@ from glint.tasks.algorithms.frames.mask_regions import large_components
 
 MIN_FLASH_LEVELS, FLASH_QUANTILE, FLASH_FACTOR = 12.0, 0.995, 1.5
 """A highlight rises above its surroundings by so many levels, and by a factor above this quantile of the table's."""
-NEAR_SHARE, MIN_NEAR_PX = 0.025, 3.0
+NEAR_SHARE, MIN_NEAR_PX = 0.025, 2.0
 """Distance from the contour within which a highlight supports it, as above."""
 MAX_WITHOUT_HIGHLIGHT = 0.07
 """Share of an estimated contour that may be without highlight: smooth glass shows them along all of it, and the masks

@@ -1,49 +1,68 @@
-"""Masks of images whose object is known."""
+"""Estimated masks of frames whose object is known."""
 
 import cv2
 import numpy as np
 import pytest
 
 from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.frames.frame_sample import MAX_EDGE_PX, FrameSample
 from glint.tasks.algorithms.frames.mask import estimate_mask
 from glint.tasks.algorithms.lighting.spheres import Sphere
+from tests.tasks.algorithms.frames.glass_on_table import GlassScene, draw_glass
 
 
-def scene(width: int = 260, height: int = 180) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return median and maximum of a glass ring beside a sphere on a textured table, and the ring's mask."""
-    generator = np.random.default_rng(0)
-    median = cv2.GaussianBlur(generator.normal(45, 20, (height, width)).astype(np.float32), (0, 0), 3) + 5
-    rows, columns = np.mgrid[:height, :width]
-    distance = np.hypot(columns - 90, rows - 90)
-    ring = (distance < 62) & (distance > 26)
-    maximum = median + 40 * np.exp(-(((columns - 90) / 90) ** 2))
-    highlights = cv2.GaussianBlur(generator.normal(0, 1, (height, width)).astype(np.float32), (0, 0), 1.5) > -0.05
-    maximum = np.where(ring & highlights, 255.0, np.where(ring, maximum + 60, maximum))
-    maximum[np.hypot(columns - 210, rows - 90) < 20] = 255.0
-    return median, maximum.astype(np.float32), ring
+@pytest.fixture(scope="module")
+def ring() -> GlassScene:
+    return draw_glass()
 
 
-def overlap(found: np.ndarray, expected: np.ndarray) -> float:
-    return float((found & expected).sum() / (found | expected).sum())
+def overlap(mask: np.ndarray, expected: np.ndarray) -> float:
+    return float((mask & expected).sum() / (mask | expected).sum())
 
 
-def test_the_object_is_found_with_its_hole_and_without_the_sphere() -> None:
-    median, maximum, ring = scene()
-    found = estimate_mask(median, maximum, spheres=[Sphere(210, 90, 28)])
-    assert overlap(found, ring) > 0.92
-    assert not found[80:100, 80:100].any() and not found[:, 180:].any()
+def test_the_object_is_separated_from_table_shadow_hole_and_sphere(ring: GlassScene) -> None:
+    mask = estimate_mask(ring.frames, spheres=[Sphere(*ring.sphere)])
+    assert overlap(mask, ring.mask) > 0.95
+    assert not mask[80:100, 80:100].any() and not mask[:, 190:].any()
 
 
-def test_large_images_are_reduced() -> None:
-    median, maximum, ring = (cv2.resize(image.astype(np.float32), None, fx=5, fy=5) for image in scene())
-    assert overlap(estimate_mask(median, maximum, spheres=[Sphere(1050, 450, 140)]), ring > 0.5) > 0.92
+def test_a_disc_without_hole_is_filled() -> None:
+    scene = draw_glass(inner=0.0, seed=1)
+    mask = estimate_mask(scene.frames, spheres=[Sphere(*scene.sphere)])
+    assert overlap(mask, scene.mask) > 0.95 and mask[80:100, 80:100].all()
 
 
-def test_images_without_highlights_are_refused() -> None:
-    median, _, _ = scene()
+def test_the_object_lies_where_it_is_allowed(ring: GlassScene) -> None:
+    within = np.zeros(ring.mask.shape, bool)
+    within[:, 60:200] = True
+    mask = estimate_mask(ring.frames, spheres=[Sphere(*ring.sphere)], within=within)
+    assert not mask[~within].any() and overlap(mask, ring.mask & within) > 0.9
+
+
+def test_the_estimate_is_reproducible(ring: GlassScene) -> None:
+    first, second = (estimate_mask(ring.frames[::2], spheres=[Sphere(*ring.sphere)]) for _ in range(2))
+    assert np.array_equal(first, second)
+
+
+def test_large_frames_are_reduced_and_the_mask_is_enlarged(ring: GlassScene) -> None:
+    factor = 5
+    height, width = (factor * edge for edge in ring.mask.shape)
+    assert width > MAX_EDGE_PX
+    sample = FrameSample(height, width, 100)
+    for frame in ring.frames[::2]:
+        sample.add(cv2.resize(frame, (width, height)).astype(np.uint16) * 257)
+    x, y, radius = (factor * value for value in ring.sphere)
+    mask = sample.estimate_mask([Sphere(x, y, radius)])
+    expected = cv2.resize(ring.mask.astype(np.uint8), (width, height)) > 0
+    assert mask.shape == (height, width) and overlap(mask, expected) > 0.93
+
+
+def test_a_table_alone_is_refused(ring: GlassScene) -> None:
+    light = np.linspace(0.5, 1.0, 60)[:, None, None]
+    generator = np.random.default_rng(2)
+    table = 100.0 * light * (1.0 + 0.2 * np.sin(np.arange(120) / 5.0))[None, :, None] * np.ones((1, 1, 160))
+    frames = np.clip(table + generator.normal(0, 1.5, table.shape), 0, 255).astype(np.uint8)
     with pytest.raises(UnusableCapture, match="no highlight"):
-        estimate_mask(median, median + 2)
-    with pytest.raises(UnusableCapture, match="show a highlight"):
-        estimate_mask(median * 0, median * 0 + 255)
-    with pytest.raises(ValueError, match="shapes"):
-        estimate_mask(median, median[:5])
+        estimate_mask(frames)
+    with pytest.raises(ValueError, match="uint8"):
+        estimate_mask(ring.frames[0])

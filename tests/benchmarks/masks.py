@@ -1,0 +1,128 @@
+"""Estimated masks against the true ones: overlap, distance of the contours, warnings; and masks that are wrong.
+
+    python -m tests.benchmarks.masks [--quick] [--seed S] [--folder DIR] [CATALOGUE ..]
+
+Without a catalogue it simulates the presets in full size and length (--quick: half the size, 500 frames) and takes the
+shared captures too, where they are there. Every capture is surveyed as a bare video, without mask, region and spheres.
+"""
+
+import argparse
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from scipy import ndimage
+
+from glint.storage.catalogue.loading import Capture
+from glint.storage.inputs.masks_and_truth import read_mask
+from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.frames.mask import beside_spheres
+from glint.tasks.algorithms.frames.mask_doubt import mask_objections
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.engine.parameters import Parameters
+from glint.tasks.engine.references import load_catalogue
+from glint.tasks.engine.stage import perform, stage_keys
+from glint.tasks.pipeline import STAGES, stages_until
+from glint.tasks.simulation.simulate import CaptureOptions, simulate
+from glint.tasks.stages.capture_geometry import load_geometry
+from glint.tasks.stages.frames import load_levels
+
+SHARED = Path(__file__).parents[2].parent / "shared" / "data" / "captures"
+WRONG_BY_PX = 3
+PRESETS = ("hemisphere", "cylinder", "jug", "fish", "wine-glass", "water-glass")
+
+
+def bare(context: CaptureContext) -> CaptureContext:
+    """The same capture with nothing but its video and camera."""
+    entry = context.capture.model_dump(mode="json", exclude_none=True)
+    kept = {key: entry[key] for key in ("id", "frames", "camera") if key in entry}
+    return CaptureContext(context.store, context.object_id, type(context.capture).model_validate(kept), Parameters())
+
+
+def contour_error(mask: np.ndarray, truth: np.ndarray) -> float:
+    """Mean distance in pixels of the contour of `mask` from that of `truth`."""
+    distance = ndimage.distance_transform_edt(~(truth ^ ndimage.binary_erosion(truth)))
+    return float(distance[mask ^ ndimage.binary_erosion(mask)].mean())
+
+
+def truth_of(capture: Capture, size: tuple[int, int]) -> np.ndarray:
+    """The true mask in the full frame."""
+    assert capture.mask is not None
+    pixels, truth = read_mask(capture.mask, size, capture.region), np.zeros(size, bool)
+    if capture.region is None:
+        return pixels
+    truth[capture.region.rows, capture.region.columns] = pixels
+    return truth
+
+
+def measure(context: CaptureContext) -> str:
+    """One line of the table: the estimated mask, and whether the true one and wrong ones are objected to."""
+    work = bare(context)
+    keys = stage_keys(work, STAGES)
+    records = [perform(work, stage, keys[stage.name]) for stage in stages_until("mask")]
+    geometry = load_geometry(work)
+    width, height = geometry.frame_size
+    truth, mask = truth_of(context.capture, (height, width)), np.zeros((height, width), bool)
+    window = geometry.region.rows, geometry.region.columns
+    mask[window] = work.load("mask").read("mask")
+    overlap = float((mask & truth).sum() / (mask | truth).sum())
+    warned = "yes" if any(warning.cause == "mask" for warning in records[-1].warnings) else "no"
+    given = " | ".join(
+        "yes" if objections(work, wrong[window]) else "no"
+        for wrong in (
+            truth,
+            ndimage.distance_transform_edt(~truth) <= WRONG_BY_PX,
+            ndimage.distance_transform_edt(truth) > WRONG_BY_PX,
+        )
+    )
+    return f"| {context.name} | {overlap:.3f} | {contour_error(mask, truth):.2f} | {warned} | {given} |"
+
+
+def objections(work: CaptureContext, mask: np.ndarray) -> bool:
+    """Whether a given mask (H, W) of the region is objected to."""
+    background, peak = load_levels(work)
+    region = load_geometry(work).region
+    spheres = [sphere.in_crop(region.x, region.y) for sphere in load_geometry(work).spheres]
+    free = beside_spheres(mask.shape, spheres)
+    edges = np.zeros(mask.shape, bool)
+    return bool(mask_objections(mask, background, peak, free=free, estimated=False, frame_edges=edges))
+
+
+def catalogues(folder: Path, quick: bool, seed: int, given: list[Path]) -> Iterator[Path]:
+    """The catalogues to measure."""
+    if given:
+        yield from given
+        return
+    options = CaptureOptions(seed=seed, scale=0.5, frames=500) if quick else CaptureOptions(seed=seed)
+    for shape in PRESETS:
+        simulate(shape, folder, options)
+    yield folder / "catalogue.yaml"
+    yield from (path for name in ("single-views.yaml", "field.yaml") if (path := SHARED / name).exists())
+
+
+def main() -> None:
+    """Print a row per capture as it is measured."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("catalogues", nargs="*", type=Path, metavar="CATALOGUE")
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--folder", type=Path, help="folder for captures and store; a temporary one by default")
+    options = parser.parse_args()
+    print("| capture | IoU | contour, mean px | warned | true mask | 3 px larger | 3 px smaller |")
+    print("|---|---|---|---|---|---|---|")
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = options.folder or Path(temporary)
+        for path in catalogues(folder / "captures", options.quick, options.seed, options.catalogues):
+            catalogue = load_catalogue(path)
+            for item in catalogue.objects:
+                for capture in item.captures:
+                    work = CaptureContext.of(catalogue, item.id, capture.id, str(folder / "store"))
+                    try:
+                        print(measure(work), flush=True)
+                    except UnusableCapture as error:
+                        print(f"| {work.name} | refused: {error.message} | | | | | |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

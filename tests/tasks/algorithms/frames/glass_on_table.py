@@ -1,0 +1,57 @@
+"""A glass ring on a textured table under a moving light, drawn from formulas: frames whose mask is known.
+
+The table follows the light as a whole, with a soft shadow that moves around the ring; the ring shows a flash that
+moves over it and refracts the table: its texture is another one, lit otherwise.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+CENTRE, OUTER, INNER = (90.0, 90.0), 62.0, 26.0
+
+
+@dataclass(frozen=True, slots=True)
+class GlassScene:
+    """frames (T, H, W) uint8, mask (H, W) bool of the ring, sphere: x, y and radius of the chrome sphere."""
+
+    frames: np.ndarray
+    mask: np.ndarray
+    sphere: tuple[float, float, float]
+
+
+def draw_glass(
+    frames: int = 200, width: int = 270, height: int = 180, inner: float = INNER, shadow: float = 0.1, seed: int = 0
+) -> GlassScene:
+    """Draw the scene; inner: radius of the ring's hole, 0 for a disc; shadow: its depth beside the ring, 0 to 1."""
+    generator = np.random.default_rng(seed)
+    table, refracted = (_texture(generator, (height, width)) for _ in range(2))
+    rows, columns = np.mgrid[:height, :width].astype(np.float32)
+    distance = np.hypot(columns - CENTRE[0], rows - CENTRE[1])
+    cover = np.clip(OUTER + 0.5 - distance, 0, 1) * (np.clip(distance - inner + 0.5, 0, 1) if inner else 1.0)
+    sphere = (225.0, 90.0, 20.0)
+    on_sphere = np.hypot(columns - sphere[0], rows - sphere[1]) < sphere[2]
+    angle = np.arctan2(rows - CENTRE[1], columns - CENTRE[0])
+    pictures = []
+    for time in np.linspace(0.0, 1.0, frames, endpoint=False):
+        turn, light = 2.0 * np.pi * 9.0 * time, 0.75 + 0.25 * np.cos(2.0 * np.pi * 2.0 * time)
+        shade = 1.0 - shadow * np.exp(-(((distance - OUTER) / 25.0) ** 2)) * np.clip(np.cos(angle - turn), 0, 1)
+        picture = table * light * shade
+        glass = 0.5 * refracted * (0.6 + 0.4 * np.sin(2.0 * np.pi * 3.0 * time)) + 20.0
+        # The flash runs around while it moves from the hole to the contour and back.
+        radius = inner + (OUTER - inner) * abs(1.0 - 2.0 * time)
+        x, y = CENTRE[0] + radius * np.cos(turn), CENTRE[1] + radius * np.sin(turn)
+        for flash_x, flash_y in ((x, y), (CENTRE[0] + OUTER * np.cos(-turn), CENTRE[1] + OUTER * np.sin(-turn))):
+            glass = np.maximum(glass, 400.0 * np.exp(-((columns - flash_x) ** 2 + (rows - flash_y) ** 2) / 18.0))
+        picture = picture * (1.0 - cover) + glass * cover
+        picture[on_sphere] = 30.0
+        picture[np.hypot(columns - sphere[0] - 8 * np.cos(turn), rows - sphere[1] - 8 * np.sin(turn)) < 3] = 255.0
+        pictures.append(picture + generator.normal(0.0, 1.5, picture.shape))
+    stack = np.clip(np.rint(pictures), 0, 255).astype(np.uint8)
+    return GlassScene(stack, cover > 0.5, sphere)
+
+
+def _texture(generator: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
+    noise = cv2.GaussianBlur(generator.normal(0.0, 1.0, shape).astype(np.float32), (0, 0), 4.0)
+    return np.clip(80.0 + 25.0 * noise / noise.std(), 20.0, 160.0)

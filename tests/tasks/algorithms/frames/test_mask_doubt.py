@@ -1,0 +1,71 @@
+"""Doubt of masks that are right, too large, too small, cut, ragged, or joined by a neck."""
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from glint.tasks.algorithms.frames.mask_doubt import Objection, doubt_of, mask_objections
+from tests.tasks.algorithms.frames.glass_on_table import GlassScene, draw_glass
+
+
+@pytest.fixture(scope="module")
+def disc() -> GlassScene:
+    return draw_glass(inner=0.0)
+
+
+def objections_to(scene: GlassScene, mask: np.ndarray, estimated: bool = False, crop: int = 0) -> list[Objection]:
+    """Objections to a mask of the frames without their first `crop` rows."""
+    frames, mask = scene.frames[:, crop:], mask[crop:]
+    edges = np.zeros(mask.shape, bool)
+    edges[0] = True
+    free = np.ones(mask.shape, bool)
+    free[:, 195:] = False
+    background = np.median(frames, axis=0)
+    return mask_objections(mask, background, frames.max(axis=0), free=free, estimated=estimated, frame_edges=edges)
+
+
+def test_nothing_speaks_against_the_true_mask(disc: GlassScene) -> None:
+    objections = objections_to(disc, disc.mask, estimated=True)
+    assert objections == [] and not doubt_of(disc.mask, objections).any()
+
+
+@pytest.mark.parametrize(("pixels", "kind"), [(3, "too large"), (-3, "too small")])
+def test_a_mask_three_pixels_off_is_noticed(disc: GlassScene, pixels: int, kind: str) -> None:
+    if pixels > 0:
+        mask = ndimage.distance_transform_edt(~disc.mask) <= pixels
+    else:
+        mask = ndimage.distance_transform_edt(disc.mask) > -pixels
+    (objection,) = objections_to(disc, mask)
+    assert objection.kind == kind and abs(objection.offset + pixels) <= 1.0
+    doubt = doubt_of(mask, [objection])
+    assert doubt[mask].max() == pytest.approx(0.8) and not doubt[~mask].any()
+    # The doubt falls from the contour to the centre, and does not vanish there.
+    assert doubt[90, 31 - pixels] > 4 * doubt[90, 90] > 0.1
+
+
+def test_a_piece_without_highlights_is_doubtful_if_the_mask_is_estimated(disc: GlassScene) -> None:
+    wide = disc.mask.copy()
+    wide[75:105, 140:185] = True
+    kinds = {objection.kind: objection for objection in objections_to(disc, wide, estimated=True)}
+    assert kinds["unsupported"].x > 140 and abs(kinds["unsupported"].y - 90) < 20
+    doubt = doubt_of(wide, [kinds["unsupported"]])
+    assert doubt[90, 183] > 0.4 > 0.1 > doubt[90, 40]
+    assert objections_to(disc, disc.mask) == []
+
+
+def test_an_object_that_the_frame_cuts_is_doubtful_there(disc: GlassScene) -> None:
+    objections = objections_to(disc, disc.mask, crop=60)
+    cut = next(objection for objection in objections if objection.kind == "cut")
+    assert cut.y == 0 and cut.share > 0.1
+
+
+def test_necks_and_ragged_contours_are_doubtful_if_estimated(disc: GlassScene) -> None:
+    neck = disc.mask.copy()
+    neck[88:92, 30:190] = True
+    neck[65:115, 168:194] = True
+    kinds = {objection.kind for objection in objections_to(disc, neck, estimated=True)}
+    assert "neck" in kinds
+    ragged = disc.mask & ~(ndimage.distance_transform_edt(disc.mask) < 5)
+    ragged |= disc.mask & (np.indices(disc.mask.shape).sum(axis=0) % 6 < 3)
+    assert "ragged" in {objection.kind for objection in objections_to(disc, ragged, estimated=True)}
+    assert not {"neck", "ragged"} & {objection.kind for objection in objections_to(disc, neck)}
