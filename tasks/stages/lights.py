@@ -36,7 +36,7 @@ BLOCK_FRAMES = 1024
 """Frames whose highlights are measured at once."""
 MAX_REFLECTION_SHARDS = 50
 """Most shards from which a sphere's static reflection is taken."""
-MAX_LIGHT_DEVIATION_DEG = 2.0
+MAX_LIGHT_DEVIATION_DEG = 2.2
 """Standard deviation of the lights' directions, from the spheres' fits, above which they are doubted."""
 MIN_DISAGREEMENT_DEG, DISAGREEMENT_DEVIATIONS = 0.6, 2.5
 """Median angle between a sphere's half vectors and the mean that is doubted: at least, and in standard deviations."""
