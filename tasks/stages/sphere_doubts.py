@@ -10,7 +10,7 @@ from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, spread
 from glint.tasks.algorithms.lighting.spheres import Sphere, confirm_sphere
 from glint.tasks.engine.stage_warning import StageWarning
 
-MAX_LIGHT_DEVIATION_DEG = 2.0
+MAX_LIGHT_DEVIATION_DEG = 2.2
 """Standard deviation of the lights' directions, from the spheres' fits, above which they are doubted."""
 MIN_DISAGREEMENT_DEG, DISAGREEMENT_DEVIATIONS = 0.6, 2.5
 """Median angle between a sphere's half vectors and the mean that is doubted: at least, and in standard deviations."""
