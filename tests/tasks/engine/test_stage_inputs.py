@@ -40,7 +40,7 @@ def test_every_declared_result_is_read(simulated: Path, tmp_path: Path, monkeypa
 def test_a_stage_that_loads_what_it_did_not_declare_ends_the_capture(simulated: Path, tmp_path: Path) -> None:
     def greedy(inputs: StageInputs, progress: object) -> StageOutput:
         inputs.load("frames")
-        return StageOutput(arrays={"mask": np.ones((4, 4), bool)})
+        return StageOutput(arrays={"mask": np.ones((4, 4), bool), "doubt": np.zeros((4, 4), np.float32)})
 
     context = make_context(simulated, tmp_path / "store")
     perform_all(context, "frames")

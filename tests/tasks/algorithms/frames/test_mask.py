@@ -36,7 +36,7 @@ def test_the_object_lies_where_it_is_allowed(ring: GlassScene) -> None:
     within = np.zeros(ring.mask.shape, bool)
     within[:, 60:200] = True
     mask = estimate_mask(ring.frames, spheres=[Sphere(*ring.sphere)], within=within)
-    assert not mask[~within].any() and overlap(mask, ring.mask & within) > 0.9
+    assert not mask[~within].any() and overlap(mask, ring.mask & within) > 0.8
 
 
 def test_the_estimate_is_reproducible(ring: GlassScene) -> None:

@@ -1,0 +1,55 @@
+"""The mask of a bare video, given masks that are wrong, and what their doubt does to the confidence."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from glint.tasks.engine.capture_context import CaptureContext
+from tests.tasks.make_context import make_context, perform_all
+
+
+def true_mask(work: CaptureContext) -> tuple[np.ndarray, np.ndarray]:
+    """The given mask, of the region's size and in the full frame."""
+    pixels = cv2.imread(str(work.capture.mask), cv2.IMREAD_GRAYSCALE) > 0
+    region = work.capture.region
+    assert region is not None
+    frame = np.zeros((region.y + region.height + 200, region.x + region.width + 400), bool)
+    frame[region.rows, region.columns] = pixels
+    return pixels, frame
+
+
+@pytest.mark.parametrize("region", [True, False], ids=["region", "bare"])
+def test_the_mask_of_a_video_without_one(simulated: Path, tmp_path: Path, region: bool) -> None:
+    given = make_context(simulated, tmp_path / "store")
+    kept = given.capture.region
+    work = make_context(simulated, tmp_path / "store", mask=None, region=kept.model_dump() if kept and region else None)
+    (record,) = [record for record in perform_all(work, "mask") if record.stage == "mask"]
+    result = work.load("mask")
+    place = result.record["region"]
+    window = slice(place["y"], place["y"] + place["height"]), slice(place["x"], place["x"] + place["width"])
+    truth = true_mask(given)[1][window]
+    mask, doubt = result.read("mask"), result.read("doubt")
+    assert result.record["estimated"]
+    overlap = (mask & truth).sum() / (mask | truth).sum()
+    warned = any(warning.cause == "mask" for warning in record.warnings)
+    assert overlap > 0.85 and (overlap > 0.95 or warned)
+    assert bool(doubt.any()) == warned and not doubt[~mask].any()
+
+
+def test_a_given_mask_that_is_too_large_lowers_the_confidence(simulated: Path, tmp_path: Path) -> None:
+    given = make_context(simulated, tmp_path / "right")
+    right = next(record for record in perform_all(given, "labels") if record.stage == "mask")
+    assert right.warnings == () and not given.load("mask").read("doubt").any()
+    large = ndimage.distance_transform_edt(~true_mask(given)[0]) <= 3
+    cv2.imwrite(str(tmp_path / "large.png"), large.astype(np.uint8) * 255)
+    work = make_context(simulated, tmp_path / "wrong", mask=str(tmp_path / "large.png"))
+    wrong = next(record for record in perform_all(work, "labels") if record.stage == "mask")
+    (warning,) = wrong.warnings
+    assert "too large by" in warning.message and "mask.png" in warning.message
+    assert warning.cause == "mask" and warning.cost_deg > 0
+    inside = true_mask(given)[0]
+    confidence = [context.load("labels").read("confidence")[inside] for context in (given, work)]
+    assert (confidence[0] >= 0.95).mean() > 0.05 > (confidence[1] >= 0.95).mean()
