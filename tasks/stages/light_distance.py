@@ -8,7 +8,9 @@ import numpy as np
 
 from glint.storage.errors import InputError
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of
-from glint.tasks.algorithms.lighting.half_vector_error import (
+from glint.tasks.algorithms.lighting.lights import Lights, merge_spheres
+from glint.tasks.algorithms.near_light.falloff import Falloff, measure_falloff
+from glint.tasks.algorithms.near_light.half_vector_error import (
     LEAST_DISTANCE_SIZES,
     PixelGrid,
     combined_error,
@@ -16,8 +18,6 @@ from glint.tasks.algorithms.lighting.half_vector_error import (
     light_distance_error,
     unknown_distance_error,
 )
-from glint.tasks.algorithms.lighting.lights import Lights, merge_spheres
-from glint.tasks.algorithms.near_light.falloff import Falloff, measure_falloff
 from glint.tasks.algorithms.near_light.positions import NearLight, SphereLights
 from glint.tasks.algorithms.near_light.triangulation import MIN_SHARED_FRAMES, rotated, triangulate
 from glint.tasks.engine.stage_inputs import CaptureResults

@@ -17,7 +17,6 @@ from glint.tasks.algorithms.lighting.coverage import (
     gaps_message,
 )
 from glint.tasks.algorithms.lighting.focal_length import estimate_focal_length
-from glint.tasks.algorithms.lighting.half_vector_error import combined_error, unknown_camera_error
 from glint.tasks.algorithms.lighting.highlights import measure_highlights, static_background
 from glint.tasks.algorithms.lighting.lights import (
     ACCEPTED,
@@ -33,6 +32,7 @@ from glint.tasks.algorithms.lighting.lights import (
 from glint.tasks.algorithms.lighting.occlusion import is_light_before_object, is_sphere_covered
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.near_light.focal_length_of_parallax import focal_length_of_parallax
+from glint.tasks.algorithms.near_light.half_vector_error import combined_error, unknown_camera_error
 from glint.tasks.engine.parameters import LightsParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs

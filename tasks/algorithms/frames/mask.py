@@ -29,7 +29,7 @@ from glint.tasks.algorithms.frames.table_model import TableModel, fit_table
 from glint.tasks.algorithms.frames.table_response import TableResponse, table_response
 from glint.tasks.algorithms.lighting.spheres import Sphere
 
-SPHERE_MARGIN = 1.3
+SPHERE_MASK_MARGIN = 1.3
 """Radii around a sphere's centre that are excluded: beside the sphere lie its caustics."""
 MASK_REMEDY = "paint a mask (white object on black) and name it as `mask: mask.png`, or give the object's `region`"
 ROUNDS = 3
@@ -109,7 +109,7 @@ def beside_spheres(shape: tuple[int, ...], spheres: Sequence[Sphere]) -> np.ndar
     rows, columns = np.mgrid[: shape[0], : shape[1]]
     free = np.ones(shape, bool)
     for sphere in spheres:
-        free &= np.hypot(columns - sphere.x, rows - sphere.y) > SPHERE_MARGIN * sphere.radius
+        free &= np.hypot(columns - sphere.x, rows - sphere.y) > SPHERE_MASK_MARGIN * sphere.radius
     return free
 
 
@@ -141,8 +141,8 @@ def _separate(response: TableResponse, free: np.ndarray, allowed: np.ndarray) ->
         # Parts of the object without highlights lie between those with them, not in the table's sample.
         covered = mask | enclosed if edge is not None else _hull(mask)
         edge = float(np.sqrt(max(int(differing.sum()), 1)))
-        apart = ndimage.distance_transform_edt(~covered)
-        is_table = (apart > max(3.0, 0.02 * edge)) & (apart < max(20.0, 0.4 * edge)) & free
+        clearance = ndimage.distance_transform_edt(~covered)
+        is_table = (clearance > max(3.0, 0.02 * edge)) & (clearance < max(20.0, 0.4 * edge)) & free
         is_table &= ~ndimage.binary_dilation(highlights, np.ones((3, 3)))
         if is_table.sum() < MIN_TABLE_PX:
             is_table = response.border

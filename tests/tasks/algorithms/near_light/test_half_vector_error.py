@@ -1,7 +1,8 @@
 import numpy as np
 
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of, unit
-from glint.tasks.algorithms.lighting.half_vector_error import (
+from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.near_light.half_vector_error import (
     PixelGrid,
     combined_error,
     depth_error,
@@ -9,7 +10,6 @@ from glint.tasks.algorithms.lighting.half_vector_error import (
     unknown_camera_error,
     unknown_distance_error,
 )
-from glint.tasks.algorithms.lighting.spheres import Sphere
 from tests.tasks.algorithms.near_light.two_spheres import spiral
 
 PIXELS = PixelGrid.of(100, 50, 200, 120)
