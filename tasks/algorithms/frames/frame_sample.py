@@ -10,7 +10,7 @@ from glint.tasks.algorithms.lighting.spheres import Sphere
 
 MAX_SAMPLE_BYTES = 256 << 20
 """Most bytes of reduced frames."""
-MAX_EDGE_PX = 1000
+MAX_SAMPLE_EDGE_PX = 1000
 """Longest edge of a reduced frame, which bounds the time."""
 
 
@@ -21,7 +21,7 @@ class FrameSample:
         """Plan for frames of `height` x `width` pixels, about `expected` of them."""
         self._shape = height, width
         budget = MAX_SAMPLE_BYTES / max(expected, 1)
-        self._scale = min(1.0, MAX_EDGE_PX / max(height, width), float(np.sqrt(budget / (height * width))))
+        self._scale = min(1.0, MAX_SAMPLE_EDGE_PX / max(height, width), float(np.sqrt(budget / (height * width))))
         self._frames: list[np.ndarray] = []
 
     def add(self, frame: np.ndarray) -> None:

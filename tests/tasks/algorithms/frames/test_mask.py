@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.frames.frame_sample import MAX_EDGE_PX, FrameSample
+from glint.tasks.algorithms.frames.frame_sample import MAX_SAMPLE_EDGE_PX, FrameSample
 from glint.tasks.algorithms.frames.mask import estimate_mask
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from tests.tasks.algorithms.frames.glass_on_table import GlassScene, draw_glass
@@ -47,7 +47,7 @@ def test_the_estimate_is_reproducible(ring: GlassScene) -> None:
 def test_large_frames_are_reduced_and_the_mask_is_enlarged(ring: GlassScene) -> None:
     factor = 5
     height, width = (factor * edge for edge in ring.mask.shape)
-    assert width > MAX_EDGE_PX
+    assert width > MAX_SAMPLE_EDGE_PX
     sample = FrameSample(height, width, 100)
     for frame in ring.frames[::2]:
         sample.add(cv2.resize(frame, (width, height)).astype(np.uint16) * 257)
