@@ -3,7 +3,7 @@
     python -m tests.benchmarks.masks [--quick] [--seed S] [--folder DIR] [CATALOGUE ..]
 
 Without a catalogue it simulates the presets in full size and length (--quick: half the size, 500 frames) and takes the
-shared captures too, where they are there. Every capture is surveyed as a bare video, without mask, region and spheres.
+shared captures too, where they are there. Captures are surveyed without mask and region, with the spheres given.
 """
 
 import argparse
@@ -34,9 +34,9 @@ PRESETS = ("hemisphere", "cylinder", "jug", "fish", "wine-glass", "water-glass")
 
 
 def bare(context: CaptureContext) -> CaptureContext:
-    """The same capture with nothing but its video and camera."""
+    """The same capture with nothing but its video, spheres and camera."""
     entry = context.capture.model_dump(mode="json", exclude_none=True)
-    kept = {key: entry[key] for key in ("id", "frames", "camera") if key in entry}
+    kept = {key: entry[key] for key in ("id", "frames", "spheres", "camera") if key in entry}
     return CaptureContext(context.store, context.object_id, type(context.capture).model_validate(kept), Parameters())
 
 

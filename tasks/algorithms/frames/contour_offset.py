@@ -15,7 +15,7 @@ MIN_OFFSET_PX = 2
 INWARD_RATIO, OUTWARD_RATIO = 1.5, 1.05
 """Strength of an edge farther in, or farther out, relative to that at the contour, which contradicts a mask. Glass has
 edges inside: up to 1.2 times those of a right contour, while the table beside it has at most 0.9 times these."""
-MAX_CONTOUR_SLOPE = 6.0
+MAX_EDGE_STRENGTH = 6.0
 """Bound of an edge's strength, in edges of the table: one highlight shall not outweigh the whole contour."""
 MAX_OUTER_HIGHLIGHTS = 0.4
 """Share of the contour that may have highlights beyond it: caustics beside the object make some."""
@@ -77,7 +77,7 @@ def _edge_profile(distance: np.ndarray, images: Sequence[np.ndarray], reach: int
     strength = np.zeros(distance.shape)
     for image in images:
         image_down, image_right = np.gradient(image)
-        strength += np.minimum(np.abs(image_down * down + image_right * right) / length, MAX_CONTOUR_SLOPE)
+        strength += np.minimum(np.abs(image_down * down + image_right * right) / length, MAX_EDGE_STRENGTH)
     steps = np.rint(distance).astype(int) + reach
     used = (steps >= 0) & (steps <= 2 * reach) & free
     count = np.bincount(steps[used], minlength=2 * reach + 1)

@@ -29,7 +29,7 @@ from glint.tasks.algorithms.frames.table_model import TableModel, fit_table
 from glint.tasks.algorithms.frames.table_response import TableResponse, table_response
 from glint.tasks.algorithms.lighting.spheres import Sphere
 
-SPHERE_MASK_MARGIN = 1.3
+EXCLUDED_RADII = 1.3
 """Radii around a sphere's centre that are excluded: beside the sphere lie its caustics."""
 MASK_REMEDY = "paint a mask (white object on black) and name it as `mask: mask.png`, or give the object's `region`"
 ROUNDS = 3
@@ -59,6 +59,9 @@ MIN_HIGHLIGHT_PX = 12
 """Pixels with highlights without which there is no object."""
 MAX_HIGHLIGHT_SHARE = 0.9
 """Share of the picture beyond which highlights are no highlights."""
+MIN_GAP_PX, MIN_GAP_SHARE, MAX_GAP_PX, MAX_GAP_SHARE = 3.0, 0.02, 20.0, 0.4
+"""Distances from the object between which the table is sampled, in pixels and as a share of the edge of a square of the
+object's area, whichever is more: beyond the blur of the contour, and where the light is still the same."""
 MIN_TABLE_PX = 50
 """Pixels around the object without which the frame's border is the table."""
 
@@ -109,7 +112,7 @@ def beside_spheres(shape: tuple[int, ...], spheres: Sequence[Sphere]) -> np.ndar
     rows, columns = np.mgrid[: shape[0], : shape[1]]
     free = np.ones(shape, bool)
     for sphere in spheres:
-        free &= np.hypot(columns - sphere.x, rows - sphere.y) > SPHERE_MASK_MARGIN * sphere.radius
+        free &= np.hypot(columns - sphere.x, rows - sphere.y) > EXCLUDED_RADII * sphere.radius
     return free
 
 
@@ -141,8 +144,10 @@ def _separate(response: TableResponse, free: np.ndarray, allowed: np.ndarray) ->
         # Parts of the object without highlights lie between those with them, not in the table's sample.
         covered = mask | enclosed if edge is not None else _hull(mask)
         edge = float(np.sqrt(max(int(differing.sum()), 1)))
-        clearance = ndimage.distance_transform_edt(~covered)
-        is_table = (clearance > max(3.0, 0.02 * edge)) & (clearance < max(20.0, 0.4 * edge)) & free
+        gap = ndimage.distance_transform_edt(~covered)
+        is_table = (
+            (distance_from_object > max(3.0, 0.02 * edge)) & (distance_from_object < max(20.0, 0.4 * edge)) & free
+        )
         is_table &= ~ndimage.binary_dilation(highlights, np.ones((3, 3)))
         if is_table.sum() < MIN_TABLE_PX:
             is_table = response.border

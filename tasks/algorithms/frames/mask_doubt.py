@@ -17,7 +17,7 @@ from glint.tasks.algorithms.frames.mask_regions import large_components
 
 MIN_FLASH_LEVELS, FLASH_QUANTILE, FLASH_FACTOR = 12.0, 0.995, 1.5
 """A highlight rises above its surroundings by so many levels, and by a factor above this quantile of the table's."""
-NEAR_SHARE, MIN_NEAR_PX = 0.025, 2.0
+SUPPORT_SHARE, MIN_SUPPORT_PX = 0.025, 2.0
 """Distance from the contour within which a highlight supports it, as above."""
 MAX_WITHOUT_HIGHLIGHT = 0.07
 """Share of an estimated contour that may be without highlight: smooth glass shows them along all of it, and the masks
@@ -140,7 +140,7 @@ def _cut_off(mask: np.ndarray, contour: np.ndarray, frame_edges: np.ndarray) -> 
 
 def _unsupported(contour: np.ndarray, edge: float, flash: np.ndarray) -> list[Objection]:
     """Object to a contour along which no highlight was recorded."""
-    lonely = contour & (ndimage.distance_transform_edt(~flash) > max(MIN_NEAR_PX, NEAR_SHARE * edge))
+    lonely = contour & (ndimage.distance_transform_edt(~flash) > max(MIN_SUPPORT_PX, SUPPORT_SHARE * edge))
     share = float(lonely.sum() / max(int(contour.sum()), 1))
     return [_objection("unsupported", lonely, share, UNSUPPORTED_DOUBT)] if share > MAX_WITHOUT_HIGHLIGHT else []
 
