@@ -145,9 +145,7 @@ def _separate(response: TableResponse, free: np.ndarray, allowed: np.ndarray) ->
         covered = mask | enclosed if edge is not None else _hull(mask)
         edge = float(np.sqrt(max(int(differing.sum()), 1)))
         gap = ndimage.distance_transform_edt(~covered)
-        is_table = (
-            (distance_from_object > max(3.0, 0.02 * edge)) & (distance_from_object < max(20.0, 0.4 * edge)) & free
-        )
+        is_table = (gap > max(MIN_GAP_PX, MIN_GAP_SHARE * edge)) & (gap < max(MAX_GAP_PX, MAX_GAP_SHARE * edge)) & free
         is_table &= ~ndimage.binary_dilation(highlights, np.ones((3, 3)))
         if is_table.sum() < MIN_TABLE_PX:
             is_table = response.border

@@ -11,7 +11,7 @@ import numpy as np
 from glint.tasks.algorithms.geometry.perspective import VirtualCamera
 from glint.tasks.algorithms.lighting.contour import ContourFit, fit_contour, log_frames, reduced_image
 
-FINE_RADIUS_PX = 150.0
+FINE_RADIUS_PX = 300.0
 """Radius in pixels to which the image of a larger sphere is reduced: its contour is rough or out of focus by more."""
 MIN_CLEAR_CONTRAST = 0.12
 """Contrast of a contour from which it is trusted more than a circle that was given."""
@@ -138,7 +138,7 @@ def _measured(
         x, y, radius = virtual.project_back(circle.x, circle.y, circle.radius)
         return replace(circle, x=x, y=y, radius=radius), start
     margin = (1.0 + CROP_MARGIN_RATIO + centre_reach + radius_reach) * sphere.radius
-    scale = 2 ** max(0, int(np.ceil(np.log2(sphere.radius / FINE_RADIUS_PX))))
+    scale = 2 ** max(0, int(np.floor(np.log2(sphere.radius / FINE_RADIUS_PX))))
     top, left = (max(int(position - margin) // scale * scale, 0) for position in (sphere.y, sphere.x))
     rows, columns = slice(top, int(sphere.y + margin) + 2), slice(left, int(sphere.x + margin) + 2)
     crops = log_frames([reduced_image(np.asarray(frame[rows, columns]), scale) for frame in frames])
