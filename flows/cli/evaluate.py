@@ -155,10 +155,10 @@ def _evaluate_perturbed(
     (out / "perturbed.json").write_text(json.dumps(matrix, indent=1) + "\n", encoding="utf-8")
     write(perturbed_catalogue(cells), folder / "catalogue.yaml")
     if as_json:
-        typer.echo(json.dumps({"kind": "perturbed", "matrix": matrix}))
+        echo(json.dumps({"kind": "perturbed", "matrix": matrix}))
     else:
-        typer.echo(table)
-        typer.echo(f"written: {out / 'perturbed.md'}, perturbed.json; the perturbed captures: {folder}/catalogue.yaml")
+        echo(table)
+        echo(f"written: {out / 'perturbed.md'}, perturbed.json; the perturbed captures: {folder}/catalogue.yaml")
 
 
 def _perturbed_captures(file: str | None, quick: bool, out: Path, console: "Sink") -> "Mapping[str, CaptureVariants]":

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from glint.flows.cli.options import Json, Store, chosen_store
+from glint.flows.cli.output import echo
 
 if TYPE_CHECKING:
     from glint.storage.locations.location import Location
@@ -87,7 +88,7 @@ def _progress(as_json: bool) -> Iterator[Any]:
 
         def line(done: int, total: int) -> None:
             if done * LINE_SHARE // total > (done - 1) * LINE_SHARE // total:
-                typer.echo(f"verify: {done:,} of {total:,} captures", err=True)
+                echo(f"verify: {done:,} of {total:,} captures", err=True)
 
         yield line
 
@@ -95,13 +96,13 @@ def _progress(as_json: bool) -> Iterator[Any]:
 def _print(outcome: "StoreVerification", done: list[str], as_json: bool) -> None:
     if as_json:
         for damage in outcome.damages:
-            typer.echo(json.dumps({"kind": "damage", **asdict(damage)}))
+            echo(json.dumps({"kind": "damage", **asdict(damage)}))
         counts = {name: value for name, value in asdict(outcome).items() if name != "damages"}
-        typer.echo(json.dumps({"kind": "verification", **counts, "damaged": len(outcome.damages), "repairs": done}))
+        echo(json.dumps({"kind": "verification", **counts, "damaged": len(outcome.damages), "repairs": done}))
         return
     for text in done:
-        typer.echo(text)
+        echo(text)
     for damage in outcome.damages:
-        typer.secho(damage.message, fg="red")
-        typer.echo(f"  -> {damage.remedy}")
-    typer.echo(outcome.summary)
+        echo(damage.message, colour="red")
+        echo(f"  -> {damage.remedy}")
+    echo(outcome.summary)

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from glint.flows.cli.options import Json, print_lines
+from glint.flows.cli.output import echo
 
 INBOX = "inbox/nightly"
 """Name of the deployment that scans the inbox."""
@@ -20,7 +21,7 @@ def worker(pool: Annotated[str, typer.Option(help="Name of the work pool to serv
     from glint.flows.runtime.prefect_server import ensure_server
 
     server = ensure_server()
-    typer.echo(f"dashboard {server.link()}")
+    echo(f"dashboard {server.link()}")
     with server.connected():
         sys.exit(run_worker(server, pool))
 
@@ -45,8 +46,8 @@ def inbox(
         return
     show(table_of(rows, "no scan yet: glint inbox --now"))
     if not served:
-        typer.secho("no worker serves the inbox: glint worker", fg="yellow")
-    typer.echo(f"dashboard: {server.link(f'runs/flow-run/{started}' if started else 'deployments')}")
+        echo("no worker serves the inbox: glint worker", colour="yellow")
+    echo(f"dashboard: {server.link(f'runs/flow-run/{started}' if started else 'deployments')}")
 
 
 def prefect(

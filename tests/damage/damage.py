@@ -146,8 +146,9 @@ def _work(location: Location, object_id: str) -> Served:
 
 def _rows(location: Location, object_id: str) -> Served:
     yield _value((object_id, "history"), partial(history_rows, location.uri, object_id))
-    (row,) = (row for row in status_rows(location.uri) if row["object"] == object_id)
-    yield (object_id, "status"), _digest(row) if row["state"] == "idle" else StoreError(row["state"], "")
+    rows, unreadable = status_rows(location.uri)
+    errors = [StoreError(row["error"], row["remedy"]) for row in unreadable if row["object"] == object_id]
+    yield (object_id, "status"), errors[0] if errors else _digest([row for row in rows if row["object"] == object_id])
 
 
 def _differences(location: Location, object_id: str) -> Served:

@@ -77,9 +77,8 @@ def test_dask_serves_whoever_has_the_certificate(
         connected_client(address)
     with pytest.raises(ClusterError, match="does not answer"):
         connected_client(address.replace("tls", "tcp"))
-    with dask.config.set(
-        dask.config.collect_env({k: v for k, v in settings.items() if "TLS" in k or "ENCRYPTION" in k})
-    ):
+    names = {name: name.removeprefix("DASK_").lower().replace("__", ".") for name in settings}
+    with dask.config.set({names[n]: settings[n] for n in settings if "TLS" in n or "ENCRYPTION" in n}):
         client = connected_client(address)
         client.wait_for_workers(1, timeout=60)
         assert client.submit(abs, -5).result(timeout=60) == 5

@@ -46,7 +46,7 @@ def test_a_worker_follows_a_server_with_another_password(tmp_path: Path, monkeyp
         write_state(tmp_path, 4202, "glint:second")
 
     monkeypatch.setattr(worker, "_start", start)
-    monkeypatch.setattr(worker, "POLL_SECONDS", 0.1)
+    monkeypatch.setattr(worker, "WORK_POLL_SECONDS", 0.1)
     monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:4201/api")
     monkeypatch.setenv("PREFECT_API_AUTH_STRING", "glint:first")
     write_state(tmp_path, 4201, "glint:first")

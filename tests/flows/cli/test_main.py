@@ -57,7 +57,7 @@ def test_a_run_from_video_to_files(place: Path, home: Path) -> None:
     events = [json.loads(line) for line in second.stdout.splitlines()]
     (message,) = [e["text"] for e in events if e["kind"] == "message"]
     address = r"http://127.0.0.1:\d+"
-    assert re.fullmatch(rf"dashboard {address}, workers \d+, Dask's dashboard {address}/status", message)
+    assert re.fullmatch(rf"dashboard {address}/glint/#\S+, workers \d+, Dask's dashboard {address}/status", message)
     summary = events[-1]
     assert summary["kind"] == "summary" and [row["result"] for row in summary["captures"]] == ["up to date"]
     assert all(event.get("cached", True) for event in events if event["kind"] == "stage")
