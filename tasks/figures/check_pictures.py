@@ -58,12 +58,15 @@ def write_failure_picture(frame: np.ndarray, region: Region | None, spheres: Seq
     height, width = frame.shape
     whole = Region(x=0, y=0, width=width, height=height)
     path.parent.mkdir(parents=True, exist_ok=True)
-    nothing = np.zeros((height, width), bool)
-    write_png(path, draw_overview(frame, region or whole, spheres, nothing, nothing.astype(np.float32)))
+    write_png(path, draw_overview(frame, region or whole, spheres))
 
 
 def draw_overview(
-    frame: np.ndarray, region: Region, spheres: Sequence[Sphere], mask: np.ndarray, doubt: np.ndarray
+    frame: np.ndarray,
+    region: Region,
+    spheres: Sequence[Sphere],
+    mask: np.ndarray | None = None,
+    doubt: np.ndarray | None = None,
 ) -> np.ndarray:
     """Draw region, silhouette and spheres into a frame (H, W) uint8 or uint16; the picture (H, W, 3) uint8.
 
@@ -72,16 +75,21 @@ def draw_overview(
     picture = cv2.cvtColor(_eight_bits(frame), cv2.COLOR_GRAY2RGB)
     corner = (region.x + region.width - 1, region.y + region.height - 1)
     cv2.rectangle(picture, (region.x, region.y), corner, REGION_RGB, 1)
-    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
-    cv2.drawContours(picture, contours, -1, MASK_RGB, 1, offset=(region.x, region.y))
-    inside = picture[region.rows, region.columns]
-    rim = (cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)) > 0) & mask
-    inside[rim & (doubt >= DOUBTFUL)] = DOUBT_RGB
+    if mask is not None and doubt is not None:
+        _draw_silhouette(picture, region, mask, doubt)
     for sphere in spheres:
         centre = round(sphere.x), round(sphere.y)
         cv2.circle(picture, centre, round(sphere.radius), SPHERE_RGB, 1, cv2.LINE_AA)
         cv2.drawMarker(picture, centre, SPHERE_RGB, cv2.MARKER_CROSS, 8, 1)
     return picture
+
+
+def _draw_silhouette(picture: np.ndarray, region: Region, mask: np.ndarray, doubt: np.ndarray) -> None:
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(picture, contours, -1, MASK_RGB, 1, offset=(region.x, region.y))
+    inside = picture[region.rows, region.columns]
+    rim = (cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)) > 0) & mask
+    inside[rim & (doubt >= DOUBTFUL)] = DOUBT_RGB
 
 
 def _eight_bits(image: np.ndarray) -> np.ndarray:

@@ -44,7 +44,7 @@ class RecordingSink:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, simulated: Path) -> Path:
-    """Catalogues `good` (objects a, b), `mixed` (a whole, c with a bad capture) and `bad` (c/bad alone)."""
+    """Catalogues `good` (objects a, b), `mixed` (a whole, c with a bad capture) and `bad` (g/bad alone)."""
     place = tmp_path_factory.mktemp("catalogues")
     good = load(simulated).objects[0]
     capture = good.captures[0]
@@ -57,7 +57,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, simulated: Path) -> Path:
 
     catalogue("good", {"a": (capture,), "b": (capture,)})
     catalogue("mixed", {"a": (capture,), "c": (capture, missing)})
-    catalogue("bad", {"c": (missing,)})
+    catalogue("bad", {"g": (missing,)})
     catalogue("large", {"d": (capture,)})
     catalogue("changed", {"a": (capture,)}, {"labels": {"method": "winner"}})
     catalogue("alone", {"e": (capture,)})

@@ -48,12 +48,16 @@ def test_two_spheres_are_better_than_either(scene: Scene, store: Path, tmp_path:
     assert errors[0] < 0.82 * min(errors[1:])
 
 
-def test_a_misplaced_sphere_shows_in_the_disagreement(scene: Scene, tmp_path: Path) -> None:
+def test_a_misplaced_sphere_is_measured_and_told(scene: Scene, tmp_path: Path) -> None:
     given = load(scene.catalogue).objects[0].captures[0].model_dump(mode="json")["spheres"]
     given[1]["x"] += 1.0
     work = make_context(scene.catalogue, tmp_path / "store", spheres=given)
-    perform_all(work, "lights")
-    assert work.load("lights").record["disagreement_degrees"]["median"] > 1.25
+    survey, *_ = perform_all(work, "lights")
+    assert ["correct `spheres`" in warning.message for warning in survey.warnings] == [True]
+    assert [sphere["x"] for sphere in work.load("survey").record["spheres"]] == pytest.approx(
+        [sphere.x for sphere in BALLS], abs=0.1
+    )
+    assert work.load("lights").record["disagreement_degrees"]["median"] < 0.45
 
 
 def test_clusters_hold_the_true_and_the_false_directions(scene: Scene, store: Path) -> None:
@@ -98,9 +102,7 @@ def test_two_spheres_are_detected(scene: Scene, tmp_path: Path) -> None:
     found = sorted(work.load("survey").record["spheres"], key=lambda each: each["y"])
     assert len(found) == 2
     for each, true in zip(found, BALLS, strict=True):
-        assert (
-            np.hypot(each["x"] - true.x, each["y"] - true.y) < 0.075 and abs(each["radius"] / true.radius - 1) < 0.0067
-        )
+        assert np.hypot(each["x"] - true.x, each["y"] - true.y) < 0.075 and abs(each["radius"] / true.radius - 1) < 0.01
     assert np.median(angles(work.load("lights").read("lights"), scene.lights)) < 0.67
 
 
@@ -132,7 +134,7 @@ def test_few_frames_give_a_whole_surface(tmp_path: Path) -> None:
     few = draw_scene(tmp_path / "few", frames=36)
     work = make_context(few.catalogue, tmp_path / "store")
     records = {record.stage: record for record in perform_all(work)}
-    assert any("of the object showed a highlight" in warning.message for warning in records["clusters"].warnings)
+    assert any("photographs show highlights on" in warning.message for warning in records["clusters"].warnings)
     labels, seen = work.load("labels"), work.load("clusters").read("observations") > 0
     observed = labels.read("provenance") == labels.record["provenance"].index("observed")
     assert not (observed & ~seen).any()
