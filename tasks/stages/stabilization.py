@@ -2,12 +2,13 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from glint.storage.catalogue.loading import Region
 from glint.storage.footage.source import Footage
+from glint.storage.footage.wrapper import FootageWrapper
 from glint.storage.versions.stage_results import StageResult
 from glint.tasks.algorithms.frames.shake import knocked_places, shake_amplitude
 from glint.tasks.algorithms.frames.stabilization import (
@@ -97,30 +98,17 @@ def _covered(shape: tuple[int, ...], rectangles: Sequence[Mapping[str, int]], re
     return covered
 
 
-class StabilizedFootage:
+class StabilizedFootage(FootageWrapper):
     """A video whose frames are moved back to where the survey's reference has them."""
 
     def __init__(self, footage: Footage, survey: StageResult) -> None:
         about = survey.record["stabilization"]
-        self._footage, self._reduction = footage, int(about["reduction"])
+        super().__init__(footage)
+        self._reduction = int(about["reduction"])
         reference = survey.read(REFERENCE)
         covered = _covered(reference.shape, about["excluded"], self._reduction)
         self._estimator, self._origin = TranslationEstimator(reference, covered), np.array(about["origin"])
         self._places = None if about["places"] is None else np.array(about["places"])
-        self.uri, self.count, self.codec = footage.uri, footage.count, footage.codec
-        self.bits, self.height, self.width, self.names = footage.bits, footage.height, footage.width, footage.names
-
-    def __enter__(self) -> Self:
-        """Return itself."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Do nothing: the video is closed by whoever opened it."""
-
-    @property
-    def warnings(self) -> list[str]:
-        """What was wrong with the video's file."""
-        return self._footage.warnings
 
     def frames(self, start: int = 0, step: int = 1) -> Iterator[np.ndarray]:
         """Yield the luma (H, W) of frames start, start + step, .., each moved back."""
@@ -134,7 +122,3 @@ class StabilizedFootage:
             return shift
         distances = np.abs(self._places - shift).max(axis=1)
         return np.asarray(self._places[distances.argmin()]) if distances.min() < SETTLED_PX else shift
-
-    def spread(self, count: int) -> list[np.ndarray]:
-        """Return about `count` frames spread over the video, as they were recorded."""
-        return self._footage.spread(count)

@@ -1,12 +1,12 @@
 """Thumbnails: the whole frame over time, some hundred small pictures, taken while the video is decoded."""
 
 from collections.abc import Iterator, Mapping
-from typing import Self
 
 import cv2
 import numpy as np
 
 from glint.storage.footage.source import Footage
+from glint.storage.footage.wrapper import FootageWrapper
 
 MAX_THUMBNAILS = 128
 """Thumbnails that a capture has at least, if it has as many frames; at most twice as many."""
@@ -18,28 +18,14 @@ PICTURES, NUMBERS = "thumbnails", "thumbnail_frames"
 """Arrays of the stage `frames`: (N, h, w) uint8, 0 to 255, and the number (N,) of each one's frame."""
 
 
-class ThumbnailRecorder:
+class ThumbnailRecorder(FootageWrapper):
     """A video that keeps a thumbnail of every so many frames that pass."""
 
     def __init__(self, footage: Footage) -> None:
         """Watch a video."""
-        self._footage = footage
+        super().__init__(footage)
         self._interval = max(1, footage.count // MAX_THUMBNAILS) if footage.count else UNKNOWN_LENGTH_INTERVAL
         self._pictures: dict[int, np.ndarray] = {}
-        self.uri, self.count, self.codec = footage.uri, footage.count, footage.codec
-        self.bits, self.height, self.width, self.names = footage.bits, footage.height, footage.width, footage.names
-
-    def __enter__(self) -> Self:
-        """Return itself."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Do nothing: the video is closed by whoever opened it."""
-
-    @property
-    def warnings(self) -> list[str]:
-        """What was wrong with the video's file."""
-        return self._footage.warnings
 
     def frames(self, start: int = 0, step: int = 1) -> Iterator[np.ndarray]:
         """Yield the luma (H, W) of frames start, start + step, .."""
@@ -47,10 +33,6 @@ class ThumbnailRecorder:
             if (start + number * step) % self._interval == 0:
                 self._pictures[start + number * step] = _thumbnail(frame)
             yield frame
-
-    def spread(self, count: int) -> list[np.ndarray]:
-        """Return about `count` frames spread over the video, as they were recorded."""
-        return self._footage.spread(count)
 
     def arrays(self) -> Mapping[str, np.ndarray]:
         """Return the arrays to save; frames that did not pass, since they were cached, are decoded."""
