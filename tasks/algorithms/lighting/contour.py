@@ -16,10 +16,6 @@ import cv2
 import numpy as np
 from numba import njit
 
-LOG_OFFSET = 4.0
-"""Level added before the logarithm, so that noise in the dark does not count."""
-SMOOTHING_PX = 0.7
-"""Standard deviation in pixels by which frames are smoothed before they are sampled."""
 RAYS = 96
 """Rays from the centre."""
 MIN_SPACING_PX, SPACING_RATIO = 0.5, 0.01
@@ -30,6 +26,17 @@ HALF_FRAME_RATIO, HALF_MEAN_RATIO = 2.0, 4.0
 """Squared change, relative to the usual one, at which the evidence of a frame, and that of their mean, is one half."""
 MEAN_WEIGHT = 0.6
 """Weight of the mean's evidence; the rest is that of single frames."""
+VARIATION_WEIGHT, HALF_VARIATION_RATIO = 0.5, 4.0
+"""Weight of the evidence of the variation over time, and the squared change, relative to the usual one, at which it is
+one half."""
+MIN_VARIATION_FRAMES = 6
+"""Frames from which the variation over time counts."""
+VARIATION_ARC_DEG = 15.0
+"""Arc over which the variation is averaged."""
+MIN_VARIATION, MIN_VARIATION_CHANGE = 0.01, 0.001
+"""Standard deviations of log levels, and changes of their logarithm, below which there is only noise."""
+VARIATION_SHIFT_PX = 0.5
+"""Distance by which the strongest change of variation lies outside the contour."""
 OUTER_GAP_PX, OUTER_WEIGHT = 3.0, 0.25
 """Distance outside an edge at which evidence counts against it, and its weight."""
 INWARD_SHIFT_PX = 0.15
@@ -76,23 +83,6 @@ class EdgeEvidence:
         return _circle_scores(self.evidence, self.start, self.spacing, self.angles, offsets, radii - INWARD_SHIFT_PX)
 
 
-def log_frames(frames: Sequence[np.ndarray] | np.ndarray) -> list[np.ndarray]:
-    """Return smoothed logarithms (H, W) float32 of frames (H, W) in levels of 8 bits."""
-    return [
-        cv2.GaussianBlur(np.log(np.asarray(frame, np.float32) + np.float32(LOG_OFFSET)), (0, 0), SMOOTHING_PX)
-        for frame in frames
-    ]
-
-
-def reduced_image(image: np.ndarray, scale: int) -> np.ndarray:
-    """Return an image (H, W) reduced `scale` times by averaging, (H // scale, W // scale) float32."""
-    image = image.astype(np.float32)
-    if scale == 1:
-        return image
-    height, width = (side // scale * scale for side in image.shape)
-    return cv2.resize(image[:height, :width], (width // scale, height // scale), interpolation=cv2.INTER_AREA)
-
-
 def edge_evidence(
     frames: Sequence[np.ndarray], x: float, y: float, min_radius: float, max_radius: float, rays: int = RAYS
 ) -> EdgeEvidence:
@@ -119,21 +109,54 @@ def edge_evidence(
     valid[:, :reach] = valid[:, -reach:] = False
     if not valid.any():
         return EdgeEvidence(x, y, np.zeros(valid.shape, np.float32), start, spacing, angles)
-    single, mean = np.zeros(valid.shape, np.float32), np.zeros(valid.shape, np.float32)
-    for frame in frames:
-        levels = cv2.remap(frame, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        change = np.zeros_like(levels)
-        change[:, reach:-reach] = (levels[:, 2 * reach :] - levels[:, : -2 * reach]) / (2 * reach * spacing)
-        usual = float(np.median(np.abs(change[valid][::3]))) + MIN_CHANGE
-        square = np.minimum((change / usual) ** 2, 1e3)
-        single += square / (square + HALF_FRAME_RATIO)
-        mean += square
-    single, mean = single / len(frames), mean / len(frames)
-    evidence = (1.0 - MEAN_WEIGHT) * single + MEAN_WEIGHT * mean / (mean + HALF_MEAN_RATIO)
+    levels = np.stack(
+        [cv2.remap(frame, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for frame in frames]
+    )
+    evidence = _level_evidence(levels, valid, reach, spacing)
+    if len(frames) >= MIN_VARIATION_FRAMES:
+        varying = _variation_evidence(levels, valid, reach, spacing)
+        evidence = (1.0 - VARIATION_WEIGHT) * evidence + VARIATION_WEIGHT * varying
     evidence[~valid] = 0.0
     gap = max(1, round(OUTER_GAP_PX / spacing))
     evidence[:, :-gap] -= OUTER_WEIGHT * evidence[:, gap:]
     return EdgeEvidence(x, y, evidence, start, spacing, angles)
+
+
+def _level_evidence(levels: np.ndarray, valid: np.ndarray, reach: int, spacing: float) -> np.ndarray:
+    """Return the evidence (A, N), 0..1, of changes of log levels (T, A, N) along the rays, frame by frame."""
+    single, mean = np.zeros(valid.shape, np.float32), np.zeros(valid.shape, np.float32)
+    for frame in levels:
+        change = _change(frame, reach) / (2 * reach * spacing)
+        usual = float(np.median(np.abs(change[valid][::3]))) + MIN_CHANGE
+        square = np.minimum((change / usual) ** 2, 1e3)
+        single += square / (square + HALF_FRAME_RATIO)
+        mean += square
+    single, mean = single / len(levels), mean / len(levels)
+    return (1.0 - MEAN_WEIGHT) * single + MEAN_WEIGHT * mean / (mean + HALF_MEAN_RATIO)
+
+
+def _variation_evidence(levels: np.ndarray, valid: np.ndarray, reach: int, spacing: float) -> np.ndarray:
+    """Return the evidence (A, N), 0..1, of changes along the rays in how much log levels (T, A, N) vary over time.
+
+    The table varies with the light and with shadows, what the rim mirrors of it less: haze and reflections of the room
+    lie over it. Neighbouring rays are averaged, since the table's texture does not vary by itself.
+    """
+    rays = max(1, 2 * round(VARIATION_ARC_DEG * valid.shape[0] / 720.0) + 1)
+    variation = np.log(levels.std(axis=0) + MIN_VARIATION)
+    around = np.pad(variation, ((rays // 2, rays // 2), (0, 0)), mode="wrap")
+    smooth = cv2.blur(around, (1, rays))[rays // 2 : rays // 2 + valid.shape[0]]
+    change = _change(smooth, reach)
+    square = (change / (float(np.median(np.abs(change[valid]))) + MIN_VARIATION_CHANGE)) ** 2
+    evidence = square / (square + HALF_VARIATION_RATIO)
+    # Beside an edge the quieter side takes part in the other's variation: the strongest change lies outside.
+    return _shifted(evidence, np.full(len(evidence), VARIATION_SHIFT_PX / spacing))
+
+
+def _change(values: np.ndarray, reach: int) -> np.ndarray:
+    """Return the differences of values (A, N) between `reach` samples farther out and farther in; 0 at the ends."""
+    change = np.zeros_like(values)
+    change[:, reach:-reach] = values[:, 2 * reach :] - values[:, : -2 * reach]
+    return change
 
 
 def radius_profile(evidence: EdgeEvidence, reach: float, radii: np.ndarray, step: float) -> np.ndarray:
@@ -184,14 +207,9 @@ def _fine_fit(evidence: EdgeEvidence, right: float, down: float, radius: float) 
     reach = FINE_REACH_RATIO * radius
     radii = radius + np.arange(-reach, reach + 1e-6, step)
     offsets = np.arange(-reach, reach + 1e-6, 2.0 * step)
-    shifted = EdgeEvidence(
-        evidence.x,
-        evidence.y,
-        _shifted(evidence, right, down),
-        evidence.start,
-        evidence.spacing,
-        evidence.angles,
-    )
+    # Each ray is moved so that a contour offset by (right, down) lies on a circle around (x, y).
+    moved = right * np.cos(evidence.angles) + down * np.sin(evidence.angles)
+    shifted = replace(evidence, evidence=_shifted(evidence.evidence, moved / evidence.spacing))
     scores = shifted.scores(offsets, radii)
     best = float(scores.max())
     weight = np.exp((scores - best) / SCORE_DEVIATION)
@@ -205,16 +223,12 @@ def _fine_fit(evidence: EdgeEvidence, right: float, down: float, radius: float) 
     return ContourFit(float(evidence.x + mean[0]), float(evidence.y + mean[1]), float(mean[2]), covariance, contrast)
 
 
-def _shifted(evidence: EdgeEvidence, right: float, down: float) -> np.ndarray:
-    """Return the evidence (A, N) with each ray moved so that a contour offset by (right, down) lies on its circle."""
-    moved = right * np.cos(evidence.angles) + down * np.sin(evidence.angles)
-    bins = np.arange(evidence.evidence.shape[1])
-    return np.stack(
-        [
-            np.interp(bins + move / evidence.spacing, bins, row)
-            for move, row in zip(moved, evidence.evidence, strict=True)
-        ]
-    ).astype(np.float32)
+def _shifted(evidence: np.ndarray, shifts: np.ndarray) -> np.ndarray:
+    """Return the evidence (A, N) with each ray moved inward by its shift (A,), in samples."""
+    bins = np.arange(evidence.shape[1])
+    return np.stack([np.interp(bins + shift, bins, ray) for shift, ray in zip(shifts, evidence, strict=True)]).astype(
+        np.float32
+    )
 
 
 @njit(cache=True, nogil=True)
