@@ -207,7 +207,10 @@ def _centred_by_variation(levels: EdgeEvidence, variation: EdgeEvidence, fit: Co
         levels, evidence=(1.0 - VARIATION_WEIGHT) * levels.evidence + np.float32(VARIATION_WEIGHT) * aligned
     )
     middle = 0.5 * (fit.x + varying.x) - levels.x, 0.5 * (fit.y + varying.y) - levels.y
-    return replace(_fine_fit(together, *middle, fit.radius), contrast=fit.contrast)
+    combined = _fine_fit(together, *middle, fit.radius)
+    # What the two disagree on is systematic: either may be the wrong one.
+    half = 0.5 * np.array([varying.x - fit.x, varying.y - fit.y, 0.0])
+    return replace(combined, covariance=combined.covariance + np.outer(half, half), contrast=fit.contrast)
 
 
 def _best_fit(
