@@ -38,6 +38,13 @@ VARIATION_REACH_RATIO = 0.04
 """Distance of centres and radii, in radii, that is searched for the circle of the variation."""
 MIN_VARIATION, MIN_VARIATION_CHANGE = 0.01, 0.001
 """Standard deviations of log levels, and changes of their logarithm, below which there is only noise."""
+AGREEING_RATIO, MAX_VARIATION_DISTANCE_RATIO, MIN_CLEARNESS_RATIO = 0.01, 0.025, 2.0
+"""Distance of centres, in radii, up to which the circle of the variation counts beside that of the levels, and the same
+if its contrast is by so much the higher: what varies may also end where an object or its caustics are mirrored."""
+VARIATION_REACH_RATIO = 0.04
+"""Distance of centres and radii, in radii, that is searched for the circle of the variation."""
+MIN_VARIATION, MIN_VARIATION_CHANGE = 0.01, 0.001
+"""Standard deviations of log levels, and changes of their logarithm, below which there is only noise."""
 MAX_VARIATION_DISTANCE_RATIO = 0.025
 """Distance of centres up to which the circle of the variation counts as the contour: what varies may also end inside
 it, where an object or its caustics are mirrored."""
@@ -108,8 +115,7 @@ def edge_evidence(
     levels = np.stack(
         [cv2.remap(frame, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for frame in frames]
     )
-    measure = _variation_evidence if of_variation else _level_evidence
-    evidence = measure(levels, valid, reach, spacing)
+    evidence = (_variation_evidence if of_variation else _level_evidence)(levels, valid, reach, spacing)
     evidence[~valid] = 0.0
     gap = max(1, round(OUTER_GAP_PX / spacing))
     evidence[:, :-gap] -= OUTER_WEIGHT * evidence[:, gap:]
@@ -200,7 +206,8 @@ def _centred_by_variation(levels: EdgeEvidence, variation: EdgeEvidence, fit: Co
     """
     varying = _best_fit(variation, (fit.x, fit.y, fit.radius), VARIATION_REACH_RATIO, VARIATION_REACH_RATIO)
     distance, outward = float(np.hypot(varying.x - fit.x, varying.y - fit.y)), varying.radius - fit.radius
-    if distance > MAX_VARIATION_DISTANCE_RATIO * fit.radius:
+    is_clearer = varying.contrast > MIN_CLEARNESS_RATIO * fit.contrast
+    if distance > (MAX_VARIATION_DISTANCE_RATIO if is_clearer else AGREEING_RATIO) * fit.radius:
         return fit
     aligned = variation.moved(0.0, 0.0, outward).evidence
     together = replace(
@@ -208,8 +215,7 @@ def _centred_by_variation(levels: EdgeEvidence, variation: EdgeEvidence, fit: Co
     )
     middle = 0.5 * (fit.x + varying.x) - levels.x, 0.5 * (fit.y + varying.y) - levels.y
     combined = _fine_fit(together, *middle, fit.radius)
-    # What the two disagree on is systematic: either may be the wrong one.
-    half = 0.5 * np.array([varying.x - fit.x, varying.y - fit.y, 0.0])
+    half = 0.5 * np.array([varying.x - fit.x, varying.y - fit.y, 0.0])  # Systematic: either may be the wrong one.
     return replace(combined, covariance=combined.covariance + np.outer(half, half), contrast=fit.contrast)
 
 

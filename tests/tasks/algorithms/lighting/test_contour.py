@@ -35,10 +35,10 @@ def offset_percent(frames: np.ndarray) -> float:
 
 
 def test_the_variation_over_time_pulls_the_centre_from_a_wrong_edge_of_levels():
-    few = offset_percent(frames_of(CENTRE + 0.9, CENTRE, MIN_VARIATION_FRAMES - 1, constant=True))
-    many = offset_percent(frames_of(CENTRE + 0.9, CENTRE, 24))
-    assert few == pytest.approx(1.8, abs=0.5)
-    assert many < few - 0.5
+    few = offset_percent(frames_of(CENTRE + 0.45, CENTRE, MIN_VARIATION_FRAMES - 1, constant=True))
+    many = offset_percent(frames_of(CENTRE + 0.45, CENTRE, 24))
+    assert few == pytest.approx(0.9, abs=0.3)
+    assert many < 0.75 * few
 
 
 def test_a_variation_that_ends_elsewhere_does_not_move_the_contour():
