@@ -1,10 +1,10 @@
-"""Circles in images: a Hough transform along gradients, and a contour score.
+"""Circles in images: a Hough transform along gradients, and contour scores.
 
 Sources: the gradient-directed Hough transform for circles (Kimme, Ballard and Sklansky 1975); an integro-differential
 score (Daugman 1993).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -32,6 +32,30 @@ class LogGradient:
 
     gradient: np.ndarray
     floor: float
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeEvidence:
+    """Evidence of edges along rays from (x, y): evidence (A, N) at radii start + spacing * n, angles (A,), y down."""
+
+    x: float
+    y: float
+    evidence: np.ndarray
+    start: float
+    spacing: float
+    angles: np.ndarray
+
+    def scores(self, offsets: np.ndarray, radii: np.ndarray) -> np.ndarray:
+        """Return the mean evidence (I, J, K) of circles with centres (x + offsets[i], y + offsets[j]), radii[k]."""
+        return _circle_scores(self.evidence, self.start, self.spacing, self.angles, offsets, radii)
+
+    def moved(self, right: float, down: float, outward: float = 0.0) -> "EdgeEvidence":
+        """Return the evidence moved so that a contour offset by (right, down), its radius larger by `outward`, lies on
+        a circle around (x, y), its radius as it was."""
+        shifts = (right * np.cos(self.angles) + down * np.sin(self.angles) + outward) / self.spacing
+        bins = np.arange(self.evidence.shape[1])
+        rows = [np.interp(bins + shift, bins, ray) for shift, ray in zip(shifts, self.evidence, strict=True)]
+        return replace(self, evidence=np.stack(rows).astype(np.float32))
 
 
 def log_gradient(image: np.ndarray, *, sigma: float = 0.8, offset: float = 4.0) -> LogGradient:
@@ -150,3 +174,22 @@ def _contour_score(gradient: np.ndarray, floor: np.ndarray, x: float, y: float, 
                 sharp = abs(radial[1]) - 0.5 * (abs(radial[0]) + abs(radial[2]))
                 score += share[p] * max(sharp, 0.0) / (magnitude + 3.0 * samples * floor[p])
     return score / arcs
+
+
+@njit(cache=True, nogil=True)
+def _circle_scores(
+    evidence: np.ndarray, start: float, spacing: float, angles: np.ndarray, offsets: np.ndarray, radii: np.ndarray
+) -> np.ndarray:
+    """Return the mean evidence (I, J, K) along circles; to first order an offset moves the contour along each ray."""
+    rays, count = evidence.shape
+    scores = np.zeros((offsets.size, offsets.size, radii.size))
+    for i in range(offsets.size):
+        for j in range(offsets.size):
+            for a in range(rays):
+                offset = offsets[i] * np.cos(angles[a]) + offsets[j] * np.sin(angles[a]) - start
+                for k in range(radii.size):
+                    position = min(max((radii[k] + offset) / spacing, 0.0), count - 1.001)
+                    n = int(position)
+                    part = position - n
+                    scores[i, j, k] += (1.0 - part) * evidence[a, n] + part * evidence[a, n + 1]
+    return scores / rays

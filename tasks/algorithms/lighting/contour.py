@@ -14,12 +14,9 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numba import njit
 
-LOG_OFFSET = 4.0
-"""Level added before the logarithm, so that noise in the dark does not count."""
-SMOOTHING_PX = 0.7
-"""Standard deviation in pixels by which frames are smoothed before they are sampled."""
+from glint.tasks.algorithms.lighting.circles import EdgeEvidence
+
 RAYS = 96
 """Rays from the centre."""
 MIN_SPACING_PX, SPACING_RATIO = 0.5, 0.01
@@ -30,6 +27,27 @@ HALF_FRAME_RATIO, HALF_MEAN_RATIO = 2.0, 4.0
 """Squared change, relative to the usual one, at which the evidence of a frame, and that of their mean, is one half."""
 MEAN_WEIGHT = 0.6
 """Weight of the mean's evidence; the rest is that of single frames."""
+VARIATION_WEIGHT, HALF_VARIATION_RATIO = 0.5, 4.0
+"""Weight of the evidence of the variation over time, and the squared change, relative to the usual one, at which it is
+one half."""
+MIN_VARIATION_FRAMES = 6
+"""Frames from which the variation over time counts."""
+VARIATION_ARC_DEG = 15.0
+"""Arc over which the variation is averaged."""
+VARIATION_REACH_RATIO = 0.04
+"""Distance of centres and radii, in radii, that is searched for the circle of the variation."""
+MIN_VARIATION, MIN_VARIATION_CHANGE = 0.01, 0.001
+"""Standard deviations of log levels, and changes of their logarithm, below which there is only noise."""
+AGREEING_RATIO, MAX_VARIATION_DISTANCE_RATIO, MIN_CLEARNESS_RATIO = 0.01, 0.025, 2.0
+"""Distance of centres, in radii, up to which the circle of the variation counts beside that of the levels, and the same
+if its contrast is by so much the higher: what varies may also end where an object or its caustics are mirrored."""
+VARIATION_REACH_RATIO = 0.04
+"""Distance of centres and radii, in radii, that is searched for the circle of the variation."""
+MIN_VARIATION, MIN_VARIATION_CHANGE = 0.01, 0.001
+"""Standard deviations of log levels, and changes of their logarithm, below which there is only noise."""
+MAX_VARIATION_DISTANCE_RATIO = 0.025
+"""Distance of centres up to which the circle of the variation counts as the contour: what varies may also end inside
+it, where an object or its caustics are mirrored."""
 OUTER_GAP_PX, OUTER_WEIGHT = 3.0, 0.25
 """Distance outside an edge at which evidence counts against it, and its weight."""
 INWARD_SHIFT_PX = 0.15
@@ -60,41 +78,15 @@ class ContourFit:
     start_contrast: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class EdgeEvidence:
-    """Evidence of edges along rays from (x, y): evidence (A, N) at radii start + spacing * n, angles (A,), y down."""
-
-    x: float
-    y: float
-    evidence: np.ndarray
-    start: float
-    spacing: float
-    angles: np.ndarray
-
-    def scores(self, offsets: np.ndarray, radii: np.ndarray) -> np.ndarray:
-        """Return the mean evidence (I, J, K) of circles with centres (x + offsets[i], y + offsets[j]), radii[k]."""
-        return _circle_scores(self.evidence, self.start, self.spacing, self.angles, offsets, radii - INWARD_SHIFT_PX)
-
-
-def log_frames(frames: Sequence[np.ndarray] | np.ndarray) -> list[np.ndarray]:
-    """Return smoothed logarithms (H, W) float32 of frames (H, W) in levels of 8 bits."""
-    return [
-        cv2.GaussianBlur(np.log(np.asarray(frame, np.float32) + np.float32(LOG_OFFSET)), (0, 0), SMOOTHING_PX)
-        for frame in frames
-    ]
-
-
-def reduced_image(image: np.ndarray, scale: int) -> np.ndarray:
-    """Return an image (H, W) reduced `scale` times by averaging, (H // scale, W // scale) float32."""
-    image = image.astype(np.float32)
-    if scale == 1:
-        return image
-    height, width = (side // scale * scale for side in image.shape)
-    return cv2.resize(image[:height, :width], (width // scale, height // scale), interpolation=cv2.INTER_AREA)
-
-
 def edge_evidence(
-    frames: Sequence[np.ndarray], x: float, y: float, min_radius: float, max_radius: float, rays: int = RAYS
+    frames: Sequence[np.ndarray],
+    x: float,
+    y: float,
+    min_radius: float,
+    max_radius: float,
+    rays: int = RAYS,
+    *,
+    of_variation: bool = False,
 ) -> EdgeEvidence:
     """Measure the evidence of edges between two radii around (x, y).
 
@@ -105,6 +97,7 @@ def edge_evidence(
         min_radius: smallest radius of a contour in pixels.
         max_radius: largest radius.
         rays: number of rays.
+        of_variation: of changes in how much levels vary over time, instead of changes of levels.
     """
     spacing = max(MIN_SPACING_PX, SPACING_RATIO * min_radius)
     reach = max(1, round(1.0 / spacing))
@@ -119,27 +112,56 @@ def edge_evidence(
     valid[:, :reach] = valid[:, -reach:] = False
     if not valid.any():
         return EdgeEvidence(x, y, np.zeros(valid.shape, np.float32), start, spacing, angles)
-    single, mean = np.zeros(valid.shape, np.float32), np.zeros(valid.shape, np.float32)
-    for frame in frames:
-        levels = cv2.remap(frame, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        change = np.zeros_like(levels)
-        change[:, reach:-reach] = (levels[:, 2 * reach :] - levels[:, : -2 * reach]) / (2 * reach * spacing)
-        usual = float(np.median(np.abs(change[valid][::3]))) + MIN_CHANGE
-        square = np.minimum((change / usual) ** 2, 1e3)
-        single += square / (square + HALF_FRAME_RATIO)
-        mean += square
-    single, mean = single / len(frames), mean / len(frames)
-    evidence = (1.0 - MEAN_WEIGHT) * single + MEAN_WEIGHT * mean / (mean + HALF_MEAN_RATIO)
+    levels = np.stack(
+        [cv2.remap(frame, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for frame in frames]
+    )
+    evidence = (_variation_evidence if of_variation else _level_evidence)(levels, valid, reach, spacing)
     evidence[~valid] = 0.0
     gap = max(1, round(OUTER_GAP_PX / spacing))
     evidence[:, :-gap] -= OUTER_WEIGHT * evidence[:, gap:]
     return EdgeEvidence(x, y, evidence, start, spacing, angles)
 
 
+def _level_evidence(levels: np.ndarray, valid: np.ndarray, reach: int, spacing: float) -> np.ndarray:
+    """Return the evidence (A, N), 0..1, of changes of log levels (T, A, N) along the rays, frame by frame."""
+    single, mean = np.zeros(valid.shape, np.float32), np.zeros(valid.shape, np.float32)
+    for frame in levels:
+        change = _change(frame, reach) / (2 * reach * spacing)
+        usual = float(np.median(np.abs(change[valid][::3]))) + MIN_CHANGE
+        square = np.minimum((change / usual) ** 2, 1e3)
+        single += square / (square + HALF_FRAME_RATIO)
+        mean += square
+    single, mean = single / len(levels), mean / len(levels)
+    return (1.0 - MEAN_WEIGHT) * single + MEAN_WEIGHT * mean / (mean + HALF_MEAN_RATIO)
+
+
+def _variation_evidence(levels: np.ndarray, valid: np.ndarray, reach: int, spacing: float) -> np.ndarray:
+    """Return the evidence (A, N), 0..1, of increases outward along the rays of how much log levels (T, A, N) vary.
+
+    The table varies with the light and with shadows; what the rim mirrors of it varies less, since haze and reflections
+    of the room lie over it. Neighbouring rays are averaged: the table's texture does not vary by itself.
+    """
+    rays = max(1, 2 * round(VARIATION_ARC_DEG * valid.shape[0] / 720.0) + 1)
+    variation = np.log(levels.std(axis=0) + MIN_VARIATION)
+    around = np.pad(variation, ((rays // 2, rays // 2), (0, 0)), mode="wrap")
+    smooth = cv2.blur(around, (1, rays))[rays // 2 : rays // 2 + valid.shape[0]]
+    change = _change(smooth, reach)
+    usual = float(np.median(np.abs(change[valid]))) + MIN_VARIATION_CHANGE
+    square = (np.maximum(change, 0.0) / usual) ** 2
+    return square / (square + HALF_VARIATION_RATIO)
+
+
+def _change(values: np.ndarray, reach: int) -> np.ndarray:
+    """Return the differences of values (A, N) between `reach` samples farther out and farther in; 0 at the ends."""
+    change = np.zeros_like(values)
+    change[:, reach:-reach] = values[:, 2 * reach :] - values[:, : -2 * reach]
+    return change
+
+
 def radius_profile(evidence: EdgeEvidence, reach: float, radii: np.ndarray, step: float) -> np.ndarray:
     """Return for each radius (K,) the best circle's (offset x, offset y, score), (K, 3), among nearby centres."""
     offsets = np.arange(-reach, reach + 1e-6, step)
-    scores = evidence.scores(offsets, radii).reshape(-1, len(radii))
+    scores = evidence.scores(offsets, radii - INWARD_SHIFT_PX).reshape(-1, len(radii))
     best = scores.argmax(axis=0)
     return np.stack(
         [offsets[best // len(offsets)], offsets[best % len(offsets)], scores[best, np.arange(len(radii))]], axis=1
@@ -166,16 +188,46 @@ def fit_contour(
         radius_reach: distance of the radii searched, in radii.
     """
     margin = centre_reach + radius_reach + 2.5 * FINE_REACH_RATIO
-    evidence = edge_evidence(
-        frames, x, y, (1.0 - margin) * radius, (OUTSIDE_RATIOS[1] + centre_reach + radius_reach) * radius
-    )
-    step = COARSE_STEP_RATIO * radius
-    radii = np.arange(1.0 - radius_reach, 1.0 + radius_reach + 1e-6, COARSE_STEP_RATIO) * radius
-    profile = radius_profile(evidence, centre_reach * radius, radii, step)
-    best = int(profile[:, 2].argmax())
-    fit = _fine_fit(evidence, profile[best, 0], profile[best, 1], float(radii[best]))
-    start = evidence.scores(np.zeros(1), radius * np.append(1.0, np.linspace(*OUTSIDE_RATIOS, 8))).ravel()
+    reach = (1.0 - margin) * radius, (OUTSIDE_RATIOS[1] + centre_reach + radius_reach) * radius
+    evidence = edge_evidence(frames, x, y, *reach)
+    fit = _best_fit(evidence, (x, y, radius), centre_reach, radius_reach)
+    if len(frames) >= MIN_VARIATION_FRAMES:
+        fit = _centred_by_variation(evidence, edge_evidence(frames, x, y, *reach, of_variation=True), fit)
+    start = evidence.scores(np.zeros(1), radius * np.append(1.0, np.linspace(*OUTSIDE_RATIOS, 8)) - INWARD_SHIFT_PX)
+    start = start.ravel()
     return replace(fit, start_contrast=float(start[0] - start[1:].mean()))
+
+
+def _centred_by_variation(levels: EdgeEvidence, variation: EdgeEvidence, fit: ContourFit) -> ContourFit:
+    """Return the fit to the evidence of levels and of variation together; the given fit where they disagree.
+
+    Blur and haze move the variation's edge inward or outward, so it is moved to the radius of the levels' edge first:
+    it measures the centre alone.
+    """
+    varying = _best_fit(variation, (fit.x, fit.y, fit.radius), VARIATION_REACH_RATIO, VARIATION_REACH_RATIO)
+    distance, outward = float(np.hypot(varying.x - fit.x, varying.y - fit.y)), varying.radius - fit.radius
+    is_clearer = varying.contrast > MIN_CLEARNESS_RATIO * fit.contrast
+    if distance > (MAX_VARIATION_DISTANCE_RATIO if is_clearer else AGREEING_RATIO) * fit.radius:
+        return fit
+    aligned = variation.moved(0.0, 0.0, outward).evidence
+    together = replace(
+        levels, evidence=(1.0 - VARIATION_WEIGHT) * levels.evidence + np.float32(VARIATION_WEIGHT) * aligned
+    )
+    middle = 0.5 * (fit.x + varying.x) - levels.x, 0.5 * (fit.y + varying.y) - levels.y
+    combined = _fine_fit(together, *middle, fit.radius)
+    half = 0.5 * np.array([varying.x - fit.x, varying.y - fit.y, 0.0])  # Systematic: either may be the wrong one.
+    return replace(combined, covariance=combined.covariance + np.outer(half, half), contrast=fit.contrast)
+
+
+def _best_fit(
+    evidence: EdgeEvidence, circle: tuple[float, float, float], centre_reach: float, radius_reach: float
+) -> ContourFit:
+    """Return the fit of the best circle near a circle (x, y, radius), within reaches in its radii."""
+    right, down, radius = circle[0] - evidence.x, circle[1] - evidence.y, circle[2]
+    radii = np.arange(1.0 - radius_reach, 1.0 + radius_reach + 1e-6, COARSE_STEP_RATIO) * radius
+    profile = radius_profile(evidence.moved(right, down), centre_reach * radius, radii, COARSE_STEP_RATIO * radius)
+    best = int(profile[:, 2].argmax())
+    return _fine_fit(evidence, right + profile[best, 0], down + profile[best, 1], float(radii[best]))
 
 
 def _fine_fit(evidence: EdgeEvidence, right: float, down: float, radius: float) -> ContourFit:
@@ -184,15 +236,8 @@ def _fine_fit(evidence: EdgeEvidence, right: float, down: float, radius: float) 
     reach = FINE_REACH_RATIO * radius
     radii = radius + np.arange(-reach, reach + 1e-6, step)
     offsets = np.arange(-reach, reach + 1e-6, 2.0 * step)
-    shifted = EdgeEvidence(
-        evidence.x,
-        evidence.y,
-        _shifted(evidence, right, down),
-        evidence.start,
-        evidence.spacing,
-        evidence.angles,
-    )
-    scores = shifted.scores(offsets, radii)
+    shifted = evidence.moved(right, down)
+    scores = shifted.scores(offsets, radii - INWARD_SHIFT_PX)
     best = float(scores.max())
     weight = np.exp((scores - best) / SCORE_DEVIATION)
     weight /= weight.sum()
@@ -200,37 +245,6 @@ def _fine_fit(evidence: EdgeEvidence, right: float, down: float, radius: float) 
     mean = weight.ravel() @ circles
     covariance = (weight.ravel()[:, None] * (circles - mean)).T @ (circles - mean)
     covariance += np.eye(3) * (DEVIATION_FLOOR_RATIO * radius) ** 2
-    outside = shifted.scores(np.zeros(1), float(mean[2]) * np.linspace(*OUTSIDE_RATIOS, 8))
+    outside = shifted.scores(np.zeros(1), float(mean[2]) * np.linspace(*OUTSIDE_RATIOS, 8) - INWARD_SHIFT_PX)
     contrast = best - float(outside.mean())
     return ContourFit(float(evidence.x + mean[0]), float(evidence.y + mean[1]), float(mean[2]), covariance, contrast)
-
-
-def _shifted(evidence: EdgeEvidence, right: float, down: float) -> np.ndarray:
-    """Return the evidence (A, N) with each ray moved so that a contour offset by (right, down) lies on its circle."""
-    moved = right * np.cos(evidence.angles) + down * np.sin(evidence.angles)
-    bins = np.arange(evidence.evidence.shape[1])
-    return np.stack(
-        [
-            np.interp(bins + move / evidence.spacing, bins, row)
-            for move, row in zip(moved, evidence.evidence, strict=True)
-        ]
-    ).astype(np.float32)
-
-
-@njit(cache=True, nogil=True)
-def _circle_scores(
-    evidence: np.ndarray, start: float, spacing: float, angles: np.ndarray, offsets: np.ndarray, radii: np.ndarray
-) -> np.ndarray:
-    """Return the mean evidence (I, J, K) along circles; to first order an offset moves the contour along each ray."""
-    rays, count = evidence.shape
-    scores = np.zeros((offsets.size, offsets.size, radii.size))
-    for i in range(offsets.size):
-        for j in range(offsets.size):
-            for a in range(rays):
-                offset = offsets[i] * np.cos(angles[a]) + offsets[j] * np.sin(angles[a]) - start
-                for k in range(radii.size):
-                    position = min(max((radii[k] + offset) / spacing, 0.0), count - 1.001)
-                    n = int(position)
-                    part = position - n
-                    scores[i, j, k] += (1.0 - part) * evidence[a, n] + part * evidence[a, n + 1]
-    return scores / rays

@@ -1,12 +1,12 @@
-"""Image pyramid of a capture's frames (Burt and Adelson 1983, with a box filter)."""
+"""Image pyramid of a capture's frames (Burt and Adelson 1983, with a box filter), and their logarithms."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from glint.tasks.algorithms.lighting.circles import LogGradient, log_gradient
-from glint.tasks.algorithms.lighting.contour import log_frames, reduced_image
 
 MIN_LEVEL_RADIUS_PX, MAX_LEVEL_RADIUS_PX = 18.0, 44.0
 """Radii searched on a pyramid level, in its pixels; larger spheres are found on coarser levels."""
@@ -16,6 +16,11 @@ USUAL_PERCENTILE = 75.0
 """Percentile of a pixel's levels that a passing light exceeds, but not the table under a light that stays high."""
 DEVIATION_LEVELS = 200.0
 """Levels that stand for a standard deviation of one in log levels."""
+
+LOG_OFFSET = 4.0
+"""Level added before the logarithm, so that noise in the dark does not count."""
+SMOOTHING_PX = 0.7
+"""Standard deviation in pixels by which frames are smoothed before they are sampled."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,3 +68,20 @@ def pyramid_level(frames: Sequence[np.ndarray] | np.ndarray, maximum: np.ndarray
     deviation = DEVIATION_LEVELS * np.std(logs, axis=0)
     edges = [log_gradient(image) for image in (median, peak, deviation)]
     return PyramidLevel(np.maximum(peak - usual, 0.0), edges, logs, float(scale))
+
+
+def log_frames(frames: Sequence[np.ndarray] | np.ndarray) -> list[np.ndarray]:
+    """Return smoothed logarithms (H, W) float32 of frames (H, W) in levels of 8 bits."""
+    return [
+        cv2.GaussianBlur(np.log(np.asarray(frame, np.float32) + np.float32(LOG_OFFSET)), (0, 0), SMOOTHING_PX)
+        for frame in frames
+    ]
+
+
+def reduced_image(image: np.ndarray, scale: int) -> np.ndarray:
+    """Return an image (H, W) reduced `scale` times by averaging, (H // scale, W // scale) float32."""
+    image = image.astype(np.float32)
+    if scale == 1:
+        return image
+    height, width = (side // scale * scale for side in image.shape)
+    return cv2.resize(image[:height, :width], (width // scale, height // scale), interpolation=cv2.INTER_AREA)

@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from glint.tasks.algorithms.geometry.perspective import VirtualCamera
-from glint.tasks.algorithms.lighting.contour import ContourFit, fit_contour, log_frames, reduced_image
+from glint.tasks.algorithms.lighting.contour import ContourFit, fit_contour
+from glint.tasks.algorithms.lighting.pyramid import log_frames, reduced_image
 
 FINE_RADIUS_PX = 300.0
 """Radius in pixels to which the image of a larger sphere is reduced: its contour is rough or out of focus by more."""
