@@ -16,8 +16,9 @@ FINE_RADIUS_PX = 300.0
 """Radius in pixels to which the image of a larger sphere is reduced: its contour is rough or out of focus by more."""
 MIN_CLEAR_CONTRAST = 0.12
 """Contrast of a contour from which it is trusted more than a circle that was given."""
-MIN_CORRECTION_RATIO, MIN_CORRECTION_DEVIATIONS = 0.012, 2.0
-"""Difference from a given circle, in radii and in standard deviations, from which the fit replaces it."""
+MIN_CORRECTION_RATIO, MIN_CORRECTION_PX, MIN_CORRECTION_DEVIATIONS = 0.012, 0.75, 2.0
+"""Difference from a given circle, in radii, in pixels and in standard deviations, from which the fit replaces it: the
+rim of a small sphere is sampled too coarsely to contradict less."""
 MAX_START_RATIO = 0.9
 """Contrast of a given circle, relative to that of the fit, up to which the fit replaces it: an ellipse has no better
 circle than the given one."""
@@ -111,7 +112,7 @@ def confirm_sphere(
     if fit.score < MIN_CLEAR_CONTRAST:
         deviation = UNKNOWN_DEVIATION_RATIO * given.radius
         return ConfirmedSphere(replace(given, centre_sd=deviation, radius_sd=deviation), fit, False, False)
-    least = MIN_CORRECTION_RATIO * given.radius
+    least = max(MIN_CORRECTION_RATIO * given.radius, MIN_CORRECTION_PX)
     distance, difference = given.distance(fit), abs(given.radius - fit.radius)
     is_corrected = start_contrast < MAX_START_RATIO * fit.score and (
         distance > max(least, MIN_CORRECTION_DEVIATIONS * fit.centre_sd)
