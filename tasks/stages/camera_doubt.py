@@ -25,7 +25,7 @@ MIN_CAMERA_COST_DEG = 1.0
 """Usual error, by a camera that may be as near as the light, below which there is no warning."""
 ELLIPSE_SHARDS, ELLIPSE_STEP = 8, 8
 """Most shards of 64 frames from which a sphere's contour is taken, and the step between their frames."""
-MAX_ELLIPSE_DEVIATION_RATIO = 0.01
+MAX_ELLIPSE_DEVIATION_RATIO = 0.02
 """Standard deviation of a sphere's centre, in radii, from which its misfit may look like an ellipse."""
 
 
