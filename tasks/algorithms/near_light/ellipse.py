@@ -27,7 +27,8 @@ ELONGATION_SHARES = (0.25, 0.5, 0.75, 1.0, 1.25)
 """Elongations that are tried, as shares of the one in question, which is known to half of itself."""
 MAX_CIRCLE_GAIN, MAX_CONTROL_GAIN = 0.3, 0.8
 """Log evidence by which the circle, and an ellipse in a direction that no camera explains, may exceed the ellipse: true
-ellipses of near cameras lose 0.2 at most to them, false ones 0.5 to 1.5 to one of them."""
+ellipses of near cameras lose 0.2 at most to them, false ones 0.3 to 1.5 to one of
+them (`python -m tests.benchmarks.light_distance`)."""
 CONTROL_TURNS = (np.pi / 2, np.pi / 4, -np.pi / 4)
 """Directions of the control's long axis, relative to the direction of the frame's centre."""
 
