@@ -21,7 +21,7 @@ MEASURED_RATIOS = 0.85, 1.2
 """Radii, relative to the sphere's, between which its contour is looked for."""
 CENTRE_OFFSETS = np.arange(-0.03, 0.0301, 0.0075)
 """Offsets of the contour's centre from the sphere's along each axis, in radii."""
-RADIUS_RATIOS = np.arange(0.96, 1.0401, 0.005)
+MEAN_RADIUS_RATIOS = np.arange(0.96, 1.0401, 0.005)
 """Mean radii of the contour, in radii of the sphere."""
 ELONGATION_SHARES = (0.25, 0.5, 0.75, 1.0, 1.25)
 """Elongations that are tried, as shares of the one in question, which is known to half of itself."""
@@ -74,6 +74,6 @@ def _log_evidence(evidence: EdgeEvidence, radius: float, elongation: float, dire
         for bulge, row in zip(bulges, evidence.evidence, strict=True)
     ]
     scores = replace(evidence, evidence=np.asarray(moved, np.float32)).scores(
-        CENTRE_OFFSETS * radius, RADIUS_RATIOS * radius
+        CENTRE_OFFSETS * radius, MEAN_RADIUS_RATIOS * radius
     )
     return float(special.logsumexp(scores / SCORE_DEVIATION))
