@@ -68,8 +68,8 @@ def two_spheres() -> None:
             constant = np.median(np.abs(single.inverse_distance * distance - 1))
             followed = np.median(np.abs(found.inverse_distance * distance - 1))
             line += f" {name}: {constant:.3f} for all frames, {followed:.3f} as found (varies: {found.varies});"
-        for distance in (1000.0, 1e6):
-            positions = light_positions(distance, FRAMES)
+        for fixed in (1000.0, 1e6):
+            positions = light_positions(fixed, FRAMES)
             seen = [sphere_normals_in_perspective(positions, each, MIDDLE, 900.0) for each in PAIR]
             shown = [unit(each + generator.normal(0, noise, each.shape)) for each in seen]
             focal = focal_length_of_parallax(shown, PAIR, MIDDLE)
