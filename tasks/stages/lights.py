@@ -1,8 +1,5 @@
 """Lights: one half vector per frame, from the spheres or from known lights."""
 
-from collections.abc import Sequence
-from dataclasses import replace
-
 import numpy as np
 
 from glint.storage.footage.source import open_footage
@@ -16,7 +13,6 @@ from glint.tasks.algorithms.lighting.coverage import (
     coverage,
     gaps_message,
 )
-from glint.tasks.algorithms.lighting.focal_length import estimate_focal_length
 from glint.tasks.algorithms.lighting.highlights import measure_highlights, static_background
 from glint.tasks.algorithms.lighting.lights import (
     ACCEPTED,
@@ -31,15 +27,15 @@ from glint.tasks.algorithms.lighting.lights import (
 )
 from glint.tasks.algorithms.lighting.occlusion import is_light_before_object, is_sphere_covered
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from glint.tasks.algorithms.near_light.focal_length_of_parallax import focal_length_of_parallax
-from glint.tasks.algorithms.near_light.half_vector_error import combined_error, unknown_camera_error
+from glint.tasks.algorithms.near_light.half_vector_error import combined_error
 from glint.tasks.engine.parameters import LightsParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
+from glint.tasks.stages.camera_doubt import with_unknown_camera
 from glint.tasks.stages.capture_geometry import OBJECT, CaptureGeometry, load_geometry, sphere_name
 from glint.tasks.stages.frames import load_levels, load_thumbnails, open_frames, spread_shards
-from glint.tasks.stages.light_distance import DistanceResult, measure_distance, region_pixels
+from glint.tasks.stages.light_distance import DistanceResult, measure_distance
 from glint.tasks.stages.sphere_doubts import sphere_doubts, spheres_error
 
 SPHERES, FILE = "spheres", "file"
@@ -50,12 +46,8 @@ OBJECT_BLOCK_FRAMES = 128
 """Frames of the object that are held at once."""
 MAX_BEFORE_OBJECT_SHARE = 0.2
 """Share of the frames beyond which a bright border is no light before the object but an overexposed background."""
-MIN_ELONGATION_PX = 1.0
-"""Pixels by which an ellipse's half axes must differ at the focal length that it suggests: less is no evidence."""
 MAX_REFLECTION_SHARDS = 50
 """Most shards from which a sphere's static reflection is taken."""
-MAX_ELLIPSE_DEVIATION_RATIO = 0.01
-"""Standard deviation of a sphere's centre, in radii, from which its misfit may look like an ellipse."""
 
 
 def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
@@ -75,7 +67,7 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
         measured = measure_distance(
             by_sphere, geometry, load_thumbnails(inputs), parameters.tolerance, parameters.distance
         )
-        measured = _with_unknown_camera(inputs, geometry, by_sphere, measured)
+        measured = with_unknown_camera(inputs, geometry, cache, by_sphere, measured)
         doubts = sphere_doubts(geometry.spheres, measured.lights, is_near=measured.near is not None)
         warnings = [*doubts, *measured.warnings]
     result = without_frames(measured.lights, _is_light_before_object(inputs, cache), BEFORE_OBJECT)
@@ -151,54 +143,6 @@ def _by_sphere(inputs: StageInputs, geometry: CaptureGeometry, cache: FrameCache
         by_sphere.append(_of_sphere(inputs.parameters, cache, sphere_name(number), in_crop, camera))
         progress(number + 1, len(geometry.spheres))
     return by_sphere
-
-
-def _with_unknown_camera(
-    inputs: StageInputs, geometry: CaptureGeometry, by_sphere: Sequence[Lights], measured: DistanceResult
-) -> DistanceResult:
-    """Return the lights in doubt by the view vectors, with a warning, if a near camera is seen and not given."""
-    width, height = geometry.frame_size
-    centre = (width - 1) / 2, (height - 1) / 2
-    if geometry.camera is not None:
-        return measured
-    focal = focal_length_of_parallax([lights.half_vectors for lights in by_sphere], geometry.spheres, centre)
-    if focal == np.inf:
-        return measured
-    if focal is not None:
-        evidence = "the spheres show the light in directions that only a near camera explains"
-    else:
-        ellipse = _focal_length_of_ellipses(inputs, geometry)
-        if ellipse is None:
-            return measured
-        sphere, focal = ellipse
-        evidence = f"the sphere at ({sphere.x:.0f}, {sphere.y:.0f}) is seen as an ellipse, as by a near camera"
-    error = unknown_camera_error(region_pixels(geometry), geometry.spheres, centre, focal)
-    matrix = f"[[{focal:.0f}, 0, {centre[0]:g}], [0, {focal:.0f}, {centre[1]:g}], [0, 0, 1]]"
-    message = (
-        f"{evidence}, with a focal length of some {focal:.0f} pixels: give the camera's matrix, about"
-        f" `camera: {{matrix: {matrix}}}`, or record from farther away with a longer lens"
-    )
-    warning = StageWarning(message, "camera", float(np.degrees(np.sqrt(2.0) * np.median(error))))
-    return replace(measured, errors=[*measured.errors, error], warnings=[*measured.warnings, warning])
-
-
-def _focal_length_of_ellipses(inputs: StageInputs, geometry: CaptureGeometry) -> tuple[Sphere, float] | None:
-    """Return the first sphere whose contour shows a near camera, and the focal length in pixels."""
-    width, height = geometry.frame_size
-    for number, sphere in enumerate(geometry.spheres):
-        if sphere.centre_sd > MAX_ELLIPSE_DEVIATION_RATIO * sphere.radius:
-            continue
-        crop = geometry.crops[sphere_name(number)]
-        background, peak = load_levels(inputs, sphere_name(number))
-        middle = (width - 1) / 2 - crop.x, (height - 1) / 2 - crop.y
-        focal = estimate_focal_length(background, peak, sphere.in_crop(crop.x, crop.y), middle, width)
-        if focal is None:
-            continue
-        offset = np.hypot(sphere.x - (width - 1) / 2, sphere.y - (height - 1) / 2) / (focal * width)
-        # The long half axis of a sphere at an angle from the axis exceeds the short one by 1 / cos.
-        if sphere.radius * (np.hypot(1.0, offset) - 1.0) > MIN_ELONGATION_PX:
-            return sphere, focal * width
-    return None
 
 
 def _of_sphere(
