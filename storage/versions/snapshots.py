@@ -93,20 +93,25 @@ def _lists_snapshots(location: Location) -> bool:
     return sum(len(batch) for batch in obstore.list(location.obstore(), prefix="snapshots")) > 1
 
 
-def read_session(repository: icechunk.Repository, ref: str) -> icechunk.Session:
+def read_session(repository: icechunk.Repository, object_id: str, ref: str) -> icechunk.Session:
     """Open a read-only session at a branch, a version's name or a snapshot's id.
 
     Raises:
-        StoreError: the repository has no such branch, version or snapshot.
+        StoreError: the repository has no such branch, version or snapshot; DamagedError: another lies in its place.
     """
     try:
         if ref in ("main", "work"):
-            return repository.readonly_session(ref)
-        if re.fullmatch(r"v\d+", ref):
-            return repository.readonly_session(tag=ref)
-        return repository.readonly_session(snapshot_id=ref)
+            session = repository.readonly_session(ref)
+        elif re.fullmatch(r"v\d+", ref):
+            session = repository.readonly_session(tag=ref)
+        else:
+            session = repository.readonly_session(snapshot_id=ref)
     except (icechunk.RefNotFoundError, icechunk.InvalidInputError, ValueError) as error:
         raise StoreError(f"no version {ref!r} in this repository", "see `glint history`") from error
+    # The library does not compare a snapshot with the name of its file, and no seal lists what `work` holds.
+    if repository.lookup_snapshot(session.snapshot_id).id != session.snapshot_id:
+        raise index_damage("", object_id, f"another snapshot lies in the place of that of {ref}")
+    return session
 
 
 def version_names(repository: icechunk.Repository, object_id: str) -> list[str]:
@@ -144,7 +149,9 @@ def read_version(repository: icechunk.Repository, object_id: str, name: str) -> 
 
 def version_at(repository: icechunk.Repository, object_id: str, ref: str) -> Version | None:
     """Return the version that a branch, name or snapshot is, None if it is none; `work` never is."""
-    return None if ref == "work" else version_of(repository, object_id, read_session(repository, ref).snapshot_id)
+    return None if ref == "work" else version_of(
+        repository, object_id, read_session(repository, object_id, ref).snapshot_id
+    )
 
 
 def version_of(repository: icechunk.Repository, object_id: str, snapshot_id: str) -> Version | None:
@@ -180,7 +187,7 @@ def version_results(
     """
     seals = version.seals.get(capture, {})
     chosen = {stage: seal for stage, seal in seals.items() if stages is None or stage in stages}
-    return read_capture(read_session(repository, version.snapshot).store, object_id, capture, version.name, chosen)
+    return read_capture(read_session(repository, object_id, version.snapshot).store, object_id, capture, version.name, chosen)
 
 
 @contextmanager
