@@ -155,7 +155,7 @@ def test_an_input_that_was_another_for_a_while_is_read_again(context: CaptureCon
             path.write_bytes(whole)
         return StageOutput({"a": np.zeros(3)})
 
-    stage: Stage = replace(BY_NAME["mask"], run=run, files=("frames",), reads=())
+    stage: Stage = replace(BY_NAME["mask"], run=run, files=("frames",), reads=(), arrays={})
     assert not perform(context, stage, "key").cached
     assert len(runs) == 2
 
