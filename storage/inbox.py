@@ -157,8 +157,8 @@ class Inbox:
         kept = dict[str, tuple[Object, Submission]]()
         for submission in (item for item in submissions if not item.has_catalogue):
             with suppress(InputError):
-                found = self._catalogue(submission)
-                for item in () if isinstance(found, Catalogue) else found:
+                content = self._catalogue(submission)
+                for item in () if isinstance(content, Catalogue) else content:
                     kept.setdefault(item.id, (item, submission))
         return list(kept.values())
 

@@ -12,7 +12,7 @@ from glint.storage.errors import InputError
 
 SILENCE_SECONDS = 60.0
 """How long an input may give nothing: a tape or a sleeping disk answers within half of it."""
-READ_AHEAD = 2
+MAX_READY = 2
 """Items that are made before they are taken: frames, each as large as a picture."""
 _STOP_SECONDS = 0.05
 """Interval at which the end of a thread is awaited that has been stopped."""
@@ -50,14 +50,14 @@ def within_time[Result](function: Callable[[Callable[[], None]], Result], uri: s
 
 
 def items_within_time[Item](items: Iterable[Item], uri: str) -> Iterator[Item]:
-    """Yield items that are read from `uri`; they are made in a thread, at most READ_AHEAD before they are taken.
+    """Yield items that are read from `uri`; they are made in a thread, at most MAX_READY before they are taken.
 
     The thread is left behind if it hangs, else it ends before this does.
 
     Raises:
         InputError: no item has come for SILENCE_SECONDS; else what making them raises.
     """
-    ready = queue.Queue[tuple[Item | None, BaseException | None]](READ_AHEAD)
+    ready = queue.Queue[tuple[Item | None, BaseException | None]](MAX_READY)
     stopped = threading.Event()
 
     def work() -> None:
