@@ -20,17 +20,17 @@ MAX_ATTEMPTS = 5
 RECONNECT_TIMEOUT_SECONDS = 120.0
 
 _replacing = threading.Lock()
-_replaced = [-RECONNECT_TIMEOUT_SECONDS]
-"""Monotonic time at which this process last replaced a database: what began before may fail until so much later."""
+_is_replaced = threading.Event()
+"""Set once this process has replaced a damaged database: calls that began before it fail, however late they end."""
 
 
 def retry_on_disconnect[**P, R](call: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> R:
     """Call a flow or function; if the server becomes unreachable meanwhile, wait for it and call again.
 
-    So too if the database of Glint's own server is damaged: the server goes on with a new one.
+    If the database of Glint's own server is damaged, the server goes on with a new one.
 
     Raises:
-        ServerError: it does not answer in time, or became unreachable at every attempt.
+        ServerError: it does not answer in time, or became unreachable at every attempt, or lost its database.
     """
     for _ in range(MAX_ATTEMPTS):
         try:
@@ -38,10 +38,13 @@ def retry_on_disconnect[**P, R](call: Callable[P, R], /, *args: P.args, **kwargs
         except httpx.TransportError:
             wait_for_server()
         except (PrefectHTTPStatusError, ObjectNotFound):
-            # A new database does not know the runs that began in the old one.
+            # A new database does not know the runs that began in the old one, so these cannot go on.
             if not _replace_damaged_database():
                 raise
-            wait_for_server()
+            raise ServerError(
+                "the dashboard's database was damaged during the run; the dashboard begins anew, results are untouched",
+                "run again: what is finished is kept",
+            ) from None
     raise ServerError(
         f"the Prefect server went away {MAX_ATTEMPTS} times", "see that it has memory and disk, run again"
     )
@@ -65,20 +68,21 @@ def wait_for_server() -> None:
 
 
 def _replace_damaged_database() -> bool:
-    """Start Glint's own server with a new database if its own is damaged; return whether it was, a short time ago too.
+    """Start Glint's own server with a new database if its own is damaged; return whether it was, or has been before.
 
     The server keeps its address and password. Several threads may call this at once.
     """
     folder = server_folder()
+    state = read_state(folder)
+    if state is None or os.environ.get("PREFECT_API_URL", state.api_url).rstrip("/") != state.api_url:
+        return False
     with _replacing, locked(folder):
-        state = read_state(folder)
-        if state is None or os.environ.get("PREFECT_API_URL", state.api_url).rstrip("/") != state.api_url:
-            return False
+        state = read_state(folder) or state
         cause = damage(folder, is_up=is_alive(*state.process) and answers(state.api_url))
         if not cause:
-            return time.monotonic() - _replaced[0] < RECONNECT_TIMEOUT_SECONDS
+            return _is_replaced.is_set()
         stop(state)
         set_damaged_aside(folder, cause)
         spawn(folder, state)
-        _replaced[0] = time.monotonic()
+        _is_replaced.set()
     return True

@@ -10,7 +10,7 @@ from prefect import flow
 
 from glint.flows.errors import ServerError
 from glint.flows.runtime.prefect_server import start_server, stop_server
-from glint.flows.runtime.retry import MAX_ATTEMPTS, retry_on_disconnect
+from glint.flows.runtime.retry import MAX_ATTEMPTS, retry_on_disconnect, wait_for_server
 from glint.flows.runtime.server_database import damage
 
 pytestmark = [pytest.mark.server, pytest.mark.slow]
@@ -39,7 +39,7 @@ def test_flows_outlive_the_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         stop_server(tmp_path)
 
 
-def test_flows_outlive_the_database(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_database_damaged_under_a_flow_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("PREFECT_API_URL", "PREFECT_API_AUTH_STRING", "PREFECT_HOME"):
         monkeypatch.setenv(name, "")  # so that what the server sets is undone
         monkeypatch.delenv(name)
@@ -53,7 +53,10 @@ def test_flows_outlive_the_database(tmp_path: Path, monkeypatch: pytest.MonkeyPa
                 with path.open("r+b") as file:
                     file.seek(head)
                     file.write(b"\xa5" * (path.stat().st_size - head))
-            assert retry_on_disconnect(short, 2) == 3
+            with pytest.raises(ServerError, match="database was damaged during the run"):
+                retry_on_disconnect(short, 2)
+            wait_for_server()
+            assert retry_on_disconnect(short, 3) == 4
             assert "results are untouched" in server.notice()
             assert damage(database.parents[1], is_up=True) == ""
         assert len(list(database.parent.glob("prefect.db.damaged-*"))) >= 1
