@@ -2,7 +2,8 @@
 
 Each sub-folder is an object that follows the usual names (see `storage.catalogue.from_folder`), or holds a
 catalogue.yaml of its own. It may name its own files alone, and those of folders that are allowed. What has been checked
-is written into the store as a catalogue, so that nobody can change it before it runs.
+is written into the store as a catalogue, so that nobody can change it before it runs: one catalogue for each sub-folder
+that has its own, and one for all others, which keeps the finished ones too, for `glint verify --repair`.
 
 The name, size and entity tag of a sub-folder's files are recorded once a run has finished it; it is skipped until one
 of them changes. A sub-folder that failed is tried again.
@@ -11,6 +12,7 @@ of them changes. A sub-folder that failed is tried again.
 import json
 from collections import defaultdict
 from collections.abc import Collection, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
@@ -27,6 +29,8 @@ from glint.storage.seals import digest_of
 
 CATALOGUE = "catalogue.yaml"
 FINISHED = "finished.json"
+MAX_KEPT = 10_000
+"""Objects of finished sub-folders that the common catalogue keeps: so many are read within seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +118,9 @@ class Inbox:
         latest = (now or datetime.now(UTC)) - quiet_period
         submissions, finished = self.submissions(), self._finished()
         changed = [submission for submission in submissions if finished.get(submission.name) != submission.digest]
-        loose, batches, owners = list[Object](), list[Batch](), dict[str, Submission]()
+        kept = self._finished_objects([item for item in submissions if item not in changed])
+        owners = {item.id: submission for item, submission in kept}
+        loose, batches = list[Object](), list[Batch]()
         problems, empty = dict[str, str](), list[str]()
         for submission in (submission for submission in changed if submission.changed <= latest):
             try:
@@ -139,11 +145,22 @@ class Inbox:
                     loose += objects
         if loose:
             name = self.location.name or "inbox"
-            together = Catalogue.model_validate({"schema": 1, "name": name, "objects": tuple(loose)})
+            objects = (*loose, *(item for item, _ in kept[:MAX_KEPT]))
+            together = Catalogue.model_validate({"schema": 1, "name": name, "objects": objects})
             address = self._write_catalogue(together, CATALOGUE)
             batches.append(Batch(address, {item.id: owners[item.id] for item in loose}))
         waiting = tuple(submission.name for submission in changed if submission.changed > latest)
         return InboxScan(tuple(batches), problems, waiting, tuple(empty), len(submissions) - len(changed))
+
+    def _finished_objects(self, submissions: Sequence[Submission]) -> list[tuple[Object, Submission]]:
+        """Return the objects of sub-folders without a catalogue; what cannot be read any more is left out."""
+        kept = dict[str, tuple[Object, Submission]]()
+        for submission in (item for item in submissions if not item.has_catalogue):
+            with suppress(InputError):
+                content = self._catalogue(submission)
+                for item in () if isinstance(content, Catalogue) else content:
+                    kept.setdefault(item.id, (item, submission))
+        return list(kept.values())
 
     def finish(self, done: Collection[Submission]) -> None:
         """Record these sub-folders as finished, and drop the records of sub-folders that were removed.

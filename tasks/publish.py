@@ -1,9 +1,10 @@
 """Publishing: an object's newest results as a version, with everything that is needed to repeat it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
+from glint.storage.catalogue.confinement import resolved
 from glint.storage.errors import InputError, StoreError
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository, Version
@@ -41,6 +42,9 @@ def publish(works: Sequence[CaptureContext], run: str, catalogue: str, model: bo
 def check_catalogue(works: Sequence[CaptureContext], catalogue: str) -> None:
     """Check that an object's newest version is of this catalogue, or of the same videos, and of no other object.
 
+    Videos are the same if their content is, or their place: a file that was replaced is still that of its object, also
+    for a copy of the catalogue, as the inbox makes one.
+
     Raises:
         StoreError: another catalogue has published an object of this id from other videos.
     """
@@ -48,8 +52,7 @@ def check_catalogue(works: Sequence[CaptureContext], catalogue: str) -> None:
     names = repository.version_names()
     earlier = repository.version(names[-1]).metadata if names else {}
     owner, captures = earlier.get("catalogue") or catalogue, earlier.get("captures", {})
-    recorded = {name: facts.get("inputs", {}).get("frames") for name, facts in captures.items()}
-    if owner != catalogue and not any(_has_video(work, recorded.get(work.capture.id)) for work in works):
+    if owner != catalogue and not any(_is_same_video(work, captures.get(work.capture.id, {})) for work in works):
         raise StoreError(
             f"object {works[0].object_id} in {works[0].location.uri} was published from the catalogue {owner}, with "
             f"other videos than {catalogue} names",
@@ -57,9 +60,15 @@ def check_catalogue(works: Sequence[CaptureContext], catalogue: str) -> None:
         )
 
 
-def _has_video(work: CaptureContext, digest: str | None) -> bool:
-    """Return whether a capture's video has this digest; a video that cannot be read has none."""
+def _is_same_video(work: CaptureContext, recorded: Mapping[str, Any]) -> bool:
+    """Return whether a capture's video is the recorded one; one that cannot be read is not.
+
+    recorded: what a version holds of a capture, see `capture_provenance`.
+    """
+    address, digest = recorded.get("entry", {}).get("frames"), recorded.get("inputs", {}).get("frames")
     try:
+        if address is not None and resolved(Location.parse(address)) == resolved(Location.parse(work.capture.frames)):
+            return True
         return digest is not None and work.digest("frames") == digest
     except InputError:
         return False

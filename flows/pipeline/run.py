@@ -56,6 +56,7 @@ def run(
         from glint.flows.pipeline.catalogue import run_whole_catalogue
         from glint.flows.pipeline.context import activate
         from glint.flows.runtime.orphaned_runs import mark_orphaned_crashed, mark_own_crashed, tagged_with_process
+        from glint.flows.runtime.retry import retry_on_disconnect
 
         server.wait()
         if notice := server.notice():
@@ -65,8 +66,10 @@ def run(
             mark_orphaned_crashed()
             signals.raise_if_interrupted()
             with activate(cluster.client, console):
-                result = run_whole_catalogue(str(catalogue), store, only, rehash, drift, adopt)
+                result = retry_on_disconnect(run_whole_catalogue, str(catalogue), store, only, rehash, drift, adopt)
             mark_own_crashed()
+        if notice := server.notice():
+            console.emit(Message(notice))
         return Summary(result, server.link(f"runs/flow-run/{result.run}"))
 
 

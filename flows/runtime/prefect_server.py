@@ -192,7 +192,8 @@ def running_server(home: Path | None = None) -> Server | None:
 
 def server_damage(home: Path | None = None) -> str:
     """Return what is wrong with the database of Glint's own server, empty if it is whole or not in use."""
-    return "" if os.environ.get("PREFECT_API_URL") else damage(server_folder(home))
+    folder = server_folder(home)
+    return "" if _given_address(folder) else damage(folder)
 
 
 def stop_server(home: Path | None = None) -> bool:

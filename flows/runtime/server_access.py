@@ -4,9 +4,11 @@ The password is made with the server, and lies in the server's folder, which onl
 from their environment; a browser gets it in exchange for the token of a link, which can be used once.
 """
 
+import json
 import os
 import secrets
 from base64 import b64encode
+from contextlib import suppress
 from pathlib import Path
 
 from itsdangerous import BadSignature, TimestampSigner
@@ -73,11 +75,16 @@ def link(ui_url: str, authentication: str, page: str = "") -> str:
 
 
 class Tokens:
-    """The tokens of links that a server accepts: signed with its password, young enough, and not used before."""
+    """The tokens of links that a server accepts: signed with its password, young enough, and not used before.
 
-    def __init__(self, authentication: str) -> None:
-        self._signer = TimestampSigner(authentication, salt=_SALT)
+    record: file of the used ones, which a server that is started again with the same password reads; None: no file.
+    """
+
+    def __init__(self, authentication: str, record: Path | None = None) -> None:
+        self._signer, self._record = TimestampSigner(authentication, salt=_SALT), record
         self._used: dict[str, float] = {}
+        with suppress(OSError, ValueError, AttributeError):
+            self._used = dict(json.loads(record.read_text()) if record else {})
 
     def use(self, token: str, now: float) -> bool:
         """Return whether a token is good, and remember it as used; `now`: seconds, of any clock."""
@@ -89,4 +96,8 @@ class Tokens:
         if name in self._used:
             return False
         self._used[name] = now
+        if self._record is not None:
+            # Where nothing can be written, a used link is known until the server ends.
+            with suppress(OSError, ServerError):
+                write_private(self._record, json.dumps(self._used))
         return True

@@ -7,6 +7,7 @@ forbids pages to load anything from elsewhere, and opens the pages for the token
 
 import os
 import time
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -67,14 +68,18 @@ def create() -> ASGIApp:
 
     # Prefect mounts its second pages wherever their files are, whatever its settings say.
     prefect.__ui_v2_static_path__ = prefect.__ui_v2_static_path__ / "absent"
-    return guarded(create_app(final=True), origins, authentication)
+    home = os.environ.get("PREFECT_HOME")
+    return guarded(create_app(final=True), origins, authentication, Path(home) / "used-links.json" if home else None)
 
 
-def guarded(app: ASGIApp, origins: list[str], authentication: str) -> ASGIApp:
-    """Return an application that passes on to `app` what the server's own pages and its clients ask."""
+def guarded(app: ASGIApp, origins: list[str], authentication: str, record: Path | None = None) -> ASGIApp:
+    """Return an application that passes on to `app` what the server's own pages and its clients ask.
+
+    record: file of the links that were used, see `Tokens`.
+    """
     opening = Starlette(
         routes=[
-            Route(OPENING_PATH + "session", _session(Tokens(authentication), authentication), methods=["POST"]),
+            Route(OPENING_PATH + "session", _session(Tokens(authentication, record), authentication), methods=["POST"]),
             Route(OPENING_PATH + "open.js", lambda _: Response(_OPENING_SCRIPT, media_type="text/javascript")),
             Route(OPENING_PATH + "{page:path}", lambda _: HTMLResponse(_OPENING_PAGE)),
         ]

@@ -1,7 +1,7 @@
 """Read a video as footage: its luma plane, upright, full range."""
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import av
@@ -12,7 +12,7 @@ from glint.storage.footage.images import MAX_PIXELS
 from glint.storage.footage.luma import LumaConverter
 from glint.storage.footage.remote_file import RemoteFile
 from glint.storage.locations.location import Location
-from glint.storage.locations.time_limit import within_time
+from glint.storage.locations.time_limit import items_within_time, within_time
 
 MIN_KEYFRAMES = 8
 """Keyframes from which on they stand for the whole video."""
@@ -47,15 +47,7 @@ class Video:
     def __init__(self, location: Location) -> None:
         self.uri, self._location = location.uri, location
         self.warnings: list[str] = []
-        with contextlib.ExitStack() as stack:
-            container = stack.enter_context(_open(self._location))
-            first = next(self._decoded(container), None)
-            if first is None:
-                raise InputError(f"{self.uri} holds no frame that can be decoded", "record or copy it again")
-            stream = container.streams.video[0]
-            self.codec = stream.codec_context.name
-            self.count = _stated_count(container)
-            luma = LumaConverter(first)
+        luma = within_time(lambda step: self._read_head(), self.uri)
         self.bits = luma.bits
         self.height, self.width = luma.shape
 
@@ -70,8 +62,24 @@ class Video:
         """Yield luma (H, W) of frames start, start + step, ..; those between are decoded and dropped.
 
         Raises:
-            InputError: the file cannot be read, or its frames change their size.
+            InputError: the file cannot be read, gives nothing for a minute, or its frames change their size.
         """
+        for luma in items_within_time(self._frames(start, step), self.uri):
+            if luma is not None:
+                yield luma
+
+    def _read_head(self) -> LumaConverter:
+        """Read codec and stated number of frames; return the converter of the first frame."""
+        with _open(self._location) as container:
+            first = next(self._decoded(container), None)
+            if first is None:
+                raise InputError(f"{self.uri} holds no frame that can be decoded", "record or copy it again")
+            self.codec = container.streams.video[0].codec_context.name
+            self.count = _stated_count(container)
+            return LumaConverter(first)
+
+    def _frames(self, start: int, step: int) -> Iterator[np.ndarray | None]:
+        """Yield what `frames` does, and None for the frames between, which take their time too."""
         done, first_time, last_time = 0, None, 0.0
         warnings: list[str] = []
         with _open(self._location) as container:
@@ -86,6 +94,8 @@ class Video:
                             f"{self.uri} changes its size at frame {done}: {width} x {height}", "cut the video there"
                         )
                     yield converter.convert(frame)
+                else:
+                    yield None
                 if frame.time is not None:
                     first_time, last_time = frame.time if first_time is None else first_time, frame.time
                 done += 1
@@ -99,13 +109,16 @@ class Video:
 
         Keyframes are taken where there are enough of them, since they alone are decoded without those before them.
         """
-        frames = self._keyframes(count)
+        frames = within_time(lambda progress: self._keyframes(count, progress), self.uri)
         if len(frames) >= min(count, MIN_KEYFRAMES):
             return frames
         return list(self.frames(step=max(1, self.count // count) if self.count else UNKNOWN_LENGTH_STEP))
 
-    def _keyframes(self, count: int) -> list[np.ndarray]:
-        """Return the distinct keyframes at or before `count` moments spread evenly over the video."""
+    def _keyframes(self, count: int, progress: Callable[[], None]) -> list[np.ndarray]:
+        """Return the distinct keyframes at or before `count` moments spread evenly over the video.
+
+        progress: called after each of them.
+        """
         frames: dict[int, np.ndarray] = {}
         with _open(self._location) as container:
             stream = container.streams.video[0]
@@ -118,6 +131,7 @@ class Video:
                         return []
                     if frame.pts not in frames:
                         frames[frame.pts] = LumaConverter(frame).convert(frame)
+                    progress()
             except av.FFmpegError:
                 return []
         same_size = all(frame.shape == (self.height, self.width) for frame in frames.values())

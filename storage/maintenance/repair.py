@@ -66,9 +66,9 @@ def _reset_work(folder: Location, object_id: str) -> bool:
         if not names:
             return False
         newest = repository.lookup_tag(names[-1])
-        read_session(repository, newest)
+        read_session(repository, object_id, newest)
         repository.reset_branch("work", newest)
-        read_session(repository, "work")
+        read_session(repository, object_id, "work")
     except (icechunk.IcechunkError, DamagedError, StoreError):
         return False
     return True

@@ -57,7 +57,7 @@ def publish(
     """
     current = repair_main(repository, object_id)
     base = repository.lookup_branch("work")
-    work = read_session(repository, base).store
+    work = read_session(repository, object_id, base).store
     keys = {capture: stage_keys(work, capture) for capture in captures}
     published, rolled_back = (current.stages, current.rolled_back) if current else ({}, {})
     new = {

@@ -83,7 +83,7 @@ class ObjectRepository:
             if repository is None or (create and "work" not in repository.list_branches()):
                 with mutation_lock(location, object_id):
                     return cls(location, object_id, snapshots.open_or_create(folder, object_id))
-            check_layout(read_session(repository, "work").store, object_id, location.uri)
+            check_layout(read_session(repository, object_id, "work").store, object_id, location.uri)
             return cls(location, object_id, repository)
 
     def stage_key(self, capture: str, stage: str, ref: str = "work") -> str | None:
@@ -236,7 +236,7 @@ class ObjectRepository:
         return self._transaction("pruning versions", lambda: prune(self._repository, self.object_id, keep, dry_run))
 
     def _store(self, ref: str) -> Any:
-        return read_session(self._repository, ref).store
+        return read_session(self._repository, self.object_id, ref).store
 
     def _transaction[T](self, action: str, change: Callable[[], T]) -> T:
         return transaction(self.location, self.object_id, action, change)

@@ -7,6 +7,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import icechunk
 import obstore
@@ -20,6 +21,9 @@ from glint.storage.versions.stage_results import Keys, StageResult, read_capture
 # Every commit is a new snapshot of the whole object. With icechunk's default limits their cache takes a hundred
 # megabytes for each open object; only the newest snapshots are read again.
 _CONFIG = icechunk.RepositoryConfig(caching=icechunk.CachingConfig(num_snapshot_nodes=10_000, num_chunk_refs=100_000))
+
+_checked: WeakKeyDictionary[icechunk.Repository, set[str]] = WeakKeyDictionary()
+"""Snapshots whose files were compared with their names, by open repository: listing a large one takes milliseconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,20 +97,27 @@ def _lists_snapshots(location: Location) -> bool:
     return sum(len(batch) for batch in obstore.list(location.obstore(), prefix="snapshots")) > 1
 
 
-def read_session(repository: icechunk.Repository, ref: str) -> icechunk.Session:
+def read_session(repository: icechunk.Repository, object_id: str, ref: str) -> icechunk.Session:
     """Open a read-only session at a branch, a version's name or a snapshot's id.
 
     Raises:
-        StoreError: the repository has no such branch, version or snapshot.
+        StoreError: the repository has no such branch, version or snapshot; DamagedError: another lies in its place.
     """
+    kind = "branch" if ref in ("main", "work") else "tag" if re.fullmatch(r"v\d+", ref) else "snapshot_id"
     try:
-        if ref in ("main", "work"):
-            return repository.readonly_session(ref)
-        if re.fullmatch(r"v\d+", ref):
-            return repository.readonly_session(tag=ref)
-        return repository.readonly_session(snapshot_id=ref)
+        session = repository.readonly_session(**{kind: ref})
     except (icechunk.RefNotFoundError, icechunk.InvalidInputError, ValueError) as error:
         raise StoreError(f"no version {ref!r} in this repository", "see `glint history`") from error
+    _check_place(repository, object_id, session.snapshot_id)
+    return session
+
+
+def _check_place(repository: icechunk.Repository, object_id: str, snapshot_id: str) -> None:
+    """Raise DamagedError if a snapshot's file is another's: the library does not look, and `work` has no seals."""
+    checked = _checked.setdefault(repository, set())
+    if snapshot_id not in checked and repository.inspect_snapshot(snapshot_id)["id"] != snapshot_id:
+        raise index_damage("", object_id, f"another snapshot lies in the place of {snapshot_id}")
+    checked.add(snapshot_id)
 
 
 def version_names(repository: icechunk.Repository, object_id: str) -> list[str]:
@@ -144,7 +155,9 @@ def read_version(repository: icechunk.Repository, object_id: str, name: str) -> 
 
 def version_at(repository: icechunk.Repository, object_id: str, ref: str) -> Version | None:
     """Return the version that a branch, name or snapshot is, None if it is none; `work` never is."""
-    return None if ref == "work" else version_of(repository, object_id, read_session(repository, ref).snapshot_id)
+    if ref == "work":
+        return None
+    return version_of(repository, object_id, read_session(repository, object_id, ref).snapshot_id)
 
 
 def version_of(repository: icechunk.Repository, object_id: str, snapshot_id: str) -> Version | None:
@@ -180,7 +193,9 @@ def version_results(
     """
     seals = version.seals.get(capture, {})
     chosen = {stage: seal for stage, seal in seals.items() if stages is None or stage in stages}
-    return read_capture(read_session(repository, version.snapshot).store, object_id, capture, version.name, chosen)
+    return read_capture(
+        read_session(repository, object_id, version.snapshot).store, object_id, capture, version.name, chosen
+    )
 
 
 @contextmanager

@@ -22,7 +22,7 @@ from zarr.codecs import Crc32cCodec
 from glint.storage import seals
 from glint.storage.frames import cache, ingest
 from glint.storage.frames.shard_checksums import ShardStore
-from glint.storage.versions import checksums
+from glint.storage.versions import checksums, snapshots
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.publish import publish
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
@@ -31,6 +31,7 @@ from tests.tasks.make_context import make_context, perform_all
 
 TIMED = (
     (checksums, "checksum"),
+    (snapshots, "_check_place"),
     (seals, "_seal_of"),
     (cache, "metadata_digests"),
     (ingest, "metadata_digests"),

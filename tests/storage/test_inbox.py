@@ -82,6 +82,25 @@ def test_two_sub_folders_never_share_an_object(inbox: Inbox) -> None:
     assert scan.problems == {"wine-glass": "contains the object wine-glass, as Wine Glass does: rename one of them"}
 
 
+def test_a_later_sub_folder_never_takes_an_object_of_a_finished_one(inbox: Inbox) -> None:
+    put(inbox, "wine-glass/b.mp4")
+    finish(inbox, inbox.scan(AT_ONCE))
+    put(inbox, "Wine Glass/a.mp4", "cup/a.mp4")
+    scan = inbox.scan(AT_ONCE)
+    assert objects(scan) == {"cup"}
+    assert scan.problems == {"Wine Glass": "contains the object wine-glass, as wine-glass does: rename one of them"}
+
+
+def test_the_common_catalogue_keeps_what_is_finished(inbox: Inbox) -> None:
+    put(inbox, "duck/video.mp4", "gone/video.mp4")
+    finish(inbox, inbox.scan(AT_ONCE))
+    (Path(inbox.location.path) / "gone" / "video.mp4").unlink()
+    put(inbox, "fish/video.mp4")
+    (batch,) = inbox.scan(AT_ONCE).batches
+    assert set(batch.submissions) == {"fish"}
+    assert {item.id for item in load(batch.catalogue).objects} == {"duck", "fish"}
+
+
 def test_records_of_removed_sub_folders_are_dropped(inbox: Inbox) -> None:
     put(inbox, "duck/video.mp4", "fish/video.mp4")
     finish(inbox, inbox.scan(AT_ONCE))

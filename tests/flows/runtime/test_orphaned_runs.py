@@ -38,23 +38,38 @@ with server.connected(), tagged_with_process():
 """
 
 
-def states_of(server: Server, kind: str, tag: str) -> list[str]:
+def runs_of(server: Server, kind: str, tag: str) -> list[dict[str, Any]]:
     asked = {f"{kind}s": {"tags": {"all_": [tag]}}}
     found: list[dict[str, Any]] = ask(f"{server.api_url}/{kind}s/filter", asked)
-    return sorted(each["state"]["type"] for each in found)
+    return found
 
 
-def test_runs_of_a_killed_process_are_closed(server: Server, glint_home: Path, tmp_path: Path) -> None:
-    (tmp_path / "run.py").write_text(RUN)
+def states_of(server: Server, kind: str, tag: str) -> list[str]:
+    return sorted(each["state"]["type"] for each in runs_of(server, kind, tag))
+
+
+def waiting_states(server: Server, tag: str) -> list[str]:
+    """States of the runs of the task `wait`; the run of the flow inside is a task run too."""
+    return [each["state"]["type"] for each in runs_of(server, "task_run", tag) if each["name"].startswith("wait")]
+
+
+def started(glint_home: Path, folder: Path) -> "subprocess.Popen[str]":
+    """Start the flows of RUN; return their process when its task runs."""
+    (folder / "run.py").write_text(RUN)
     process = subprocess.Popen(
-        [sys.executable, str(tmp_path / "run.py"), str(glint_home)], stdout=subprocess.PIPE, text=True
+        [sys.executable, str(folder / "run.py"), str(glint_home)], stdout=subprocess.PIPE, text=True
     )
     assert process.stdout is not None
     assert process.stdout.readline() == "ready\n"
+    return process
+
+
+def test_runs_of_a_killed_process_are_closed(server: Server, glint_home: Path, tmp_path: Path) -> None:
+    process = started(glint_home, tmp_path)
     tag = _tag(process.pid)
     assert states_of(server, "flow_run", tag) == ["RUNNING", "RUNNING"]
     deadline = time.monotonic() + 30
-    while "RUNNING" not in states_of(server, "task_run", tag):
+    while waiting_states(server, tag) != ["RUNNING"]:
         assert time.monotonic() < deadline, "the task was never recorded"
         time.sleep(0.1)
     mark_orphaned_crashed()
@@ -65,6 +80,21 @@ def test_runs_of_a_killed_process_are_closed(server: Server, glint_home: Path, t
     assert states_of(server, "flow_run", tag) == ["CRASHED", "CRASHED"]
     assert set(states_of(server, "task_run", tag)) == {"CRASHED"}
     assert mark_orphaned_crashed() == 0
+
+
+def test_what_is_recorded_after_the_kill_is_closed_by_the_next_run(
+    server: Server, glint_home: Path, tmp_path: Path
+) -> None:
+    process = started(glint_home, tmp_path)
+    tag = _tag(process.pid)
+    process.kill()
+    process.wait(20)
+    mark_orphaned_crashed()
+    assert states_of(server, "flow_run", tag) == ["CRASHED", "CRASHED"]
+    # Events are recorded each second, also those that were sent before the kill.
+    time.sleep(5.0)
+    mark_orphaned_crashed()
+    assert set(states_of(server, "task_run", tag)) <= {"CRASHED"}
 
 
 def test_only_processes_of_this_machine_are_judged() -> None:

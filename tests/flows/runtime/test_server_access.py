@@ -101,7 +101,7 @@ def test_a_wrong_password_for_a_given_server_is_reported(
         ensure_server(tmp_path)
 
 
-def test_a_token_is_good_once_and_not_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_token_is_good_once_and_not_for_ever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     token = link("http://127.0.0.1:4200", "glint:secret", "runs").partition("#")[2]
     assert "secret" not in token
     tokens = Tokens("glint:secret")
@@ -110,6 +110,12 @@ def test_a_token_is_good_once_and_not_for_ever(monkeypatch: pytest.MonkeyPatch) 
     assert not Tokens("glint:other").use(token, now=0.0)
     for wrong in ("", "a.b.c", token[:-1], "\N{SNOWMAN}"):
         assert not Tokens("glint:secret").use(wrong, now=0.0)
+    record = tmp_path / "used.json"
+    assert Tokens("glint:secret", record).use(token, now=0.0)
+    assert record.stat().st_mode & 0o777 == 0o600
+    assert not Tokens("glint:secret", record).use(token, now=1.0)  # as after a new start of the server
+    record.write_text("[")
+    assert Tokens("glint:secret", record).use(token, now=0.0)
     monkeypatch.setattr(server_access, "LINK_SECONDS", -1)
     assert not Tokens("glint:secret").use(token, now=0.0)
 

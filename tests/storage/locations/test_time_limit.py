@@ -1,23 +1,29 @@
 """Inputs that never answer, or are far too large: refused in time, by their head, with progress."""
 
 import os
+import select
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from glint.flows.reporting import input_reading
 from glint.flows.reporting.events import Event, Message
 from glint.storage.catalogue.loading import load
 from glint.storage.errors import InputError
+from glint.storage.footage.video import Video
 from glint.storage.inputs.digests import content_digest
 from glint.storage.inputs.lp_file import read_lights
 from glint.storage.locations import time_limit
 from glint.storage.locations.location import Location
-from glint.storage.locations.time_limit import within_time
+from glint.storage.locations.time_limit import items_within_time, within_time
+from tests.storage.footage.videos import write_video
 
 HOLDER = """
 import fcntl, os, signal, sys, time
@@ -71,6 +77,64 @@ def test_what_goes_on_slowly_is_not_given_up(monkeypatch: pytest.MonkeyPatch) ->
     assert within_time(slow, "tape") == "read"
     with pytest.raises(ZeroDivisionError):
         within_time(lambda step: 1 // 0, "tape")
+
+
+def test_items_come_in_order_and_their_end_and_errors_too() -> None:
+    assert list(items_within_time(iter(range(100)), "tape")) == list(range(100))
+
+    def broken() -> Iterator[int]:
+        yield 1
+        raise ZeroDivisionError
+
+    taken = items_within_time(broken(), "tape")
+    assert next(taken) == 1
+    with pytest.raises(ZeroDivisionError):
+        next(taken)
+
+
+def test_what_makes_items_ends_when_no_more_are_taken() -> None:
+    closed = threading.Event()
+
+    def endless() -> Iterator[int]:
+        try:
+            while True:
+                yield 1
+        finally:
+            closed.set()
+
+    taken = items_within_time(endless(), "tape")
+    assert next(taken) == 1
+    taken.close()  # type: ignore[attr-defined]
+    assert closed.is_set()
+    assert not any(thread.name == "reading tape" and thread.is_alive() for thread in threading.enumerate())
+
+
+def test_a_video_that_hangs_while_it_is_decoded_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    frames = list(np.random.default_rng(0).integers(0, 255, (60, 80, 100), np.uint8))
+    data = write_video(tmp_path / "whole.mkv", frames, "ffv1", "gray").read_bytes()
+    pipe = tmp_path / "stalled.mkv"
+    os.mkfifo(pipe)
+
+    def write_half() -> None:
+        """Give who opens the pipe half of the video, and then nothing, as a mount whose server goes away."""
+        while not ended.is_set():
+            with suppress(OSError), pipe.open("wb", buffering=0) as stream:
+                stream.write(data[: len(data) // 2])
+                poll = select.poll()
+                poll.register(stream, 0)
+                poll.poll(20_000)  # until its reader closes it
+
+    ended = threading.Event()
+    threading.Thread(target=write_half, daemon=True).start()
+    monkeypatch.setattr(time_limit, "SILENCE_SECONDS", 3.0)
+    video = Video(Location.parse(pipe))
+    taken = video.frames()
+    assert next(taken).shape == (80, 100)
+    started = time.monotonic()
+    with pytest.raises(InputError, match=r"stalled.mkv has given nothing for 3 s"):
+        list(taken)
+    ended.set()
+    assert time.monotonic() - started < 60
 
 
 def test_progress_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

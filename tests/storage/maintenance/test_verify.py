@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import icechunk
 import pytest
 
 from glint.storage.errors import DamagedError, StoreError
@@ -9,7 +10,7 @@ from glint.storage.locations.location import Location
 from glint.storage.maintenance.repair import repair
 from glint.storage.maintenance.verify import Damage, verify_store
 from glint.storage.versions.repository import ObjectRepository
-from tests.damage.damage import build
+from tests.damage.damage import build, problems, served
 
 
 @pytest.fixture
@@ -64,6 +65,20 @@ def test_a_lost_index_is_named_and_restored_from_its_newest_copy(store: Path) ->
         assert repair(location, (found,)) == ["restored the index of vase as it was before its last change"]
         assert ObjectRepository.open(location, "vase").version_names() == before
         assert verify_store(location).damages == ()
+
+
+def test_a_snapshot_in_the_place_of_another_is_never_read(store: Path, tmp_path: Path) -> None:
+    everything = served(store, ["work"], ["vase"], tmp_path)
+    index = icechunk.Repository.open(Location.parse(store).child("objects", "vase", "repo").icechunk_storage())
+    folder = store / "objects" / "vase" / "repo" / "snapshots"
+    newest = folder / index.lookup_branch("work")
+    noticed, earlier = 0, [path for path in folder.iterdir() if path != newest]
+    for path in earlier:
+        newest.write_bytes(path.read_bytes())
+        after = served(store, ["work"], ["vase"], tmp_path)
+        assert problems(everything, after) == [], path.name
+        noticed += any(isinstance(value, DamagedError) for value in after.values())
+    assert noticed == len(earlier) > 5
 
 
 def test_damaged_frames_are_found_on_request_and_removed(store: Path) -> None:

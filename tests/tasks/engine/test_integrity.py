@@ -201,4 +201,11 @@ def test_an_object_belongs_to_one_catalogue(
     with pytest.raises(StoreError, match=r"published from the catalogue /a/catalogue.yaml.*--adopt"):
         check_catalogue([replace(context, capture=capture)], "/b/catalogue.yaml")
     check_catalogue([replace(context, capture=capture)], "/a/catalogue.yaml")
+    # So is a copy of the catalogue, as the inbox makes one, when the video was replaced or is named by a link.
+    shutil.copy(other, str(context.file("frames")))
+    link = tmp_path / "link.mkv"
+    link.symlink_to(str(context.file("frames")))
+    for address in (context.capture.frames, str(link)):
+        replaced = replace(context, capture=context.capture.model_copy(update={"frames": address}))
+        check_catalogue([replaced], "/store/inbox/catalogue.yaml")
     assert load_catalogue(scene).objects
