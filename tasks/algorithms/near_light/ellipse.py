@@ -12,7 +12,9 @@ from dataclasses import replace
 import numpy as np
 from scipy import ndimage, special
 
-from glint.tasks.algorithms.lighting.contour import SCORE_DEVIATION, EdgeEvidence, edge_evidence, log_frames
+from glint.tasks.algorithms.lighting.circles import EdgeEvidence
+from glint.tasks.algorithms.lighting.contour import SCORE_DEVIATION, edge_evidence
+from glint.tasks.algorithms.lighting.pyramid import log_frames
 from glint.tasks.algorithms.lighting.spheres import Sphere
 
 SMOOTHING_SAMPLES = 1.0
