@@ -39,7 +39,7 @@ STAGES = (
         catalogue_keys=("spheres", "region", "pixel_size", "camera"),
         files=("frames", "mask", "lights"),
         progress_unit="frames",
-        version=2,
+        version=3,
     ),
     Stage(
         "frames",
@@ -67,7 +67,7 @@ STAGES = (
         },
         peak_bytes=_per_pixel(400),
         progress_unit="spheres",
-        version=4,
+        version=5,
     ),
     Stage(
         "mask",

@@ -16,7 +16,7 @@ from glint.tasks.algorithms.lighting.coverage import (
     coverage,
     gaps_message,
 )
-from glint.tasks.algorithms.lighting.focal_length import estimate_focal_length
+from glint.tasks.algorithms.lighting.focal_length import estimate_focal_length, measure_elongation
 from glint.tasks.algorithms.lighting.highlights import measure_highlights, static_background
 from glint.tasks.algorithms.lighting.lights import (
     ACCEPTED,
@@ -50,12 +50,10 @@ OBJECT_BLOCK_FRAMES = 128
 """Frames of the object that are held at once."""
 MAX_BEFORE_OBJECT_SHARE = 0.2
 """Share of the frames beyond which a bright border is no light before the object but an overexposed background."""
-MIN_ELONGATION_PX = 1.0
-"""Pixels by which an ellipse's half axes must differ at the focal length that it suggests: less is no evidence."""
 MAX_REFLECTION_SHARDS = 50
 """Most shards from which a sphere's static reflection is taken."""
-MAX_ELLIPSE_DEVIATION_RATIO = 0.01
-"""Standard deviation of a sphere's centre, in radii, from which its misfit may look like an ellipse."""
+MAX_ELLIPSE_SHARDS, ELLIPSE_FRAME_STEP = 12, 16
+"""Most shards, and the step between their frames, in which a sphere's elongation is measured."""
 
 
 def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
@@ -185,9 +183,9 @@ def _with_unknown_camera(
 def _focal_length_of_ellipses(inputs: StageInputs, geometry: CaptureGeometry) -> tuple[Sphere, float] | None:
     """Return the first sphere whose contour shows a near camera, and the focal length in pixels."""
     width, height = geometry.frame_size
+    cache = open_frames(inputs)
+    shards = spread_shards(cache.frames, MAX_ELLIPSE_SHARDS)
     for number, sphere in enumerate(geometry.spheres):
-        if sphere.centre_sd > MAX_ELLIPSE_DEVIATION_RATIO * sphere.radius:
-            continue
         crop = geometry.crops[sphere_name(number)]
         background, peak = load_levels(inputs, sphere_name(number))
         middle = (width - 1) / 2 - crop.x, (height - 1) / 2 - crop.y
@@ -195,8 +193,12 @@ def _focal_length_of_ellipses(inputs: StageInputs, geometry: CaptureGeometry) ->
         if focal is None:
             continue
         offset = np.hypot(sphere.x - (width - 1) / 2, sphere.y - (height - 1) / 2) / (focal * width)
-        # The long half axis of a sphere at an angle from the axis exceeds the short one by 1 / cos.
-        if sphere.radius * (np.hypot(1.0, offset) - 1.0) > MIN_ELONGATION_PX:
+        frames = np.concatenate(
+            [cache.read(sphere_name(number), slice(start, start + 64))[::ELLIPSE_FRAME_STEP] for start in shards]
+        )
+        levels = frames * np.float32(1.0 if frames.dtype == np.uint8 else 1.0 / 257.0)
+        elongation = measure_elongation(levels, sphere.in_crop(crop.x, crop.y), middle)
+        if elongation.near_camera_nats(float(offset)) > 0.0:
             return sphere, focal * width
     return None
 
