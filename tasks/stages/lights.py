@@ -54,6 +54,9 @@ MAX_REFLECTION_SHARDS = 50
 """Most shards from which a sphere's static reflection is taken."""
 MAX_ELLIPSE_SHARDS, ELLIPSE_FRAME_STEP = 12, 16
 """Most shards, and the step between their frames, in which a sphere's elongation is measured."""
+MIN_NEAR_CAMERA_NATS = 0.2
+"""Log-likelihood ratio of a near camera by a sphere's elongation from which the ellipse is believed: small, since the
+deviations are about twice the errors that were measured."""
 
 
 def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
@@ -198,7 +201,7 @@ def _focal_length_of_ellipses(inputs: StageInputs, geometry: CaptureGeometry) ->
         )
         levels = frames * np.float32(1.0 if frames.dtype == np.uint8 else 1.0 / 257.0)
         elongation = measure_elongation(levels, sphere.in_crop(crop.x, crop.y), middle)
-        if elongation.near_camera_nats(float(offset)) > 0.0:
+        if elongation.near_camera_nats(float(offset)) > MIN_NEAR_CAMERA_NATS:
             return sphere, focal * width
     return None
 
