@@ -54,6 +54,9 @@ MAX_REFLECTION_SHARDS = 50
 """Most shards from which a sphere's static reflection is taken."""
 MAX_ELLIPSE_SHARDS, ELLIPSE_FRAME_STEP = 12, 16
 """Most shards, and the step between their frames, in which a sphere's elongation is measured."""
+MIN_ELONGATION_PX = 1.0
+"""Pixels by which an ellipse's half axes must differ at the focal length that it suggests: a shadow beside a sphere
+makes a circle seem elongated by up to 0.7."""
 MIN_NEAR_CAMERA_NATS = 0.2
 """Log-likelihood ratio of a near camera by a sphere's elongation from which the ellipse is believed: small, since the
 deviations are about twice the errors that were measured."""
@@ -196,6 +199,9 @@ def _focal_length_of_ellipses(inputs: StageInputs, geometry: CaptureGeometry) ->
         if focal is None:
             continue
         offset = np.hypot(sphere.x - (width - 1) / 2, sphere.y - (height - 1) / 2) / (focal * width)
+        # The long half axis of a sphere at an angle from the axis exceeds the short one by 1 / cos.
+        if sphere.radius * (np.hypot(1.0, offset) - 1.0) < MIN_ELONGATION_PX:
+            continue
         frames = np.concatenate(
             [cache.read(sphere_name(number), slice(start, start + 64))[::ELLIPSE_FRAME_STEP] for start in shards]
         )
