@@ -16,7 +16,7 @@ from glint.tasks.algorithms.lighting.coverage import (
     coverage,
     gaps_message,
 )
-from glint.tasks.algorithms.lighting.focal_length import estimate_focal_length, measure_elongation
+from glint.tasks.algorithms.lighting.focal_length import focal_length_of_ellipse, measure_elongation
 from glint.tasks.algorithms.lighting.highlights import measure_highlights, static_background
 from glint.tasks.algorithms.lighting.lights import (
     ACCEPTED,
@@ -54,12 +54,6 @@ MAX_REFLECTION_SHARDS = 50
 """Most shards from which a sphere's static reflection is taken."""
 MAX_ELLIPSE_SHARDS, ELLIPSE_FRAME_STEP = 12, 16
 """Most shards, and the step between their frames, in which a sphere's elongation is measured."""
-MIN_ELONGATION_PX = 1.0
-"""Pixels by which an ellipse's half axes must differ at the focal length that it suggests: a shadow beside a sphere
-makes a circle seem elongated by up to 0.7."""
-MIN_NEAR_CAMERA_NATS = 0.2
-"""Log-likelihood ratio of a near camera by a sphere's elongation from which the ellipse is believed: small, since the
-deviations are about twice the errors that were measured."""
 
 
 def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
@@ -195,19 +189,15 @@ def _focal_length_of_ellipses(inputs: StageInputs, geometry: CaptureGeometry) ->
         crop = geometry.crops[sphere_name(number)]
         background, peak = load_levels(inputs, sphere_name(number))
         middle = (width - 1) / 2 - crop.x, (height - 1) / 2 - crop.y
-        focal = estimate_focal_length(background, peak, sphere.in_crop(crop.x, crop.y), middle, width)
-        if focal is None:
-            continue
-        offset = np.hypot(sphere.x - (width - 1) / 2, sphere.y - (height - 1) / 2) / (focal * width)
-        # The long half axis of a sphere at an angle from the axis exceeds the short one by 1 / cos.
-        if sphere.radius * (np.hypot(1.0, offset) - 1.0) < MIN_ELONGATION_PX:
-            continue
         frames = np.concatenate(
             [cache.read(sphere_name(number), slice(start, start + 64))[::ELLIPSE_FRAME_STEP] for start in shards]
         )
         levels = frames * np.float32(1.0 if frames.dtype == np.uint8 else 1.0 / 257.0)
-        elongation = measure_elongation(levels, sphere.in_crop(crop.x, crop.y), middle)
-        if elongation.near_camera_nats(float(offset)) > MIN_NEAR_CAMERA_NATS:
+        in_crop = sphere.in_crop(crop.x, crop.y)
+        focal = focal_length_of_ellipse(
+            background, peak, measure_elongation(levels, in_crop, middle), in_crop, middle, width
+        )
+        if focal is not None:
             return sphere, focal * width
     return None
 

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.lighting.focal_length import measure_elongation
+from glint.tasks.algorithms.lighting.focal_length import focal_length_of_ellipse, measure_elongation
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from tests.tasks.algorithms.lighting.chrome_sphere import light_direction, sphere_frame
 
@@ -35,3 +35,12 @@ def test_only_an_ellipse_towards_the_centre_speaks_for_a_near_camera() -> None:
     assert measure_elongation(_frames(0.06), SPHERE, TO_THE_LEFT).near_camera_nats(0.5) > 2.0
     assert measure_elongation(_frames(0.0), SPHERE, TO_THE_LEFT).near_camera_nats(0.5) < -2.0
     assert measure_elongation(_frames(0.06), SPHERE, (80.0, 400.0)).near_camera_nats(0.5) < -2.0
+
+
+@pytest.mark.parametrize(("elongation", "expected"), [(0.0, None), (0.06, 0.98)])
+def test_the_focal_length_is_that_of_the_elongation(elongation: float, expected: float | None) -> None:
+    frames = _frames(elongation)
+    measured = measure_elongation(frames, SPHERE, TO_THE_LEFT)
+    levels = np.median(frames, axis=0), np.max(frames, axis=0)
+    focal = focal_length_of_ellipse(*levels, measured, SPHERE, TO_THE_LEFT, 600.0)
+    assert focal is None if expected is None else focal == pytest.approx(expected, rel=0.25)
