@@ -100,7 +100,9 @@ def focal_length_of_ellipse(
     return focal if elongation.near_camera_nats(offset / focal) > MIN_NEAR_CAMERA_NATS else None
 
 
-def measure_elongation(frames: Sequence[np.ndarray], sphere: Sphere, frame_centre: tuple[float, float]) -> Elongation:
+def measure_elongation(
+    frames: Sequence[np.ndarray] | np.ndarray, sphere: Sphere, frame_centre: tuple[float, float]
+) -> Elongation:
     """Measure the elongation of a sphere's contour in many frames.
 
     The best ellipse of each elongation is scored by the mean evidence along it, as circles are in `contour`.
