@@ -43,11 +43,12 @@ ELLIPSE_MARGIN_RATIO = 0.45
 MIN_ELONGATION_PX = 1.0
 """Pixels by which an ellipse's half axes must differ at the focal length that it suggests: a shadow beside a sphere
 makes a circle seem elongated by up to 0.7."""
-MIN_NEAR_CAMERA_NATS = 0.2
-"""Log-likelihood ratio of a near camera by a sphere's elongation from which the ellipse is believed: small, since the
-deviations are about twice the errors that were measured."""
+MIN_NEAR_CAMERA_NATS = -2.0
+"""Log-likelihood ratio of a near camera by a sphere's elongation up to which the elongation contradicts the ellipse."""
+MAX_CENTRE_DEVIATION_RATIO = 0.01
+"""Standard deviation of a sphere's centre, in radii, from which its misfit may look like an ellipse."""
 MIN_ELLIPSE_NATS = 2.0
-"""The same against any camera, from which the elongation alone is believed: of 24 round contours none exceeds 1.4."""
+"""The same of the best focal length, from which the elongation alone is believed: of 24 round contours none exceeds 1.4."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +95,8 @@ def focal_length_of_ellipse(
     if elongation.nats > MIN_ELLIPSE_NATS and 2.0 * elongation.value * sphere.radius > MIN_ELONGATION_PX:
         # The long half axis of a sphere at an angle from the axis exceeds the short one by 1 / cos.
         return offset / float(np.sqrt((1.0 + 2.0 * elongation.value) ** 2 - 1.0))
+    if sphere.centre_sd > MAX_CENTRE_DEVIATION_RATIO * sphere.radius:
+        return None
     focal = estimate_focal_length(background, peak, sphere, frame_centre, width)
     if focal is None or sphere.radius * (np.hypot(1.0, offset / focal) - 1.0) < MIN_ELONGATION_PX:
         return None
