@@ -48,7 +48,7 @@ MIN_NEAR_CAMERA_NATS = -2.0
 MAX_CENTRE_DEVIATION_RATIO = 0.01
 """Standard deviation of a sphere's centre, in radii, from which its misfit may look like an ellipse."""
 MIN_ELLIPSE_NATS = 2.0
-"""The same of the best focal length, from which the elongation alone is believed: of 24 round contours none exceeds 1.4."""
+"""The same of the best focal length, from which the elongation alone is believed: 24 round contours show up to 1.4."""
 
 
 @dataclass(frozen=True, slots=True)
