@@ -45,8 +45,6 @@ MIN_ELONGATION_PX = 1.0
 makes a circle seem elongated by up to 0.7."""
 MIN_NEAR_CAMERA_NATS = -2.0
 """Log-likelihood ratio of a near camera by a sphere's elongation up to which the elongation contradicts the ellipse."""
-MAX_CENTRE_DEVIATION_RATIO = 0.01
-"""Standard deviation of a sphere's centre, in radii, from which its misfit may look like an ellipse."""
 MIN_ELLIPSE_NATS = 2.0
 """The same of the best focal length, from which the elongation alone is believed: 24 round contours show up to 1.4."""
 
@@ -95,8 +93,6 @@ def focal_length_of_ellipse(
     if elongation.nats > MIN_ELLIPSE_NATS and 2.0 * elongation.value * sphere.radius > MIN_ELONGATION_PX:
         # The long half axis of a sphere at an angle from the axis exceeds the short one by 1 / cos.
         return offset / float(np.sqrt((1.0 + 2.0 * elongation.value) ** 2 - 1.0))
-    if sphere.centre_sd > MAX_CENTRE_DEVIATION_RATIO * sphere.radius:
-        return None
     focal = estimate_focal_length(background, peak, sphere, frame_centre, width)
     if focal is None or sphere.radius * (np.hypot(1.0, offset / focal) - 1.0) < MIN_ELONGATION_PX:
         return None
