@@ -29,7 +29,10 @@ MIN_RIGHT_SHARE = 0.95
 MAX_WARNED_SHARE = 0.05
 """Share of the mask that may be confident, and wrong, where a warning names the cause."""
 
-Outcome = Literal["ok", "warned", "SILENT"]
+MIN_CONFIDENT_SHARE = 0.005
+"""Share of the mask below which nothing counts as confident: single pixels show no share that is right."""
+
+Outcome = Literal["ok", "warned", "nothing confident", "SILENT"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,14 +134,16 @@ def outcome(cell: Cell, baseline: Cell | None) -> Outcome:
     """Return how a cell ends.
 
     warned: the capture is refused, or a warning names the cause and less than MAX_WARNED_SHARE of the mask is
-    confident; ok: nothing is confident, or MIN_RIGHT_SHARE of what is confident is right; SILENT: else, as it passes as
-    right.
+    confident; nothing confident: less than MIN_CONFIDENT_SHARE is; ok: MIN_RIGHT_SHARE of what is confident is right;
+    SILENT: else, as it passes as right.
 
     baseline: the unperturbed cell of the capture.
     """
     if cell.refusal or (named_causes(cell, baseline) and cell.confident_share < MAX_WARNED_SHARE):
         return "warned"
-    return "ok" if np.isnan(cell.right_share) or cell.right_share >= MIN_RIGHT_SHARE else "SILENT"
+    if cell.confident_share < MIN_CONFIDENT_SHARE:
+        return "nothing confident"
+    return "ok" if cell.right_share >= MIN_RIGHT_SHARE else "SILENT"
 
 
 def baselines(cells: Sequence[Cell]) -> Mapping[str, Cell]:

@@ -6,10 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from glint.storage.frames.cache import FrameCache
-from glint.tasks.algorithms.lighting.focal_length import estimate_focal_length
+from glint.tasks.algorithms.lighting.focal_length import focal_length_of_ellipse, measure_elongation
 from glint.tasks.algorithms.lighting.lights import Lights
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from glint.tasks.algorithms.near_light.ellipse import is_confirmed_ellipse
 from glint.tasks.algorithms.near_light.focal_length_of_parallax import focal_length_of_parallax
 from glint.tasks.algorithms.near_light.half_vector_error import unknown_camera_error
 from glint.tasks.algorithms.near_light.positions import mean_distance
@@ -19,14 +18,10 @@ from glint.tasks.stages.capture_geometry import CaptureGeometry, sphere_name
 from glint.tasks.stages.frames import load_levels, spread_shards
 from glint.tasks.stages.light_distance import DistanceResult, region_pixels
 
-MIN_ELONGATION_PX = 1.0
-"""Pixels by which an ellipse's half axes must differ at the focal length that it suggests: less is no evidence."""
 MIN_CAMERA_COST_DEG = 1.0
 """Usual error, by a camera that may be as near as the light, below which there is no warning."""
-ELLIPSE_SHARDS, ELLIPSE_STEP = 8, 8
-"""Most shards of 64 frames from which a sphere's contour is taken, and the step between their frames."""
-MAX_ELLIPSE_DEVIATION_RATIO = 0.02
-"""Standard deviation of a sphere's centre, in radii, from which its misfit may look like an ellipse."""
+MAX_ELLIPSE_SHARDS, ELLIPSE_FRAME_STEP = 12, 16
+"""Most shards of 64 frames, and the step between their frames, in which a sphere's elongation is measured."""
 
 
 def with_unknown_camera(
@@ -83,23 +78,15 @@ def _focal_length_of_ellipses(
 ) -> tuple[Sphere, float] | None:
     """Return the first sphere whose contour shows a near camera, and the focal length in pixels."""
     width, height = geometry.frame_size
+    shards = spread_shards(cache.frames, MAX_ELLIPSE_SHARDS)
     for number, sphere in enumerate(geometry.spheres):
-        if sphere.centre_sd > MAX_ELLIPSE_DEVIATION_RATIO * sphere.radius:
-            continue
         crop = geometry.crops[sphere_name(number)]
         background, peak = load_levels(inputs, sphere_name(number))
         middle, in_crop = ((width - 1) / 2 - crop.x, (height - 1) / 2 - crop.y), sphere.in_crop(crop.x, crop.y)
-        widths = estimate_focal_length(background, peak, in_crop, middle, width)
-        if widths is None:
-            continue
-        focal = widths * width
-        offset = np.hypot(sphere.x - (width - 1) / 2, sphere.y - (height - 1) / 2) / focal
-        # The long half axis of a sphere at an angle from the axis exceeds the short one by 1 / cos.
-        if sphere.radius * (np.hypot(1.0, offset) - 1.0) <= MIN_ELONGATION_PX:
-            continue
-        shards = spread_shards(cache.frames, ELLIPSE_SHARDS)
-        crops = [cache.read(sphere_name(number), slice(start, start + 64))[::ELLIPSE_STEP] for start in shards]
-        frames = np.concatenate(crops) / (1.0 if cache.bits == 8 else 257.0)
-        if is_confirmed_ellipse(frames, in_crop, middle, focal):
-            return sphere, focal
+        crops = [cache.read(sphere_name(number), slice(start, start + 64))[::ELLIPSE_FRAME_STEP] for start in shards]
+        levels = np.concatenate(crops) * np.float32(1.0 if cache.bits == 8 else 1.0 / 257.0)
+        elongation = measure_elongation(levels, in_crop, middle)
+        focal = focal_length_of_ellipse(background, peak, elongation, in_crop, middle, width)
+        if focal is not None:
+            return sphere, focal * width
     return None

@@ -119,7 +119,13 @@ def confirm_sphere(
         or difference > max(least, MIN_CORRECTION_DEVIATIONS * fit.radius_sd)
     )
     if is_corrected:
-        return ConfirmedSphere(fit, fit, True, True)
+        # The weaker the contour, the more the given circle speaks against it.
+        doubt = (MIN_CLEAR_CONTRAST / fit.score) ** 2
+        deviations = (
+            float(np.hypot(fit.centre_sd, doubt * distance)),
+            float(np.hypot(fit.radius_sd, doubt * difference)),
+        )
+        return ConfirmedSphere(replace(fit, centre_sd=deviations[0], radius_sd=deviations[1]), fit, True, True)
     deviations = float(np.hypot(fit.centre_sd, 0.5 * distance)), float(np.hypot(fit.radius_sd, 0.5 * difference))
     return ConfirmedSphere(replace(given, centre_sd=deviations[0], radius_sd=deviations[1]), fit, True, False)
 

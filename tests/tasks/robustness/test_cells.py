@@ -32,7 +32,10 @@ BASELINE = _cell(0.5, 0.99, name=UNPERTURBED)
     ("cell", "baseline", "expected"),
     [
         (_cell(0.5, 0.95), BASELINE, "ok"),
-        (_cell(0.0, float("nan")), BASELINE, "ok"),
+        (_cell(0.0, float("nan")), BASELINE, "nothing confident"),
+        (_cell(0.004, 0.0), BASELINE, "nothing confident"),
+        (_cell(0.004, 0.0, MASK_WARNING), BASELINE, "warned"),
+        (_cell(0.006, 0.0), BASELINE, "SILENT"),
         (_cell(0.5, 0.94), BASELINE, "SILENT"),
         (_cell(0.5, 0.5, MASK_WARNING), BASELINE, "SILENT"),
         (_cell(0.04, 0.5, MASK_WARNING), BASELINE, "warned"),

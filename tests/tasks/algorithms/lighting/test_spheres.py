@@ -78,6 +78,7 @@ def test_a_given_circle_that_is_wrong_is_corrected_and_a_right_one_kept():
     wrong = confirm_sphere(frames, Sphere(153.3, 110.8, 47.0))
     assert wrong.is_clear
     assert wrong.is_corrected
+    assert wrong.sphere.centre_sd > wrong.fit.centre_sd, "the given circle speaks against the fit"
     assert_near(wrong.sphere, truth, 0.015)
     right = confirm_sphere(frames, truth)
     assert not right.is_corrected
