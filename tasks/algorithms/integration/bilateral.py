@@ -6,10 +6,12 @@ squares averages them. Bilateral integration lets each pixel assume that the sur
 a sigmoid divides the pixel's weight between its two sides, found by iteratively reweighted least squares, so that an
 edge whose two ends both reject it becomes a step. Each iteration solves weighted Poisson equations (`multigrid`).
 
-Two choices differ from the publication: the start is the masked least-squares solution instead of a plane (the energy
-is not convex, and this leads to a lower minimum), and the sides are compared by their misfits instead of their rises
-(so that both sides count alike on smooth curved parts). Each connected component is integrated by itself: offsets
-between them cannot be known from one view.
+What speaks against a side is the mean of its squared misfit (continuity) and of its squared rise (the publication's
+measure: beyond an occluding contour the rise is large). The energy is not convex, so where large steps have bent the
+start, which is the masked least-squares solution, early decisions would be wrong ones: the sigmoid starts as flat as
+the largest differences between sides require and sharpens from round to round (graduated non-convexity, Blake and
+Zisserman 1987), until the height no longer changes. Each connected component is integrated by itself: offsets between
+them cannot be known from one view.
 """
 
 from dataclasses import dataclass
@@ -19,13 +21,30 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.integration.edges import GridEdges, assemble, bilateral_weights, focal_length, grid_edges
+from glint.tasks.algorithms.integration.edges import (
+    GridEdges,
+    assemble,
+    bilateral_weights,
+    compare_sides,
+    focal_length,
+    grid_edges,
+)
 from glint.tasks.algorithms.integration.multigrid import solve_poisson
 
 MIN_COSINE = 0.01
 """Lower bound of the cosine between normal and line of sight: a steep rim rises by at most 100 pixels per pixel."""
-SHARPNESS = 5.25
-"""Slope of the sigmoid between a pixel's two sides, per square pixel of misfit along the normal."""
+SHARPNESS = 2.0
+"""Final slope of the sigmoid between a pixel's two sides, per square pixel along the normal."""
+RISE_SHARE = 0.5
+"""Share of the squared rise in the comparison of a pixel's two sides; the rest is the squared misfit."""
+SHARPENING = 2.0
+"""Factor of the sigmoid's slope from round to round."""
+UNDECIDED_SHARE = 0.999
+"""Quantile of the differences between sides at which the first round's sigmoid has the slope's inverse."""
+MAX_ROUNDS = 100
+"""Limit of the reweighted solutions: some steps flicker between two neighbouring pixels for ever."""
+TOLERANCE_PX = 1e-3
+"""Root mean square change of the height in a round below which the rounds end."""
 WEIGHT_POWER, RISE_POWER = 2.0, 1.0
 """Powers of that cosine with which a pixel weighs an edge, and with which the two ends' rises are averaged: at 1 the
 average is the rise by the mean of the two normals, which is exact on circular arcs."""
@@ -47,14 +66,16 @@ class Depth:
         component. Perspective: distance from the camera along its axis, of geometric mean one in each component, as the
         scale is free.
     components: (H, W) int32, 4-connected components counted from 1, 0 outside; offsets between them are unknowable.
-    iterations: reweighted solves, 0 for least squares.
+    rounds: reweighted solutions, 0 for least squares.
+    converged: whether the height changed by less than the tolerance before the rounds reached their limit.
     energy: mean squared misfit per pixel along the normals, square pixels.
     perspective: whether `depth` is a distance from the camera.
     """
 
     depth: np.ndarray
     components: np.ndarray
-    iterations: int
+    rounds: int
+    converged: bool
     energy: float
     perspective: bool
 
@@ -76,8 +97,8 @@ def integrate(
     camera: np.ndarray | None = None,
     sharpness: float = SHARPNESS,
     min_cosine: float = MIN_COSINE,
-    max_iterations: int = 9,
-    tolerance: float = 1e-3,
+    max_rounds: int = MAX_ROUNDS,
+    tolerance: float = TOLERANCE_PX,
 ) -> Depth:
     """Integrate normals inside a mask to depth.
 
@@ -90,8 +111,7 @@ def integrate(
         camera: (3, 3) intrinsic matrix in pixels of these arrays, whose pixel (0, 0) is the centre of the top-left one;
             None for an orthographic camera.
         sharpness, min_cosine: see SHARPNESS and MIN_COSINE.
-        max_iterations: of reweighting; many more would sharpen steps that the normals do not support.
-        tolerance: the iterations end when the energy changes by less than this fraction.
+        max_rounds, tolerance: see MAX_ROUNDS and TOLERANCE_PX.
 
     Raises:
         UnusableCapture: the mask is empty or has no normals.
@@ -108,10 +128,11 @@ def integrate(
         camera = np.array(camera, float) - [[0, 0, window[1].start], [0, 0, window[0].start], [0, 0, 0]]
     edges = grid_edges(filled, inner, weight, camera, min_cosine)
     if method == "bilateral":
-        height, iterations, energy = _bilateral(edges, sharpness, max_iterations, tolerance)
+        height, rounds, converged = _bilateral(edges, inner, sharpness, max_rounds, tolerance)
+        energy = _energy(edges, height, sharpness)
     else:
-        height = _least_squares(edges)
-        iterations, energy = 0, bilateral_weights(*_fields(edges), height, 0.0)[1]
+        (height, converged), rounds = _least_squares(edges), 0
+        energy = _energy(edges, height, 0.0)
 
     # The equations tie no two components, so only the mean of each is left to fix.
     numbers = components[window]
@@ -120,30 +141,44 @@ def integrate(
         height = np.exp(-height / focal_length(camera))
     depth = np.full(mask.shape, np.nan, np.float32)
     depth[window][inner] = height[inner]
-    return Depth(depth, components, iterations, energy / int(inner.sum()), camera is not None)
+    return Depth(depth, components, rounds, converged, energy / int(inner.sum()), camera is not None)
 
 
-def _least_squares(edges: GridEdges) -> np.ndarray:
-    """Solve for the height (H, W) with both ends of each edge weighted alike."""
+def _least_squares(edges: GridEdges) -> tuple[np.ndarray, bool]:
+    """Solve for the height (H, W) with both ends of each edge weighted alike; return it and whether it converged."""
     equal = np.full(edges.forward_rise.shape, 0.5)
     weights, source = assemble(*_fields(edges), equal, 0.0, 0.0, MIN_EDGE_WEIGHT)
-    return solve_poisson(weights, source, np.zeros(source.shape), tolerance=LEAST_SQUARES_TOLERANCE)[0]
+    height, _, converged = solve_poisson(weights, source, np.zeros(source.shape), tolerance=LEAST_SQUARES_TOLERANCE)
+    return height, converged
 
 
 def _bilateral(
-    edges: GridEdges, sharpness: float, max_iterations: int, tolerance: float
-) -> tuple[np.ndarray, int, float]:
-    """Solve for the height (H, W) by iteratively reweighted least squares; return it, the iterations and the energy."""
-    height = _least_squares(edges)
-    bilateral, energy = bilateral_weights(*_fields(edges), height, sharpness)
-    for iteration in range(1, max_iterations + 1):
-        weights, source = assemble(*_fields(edges), bilateral, WEIGHT_POWER, RISE_POWER, MIN_EDGE_WEIGHT)
-        height = solve_poisson(weights, source, height, tolerance=REWEIGHTED_TOLERANCE)[0]
-        previous_energy = energy
-        bilateral, energy = bilateral_weights(*_fields(edges), height, sharpness)
-        if abs(previous_energy - energy) <= tolerance * previous_energy:
-            return height, iteration, energy
-    return height, max_iterations, energy
+    edges: GridEdges, mask: np.ndarray, sharpness: float, max_rounds: int, tolerance: float
+) -> tuple[np.ndarray, int, bool]:
+    """Solve by iteratively reweighted least squares; return the height (H, W), the rounds and whether they converged."""
+    height, _ = _least_squares(edges)
+    difference = compare_sides(*_fields(edges), height, RISE_SHARE)[0]
+    largest = float(np.quantile(np.abs(difference[:, mask]), UNDECIDED_SHARE))
+    slope = sharpness if largest * sharpness <= 1.0 else 1.0 / largest
+    for completed in range(1, max_rounds + 1):
+        weights, source = assemble(
+            *_fields(edges), bilateral_weights(difference, slope), WEIGHT_POWER, RISE_POWER, MIN_EDGE_WEIGHT
+        )
+        previous = height
+        height, _, solved = solve_poisson(weights, source, height, tolerance=REWEIGHTED_TOLERANCE)
+        change = float(np.sqrt(np.mean((height - previous)[mask] ** 2)))
+        if slope >= sharpness and change <= tolerance:
+            return height, completed, solved
+        difference = compare_sides(*_fields(edges), height, RISE_SHARE)[0]
+        slope = min(slope * SHARPENING, sharpness)
+    return height, max_rounds, False
+
+
+def _energy(edges: GridEdges, height: np.ndarray, sharpness: float) -> float:
+    """Return the sum of the weighted squared misfits along the normals, square pixels."""
+    difference, following, preceding = compare_sides(*_fields(edges), height, RISE_SHARE)
+    share = bilateral_weights(difference, sharpness)
+    return float((edges.weight * (share * following + (1.0 - share) * preceding)).sum())
 
 
 def _fields(edges: GridEdges) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

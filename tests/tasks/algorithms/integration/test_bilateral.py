@@ -6,7 +6,7 @@ import pytest
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.integration.bilateral import integrate
-from glint.tasks.algorithms.integration.edges import bilateral_weights, grid_edges
+from glint.tasks.algorithms.integration.edges import bilateral_weights, compare_sides, grid_edges
 from tests.tasks.algorithms.geometry.gradient_normals import from_gradients
 
 METHODS = ("bilateral", "least-squares")
@@ -157,15 +157,10 @@ def test_pixels_of_little_weight_hardly_choose_between_their_sides():
     chosen = []
     for weight in (1.0, 0.01):
         edges = grid_edges(np.broadcast_to([0.0, 0.0, 1.0], (1, 3, 3)), mask, np.full((1, 3), weight), None, 0.01)
-        bilateral, _ = bilateral_weights(
-            edges.inside,
-            edges.forward_rise,
-            edges.backward_rise,
-            edges.cos_incidence,
-            edges.weight,
-            height,
-            5.0,
+        difference, _, _ = compare_sides(
+            edges.inside, edges.forward_rise, edges.backward_rise, edges.cos_incidence, edges.weight, height, 0.5
         )
+        bilateral = bilateral_weights(difference, 5.0)
         chosen.append(bilateral[1, 0, 1])
     assert chosen[0] < 1e-6 and 0.4 < chosen[1] < 0.5
 
