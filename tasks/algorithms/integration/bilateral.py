@@ -6,12 +6,13 @@ squares averages them. Bilateral integration lets each pixel assume that the sur
 a sigmoid divides the pixel's weight between its two sides, found by iteratively reweighted least squares, so that an
 edge whose two ends both reject it becomes a step. Each iteration solves weighted Poisson equations (`multigrid`).
 
-What speaks against a side is the mean of its squared misfit (continuity) and of its squared rise (the publication's
-measure: beyond an occluding contour the rise is large). The energy is not convex, so where large steps have bent the
-start, which is the masked least-squares solution, early decisions would be wrong ones: the sigmoid starts as flat as
-the largest differences between sides require and sharpens from round to round (graduated non-convexity, Blake and
-Zisserman 1987), until the height no longer changes. Each connected component is integrated by itself: offsets between
-them cannot be known from one view.
+What speaks against a side is its squared misfit (continuity) and its squared rise (the publication's measure: beyond an
+occluding contour the rise is large). The energy is not convex, so where large steps have bent the start, which is the
+masked least-squares solution, early decisions would be wrong ones: the sigmoid starts as flat as the largest
+differences between sides require and sharpens from round to round (graduated non-convexity, Blake and Zisserman 1987),
+until the height no longer changes. Two mixtures of misfit and rise are tried, and the sparsest discontinuities win, as
+in Kim, Jung and Lee 2024. Each connected component is integrated by itself: offsets between them cannot be known from
+one view.
 """
 
 from dataclasses import dataclass
@@ -26,6 +27,7 @@ from glint.tasks.algorithms.integration.edges import (
     assemble,
     bilateral_weights,
     compare_sides,
+    discontinuity,
     focal_length,
     grid_edges,
 )
@@ -35,15 +37,16 @@ MIN_COSINE = 0.01
 """Lower bound of the cosine between normal and line of sight: a steep rim rises by at most 100 pixels per pixel."""
 SHARPNESS = 2.0
 """Final slope of the sigmoid between a pixel's two sides, per square pixel along the normal."""
-RISE_SHARE = 0.5
-"""Share of the squared rise in the comparison of a pixel's two sides; the rest is the squared misfit."""
+RISE_SHARES = (0.5, 1.0)
+"""Share of the squared rise in the comparison of a pixel's sides (the rest is the squared misfit), per attempt: with
+0.5 limbs before a body are cut free, with 1 hollow objects and faces with edges, whose creases are no steps."""
 SHARPENING = 2.0
 """Factor of the sigmoid's slope from round to round."""
 UNDECIDED_SHARE = 0.999
 """Quantile of the differences between sides at which the first round's sigmoid has the slope's inverse."""
-MAX_ROUNDS = 100
-"""Limit of the reweighted solutions: some steps flicker between two neighbouring pixels for ever."""
-TOLERANCE_PX = 1e-3
+MAX_ROUNDS = 40
+"""Limit of an attempt's reweighted solutions: some steps flicker between two neighbouring pixels for ever."""
+TOLERANCE_PX = 5e-3
 """Root mean square change of the height in a round below which the rounds end."""
 WEIGHT_POWER, RISE_POWER = 2.0, 1.0
 """Powers of that cosine with which a pixel weighs an edge, and with which the two ends' rises are averaged: at 1 the
@@ -155,28 +158,54 @@ def _least_squares(edges: GridEdges) -> tuple[np.ndarray, bool]:
 def _bilateral(
     edges: GridEdges, mask: np.ndarray, sharpness: float, max_rounds: int, tolerance: float
 ) -> tuple[np.ndarray, int, bool]:
-    """Solve by iteratively reweighted least squares; return the height (H, W), the rounds and whether they converged."""
-    height, _ = _least_squares(edges)
-    difference = compare_sides(*_fields(edges), height, RISE_SHARE)[0]
+    """Solve for the height (H, W) by the attempts of RISE_SHARES; return the best, all rounds and its convergence.
+
+    The best has the sparsest discontinuities; least squares, where both attempts start, is one of the candidates.
+    """
+    start, solved = _least_squares(edges)
+    best, least, converged, rounds = start, discontinuity(*_fields(edges), start), solved, 0
+    for rise_share in RISE_SHARES:
+        height, completed, ended = _reweighted(edges, mask, start, rise_share, sharpness, max_rounds, tolerance)
+        total = discontinuity(*_fields(edges), height)
+        rounds += completed
+        if total < least:
+            best, least, converged = height, total, ended
+    return best, rounds, converged
+
+
+def _reweighted(
+    edges: GridEdges,
+    mask: np.ndarray,
+    start: np.ndarray,
+    rise_share: float,
+    sharpness: float,
+    max_rounds: int,
+    tolerance: float,
+) -> tuple[np.ndarray, int, bool]:
+    """Solve by iteratively reweighted least squares from a start (H, W).
+
+    Returns the height (H, W), the number of rounds, and whether the last one changed it by less than the tolerance.
+    """
+    height = start
+    difference = compare_sides(*_fields(edges), height, rise_share)[0]
     largest = float(np.quantile(np.abs(difference[:, mask]), UNDECIDED_SHARE))
     slope = sharpness if largest * sharpness <= 1.0 else 1.0 / largest
     for completed in range(1, max_rounds + 1):
-        weights, source = assemble(
-            *_fields(edges), bilateral_weights(difference, slope), WEIGHT_POWER, RISE_POWER, MIN_EDGE_WEIGHT
-        )
+        shares = bilateral_weights(difference, slope)
+        weights, source = assemble(*_fields(edges), shares, WEIGHT_POWER, RISE_POWER, MIN_EDGE_WEIGHT)
         previous = height
         height, _, solved = solve_poisson(weights, source, height, tolerance=REWEIGHTED_TOLERANCE)
         change = float(np.sqrt(np.mean((height - previous)[mask] ** 2)))
         if slope >= sharpness and change <= tolerance:
             return height, completed, solved
-        difference = compare_sides(*_fields(edges), height, RISE_SHARE)[0]
+        difference = compare_sides(*_fields(edges), height, rise_share)[0]
         slope = min(slope * SHARPENING, sharpness)
     return height, max_rounds, False
 
 
 def _energy(edges: GridEdges, height: np.ndarray, sharpness: float) -> float:
     """Return the sum of the weighted squared misfits along the normals, square pixels."""
-    difference, following, preceding = compare_sides(*_fields(edges), height, RISE_SHARE)
+    difference, following, preceding = compare_sides(*_fields(edges), height, RISE_SHARES[0])
     share = bilateral_weights(difference, sharpness)
     return float((edges.weight * (share * following + (1.0 - share) * preceding)).sum())
 

@@ -15,6 +15,8 @@ from numba import njit
 
 MAX_SIGMOID_ARGUMENT = 40.0
 """Arguments of the sigmoid are clipped to this, so that the exponential stays finite and the weights positive."""
+STEP_POWER = 0.25
+"""Power of a step in the sum of discontinuities: a few large steps count less than many small ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +134,36 @@ def compare_sides(
                     previous_side = (1.0 - rise_share) * misfit + rise_share * (rise * cos_incidence[i, j]) ** 2
                 difference[axis, i, j] = weight[i, j] * (next_side - previous_side)
     return difference, following, preceding
+
+
+@njit(cache=True, nogil=True)
+def discontinuity(
+    inside: np.ndarray,
+    forward_rise: np.ndarray,
+    backward_rise: np.ndarray,
+    cos_incidence: np.ndarray,
+    weight: np.ndarray,
+    height: np.ndarray,
+) -> float:
+    """Compute how much of a height (H, W) is discontinuous: the sum of the edges' steps to the power STEP_POWER.
+
+    The first five arguments are the fields of `GridEdges`. An edge's step is the part of its rise, in pixels, that lies
+    outside of what the two ends predict; a crease, where a rise between both predictions is continuous, has none. The
+    less certain of the two normals weighs it.
+    """
+    rows, columns = height.shape
+    total = 0.0
+    for axis in range(2):
+        di, dj = 1 - axis, axis
+        for i in range(rows):
+            for j in range(columns):
+                if inside[axis, i, j]:
+                    rise = height[i + di, j + dj] - height[i, j]
+                    low = min(forward_rise[axis, i, j], backward_rise[axis, i, j])
+                    high = max(forward_rise[axis, i, j], backward_rise[axis, i, j])
+                    step = max(low - rise, rise - high, 0.0)
+                    total += min(weight[i, j], weight[i + di, j + dj]) * step**STEP_POWER
+    return total
 
 
 def bilateral_weights(difference: np.ndarray, sharpness: float) -> np.ndarray:

@@ -107,7 +107,7 @@ def test_a_solution_as_start_takes_no_iteration() -> None:
     weights = random_graph(np.ones((17, 9), bool), np.random.default_rng(1))
     source = np.zeros((17, 9))
     source[3, 4], source[12, 2] = 1.0, -1.0
-    solution, iterations, converged = solve_poisson(weights, source, np.zeros((17, 9)), tolerance=1e-9)
+    solution, iterations, _ = solve_poisson(weights, source, np.zeros((17, 9)), tolerance=1e-9)
     assert iterations > 0
     assert solve_poisson(weights, source, solution, tolerance=1e-6)[1] == 0
 
