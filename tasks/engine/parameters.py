@@ -110,8 +110,8 @@ class DepthParameters(StageParameters):
     """method, sharpness, rounds: of the integration; use_confidence: whether confidence weighs the normals."""
 
     method: Literal["bilateral", "least-squares"] = "bilateral"
-    sharpness: Positive = 2.0
-    rounds: Count = 100
+    sharpness: Positive = 5.25
+    rounds: Count = 25
     use_confidence: bool = True
 
 

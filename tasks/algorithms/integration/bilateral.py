@@ -6,13 +6,12 @@ squares averages them. Bilateral integration lets each pixel assume that the sur
 a sigmoid divides the pixel's weight between its two sides, found by iteratively reweighted least squares, so that an
 edge whose two ends both reject it becomes a step. Each iteration solves weighted Poisson equations (`multigrid`).
 
-What speaks against a side is its squared misfit (continuity) and its squared rise (the publication's measure: beyond an
-occluding contour the rise is large). The energy is not convex, so where large steps have bent the start, which is the
-masked least-squares solution, early decisions would be wrong ones: the sigmoid starts as flat as the largest
-differences between sides require and sharpens from round to round (graduated non-convexity, Blake and Zisserman 1987),
-until the height no longer changes. Two mixtures of misfit and rise are tried, and the sparsest discontinuities win, as
-in Kim, Jung and Lee 2024. Each connected component is integrated by itself: offsets between them cannot be known from
-one view.
+The start is the masked least-squares solution, and the sides are compared by their misfits, so that both count alike on
+smooth curved parts. Where large steps have bent the start all misfits are large and early decisions are wrong ones. So
+two more attempts compare the publication's rises (large beyond an occluding contour) as well, or alone, with a sigmoid
+that starts as flat as the largest differences require and sharpens from round to round (graduated non-convexity, Blake
+and Zisserman 1987). An attempt ends when the height no longer changes; clearly sparser discontinuities win (Kim, Jung
+and Lee 2024). Each connected component is integrated by itself: offsets between them cannot be known from one view.
 """
 
 from dataclasses import dataclass
@@ -35,16 +34,20 @@ from glint.tasks.algorithms.integration.multigrid import solve_poisson
 
 MIN_COSINE = 0.01
 """Lower bound of the cosine between normal and line of sight: a steep rim rises by at most 100 pixels per pixel."""
-SHARPNESS = 2.0
-"""Final slope of the sigmoid between a pixel's two sides, per square pixel along the normal."""
+SHARPNESS = 5.25
+"""Slope of the sigmoid between a pixel's two sides where misfits are compared, per square pixel along the normal."""
+GRADUATED_SHARPNESS = 2.0
+"""Final slope where rises are compared too: they are larger than misfits on all slopes."""
 RISE_SHARES = (0.5, 1.0)
-"""Share of the squared rise in the comparison of a pixel's sides (the rest is the squared misfit), per attempt: with
-0.5 limbs before a body are cut free, with 1 hollow objects and faces with edges, whose creases are no steps."""
+"""Shares of the squared rise in the comparison of a pixel's sides, per graduated attempt; the rest is the squared
+misfit. With 0.5 limbs before a body come free; with 1 faces with edges stay together, whose creases are no steps."""
 SHARPENING = 2.0
 """Factor of the sigmoid's slope from round to round."""
 UNDECIDED_SHARE = 0.999
-"""Quantile of the differences between sides at which the first round's sigmoid has the slope's inverse."""
-MAX_ROUNDS = 40
+"""Quantile of the differences between sides at which the first graduated round has the inverse of its slope."""
+SPARSER = 0.95
+"""Ratio of the discontinuity below which a graduated attempt replaces the one that compares misfits alone."""
+MAX_ROUNDS = 25
 """Limit of an attempt's reweighted solutions: some steps flicker between two neighbouring pixels for ever."""
 TOLERANCE_PX = 5e-3
 """Root mean square change of the height in a round below which the rounds end."""
@@ -158,54 +161,66 @@ def _least_squares(edges: GridEdges) -> tuple[np.ndarray, bool]:
 def _bilateral(
     edges: GridEdges, mask: np.ndarray, sharpness: float, max_rounds: int, tolerance: float
 ) -> tuple[np.ndarray, int, bool]:
-    """Solve for the height (H, W) by the attempts of RISE_SHARES; return the best, all rounds and its convergence.
+    """Solve for the height (H, W); return it, the rounds of all attempts, and whether its own rounds converged.
 
-    The best has the sparsest discontinuities; least squares, where both attempts start, is one of the candidates.
+    The first attempt compares misfits alone. It is replaced where a graduated one is clearly less discontinuous, or by
+    least squares, where all begin, if that is the least discontinuous.
     """
     start, solved = _least_squares(edges)
-    best, least, converged, rounds = start, discontinuity(*_fields(edges), start), solved, 0
+    misfits = compare_sides(*_fields(edges), start, 0.0)[0]
+    best, rounds, converged = _reweighted(edges, mask, start, (0.0, sharpness, sharpness), max_rounds, tolerance)
+    least = discontinuity(*_fields(edges), best)
+    if discontinuity(*_fields(edges), start) < least:
+        best, least, converged = start, discontinuity(*_fields(edges), start), solved
+    bound = SPARSER * least
+    if sharpness * _largest(misfits, mask) <= 1.0:
+        # No side was rejected: there is no step to search for.
+        return best, rounds, converged
     for rise_share in RISE_SHARES:
-        height, completed, ended = _reweighted(edges, mask, start, rise_share, sharpness, max_rounds, tolerance)
-        total = discontinuity(*_fields(edges), height)
+        difference = compare_sides(*_fields(edges), start, rise_share)[0]
+        first = min(GRADUATED_SHARPNESS, 1.0 / max(_largest(difference, mask), 1e-12))
+        slopes = (rise_share, first, GRADUATED_SHARPNESS)
+        height, completed, ended = _reweighted(edges, mask, start, slopes, max_rounds, tolerance)
         rounds += completed
-        if total < least:
-            best, least, converged = height, total, ended
+        total = discontinuity(*_fields(edges), height)
+        if total < bound:
+            best, bound, converged = height, total, ended
     return best, rounds, converged
+
+
+def _largest(difference: np.ndarray, mask: np.ndarray) -> float:
+    return float(np.quantile(np.abs(difference[:, mask]), UNDECIDED_SHARE))
 
 
 def _reweighted(
     edges: GridEdges,
     mask: np.ndarray,
-    start: np.ndarray,
-    rise_share: float,
-    sharpness: float,
+    height: np.ndarray,
+    comparison: tuple[float, float, float],
     max_rounds: int,
     tolerance: float,
 ) -> tuple[np.ndarray, int, bool]:
-    """Solve by iteratively reweighted least squares from a start (H, W).
+    """Solve by iteratively reweighted least squares from a height (H, W).
 
-    Returns the height (H, W), the number of rounds, and whether the last one changed it by less than the tolerance.
+    `comparison` is the share of the rise and the slopes of the sigmoid in the first round and in the end. Returns the
+    height, the number of rounds, and whether the last one changed it by less than the tolerance.
     """
-    height = start
-    difference = compare_sides(*_fields(edges), height, rise_share)[0]
-    largest = float(np.quantile(np.abs(difference[:, mask]), UNDECIDED_SHARE))
-    slope = sharpness if largest * sharpness <= 1.0 else 1.0 / largest
+    rise_share, slope, sharpness = comparison
     for completed in range(1, max_rounds + 1):
-        shares = bilateral_weights(difference, slope)
+        shares = bilateral_weights(compare_sides(*_fields(edges), height, rise_share)[0], slope)
         weights, source = assemble(*_fields(edges), shares, WEIGHT_POWER, RISE_POWER, MIN_EDGE_WEIGHT)
         previous = height
         height, _, solved = solve_poisson(weights, source, height, tolerance=REWEIGHTED_TOLERANCE)
         change = float(np.sqrt(np.mean((height - previous)[mask] ** 2)))
         if slope >= sharpness and change <= tolerance:
             return height, completed, solved
-        difference = compare_sides(*_fields(edges), height, rise_share)[0]
         slope = min(slope * SHARPENING, sharpness)
     return height, max_rounds, False
 
 
 def _energy(edges: GridEdges, height: np.ndarray, sharpness: float) -> float:
     """Return the sum of the weighted squared misfits along the normals, square pixels."""
-    difference, following, preceding = compare_sides(*_fields(edges), height, RISE_SHARES[0])
+    difference, following, preceding = compare_sides(*_fields(edges), height, 0.0)
     share = bilateral_weights(difference, sharpness)
     return float((edges.weight * (share * following + (1.0 - share) * preceding)).sum())
 

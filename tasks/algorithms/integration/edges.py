@@ -147,9 +147,9 @@ def discontinuity(
 ) -> float:
     """Compute how much of a height (H, W) is discontinuous: the sum of the edges' steps to the power STEP_POWER.
 
-    The first five arguments are the fields of `GridEdges`. An edge's step is the part of its rise, in pixels, that lies
-    outside of what the two ends predict; a crease, where a rise between both predictions is continuous, has none. The
-    less certain of the two normals weighs it.
+    The first five arguments are the fields of `GridEdges`. An edge's step is the part of its rise, along the steeper
+    normal and in pixels, that lies outside of what the two ends predict: a crease, with a rise between both, has none.
+    The less certain of the two normals weighs it.
     """
     rows, columns = height.shape
     total = 0.0
@@ -162,7 +162,8 @@ def discontinuity(
                     low = min(forward_rise[axis, i, j], backward_rise[axis, i, j])
                     high = max(forward_rise[axis, i, j], backward_rise[axis, i, j])
                     step = max(low - rise, rise - high, 0.0)
-                    total += min(weight[i, j], weight[i + di, j + dj]) * step**STEP_POWER
+                    cosine = min(cos_incidence[i, j], cos_incidence[i + di, j + dj])
+                    total += min(weight[i, j], weight[i + di, j + dj]) * (cosine * step) ** STEP_POWER
     return total
 
 
