@@ -36,6 +36,7 @@ def depth(inputs: StageInputs, progress: Progress) -> StageOutput:
             "distance": distance,
             "components": int(result.components.max()),
             "energy": result.energy,
+            "converged": result.converged,
         },
         counts={"components": int(result.components.max()), "iterations": result.rounds},
     )

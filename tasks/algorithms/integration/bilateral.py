@@ -10,8 +10,9 @@ The start is the masked least-squares solution, and the sides are compared by th
 smooth curved parts. Where large steps have bent the start all misfits are large and early decisions are wrong ones. So
 two more attempts compare the publication's rises (large beyond an occluding contour) as well, or alone, with a sigmoid
 that starts as flat as the largest differences require and sharpens from round to round (graduated non-convexity, Blake
-and Zisserman 1987). An attempt ends when the height no longer changes; clearly sparser discontinuities win (Kim, Jung
-and Lee 2024). Each connected component is integrated by itself: offsets between them cannot be known from one view.
+and Zisserman 1987). A graduated attempt ends when the height no longer changes; clearly sparser discontinuities win
+(Kim, Jung and Lee 2024). Without a step of a pixel there is nothing to attempt. Each connected component is integrated
+by itself: offsets between them cannot be known from one view.
 """
 
 from dataclasses import dataclass
@@ -45,9 +46,13 @@ SHARPENING = 2.0
 """Factor of the sigmoid's slope from round to round."""
 UNDECIDED_SHARE = 0.999
 """Quantile of the differences between sides at which the first graduated round has the inverse of its slope."""
+LEAST_STEP_PX = 1.0
+"""Step, by that quantile of misfits after the first attempt, up to which no graduated attempt is made."""
 SPARSER = 0.95
 """Ratio of the discontinuity below which a graduated attempt replaces the one that compares misfits alone."""
-MAX_ROUNDS = 25
+MISFIT_ROUNDS = 9
+"""Limit of the rounds that compare misfits alone: more of them sharpen steps that the normals do not support."""
+MAX_ROUNDS = 30
 """Limit of an attempt's reweighted solutions: some steps flicker between two neighbouring pixels for ever."""
 TOLERANCE_PX = 5e-3
 """Root mean square change of the height in a round below which the rounds end."""
@@ -167,14 +172,13 @@ def _bilateral(
     least squares, where all begin, if that is the least discontinuous.
     """
     start, solved = _least_squares(edges)
-    misfits = compare_sides(*_fields(edges), start, 0.0)[0]
-    best, rounds, converged = _reweighted(edges, mask, start, (0.0, sharpness, sharpness), max_rounds, tolerance)
+    few = min(MISFIT_ROUNDS, max_rounds)
+    best, rounds, converged = _reweighted(edges, mask, start, (0.0, sharpness, sharpness), few, tolerance)
     least = discontinuity(*_fields(edges), best)
     if discontinuity(*_fields(edges), start) < least:
         best, least, converged = start, discontinuity(*_fields(edges), start), solved
     bound = SPARSER * least
-    if sharpness * _largest(misfits, mask) <= 1.0:
-        # No side was rejected: there is no step to search for.
+    if _largest(compare_sides(*_fields(edges), best, 0.0)[0], mask) <= LEAST_STEP_PX**2:
         return best, rounds, converged
     for rise_share in RISE_SHARES:
         difference = compare_sides(*_fields(edges), start, rise_share)[0]
