@@ -48,6 +48,8 @@ UNDECIDED_SHARE = 0.999
 """Quantile of the differences between sides at which the first graduated round has the inverse of its slope."""
 LEAST_STEP_PX = 1.0
 """Step, by that quantile of misfits after the first attempt, up to which no graduated attempt is made."""
+LEAST_COSINE = 0.3
+"""Cosine of incidence (73 degrees) from which a pixel's misfit shows a step: steeper ones misfit at every rim."""
 SPARSER = 0.95
 """Ratio of the discontinuity below which a graduated attempt replaces the one that compares misfits alone."""
 MISFIT_ROUNDS = 9
@@ -178,7 +180,8 @@ def _bilateral(
     if discontinuity(*_fields(edges), start) < least:
         best, least, converged = start, discontinuity(*_fields(edges), start), solved
     bound = SPARSER * least
-    if _largest(compare_sides(*_fields(edges), best, 0.0)[0], mask) <= LEAST_STEP_PX**2:
+    flat = mask & (edges.cos_incidence >= LEAST_COSINE)
+    if not flat.any() or _largest(compare_sides(*_fields(edges), best, 0.0)[0], flat) <= LEAST_STEP_PX**2:
         return best, rounds, converged
     for rise_share in RISE_SHARES:
         difference = compare_sides(*_fields(edges), start, rise_share)[0]
