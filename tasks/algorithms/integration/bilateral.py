@@ -5,7 +5,8 @@ pixels has two predictions of the rise of height along it, from the normals at e
 squares averages them. Bilateral integration lets each pixel assume that the surface is continuous on at least one side:
 a sigmoid divides the pixel's weight between its two sides, found by iteratively reweighted least squares, so that an
 edge whose two ends both reject it becomes a step. Each iteration solves weighted Poisson equations (`multigrid`); which
-start and which comparison of the sides is `reweighting`. Each connected component is integrated by itself: offsets between them cannot be known from one view.
+start and which comparison of the sides is `reweighting`. Each connected component is
+integrated by itself: offsets between them cannot be known from one view.
 """
 
 from dataclasses import dataclass
