@@ -111,7 +111,7 @@ class DepthParameters(StageParameters):
 
     method: Literal["bilateral", "least-squares"] = "bilateral"
     sharpness: Positive = 5.25
-    rounds: Count = 9
+    rounds: Count = 30
     use_confidence: bool = True
 
 

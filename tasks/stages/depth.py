@@ -23,7 +23,7 @@ def depth(inputs: StageInputs, progress: Progress) -> StageOutput:
         method=parameters.method,
         camera=geometry.camera_within(geometry.region),
         sharpness=parameters.sharpness,
-        max_iterations=parameters.rounds,
+        max_rounds=parameters.rounds,
     )
     pixel_size, camera = geometry.pixel_size or 1.0, geometry.camera
     distance = None if camera is None else pixel_size * float(np.sqrt(camera[0, 0] * camera[1, 1]))
@@ -36,6 +36,7 @@ def depth(inputs: StageInputs, progress: Progress) -> StageOutput:
             "distance": distance,
             "components": int(result.components.max()),
             "energy": result.energy,
+            "converged": result.converged,
         },
-        counts={"components": int(result.components.max()), "iterations": result.iterations},
+        counts={"components": int(result.components.max()), "iterations": result.rounds},
     )

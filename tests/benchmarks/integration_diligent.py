@@ -57,7 +57,7 @@ def main() -> None:
             seconds = time.perf_counter() - start
             depth = result.depth[seen].astype(float)
             errors = f"{scale_error(depth, truth[seen]):7.3f} {affine_error(depth, truth[seen]):7.3f}"
-            print(f"{name:8} {method:14} {errors} {1.1 * best:7.3f} {result.iterations:6d} {seconds:7.2f}")
+            print(f"{name:8} {method:14} {errors} {1.1 * best:7.3f} {result.rounds:6d} {seconds:7.2f}")
 
 
 if __name__ == "__main__":

@@ -4,12 +4,9 @@ After Cao, Santo, Shi, Okura and Matsushita, Bilateral Normal Integration, ECCV 
 pixels has two predictions of the rise of height along it, from the normals at either end (`edges`). Masked least
 squares averages them. Bilateral integration lets each pixel assume that the surface is continuous on at least one side:
 a sigmoid divides the pixel's weight between its two sides, found by iteratively reweighted least squares, so that an
-edge whose two ends both reject it becomes a step. Each iteration solves weighted Poisson equations (`multigrid`).
-
-Two choices differ from the publication: the start is the masked least-squares solution instead of a plane (the energy
-is not convex, and this leads to a lower minimum), and the sides are compared by their misfits instead of their rises
-(so that both sides count alike on smooth curved parts). Each connected component is integrated by itself: offsets
-between them cannot be known from one view.
+edge whose two ends both reject it becomes a step. Each iteration solves weighted Poisson equations (`multigrid`); which
+start and which comparison of the sides is `reweighting`. Each connected component is
+integrated by itself: offsets between them cannot be known from one view.
 """
 
 from dataclasses import dataclass
@@ -19,22 +16,20 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.integration.edges import GridEdges, assemble, bilateral_weights, focal_length, grid_edges
-from glint.tasks.algorithms.integration.multigrid import solve_poisson
+from glint.tasks.algorithms.integration.edges import focal_length, grid_edges
+from glint.tasks.algorithms.integration.reweighting import (
+    MAX_ROUNDS,
+    SHARPNESS,
+    TOLERANCE_PX,
+    least_squares,
+    misfit_energy,
+    robust,
+)
 
 MIN_COSINE = 0.01
 """Lower bound of the cosine between normal and line of sight: a steep rim rises by at most 100 pixels per pixel."""
-SHARPNESS = 5.25
-"""Slope of the sigmoid between a pixel's two sides, per square pixel of misfit along the normal."""
-WEIGHT_POWER, RISE_POWER = 2.0, 1.0
-"""Powers of that cosine with which a pixel weighs an edge, and with which the two ends' rises are averaged: at 1 the
-average is the rise by the mean of the two normals, which is exact on circular arcs."""
 MIN_PIXEL_WEIGHT = 1e-4
 """Weight of a pixel without a normal or confidence: it follows its neighbours and hardly influences them."""
-MIN_EDGE_WEIGHT = 1e-10
-"""Weight left to an edge that both its ends reject: the two sides of a step stay one component."""
-LEAST_SQUARES_TOLERANCE, REWEIGHTED_TOLERANCE = 1e-5, 1e-3
-"""Relative residuals at which the solver stops: for the start, and for each iteration, which begins near its end."""
 
 Method = Literal["bilateral", "least-squares"]
 
@@ -47,14 +42,16 @@ class Depth:
         component. Perspective: distance from the camera along its axis, of geometric mean one in each component, as the
         scale is free.
     components: (H, W) int32, 4-connected components counted from 1, 0 outside; offsets between them are unknowable.
-    iterations: reweighted solves, 0 for least squares.
+    rounds: reweighted solutions, 0 for least squares.
+    converged: whether the height changed by less than the tolerance before the rounds reached their limit.
     energy: mean squared misfit per pixel along the normals, square pixels.
     perspective: whether `depth` is a distance from the camera.
     """
 
     depth: np.ndarray
     components: np.ndarray
-    iterations: int
+    rounds: int
+    converged: bool
     energy: float
     perspective: bool
 
@@ -76,8 +73,8 @@ def integrate(
     camera: np.ndarray | None = None,
     sharpness: float = SHARPNESS,
     min_cosine: float = MIN_COSINE,
-    max_iterations: int = 9,
-    tolerance: float = 1e-3,
+    max_rounds: int = MAX_ROUNDS,
+    tolerance: float = TOLERANCE_PX,
 ) -> Depth:
     """Integrate normals inside a mask to depth.
 
@@ -90,8 +87,7 @@ def integrate(
         camera: (3, 3) intrinsic matrix in pixels of these arrays, whose pixel (0, 0) is the centre of the top-left one;
             None for an orthographic camera.
         sharpness, min_cosine: see SHARPNESS and MIN_COSINE.
-        max_iterations: of reweighting; many more would sharpen steps that the normals do not support.
-        tolerance: the iterations end when the energy changes by less than this fraction.
+        max_rounds, tolerance: see MAX_ROUNDS and TOLERANCE_PX.
 
     Raises:
         UnusableCapture: the mask is empty or has no normals.
@@ -108,10 +104,11 @@ def integrate(
         camera = np.array(camera, float) - [[0, 0, window[1].start], [0, 0, window[0].start], [0, 0, 0]]
     edges = grid_edges(filled, inner, weight, camera, min_cosine)
     if method == "bilateral":
-        height, iterations, energy = _bilateral(edges, sharpness, max_iterations, tolerance)
+        height, rounds, converged = robust(edges, inner, sharpness, max_rounds, tolerance)
+        energy = misfit_energy(edges, height, sharpness)
     else:
-        height = _least_squares(edges)
-        iterations, energy = 0, bilateral_weights(*_fields(edges), height, 0.0)[1]
+        (height, converged), rounds = least_squares(edges), 0
+        energy = misfit_energy(edges, height, 0.0)
 
     # The equations tie no two components, so only the mean of each is left to fix.
     numbers = components[window]
@@ -120,34 +117,7 @@ def integrate(
         height = np.exp(-height / focal_length(camera))
     depth = np.full(mask.shape, np.nan, np.float32)
     depth[window][inner] = height[inner]
-    return Depth(depth, components, iterations, energy / int(inner.sum()), camera is not None)
-
-
-def _least_squares(edges: GridEdges) -> np.ndarray:
-    """Solve for the height (H, W) with both ends of each edge weighted alike."""
-    equal = np.full(edges.forward_rise.shape, 0.5)
-    weights, source = assemble(*_fields(edges), equal, 0.0, 0.0, MIN_EDGE_WEIGHT)
-    return solve_poisson(weights, source, np.zeros(source.shape), tolerance=LEAST_SQUARES_TOLERANCE)[0]
-
-
-def _bilateral(
-    edges: GridEdges, sharpness: float, max_iterations: int, tolerance: float
-) -> tuple[np.ndarray, int, float]:
-    """Solve for the height (H, W) by iteratively reweighted least squares; return it, the iterations and the energy."""
-    height = _least_squares(edges)
-    bilateral, energy = bilateral_weights(*_fields(edges), height, sharpness)
-    for iteration in range(1, max_iterations + 1):
-        weights, source = assemble(*_fields(edges), bilateral, WEIGHT_POWER, RISE_POWER, MIN_EDGE_WEIGHT)
-        height = solve_poisson(weights, source, height, tolerance=REWEIGHTED_TOLERANCE)[0]
-        previous_energy = energy
-        bilateral, energy = bilateral_weights(*_fields(edges), height, sharpness)
-        if abs(previous_energy - energy) <= tolerance * previous_energy:
-            return height, iteration, energy
-    return height, max_iterations, energy
-
-
-def _fields(edges: GridEdges) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    return edges.inside, edges.forward_rise, edges.backward_rise, edges.cos_incidence, edges.weight
+    return Depth(depth, components, rounds, converged, energy / int(inner.sum()), camera is not None)
 
 
 def _weighted_normals(

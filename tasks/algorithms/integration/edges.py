@@ -2,13 +2,12 @@
 
 After Cao et al., Bilateral Normal Integration, ECCV 2022: the normal at either end of an edge between neighbouring
 pixels predicts the rise of height along it (for perspective cameras, of the logarithm of the distance), and a sigmoid
-of the difference of squared misfits weighs a pixel's two sides along each axis. A pixel's misfit to a neighbour is the
-difference of the rise from its own prediction, measured along its normal.
+weighs a pixel's two sides along each axis. A pixel's misfit to a neighbour is the difference of the rise from its own
+prediction, measured along its normal.
 
 Axis 0 leads to the next row, axis 1 to the next column. Height grows towards the camera.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +15,8 @@ from numba import njit
 
 MAX_SIGMOID_ARGUMENT = 40.0
 """Arguments of the sigmoid are clipped to this, so that the exponential stays finite and the weights positive."""
+STEP_POWER = 0.25
+"""Power of a step in the sum of discontinuities: a few large steps count less than many small ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,46 +90,91 @@ def _log_ratio(first: np.ndarray, second: np.ndarray, minimum: float) -> np.ndar
 
 
 @njit(cache=True, nogil=True)
-def bilateral_weights(
+def compare_sides(
     inside: np.ndarray,
     forward_rise: np.ndarray,
     backward_rise: np.ndarray,
     cos_incidence: np.ndarray,
     weight: np.ndarray,
     height: np.ndarray,
-    sharpness: float,
-) -> tuple[np.ndarray, float]:
-    """Compute each pixel's bilateral weights for a height (H, W), and the energy.
+    rise_share: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Compare each pixel's two sides along each axis for a height (H, W).
 
-    The first five arguments are the fields of `GridEdges`. The side with the smaller misfit gets more, by a sigmoid of
-    the difference of squared misfits times `sharpness` (per square pixel) and the pixel's weight: an uncertain normal
-    is no evidence of a step.
+    The first five arguments are the fields of `GridEdges`. What speaks against a side is its squared misfit and its
+    squared rise, both along the normal and in the shares 1 - `rise_share` and `rise_share`: the surface is continuous
+    where the normal explains the rise, and beyond an occluding contour the rise is large.
 
     Returns:
-        (2, H, W) float64 in 0..1, the weight of the edge to the next neighbour along each axis, whose complement is
-        that of the edge to the previous one; and the sum of the weighted squared misfits, square pixels.
+        (2, H, W) float64 each: what speaks against the next side less what speaks against the previous one, times the
+        pixel's weight (an uncertain normal is no evidence of a step); and the squared misfits to the next and to the
+        previous neighbour, square pixels, 0 where there is none.
     """
     rows, columns = height.shape
-    bilateral = np.full(forward_rise.shape, 0.5)
-    energy = 0.0
+    difference, following, preceding = (
+        np.zeros(forward_rise.shape),
+        np.zeros(forward_rise.shape),
+        np.zeros(forward_rise.shape),
+    )
     for axis in range(2):
         di, dj = 1 - axis, axis
         for i in range(rows):
             for j in range(columns):
-                # Squared misfits along the normal: cos_incidence turns a difference of heights into a distance.
-                next_misfit, previous_misfit = 0.0, 0.0
+                # cos_incidence turns a difference of heights into a distance along the normal.
+                next_side, previous_side = 0.0, 0.0
                 if inside[axis, i, j]:
                     rise = height[i + di, j + dj] - height[i, j]
-                    next_misfit = ((rise - forward_rise[axis, i, j]) * cos_incidence[i, j]) ** 2
+                    misfit = ((rise - forward_rise[axis, i, j]) * cos_incidence[i, j]) ** 2
+                    following[axis, i, j] = misfit
+                    next_side = (1.0 - rise_share) * misfit + rise_share * (rise * cos_incidence[i, j]) ** 2
                 if i >= di and j >= dj and inside[axis, i - di, j - dj]:
                     rise = height[i, j] - height[i - di, j - dj]
-                    previous_misfit = ((rise - backward_rise[axis, i - di, j - dj]) * cos_incidence[i, j]) ** 2
-                argument = sharpness * weight[i, j] * (next_misfit - previous_misfit)
-                argument = min(max(argument, -MAX_SIGMOID_ARGUMENT), MAX_SIGMOID_ARGUMENT)
-                share = 1.0 / (1.0 + math.exp(argument))
-                bilateral[axis, i, j] = share
-                energy += weight[i, j] * (share * next_misfit + (1.0 - share) * previous_misfit)
-    return bilateral, energy
+                    misfit = ((rise - backward_rise[axis, i - di, j - dj]) * cos_incidence[i, j]) ** 2
+                    preceding[axis, i, j] = misfit
+                    previous_side = (1.0 - rise_share) * misfit + rise_share * (rise * cos_incidence[i, j]) ** 2
+                difference[axis, i, j] = weight[i, j] * (next_side - previous_side)
+    return difference, following, preceding
+
+
+@njit(cache=True, nogil=True)
+def discontinuity(
+    inside: np.ndarray,
+    forward_rise: np.ndarray,
+    backward_rise: np.ndarray,
+    cos_incidence: np.ndarray,
+    weight: np.ndarray,
+    height: np.ndarray,
+) -> float:
+    """Compute how much of a height (H, W) is discontinuous: the sum of the edges' steps to the power STEP_POWER.
+
+    The first five arguments are the fields of `GridEdges`. An edge's step is the part of its rise, along the steeper
+    normal and in pixels, that lies outside of what the two ends predict: a crease, with a rise between both, has none.
+    The less certain of the two normals weighs it.
+    """
+    rows, columns = height.shape
+    total = 0.0
+    for axis in range(2):
+        di, dj = 1 - axis, axis
+        for i in range(rows):
+            for j in range(columns):
+                if inside[axis, i, j]:
+                    rise = height[i + di, j + dj] - height[i, j]
+                    low = min(forward_rise[axis, i, j], backward_rise[axis, i, j])
+                    high = max(forward_rise[axis, i, j], backward_rise[axis, i, j])
+                    step = max(low - rise, rise - high, 0.0)
+                    cosine = min(cos_incidence[i, j], cos_incidence[i + di, j + dj])
+                    total += min(weight[i, j], weight[i + di, j + dj]) * (cosine * step) ** STEP_POWER
+    return total
+
+
+def bilateral_weights(difference: np.ndarray, sharpness: float) -> np.ndarray:
+    """Divide each pixel between its sides by a sigmoid of their `difference` (2, H, W; see `compare_sides`).
+
+    Returns (2, H, W) float64 in 0..1, the weight of the edge to the next neighbour along each axis, whose complement is
+    that of the edge to the previous one. `sharpness` is per square pixel.
+    """
+    argument = np.clip(sharpness * difference, -MAX_SIGMOID_ARGUMENT, MAX_SIGMOID_ARGUMENT)
+    return np.asarray(1.0 / (1.0 + np.exp(argument)))
 
 
 @njit(cache=True, nogil=True)

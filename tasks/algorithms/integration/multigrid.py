@@ -41,7 +41,7 @@ def solve_poisson(
     *,
     tolerance: float = 1e-6,
     max_iterations: int = 200,
-) -> tuple[np.ndarray, int]:
+) -> tuple[np.ndarray, int, bool]:
     """Solve L x = source, where L is the Laplacian of a grid graph.
 
     Args:
@@ -52,8 +52,8 @@ def solve_poisson(
         max_iterations: of conjugate gradients.
 
     Returns:
-        The solution (H, W) float64, with an arbitrary constant on each component, which L leaves free; and the number
-        of iterations.
+        The solution (H, W) float64, with an arbitrary constant on each component, which L leaves free; the number of
+        iterations; and whether the tolerance was reached within the limit.
     """
     down, across = weights
     levels = _hierarchy(down, across)
@@ -73,7 +73,7 @@ def solve_poisson(
         nonlocal iterations
         iterations += 1
 
-    solution, _ = cg(
+    solution, status = cg(
         _operator(size, laplacian),
         source.ravel(),
         x0=start.ravel(),
@@ -82,7 +82,7 @@ def solve_poisson(
         M=_operator(size, precondition),
         callback=count,
     )
-    return solution.reshape(shape), iterations
+    return solution.reshape(shape), iterations, status == 0
 
 
 def _operator(size: int, function: Callable[[np.ndarray], np.ndarray]) -> LinearOperator:

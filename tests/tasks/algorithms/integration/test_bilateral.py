@@ -6,7 +6,8 @@ import pytest
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.integration.bilateral import integrate
-from glint.tasks.algorithms.integration.edges import bilateral_weights, grid_edges
+from glint.tasks.algorithms.integration.edges import bilateral_weights, compare_sides, discontinuity, grid_edges
+from tests.benchmarks.integration_scenes import FIELDS, traced
 from tests.tasks.algorithms.geometry.gradient_normals import from_gradients
 
 METHODS = ("bilateral", "least-squares")
@@ -157,17 +158,34 @@ def test_pixels_of_little_weight_hardly_choose_between_their_sides():
     chosen = []
     for weight in (1.0, 0.01):
         edges = grid_edges(np.broadcast_to([0.0, 0.0, 1.0], (1, 3, 3)), mask, np.full((1, 3), weight), None, 0.01)
-        bilateral, _ = bilateral_weights(
-            edges.inside,
-            edges.forward_rise,
-            edges.backward_rise,
-            edges.cos_incidence,
-            edges.weight,
-            height,
-            5.0,
+        difference, _, _ = compare_sides(
+            edges.inside, edges.forward_rise, edges.backward_rise, edges.cos_incidence, edges.weight, height, 0.5
         )
+        bilateral = bilateral_weights(difference, 5.0)
         chosen.append(bilateral[1, 0, 1])
     assert chosen[0] < 1e-6 and 0.4 < chosen[1] < 0.5
+
+
+def test_a_crease_is_no_discontinuity_and_a_step_is():
+    mask = np.ones((1, 4), bool)
+    slope = np.array([0.5, 0.5, -0.5, -0.5])[None]
+    edges = grid_edges(from_gradients(slope, np.zeros((1, 4))), mask, np.ones((1, 4)), None, 0.01)
+    fields = (edges.inside, edges.forward_rise, edges.backward_rise, edges.cos_incidence, edges.weight)
+    roof = np.array([[0.0, 0.5, 0.7, 0.2]])
+    assert discontinuity(*fields, roof) < 1e-3
+    assert discontinuity(*fields, roof + np.array([[0, 0, 3.0, 3.0]])) > 1.0
+    unsure = (*fields[:4], np.array([[1.0, 1.0, 0.01, 1.0]]))
+    assert discontinuity(*unsure, roof + np.array([[0, 0, 3.0, 3.0]])) < 0.05
+
+
+@pytest.mark.long
+def test_solids_with_edges_keep_their_faces_together_and_come_apart_where_they_hide_each_other():
+    scene = traced(FIELDS["boxes"], 64)
+    errors = {}
+    for method in METHODS:
+        depth = integrate(scene.normals, scene.mask, method=method).depth
+        errors[method] = np.abs(deviation(depth, scene.height, scene.piece)).mean()
+    assert errors["bilateral"] < 0.3 * errors["least-squares"]
 
 
 def test_missing_normals_and_confidences_follow_their_neighbours():

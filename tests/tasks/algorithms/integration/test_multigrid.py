@@ -80,11 +80,13 @@ def test_the_solver_agrees_with_a_direct_one_over_six_orders_of_magnitude(shape:
     matrix = (differences.T @ sparse.diags(edge_weights) @ differences).tocsr()
     components = ndimage.label(mask)[0]
 
-    solution, iterations = solve_poisson(weights, source, np.zeros(size), tolerance=1e-12, max_iterations=6000)
+    solution, iterations, converged = solve_poisson(
+        weights, source, np.zeros(size), tolerance=1e-12, max_iterations=6000
+    )
     exact = without_means(direct_solution(matrix, source, components), components)
     error = np.abs(without_means(solution, components) - exact).max()
     assert error <= 1e-7 * max(1.0, np.abs(exact).max())
-    assert iterations < 6000
+    assert converged and iterations < 6000
     assert not solution[~mask].any()
 
 
@@ -96,8 +98,8 @@ def test_the_start_changes_nothing_but_the_constants_of_components() -> None:
     differences, places = incidence(mask)
     source = (differences.T @ (weights.ravel()[places] * generator.normal(size=len(places)))).reshape(mask.shape)
     start = 10.0 * components
-    solution, _ = solve_poisson(weights, source, start, tolerance=1e-12, max_iterations=6000)
-    plain, _ = solve_poisson(weights, source, np.zeros(mask.shape), tolerance=1e-12, max_iterations=6000)
+    solution, *_ = solve_poisson(weights, source, start, tolerance=1e-12, max_iterations=6000)
+    plain, *_ = solve_poisson(weights, source, np.zeros(mask.shape), tolerance=1e-12, max_iterations=6000)
     assert np.allclose(without_means(solution, components), without_means(plain, components), atol=1e-6)
 
 
@@ -105,6 +107,17 @@ def test_a_solution_as_start_takes_no_iteration() -> None:
     weights = random_graph(np.ones((17, 9), bool), np.random.default_rng(1))
     source = np.zeros((17, 9))
     source[3, 4], source[12, 2] = 1.0, -1.0
-    solution, iterations = solve_poisson(weights, source, np.zeros((17, 9)), tolerance=1e-9)
+    solution, iterations, _ = solve_poisson(weights, source, np.zeros((17, 9)), tolerance=1e-9)
     assert iterations > 0
     assert solve_poisson(weights, source, solution, tolerance=1e-6)[1] == 0
+
+
+def test_a_solution_that_the_limit_cut_short_is_not_converged() -> None:
+    weights = random_graph(np.ones((17, 9), bool), np.random.default_rng(1))
+    source = np.zeros((17, 9))
+    source[3, 4], source[12, 2] = 1.0, -1.0
+    start = np.zeros((17, 9))
+    _, iterations, converged = solve_poisson(weights, source, start, tolerance=1e-9, max_iterations=2)
+    assert iterations == 2 and not converged
+    _, iterations, converged = solve_poisson(weights, source, start, tolerance=1e-9, max_iterations=2000)
+    assert 2 < iterations < 2000 and converged
