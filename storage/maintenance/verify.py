@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from glint.storage.errors import DamagedError, StoreError, StoreUnreachable
@@ -75,13 +75,13 @@ def verify_store(
     if location.local is not None and not location.local.is_dir():
         raise StoreError(f"no store at {location.uri}", "give the folder that `glint run --store` wrote to")
     ids = sorted(chosen) or object_ids(location)
-    parts, damages, versions, size = list[Part](), list[Damage](), 0, 0
+    parts, damages, size = list[Part](), list[Damage](), 0
+    versions = dict[str, list[str]]()
     for object_id in ids:
         try:
             repository = ObjectRepository.open(location, object_id, create=False)
-            names = repository.version_names()
-            parts += list(_parts(repository, names))
-            versions += len(names)
+            versions[object_id] = repository.version_names()
+            parts += list(_parts(repository, versions[object_id]))
         except DamagedError as error:
             damages.append(Damage(object_id, "", error.message, error.remedy))
     if frames:
@@ -92,8 +92,9 @@ def verify_store(
             read, damaged = future.result()
             size, damages = size + read, damages + damaged
             progress(done, len(parts))
+    damages = [_with_remedy(damage, damages, versions.get(damage.object_id, [])) for damage in damages]
     ordered = sorted(set(damages), key=lambda damage: (damage.object_id, damage.version, damage.message))
-    return StoreVerification(location.uri, len(ids), versions, size, tuple(ordered))
+    return StoreVerification(location.uri, len(ids), sum(map(len, versions.values())), size, tuple(ordered))
 
 
 def _parts(repository: ObjectRepository, names: Collection[str]) -> Iterator[Part]:
@@ -110,6 +111,16 @@ def _parts(repository: ObjectRepository, names: Collection[str]) -> Iterator[Par
             continue
         for capture in captures:
             yield partial(_verify_capture, repository, ref, capture)
+
+
+def _with_remedy(damage: Damage, damages: Collection[Damage], versions: list[str]) -> Damage:
+    """Return the damage with its remedy: of a version before a whole one, nothing is left to compute again."""
+    if damage.version not in versions[:-1]:
+        return damage
+    needed = {WORK, versions[-1]}
+    if any(found.object_id == damage.object_id and found.version in needed for found in damages):
+        return damage
+    return replace(damage, remedy=f"{versions[-1]} is whole; only a backup brings {damage.version} back")
 
 
 def _known(damage: Damage) -> tuple[int, list[Damage]]:

@@ -28,7 +28,7 @@ from glint.tasks.algorithms.lighting.spheres import Sphere, measure_sphere
 
 MAX_SPHERES = 8
 SEED_FRAMES, FIT_FRAMES = 12, 32
-"""Frames, spread over the capture, in which spheres are sought, and by which they are measured and tested."""
+"""Frames, spread over the capture, in which spheres are sought, and by which they are measured."""
 SEEDS_PER_IMAGE = 25
 """Strongest circles of each image and level that are examined as spheres."""
 SEED_RADIUS_RATIOS = 0.92, 1.75
@@ -102,7 +102,7 @@ def find_spheres(
     refined = distinct([_refined(many, few, maximum, sphere, camera) for sphere in candidates], 0.06)
     accepted, rejected = list[Sphere](), list[str]()
     for sphere in _outermost([sphere for sphere in refined if sphere.score >= min_score]):
-        reason = is_chrome(many, sphere, camera)
+        reason = is_chrome(frames, sphere, camera)
         if reason is None:
             accepted.append(sphere)
         else:

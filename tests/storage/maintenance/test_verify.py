@@ -8,7 +8,7 @@ import pytest
 from glint.storage.errors import DamagedError, StoreError
 from glint.storage.locations.location import Location
 from glint.storage.maintenance.repair import repair
-from glint.storage.maintenance.verify import Damage, verify_store
+from glint.storage.maintenance.verify import Damage, _with_remedy, verify_store
 from glint.storage.versions.repository import ObjectRepository
 from tests.damage.damage import build, problems, served
 
@@ -108,3 +108,10 @@ def test_an_index_without_a_copy_is_told(store: Path) -> None:
     assert "no whole copy: restore a backup" in text
     with pytest.raises(StoreError):
         ObjectRepository.open(Location.parse(store), "vase", create=False)
+
+
+def test_only_a_backup_brings_an_old_version_back() -> None:
+    old, newest = (Damage("vase", version, "a file is damaged", "repair it") for version in ("v1", "v2"))
+    assert _with_remedy(old, [old], ["v1", "v2"]).remedy == "v2 is whole; only a backup brings v1 back"
+    assert _with_remedy(old, [old, newest], ["v1", "v2"]) == old
+    assert _with_remedy(newest, [old, newest], ["v1", "v2"]) == newest
