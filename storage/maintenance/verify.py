@@ -118,7 +118,7 @@ def _with_remedy(damage: Damage, damages: Collection[Damage], versions: list[str
     if damage.version not in versions[:-1]:
         return damage
     needed = {WORK, versions[-1]}
-    if any(found.object_id == damage.object_id and found.version in needed for found in damages):
+    if needed & {second.version for second in damages if second.object_id == damage.object_id}:
         return damage
     return replace(damage, remedy=f"{versions[-1]} is whole; only a backup brings {damage.version} back")
 

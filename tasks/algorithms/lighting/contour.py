@@ -124,8 +124,7 @@ def edge_evidence(
 
 def _level_evidence(levels: np.ndarray, valid: np.ndarray, reach: int, spacing: float) -> np.ndarray:
     """Return the evidence (A, N), 0..1, of changes of log levels (T, A, N) along the rays, frame by frame."""
-    single: np.ndarray = np.zeros(valid.shape, np.float32)
-    mean: np.ndarray = np.zeros(valid.shape, np.float32)
+    single, mean = np.zeros((2, *valid.shape), np.float32)
     for frame in levels:
         change = _change(frame, reach) / (2 * reach * spacing)
         usual = float(np.median(np.abs(change[valid][::3]))) + MIN_CHANGE
