@@ -78,7 +78,7 @@ def test_lights_are_those_of_the_object(near: Path, tmp_path: Path) -> None:
     assert np.nanmedian(angles(work.load("lights").read("lights"), truth)) < 1.2
 
 
-@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("number", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_phone_without_its_matrix_is_doubted_with_a_single_sphere(
     shared_data: Path, tmp_path: Path, number: int
 ) -> None:
@@ -93,6 +93,7 @@ def test_a_phone_without_its_matrix_is_doubted_with_a_single_sphere(
     assert np.degrees(work.load("lights").read("half_vector_sd")).min() > 2.04
 
 
+@pytest.mark.slow
 def test_a_phone_without_its_matrix_is_told_by_two_spheres(shared_data: Path, tmp_path: Path) -> None:
     catalogue = shared_data / "captures" / "field-marked.yaml"
     entry = load(catalogue).objects[1].captures[0]
