@@ -143,11 +143,11 @@ def read_version(repository: icechunk.Repository, object_id: str, name: str) -> 
     """Return the version from its tag and its commit's metadata.
 
     Raises:
-        StoreError: Glint did not make the tag; DamagedError: this is not what was written.
+        DamagedError: this is not what was written.
     """
     version = version_of(repository, object_id, repository.lookup_tag(name))
     if version is None:
-        raise StoreError(f"tag {name} of {object_id} was not made by Glint", "delete the tag")
+        raise index_damage("", object_id, f"its {name} is no version")
     if version.name != name:
         raise index_damage("", object_id, f"its {name} is {version.name}")
     return version
@@ -209,8 +209,9 @@ def index_errors(uri: str, action: str, object_id: str) -> Iterator[None]:
             try:
                 yield
             except icechunk.IcechunkError as error:
-                is_known = translate(uri, action, error).remedy != UNKNOWN_CAUSE_REMEDY
-                if is_known or isinstance(error, icechunk.ConflictError):
+                # Numbers in the text about a damaged file may look like another cause.
+                remedy = "" if "Invalid Icechunk" in str(error) else translate(uri, action, error).remedy
+                if isinstance(error, icechunk.ConflictError) or remedy not in ("", UNKNOWN_CAUSE_REMEDY):
                     raise
                 raise index_damage(uri, object_id, f"{action}: {_first(error)}") from error
     except BaseException as error:
