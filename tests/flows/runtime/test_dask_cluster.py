@@ -102,7 +102,6 @@ def test_workers_that_cannot_run_glint_are_refused(cluster: Cluster) -> None:
 RUN = """
 import sys, time
 from glint.flows.runtime.dask_cluster import Cluster
-from tests.flows.runtime.dask_certificates import certificates
 
 def main():
     with Cluster(workers=2) as cluster:
