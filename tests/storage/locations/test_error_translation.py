@@ -1,0 +1,24 @@
+"""The remedy of an error follows from its words, not from numbers in it."""
+
+import icechunk
+import pytest
+
+from glint.storage.errors import DamagedError
+from glint.storage.locations.error_translation import UNKNOWN_CAUSE_REMEDY, translate
+from glint.storage.versions.snapshots import index_errors
+
+DAMAGE = (
+    "Invalid Icechunk metadata file: Signed offset at position 1800 has value 1196554032 which points out of bounds"
+)
+
+
+def test_numbers_are_no_status() -> None:
+    assert translate("memory", "reading", OSError(DAMAGE)).remedy == UNKNOWN_CAUSE_REMEDY
+    for text in ("403 Forbidden", "service error: StatusCode(403)", "AccessDenied"):
+        assert "credentials" in translate("memory", "reading", OSError(text)).remedy
+
+
+@pytest.mark.parametrize("detail", ["", " (connect, quota)"])
+def test_a_damaged_index_is_named_whatever_its_message_holds(detail: str) -> None:
+    with pytest.raises(DamagedError, match="index of object vase"), index_errors("memory", "opening it", "vase"):
+        raise icechunk.IcechunkError(DAMAGE + detail)
