@@ -82,6 +82,10 @@ def main() -> None:
         try:
             app()
         finally:
+            # Python remembers an interrupt that ended the execution of a string (where a data class is defined, say)
+            # even when it was handled, and `python -m` would end by the signal rather than with the status. The next
+            # string that is executed makes it forget.
+            exec("")
             sys.stdout.flush()
     except (Exception, KeyboardInterrupt) as error:
         if isinstance(error, KeyboardInterrupt) or signals.was_interrupted():

@@ -69,8 +69,23 @@ def test_an_interrupt_at_any_moment_is_one_line(
     time.sleep(seconds)
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=100)
-    assert process.returncode == 130
-    assert [line[:18] for line in errors.splitlines()] == ["glint: interrupted"]
+    assert (process.returncode, [line[:18] for line in errors.splitlines()]) == (130, ["glint: interrupted"])
+
+
+def test_an_interrupt_within_a_string_that_is_executed_ends_with_the_status(tmp_path: Path) -> None:
+    (tmp_path / "command.py").write_text(
+        "import sys\nfrom glint.flows.cli import main\n"
+        "def app():\n"
+        "    try:\n"
+        "        exec('raise KeyboardInterrupt')\n"
+        "    except KeyboardInterrupt:\n"
+        "        sys.exit(130)\n"
+        "main.app = app\nmain.main()"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-m", "command"], cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}, check=False
+    )
+    assert ended.returncode == 130
 
 
 def test_a_second_interrupt_ends_at_once() -> None:
