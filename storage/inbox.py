@@ -117,8 +117,12 @@ class Inbox:
         """
         latest = (now or datetime.now(UTC)) - quiet_period
         submissions, finished = self.submissions(), self._finished()
-        changed = [submission for submission in submissions if finished.get(submission.name) != submission.digest]
-        kept = self._finished_objects([item for item in submissions if item not in changed])
+        changed, unchanged = list[Submission](), list[Submission]()
+        for submission in submissions:
+            is_finished = finished.get(submission.name) == submission.digest
+            (unchanged if is_finished else changed).append(submission)
+        # They are needed beside new objects only, and reading them takes a request for each.
+        kept = self._finished_objects(unchanged) if changed else []
         owners = {item.id: submission for item, submission in kept}
         loose, batches = list[Object](), list[Batch]()
         problems, empty = dict[str, str](), list[str]()
@@ -150,7 +154,7 @@ class Inbox:
             address = self._write_catalogue(together, CATALOGUE)
             batches.append(Batch(address, {item.id: owners[item.id] for item in loose}))
         waiting = tuple(submission.name for submission in changed if submission.changed > latest)
-        return InboxScan(tuple(batches), problems, waiting, tuple(empty), len(submissions) - len(changed))
+        return InboxScan(tuple(batches), problems, waiting, tuple(empty), len(unchanged))
 
     def _finished_objects(self, submissions: Sequence[Submission]) -> list[tuple[Object, Submission]]:
         """Return the objects of sub-folders without a catalogue; what cannot be read any more is left out."""

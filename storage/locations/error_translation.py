@@ -22,7 +22,7 @@ REMEDIES = (
         "there is a file in place of a folder: move it or name another store",
     ),
     (
-        ("403 forbidden", "statuscode(403)", "access denied", "accessdenied", "forbidden", "credential", "signature"),
+        ("statuscode(403)", "access denied", "accessdenied", "forbidden", "credential", "signature"),
         "check the credentials in the environment or profile",
     ),
 )

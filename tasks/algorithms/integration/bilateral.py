@@ -4,9 +4,9 @@ After Cao, Santo, Shi, Okura and Matsushita, Bilateral Normal Integration, ECCV 
 pixels has two predictions of the rise of height along it, from the normals at either end (`edges`). Masked least
 squares averages them. Bilateral integration lets each pixel assume that the surface is continuous on at least one side:
 a sigmoid divides the pixel's weight between its two sides, found by iteratively reweighted least squares, so that an
-edge whose two ends both reject it becomes a step. Each iteration solves weighted Poisson equations (`multigrid`); which
-start and which comparison of the sides is `reweighting`. Each connected component is
-integrated by itself: offsets between them cannot be known from one view.
+edge whose two ends both reject it becomes a step. Each iteration solves weighted Poisson equations (`multigrid`);
+`reweighting` chooses the start and how the two sides are compared. Connected components are integrated one by one:
+offsets between them cannot be known from one view.
 """
 
 from dataclasses import dataclass

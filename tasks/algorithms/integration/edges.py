@@ -8,7 +8,7 @@ prediction, measured along its normal.
 Axis 0 leads to the next row, axis 1 to the next column. Height grows towards the camera.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -19,9 +19,8 @@ STEP_POWER = 0.25
 """Power of a step in the sum of discontinuities: a few large steps count less than many small ones."""
 
 
-@dataclass(frozen=True, slots=True)
-class GridEdges:
-    """Edges of a region and the rises that normals predict along them.
+class GridEdges(NamedTuple):
+    """Edges of a region and the rises that normals predict along them; compiled functions take it whole.
 
     inside: (2, H, W) bool, whether the pixel and its next one along the axis both lie in the mask.
     forward_rise: (2, H, W) float64, rise of height (pixels) from the pixel to its next one, by the pixel's normal.
@@ -91,17 +90,13 @@ def _log_ratio(first: np.ndarray, second: np.ndarray, minimum: float) -> np.ndar
 
 @njit(cache=True, nogil=True)
 def compare_sides(
-    inside: np.ndarray,
-    forward_rise: np.ndarray,
-    backward_rise: np.ndarray,
-    cos_incidence: np.ndarray,
-    weight: np.ndarray,
+    edges: GridEdges,
     height: np.ndarray,
     rise_share: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Compare each pixel's two sides along each axis for a height (H, W).
 
-    The first five arguments are the fields of `GridEdges`. What speaks against a side is its squared misfit and its
+    What speaks against a side is its squared misfit and its
     squared rise, both along the normal and in the shares 1 - `rise_share` and `rise_share`: the surface is continuous
     where the normal explains the rise, and beyond an occluding contour the rise is large.
 
@@ -110,6 +105,7 @@ def compare_sides(
         pixel's weight (an uncertain normal is no evidence of a step); and the squared misfits to the next and to the
         previous neighbour, square pixels, 0 where there is none.
     """
+    inside, forward_rise, backward_rise, cos_incidence, weight = edges
     rows, columns = height.shape
     difference, following, preceding = (
         np.zeros(forward_rise.shape),
@@ -138,19 +134,16 @@ def compare_sides(
 
 @njit(cache=True, nogil=True)
 def discontinuity(
-    inside: np.ndarray,
-    forward_rise: np.ndarray,
-    backward_rise: np.ndarray,
-    cos_incidence: np.ndarray,
-    weight: np.ndarray,
+    edges: GridEdges,
     height: np.ndarray,
 ) -> float:
     """Compute how much of a height (H, W) is discontinuous: the sum of the edges' steps to the power STEP_POWER.
 
-    The first five arguments are the fields of `GridEdges`. An edge's step is the part of its rise, along the steeper
+    An edge's step is the part of its rise, along the steeper
     normal and in pixels, that lies outside of what the two ends predict: a crease, with a rise between both, has none.
     The less certain of the two normals weighs it.
     """
+    inside, forward_rise, backward_rise, cos_incidence, weight = edges
     rows, columns = height.shape
     total = 0.0
     for axis in range(2):
@@ -179,11 +172,7 @@ def bilateral_weights(difference: np.ndarray, sharpness: float) -> np.ndarray:
 
 @njit(cache=True, nogil=True)
 def assemble(
-    inside: np.ndarray,
-    forward_rise: np.ndarray,
-    backward_rise: np.ndarray,
-    cos_incidence: np.ndarray,
-    weight: np.ndarray,
+    edges: GridEdges,
     bilateral: np.ndarray,
     weight_power: float,
     rise_power: float,
@@ -191,7 +180,7 @@ def assemble(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Assemble the weighted Poisson equations of the grid for given bilateral weights (2, H, W).
 
-    The first five arguments are the fields of `GridEdges`. Each end of an edge counts with bilateral weight x weight x
+    Each end of an edge counts with bilateral weight x weight x
     a power of its cosine of incidence: `rise_power` when the two predicted rises are averaged, `weight_power` in the
     weight of the edge, which is at least `min_edge_weight`.
 
@@ -199,6 +188,7 @@ def assemble(
         Weights (2, H, W) float64 of the edges, 0 outside, and the right-hand side (H, W) float64 of their Laplacian,
         which sums to zero over each component.
     """
+    inside, forward_rise, backward_rise, cos_incidence, weight = edges
     rows, columns = cos_incidence.shape
     weights = np.zeros(forward_rise.shape)
     source = np.zeros(cos_incidence.shape)

@@ -54,7 +54,7 @@ LEAST_SQUARES_TOLERANCE, REWEIGHTED_TOLERANCE = 1e-5, 1e-3
 def least_squares(edges: GridEdges) -> tuple[np.ndarray, bool]:
     """Solve for the height (H, W) with both ends of each edge weighted alike; return it and whether it converged."""
     equal = np.full(edges.forward_rise.shape, 0.5)
-    weights, source = assemble(*_fields(edges), equal, 0.0, 0.0, MIN_EDGE_WEIGHT)
+    weights, source = assemble(edges, equal, 0.0, 0.0, MIN_EDGE_WEIGHT)
     height, _, converged = solve_poisson(weights, source, np.zeros(source.shape), tolerance=LEAST_SQUARES_TOLERANCE)
     return height, converged
 
@@ -70,20 +70,20 @@ def robust(
     start, solved = least_squares(edges)
     few = min(MISFIT_ROUNDS, max_rounds)
     best, rounds, converged = _reweighted(edges, mask, start, (0.0, sharpness, sharpness), few, tolerance)
-    least = discontinuity(*_fields(edges), best)
-    if discontinuity(*_fields(edges), start) < least:
-        best, least, converged = start, discontinuity(*_fields(edges), start), solved
+    least, least_of_start = discontinuity(edges, best), discontinuity(edges, start)
+    if least_of_start < least:
+        best, least, converged = start, least_of_start, solved
     bound = SPARSER * least
     flat = mask & (edges.cos_incidence >= LEAST_COSINE)
-    if not flat.any() or _largest(compare_sides(*_fields(edges), best, 0.0)[0], flat) <= LEAST_STEP_PX**2:
+    if not flat.any() or _largest(compare_sides(edges, best, 0.0)[0], flat) <= LEAST_STEP_PX**2:
         return best, rounds, converged
     for rise_share in RISE_SHARES:
-        difference = compare_sides(*_fields(edges), start, rise_share)[0]
+        difference = compare_sides(edges, start, rise_share)[0]
         first = min(GRADUATED_SHARPNESS, 1.0 / max(_largest(difference, mask), 1e-12))
         slopes = (rise_share, first, GRADUATED_SHARPNESS)
         height, completed, ended = _reweighted(edges, mask, start, slopes, max_rounds, tolerance)
         rounds += completed
-        total = discontinuity(*_fields(edges), height)
+        total = discontinuity(edges, height)
         if total < bound:
             best, bound, converged = height, total, ended
     return best, rounds, converged
@@ -108,8 +108,8 @@ def _reweighted(
     """
     rise_share, slope, sharpness = comparison
     for completed in range(1, max_rounds + 1):
-        shares = bilateral_weights(compare_sides(*_fields(edges), height, rise_share)[0], slope)
-        weights, source = assemble(*_fields(edges), shares, WEIGHT_POWER, RISE_POWER, MIN_EDGE_WEIGHT)
+        shares = bilateral_weights(compare_sides(edges, height, rise_share)[0], slope)
+        weights, source = assemble(edges, shares, WEIGHT_POWER, RISE_POWER, MIN_EDGE_WEIGHT)
         previous = height
         height, _, solved = solve_poisson(weights, source, height, tolerance=REWEIGHTED_TOLERANCE)
         change = float(np.sqrt(np.mean((height - previous)[mask] ** 2)))
@@ -121,10 +121,6 @@ def _reweighted(
 
 def misfit_energy(edges: GridEdges, height: np.ndarray, sharpness: float) -> float:
     """Return the sum of the weighted squared misfits along the normals, square pixels."""
-    difference, following, preceding = compare_sides(*_fields(edges), height, 0.0)
+    difference, following, preceding = compare_sides(edges, height, 0.0)
     share = bilateral_weights(difference, sharpness)
     return float((edges.weight * (share * following + (1.0 - share) * preceding)).sum())
-
-
-def _fields(edges: GridEdges) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    return edges.inside, edges.forward_rise, edges.backward_rise, edges.cos_incidence, edges.weight

@@ -52,10 +52,31 @@ class EdgeEvidence:
     def moved(self, right: float, down: float, outward: float = 0.0) -> "EdgeEvidence":
         """Return the evidence moved so that a contour offset by (right, down), its radius larger by `outward`, lies on
         a circle around (x, y), its radius as it was."""
-        shifts = (right * np.cos(self.angles) + down * np.sin(self.angles) + outward) / self.spacing
+        return self.shifted(right * np.cos(self.angles) + down * np.sin(self.angles) + outward)
+
+    def shifted(self, distances: np.ndarray) -> "EdgeEvidence":
+        """Return the evidence of each ray moved towards (x, y) by its distance (A,) in pixels."""
         bins = np.arange(self.evidence.shape[1])
+        shifts = distances / self.spacing
         rows = [np.interp(bins + shift, bins, ray) for shift, ray in zip(shifts, self.evidence, strict=True)]
         return replace(self, evidence=np.stack(rows).astype(np.float32))
+
+
+@dataclass(frozen=True, slots=True)
+class RaySamples:
+    """Log levels (T, A, N) of frames along rays from (x, y), at radii start + spacing * n and angles (A,), y down.
+
+    valid: (A, N) bool, whether the frame holds the sample and its neighbours at a distance of `reach` samples.
+    """
+
+    x: float
+    y: float
+    levels: np.ndarray
+    valid: np.ndarray
+    start: float
+    spacing: float
+    reach: int
+    angles: np.ndarray
 
 
 def log_gradient(image: np.ndarray, *, sigma: float = 0.8, offset: float = 4.0) -> LogGradient:

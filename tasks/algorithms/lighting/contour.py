@@ -15,12 +15,14 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from glint.tasks.algorithms.lighting.circles import EdgeEvidence
+from glint.tasks.algorithms.lighting.circles import EdgeEvidence, RaySamples
 
 RAYS = 96
 """Rays from the centre."""
 MIN_SPACING_PX, SPACING_RATIO = 0.5, 0.01
 """Distance of samples along a ray: at least so many pixels, and at least this share of the radius."""
+OUTER_GAP_PX = 3.0
+"""Distance outside an edge at which evidence counts against it: samples reach so much farther than the contours."""
 MIN_CHANGE = 0.004
 """Lower bound of a frame's usual change of log levels per pixel along the rays, for frames without structure."""
 HALF_FRAME_RATIO, HALF_MEAN_RATIO = 2.0, 4.0
@@ -41,15 +43,8 @@ MIN_VARIATION, MIN_VARIATION_CHANGE = 0.01, 0.001
 AGREEING_RATIO, MAX_VARIATION_DISTANCE_RATIO, MIN_CLEARNESS_RATIO = 0.01, 0.025, 2.0
 """Distance of centres, in radii, up to which the circle of the variation counts beside that of the levels, and the same
 if its contrast is by so much the higher: what varies may also end where an object or its caustics are mirrored."""
-VARIATION_REACH_RATIO = 0.04
-"""Distance of centres and radii, in radii, that is searched for the circle of the variation."""
-MIN_VARIATION, MIN_VARIATION_CHANGE = 0.01, 0.001
-"""Standard deviations of log levels, and changes of their logarithm, below which there is only noise."""
-MAX_VARIATION_DISTANCE_RATIO = 0.025
-"""Distance of centres up to which the circle of the variation counts as the contour: what varies may also end inside
-it, where an object or its caustics are mirrored."""
-OUTER_GAP_PX, OUTER_WEIGHT = 3.0, 0.25
-"""Distance outside an edge at which evidence counts against it, and its weight."""
+OUTER_WEIGHT = 0.25
+"""Weight of the evidence outside an edge, at OUTER_GAP_PX, that counts against it."""
 INWARD_SHIFT_PX = 0.15
 """Distance by which the strongest change lies inside the contour: the rim mirrors the table's edge of the contour."""
 SCORE_DEVIATION = 0.01
@@ -78,26 +73,18 @@ class ContourFit:
     start_contrast: float = 0.0
 
 
-def edge_evidence(
-    frames: Sequence[np.ndarray],
-    x: float,
-    y: float,
-    min_radius: float,
-    max_radius: float,
-    rays: int = RAYS,
-    *,
-    of_variation: bool = False,
-) -> EdgeEvidence:
-    """Measure the evidence of edges between two radii around (x, y).
+def sample_rays(
+    frames: Sequence[np.ndarray], x: float, y: float, min_radius: float, max_radius: float, rays: int = RAYS
+) -> RaySamples:
+    """Sample frames along rays from (x, y), for the evidence of edges between two radii.
 
     Args:
-        frames: of `log_frames`, (H, W) each; what lies outside them is no evidence.
+        frames: of `log_frames`, (H, W) each.
         x: column of the centre.
         y: row of the centre.
         min_radius: smallest radius of a contour in pixels.
         max_radius: largest radius.
         rays: number of rays.
-        of_variation: of changes in how much levels vary over time, instead of changes of levels.
     """
     spacing = max(MIN_SPACING_PX, SPACING_RATIO * min_radius)
     reach = max(1, round(1.0 / spacing))
@@ -110,45 +97,50 @@ def edge_evidence(
     valid = (columns >= 0) & (rows >= 0) & (columns <= width - 1) & (rows <= height - 1)
     valid[:, reach:-reach] &= valid[:, : -2 * reach] & valid[:, 2 * reach :]
     valid[:, :reach] = valid[:, -reach:] = False
-    if not valid.any():
-        return EdgeEvidence(x, y, np.zeros(valid.shape, np.float32), start, spacing, angles)
     levels = np.stack(
         [cv2.remap(frame, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for frame in frames]
     )
-    evidence = (_variation_evidence if of_variation else _level_evidence)(levels, valid, reach, spacing)
-    evidence[~valid] = 0.0
-    gap = max(1, round(OUTER_GAP_PX / spacing))
-    evidence[:, :-gap] -= OUTER_WEIGHT * evidence[:, gap:]
-    return EdgeEvidence(x, y, evidence, start, spacing, angles)
+    return RaySamples(x, y, levels, valid, start, spacing, reach, angles)
 
 
-def _level_evidence(levels: np.ndarray, valid: np.ndarray, reach: int, spacing: float) -> np.ndarray:
-    """Return the evidence (A, N), 0..1, of changes of log levels (T, A, N) along the rays, frame by frame."""
-    single, mean = np.zeros((2, *valid.shape), np.float32)
-    for frame in levels:
-        change = _change(frame, reach) / (2 * reach * spacing)
-        usual = float(np.median(np.abs(change[valid][::3]))) + MIN_CHANGE
+def level_evidence(samples: RaySamples) -> EdgeEvidence:
+    """Measure the evidence, 0..1 before what lies outside counts against it, of changes of log levels along rays."""
+    single, mean = np.zeros((2, *samples.valid.shape), np.float32)
+    for frame in samples.levels if samples.valid.any() else ():
+        change = _change(frame, samples.reach) / (2 * samples.reach * samples.spacing)
+        usual = float(np.median(np.abs(change[samples.valid][::3]))) + MIN_CHANGE
         square = np.minimum((change / usual) ** 2, 1e3)
         single += square / (square + HALF_FRAME_RATIO)
         mean += square
-    single, mean = single / len(levels), mean / len(levels)
-    return (1.0 - MEAN_WEIGHT) * single + MEAN_WEIGHT * mean / (mean + HALF_MEAN_RATIO)
+    single, mean = single / len(samples.levels), mean / len(samples.levels)
+    return _evidence(samples, (1.0 - MEAN_WEIGHT) * single + MEAN_WEIGHT * mean / (mean + HALF_MEAN_RATIO))
 
 
-def _variation_evidence(levels: np.ndarray, valid: np.ndarray, reach: int, spacing: float) -> np.ndarray:
-    """Return the evidence (A, N), 0..1, of increases outward along the rays of how much log levels (T, A, N) vary.
+def variation_evidence(samples: RaySamples) -> EdgeEvidence:
+    """Measure the evidence, likewise, of increases outward along the rays of how much log levels vary over time.
 
     The table varies with the light and with shadows; what the rim mirrors of it varies less, since haze and reflections
     of the room lie over it. Neighbouring rays are averaged: the table's texture does not vary by itself.
     """
+    valid = samples.valid
+    if not valid.any():
+        return _evidence(samples, np.zeros(valid.shape, np.float32))
     rays = max(1, 2 * round(VARIATION_ARC_DEG * valid.shape[0] / 720.0) + 1)
-    variation = np.log(levels.std(axis=0) + MIN_VARIATION)
+    variation = np.log(samples.levels.std(axis=0) + MIN_VARIATION)
     around = np.pad(variation, ((rays // 2, rays // 2), (0, 0)), mode="wrap")
     smooth = cv2.blur(around, (1, rays))[rays // 2 : rays // 2 + valid.shape[0]]
-    change = _change(smooth, reach)
+    change = _change(smooth, samples.reach)
     usual = float(np.median(np.abs(change[valid]))) + MIN_VARIATION_CHANGE
     square = (np.maximum(change, 0.0) / usual) ** 2
-    return square / (square + HALF_VARIATION_RATIO)
+    return _evidence(samples, square / (square + HALF_VARIATION_RATIO))
+
+
+def _evidence(samples: RaySamples, evidence: np.ndarray) -> EdgeEvidence:
+    """Return evidence (A, N) with what lies outside the frame left out, and what lies outside an edge subtracted."""
+    evidence = np.where(samples.valid, evidence, np.float32(0.0))
+    gap = max(1, round(OUTER_GAP_PX / samples.spacing))
+    evidence[:, :-gap] -= OUTER_WEIGHT * evidence[:, gap:]
+    return EdgeEvidence(samples.x, samples.y, evidence, samples.start, samples.spacing, samples.angles)
 
 
 def _change(values: np.ndarray, reach: int) -> np.ndarray:
@@ -189,10 +181,11 @@ def fit_contour(
     """
     margin = centre_reach + radius_reach + 2.5 * FINE_REACH_RATIO
     reach = (1.0 - margin) * radius, (OUTSIDE_RATIOS[1] + centre_reach + radius_reach) * radius
-    evidence = edge_evidence(frames, x, y, *reach)
+    samples = sample_rays(frames, x, y, *reach)
+    evidence = level_evidence(samples)
     fit = _best_fit(evidence, (x, y, radius), centre_reach, radius_reach)
     if len(frames) >= MIN_VARIATION_FRAMES:
-        fit = _centred_by_variation(evidence, edge_evidence(frames, x, y, *reach, of_variation=True), fit)
+        fit = _centred_by_variation(evidence, variation_evidence(samples), fit)
     start = evidence.scores(np.zeros(1), radius * np.append(1.0, np.linspace(*OUTSIDE_RATIOS, 8)) - INWARD_SHIFT_PX)
     start = start.ravel()
     return replace(fit, start_contrast=float(start[0] - start[1:].mean()))

@@ -7,7 +7,7 @@ standard deviation, must speak for the focal length as well.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 
 import cv2
@@ -15,7 +15,7 @@ import numpy as np
 
 from glint.tasks.algorithms.geometry.perspective import VirtualCamera
 from glint.tasks.algorithms.lighting.circles import contour_score, log_gradient
-from glint.tasks.algorithms.lighting.contour import SCORE_DEVIATION, edge_evidence
+from glint.tasks.algorithms.lighting.contour import SCORE_DEVIATION, level_evidence, sample_rays
 from glint.tasks.algorithms.lighting.pyramid import log_frames, reduced_image
 from glint.tasks.algorithms.lighting.spheres import Sphere
 
@@ -119,15 +119,12 @@ def measure_elongation(
     crops = log_frames([reduced_image(frame[rows, columns], scale) for frame in frames])
     radius, shift = sphere.radius / scale, 0.5 * (scale - 1)
     x, y = (sphere.x - left - shift) / scale, (sphere.y - top - shift) / scale
-    evidence = edge_evidence(crops, x, y, 0.82 * radius, 1.33 * radius)
+    evidence = level_evidence(sample_rays(crops, x, y, 0.82 * radius, 1.33 * radius))
     towards_centre = np.arctan2(frame_centre[1] - sphere.y, frame_centre[0] - sphere.x)
     stretch = radius * np.cos(2.0 * (evidence.angles - towards_centre))
-    bins = np.arange(evidence.evidence.shape[1])
     scores = np.zeros(len(ELONGATIONS))
     for number, elongation in enumerate(ELONGATIONS):
-        moved = bins + (elongation * stretch / evidence.spacing)[:, None]
-        rays = [np.interp(positions, bins, row) for positions, row in zip(moved, evidence.evidence, strict=True)]
-        circles = replace(evidence, evidence=np.stack(rays).astype(np.float32))
+        circles = evidence.shifted(elongation * stretch)
         scores[number] = circles.scores(ELLIPSE_CENTRE_RATIOS * radius, ELLIPSE_RADIUS_RATIOS * radius).max()
     weight = np.exp((scores - scores.max()) / SCORE_DEVIATION)
     weight /= weight.sum()

@@ -15,7 +15,13 @@ import numpy as np
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.lighting.circles import strongest_circles
-from glint.tasks.algorithms.lighting.contour import OUTSIDE_RATIOS, edge_evidence, fit_contour, radius_profile
+from glint.tasks.algorithms.lighting.contour import (
+    OUTSIDE_RATIOS,
+    fit_contour,
+    level_evidence,
+    radius_profile,
+    sample_rays,
+)
 from glint.tasks.algorithms.lighting.pyramid import (
     MAX_LEVEL_RADIUS_PX,
     MIN_LEVEL_RADIUS_PX,
@@ -176,7 +182,8 @@ def _highlight_discs(level: PyramidLevel) -> list[Sphere]:
 def _contours(level: PyramidLevel, seed: Sphere, radii: np.ndarray) -> list[tuple[float, float, float, float]]:
     """Return the circles (x, y, radius, contrast) about a seed that may be contours: peaks over the radius."""
     beyond = np.append(radii, np.arange(radii[-1], OUTSIDE_RATIOS[1] * radii[-1], 0.02 * seed.radius)[1:])
-    evidence = edge_evidence(level.frames, seed.x, seed.y, 0.8 * radii[0], 1.15 * beyond[-1], SEED_RAYS)
+    samples = sample_rays(level.frames, seed.x, seed.y, 0.8 * radii[0], 1.15 * beyond[-1], SEED_RAYS)
+    evidence = level_evidence(samples)
     profile = radius_profile(evidence, SEED_CENTRE_RATIO * seed.radius, beyond, 0.04 * seed.radius)
     scores = profile[:, 2]
     circles = []
