@@ -158,9 +158,7 @@ def test_pixels_of_little_weight_hardly_choose_between_their_sides():
     chosen = []
     for weight in (1.0, 0.01):
         edges = grid_edges(np.broadcast_to([0.0, 0.0, 1.0], (1, 3, 3)), mask, np.full((1, 3), weight), None, 0.01)
-        difference, _, _ = compare_sides(
-            edges.inside, edges.forward_rise, edges.backward_rise, edges.cos_incidence, edges.weight, height, 0.5
-        )
+        difference, _, _ = compare_sides(edges, height, 0.5)
         bilateral = bilateral_weights(difference, 5.0)
         chosen.append(bilateral[1, 0, 1])
     assert chosen[0] < 1e-6 and 0.4 < chosen[1] < 0.5
@@ -170,12 +168,11 @@ def test_a_crease_is_no_discontinuity_and_a_step_is():
     mask = np.ones((1, 4), bool)
     slope = np.array([0.5, 0.5, -0.5, -0.5])[None]
     edges = grid_edges(from_gradients(slope, np.zeros((1, 4))), mask, np.ones((1, 4)), None, 0.01)
-    fields = (edges.inside, edges.forward_rise, edges.backward_rise, edges.cos_incidence, edges.weight)
     roof = np.array([[0.0, 0.5, 0.7, 0.2]])
-    assert discontinuity(*fields, roof) < 1e-3
-    assert discontinuity(*fields, roof + np.array([[0, 0, 3.0, 3.0]])) > 1.0
-    unsure = (*fields[:4], np.array([[1.0, 1.0, 0.01, 1.0]]))
-    assert discontinuity(*unsure, roof + np.array([[0, 0, 3.0, 3.0]])) < 0.05
+    assert discontinuity(edges, roof) < 1e-3
+    assert discontinuity(edges, roof + np.array([[0, 0, 3.0, 3.0]])) > 1.0
+    unsure = edges._replace(weight=np.array([[1.0, 1.0, 0.01, 1.0]]))
+    assert discontinuity(unsure, roof + np.array([[0, 0, 3.0, 3.0]])) < 0.05
 
 
 @pytest.mark.long
