@@ -147,6 +147,7 @@ STAGES = (
         reads=("survey", "mask", "labels"),
         arrays={"depth": ArraySchema("HW", "f", "mask")},
         peak_bytes=_per_pixel(250),
+        version=2,
     ),
     Stage(
         "surface",
@@ -154,6 +155,7 @@ STAGES = (
         parameters.SurfaceParameters,
         reads=("survey", "lights", "mask", "labels", "depth"),
         peak_bytes=_per_pixel(450),
+        version=2,
     ),
 )
 """Survey comes first because everything is cropped by it; the object is published after its last capture."""

@@ -13,6 +13,7 @@ import numpy as np
 from glint.storage.errors import StoreError
 from glint.storage.export.camera import camera_facts, camera_of
 from glint.storage.export.image_files import encode_normals, write_exr, write_png, write_tiff
+from glint.storage.export.mesh_files import with_asset_facts
 from glint.storage.export.replaced_folder import merge_into, output_errors, temporary_folder_beside
 from glint.storage.export.report import capture_report, code_names
 from glint.storage.export.report_page import report_images, report_page
@@ -57,7 +58,13 @@ def export(location: Location, object_id: str, out: Path, version: str | None = 
             folder.mkdir(exist_ok=True)
             results = repository.load_capture(capture, chosen.snapshot)
             stages = {stage: results[stage] for stage in ordered_stages(results, chosen)}
-            stored = _read_files(stages)
+            facts = {"object": object_id, "version": chosen.name}
+            if capture != WHOLE_OBJECT:
+                facts["capture"] = capture
+            stored = {
+                name: with_asset_facts(data, facts) if name.endswith(".glb") else data
+                for name, data in _read_files(stages).items()
+            }
             if capture != WHOLE_OBJECT:
                 _write_capture(object_id, capture, chosen, stages, stored, folder)
                 camera = camera_of(stages, entry_of(chosen, capture), model.record if model else None)

@@ -1,6 +1,8 @@
-"""Triangle meshes as PLY files: those of the store are read, and written as text for other programs."""
+"""Triangle meshes as files: the store's PLY files are read, text PLY written, and facts added to binary glTF."""
 
+import json
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +11,7 @@ import numpy as np
 from glint.storage.errors import StoreError
 
 _PLY_TYPES = {"float": "<f4", "double": "<f8", "int": "<i4", "uint": "<u4", "uchar": "u1"}
+_GLB_HEADER = b"glTF" + (2).to_bytes(4, "little")
 PLY_REMEDY = "run the object again"
 
 
@@ -66,6 +69,25 @@ def read_ply(data: bytes, unit: str, name: str = "the mesh") -> Mesh:
         vertices["confidence"].astype(np.float32) if "confidence" in (vertex.names or ()) else missing,
         unit,
     )
+
+
+def with_asset_facts(data: bytes, facts: Mapping[str, str]) -> bytes:
+    """Return a binary glTF file whose asset's `extras` hold these facts too (glTF 2.0, section 4.4: the JSON chunk).
+
+    Raises:
+        StoreError: it is something else.
+    """
+    if len(data) < 20 or data[:8] != _GLB_HEADER or data[16:20] != b"JSON":
+        raise StoreError("the mesh is no binary glTF file", PLY_REMEDY)
+    end = 20 + int.from_bytes(data[12:16], "little")
+    tree = json.loads(data[20:end])
+    tree["asset"]["extras"] = tree["asset"].get("extras", {}) | facts
+    text = json.dumps(tree, separators=(",", ":")).encode()
+    # Chunks are padded to multiples of four bytes, the JSON chunk with spaces.
+    text += b" " * (-len(text) % 4)
+    total = 20 + len(text) + len(data) - end
+    lengths = [length.to_bytes(4, "little") for length in (total, len(text))]
+    return _GLB_HEADER + lengths[0] + lengths[1] + b"JSON" + text + data[end:]
 
 
 def write_ply(path: Path, mesh: Mesh) -> None:

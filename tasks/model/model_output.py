@@ -17,7 +17,6 @@ from glint.tasks.algorithms.registration.view_rejection import RejectedView
 from glint.tasks.engine.stage import StageOutput
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.figures.model_sheet import model_sheet
-from glint.tasks.stages.surface import METRES_PER_MM
 
 OBSERVED_CONFIDENCE = 0.5
 """Confidence from which a part of the surface counts as observed."""
@@ -37,7 +36,7 @@ def model_outcome(registered: RegisteredViews, model: Model, unit: str) -> Stage
     )
     files = {
         "model.ply": (ply_bytes(surface), "model/ply"),
-        "model.glb": (glb_bytes(surface, METRES_PER_MM if unit == "mm" else 1.0), "model/gltf-binary"),
+        "model.glb": (glb_bytes(surface, unit), "model/gltf-binary"),
         "model.json": (json.dumps(report, indent=1).encode(), "application/json"),
         "model.png": (encode_png(model_sheet(surface)), "image/png"),
     }

@@ -13,8 +13,6 @@ from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.figures.coverage_map import draw_coverage
 from glint.tasks.stages.capture_geometry import load_geometry
 
-METRES_PER_MM = 0.001
-
 
 def surface(inputs: StageInputs, progress: Progress) -> StageOutput:
     """Make the mesh as PLY and GLB, relit pictures, and a picture of where the lights have been."""
@@ -34,10 +32,9 @@ def surface(inputs: StageInputs, progress: Progress) -> StageOutput:
         max_step=parameters.max_step,
         max_slope=parameters.max_slope,
     )
-    scale = METRES_PER_MM if geometry.pixel_size else 1.0
     files = {
         "surface.ply": StoredFile(ply_bytes(mesh), "model/ply"),
-        "surface.glb": StoredFile(glb_bytes(mesh, scale), "model/gltf-binary"),
+        "surface.glb": StoredFile(glb_bytes(mesh, geometry.unit), "model/gltf-binary"),
     }
     half_vectors = inputs.load("lights").read("half_vectors")
     pictures = relit_pictures(normals, mask) | {

@@ -12,6 +12,7 @@ offsets between them cannot be known from one view.
 from dataclasses import dataclass
 from typing import Literal
 
+import cv2
 import numpy as np
 from scipy import ndimage
 
@@ -27,7 +28,9 @@ from glint.tasks.algorithms.integration.reweighting import (
 )
 
 MIN_COSINE = 0.01
-"""Lower bound of the cosine between normal and line of sight: a steep rim rises by at most 100 pixels per pixel."""
+"""Lower bound of the cosine between normal and line of sight inside the contour: 100 pixels per pixel."""
+RIM_PX = 1.5
+"""Distance to the nearest pixel outside the mask up to which a pixel is one of the outermost: it touches a corner."""
 MIN_PIXEL_WEIGHT = 1e-4
 """Weight of a pixel without a normal or confidence: it follows its neighbours and hardly influences them."""
 
@@ -72,7 +75,6 @@ def integrate(
     method: Method = "bilateral",
     camera: np.ndarray | None = None,
     sharpness: float = SHARPNESS,
-    min_cosine: float = MIN_COSINE,
     max_rounds: int = MAX_ROUNDS,
     tolerance: float = TOLERANCE_PX,
 ) -> Depth:
@@ -86,7 +88,7 @@ def integrate(
         method: bilateral, or least squares alone.
         camera: (3, 3) intrinsic matrix in pixels of these arrays, whose pixel (0, 0) is the centre of the top-left one;
             None for an orthographic camera.
-        sharpness, min_cosine: see SHARPNESS and MIN_COSINE.
+        sharpness: see SHARPNESS.
         max_rounds, tolerance: see MAX_ROUNDS and TOLERANCE_PX.
 
     Raises:
@@ -102,7 +104,7 @@ def integrate(
     weight, filled = _weighted_normals(normals[window], inner, inner_confidence)
     if camera is not None:
         camera = np.array(camera, float) - [[0, 0, window[1].start], [0, 0, window[0].start], [0, 0, 0]]
-    edges = grid_edges(filled, inner, weight, camera, min_cosine)
+    edges = grid_edges(filled, inner, weight, camera, least_cosines(mask)[window])
     if method == "bilateral":
         height, rounds, converged = robust(edges, inner, sharpness, max_rounds, tolerance)
         energy = misfit_energy(edges, height, sharpness)
@@ -118,6 +120,21 @@ def integrate(
     depth = np.full(mask.shape, np.nan, np.float32)
     depth[window][inner] = height[inner]
     return Depth(depth, components, rounds, converged, energy / int(inner.sum()), camera is not None)
+
+
+def least_cosines(mask: np.ndarray) -> np.ndarray:
+    """Return the least cosine between normal and line of sight that each pixel (H, W) of a mask can show.
+
+    At a distance d inside the contour, a surface that curves away with radius r has the cosine sqrt(2 d / r). Centres
+    of the outermost pixels lie half a pixel inside on average, and a solid rarely curves away with a larger radius than
+    that of the largest circle inside its mask. Where steeper normals are given, as those of the occluding contour
+    itself are, the depth would run away at the rim.
+    """
+    # A crop may end at the contour, so that the array's edge counts as one.
+    distance = cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
+    rim = mask & (distance < RIM_PX)
+    radius = float(distance.max())
+    return np.where(rim, 1.0 / np.sqrt(1.0 + radius), MIN_COSINE)
 
 
 def _weighted_normals(

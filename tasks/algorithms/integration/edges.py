@@ -37,7 +37,11 @@ class GridEdges(NamedTuple):
 
 
 def grid_edges(
-    normals: np.ndarray, mask: np.ndarray, weight: np.ndarray, camera: np.ndarray | None, min_cosine: float
+    normals: np.ndarray,
+    mask: np.ndarray,
+    weight: np.ndarray,
+    camera: np.ndarray | None,
+    min_cosine: float | np.ndarray,
 ) -> GridEdges:
     """Compute the edges of a mask (H, W) and the rises predicted by normals (H, W, 3; finite, camera frame).
 
@@ -49,7 +53,7 @@ def grid_edges(
         mask: (H, W) bool.
         weight: (H, W), weight of each normal.
         camera: (3, 3) intrinsic matrix in pixels of these arrays, None for an orthographic camera.
-        min_cosine: the cosine of incidence is clamped from below to this.
+        min_cosine: lower bound of the cosine of incidence, one for all or (H, W).
     """
     height, width = mask.shape
     inside = np.zeros((2, height, width), bool)
@@ -82,10 +86,10 @@ def focal_length(camera: np.ndarray) -> float:
     return float((camera[0, 0] + camera[1, 1]) / 2)
 
 
-def _log_ratio(first: np.ndarray, second: np.ndarray, minimum: float) -> np.ndarray:
+def _log_ratio(first: np.ndarray, second: np.ndarray, minimum: float | np.ndarray) -> np.ndarray:
     """Return log(second / first), both shifted by the same amount so that neither is below `minimum`."""
     lift = np.maximum(minimum - np.minimum(first, second), 0.0)
-    return np.log((second + lift) / (first + lift))
+    return np.asarray(np.log((second + lift) / (first + lift)))
 
 
 @njit(cache=True, nogil=True)

@@ -6,9 +6,13 @@ both ends fail to explain the rise along it, as in bilateral integration (`integ
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import trimesh
+from trimesh.exchange.gltf import export_glb
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
@@ -17,6 +21,14 @@ from glint.tasks.algorithms.integration.edges import focal_length, grid_edges
 
 MAX_STEP_PX = 1.0
 """Difference between rise and prediction, in pixels along the normal, up to which an edge lies on the surface."""
+METRES_PER_MM = 0.001
+VERTEX_BUFFER, INDEX_BUFFER = 34962, 34963
+"""Targets of buffer views (glTF 2.0, section 5.11.5), so that viewers need not infer them."""
+MATERIAL = PBRMaterial(
+    name="glass", baseColorFactor=[200, 212, 219, 255], metallicFactor=0.0, roughnessFactor=0.4, doubleSided=True
+)
+"""Opaque, since viewers draw transparent meshes without the depth that they are here for. Seen from both sides: the
+surface of one view has no back."""
 MAX_SLOPE = 12.0
 """Rise in pixels per pixel beyond which a slope (85 degrees) is extrapolated at the rim rather than observed."""
 
@@ -106,12 +118,29 @@ def ply_bytes(surface: Surface) -> bytes:
     return bytes(trimesh.exchange.ply.export_ply(mesh, encoding="binary", vertex_normal=True))
 
 
-def glb_bytes(surface: Surface, metres_per_unit: float = 1.0) -> bytes:
-    """Encode as binary glTF, in metres, with normals and the vertex attribute `_confidence`."""
+def glb_bytes(surface: Surface, unit: str) -> bytes:
+    """Encode as binary glTF with normals, the vertex attribute `_confidence` and a material seen from both sides.
+
+    unit: of the surface. "mm" is written as metres, the unit of glTF; any other is left as it is, and the file's asset
+    says that its scale is unknown.
+    """
     mesh = _trimesh(surface)
-    mesh.apply_scale(metres_per_unit)
+    is_scaled = unit == "mm"
+    if is_scaled:
+        mesh.apply_scale(METRES_PER_MM)
     mesh.vertex_attributes["_confidence"] = surface.confidence
-    return bytes(mesh.export(file_type="glb", include_normals=True))
+    mesh.visual = TextureVisuals(material=MATERIAL)
+    facts = {"unit": "m" if is_scaled else unit, "scale": "known" if is_scaled else "unknown"}
+
+    def complete(tree: dict[str, Any]) -> None:
+        tree["asset"] |= {"generator": "Glint", "extras": facts}
+        for primitive in (primitive for item in tree["meshes"] for primitive in item["primitives"]):
+            views = dict.fromkeys(primitive["attributes"].values(), VERTEX_BUFFER)
+            for accessor, target in (views | {primitive["indices"]: INDEX_BUFFER}).items():
+                tree["bufferViews"][tree["accessors"][accessor]["bufferView"]]["target"] = target
+
+    scene = trimesh.Scene(mesh)
+    return bytes(export_glb(scene, include_normals=True, tree_postprocessor=complete))
 
 
 def _trimesh(surface: Surface) -> trimesh.Trimesh:

@@ -1,4 +1,5 @@
 import csv
+import io
 import json
 from html.parser import HTMLParser
 from pathlib import Path
@@ -7,10 +8,12 @@ import icechunk
 import numpy as np
 import pytest
 import tifffile
+import trimesh
 import zarr
 
 from glint.storage.errors import OutputError, StoreError
 from glint.storage.export.export import export
+from glint.storage.export.mesh_files import with_asset_facts
 from glint.storage.locations.location import Location
 from glint.storage.seals import sealed
 from glint.storage.versions.repository import ObjectRepository
@@ -237,3 +240,19 @@ def test_a_folder_that_cannot_be_written_is_an_error_of_the_output(
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match=r"exporting duck to .*file/out failed"):
         export(location, "duck", tmp_path / "file" / "out")
+
+
+def test_a_glb_names_its_object_and_version() -> None:
+    scene = trimesh.Scene(trimesh.creation.box())
+    data = with_asset_facts(bytes(scene.export(file_type="glb")), {"object": "Löffel", "version": "v2"})
+    tree = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    assert tree["asset"]["extras"] == {"object": "Löffel", "version": "v2"}
+    assert int.from_bytes(data[8:12], "little") == len(data) and len(data) % 4 == 0
+    mesh = trimesh.load_mesh(io.BytesIO(data), file_type="glb")
+    assert len(mesh.faces) == 12 and mesh.volume == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("data", [b"", b"glTF", b"glTF" + bytes(40)])
+def test_what_is_no_glb_is_refused(data: bytes) -> None:
+    with pytest.raises(StoreError, match="no binary glTF file"):
+        with_asset_facts(data, {})

@@ -1,4 +1,5 @@
 import io
+import json
 
 import numpy as np
 import pytest
@@ -107,10 +108,19 @@ def test_files_open_again_with_normals_to_the_camera_and_their_confidence():
     assert np.allclose(ply.vertex_normals, mesh.normals, atol=1e-6) and (ply.face_normals[:, 2] > 0).all()
     assert np.allclose(ply.metadata["_ply_raw"]["vertex"]["data"]["confidence"].ravel(), mesh.confidence)
 
-    glb = trimesh.load_mesh(io.BytesIO(glb_bytes(mesh, 0.001)), file_type="glb", process=False)
+    glb = trimesh.load_mesh(io.BytesIO(glb_bytes(mesh, "mm")), file_type="glb", process=False)
     assert np.allclose(glb.vertices, 0.001 * mesh.vertices, atol=1e-6) and np.array_equal(glb.faces, mesh.triangles)
     assert np.allclose(glb.vertex_normals, mesh.normals, atol=1e-5)
     assert np.allclose(glb.vertex_attributes["_confidence"].ravel(), mesh.confidence)
+
+
+@pytest.mark.parametrize(("unit", "written", "scale"), [("mm", "m", "known"), ("pixels", "pixels", "unknown")])
+def test_a_glb_has_two_sides_and_says_its_unit(unit, written, scale):
+    data = glb_bytes(mesh_from_depth(*plane()), unit)
+    tree = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    assert tree["asset"]["extras"] == {"unit": written, "scale": scale}
+    assert [material["doubleSided"] for material in tree["materials"]] == [True]
+    assert {view["target"] for view in tree["bufferViews"]} == {34962, 34963}
 
 
 def test_open3d_reads_the_ply(tmp_path):
