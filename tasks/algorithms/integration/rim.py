@@ -16,7 +16,7 @@ MIN_COSINE = 0.01
 """Lower bound of the cosine between normal and line of sight inside the rim: 100 pixels per pixel."""
 RIM_PX = 1.5
 """Distance to the contour up to which a pixel belongs to the rim: its neighbours may lie outside."""
-SMOOTHING_PX = 2.0
+CONTOUR_SMOOTHING_PX = 2.0
 """Standard deviation in pixels with which the mask is smoothed: it levels stairs of up to five pixels, and draws the
 contour of a circle of 20 pixels inward by a tenth of a pixel."""
 SAMPLED_PX = 3.0, 5.0
@@ -40,9 +40,9 @@ class Contour:
 
 def contour_of(mask: np.ndarray) -> Contour:
     """Return the contour of a mask (H, W) bool."""
-    smooth = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), SMOOTHING_PX, borderType=cv2.BORDER_REPLICATE)
+    smooth = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), CONTOUR_SMOOTHING_PX, borderType=cv2.BORDER_REPLICATE)
     # A straight edge after smoothing is the integral of the Gaussian.
-    distance = SMOOTHING_PX * ndtri(np.clip(smooth, 0.01, 0.99))
+    distance = CONTOUR_SMOOTHING_PX * ndtri(np.clip(smooth, 0.01, 0.99))
     gradient = np.stack([cv2.Sobel(smooth, cv2.CV_32F, *axes, scale=0.125) for axes in ((0, 1), (1, 0))])
     return Contour(distance.astype(np.float32), gradient / np.maximum(np.hypot(*gradient), 1e-6))
 
