@@ -7,9 +7,14 @@ from itertools import batched
 import cv2
 import numpy as np
 
-from glint.storage.export.image_files import colour_codes, colour_normals, colour_values, encode_png
+from glint.storage.export.image_files import (
+    PROVENANCE_PALETTE,
+    colour_codes,
+    colour_normals,
+    colour_values,
+    encode_png,
+)
 from glint.storage.export.report import code_names
-from glint.storage.export.report_page import PROVENANCE_PALETTE
 from glint.storage.locations.location import Location
 from glint.storage.versions.stage_results import FileInfo, StageResult
 from glint.tasks.engine.capture_context import CaptureContext
