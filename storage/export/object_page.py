@@ -18,7 +18,12 @@ from glint.storage.versions.stage_results import WHOLE_OBJECT, StageResult
 
 MODEL_TRIANGLES = 300_000
 """Triangles of a model on a page: smooth on a screen of 2,000 pixels."""
-MODEL_FIGURES = {"volume": "Volume", "area": "Area", "seen": "Share of the surface known", "unseen": "Share seen by no view"}
+MODEL_FIGURES = {
+    "volume": "Volume",
+    "area": "Area",
+    "seen": "Share of the surface known",
+    "unseen": "Share seen by no view",
+}
 """Quantities of a model's record that the page shows, and their names."""
 
 

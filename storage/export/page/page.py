@@ -30,7 +30,7 @@ MAX_DATA_BYTES = (MAX_PAGE_BYTES - TEXT_BYTES) * 3 // 4
 class PageContent:
     """What a page shows.
 
-    title; version: name and time; reports: one for each capture (`capture_report`), the same order as `captures`; model:
+    title; version: name and time; reports: one for each capture (`capture_report`), in the order of `captures`; model:
     the merged mesh, None without; model_figures: quantity and value; still, coverage: PNG files of pictures without a
     viewer.
     """

@@ -1,4 +1,4 @@
-"""Photographs of an object for its page: frames whose lights are spread widely, the median and the brightest picture."""
+"""Photographs of an object for its page: frames of lights from all sides, the median and the maximum of all frames."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

@@ -35,7 +35,7 @@ vec3 studio(vec3 d) {
   vec3 opposite = normalize(vec3(-light.xy, light.z + 0.35));
   float fill = smoothstep(0.80, 0.97, dot(d, opposite)) * 0.22;
   float table = smoothstep(0.05, -0.75, d.y) * 0.16;
-  float behind = smoothstep(-0.55, -0.95, d.z) * 0.42;
+  float behind = smoothstep(-0.55, -0.95, d.z) * 0.12;
   return vec3(0.035, 0.04, 0.047) + behind + vec3(1.0, 0.985, 0.96) * key * 1.25 + vec3(0.75, 0.85, 1.0) * fill + table;
 }
 
@@ -66,13 +66,19 @@ vec3 relieved(vec2 uv, vec3 n) {
   return normalize(n + relief * (n - normalize(mean + 1e-6)));
 }
 
+vec3 beside(vec2 uv, vec3 n) {
+  // The normal at a neighbour; off the object the pixel's own, so that the contour bends nothing.
+  vec4 stored = texture(normals, uv);
+  return stored.a > 0.9 ? stored.xyz : n;
+}
+
 vec3 shade(vec3 n, vec2 uv) {
   if (material == 4) return n * 0.5 + 0.5;
   if (material == 5) {
     // Mean curvature, 1/pixel: half the divergence of the normals over two pixels to each side.
     vec2 e = 2.0 / size;
-    float across = texture(normals, uv + vec2(e.x, 0.0)).x - texture(normals, uv - vec2(e.x, 0.0)).x;
-    float upwards = texture(normals, uv - vec2(0.0, e.y)).y - texture(normals, uv + vec2(0.0, e.y)).y;
+    float across = beside(uv + vec2(e.x, 0.0), n).x - beside(uv - vec2(e.x, 0.0), n).x;
+    float upwards = beside(uv - vec2(0.0, e.y), n).y - beside(uv + vec2(0.0, e.y), n).y;
     float bend = clamp((across + upwards) / 8.0 * max(size.x, size.y) / 12.0, -1.0, 1.0);
     vec3 flat_ = vec3(0.93, 0.92, 0.89);
     return bend > 0.0 ? mix(flat_, vec3(0.70, 0.27, 0.10), bend) : mix(flat_, vec3(0.10, 0.33, 0.58), -bend);
@@ -90,15 +96,17 @@ vec3 shade(vec3 n, vec2 uv) {
 void main() {
   vec2 at = corner + vec2(gl_FragCoord.x, canvasHeight - gl_FragCoord.y) * pixel;
   vec2 uv = at / size;
-  if (uv.x < 0.0 || uv.y < 0.0 || uv.x > 1.0 || uv.y > 1.0) { colour = vec4(ground, 1.0); return; }
-  if (uv.x < wipe) { colour = vec4(texture(photograph, uv).rgb, 1.0); return; }
   vec4 stored = texture(normals, uv);
   // The contour lies where half a pixel belongs to the object, at any magnification as sharp as the screen allows.
-  float share = clamp((stored.a - 0.5) / clamp(max(abs(dFdx(stored.a)), abs(dFdy(stored.a))), 0.02, 1.0) + 0.5, 0.0, 1.0);
-  if (stored.a < 0.004 || share == 0.0) { colour = vec4(ground, 1.0); return; }
-  vec3 n = normalize(stored.xyz);
+  float slope = clamp(max(abs(dFdx(stored.a)), abs(dFdy(stored.a))), 0.02, 1.0);
+  float share = clamp((stored.a - 0.5) / slope + 0.5, 0.0, 1.0);
+  vec3 n = share > 0.0 ? normalize(stored.xyz) : vec3(0.0, 0.0, 1.0);
   vec3 lit = shade(n, uv);
   vec4 over = texture(lens, uv);
-  lit = mix(lit, over.rgb * mix(1.0, 0.35 + 0.65 * max(dot(n, light), 0.0), material == 4 || material == 5 ? 0.0 : 1.0), lensShare * over.a);
-  colour = vec4(mix(ground, lit, share), 1.0);
+  float shading = material >= 4 ? 1.0 : 0.35 + 0.65 * max(dot(n, light), 0.0);
+  lit = mix(lit, over.rgb * shading, lensShare * over.a);
+  vec3 shown = mix(ground, lit, share);
+  if (uv.x < wipe) shown = texture(photograph, uv).rgb;
+  bool isOutside = uv.x < 0.0 || uv.y < 0.0 || uv.x > 1.0 || uv.y > 1.0;
+  colour = vec4(isOutside ? ground : shown, 1.0);
 }`;
