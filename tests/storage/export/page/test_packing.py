@@ -1,4 +1,4 @@
-"""What is packed is what the viewer unpacks; here the unpacking is written out in numpy, in a browser it is JavaScript."""
+"""What is packed can be unpacked: here in numpy, as the viewer does it in JavaScript."""
 
 import zlib
 
