@@ -1,0 +1,5 @@
+"""The interface of the inputs view."""
+
+from fastapi import APIRouter
+
+router = APIRouter()

@@ -1,0 +1,2 @@
+// The catalogue view (filled in below).
+export async function open(root) { root.textContent = "Catalogue"; }

@@ -1,0 +1,1 @@
+export async function open(root, capture) { root.textContent = `${capture.object}/${capture.capture}`; }
