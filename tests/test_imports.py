@@ -19,7 +19,7 @@ MAY_IMPORT = {
 ORDER = {
     "glint.flows": "cli review deployments pipeline reporting runtime results errors",
     "glint.storage": (
-        "inbox maintenance export versions locking frames inputs catalogue footage locations seals fsync errors"
+        "inbox maintenance export edits versions locking frames inputs catalogue footage locations seals fsync errors"
     ),
     "glint.tasks": (
         "check review verdict memory up_to_date publish warm_up robustness evaluation simulation pipeline model stages"

@@ -86,6 +86,11 @@ class ObjectRepository:
             check_layout(read_session(repository, object_id, "work").store, object_id, location.uri)
             return cls(location, object_id, repository)
 
+    @property
+    def index(self) -> icechunk.Repository:
+        """The icechunk repository, in which the edits of the object's inputs lie beside its results."""
+        return self._repository
+
     def stage_key(self, capture: str, stage: str, ref: str = "work") -> str | None:
         """Return the key under which the stage was saved last, or None."""
         with self._errors(f"reading {capture}/{stage}"):
