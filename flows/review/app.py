@@ -14,7 +14,7 @@ from fastapi.staticfiles import StaticFiles
 from starlette.responses import Response
 
 from glint.flows.errors import message_and_remedy
-from glint.flows.review import inputs_api, listing_api, runs_api
+from glint.flows.review import edits_api, inputs_api, listing_api, runs_api
 from glint.flows.review.access import ENTRY_PATH, Access, Guard, refusal
 from glint.flows.review.review import Review
 from glint.reading import NotFoundError
@@ -22,7 +22,7 @@ from glint.storage.errors import InputError, StoreError
 
 STATIC = Path(__file__).parent / "static"
 
-ROUTERS = (listing_api.router, inputs_api.router, runs_api.router)
+ROUTERS = (listing_api.router, inputs_api.router, edits_api.router, runs_api.router)
 """The interfaces of the views, all below /api/."""
 
 

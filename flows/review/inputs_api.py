@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict
 
 from glint.flows.review.dependencies import CaptureId, ObjectId, ReviewState
 from glint.storage.catalogue.models import MAX_PIXELS_PER_SIDE, Pixel, Positive
-from glint.tasks.review.capture_inputs import capture_inputs, mask_picture
+from glint.tasks.review.capture_inputs import capture_inputs
 from glint.tasks.review.pictures import frame_picture, level_picture, thumbnail
 from glint.tasks.review.pixel_history import pixel_history
 from glint.tasks.review.sphere_fit import fit_sphere
@@ -54,12 +54,6 @@ def level(
 ) -> Response:
     """Return the temporal median or maximum, of the full frame's size."""
     return _picture(level_picture(review.context(object_id, capture_id), level))
-
-
-@router.get("/mask", response_class=Response, responses=PNG)
-def mask(review: ReviewState, object_id: ObjectId, capture_id: CaptureId) -> Response:
-    """Return the mask in use, white on black, of the full frame's size."""
-    return _picture(mask_picture(review.context(object_id, capture_id)))
 
 
 @router.post("/sphere-fit")

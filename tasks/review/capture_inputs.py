@@ -6,14 +6,10 @@ import numpy as np
 
 from glint.storage.errors import InputError
 from glint.storage.export.image_files import encode_png
-from glint.storage.footage.images import decode_mask
 from glint.storage.inputs.masks_and_truth import read_mask
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.review.pictures import first_frame, stored_geometry
 from glint.tasks.review.summary import summary_of
-
-EDGE_PX = 1
-"""Pixels from the frame's edge within which a mask touches it: what lies beyond is not known."""
 
 
 def capture_inputs(context: CaptureContext) -> dict[str, Any]:
@@ -53,13 +49,16 @@ def capture_inputs(context: CaptureContext) -> dict[str, Any]:
     }
 
 
-def mask_picture(context: CaptureContext) -> bytes:
-    """Return the mask as PNG of the full frame, white on black: the one that is given, else the estimated one; black
-    before the first run without one.
+def mask_picture(context: CaptureContext, edited: np.ndarray | None = None) -> bytes:
+    """Return the mask as PNG of the full frame, white on black; black before the first run where none is given.
+
+    edited: the mask (H, W) bool that a person painted, None: the one that the last run used, else the catalogue's.
 
     Raises:
         InputError: the given mask cannot be read; StoreError: the store cannot be read.
     """
+    if edited is not None:
+        return encode_png(edited)
     shape, geometry = first_frame(context).shape, stored_geometry(context)
     whole = np.zeros(shape, bool)
     address, region = context.file("mask"), context.capture.region
@@ -72,22 +71,17 @@ def mask_picture(context: CaptureContext) -> bytes:
     return encode_png(whole)
 
 
-def checked_mask(data: bytes, context: CaptureContext) -> tuple[bytes, bool]:
-    """Check a mask of the full frame that a person painted; return it as PNG of one channel, and whether it touches the
-    frame's edge.
+def check_mask(mask: np.ndarray, context: CaptureContext) -> None:
+    """Check that a mask (H, W) bool that a person painted has the size of the full frame.
 
     Raises:
-        InputError: it is no image, of another size, or empty.
+        InputError: it has another; or the video cannot be read.
     """
-    mask, (height, width) = decode_mask(data, "the painted mask"), first_frame(context).shape
+    height, width = first_frame(context).shape
     if mask.shape != (height, width):
         raise InputError(
             f"the painted mask is {mask.shape[1]} x {mask.shape[0]}", f"it must have the frame's {width} x {height}"
         )
-    if not mask.any():
-        raise InputError("the painted mask is empty", "paint the object")
-    inner = mask[EDGE_PX:-EDGE_PX, EDGE_PX:-EDGE_PX]
-    return encode_png(mask), bool(mask.sum() > inner.sum())
 
 
 def _light_rows(context: CaptureContext) -> list[list[float] | None]:

@@ -104,6 +104,11 @@ class InputsView {
     for (const layer of [this.mask, this.spheres, this.region, this.scale]) layer.toolChanged(tool);
   }
 
+  /** Opens the view anew, with what the last run has left. */
+  reload() {
+    dispatchEvent(new HashChangeEvent("hashchange"));
+  }
+
   clicked(point, event) {
     if (this.tool === "look") this.pixel.ask(Math.round(point.x), Math.round(point.y));
     else if (this.tool === "spheres" && event.detail > 1) this.spheres.add(point);
