@@ -15,7 +15,7 @@ from glint.storage.errors import InputError, printable
 from glint.storage.footage.images import MAX_PIXELS, decode_mask
 from glint.storage.inputs.markup import AnnotationEntry
 
-MAX_SPHERES = 100
+MAX_DRAWN_SPHERES = 100
 """Of one capture: nobody sets up more, and each is drawn."""
 MAX_MARKS = 100_000
 """Of one capture: a mark every second of a working day, several times over."""
@@ -81,7 +81,7 @@ Mask = Annotated[
     WithJsonSchema({"type": "string", "format": "byte", "description": "PNG of the frame's size, in base64"}),
 ]
 Marks = Annotated[tuple[AnnotationEntry, ...], Field(strict=False, max_length=MAX_MARKS)]
-Spheres = Annotated[tuple[Sphere, ...], Field(strict=False, max_length=MAX_SPHERES)]
+Spheres = Annotated[tuple[Sphere, ...], Field(strict=False, max_length=MAX_DRAWN_SPHERES)]
 Verdict = Literal["good", "usable", "record again"]
 """What a person thinks that a capture is good for, in the words of `glint check`."""
 Line = Annotated[
