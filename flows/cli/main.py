@@ -21,6 +21,7 @@ from glint.flows.cli.export import export
 from glint.flows.cli.history import history, rollback
 from glint.flows.cli.maintain import maintain
 from glint.flows.cli.output import echo
+from glint.flows.cli.review import review
 from glint.flows.cli.run import run
 from glint.flows.cli.simulate import simulate
 from glint.flows.cli.status import status
@@ -34,6 +35,7 @@ COMMANDS = (
     catalogue,
     check,
     run,
+    review,
     status,
     history,
     diff,

@@ -7,6 +7,7 @@ const facts = JSON.parse(document.getElementById("facts").textContent), parts = 
 const captures = facts.captures.map((capture, number) => new Capture(capture, parts, `${number}/`));
 const viewer = new Viewer(captures, facts.model ? new Capture(facts.model, parts, "model/") : null);
 document.getElementById("viewer").replaceChildren(viewer.element);
-document.documentElement.classList.add("has-viewer");
+// The still picture stays where the browser cannot draw the surface.
+const ready = viewer.show().then(() => document.documentElement.classList.toggle("has-viewer", !viewer.hasFailed));
 /** For scripts and tests: the viewer, and a promise that it is drawn. */
-globalThis.glint = { viewer, ready: viewer.show() };
+globalThis.glint = { viewer, ready };

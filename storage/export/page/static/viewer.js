@@ -30,13 +30,14 @@ export class Viewer {
     this.tabs.choose(mode);
     this.which.hidden = mode === "model" || this.captures.length < 2;
     this.failure.hidden = true;
+    this.hasFailed = false;
     try {
       if (mode === "surface") await this.showSurface();
       else await this.showMesh(mode === "model" ? this.model : this.captures[this.select.selectedIndex]);
     } catch (error) {
       this.failure.textContent = `${error.message ?? error}`;
       this.failure.hidden = false;
-      this.element.classList.add("has-failed");
+      this.hasFailed = true;
     }
   }
 

@@ -90,7 +90,7 @@ def box_of(page: browser.Page, selector: str) -> list[float]:
 
 def shown_surface(page: browser.Page, capture: int) -> None:
     page.evaluate(f"glint.viewer.select.selectedIndex = {capture}; glint.viewer.show('surface')")
-    assert not page.evaluate("glint.viewer.element.classList.contains('has-failed')"), page.text()
+    assert not page.evaluate("glint.viewer.hasFailed"), page.text()
 
 
 def test_a_page_asks_for_nothing_and_complains_of_nothing(page: browser.Page, file: Path) -> None:
