@@ -14,15 +14,23 @@ from fastapi.staticfiles import StaticFiles
 from starlette.responses import Response
 
 from glint.flows.errors import message_and_remedy
-from glint.flows.review import edits_api, inputs_api, listing_api, runs_api
+from glint.flows.review import edits_api, inputs_api, listing_api, runs_api, surface_api, versions_api
 from glint.flows.review.access import ENTRY_PATH, Access, Guard, refusal
 from glint.flows.review.review import Review
 from glint.reading import NotFoundError
 from glint.storage.errors import InputError, StoreError
+from glint.storage.export.page.bundle import STATIC as VIEWER
 
 STATIC = Path(__file__).parent / "static"
 
-ROUTERS = (listing_api.router, inputs_api.router, edits_api.router, runs_api.router)
+ROUTERS = (
+    listing_api.router,
+    inputs_api.router,
+    edits_api.router,
+    runs_api.router,
+    surface_api.router,
+    versions_api.router,
+)
 """The interfaces of the views, all below /api/."""
 
 
@@ -48,6 +56,7 @@ def create_app(store: str, catalogue: str | None = None, access: Access | None =
     app.state.review = review
     for router in ROUTERS:
         app.include_router(router, prefix="/api")
+    app.mount("/static/viewer", StaticFiles(directory=VIEWER), name="viewer")
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
 
     @app.get("/", include_in_schema=False)

@@ -12,6 +12,8 @@ import { showKeys } from "./keys.js";
 
 const VIEWS = [
   ["inputs", "Inputs", () => import("./inputs/view.js")],
+  ["surface", "Surface", () => import("./surface.js")],
+  ["versions", "Versions", () => import("./versions.js")],
 ];
 
 let leaving = new AbortController();

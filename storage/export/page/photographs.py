@@ -45,15 +45,26 @@ def photographs(
         return
     lights = stages["lights"].read("lights")
     try:
-        cache = FrameCache.open(location, str(stored.record["cache"]))
         for frame in spread_frames(lights, n_frames):
-            if frame < cache.frames:
-                picture = cache.read(OBJECT_CROP, slice(frame, frame + 1))[0]
-                x, y, z = (round(float(part), 5) for part in lights[frame])
-                yield Photograph("frame", encode_jpeg(_eight_bits(picture), scale), frame, (x, y, z))
+            x, y, z = (round(float(part), 5) for part in lights[frame])
+            yield Photograph("frame", frame_photograph(location, stored, frame, scale), frame, (x, y, z))
     except StoreError:
         # A cache may be evicted or damaged at any time; it is rebuilt by the next run, the page does without.
         return
+
+
+def frame_photograph(location: Location, frames: StageResult, frame: int, scale: float = 1.0) -> Part:
+    """Return a frame's picture of the region.
+
+    frames: the result of the stage of that name; scale: of the picture's sides.
+
+    Raises:
+        StoreError: the frame is not cached, or no longer.
+    """
+    cache = FrameCache.open(location, str(frames.record["cache"]))
+    if not 0 <= frame < cache.frames:
+        raise StoreError(f"frame {frame} is not cached", "run again: the frames are read from the video anew")
+    return encode_jpeg(_eight_bits(cache.read(OBJECT_CROP, slice(frame, frame + 1))[0]), scale)
 
 
 def spread_frames(lights: np.ndarray, count: int) -> list[int]:

@@ -18,6 +18,7 @@ export function lensesOf(capture) {
   if (capture.has("confidence")) names.push(["confidence", "Confidence"]);
   if (capture.has("provenance")) names.push(["provenance", "Provenance"]);
   if (capture.has("depth")) names.push(["depth", "Depth"]);
+  if (capture.has("candidates")) names.push(["candidates", "Candidates"]);
   if (capture.has("difference")) names.push(["difference", "Difference"]);
   return names;
 }
@@ -42,6 +43,13 @@ export async function lens(capture, name) {
     return {
       colours: coloured(codes, (code) => (code === NO_CONFIDENCE ? null : scaleColour(code / 254))), isSmooth: true,
       legend: scale("Angle between the normals of the two versions", "0°", `${limit}° or more`),
+    };
+  }
+  if (name === "candidates") {
+    const counts = await capture.array("candidates"), { largest } = capture.facts.candidates, span = Math.max(largest - 1, 1);
+    return {
+      colours: coloured(counts, (count) => (count ? scaleColour((count - 1) / span) : null)), isSmooth: false,
+      legend: scale("Candidates for the normal at each pixel; none where nothing is drawn", "1", String(largest)),
     };
   }
   const codes = await capture.array("provenance");

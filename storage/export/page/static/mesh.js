@@ -169,6 +169,14 @@ export class MeshView {
     this.ask();
   }
 
+  dispose() {
+    this.isAsked = true;
+    this.controls.dispose();
+    this.geometry?.dispose();
+    this.renderer.dispose();
+    this.renderer.forceContextLoss();
+  }
+
   ask() {
     if (this.isAsked) return;
     this.isAsked = true;

@@ -118,6 +118,11 @@ export class Relight {
     return downwards;
   }
 
+  dispose() {
+    this.size = null;
+    this.gl.getExtension("WEBGL_lose_context")?.loseContext();
+  }
+
   select(name) {
     this.gl.activeTexture(this.gl.TEXTURE0 + UNITS[name]);
     this.gl.bindTexture(this.gl.TEXTURE_2D, this[name + "Texture"]);

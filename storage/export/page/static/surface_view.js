@@ -3,6 +3,7 @@
 import { Dial, lightWords } from "./dial.js";
 import { choices, make, slider } from "./elements.js";
 import { lens, lensesOf } from "./lenses.js";
+import { unitVectors } from "./payload.js";
 import { Profile } from "./profile.js";
 import { Relight } from "./relight.js";
 import { Stage } from "./stage.js";
@@ -35,6 +36,8 @@ export class SurfaceView {
 
   makeControls() {
     this.material = choices("Material", MATERIALS, "glossy", (name) => this.setMaterial(name));
+    this.field = make("select", { "aria-label": "Normals", onchange: () => this.setField(this.field.value) });
+    this.fieldBox = make("fieldset", { hidden: true }, make("legend", {}, "Normals"), this.field);
     this.strength = slider("Strength of the relief", { min: 0.5, max: 8, step: 0.1, value: 3 }, (value) => value.toFixed(1), (relief) => this.relight.set({ relief }));
     this.strength.hidden = true;
     this.lensBox = make("div");
@@ -48,7 +51,7 @@ export class SurfaceView {
     this.words = make("p", { className: "light-words" });
     this.controls = make("aside", { className: "controls" },
       make("fieldset", { className: "light" }, make("legend", {}, "Light"), this.dial.element, this.words),
-      this.material, this.strength, make("div", { className: "lenses" }, this.lensBox, this.share, this.legend),
+      this.material, this.strength, this.fieldBox, make("div", { className: "lenses" }, this.lensBox, this.share, this.legend),
       this.photographBox, this.profileBox);
     this.share.hidden = true;
   }
@@ -65,11 +68,26 @@ export class SurfaceView {
     this.dial.setDots(capture.facts.lights ?? []);
     const lenses = lensesOf(capture), chosen = lenses.some(([name]) => name === this.lensName) ? this.lensName : "none";
     this.lensBox.replaceChildren(this.lensChoice = choices("Lens", lenses, chosen, (name) => this.setLens(name)));
+    this.offerFields(capture.facts.fields ?? []);
     this.offerPhotographs(capture.facts.photographs ?? []);
     this.profileBox.hidden = !capture.has("depth");
     if (capture.has("depth")) this.profile.setCapture(await capture.depth(), capture.facts, mask);
     await this.setLens(chosen);
     this.lightMoved(this.dial.light);
+  }
+
+  offerFields(fields) {
+    const options = [{ part: "", name: "The result" }, ...fields];
+    this.field.replaceChildren(...options.map(({ part, name }) => make("option", { value: part }, name)));
+    this.fieldBox.hidden = !fields.length;
+  }
+
+  /** Relight other normals of the capture: candidates, winner takes all, those of the silhouette; "" the result. */
+  async setField(part) {
+    const capture = this.capture, { width, height } = capture;
+    const normals = part ? unitVectors(await capture.array(`${part}_normals`)) : await capture.normals();
+    const mask = await capture.array(part ? `${part}_mask` : "mask");
+    if (this.capture === capture && this.field.value === part) this.relight.setNormals(normals, mask, width, height);
   }
 
   setMaterial(name) {

@@ -52,4 +52,10 @@ export class Viewer {
     this.body.replaceChildren(this.meshes.element);
     await this.meshes.setCapture(capture);
   }
+
+  /** Give the graphics memory back; the viewer shows nothing afterwards. */
+  dispose() {
+    this.surface?.relight.dispose();
+    this.meshes?.view.dispose();
+  }
 }
