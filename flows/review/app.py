@@ -54,8 +54,8 @@ def create_app(store: str, catalogue: str | None = None, access: Access | None =
         title="Glint review", openapi_url="/api/openapi.json", docs_url=None, redoc_url=None, lifespan=lifespan
     )
     app.state.review = review
-    for router in ROUTERS:
-        app.include_router(router, prefix="/api")
+    for api in APIS:
+        app.include_router(api.router, prefix="/api")
     app.mount("/static/viewer", StaticFiles(directory=VIEWER), name="viewer")
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
 

@@ -1,4 +1,4 @@
-"""Two versions of a capture side by side: their normals on a common region, the angles between, what changed in words."""
+"""Two versions of a capture side by side: normals on a common region, angles between them, what changed in words."""
 
 from functools import lru_cache
 from typing import Any
