@@ -23,14 +23,7 @@ from glint.storage.export.page.bundle import STATIC as VIEWER
 
 STATIC = Path(__file__).parent / "static"
 
-ROUTERS = (
-    listing_api.router,
-    inputs_api.router,
-    edits_api.router,
-    runs_api.router,
-    surface_api.router,
-    versions_api.router,
-)
+APIS = (listing_api, inputs_api, edits_api, runs_api, surface_api, versions_api)
 """The interfaces of the views, all below /api/."""
 
 

@@ -19,14 +19,14 @@ export class Relight {
     this.program = linked(gl);
     gl.useProgram(this.program);
     this.places = {};
-    for (const name of [...UNIFORMS, "relief", "lensShare", "wipe"]) this.places[name] = gl.getUniformLocation(this.program, name);
+    for (const name of [...UNIFORMS, "relief", "lensShare", "wipe", "gamma"]) this.places[name] = gl.getUniformLocation(this.program, name);
     for (const [name, unit] of Object.entries(UNITS)) {
       gl.uniform1i(this.places[name], unit);
       this[name + "Texture"] = gl.createTexture();
       this.setPicture(name, new Uint8Array(4), 1, 1);
     }
     this.state = {
-      light: [0, 0, 1], material: "matte", relief: 3, lensShare: 0, wipe: 0, ground: GROUND, corner: [0, 0], pixel: 1,
+      light: [0, 0, 1], material: "matte", relief: 3, lensShare: 0, wipe: 0, gamma: 1, ground: GROUND, corner: [0, 0], pixel: 1,
     };
     this.isAsked = false;
   }
@@ -68,7 +68,7 @@ export class Relight {
     this.ask();
   }
 
-  /** Change light, material, relief, lensShare, wipe, corner, pixel or ground, and draw soon. */
+  /** Change light, material, relief, lensShare, wipe, gamma, corner, pixel or ground, and draw soon. */
   set(changes) {
     Object.assign(this.state, changes);
     this.ask();
@@ -98,6 +98,7 @@ export class Relight {
     gl.uniform1f(places.relief, state.relief);
     gl.uniform1f(places.lensShare, state.lensShare);
     gl.uniform1f(places.wipe, state.wipe);
+    gl.uniform1f(places.gamma, state.gamma);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 

@@ -25,6 +25,7 @@ uniform int material;
 uniform float relief;
 uniform float lensShare;
 uniform float wipe;
+uniform float gamma;
 out vec4 colour;
 
 const float INDEX = 1.5;
@@ -106,7 +107,7 @@ void main() {
   float shading = material >= 4 ? 1.0 : 0.35 + 0.65 * max(dot(n, light), 0.0);
   lit = mix(lit, over.rgb * shading, lensShare * over.a);
   vec3 shown = mix(ground, lit, share);
-  if (uv.x < wipe) shown = texture(photograph, uv).rgb;
+  if (uv.x < wipe) shown = pow(texture(photograph, uv).rgb, vec3(gamma));
   bool isOutside = uv.x < 0.0 || uv.y < 0.0 || uv.x > 1.0 || uv.y > 1.0;
   colour = vec4(isOutside ? ground : shown, 1.0);
 }`;

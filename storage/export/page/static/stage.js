@@ -12,7 +12,7 @@ export class Stage {
     Object.assign(this, parts);
     this.overlay = draw("svg", { class: "overlay" });
     this.caption = make("p", { className: "caption", role: "status" });
-    const tools = make("div", { className: "tools" },
+    const tools = make("div", { className: "zoom-tools" },
       button("−", () => this.viewport().zoomBy(1 / 1.4), { title: "Smaller", "aria-label": "Smaller" }),
       button("Fit", () => this.viewport().fit(), { title: "The whole picture" }),
       button("+", () => this.viewport().zoomBy(1.4), { title: "Larger", "aria-label": "Larger" }));

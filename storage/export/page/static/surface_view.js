@@ -12,6 +12,8 @@ import { Viewport } from "./viewport.js";
 const MATERIALS = [
   ["matte", "Matte"], ["glossy", "Glossy"], ["glass", "Glass"], ["relief", "Relief"], ["normals", "Normals"], ["curvature", "Curvature"],
 ];
+/** Exponent of a photograph's levels that shows its shadows. */
+const BRIGHT_GAMMA = 0.45;
 const percent = (value) => `${Math.round(100 * value)} %`;
 
 export class SurfaceView {
@@ -45,7 +47,9 @@ export class SurfaceView {
     this.share = slider("Opacity", { value: 0.8 }, percent, (value) => this.relight.set({ lensShare: this.lensName === "none" ? 0 : value }));
     this.wipe = slider("Photograph beside it", { value: 0 }, percent, (value) => this.setWipe(value));
     this.which = make("select", { "aria-label": "Which photograph", onchange: () => this.photograph() });
-    this.photographBox = make("fieldset", { className: "photographs" }, make("legend", {}, "Photograph"), this.which, this.wipe);
+    const isBright = make("input", { type: "checkbox", onchange: () => this.relight.set({ gamma: isBright.checked ? BRIGHT_GAMMA : 1 }) });
+    this.photographBox = make("fieldset", { className: "photographs" }, make("legend", {}, "Photograph"), this.which, this.wipe,
+      make("label", { className: "check" }, isBright, make("span", {}, "Brighten its shadows")));
     this.isProfiled = make("input", { type: "checkbox", onchange: () => this.setProfile(this.isProfiled.checked) });
     this.profileBox = make("label", { className: "check" }, this.isProfiled, make("span", {}, "Measure depth along a line"));
     this.words = make("p", { className: "light-words" });
