@@ -3,8 +3,8 @@
 import { announce, element } from "../dom.js";
 import { Konva } from "../vendor.js";
 
-const INSIDE = [112, 214, 150, 70];
-const RIM = [140, 240, 175, 255];
+const INSIDE = [112, 214, 150, 44];
+const RIM = [140, 240, 175, 230];
 const CURSOR_STEP_PX = 4;
 
 export class MaskLayer {

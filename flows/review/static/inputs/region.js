@@ -4,7 +4,7 @@ import { element } from "../dom.js";
 import { Konva } from "../vendor.js";
 
 const COLOUR = "#e7b45a";
-const FIELDS = [["x", "x"], ["y", "y"], ["width", "width"], ["height", "height"]];
+const FIELDS = [["x", "x"], ["y", "y"], ["width", "w"], ["height", "h"]];
 
 export class RegionLayer {
   constructor(view) {
@@ -77,7 +77,7 @@ export class RegionLayer {
       handle.position({ x: region.x - 0.5 + (name.includes("right") ? region.width : 0), y: region.y - 0.5 + (name.includes("bottom") ? region.height : 0) });
     }
     this.fields.replaceChildren(...FIELDS.map(([name, text]) => element("label", {}, text, element("input", {
-      type: "number", step: "1", min: "0", value: String(region[name]), "aria-label": `Region ${text}`,
+      type: "number", step: "1", min: "0", value: String(region[name]), "aria-label": `Region: ${name}`,
       onchange: (event) => this.typed(name, Number(event.target.value)),
     }))));
     this.rescale();

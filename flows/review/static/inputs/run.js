@@ -11,7 +11,7 @@ export class RunPanel {
     this.button = element("button", { type: "button", class: "primary", onclick: () => this.start() }, "Run from here ", element("kbd", {}, "g"));
     this.state = element("div", { role: "status" });
     this.bar = element("progress", { max: 1, hidden: true });
-    this.root = element("section", { class: "run" }, element("h2", {}, "Run"), this.button, this.bar, this.state);
+    this.root = element("section", { class: "run", "aria-label": "Run" }, this.button, this.bar, this.state);
     this.path = `${view.capture.path}/run`;
     ask(this.path, { signal: view.signal }).then((run) => run && this.follow(run, run.state === "running")).catch(() => {});
   }

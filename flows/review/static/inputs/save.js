@@ -13,7 +13,7 @@ export class SavePanel {
     this.redoButton = element("button", { type: "button", title: "Ctrl+Y", onclick: () => view.history.redo() }, "Redo");
     this.conflict = element("div", { role: "alert" });
     this.revisions = element("ol", { class: "revisions" });
-    this.root = element("section", { class: "save" }, element("h2", {}, "Changes"), element("div", { class: "line" }, this.author, this.button), element("div", { class: "line" }, this.undoButton, this.redoButton), this.conflict, this.revisions);
+    this.root = element("section", { class: "save" }, element("h2", {}, "Changes"), this.author, element("div", { class: "line" }, this.button, this.undoButton, this.redoButton), this.conflict, this.revisions);
     this.show();
   }
 

@@ -48,7 +48,7 @@ export class SphereLayer {
   }
 
   toolChanged(tool) {
-    this.group.listening(tool === "spheres" || tool === "look");
+    this.group.listening(tool === "spheres");
     this.draw();
   }
 

@@ -52,8 +52,8 @@ class InputsView {
     this.run = new RunPanel(this);
     this.save = new SavePanel(this);
     this.side.append(
-      this.verdict(), this.save.root, this.run.root, this.spheres.root, this.mask.root, this.region.root, this.scale.root,
-      this.lights.root, this.pixel.root,
+      this.verdict(), this.save.root, this.run.root, this.lights.root, this.pixel.root, this.spheres.root, this.mask.root,
+      this.region.root, this.scale.root,
     );
     for (const [name, text, key] of TOOLS) {
       this.tools.append(element("button", { type: "button", "data-tool": name, "aria-keyshortcuts": key, onclick: () => this.use(name) }, text, " ", element("kbd", {}, key)));
@@ -61,7 +61,7 @@ class InputsView {
     this.bindKeys();
     this.picture.onclick = (point, event) => this.clicked(point, event);
     this.use("look");
-    this.show("peak");
+    this.show("background");
   }
 
   verdict() {
@@ -102,6 +102,8 @@ class InputsView {
     this.stage.dataset.tool = tool;
     this.picture.pans = tool === "look" || tool === "spheres" || tool === "region";
     for (const layer of [this.mask, this.spheres, this.region, this.scale]) layer.toolChanged(tool);
+    const panel = { spheres: this.spheres, brush: this.mask, eraser: this.mask, polygon: this.mask, region: this.region, scale: this.scale }[tool];
+    panel?.root.scrollIntoView({ block: "nearest" });
   }
 
   /** Opens the view anew, with what the last run has left. */
