@@ -9,7 +9,7 @@ export class MeshPanel {
     const canvas = make("canvas", { className: "picture", tabIndex: 0 });
     canvas.setAttribute("aria-label", "The mesh. Drag or use the arrow keys to turn it, the wheel or + and - to zoom.");
     this.caption = make("p", { className: "caption", role: "status" });
-    this.stage = make("div", { className: "stage" }, canvas, this.caption);
+    this.stage = make("div", { className: "light-stage" }, canvas, this.caption);
     this.view = new MeshView(canvas, (distance) => this.measured(distance));
     this.colour = choices("Colour", [["plain", "Plain"], ["confidence", "Confidence"]], "plain", (name) => this.view.colourBy(name));
     this.cut = slider("Hide below confidence", { value: 0 }, (value) => value.toFixed(2), (value) => this.view.cutBelow(value));

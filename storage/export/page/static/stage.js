@@ -16,7 +16,7 @@ export class Stage {
       button("−", () => this.viewport().zoomBy(1 / 1.4), { title: "Smaller", "aria-label": "Smaller" }),
       button("Fit", () => this.viewport().fit(), { title: "The whole picture" }),
       button("+", () => this.viewport().zoomBy(1.4), { title: "Larger", "aria-label": "Larger" }));
-    this.element = make("div", { className: "stage" }, canvas, this.overlay, this.caption, tools);
+    this.element = make("div", { className: "light-stage" }, canvas, this.overlay, this.caption, tools);
     canvas.tabIndex = 0;
     canvas.setAttribute("aria-label", "Relit surface. Drag or use the arrow keys to move the light, + and - to zoom.");
     this.element.addEventListener("pointerdown", (event) => this.down(event));

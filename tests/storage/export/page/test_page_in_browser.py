@@ -160,7 +160,7 @@ def test_two_clicks_measure_on_the_mesh(page: browser.Page) -> None:
     page.evaluate("glint.viewer.show('model')")
     view = "glint.viewer.meshes.view"
     page.evaluate(f"{view}.camera.position.set(0, 0, 3); {view}.controls.update(); {view}.measure(true)")
-    box = box_of(page, ".stage canvas")
+    box = box_of(page, ".light-stage canvas")
     radius = box[3] / 2 / 1.05
     for across in (-0.6, 0.6):
         x, y = box[0] + box[2] / 2 + across * radius, box[1] + box[3] / 2
