@@ -31,7 +31,6 @@ def versions(review: ReviewState, object_id: ObjectId) -> list[dict[str, Any]]:
             "message": item[name].message,
             "captures": list(item[name]),
             "run": item[name].metadata.get("run"),
-            "restored": item[name].metadata.get("rolled_back_to"),
         }
         for name in reversed(item.versions)
     ]

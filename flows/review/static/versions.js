@@ -39,9 +39,9 @@ export async function open(root, capture, signal) {
       type: "radio", name: group, checked: chosen[group] === name, "aria-label": `${label}: ${name}`,
       onchange: () => show(group === "before" ? name : chosen.before, group === "after" ? name : chosen.after),
     });
-    const rows = versions.map(({ name, time, message, restored }, i) => element("tr", {},
+    const rows = versions.map(({ name, time, message }, i) => element("tr", {},
       element("td", {}, pick(name, "before", "Left")), element("td", {}, pick(name, "after", "Right")),
-      element("td", {}, element("b", {}, name), ` ${time.slice(0, 16).replace("T", " ")}`, element("div", { class: "faint" }, restored ? `content of ${restored}` : message)),
+      element("td", {}, element("b", {}, name), ` ${time.slice(0, 16).replace("T", " ")}`, element("div", { class: "faint" }, message)),
       element("td", {}, i ? element("button", { type: "button", onclick: () => restore(name) }, "Restore") : "newest")));
     const head = element("thead", {}, element("tr", {}, ...["Left", "Right", "Version", ""].map((text) => element("th", { scope: "col" }, text))));
     return element("section", {}, element("h2", {}, "Versions"), element("table", {}, head, element("tbody", {}, ...rows)));

@@ -125,6 +125,8 @@ export class MeshView {
     if (!this.isMeasuring || !isClick) return;
     const box = this.canvas.getBoundingClientRect(), caster = new Raycaster();
     const place = new Vector2(((event.clientX - box.x) / box.width) * 2 - 1, 1 - ((event.clientY - box.y) / box.height) * 2);
+    // Places follow the last change, also one that is not drawn yet.
+    this.scene.updateMatrixWorld(true);
     caster.setFromCamera(place, this.camera);
     const shown = this.renderer.clippingPlanes;
     const hit = caster.intersectObject(this.mesh).find(({ point }) => shown.every((plane) => plane.distanceToPoint(point) >= 0));

@@ -1,8 +1,8 @@
 // Normals of one capture under a light that moves: WebGL2, drawn only when something changed.
 
-import { FRAGMENT, MATERIALS, VERTEX } from "./shaders.js";
+import { VERTEX, fragment } from "./shaders.js";
 
-const UNIFORMS = ["normals", "lens", "photograph", "size", "corner", "pixel", "canvasHeight", "light", "ground", "material"];
+const UNIFORMS = ["normals", "lens", "photograph", "size", "corner", "pixel", "canvasHeight", "light", "ground", "relief", "lensShare", "wipe", "gamma"];
 const UNITS = { normals: 0, lens: 1, photograph: 2 };
 /** Level of the background of the stage, 0 to 1. */
 export const GROUND = [0.071, 0.078, 0.086];
@@ -16,12 +16,8 @@ export class Relight {
     this.gl = gl;
     this.hasMipmaps = Boolean(gl.getExtension("EXT_color_buffer_float") || gl.getExtension("EXT_color_buffer_half_float"));
     this.linear = gl.getExtension("OES_texture_float_linear");
-    this.program = linked(gl);
-    gl.useProgram(this.program);
-    this.places = {};
-    for (const name of [...UNIFORMS, "relief", "lensShare", "wipe", "gamma"]) this.places[name] = gl.getUniformLocation(this.program, name);
-    for (const [name, unit] of Object.entries(UNITS)) {
-      gl.uniform1i(this.places[name], unit);
+    this.programs = new Map();
+    for (const name of Object.keys(UNITS)) {
       this[name + "Texture"] = gl.createTexture();
       this.setPicture(name, new Uint8Array(4), 1, 1);
     }
@@ -42,7 +38,7 @@ export class Relight {
       texels[4 * i + 3] = 1;
     }
     this.size = [width, height];
-    this.select("normals");
+    this.bind("normals");
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA16F, width, height, 0, gl.RGBA, gl.FLOAT, texels);
     if (this.hasMipmaps) gl.generateMipmap(gl.TEXTURE_2D);
     this.filter(gl.LINEAR, this.hasMipmaps ? gl.LINEAR_MIPMAP_LINEAR : gl.LINEAR);
@@ -52,7 +48,7 @@ export class Relight {
   /** Set `lens` or `photograph`: four bytes a pixel. */
   setPicture(name, bytes, width, height, isSmooth = true) {
     const gl = this.gl;
-    this.select(name);
+    this.bind(name);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, width, height, 0, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
     const filter = isSmooth ? gl.LINEAR : gl.NEAREST;
     this.filter(filter, filter);
@@ -62,7 +58,7 @@ export class Relight {
   /** Set the photograph from a decoded picture. */
   setPhotograph(bitmap) {
     const gl = this.gl;
-    this.select("photograph");
+    this.bind("photograph");
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, bitmap);
     this.filter(gl.LINEAR, gl.LINEAR);
     this.ask();
@@ -83,10 +79,26 @@ export class Relight {
     });
   }
 
+  /** Use the program for the present state, made when it is first needed; returns the places of its uniforms. */
+  select() {
+    const { gl, state } = this, wanted = [state.material, state.lensShare > 0, state.wipe > 0], key = wanted.join();
+    if (!this.programs.has(key)) {
+      const program = linked(gl, fragment(...wanted)), places = {};
+      for (const name of UNIFORMS) places[name] = gl.getUniformLocation(program, name);
+      gl.useProgram(program);
+      for (const [name, unit] of Object.entries(UNITS)) gl.uniform1i(places[name], unit);
+      this.programs.set(key, { program, places });
+    }
+    const { program, places } = this.programs.get(key);
+    gl.useProgram(program);
+    return places;
+  }
+
   /** Draw now. */
   draw() {
-    const { gl, places, state, canvas } = this;
+    const { gl, state, canvas } = this;
     if (!this.size) return;
+    const places = this.select();
     gl.viewport(0, 0, canvas.width, canvas.height);
     gl.uniform2fv(places.size, this.size);
     gl.uniform2fv(places.corner, state.corner);
@@ -94,7 +106,6 @@ export class Relight {
     gl.uniform1f(places.canvasHeight, canvas.height);
     gl.uniform3fv(places.light, state.light);
     gl.uniform3fv(places.ground, state.ground);
-    gl.uniform1i(places.material, MATERIALS.indexOf(state.material));
     gl.uniform1f(places.relief, state.relief);
     gl.uniform1f(places.lensShare, state.lensShare);
     gl.uniform1f(places.wipe, state.wipe);
@@ -124,7 +135,7 @@ export class Relight {
     this.gl.getExtension("WEBGL_lose_context")?.loseContext();
   }
 
-  select(name) {
+  bind(name) {
     this.gl.activeTexture(this.gl.TEXTURE0 + UNITS[name]);
     this.gl.bindTexture(this.gl.TEXTURE_2D, this[name + "Texture"]);
   }
@@ -138,11 +149,11 @@ export class Relight {
   }
 }
 
-function linked(gl) {
+function linked(gl, source) {
   const program = gl.createProgram();
-  for (const [kind, source] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
+  for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, source]]) {
     const shader = gl.createShader(kind);
-    gl.shaderSource(shader, source);
+    gl.shaderSource(shader, text);
     gl.compileShader(shader);
     if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
     gl.attachShader(program, shader);

@@ -8,10 +8,17 @@ void main() {
 
 export const MATERIALS = ["matte", "glossy", "glass", "relief", "normals", "curvature"];
 
+/** The shader of a material, with a lens or a photograph where they are shown: without a graphics card, what is not asked
+    for must cost nothing. */
+export function fragment(material, hasLens, hasPhotograph) {
+  const facts = { MATERIAL: MATERIALS.indexOf(material), LENS: Number(hasLens), PHOTOGRAPH: Number(hasPhotograph) };
+  const lines = Object.entries(facts).map(([name, value]) => `#define ${name} ${value}`);
+  return ["#version 300 es", ...lines, FRAGMENT].join("\n");
+}
+
 /* Normals are in the camera frame: x right, y up, z to the viewer; alpha is 1 on the object. `corner` and `pixel` map a
    pixel of the canvas to the picture, in pixels, y down. */
-export const FRAGMENT = `#version 300 es
-precision highp float;
+const FRAGMENT = `precision highp float;
 uniform sampler2D normals;
 uniform sampler2D lens;
 uniform sampler2D photograph;
@@ -21,7 +28,6 @@ uniform float pixel;
 uniform float canvasHeight;
 uniform vec3 light;
 uniform vec3 ground;
-uniform int material;
 uniform float relief;
 uniform float lensShare;
 uniform float wipe;
@@ -74,24 +80,28 @@ vec3 beside(vec2 uv, vec3 n) {
 }
 
 vec3 shade(vec3 n, vec2 uv) {
-  if (material == 4) return n * 0.5 + 0.5;
-  if (material == 5) {
-    // Mean curvature, 1/pixel: half the divergence of the normals over two pixels to each side.
-    vec2 e = 2.0 / size;
-    float across = beside(uv + vec2(e.x, 0.0), n).x - beside(uv - vec2(e.x, 0.0), n).x;
-    float upwards = beside(uv - vec2(0.0, e.y), n).y - beside(uv + vec2(0.0, e.y), n).y;
-    float bend = clamp((across + upwards) / 8.0 * max(size.x, size.y) / 12.0, -1.0, 1.0);
-    vec3 flat_ = vec3(0.93, 0.92, 0.89);
-    return bend > 0.0 ? mix(flat_, vec3(0.70, 0.27, 0.10), bend) : mix(flat_, vec3(0.10, 0.33, 0.58), -bend);
-  }
-  if (material == 2) return glass(n);
-  if (material == 3) n = relieved(uv, n);
+#if MATERIAL == 0
+  return vec3(max(dot(n, light), 0.0));
+#elif MATERIAL == 1
   float diffuse = max(dot(n, light), 0.0);
-  if (material == 0) return vec3(diffuse);
-  if (material == 3) return vec3(0.06 + 0.94 * diffuse);
   float gloss = pow(max(dot(n, normalize(light + vec3(0.0, 0.0, 1.0))), 0.0), 90.0);
   float edge = pow(1.0 - clamp(n.z, 0.0, 1.0), 3.0);
   return vec3(0.30, 0.31, 0.33) * (0.12 + diffuse) + vec3(1.0, 0.98, 0.95) * gloss * 0.9 + 0.10 * edge * (0.3 + diffuse);
+#elif MATERIAL == 2
+  return glass(n);
+#elif MATERIAL == 3
+  return vec3(0.06 + 0.94 * max(dot(relieved(uv, n), light), 0.0));
+#elif MATERIAL == 4
+  return n * 0.5 + 0.5;
+#else
+  // Mean curvature, 1/pixel: half the divergence of the normals over two pixels to each side.
+  vec2 e = 2.0 / size;
+  float across = beside(uv + vec2(e.x, 0.0), n).x - beside(uv - vec2(e.x, 0.0), n).x;
+  float upwards = beside(uv - vec2(0.0, e.y), n).y - beside(uv + vec2(0.0, e.y), n).y;
+  float bend = clamp((across + upwards) / 8.0 * max(size.x, size.y) / 12.0, -1.0, 1.0);
+  vec3 flat_ = vec3(0.93, 0.92, 0.89);
+  return bend > 0.0 ? mix(flat_, vec3(0.70, 0.27, 0.10), bend) : mix(flat_, vec3(0.10, 0.33, 0.58), -bend);
+#endif
 }
 
 void main() {
@@ -103,11 +113,15 @@ void main() {
   float share = clamp((stored.a - 0.5) / slope + 0.5, 0.0, 1.0);
   vec3 n = share > 0.0 ? normalize(stored.xyz) : vec3(0.0, 0.0, 1.0);
   vec3 lit = shade(n, uv);
+#if LENS
   vec4 over = texture(lens, uv);
-  float shading = material >= 4 ? 1.0 : 0.35 + 0.65 * max(dot(n, light), 0.0);
+  float shading = MATERIAL >= 4 ? 1.0 : 0.35 + 0.65 * max(dot(n, light), 0.0);
   lit = mix(lit, over.rgb * shading, lensShare * over.a);
+#endif
   vec3 shown = mix(ground, lit, share);
+#if PHOTOGRAPH
   if (uv.x < wipe) shown = pow(texture(photograph, uv).rgb, vec3(gamma));
+#endif
   bool isOutside = uv.x < 0.0 || uv.y < 0.0 || uv.x > 1.0 || uv.y > 1.0;
   colour = vec4(isOutside ? ground : shown, 1.0);
 }`;
