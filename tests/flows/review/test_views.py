@@ -76,6 +76,7 @@ def test_what_needs_a_person_comes_first_and_names_are_only_text(served: ServedP
     good = rows["hemisphere"]["front"]
     rows["zebra"] = {"front": Row("zebra", "front", "failed", error=hostile, remedy=hostile)}
     rows["yak"] = {"front": replace(good, object="yak", state="doubtful", verdict=hostile, warnings=(hostile,))}
+    served.app.state.review.listing._revision += 1
     try:
         tab.page.reload()
         tab.page.wait_for_selector(".row:nth-child(3)")
