@@ -52,10 +52,6 @@ class Runs:
         """Return the newest run of OBJECT/CAPTURE that the page has started, None where it has started none."""
         return self._runs.get(capture)
 
-    def active(self) -> list[Run]:
-        """Return the runs that have not ended."""
-        return [run for run in list(self._runs.values()) if run.state == "running"]
-
     def start(self, catalogue: str, capture: str) -> Run:
         """Start the run of OBJECT/CAPTURE, or return the one that is going on."""
         with self._lock:

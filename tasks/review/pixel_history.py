@@ -6,7 +6,7 @@ import numpy as np
 
 from glint.storage.errors import InputError
 from glint.tasks.engine.capture_context import CaptureContext
-from glint.tasks.review.pictures import stored_geometry
+from glint.tasks.review.pictures import saved_records, stored_geometry
 from glint.tasks.stages.capture_geometry import OBJECT
 from glint.tasks.stages.frames import open_frames
 
@@ -23,7 +23,7 @@ def pixel_history(context: CaptureContext, x: int, y: int) -> dict[str, Any]:
     Raises:
         InputError: the pixel lies outside the region, or nothing has run yet; StoreError: the store cannot be read.
     """
-    saved, geometry = context.repository.records(context.capture.id), stored_geometry(context)
+    saved, geometry = saved_records(context), stored_geometry(context)
     if geometry is None or "thresholds" not in saved:
         raise InputError("highlights are not known before the first run", "run the capture")
     region = geometry.region
@@ -50,7 +50,7 @@ def pixel_history(context: CaptureContext, x: int, y: int) -> dict[str, Any]:
 
 def _candidates(context: CaptureContext, row: int, column: int) -> list[dict[str, Any]]:
     clusters = context.load("clusters").arrays
-    saved = context.repository.records(context.capture.id)
+    saved = saved_records(context)
     labels = context.load("labels").arrays["labels"][:, row, column] if "labels" in saved else None
     normals = np.asarray(clusters["normals"][:, row, column])
     weight, spread = clusters["weight"][:, row, column], clusters["spread"][:, row, column]
