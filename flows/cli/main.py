@@ -16,6 +16,7 @@ from glint.flows.cli.dashboard import dashboard
 from glint.flows.cli.demo import demo
 from glint.flows.cli.deploy import deploy
 from glint.flows.cli.diff import diff
+from glint.flows.cli.edits import edits
 from glint.flows.cli.evaluate import evaluate
 from glint.flows.cli.export import export
 from glint.flows.cli.history import history, rollback
@@ -38,6 +39,7 @@ COMMANDS = (
     review,
     status,
     history,
+    edits,
     diff,
     maintain,
     verify,

@@ -15,7 +15,7 @@ from glint.tasks.review.sphere_fit import fit_sphere
 
 router = APIRouter(prefix="/captures/{object_id}/{capture_id}")
 
-PNG = {200: {"content": {"image/png": {}}, "description": "a picture"}}
+PNG: dict[int | str, dict[str, Any]] = {200: {"content": {"image/png": {}}, "description": "a picture"}}
 
 FrameNumber = Annotated[int, Query(ge=0, lt=100_000_000)]
 Coordinate = Annotated[int, Query(ge=0, lt=MAX_PIXELS_PER_SIDE)]

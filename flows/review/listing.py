@@ -26,6 +26,9 @@ REST_SHARE = 1.0
 MAX_PAGE = 500
 """Rows of one answer."""
 
+KEPT_VIEWS = 7
+"""Orders and filters whose rows are kept until something changes."""
+
 RANK = {"failed": 0, "doubtful": 1, "running": 2, "waiting": 3, "warnings": 4, "done": 5, "new": 6, "reading": 7}
 """States in the order of the view: what needs a person comes first."""
 
@@ -50,6 +53,7 @@ class Listing:
         self._states = RunStates(location.uri, runs)
         self._rows: dict[str, dict[str, Row]] = {}
         self._stamps: dict[str, Any] = {}
+        self._views: dict[tuple[str, tuple[str, ...], str], tuple[int, list[Row], dict[str, int]]] = {}
         self._revision, self._is_complete = 0, False
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._keep, name="glint-listing", daemon=True)
@@ -78,7 +82,17 @@ class Listing:
         sort: `attention` (what needs a person first), `name`, `date` (newest first) or `confident` (least first).
         """
         self._states.wanted()
-        revision, words = self.revision, search.lower().split()
+        key, revision = (search, tuple(states), sort), self.revision
+        known = self._views.get(key)
+        if known is None or known[0] != revision:
+            known = revision, *self._matching(search.lower().split(), states, sort)
+            self._views = dict(list(self._views.items())[-KEPT_VIEWS:]) | {key: known}
+        _, matching, counts = known
+        shown = matching[offset : offset + min(limit, MAX_PAGE)]
+        return View(shown, len(matching), counts, revision, self._is_complete)
+
+    def _matching(self, words: Sequence[str], states: Sequence[str], sort: str) -> tuple[list[Row], dict[str, int]]:
+        """Return the rows that match in their order, and the number of all rows by state."""
         rows = [self._states.applied(row) for rows in list(self._rows.values()) for row in list(rows.values())]
         counts = dict[str, int]()
         for row in rows:
@@ -89,8 +103,7 @@ class Listing:
         matching.sort(key=SORT_KEYS[sort])
         if sort == "date":
             matching.sort(key=lambda row: row.date, reverse=True)
-        shown = matching[offset : offset + min(limit, MAX_PAGE)]
-        return View(shown, len(matching), counts, revision, self._is_complete)
+        return matching, counts
 
     def row(self, object_id: str, capture_id: str) -> Row | None:
         """Return the row of a capture, None where it is not known."""

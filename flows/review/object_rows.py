@@ -51,9 +51,9 @@ class Row:
 
     def to_json(self) -> dict[str, Any]:
         """Return what the view shows as JSON values."""
-        names = ("object", "capture", "state", "verdict", "reason", "warnings", "confident", "observed", "version")
-        names += ("date", "stage", "progress", "seconds_left", "error", "remedy")
-        return {name: getattr(self, name) for name in names}
+        names = "object capture state verdict reason warnings confident observed version date stage progress"
+        names += " seconds_left error remedy"
+        return {name: getattr(self, name) for name in names.split()}
 
 
 def object_rows(location: Location, object_id: str) -> list[Row]:

@@ -7,7 +7,7 @@ from glint.flows.review.listing import Listing
 from glint.flows.review.runs import Runs
 from glint.storage.catalogue.loading import Capture
 from glint.storage.locations.location import Location
-from glint.storage.versions.repository import ObjectRepository, object_ids
+from glint.storage.versions.repository import ObjectRepository, has_object
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.engine.references import load_catalogue
@@ -72,12 +72,12 @@ class Review:
 
     def repository(self, object_id: str) -> ObjectRepository | None:
         """Return the object's results, None where the store has none yet."""
-        if object_id not in object_ids(self.location):
+        if not has_object(self.location, object_id):
             return None
         return ObjectRepository.open(self.location, object_id, create=False)
 
     def _check_stored(self, object_id: str) -> None:
-        if object_id not in object_ids(self.location):
+        if not has_object(self.location, object_id):
             raise reading.NotFoundError(f"no object {object_id!r} in {self.store}", "see the catalogue view")
 
 

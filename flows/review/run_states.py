@@ -50,8 +50,8 @@ class RunStates:
 
     @property
     def revision(self) -> int:
-        """A number that grows with every change, and all the time while the page's own runs go on."""
-        return self._polls + (int(time.monotonic()) if self._runs.active() else 0)
+        """A number that grows with every change."""
+        return self._polls + self._runs.revision
 
     def learn(self, rows: Sequence[Row]) -> None:
         """Remember how long the stages of these captures took."""

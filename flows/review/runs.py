@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from time import time
 from typing import Any
@@ -39,20 +40,17 @@ class Run:
 
 
 class Runs:
-    """The runs of a server, one at a time for each capture."""
+    """The runs of a server, one at a time for each capture. revision: a number that grows with every event."""
 
     def __init__(self, store: str) -> None:
         self._store = store
         self._runs: dict[str, Run] = {}
         self._lock = threading.Lock()
+        self.revision = 0
 
     def of(self, capture: str) -> Run | None:
         """Return the newest run of OBJECT/CAPTURE that the page has started, None where it has started none."""
         return self._runs.get(capture)
-
-    def active(self) -> list[Run]:
-        """Return the runs that have not ended."""
-        return [run for run in list(self._runs.values()) if run.state == "running"]
 
     def start(self, catalogue: str, capture: str) -> Run:
         """Start the run of OBJECT/CAPTURE, or return the one that is going on."""
@@ -66,12 +64,16 @@ class Runs:
             command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             start_new_session=True,
         )  # fmt: skip
-        threading.Thread(target=_follow, args=(run, process), name=f"run-{capture}", daemon=True).start()
+        threading.Thread(target=self._follow, args=(run, process), name=f"run-{capture}", daemon=True).start()
         return run
 
+    def _follow(self, run: Run, process: "subprocess.Popen[str]") -> None:
+        for _ in _events(run, process):
+            self.revision += 1
 
-def _follow(run: Run, process: "subprocess.Popen[str]") -> None:
-    """Read what a run reports until it ends."""
+
+def _events(run: Run, process: "subprocess.Popen[str]") -> Iterator[None]:
+    """Read what a run reports until it ends; yield after each change."""
     errors: deque[str] = deque(maxlen=KEPT_LINES)
     assert process.stdout is not None and process.stderr is not None
     reader = threading.Thread(target=errors.extend, args=(process.stderr,), daemon=True)
@@ -83,6 +85,7 @@ def _follow(run: Run, process: "subprocess.Popen[str]") -> None:
             continue
         if isinstance(event, dict):
             note(run, event)
+            yield
     status = process.wait()
     reader.join(1.0)
     if run.state == "running":
@@ -91,6 +94,7 @@ def _follow(run: Run, process: "subprocess.Popen[str]") -> None:
         lines = [line.strip() for line in errors if line.strip()]
         run.error = next((line.removeprefix("glint: ") for line in lines if line.startswith("glint: ")), "it ended")
         run.remedy = next((line.removeprefix("-> ") for line in lines if line.startswith("-> ")), "see the dashboard")
+    yield
 
 
 def note(run: Run, event: dict[str, Any]) -> None:

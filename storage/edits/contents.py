@@ -33,23 +33,30 @@ def read_edits(
     Raises:
         DamagedError: they are not what was written.
     """
-    number, result = (0, None) if at is None else (at.number, edits_group(repository, object_id, at, capture))
-    if result is None:
-        return CaptureEdits(capture=capture, revision=number)
+    number, group = (0, None) if at is None else (at.number, edits_group(repository, object_id, at, capture))
+    return CaptureEdits(capture=capture, revision=number) if group is None else edits_of(group, number)
+
+
+def edits_of(group: StageResult, revision: int) -> CaptureEdits:
+    """Return the edits that a group holds, as those of a revision.
+
+    Raises:
+        DamagedError: they are not what was written.
+    """
     try:
-        files = {name: result.read_file(name) for name in result.files}
+        files = {name: group.read_file(name) for name in group.files}
     except DamagedError as error:
-        raise edits_damage(object_id, capture, error) from error
-    record = result.record | {"revision": number}
+        raise edits_damage(group.object_id, group.capture, error) from error
+    record = group.record | {"revision": revision}
     if MARKUP_FILE in files:
         record["marks"] = json.loads(files[MARKUP_FILE])
     try:
         edits = CaptureEdits.model_validate_json(json.dumps(record))
     except ValidationError as error:
-        raise StoreError(f"{result.name} was written by another version of Glint", "update Glint") from error
+        raise StoreError(f"{group.name} was written by another version of Glint", "update Glint") from error
     if MASK_FILE not in files:
         return edits
-    return edits.model_copy(update={"mask": decode_image(files[MASK_FILE], f"the mask of {result.name}") > 0})
+    return edits.model_copy(update={"mask": decode_image(files[MASK_FILE], f"the mask of {group.name}") > 0})
 
 
 def edits_group(
@@ -71,8 +78,12 @@ def edits_group(
 
 def edits_damage(object_id: str, capture: str, error: DamagedError) -> DamagedError:
     """Return the error of damaged edits: no catalogue rebuilds what a person did."""
-    remedy = f"restore a backup, or `glint edits {object_id}/{capture} --discard` to go on without its edits"
-    return DamagedError(error.message, remedy)
+    return DamagedError(error.message, damage_remedy(object_id, capture))
+
+
+def damage_remedy(object_id: str, capture: str) -> str:
+    """Return what helps where the newest edits of a capture are damaged."""
+    return f"restore a backup, or `glint edits {object_id}/{capture} --discard` to go on without its edits"
 
 
 def write_edits(store: Any, object_id: str, edits: CaptureEdits) -> str:

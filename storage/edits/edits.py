@@ -13,7 +13,7 @@ import icechunk
 from pydantic import TypeAdapter, ValidationError
 
 from glint.storage.edits import records
-from glint.storage.edits.contents import read_edits, write_edits
+from glint.storage.edits.contents import edits_group, read_edits, write_edits
 from glint.storage.edits.merging import ConflictError, conflicts_of, differing, merged
 from glint.storage.edits.models import CaptureEdits, Changes, EditedFields, Line, Revision
 from glint.storage.edits.records import RevisionCommit
@@ -24,6 +24,7 @@ from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.snapshots import index_errors
 from glint.storage.versions.stage_results import check_name
 from glint.storage.versions.transaction import transaction
+from glint.storage.versions.verification import Verification, verify
 
 _LINE: TypeAdapter[str] = TypeAdapter(Line)
 
@@ -79,6 +80,21 @@ class Edits:
         with self._errors("reading the history of edits"):
             revisions = (commit.revision for commit in records.commits(self._index, self.object_id))
             return [item for item in revisions if item is not None and capture_id in (None, item.capture)]
+
+    def verify(self, revision: int) -> Verification:
+        """Read all bytes that a revision saved.
+
+        Raises:
+            StoreUnreachable: the store does not answer.
+        """
+        try:
+            with self._errors(f"reading edit {revision}"):
+                commit = records.commit_of(self._index, self.object_id, revision)
+                assert commit.revision is not None
+                group = edits_group(self._index, self.object_id, commit, commit.revision.capture)
+            return verify([] if group is None else [group])
+        except DamagedError as error:
+            return Verification(0, 0, (error,))
 
     def save(
         self, capture_id: str, changes: Changes, author: str, base_revision: int, sentence: str = ""

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializer, PlainValidator, WithJsonSchema
 
-from glint.storage.catalogue.models import Camera, Id, Pose, Positive, Region, Sphere
+from glint.storage.catalogue.models import Address, Camera, Id, Pose, Positive, Region, Sphere
 from glint.storage.errors import InputError, printable
 from glint.storage.footage.images import MAX_PIXELS, decode_mask
 from glint.storage.inputs.markup import AnnotationEntry
@@ -160,6 +160,30 @@ class CaptureEdits(EditedFields):
     revision: Number
     notes: Annotated[tuple[Note, ...], Field(strict=False)] = ()
     changes: Mapping[str, FieldChange] = {}
+
+
+class EntryEdits(_Model):
+    """The edits of a capture in a file: the keys of a catalogue, with mask and marks as files, and the verdict.
+
+    A key that is null takes the edit of that field back. notes: written, but not taken from a file.
+    """
+
+    id: Id
+    spheres: Spheres | None = None
+    region: Region | None = None
+    camera: Camera | None = None
+    pixel_size: Positive | None = None
+    pose: Pose | None = None
+    mask: Address | None = None
+    markup: Address | None = None
+    verdict: Verdict | None = None
+    notes: Annotated[tuple[dict[str, str], ...], Field(strict=False)] = ()
+
+
+class EditsFile(_Model):
+    """A file of edits of an object's captures."""
+
+    captures: Annotated[tuple[EntryEdits, ...], Field(strict=False, min_length=1)]
 
 
 class Revision(_Model):

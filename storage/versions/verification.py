@@ -4,18 +4,23 @@ import asyncio
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from zarr.core.buffer import default_buffer_prototype
 
 from glint.storage.errors import DamagedError
-from glint.storage.versions.stage_results import StageResult
+from glint.storage.versions.stage_results import Keys, StageResult
 
 if TYPE_CHECKING:
     from glint.storage.versions.repository import ObjectRepository
 
 CONCURRENT_READS = 8
 """Values read at once; bounds the memory by as many chunks."""
+
+
+EARLIER_VERSIONS = 8
+"""Newest versions in which an earlier result is looked for: who takes an edit back does so within a few runs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +71,31 @@ def whole_result(repository: "ObjectRepository", capture: str, stage: str, key: 
     except DamagedError:
         return None
     return None if verify([result]).damages else result
+
+
+def earlier_result(repository: "ObjectRepository", capture: str, stage: str, key: str) -> StageResult | None:
+    """Return the stage's result of the newest version that holds it under this key, and whole; None where none does.
+
+    Raises:
+        StoreUnreachable: the store does not answer.
+    """
+    for name in reversed(repository.version_names()[-EARLIER_VERSIONS:]):
+        try:
+            snapshot = repository.index.lookup_tag(name)
+            if _keys_of(repository, name, snapshot).get(capture, {}).get(stage) != key:
+                continue
+            result = repository.load(capture, stage, name)
+        except DamagedError:
+            continue
+        if not verify([result]).damages:
+            return result
+    return None
+
+
+@lru_cache(maxsize=2 * EARLIER_VERSIONS)
+def _keys_of(repository: "ObjectRepository", name: str, snapshot: str) -> Keys:
+    """Return the stage keys of a version, which lies in this snapshot; of a large object they take a while to read."""
+    return repository.version(name).stages
 
 
 async def _verify(results: list[StageResult]) -> list[int | DamagedError]:

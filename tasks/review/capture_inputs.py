@@ -8,7 +8,7 @@ from glint.storage.errors import InputError
 from glint.storage.export.image_files import encode_png
 from glint.storage.inputs.masks_and_truth import read_mask
 from glint.tasks.engine.capture_context import CaptureContext
-from glint.tasks.review.pictures import first_frame, stored_geometry
+from glint.tasks.review.pictures import first_frame, saved_records, stored_geometry
 from glint.tasks.review.summary import summary_of
 
 
@@ -22,7 +22,7 @@ def capture_inputs(context: CaptureContext) -> dict[str, Any]:
     Raises:
         InputError: the video cannot be read; StoreError: the store cannot be read.
     """
-    capture, saved = context.capture, context.repository.records(context.capture.id)
+    capture, saved = context.capture, saved_records(context)
     geometry, height_width = stored_geometry(context), first_frame(context).shape
     given = capture.model_dump(mode="json", include={"spheres", "region", "camera", "pixel_size", "pose"})
     used = None
@@ -62,7 +62,7 @@ def mask_picture(context: CaptureContext, edited: np.ndarray | None = None) -> b
     shape, geometry = first_frame(context).shape, stored_geometry(context)
     whole = np.zeros(shape, bool)
     address, region = context.file("mask"), context.capture.region
-    if geometry is not None and "mask" in context.repository.records(context.capture.id):
+    if geometry is not None and "mask" in saved_records(context):
         whole[geometry.region.rows, geometry.region.columns] = context.load("mask").read("mask")
     elif address is not None:
         given = read_mask(address, shape, region)

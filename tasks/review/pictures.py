@@ -9,10 +9,12 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from glint.storage.errors import InputError, StoreError
+from glint.storage.errors import InputError
 from glint.storage.export.image_files import encode_png
 from glint.storage.footage.source import open_footage
+from glint.storage.versions.repository import has_object
 from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.review.summary import Records
 from glint.tasks.stages.capture_geometry import OBJECT, CaptureGeometry
 from glint.tasks.stages.frames import level_name, open_frames
 
@@ -34,7 +36,7 @@ def frame_picture(context: CaptureContext, number: int) -> bytes:
     if number == 0:
         return encode_png(whole)
     geometry = stored_geometry(context)
-    if geometry is None or "frames" not in context.repository.records(context.capture.id):
+    if geometry is None or "frames" not in saved_records(context):
         raise InputError("only the first frame is known before the first run", "run the capture")
     cache = open_frames(context)
     if number >= cache.frames:
@@ -51,7 +53,7 @@ def level_picture(context: CaptureContext, level: str) -> bytes:
         InputError: the video cannot be read; StoreError: the store cannot be read.
     """
     geometry = stored_geometry(context)
-    if geometry is None or "frames" not in context.repository.records(context.capture.id):
+    if geometry is None or "frames" not in saved_records(context):
         sample = frame_sample(context)
         return encode_png(sample.max(axis=0) if level == "peak" else np.median(sample, axis=0).astype(np.uint8))
     whole, stored = eight_bits(first_frame(context)).copy(), context.load("frames")
@@ -67,21 +69,28 @@ def thumbnail(context: CaptureContext) -> bytes:
     Raises:
         InputError: the video cannot be read; StoreError: the store cannot be read.
     """
-    try:
+    if "frames" in saved_records(context):
         stored = context.load("frames")
         levels = [eight_bits(stored.read(level_name(level, OBJECT))).astype(np.float32) for level in LEVELS]
         # The peak level alone is nearly white where the light has been all round.
         image = (0.6 * levels[0] + 0.4 * levels[1]).astype(np.uint8)
-    except StoreError:
+    else:
         image = eight_bits(first_frame(context))
     scale = THUMBNAIL_SIZE / max(image.shape)
     size = (max(1, round(image.shape[1] * scale)), max(1, round(image.shape[0] * scale)))
     return encode_png(cv2.resize(image, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR))
 
 
+def saved_records(context: CaptureContext) -> Records:
+    """Return key and record of the capture's newest stages; looking at a capture that never ran stores nothing."""
+    if not has_object(context.location, context.object_id):
+        return {}
+    return context.repository.records(context.capture.id)
+
+
 def stored_geometry(context: CaptureContext) -> CaptureGeometry | None:
     """Return what the survey found, None before the first run."""
-    saved = context.repository.records(context.capture.id)
+    saved = saved_records(context)
     return CaptureGeometry.of(saved["survey"][1]) if "survey" in saved else None
 
 

@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 
 from glint.storage.errors import InputError
+from glint.storage.export.report import code_names
 from glint.tasks.engine.capture_context import CaptureContext
-from glint.tasks.review.pictures import stored_geometry
+from glint.tasks.review.pictures import saved_records, stored_geometry
 from glint.tasks.stages.capture_geometry import OBJECT
 from glint.tasks.stages.frames import open_frames
 
@@ -23,7 +24,7 @@ def pixel_history(context: CaptureContext, x: int, y: int) -> dict[str, Any]:
     Raises:
         InputError: the pixel lies outside the region, or nothing has run yet; StoreError: the store cannot be read.
     """
-    saved, geometry = context.repository.records(context.capture.id), stored_geometry(context)
+    saved, geometry = saved_records(context), stored_geometry(context)
     if geometry is None or "thresholds" not in saved:
         raise InputError("highlights are not known before the first run", "run the capture")
     region = geometry.region
@@ -32,14 +33,14 @@ def pixel_history(context: CaptureContext, x: int, y: int) -> dict[str, Any]:
         raise InputError(f"the pixel {x}, {y} lies outside the region", "choose one inside it")
     here = slice(row, row + 1), slice(column, column + 1)
     levels = open_frames(context).read(OBJECT, slice(None), *here)[:, 0, 0].astype(int)
-    threshold = int(context.load("thresholds").arrays["thresholds"][row, column])
+    threshold = int(_at(context, "thresholds", "thresholds", row, column))
     has_light = np.isfinite(context.load("lights").read("half_vectors")[:, 0])
     lit = np.flatnonzero((levels > threshold) & has_light[: len(levels)])
     listed = np.sort(lit[np.argsort(-levels[lit], kind="stable")[:MAX_FRAMES]])
     return {
         "x": x,
         "y": y,
-        "in_mask": bool(context.load("mask").arrays["mask"][row, column]),
+        "in_mask": bool(_at(context, "mask", "mask", row, column)),
         "threshold": threshold,
         "count": len(lit),
         "frames": [{"frame": int(frame), "level": int(levels[frame])} for frame in listed],
@@ -49,12 +50,13 @@ def pixel_history(context: CaptureContext, x: int, y: int) -> dict[str, Any]:
 
 
 def _candidates(context: CaptureContext, row: int, column: int) -> list[dict[str, Any]]:
-    clusters = context.load("clusters").arrays
-    saved = context.repository.records(context.capture.id)
-    labels = context.load("labels").arrays["labels"][:, row, column] if "labels" in saved else None
-    normals = np.asarray(clusters["normals"][:, row, column])
-    weight, spread = clusters["weight"][:, row, column], clusters["spread"][:, row, column]
-    count, shading = clusters["count"][:, row, column], clusters["shading"][:, row, column]
+    normals, weight, spread, count, shading = (
+        _at(context, "clusters", name, slice(None), row, column)
+        for name in ("normals", "weight", "spread", "count", "shading")
+    )
+    labels = None
+    if "labels" in saved_records(context):
+        labels = _at(context, "labels", "labels", slice(None), row, column)
     return [
         {
             "normal": [round(float(value), 3) for value in normals[number]],
@@ -69,15 +71,19 @@ def _candidates(context: CaptureContext, row: int, column: int) -> list[dict[str
 
 
 def _normal(context: CaptureContext, row: int, column: int) -> dict[str, Any] | None:
-    labels = context.load("labels")
-    normal = np.asarray(labels.arrays["normals"][row, column])
+    normal = _at(context, "labels", "normals", row, column)
     if not np.isfinite(normal).all():
         return None
-    names = labels.record.get("provenance") or {}
-    code = str(int(labels.arrays["provenance"][row, column]))
-    origin = names.get(code, code) if isinstance(names, dict) else names[int(code)]
+    names = code_names(context.load("labels").record.get("provenance"))
+    code = int(_at(context, "labels", "provenance", row, column))
     return {
         "normal": [round(float(value), 3) for value in normal],
-        "confidence": round(float(labels.arrays["confidence"][row, column]), 3),
-        "provenance": str(origin),
+        "confidence": round(float(_at(context, "labels", "confidence", row, column)), 3),
+        "provenance": names.get(code, f"code {code}"),
     }
+
+
+def _at(context: CaptureContext, stage: str, name: str, *index: int | slice) -> np.ndarray:
+    """Read a part of an array that a stage saved."""
+    array: Any = context.load(stage).arrays[name]
+    return np.asarray(array[index])

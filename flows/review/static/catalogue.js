@@ -38,7 +38,7 @@ class CatalogueView {
     this.filters = element("div", { class: "filters", role: "group", "aria-label": "States" });
     this.summary = element("p", { class: "faint" });
     this.space = element("div", { class: "rows", role: "list" });
-    this.scroller = element("div", { class: "scroller", tabindex: "0", "aria-label": "Captures", onscroll: () => this.draw() }, this.space);
+    this.scroller = element("div", { class: "scroller", role: "region", tabindex: "0", "aria-label": "Captures", onscroll: () => this.draw() }, this.space);
     root.classList.add("catalogue");
     root.append(element("div", { class: "toolbar" }, this.search, this.filters, this.sort), this.summary, this.scroller);
     addEventListener("resize", () => this.draw(), { signal });

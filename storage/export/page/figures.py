@@ -37,6 +37,9 @@ def figures(report: Mapping[str, Any]) -> list[tuple[str, str, str]]:
         rows.append(("Depth", f"{low:.4g} to {high:.4g} {depth['unit']}, {depth['direction']}", "depth"))
     if depth["pixel_size_mm"]:
         rows.append(("Pixel", f"{depth['pixel_size_mm']:.4g} mm", "catalogue or sphere"))
+    for field, change in (report["edits"] or {"changes": {}})["changes"].items():
+        words = f"{change['author']}, {change['time'][:16].replace('T', ' ')} UTC"
+        rows.append((f"Edited by a person: {field}", words, f"edit {change['revision']}"))
     seconds = [value for value in report["seconds"].values() if isinstance(value, int | float)]
     if seconds:
         rows.append(("Computing time", f"{sum(seconds):.1f} s in {len(seconds)} stages", "all stages"))

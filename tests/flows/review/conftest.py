@@ -34,7 +34,7 @@ class ServedPage:
     access: Access
     app: FastAPI
     store: Path
-    catalogue: Path
+    catalogue: Path | None
     server: uvicorn.Server = field(repr=False)
 
     @property
@@ -43,13 +43,13 @@ class ServedPage:
         return {"Cookie": f"{self.access.cookie}={self.access.session}"}
 
 
-def serve(store: Path, catalogue: Path) -> ServedPage:
+def serve(store: Path, catalogue: Path | None) -> ServedPage:
     """Serve a store's page on a free port of 127.0.0.1."""
     listener = socket.socket()
     listener.bind(("127.0.0.1", 0))
     origin = f"http://127.0.0.1:{listener.getsockname()[1]}"
     access = Access((origin,))
-    app = create_app(str(store), str(catalogue), access)
+    app = create_app(str(store), None if catalogue is None else str(catalogue), access)
     server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
     threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True).start()
     browser.until(lambda: server.started)

@@ -76,6 +76,7 @@ def test_what_needs_a_person_comes_first_and_names_are_only_text(served: ServedP
     good = rows["hemisphere"]["front"]
     rows["zebra"] = {"front": Row("zebra", "front", "failed", error=hostile, remedy=hostile)}
     rows["yak"] = {"front": replace(good, object="yak", state="doubtful", verdict=hostile, warnings=(hostile,))}
+    served.app.state.review.listing._revision += 1
     try:
         tab.page.reload()
         tab.page.wait_for_selector(".row:nth-child(3)")
@@ -220,3 +221,43 @@ def test_no_request_leaves_the_machine(served: ServedPage, chromium: Any) -> Non
         tab.page.wait_for_selector(".row img")
         tab.open(INPUTS, READY)
         assert addresses and all(address.startswith((served.origin, "blob:")) for address in addresses)
+
+
+def test_axe_has_no_serious_findings(tab: Tab) -> None:
+    from axe_playwright_python.sync_playwright import Axe
+
+    for view, ready in (("#/", ".row img"), (INPUTS, READY)):
+        tab.open(view, ready)
+        tab.page.wait_for_timeout(500)
+        violations = Axe().run(tab.page).response["violations"]
+        assert [
+            (item["id"], node["target"], node["failureSummary"])
+            for item in violations
+            if item["impact"] in ("serious", "critical")
+            for node in item["nodes"]
+        ] == []
+
+
+def test_everything_can_be_done_by_keyboard(served: ServedPage, tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    page.wait_for_selector("section[data-pixels]")
+    page.keyboard.press("s")
+    page.keyboard.press("a")
+    page.wait_for_selector(".sphere:nth-child(2)")
+    page.keyboard.press("ArrowLeft")
+    page.keyboard.press("Delete")
+    tab.wait("document.querySelectorAll('.sphere').length === 1")
+    before = int(page.get_attribute("section[data-pixels]", "data-pixels"))
+    page.keyboard.press("b")
+    page.keyboard.press("ArrowUp")
+    page.keyboard.press("Space")  # the frame's middle lies between object and sphere
+    tab.wait(f"Number(document.querySelector('section[data-pixels]').dataset.pixels) > {before}")
+    page.keyboard.press("Control+z")
+    tab.wait(f"Number(document.querySelector('section[data-pixels]').dataset.pixels) === {before}")
+    page.keyboard.press("v")
+    page.keyboard.press("Space")
+    page.wait_for_selector("aside .chip, aside section >> text=lit in")
+    page.keyboard.press("?")
+    page.wait_for_selector("dialog[open] dd >> text=maximum over time")
+    page.keyboard.press("Escape")
+    assert page.locator("dialog[open]").count() == 0

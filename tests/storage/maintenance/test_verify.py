@@ -3,8 +3,11 @@
 from pathlib import Path
 
 import icechunk
+import numpy as np
 import pytest
 
+from glint.storage.edits.edits import Edits
+from glint.storage.edits.models import Changes
 from glint.storage.errors import DamagedError, StoreError
 from glint.storage.locations.location import Location
 from glint.storage.maintenance.repair import repair
@@ -115,3 +118,25 @@ def test_only_a_backup_brings_an_old_version_back() -> None:
     assert _with_remedy(old, [old], ["v1", "v2"]).remedy == "v2 is whole; only a backup brings v1 back"
     assert _with_remedy(old, [old, newest], ["v1", "v2"]) == old
     assert _with_remedy(newest, [old, newest], ["v1", "v2"]) == newest
+
+
+def _save_edits(store: Path) -> None:
+    edits = Edits.open(Location.parse(store), "wine-glass")
+    for number in range(2):
+        noise = np.random.default_rng(number).random((100, 150)) < 0.5
+        edits.save("front", Changes(mask=noise), "Ann", number)
+
+
+def test_edits_are_verified_too(store: Path) -> None:
+    before = set((store / "objects/wine-glass/repo/chunks").iterdir())
+    _save_edits(store)
+    assert not verify_store(Location.parse(store)).damages
+    chunks = set((store / "objects/wine-glass/repo/chunks").iterdir()) - before
+    first, second = sorted(chunks, key=lambda path: path.stat().st_mtime_ns)
+    _flip(first)
+    _flip(second)
+    old, new = verify_store(Location.parse(store)).damages
+    assert (old.version, new.version, old.is_edit) == ("edit 1", "edit 2", True)
+    assert "of wine-glass/front/edits in edit 1 is damaged" in old.message
+    assert old.remedy == "the newest edits do not need it; only a backup brings edit 1 back"
+    assert "--discard" in new.remedy

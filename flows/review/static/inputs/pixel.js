@@ -1,7 +1,7 @@
 // A pixel that was clicked: the frames in which it was lit, and the candidates for its normal.
 
 import { ask } from "../api.js";
-import { announce, element, percent } from "../dom.js";
+import { element, percent } from "../dom.js";
 import { Konva } from "../vendor.js";
 
 const SHOWN_FRAMES = 24;
@@ -42,7 +42,6 @@ export class PixelPanel {
       pixel.candidates.length ? this.table(pixel.candidates) : element("p", { class: "faint" }, "no candidate"),
       normal ? element("p", {}, `normal ${vector(normal.normal)} · ${normal.provenance} · ${percent(normal.confidence)} confident`) : null,
     );
-    announce(`pixel ${pixel.x}, ${pixel.y}: lit in ${pixel.count} frames`);
   }
 
   table(candidates) {

@@ -19,6 +19,7 @@ export class RunPanel {
   async start() {
     if (this.button.disabled) return;
     try {
+      this.view.spheres.finish();
       if (this.view.history.isDirty && !(await this.view.save.save())) return;
       this.follow(await ask(this.path, { method: "POST", signal: this.view.signal }), true);
     } catch (error) {

@@ -9,7 +9,7 @@ export class SavePanel {
     this.author = element("input", { type: "text", maxlength: "80", placeholder: "Your name", "aria-label": "Your name, saved with every change", autocomplete: "name", onchange: () => localStorage.setItem("author", this.author.value) });
     this.author.value = localStorage.getItem("author") ?? "";
     this.button = element("button", { type: "button", onclick: () => this.save() }, "Save ", element("kbd", {}, "Ctrl+S"));
-    this.undoButton = element("button", { type: "button", title: "Ctrl+Z", onclick: () => view.history.undo() }, "Undo");
+    this.undoButton = element("button", { type: "button", title: "Ctrl+Z", onclick: () => view.undo() }, "Undo");
     this.redoButton = element("button", { type: "button", title: "Ctrl+Y", onclick: () => view.history.redo() }, "Redo");
     this.conflict = element("div", { role: "alert" });
     this.revisions = element("ol", { class: "revisions" });
@@ -40,6 +40,7 @@ export class SavePanel {
 
   /** Saves what was changed; returns whether it is saved. */
   async save(base = this.view.edits.revision) {
+    this.view.spheres.finish();
     if (!this.view.history.isDirty) return true;
     const author = this.name;
     if (!author) return false;

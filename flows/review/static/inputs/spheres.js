@@ -9,6 +9,7 @@ const CHOSEN = "#ffd27a";
 const FIT = "#8fd6a5";
 const NEW_RADIUS_SHARE = 0.08;
 const NUDGE_PX = 0.5;
+const REST_MS = 400;
 
 export class SphereLayer {
   constructor(view) {
@@ -140,6 +141,7 @@ export class SphereLayer {
 
   async measure(number) {
     const sphere = this.spheres[number];
+    if (!sphere) return;
     this.fits.set(number, null);
     this.draw();
     try {
@@ -172,12 +174,14 @@ export class SphereLayer {
 
   remove() {
     if (this.view.tool !== "spheres" || !this.spheres.length) return;
+    this.finish();
     this.replace(this.spheres.filter((_, number) => number !== this.chosen));
     this.chosen = 0;
     this.draw();
   }
 
   replace(after) {
+    this.finish();
     const before = this.spheres;
     const put = (spheres) => { this.spheres = spheres; this.fits.clear(); this.draw(); };
     put(after);
@@ -209,11 +213,20 @@ export class SphereLayer {
 
   /** Draws at once, and measures when the keys rest. */
   settle(before) {
-    this.before ??= before;
+    if (this.pending?.number !== this.chosen) this.finish();
+    this.pending ??= { number: this.chosen, before };
     this.fits.delete(this.chosen);
     this.draw();
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => { const from = this.before; this.before = null; this.moved(this.chosen, from); }, 400);
+    this.timer = setTimeout(() => this.finish(), REST_MS);
+  }
+
+  /** Notes what the keys have moved as one step. */
+  finish() {
+    clearTimeout(this.timer);
+    const { pending } = this;
+    this.pending = null;
+    if (pending) this.moved(pending.number, pending.before);
   }
 
   fitChosen() {

@@ -36,7 +36,7 @@ class InputsView {
   constructor(root, capture, inputs, edits, signal) {
     Object.assign(this, { capture, inputs, edits, signal });
     this.history = new History(() => this.changed());
-    this.stage = element("div", { class: "stage", tabindex: "0", "aria-label": "Picture of the capture" });
+    this.stage = element("div", { class: "stage", role: "group", tabindex: "0", "aria-label": "Picture of the capture" });
     this.tools = element("div", { class: "tools", role: "toolbar", "aria-label": "Tools" });
     this.hint = element("p", { class: "hint", "aria-live": "polite" });
     this.side = element("aside", { "aria-label": "Inputs" });
@@ -116,6 +116,11 @@ class InputsView {
     else if (this.tool === "spheres" && event.detail > 1) this.spheres.add(point);
   }
 
+  undo() {
+    this.spheres.finish();
+    this.history.undo();
+  }
+
   changed() {
     this.save?.show();
   }
@@ -148,7 +153,7 @@ class InputsView {
       ["Delete Backspace", "remove the chosen sphere", () => this.spheres.remove()],
       ["Enter Shift+Enter", "fill the polygon, fit the sphere", (event) => this.mask.closePolygon(event.shiftKey) || this.spheres.fitChosen()],
       ["Escape", "cancel", () => this.mask.cancelPolygon() || this.use("look")],
-      ["Ctrl+z", "undo", () => this.history.undo()],
+      ["Ctrl+z", "undo", () => this.undo()],
       ["Ctrl+y Ctrl+Z", "redo", () => this.history.redo()],
       ["Ctrl+s", "save", () => this.save.save()],
       ["g", "run from here", () => this.run.start()],
