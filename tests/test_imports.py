@@ -33,6 +33,7 @@ ORDER = {
 """The rooms of a layer in descending order: a room imports only those after it."""
 CROWDED = {
     "flows/cli": "one module for each command",
+    "flows/review": "one module for each view's interface",
     "storage/export": "one module for each format",
     "tasks/stages": "one module for each stage",
 }

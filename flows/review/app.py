@@ -19,7 +19,7 @@ from glint.flows.review.access import ENTRY_PATH, Access, Guard, refusal
 from glint.flows.review.review import Review
 from glint.reading import NotFoundError
 from glint.storage.errors import InputError, StoreError
-from glint.storage.export.page.bundle import STATIC as VIEWER
+from glint.storage.export.page.bundle import VIEWER
 
 STATIC = Path(__file__).parent / "static"
 

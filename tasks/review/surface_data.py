@@ -19,11 +19,11 @@ from glint.storage.versions.stage_results import WHOLE_OBJECT, StageResult
 
 SERVED = Detail(scale=1.0, frames=0, triangles=1_000_000)
 """Detail of what a server on the same machine sends: everything, a mesh within what a browser turns smoothly."""
-MAX_FRAMES = 600
+MAX_OFFERED_FRAMES = 600
 """Frames that are offered beside the relit surface: one every 5 degrees of the hemisphere and denser."""
 MAX_COUNT = 250
 """Greatest number that a count of candidates is packed as."""
-FIELDS = {
+OTHER_NORMALS = {
     "initial": ("silhouette", "initial", "From the silhouette alone"),
     "winner": ("clusters", "winner", "Winner takes all"),
 }
@@ -94,7 +94,7 @@ def model_data(store: str, object_id: str, version: str) -> CaptureData | None:
 def _fields(stages: dict[str, StageResult], parts: dict[str, Part]) -> Any:
     """Add other normals to the parts; yield part and name of each."""
     mask = stages["mask"].read("mask")
-    for name, (stage, array, title) in FIELDS.items():
+    for name, (stage, array, title) in OTHER_NORMALS.items():
         if stage in stages and array in stages[stage].arrays:
             yield _add_field(name, stages[stage].read(array), mask, title, parts)
     if "clusters" in stages and "normals" in stages["clusters"].arrays:
@@ -130,5 +130,5 @@ def _frames(stages: dict[str, StageResult]) -> list[dict[str, Any]]:
             "frame": frame,
             "light": [round(float(part), 5) for part in lights[frame]],
         }
-        for frame in spread_frames(lights, MAX_FRAMES)
+        for frame in spread_frames(lights, MAX_OFFERED_FRAMES)
     ]

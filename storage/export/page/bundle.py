@@ -10,7 +10,7 @@ import re
 from functools import cache
 from pathlib import Path
 
-STATIC = Path(__file__).with_name("static")
+VIEWER = Path(__file__).with_name("static")
 """The viewer's modules, style and vendored libraries; a server may serve this folder as it is."""
 _IMPORT = re.compile(r"""(?:^|(?<=;)|(?<=\n)|(?<=\*/))\s*import\s*\{([^}]*)\}\s*from\s*["'](\.[^"']+)["'];?""")
 _EXPORT_FROM = re.compile(r"""export\s*\{([^}]*)\}\s*from\s*["'](\.[^"']+)["'];?""")
@@ -21,7 +21,7 @@ _DECLARED = re.compile(r"^export (?:async )?(?:function\*?|class|const) (\w+)", 
 
 @cache
 def bundled(entry: str) -> str:
-    """Return the module `entry` of STATIC and all that it imports as one script.
+    """Return the module `entry` of VIEWER and all that it imports as one script.
 
     Raises:
         ValueError: modules import each other in a circle, or use another form of import.
@@ -82,4 +82,4 @@ def _resolved(module: str, address: str) -> str:
 
 
 def _source(module: str) -> str:
-    return (STATIC / module).read_text(encoding="utf-8")
+    return (VIEWER / module).read_text(encoding="utf-8")

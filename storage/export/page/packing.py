@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-_TYPES = {np.dtype(np.uint8): "u8", np.dtype(np.uint16): "u16", np.dtype(np.uint32): "u32"}
+_KINDS = {np.dtype(np.uint8): "u8", np.dtype(np.uint16): "u16", np.dtype(np.uint32): "u32"}
 NO_DEPTH = 0
 """Code of a packed depth that is not known; known ones are 1 to 65535."""
 NO_CONFIDENCE = 255
@@ -37,7 +37,7 @@ def pack(values: np.ndarray) -> Part:
     Raises:
         ValueError: another shape or dtype.
     """
-    if values.ndim not in (2, 3) or values.dtype not in _TYPES:
+    if values.ndim not in (2, 3) or values.dtype not in _KINDS:
         raise ValueError(f"an array of shape {values.shape} and dtype {values.dtype} cannot be packed")
     layers = values.reshape(*values.shape[:2], -1).transpose(2, 0, 1)
     differences = layers.copy()
@@ -45,7 +45,7 @@ def pack(values: np.ndarray) -> Part:
     little_endian = differences.astype(values.dtype.newbyteorder("<"), order="C")
     octets = little_endian.view(np.uint8).reshape(*layers.shape, values.dtype.itemsize)
     planes = np.ascontiguousarray(octets.transpose(0, 3, 1, 2))
-    return Part(_TYPES[values.dtype], values.shape, zlib.compress(planes.tobytes(), 8))
+    return Part(_KINDS[values.dtype], values.shape, zlib.compress(planes.tobytes(), 8))
 
 
 def octahedral(vectors: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from typing import Any
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 
-from glint.storage.export.page.bundle import STATIC, bundled
+from glint.storage.export.page.bundle import VIEWER, bundled
 from glint.storage.export.page.capture_data import CaptureData
 from glint.storage.export.page.figures import figures
 
@@ -108,10 +108,10 @@ def _data_address(png: bytes | None) -> str:
 
 @cache
 def _style() -> str:
-    return "".join((STATIC / name).read_text(encoding="utf-8") for name in ("viewer.css", "page.css"))
+    return "".join((VIEWER / name).read_text(encoding="utf-8") for name in ("viewer.css", "page.css"))
 
 
 @cache
 def _template() -> Template:
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    return environment.from_string((STATIC / "page.html").read_text(encoding="utf-8"))
+    return environment.from_string((VIEWER / "page.html").read_text(encoding="utf-8"))

@@ -9,7 +9,7 @@ from glint.storage.export.page import bundle
 
 @pytest.fixture
 def modules(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(bundle, "STATIC", tmp_path)
+    monkeypatch.setattr(bundle, "VIEWER", tmp_path)
     bundle.bundled.cache_clear()
     return tmp_path
 
@@ -43,9 +43,9 @@ def test_circles_are_refused(modules: Path) -> None:
 
 
 def test_modules_are_plain_and_name_no_other_site() -> None:
-    for path in bundle.STATIC.glob("*.*"):
+    for path in bundle.VIEWER.glob("*.*"):
         text = path.read_text(encoding="utf-8")
         assert "http" not in text.replace("http://www.w3.org/2000/svg", "").replace("http-equiv", ""), path
         assert path.suffix != ".js" or len(text.splitlines()) <= 250, path
         assert "innerHTML" not in text and "eval(" not in text, path
-    assert "MIT License" in (bundle.STATIC / "vendor/three/LICENSE").read_text(encoding="utf-8")
+    assert "MIT License" in (bundle.VIEWER / "vendor/three/LICENSE").read_text(encoding="utf-8")
