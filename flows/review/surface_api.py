@@ -11,7 +11,9 @@ router = APIRouter(prefix="/objects/{object_id}/versions/{version}")
 
 VersionName = Annotated[str, Path(pattern=r"^v[1-9][0-9]{0,8}$")]
 PartName = Annotated[str, Path(pattern=r"^[a-z][a-z0-9_]{0,40}$")]
-BYTES = {200: {"content": {"application/octet-stream": {}}, "description": "packed as the facts say"}}
+BYTES: dict[int | str, dict[str, Any]] = {
+    200: {"content": {"application/octet-stream": {}}, "description": "packed as the facts say"}
+}
 
 
 @router.get("/captures/{capture_id}/surface")

@@ -43,7 +43,7 @@ def capture_page_of(location: Location, version: Version, capture: PageCapture) 
         StoreError: a result is damaged.
     """
     report = capture.report
-    files = _pictures(capture.stages)
+    still, coverage = _pictures(capture.stages)
     return page(
         PageContent(
             title=f"{report['object']} / {capture.name}",
@@ -51,7 +51,8 @@ def capture_page_of(location: Location, version: Version, capture: PageCapture) 
             catalogue=report["catalogue"],
             reports=[report],
             captures=_fitted(location, version, [capture], 0),
-            **files,
+            still=still,
+            coverage=coverage,
         )
     )
 
@@ -70,7 +71,7 @@ def object_page(repository: ObjectRepository, version: Version) -> str:
         facts, parts = pack_mesh(mesh_of(merged, "model.ply"), MODEL_TRIANGLES)
         described = {"name": "model", "mesh": facts, "parts": {name: part.facts for name, part in parts.items()}}
         model, rows = CaptureData(described, parts), _model_figures(merged.record)
-    files = _pictures(captures[0].stages) if captures else {}
+    still, coverage = _pictures(captures[0].stages) if captures else (None, None)
     return page(
         PageContent(
             title=repository.object_id,
@@ -80,7 +81,8 @@ def object_page(repository: ObjectRepository, version: Version) -> str:
             captures=_fitted(repository.location, version, captures, model.size if model else 0),
             model=model,
             model_figures=rows,
-            **files,
+            still=still,
+            coverage=coverage,
         )
     )
 
@@ -133,11 +135,15 @@ def _fitted(location: Location, version: Version, captures: Sequence[PageCapture
     raise StoreError(f"no page holds {len(captures)} captures", "export the files instead, without --page")
 
 
-def _pictures(stages: Mapping[str, StageResult]) -> dict[str, bytes]:
-    """Return the stored pictures for readers without a viewer."""
-    files = stages["surface"].files if "surface" in stages else {}
-    wanted = {"still": "relit_left.png", "coverage": "coverage.png"}
-    return {name: stages["surface"].read_file(file) for name, file in wanted.items() if file in files}
+def _pictures(stages: Mapping[str, StageResult]) -> tuple[bytes | None, bytes | None]:
+    """Return the stored pictures for readers without a viewer: relit, and coverage of the lights."""
+    if "surface" not in stages:
+        return None, None
+    surface = stages["surface"]
+    relit, coverage = (
+        surface.read_file(name) if name in surface.files else None for name in ("relit_left.png", "coverage.png")
+    )
+    return relit, coverage
 
 
 def _model_figures(record: Mapping[str, Any]) -> list[tuple[str, str]]:

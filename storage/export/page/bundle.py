@@ -48,7 +48,8 @@ def _collect(module: str, order: list[str], above: tuple[str, ...]) -> None:
 
 def _as_function(module: str, names: dict[str, str]) -> str:
     """Return the body of a function that returns the module's exports as an object."""
-    source, exports = _source(module), []
+    source = _source(module)
+    exports: list[str] = []
     for pattern in (_EXPORT_FROM, _IMPORT):
         is_export = pattern is _EXPORT_FROM
 
