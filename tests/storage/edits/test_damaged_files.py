@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import CaptureEdits, Changes
@@ -15,7 +16,7 @@ from glint.storage.locations.location import Location
 from tests.storage.edits.test_edits import VALUES
 from tests.storage.stores import local_store
 
-TRIALS = 120
+TRIALS = 60
 
 
 def served(location: Location) -> list[Any]:
@@ -56,6 +57,7 @@ def damage(path: Path, chance: random.Random) -> str:
     return kind
 
 
+@pytest.mark.long
 def test_nothing_damaged_is_served(tmp_path: Path) -> None:
     edits = Edits.open(local_store(tmp_path / "whole"), "duck")
     for number in range(4):
