@@ -50,7 +50,7 @@ def review(
     prepare_environment()
     password = _password(host)
     listener = _listener(host, port)
-    own = f"http://{host}:{listener.getsockname()[1]}"
+    own = f"http://{f'[{host}]' if ':' in host else host}:{listener.getsockname()[1]}"
     origins = tuple(entry.rstrip("/") for entry in origin or ()) or (own, own.replace("127.0.0.1", "localhost"))
     access = Access(origins) if password is None else Access(origins, token=password)
     config = uvicorn.Config(
@@ -103,5 +103,6 @@ def _listener(host: str, port: int | None) -> socket.socket:
         except OSError:
             listener.close()
             continue
+        listener.listen()
         return listener
     raise InputError(f"no port is free at {host}", "give another with --port")

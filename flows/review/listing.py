@@ -93,7 +93,10 @@ class Listing:
 
     def _matching(self, words: Sequence[str], states: Sequence[str], sort: str) -> tuple[list[Row], dict[str, int]]:
         """Return the rows that match in their order, and the number of all rows by state."""
-        rows = [self._states.applied(row) for rows in list(self._rows.values()) for row in list(rows.values())]
+        known = {row.name: row for rows in list(self._rows.values()) for row in list(rows.values())}
+        # A capture that failed before it stored anything is in no repository, and perhaps in another catalogue.
+        absent = [Row(*name.split("/", 1), "new") for name in self._states.names() if name not in known]
+        rows = [self._states.applied(row) for row in (*known.values(), *absent)]
         counts = dict[str, int]()
         for row in rows:
             counts[row.state] = counts.get(row.state, 0) + 1

@@ -62,6 +62,10 @@ class RunStates:
                 del known[:-KEPT_SECONDS]
         self._typical = {stage: median(known) for stage, known in self._seconds.items()}
 
+    def names(self) -> list[str]:
+        """Return the captures that run, or whose last run failed."""
+        return sorted({*self._running, *self._failed})
+
     def applied(self, row: Row) -> Row:
         """Return the row with what is going on, or how its last run failed."""
         own = self._runs.of(row.name)

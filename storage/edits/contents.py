@@ -78,12 +78,8 @@ def edits_group(
 
 def edits_damage(object_id: str, capture: str, error: DamagedError) -> DamagedError:
     """Return the error of damaged edits: no catalogue rebuilds what a person did."""
-    return DamagedError(error.message, damage_remedy(object_id, capture))
-
-
-def damage_remedy(object_id: str, capture: str) -> str:
-    """Return what helps where the newest edits of a capture are damaged."""
-    return f"restore a backup, or `glint edits {object_id}/{capture} --discard` to go on without its edits"
+    remedy = f"restore a backup, or `glint edits {object_id}/{capture} --discard` to go on without its edits"
+    return DamagedError(error.message, remedy)
 
 
 def write_edits(store: Any, object_id: str, edits: CaptureEdits) -> str:

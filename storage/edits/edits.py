@@ -6,6 +6,7 @@ new revision with the earlier content. In a run, edits lie over what the catalog
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from datetime import UTC, datetime
 from uuid import uuid4
 
@@ -13,7 +14,7 @@ import icechunk
 from pydantic import TypeAdapter, ValidationError
 
 from glint.storage.edits import records
-from glint.storage.edits.contents import edits_group, read_edits, write_edits
+from glint.storage.edits.contents import edits_damage, edits_group, read_edits, write_edits
 from glint.storage.edits.merging import ConflictError, conflicts_of, differing, merged
 from glint.storage.edits.models import CaptureEdits, Changes, EditedFields, Line, Revision
 from glint.storage.edits.records import RevisionCommit
@@ -92,7 +93,9 @@ class Edits:
                 commit = records.commit_of(self._index, self.object_id, revision)
                 assert commit.revision is not None
                 group = edits_group(self._index, self.object_id, commit, commit.revision.capture)
-            return verify([] if group is None else [group])
+            outcome = verify([] if group is None else [group])
+            damages = (edits_damage(self.object_id, commit.revision.capture, error) for error in outcome.damages)
+            return replace(outcome, damages=tuple(damages))
         except DamagedError as error:
             return Verification(0, 0, (error,))
 

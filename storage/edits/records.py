@@ -37,9 +37,14 @@ class RevisionCommit:
 def open_branch(repository: icechunk.Repository) -> None:
     """Create the branch where it is absent, from the empty snapshot with which the repository began."""
     if BRANCH not in repository.list_branches():
-        *_, first = repository.ancestry(branch="main")
         with suppress(icechunk.AlreadyExistsError):
-            repository.create_branch(BRANCH, first.id)
+            repository.create_branch(BRANCH, first_snapshot(repository))
+
+
+def first_snapshot(repository: icechunk.Repository) -> str:
+    """Return the id of the empty snapshot with which a repository began."""
+    *_, first = repository.ancestry(branch="main")
+    return str(first.id)
 
 
 def newest_commit(repository: icechunk.Repository, object_id: str) -> RevisionCommit | None:

@@ -6,7 +6,6 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from functools import partial
 
-from glint.storage.edits.contents import damage_remedy
 from glint.storage.edits.edits import Edits
 from glint.storage.errors import DamagedError, StoreError, StoreUnreachable
 from glint.storage.frames.cache import DamagedFrames, FrameCache
@@ -134,13 +133,13 @@ def _edit_parts(repository: ObjectRepository) -> Iterator[Part]:
     for revision in history:
         newest = history[-1].seals[revision.capture] == revision.seals[revision.capture]
         past = f"the newest edits do not need it; only a backup brings edit {revision.number} back"
-        remedy = damage_remedy(edits.object_id, revision.capture) if newest else past
-        yield partial(_verify_edit, edits, revision.number, remedy)
+        yield partial(_verify_edit, edits, revision.number, "" if newest else past)
 
 
 def _verify_edit(edits: Edits, number: int, remedy: str) -> tuple[int, list[Damage]]:
-    outcome = edits.verify(number)
-    named = [Damage(edits.object_id, f"{EDIT}{number}", error.message, remedy) for error in outcome.damages]
+    """Read an edit; remedy: of its damage, empty: that of the error."""
+    outcome, name = edits.verify(number), f"{EDIT}{number}"
+    named = [Damage(edits.object_id, name, error.message, remedy or error.remedy) for error in outcome.damages]
     return outcome.bytes, named
 
 

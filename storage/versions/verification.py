@@ -4,9 +4,10 @@ import asyncio
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
+import icechunk
 from zarr.core.buffer import default_buffer_prototype
 
 from glint.storage.errors import DamagedError
@@ -21,6 +22,10 @@ CONCURRENT_READS = 8
 
 EARLIER_VERSIONS = 8
 """Newest versions in which an earlier result is looked for: who takes an edit back does so within a few runs."""
+
+
+_version_keys: WeakKeyDictionary[icechunk.Repository, dict[str, Keys]] = WeakKeyDictionary()
+"""Stage keys of versions that were read, by open repository and snapshot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +86,7 @@ def earlier_result(repository: "ObjectRepository", capture: str, stage: str, key
     """
     for name in reversed(repository.version_names()[-EARLIER_VERSIONS:]):
         try:
-            snapshot = repository.index.lookup_tag(name)
-            if _keys_of(repository, name, snapshot).get(capture, {}).get(stage) != key:
+            if _keys_of(repository, name).get(capture, {}).get(stage) != key:
                 continue
             result = repository.load(capture, stage, name)
         except DamagedError:
@@ -92,10 +96,13 @@ def earlier_result(repository: "ObjectRepository", capture: str, stage: str, key
     return None
 
 
-@lru_cache(maxsize=2 * EARLIER_VERSIONS)
-def _keys_of(repository: "ObjectRepository", name: str, snapshot: str) -> Keys:
-    """Return the stage keys of a version, which lies in this snapshot; of a large object they take a while to read."""
-    return repository.version(name).stages
+def _keys_of(repository: "ObjectRepository", name: str) -> Keys:
+    """Return the stage keys of a version; of a large object they take a while to read."""
+    known = _version_keys.setdefault(repository.index, {})
+    snapshot = repository.index.lookup_tag(name)
+    if snapshot not in known:
+        known[snapshot] = repository.version(name).stages
+    return known[snapshot]
 
 
 async def _verify(results: list[StageResult]) -> list[int | DamagedError]:

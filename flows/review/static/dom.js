@@ -1,4 +1,4 @@
-// Elements without innerHTML: text that comes from files of other people is only ever text.
+// Elements made without markup: text that comes from files of other people is only ever text.
 
 /** Returns an element with attributes, listeners (on..) and children; strings become text. */
 export function element(name, attributes = {}, ...children) {

@@ -92,7 +92,7 @@ def test_mistakes_are_told_and_nothing_is_saved(store: str, words: tuple[str, ..
     assert Edits.open(Location.parse(store), "duck").revision == 2
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.server
 def test_a_run_takes_the_edits_and_says_so(simulated: Path, tmp_path: Path) -> None:
     """The run with an edit, its version, report and history; after undo the first version's results come back."""

@@ -106,8 +106,15 @@ def test_a_run_of_the_page_shows_at_once_and_a_failure_until_the_next_version() 
     failure = {"stage": "survey", "error": "no sphere", "ended": "2026-01-03 00:00:00+00:00"}
     known._failed = {"glass/front": failure}
     assert known.applied(row).state == "failed"
+    assert known.names() == ["glass/front"]
     known._failed = {"glass/front": failure | {"ended": "2026-01-01 00:00:00+00:00"}}
     assert known.applied(row).state == "done"
+
+
+def test_a_capture_that_failed_before_it_stored_anything_is_shown(tmp_path: Path) -> None:
+    made = filled(Row("bowl", "front", "done"))
+    made._states._failed = {"glass/front": {"stage": "survey", "error": "no sphere", "ended": ""}}
+    assert states(made) == {"glass/front": "failed", "bowl/front": "done"}
 
 
 @pytest.mark.long

@@ -276,6 +276,7 @@ def _save_many(location: Any, writer: int, failures: list[Exception], count: int
         failures.append(error)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["folder", "memory"])
 def test_two_writers_at_once_lose_nothing(kind: str, location: Location) -> None:
     place: Any = location if kind == "folder" else MemoryLocation()
@@ -330,6 +331,7 @@ def _save_for_ever(location: Location, acknowledged: Path, start: int) -> None:
             file.write(f"{saved.number} {number}\n")
 
 
+@pytest.mark.long
 def test_a_killed_writer_loses_nothing_acknowledged(location: Location, tmp_path: Path) -> None:
     acknowledged, chance = tmp_path / "acknowledged", random.Random(0)
     for attempt in range(3):

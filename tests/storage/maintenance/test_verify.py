@@ -140,3 +140,30 @@ def test_edits_are_verified_too(store: Path) -> None:
     assert "of wine-glass/front/edits in edit 1 is damaged" in old.message
     assert old.remedy == "the newest edits do not need it; only a backup brings edit 1 back"
     assert "--discard" in new.remedy
+
+
+@pytest.mark.parametrize("lost", [1, 2])
+def test_edits_whose_snapshot_is_lost_go_back_to_those_before(store: Path, lost: int) -> None:
+    """Else nobody could edit the object, or run it, any more."""
+    _save_edits(store)
+    location = Location.parse(store)
+    index = ObjectRepository.open(location, "wine-glass").index
+    snapshots = store / "objects/wine-glass/repo/snapshots"
+    for number in range(3 - lost, 3):
+        (snapshots / index.lookup_tag(f"e{number}")).write_bytes(b"")
+    with pytest.raises(DamagedError):
+        Edits.open(location, "wine-glass").save("back", Changes(verdict="good"), "Ann", 2)
+    damages = verify_store(location).damages
+    assert [damage.version for damage in damages] == [f"edit {number}" for number in range(3 - lost, 3)]
+    assert "glint verify wine-glass --repair" in damages[-1].remedy
+    (done,) = repair(location, damages)
+    assert done.endswith("since edit 2 is damaged")
+    edits = Edits.open(location, "wine-glass")
+    assert [item.number for item in edits.history()] == [1, 2, 3]
+    current = edits.current("front")
+    if lost == 1:
+        np.testing.assert_array_equal(current.mask, np.random.default_rng(0).random((100, 150)) < 0.5)
+    else:
+        assert current.edited == ()
+    assert edits.save("back", Changes(verdict="good"), "Ann", 3) is not None
+    assert repair(location, verify_store(location).damages) == [], "all that is newest is whole"

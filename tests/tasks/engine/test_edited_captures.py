@@ -22,6 +22,7 @@ from glint.tasks.publish import publish
 from glint.tasks.up_to_date import up_to_date_records
 
 LAST = "labels"
+pytestmark = pytest.mark.long
 
 
 def context_of(catalogue: Path, store: Path) -> CaptureContext:

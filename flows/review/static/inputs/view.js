@@ -158,6 +158,10 @@ class InputsView {
       ["Ctrl+s", "save", () => this.save.save()],
       ["g", "run from here", () => this.run.start()],
     ].filter(([key]) => key !== "Tab"), this.signal);
+    document.addEventListener("click", (event) => {
+      const leaves = event.target.closest?.("a[href^='#/']") && this.history.isDirty;
+      if (leaves && !confirm("Leave without saving what you have changed?")) event.preventDefault();
+    }, { signal: this.signal, capture: true });
     addEventListener("beforeunload", (event) => { if (this.history.isDirty) event.preventDefault(); }, { signal: this.signal });
   }
 
