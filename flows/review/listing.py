@@ -95,7 +95,8 @@ class Listing:
         """Return the rows that match in their order, and the number of all rows by state."""
         known = {row.name: row for rows in list(self._rows.values()) for row in list(rows.values())}
         # A capture that failed before it stored anything is in no repository, and perhaps in another catalogue.
-        absent = [Row(*name.split("/", 1), "new") for name in self._states.names() if name not in known]
+        names = [name.partition("/") for name in self._states.names() if name not in known]
+        absent = [Row(object_id, capture, "new") for object_id, _, capture in names]
         rows = [self._states.applied(row) for row in (*known.values(), *absent)]
         counts = dict[str, int]()
         for row in rows:

@@ -7,10 +7,11 @@ from glint.flows.review.listing import Listing
 from glint.flows.review.runs import Runs
 from glint.storage.catalogue.loading import Capture
 from glint.storage.locations.location import Location
-from glint.storage.versions.repository import ObjectRepository, has_object
+from glint.storage.versions.repository import ObjectRepository
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.engine.references import load_catalogue
+from glint.tasks.review.stored import has_object
 
 
 class Review:

@@ -58,12 +58,6 @@ def object_ids(location: Location) -> list[str]:
     return sorted(filter(is_name, (prefix.strip("/").rpartition("/")[2] for prefix in prefixes)))
 
 
-def has_object(location: Location, object_id: str) -> bool:
-    """Return whether a store has an object of this id."""
-    folder = location.child("objects", check_name(object_id, "object"), "repo")
-    return object_id in object_ids(location) if folder.local is None else folder.local.is_dir()
-
-
 class ObjectRepository:
     """Results of one object; safe to use from several processes at once, each with its own instance."""
 

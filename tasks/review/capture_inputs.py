@@ -8,7 +8,8 @@ from glint.storage.errors import InputError
 from glint.storage.export.image_files import encode_png
 from glint.storage.inputs.masks_and_truth import read_mask
 from glint.tasks.engine.capture_context import CaptureContext
-from glint.tasks.review.pictures import first_frame, saved_records, stored_geometry
+from glint.tasks.review.pictures import first_frame, stored_geometry
+from glint.tasks.review.stored import saved_records
 from glint.tasks.review.summary import summary_of
 
 

@@ -12,9 +12,8 @@ import numpy as np
 from glint.storage.errors import InputError
 from glint.storage.export.image_files import encode_png
 from glint.storage.footage.source import open_footage
-from glint.storage.versions.repository import has_object
 from glint.tasks.engine.capture_context import CaptureContext
-from glint.tasks.review.summary import Records
+from glint.tasks.review.stored import saved_records
 from glint.tasks.stages.capture_geometry import OBJECT, CaptureGeometry
 from glint.tasks.stages.frames import level_name, open_frames
 
@@ -79,13 +78,6 @@ def thumbnail(context: CaptureContext) -> bytes:
     scale = THUMBNAIL_SIZE / max(image.shape)
     size = (max(1, round(image.shape[1] * scale)), max(1, round(image.shape[0] * scale)))
     return encode_png(cv2.resize(image, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR))
-
-
-def saved_records(context: CaptureContext) -> Records:
-    """Return key and record of the capture's newest stages; looking at a capture that never ran stores nothing."""
-    if not has_object(context.location, context.object_id):
-        return {}
-    return context.repository.records(context.capture.id)
 
 
 def stored_geometry(context: CaptureContext) -> CaptureGeometry | None:

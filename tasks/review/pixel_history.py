@@ -7,7 +7,8 @@ import numpy as np
 from glint.storage.errors import InputError
 from glint.storage.export.report import code_names
 from glint.tasks.engine.capture_context import CaptureContext
-from glint.tasks.review.pictures import saved_records, stored_geometry
+from glint.tasks.review.pictures import stored_geometry
+from glint.tasks.review.stored import saved_records
 from glint.tasks.stages.capture_geometry import OBJECT
 from glint.tasks.stages.frames import open_frames
 
@@ -31,8 +32,8 @@ def pixel_history(context: CaptureContext, x: int, y: int) -> dict[str, Any]:
     row, column = y - region.y, x - region.x
     if not (0 <= row < region.height and 0 <= column < region.width):
         raise InputError(f"the pixel {x}, {y} lies outside the region", "choose one inside it")
-    here = slice(row, row + 1), slice(column, column + 1)
-    levels = open_frames(context).read(OBJECT, slice(None), *here)[:, 0, 0].astype(int)
+    place = slice(row, row + 1), slice(column, column + 1)
+    levels = open_frames(context).read(OBJECT, slice(None), *place)[:, 0, 0].astype(int)
     threshold = int(_at(context, "thresholds", "thresholds", row, column))
     has_light = np.isfinite(context.load("lights").read("half_vectors")[:, 0])
     lit = np.flatnonzero((levels > threshold) & has_light[: len(levels)])

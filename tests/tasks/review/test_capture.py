@@ -6,7 +6,6 @@ import pytest
 
 from glint.storage.errors import InputError
 from glint.storage.locations.location import Location
-from glint.storage.versions.repository import has_object
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import load_catalogue
 from glint.tasks.engine.stage import perform, stage_keys
@@ -15,6 +14,7 @@ from glint.tasks.review.capture_inputs import capture_inputs, check_mask, mask_p
 from glint.tasks.review.pictures import THUMBNAIL_SIZE, first_frame, frame_picture, level_picture, thumbnail
 from glint.tasks.review.pixel_history import pixel_history
 from glint.tasks.review.sphere_fit import fit_sphere
+from glint.tasks.review.stored import has_object
 from glint.tasks.stages.capture_geometry import load_geometry
 
 pytestmark = pytest.mark.long
