@@ -32,7 +32,7 @@ from glint.tasks.engine.parameters import LightsParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
-from glint.tasks.stages.camera_doubt import with_unknown_camera
+from glint.tasks.stages.camera_doubt import with_camera_of_spheres
 from glint.tasks.stages.capture_geometry import OBJECT, CaptureGeometry, load_geometry, sphere_name
 from glint.tasks.stages.frames import load_levels, load_thumbnails, open_frames, spread_shards
 from glint.tasks.stages.light_distance import DistanceResult, measure_distance
@@ -59,7 +59,7 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
     """
     cache, geometry, known = open_frames(inputs), load_geometry(inputs), inputs.file("lights")
     if known is not None:
-        measured = DistanceResult(_known(inputs, known, cache.frames), None, None, [], [])
+        measured, camera = DistanceResult(_known(inputs, known, cache.frames), None, None, [], []), None
         warnings = list[StageWarning]()
     else:
         by_sphere = _by_sphere(inputs, geometry, cache, progress)
@@ -67,7 +67,7 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
         measured = measure_distance(
             by_sphere, geometry, load_thumbnails(inputs), parameters.tolerance, parameters.distance
         )
-        measured = with_unknown_camera(inputs, geometry, cache, by_sphere, measured)
+        measured, camera = with_camera_of_spheres(geometry, by_sphere, measured)
         doubts = sphere_doubts(geometry.spheres, measured.lights, is_near=measured.near is not None)
         warnings = [*doubts, *measured.warnings]
     result = without_frames(measured.lights, _is_light_before_object(inputs, cache), BEFORE_OBJECT)
@@ -79,6 +79,7 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
         )
     shape = (geometry.region.height, geometry.region.width)
     median, worst = inter_sphere_angles(result)
+    spheres_sd = spheres_error(geometry.spheres, result)
     sweep = coverage(result.half_vectors)
     record = {
         "source": SPHERES if known is None else FILE,
@@ -88,6 +89,8 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
             "gaps": [str(gap) for gap in sweep.gaps],
         },
         "near_light": measured.record,
+        "camera": camera,
+        "spheres_error": spheres_sd,
         "disagreement_degrees": None if np.isnan(median) else {"median": median, "95th percentile": worst},
     }
     rejected = {
@@ -101,9 +104,7 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
             "lights": result.lights,
             "reason": result.reason,
             "inverse_distance": _inverse_distance(measured),
-            "half_vector_sd": combined_error(
-                [np.full(shape, spheres_error(geometry.spheres, result)), *measured.errors]
-            ),
+            "half_vector_sd": combined_error([np.full(shape, spheres_sd), *measured.errors]),
         },
         record=record,
         counts={"accepted": accepted, **rejected},

@@ -1,7 +1,6 @@
-"""Circles in images: a Hough transform along gradients, and contour scores.
+"""Circles in images: a Hough transform along gradients, and the evidence of edges along rays.
 
-Sources: the gradient-directed Hough transform for circles (Kimme, Ballard and Sklansky 1975); an integro-differential
-score (Daugman 1993).
+Source: the gradient-directed Hough transform for circles (Kimme, Ballard and Sklansky 1975).
 """
 
 from dataclasses import dataclass, replace
@@ -9,15 +8,6 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from numba import njit
-
-ARC_SAMPLES = 3
-"""Samples, a pixel apart, per arc of a contour: each arc counts by how coherent its edge is, not by how strong."""
-
-SIDE_OFFSET_PX = 2.0
-"""Pixels to either side of the contour where the radial gradient must be weaker: shading has no edge there."""
-
-IMAGE_WEIGHT_RATIO = 0.2
-"""Weight of each image relative to the one before it: moving light leaves edges of its own in the maximum."""
 
 MIN_GRADIENT_FLOOR = 0.004
 """Lower bound of an image's usual gradient, for images without structure."""
@@ -97,11 +87,6 @@ def strongest_circles(edges: LogGradient, radii: np.ndarray, count: int) -> list
     return [(float(column[k]), float(row[k]), float(best_radius[row[k], column[k]])) for k in order]
 
 
-def contour_score(edges: list[LogGradient], x: float, y: float, radius: float) -> float:
-    """Return the share 0..1 of a circle's arcs along which the images have a coherent edge, earlier images first."""
-    return max(float(_contour_score(*_stack(edges), x, y, radius)), 0.0)
-
-
 def _ridges(strength: np.ndarray, nx: np.ndarray, ny: np.ndarray, floor: float) -> np.ndarray:
     """Return the edge pixels (H, W) bool: maxima of the gradient's strength along its direction (Canny 1986)."""
     rows, columns = np.mgrid[: strength.shape[0], : strength.shape[1]].astype(np.float32)
@@ -110,10 +95,6 @@ def _ridges(strength: np.ndarray, nx: np.ndarray, ny: np.ndarray, floor: float) 
     ridges = (strength >= after) & (strength > before) & (strength > 1.5 * floor)
     ridges[:2] = ridges[-2:] = ridges[:, :2] = ridges[:, -2:] = False
     return ridges
-
-
-def _stack(edges: list[LogGradient]) -> tuple[np.ndarray, np.ndarray]:
-    return np.stack([image.gradient for image in edges]), np.array([image.floor for image in edges], np.float32)
 
 
 @njit(cache=True, nogil=True)
@@ -127,53 +108,6 @@ def _vote(
             column, row = int(np.rint(x[k] + side * nx[k])), int(np.rint(y[k] + side * ny[k]))
             if 0 <= row < height and 0 <= column < width:
                 votes[row, column] += weight[k]
-
-
-@njit(cache=True, nogil=True, fastmath=True)
-def _contour_score(gradient: np.ndarray, floor: np.ndarray, x: float, y: float, radius: float) -> float:
-    """Return the contour score of gradients (N, 2, H, W) with usual magnitudes floor (N,)."""
-    images, _, height, width = gradient.shape
-    share = IMAGE_WEIGHT_RATIO ** np.arange(images)
-    share /= share.sum()
-    # At least 12 arcs; a rotation by `turn` leads from one sample to the next without a sine per sample.
-    arcs = max(12, int(2.0 * np.pi * radius / ARC_SAMPLES))
-    turn = 2.0 * np.pi / (arcs * ARC_SAMPLES)
-    cos_turn, sin_turn = np.cos(turn), np.sin(turn)
-    score = 0.0
-    # Sums of the radial gradient just inside, on, and just outside the contour.
-    radial = np.zeros(3)
-    for p in range(images):
-        c, s = np.cos(0.5 * turn), np.sin(0.5 * turn)
-        for _ in range(arcs):
-            radial[:] = 0.0
-            magnitude = 0.0
-            samples = 0
-            for _ in range(ARC_SAMPLES):
-                for side in range(3):
-                    distance = radius + (side - 1) * SIDE_OFFSET_PX
-                    u, v = x + distance * c, y + distance * s
-                    i, j = int(np.floor(v)), int(np.floor(u))
-                    if i < 0 or j < 0 or i >= height - 1 or j >= width - 1:
-                        continue
-                    # Bilinear interpolation of both components at (u, v).
-                    fy, fx = v - i, u - j
-                    a, b = (1 - fx) * (1 - fy), fx * (1 - fy)
-                    d, e = (1 - fx) * fy, fx * fy
-                    gx = a * gradient[p, 0, i, j] + b * gradient[p, 0, i, j + 1]
-                    gx += d * gradient[p, 0, i + 1, j] + e * gradient[p, 0, i + 1, j + 1]
-                    gy = a * gradient[p, 1, i, j] + b * gradient[p, 1, i, j + 1]
-                    gy += d * gradient[p, 1, i + 1, j] + e * gradient[p, 1, i + 1, j + 1]
-                    radial[side] += gx * c + gy * s
-                    if side == 1:
-                        magnitude += np.hypot(gx, gy)
-                        samples += 1
-                c, s = c * cos_turn - s * sin_turn, s * cos_turn + c * sin_turn
-            if samples > 0:
-                # An edge on the contour exceeds its surroundings; shading is as steep on both sides. Relative to the
-                # magnitude, an arc counts fully if all its gradients are radial, and little if they are mere noise.
-                sharp = abs(radial[1]) - 0.5 * (abs(radial[0]) + abs(radial[2]))
-                score += share[p] * max(sharp, 0.0) / (magnitude + 3.0 * samples * floor[p])
-    return score / arcs
 
 
 @njit(cache=True, nogil=True)
