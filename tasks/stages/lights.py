@@ -46,6 +46,9 @@ OBJECT_BLOCK_FRAMES = 128
 """Frames of the object that are held at once."""
 MAX_BEFORE_OBJECT_SHARE = 0.2
 """Share of the frames beyond which a bright border is no light before the object but an overexposed background."""
+MIN_BEFORE_OBJECT_SHARE, BEFORE_OBJECT_COST_DEG = 0.01, 1.0
+"""Share of the frames from which a light before the object is reported, and what its disc costs where it is not noticed
+because it lies half behind the object: half a degree in the mean of a simulated dome with a tenth of such frames."""
 MAX_REFLECTION_SHARDS = 50
 """Most shards from which a sphere's static reflection is taken."""
 
@@ -70,7 +73,8 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
         measured, camera = with_camera_of_spheres(geometry, by_sphere, measured)
         doubts = sphere_doubts(geometry.spheres, measured.lights, is_near=measured.near is not None)
         warnings = [*doubts, *measured.warnings]
-    result = without_frames(measured.lights, _is_light_before_object(inputs, cache), BEFORE_OBJECT)
+    before = _is_light_before_object(inputs, cache)
+    result = without_frames(measured.lights, before, BEFORE_OBJECT)
     accepted = int(result.accepted.sum())
     if accepted < 2:
         raise UnusableCapture(
@@ -108,13 +112,24 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
         },
         record=record,
         counts={"accepted": accepted, **rejected},
-        warnings=[*_gap_warnings(sweep), *warnings],
+        warnings=[*_gap_warnings(sweep), *_before_object_warnings(before), *warnings],
     )
 
 
 def _gap_warnings(sweep: Coverage) -> list[StageWarning]:
     """Return one warning of all gaps in the sweep, none without gaps."""
     return [StageWarning(gaps_message(sweep.gaps), "coverage", EXTRAPOLATED_ERROR_DEG)] if sweep.gaps else []
+
+
+def _before_object_warnings(before: np.ndarray) -> list[StageWarning]:
+    """Warn of a light that shows itself beside or before the object in some frames (T,) bool."""
+    if before.mean() < MIN_BEFORE_OBJECT_SHARE:
+        return []
+    message = (
+        f"the light itself shows in the object's region in {before.sum()} of {len(before)} frames, which are left out:"
+        " hold it, and the arm, outside the picture of the object"
+    )
+    return [StageWarning(message, "light", BEFORE_OBJECT_COST_DEG)]
 
 
 def _inverse_distance(measured: DistanceResult) -> np.ndarray:
