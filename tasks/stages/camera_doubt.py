@@ -76,9 +76,8 @@ def doubt_camera(
         normals: (H, W, 3), accepted ones, NaN elsewhere.
         spheres_sd: radians per axis, what the spheres' fits leave uncertain in the half vectors.
     """
-    width, height = geometry.frame_size
-    x, y = np.mean([(sphere.x, sphere.y) for sphere in geometry.spheres], axis=0)
-    camera = UnknownCamera(geometry.region.x, geometry.region.y, float(x), float(y), width, height)
+    width, _ = geometry.frame_size
+    camera = unknown_camera(geometry)
     estimate = focal_length_of_normals(normals, camera)
     expected = 1.0 / float(record["least_focal"])
     square, is_seen = expected**2, False
@@ -87,7 +86,8 @@ def doubt_camera(
             np.linalg.norm([estimate.deviation, NORMALS_ERROR_WIDTHS / width, NORMALS_RELATIVE_ERROR * estimate.value])
         )
         # A half vector turns by half the angle between the sphere and the optical axis.
-        offset = float(np.hypot(*np.subtract((x, y), _frame_centre(geometry))))
+        centre_x, centre_y = _frame_centre(geometry)
+        offset = float(np.hypot(camera.sphere_x - centre_x, camera.sphere_y - centre_y))
         is_seen = estimate.value > MIN_DEVIATIONS * float(np.hypot(deviation, 2.0 * spheres_sd / max(offset, 1.0)))
         # Mean square, under a normal prior about a distant camera unless the normals exclude it.
         share = 1.0 if is_seen else expected**2 / (expected**2 + deviation**2)
@@ -97,16 +97,22 @@ def doubt_camera(
     cost = _cost_deg(error)
     if cost < (MIN_CAMERA_COST_DEG if is_seen else MIN_UNKNOWN_COST_DEG):
         return CameraDoubt(error)
-    if is_seen:
-        return CameraDoubt(
-            error, [_near_camera("only under a near camera do the normals form a surface", geometry, focal, cost)]
-        )
+    if is_seen and estimate is not None:
+        evidence = "only under a near camera are the object's normals those of a surface"
+        return CameraDoubt(error, [_near_camera(evidence, geometry, 1.0 / estimate.value, cost)])
     light = "the light was near, and " if record["is_light_near"] else ""
     message = (
         f"{light}neither the single sphere nor the object's normals exclude a camera as near, with a focal length of"
         f" some {focal:.0f} pixels: give the camera's matrix (`camera`), also of a long lens, or use two spheres"
     )
     return CameraDoubt(error, [StageWarning(message, "camera", cost)])
+
+
+def unknown_camera(geometry: CaptureGeometry) -> UnknownCamera:
+    """Return what is known of the camera of a capture without its matrix."""
+    width, height = geometry.frame_size
+    x, y = np.mean([(sphere.x, sphere.y) for sphere in geometry.spheres], axis=0)
+    return UnknownCamera(geometry.region.x, geometry.region.y, float(x), float(y), width, height)
 
 
 def _near_camera(evidence: str, geometry: CaptureGeometry, focal: float, cost_deg: float) -> StageWarning:

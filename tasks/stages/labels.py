@@ -84,11 +84,18 @@ def _camera_doubt(inputs: StageInputs, result: Reconstruction) -> CameraDoubt:
     record, mask = inputs.load("lights").record, inputs.load("mask").read("mask")
     if record["camera"] is None:
         return CameraDoubt(np.zeros(mask.shape, np.float32))
-    accepted = np.where((result.labels > 0)[..., None], load_clusters(inputs).normals, np.nan)
-    # Where several candidates are accepted, the heaviest stands for the pixel.
-    first = np.isfinite(accepted[..., 0]).argmax(axis=0)
-    normals = np.take_along_axis(accepted, first[None, ..., None], axis=0)[0]
+    normals = accepted_normals(load_clusters(inputs).normals, result.labels)
     return doubt_camera(load_geometry(inputs), record["camera"], normals, float(record["spheres_error"]))
+
+
+def accepted_normals(candidates: np.ndarray, labels: np.ndarray) -> np.ndarray:
+    """Return the heaviest accepted candidate (H, W, 3) of each pixel, NaN without, of candidates (K, H, W, 3).
+
+    labels: (K, H, W), 1: accepted.
+    """
+    accepted = np.where((labels > 0)[..., None], candidates, np.nan)
+    first = np.isfinite(accepted[..., 0]).argmax(axis=0)
+    return np.take_along_axis(accepted, first[None, ..., None], axis=0)[0]
 
 
 def reconstruct(

@@ -43,9 +43,7 @@ class EdgeEvidence:
         """Return the evidence moved so that a contour offset by (right, down), its radius larger by `outward`, lies on
         a circle around (x, y), its radius as it was."""
         shifts = (right * np.cos(self.angles) + down * np.sin(self.angles) + outward) / self.spacing
-        bins = np.arange(self.evidence.shape[1])
-        rows = [np.interp(bins + shift, bins, ray) for shift, ray in zip(shifts, self.evidence, strict=True)]
-        return replace(self, evidence=np.stack(rows).astype(np.float32))
+        return replace(self, evidence=_shifted(self.evidence, shifts))
 
 
 def log_gradient(image: np.ndarray, *, sigma: float = 0.8, offset: float = 4.0) -> LogGradient:
@@ -74,13 +72,12 @@ def strongest_circles(edges: LogGradient, radii: np.ndarray, count: int) -> list
     y, x = np.nonzero(edge)
     weight = strength[edge] / (strength[edge] + 4.0 * edges.floor)
     # Best share of the circumference over all radii, for every centre, and the radius that has it.
-    best_share, best_radius = np.zeros_like(strength), np.zeros_like(strength)
+    best_share, best_radius, votes = np.zeros_like(strength), np.zeros_like(strength), np.zeros_like(strength)
+    right, down = nx[edge], ny[edge]
     for radius in radii:
-        share = np.zeros_like(strength)
-        _vote(x, y, nx[edge], ny[edge], weight, float(radius), share)
-        share = cv2.GaussianBlur(share, (0, 0), 1.2) / np.float32(radius)
-        best_radius[share > best_share] = radius
-        np.maximum(best_share, share, out=best_share)
+        votes.fill(0.0)
+        _vote(x, y, right, down, weight, float(radius), votes)
+        _keep_best(cv2.GaussianBlur(votes, (0, 0), 1.2), np.float32(radius), best_share, best_radius)
     is_peak = (best_share == cv2.dilate(best_share, np.ones((7, 7), np.uint8))) & (best_share > 0)
     row, column = np.nonzero(is_peak)
     order = np.argsort(-best_share[row, column])[:count]
@@ -111,16 +108,46 @@ def _vote(
 
 
 @njit(cache=True, nogil=True)
+def _shifted(evidence: np.ndarray, shifts: np.ndarray) -> np.ndarray:
+    """Return evidence (A, N) float32 moved inward along each ray by shifts (A,), in samples; its ends are continued."""
+    rays, count = evidence.shape
+    moved = np.empty((rays, count), np.float32)
+    for a in range(rays):
+        for n in range(count):
+            position = min(max(n + shifts[a], 0.0), count - 1.0)
+            lower = min(int(position), max(count - 2, 0))
+            upper = min(lower + 1, count - 1)
+            before, after = np.float64(evidence[a, lower]), np.float64(evidence[a, upper])
+            moved[a, n] = (after - before) * (position - lower) + before
+    return moved
+
+
+@njit(cache=True, nogil=True)
+def _keep_best(votes: np.ndarray, radius: np.float32, best_share: np.ndarray, best_radius: np.ndarray) -> None:
+    """Replace the best share of the circumference (H, W), and its radius, where the votes (H, W) at `radius` exceed it.
+
+    In one pass: the arrays are larger than the processor's caches.
+    """
+    for i in range(votes.shape[0]):
+        for j in range(votes.shape[1]):
+            share = votes[i, j] / radius
+            if share > best_share[i, j]:
+                best_share[i, j] = share
+                best_radius[i, j] = radius
+
+
+@njit(cache=True, nogil=True)
 def _circle_scores(
     evidence: np.ndarray, start: float, spacing: float, angles: np.ndarray, offsets: np.ndarray, radii: np.ndarray
 ) -> np.ndarray:
     """Return the mean evidence (I, J, K) along circles; to first order an offset moves the contour along each ray."""
     rays, count = evidence.shape
     scores = np.zeros((offsets.size, offsets.size, radii.size))
-    for i in range(offsets.size):
-        for j in range(offsets.size):
-            for a in range(rays):
-                offset = offsets[i] * np.cos(angles[a]) + offsets[j] * np.sin(angles[a]) - start
+    for a in range(rays):
+        cosine, sine = np.cos(angles[a]), np.sin(angles[a])
+        for i in range(offsets.size):
+            for j in range(offsets.size):
+                offset = offsets[i] * cosine + offsets[j] * sine - start
                 for k in range(radii.size):
                     position = min(max((radii[k] + offset) / spacing, 0.0), count - 1.001)
                     n = int(position)
