@@ -120,12 +120,12 @@ def with_agreement(checks: Sequence[tuple[CaptureContext, Check]]) -> list[Check
     Raises:
         StoreError: the store fails.
     """
-    found = {
+    spheres = {
         result.name: CaptureSpheres(load_geometry(context).frame_size, load_geometry(context).spheres)
         for context, result in checks
         if not result.failure
     }
-    deviating = deviating_spheres(found)
+    deviating = deviating_spheres(spheres)
     return [_with_warnings(result, deviating.get(result.name, [])) for _, result in checks]
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from glint.tasks.algorithms.lighting.circles import EdgeEvidence
+from glint.tasks.algorithms.lighting.circles import EdgeEvidence, median_of
 
 RAYS = 96
 """Rays from the centre."""
@@ -128,20 +128,12 @@ def _level_evidence(levels: np.ndarray, valid: np.ndarray, reach: int, spacing: 
     sampled = np.unravel_index(np.flatnonzero(valid)[::3], valid.shape)
     for frame in levels:
         change = _change(frame, reach) / (2 * reach * spacing)
-        usual = _median(np.abs(change[sampled])) + MIN_CHANGE
+        usual = median_of(np.abs(change[sampled])) + MIN_CHANGE
         square = np.minimum((change / usual) ** 2, 1e3)
         single += square / (square + HALF_FRAME_RATIO)
         mean += square
     single, mean = single / len(levels), mean / len(levels)
     return (1.0 - MEAN_WEIGHT) * single + MEAN_WEIGHT * mean / (mean + HALF_MEAN_RATIO)
-
-
-def _median(values: np.ndarray) -> float:
-    """Return the median of values (N,): `np.median` takes longer to look at its arguments than to sort a few."""
-    middle = len(values) // 2
-    if len(values) % 2:
-        return float(np.partition(values, middle)[middle])
-    return float(np.partition(values, (middle - 1, middle))[middle - 1 : middle + 1].mean())
 
 
 def _variation_evidence(levels: np.ndarray, valid: np.ndarray, reach: int, spacing: float) -> np.ndarray:

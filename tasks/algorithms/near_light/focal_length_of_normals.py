@@ -107,10 +107,10 @@ def log_depth_gradients(
     view = view_vectors(matrix, normals.shape[:2], camera.left, camera.top)
     of_spheres = view_vectors(matrix, (1, 1), camera.sphere_x, camera.sphere_y)
     lights = rotate_from_view(lights_of(normals), np.broadcast_to(of_spheres, normals.shape))
-    seen = half_vectors_for_view(half_vectors_of(lights), view)
-    distance = (seen * view).sum(axis=-1) / view[..., 2]
+    facing = half_vectors_for_view(half_vectors_of(lights), view)
+    distance = (facing * view).sum(axis=-1) / view[..., 2]
     with np.errstate(invalid="ignore", divide="ignore"):
-        return -seen[..., 0] / distance, -seen[..., 1] / distance
+        return -facing[..., 0] / distance, -facing[..., 1] / distance
 
 
 @dataclass(frozen=True, slots=True)
