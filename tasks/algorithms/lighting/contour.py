@@ -125,10 +125,9 @@ def edge_evidence(
 def _level_evidence(levels: np.ndarray, valid: np.ndarray, reach: int, spacing: float) -> np.ndarray:
     """Return the evidence (A, N), 0..1, of changes of log levels (T, A, N) along the rays, frame by frame."""
     single, mean = np.zeros((2, *valid.shape), np.float32)
-    sampled = np.unravel_index(np.flatnonzero(valid)[::3], valid.shape)
     for frame in levels:
         change = _change(frame, reach) / (2 * reach * spacing)
-        usual = median_of(np.abs(change[sampled])) + MIN_CHANGE
+        usual = median_of(np.abs(change[valid][::3])) + MIN_CHANGE
         square = np.minimum((change / usual) ** 2, 1e3)
         single += square / (square + HALF_FRAME_RATIO)
         mean += square
