@@ -138,7 +138,7 @@ STAGES = (
             "confidence": ArraySchema("HW", "f", "mask"),
         },
         peak_bytes=_per_pixel(900),
-        version=9,
+        version=10,
     ),
     Stage(
         "depth",

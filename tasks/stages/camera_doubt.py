@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.stats import truncnorm
 
 from glint.tasks.algorithms.lighting.lights import Lights
 from glint.tasks.algorithms.near_light.focal_length_of_normals import UnknownCamera, focal_length_of_normals
@@ -89,9 +90,7 @@ def doubt_camera(
         centre_x, centre_y = _frame_centre(geometry)
         offset = float(np.hypot(camera.sphere_x - centre_x, camera.sphere_y - centre_y))
         is_seen = estimate.value > MIN_DEVIATIONS * float(np.hypot(deviation, 2.0 * spheres_sd / max(offset, 1.0)))
-        # Mean square, under a normal prior about a distant camera unless the normals exclude it.
-        share = 1.0 if is_seen else expected**2 / (expected**2 + deviation**2)
-        square = (share * estimate.value) ** 2 + share * deviation**2
+        square = estimate.value**2 + deviation**2 if is_seen else _mean_square(estimate.value, deviation, expected)
     focal = 1.0 / float(np.sqrt(square))
     error = unknown_camera_error(region_pixels(geometry), geometry.spheres, _frame_centre(geometry), focal)
     cost = _cost_deg(error)
@@ -106,6 +105,19 @@ def doubt_camera(
         f" some {focal:.0f} pixels: give the camera's matrix (`camera`), also of a long lens, or use two spheres"
     )
     return CameraDoubt(error, [StageWarning(message, "camera", cost)])
+
+
+def _mean_square(value: float, deviation: float, expected: float) -> float:
+    """Return the mean square of an inverse focal length by an estimate, its standard deviation and what is expected.
+
+    The prior is half a normal distribution about a distant camera: no inverse focal length is negative, so an estimate
+    that is shows an error of its own size.
+    """
+    deviation = max(deviation, -value)
+    share = expected**2 / (expected**2 + deviation**2)
+    mean, spread = share * value, float(np.sqrt(share)) * deviation
+    posterior = truncnorm(-mean / spread, np.inf, loc=mean, scale=spread)
+    return float(posterior.mean() ** 2 + posterior.var())
 
 
 def unknown_camera(geometry: CaptureGeometry) -> UnknownCamera:
