@@ -67,7 +67,7 @@ STAGES = (
         },
         peak_bytes=_per_pixel(400),
         progress_unit="spheres",
-        version=5,
+        version=6,
     ),
     Stage(
         "mask",
@@ -138,7 +138,7 @@ STAGES = (
             "confidence": ArraySchema("HW", "f", "mask"),
         },
         peak_bytes=_per_pixel(900),
-        version=8,
+        version=10,
     ),
     Stage(
         "depth",
