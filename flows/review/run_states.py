@@ -14,6 +14,7 @@ from typing import Any
 
 from glint.flows.review.object_rows import Row
 from glint.flows.review.runs import Run, Runs
+from glint.storage.catalogue.models import MODEL
 from glint.tasks.review.summary import seconds_left
 
 POLLING_SECONDS = 3.0
@@ -64,7 +65,8 @@ class RunStates:
 
     def names(self) -> list[str]:
         """Return the captures that run, or whose last run failed."""
-        return sorted({*self._running, *self._failed})
+        names = sorted({*self._running, *self._failed})
+        return [name for name in names if not name.endswith(f"/{MODEL}")]
 
     def applied(self, row: Row) -> Row:
         """Return the row with what is going on, or how its last run failed."""

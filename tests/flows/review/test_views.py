@@ -88,6 +88,8 @@ def test_what_needs_a_person_comes_first_and_names_are_only_text(served: ServedP
         tab.wait("document.querySelectorAll('.row').length === 1")
     finally:
         del rows["zebra"], rows["yak"]
+        served.app.state.review.listing._revision += 1
+        tab.page.goto("about:blank")
     tab.complaints[:] = [text for text in tab.complaints if "404" not in text]  # there is no picture of a zebra
 
 
@@ -256,8 +258,9 @@ def test_everything_can_be_done_by_keyboard(served: ServedPage, tab: Tab) -> Non
     tab.wait(f"Number(document.querySelector('section[data-pixels]').dataset.pixels) === {before}")
     page.keyboard.press("v")
     page.keyboard.press("Space")
-    page.wait_for_selector("aside .chip, aside section >> text=lit in")
+    page.wait_for_selector("aside section >> text=outside the region")
     page.keyboard.press("?")
     page.wait_for_selector("dialog[open] dd >> text=maximum over time")
     page.keyboard.press("Escape")
     assert page.locator("dialog[open]").count() == 0
+    tab.complaints[:] = [text for text in tab.complaints if "422" not in text]
