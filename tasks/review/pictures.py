@@ -15,7 +15,7 @@ from glint.storage.footage.source import open_footage
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.review.stored import saved_records
 from glint.tasks.stages.capture_geometry import OBJECT, CaptureGeometry
-from glint.tasks.stages.frames import level_name, open_frames
+from glint.tasks.stages.frames import levels, load_levels, open_frames
 
 THUMBNAIL_SIZE = 112
 """Pixels of a thumbnail's longer side, twice what the catalogue view shows, for fine screens."""
@@ -55,10 +55,10 @@ def level_picture(context: CaptureContext, level: str) -> bytes:
     if geometry is None or "frames" not in saved_records(context):
         sample = frame_sample(context)
         return encode_png(sample.max(axis=0) if level == "peak" else np.median(sample, axis=0).astype(np.uint8))
-    whole, stored = eight_bits(first_frame(context)).copy(), context.load("frames")
+    whole, cache = eight_bits(first_frame(context)).copy(), open_frames(context)
     for name, crop in geometry.crops.items():
-        if level_name(level, name) in stored.arrays:
-            whole[crop.rows, crop.columns] = eight_bits(stored.read(level_name(level, name)))
+        pictures = load_levels(context) if name == OBJECT else levels(cache, name)
+        whole[crop.rows, crop.columns] = eight_bits(pictures[LEVELS.index(level)])
     return encode_png(whole)
 
 
@@ -69,10 +69,9 @@ def thumbnail(context: CaptureContext) -> bytes:
         InputError: the video cannot be read; StoreError: the store cannot be read.
     """
     if "frames" in saved_records(context):
-        stored = context.load("frames")
-        levels = [eight_bits(stored.read(level_name(level, OBJECT))).astype(np.float32) for level in LEVELS]
+        background, peak = (eight_bits(level).astype(np.float32) for level in load_levels(context))
         # The peak level alone is nearly white where the light has been all round.
-        image = (0.6 * levels[0] + 0.4 * levels[1]).astype(np.uint8)
+        image = (0.6 * background + 0.4 * peak).astype(np.uint8)
     else:
         image = eight_bits(first_frame(context))
     scale = THUMBNAIL_SIZE / max(image.shape)

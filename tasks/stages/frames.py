@@ -86,12 +86,12 @@ def spread_shards(frames: int, count: int) -> list[int]:
     return [int(start) for start in starts[chosen]]
 
 
-def levels(cache: FrameCache) -> tuple[np.ndarray, np.ndarray]:
-    """Compute background level (temporal median) and peak level (temporal maximum) (H, W) of the object's region."""
+def levels(cache: FrameCache, crop: str = OBJECT) -> tuple[np.ndarray, np.ndarray]:
+    """Compute background level (temporal median) and peak level (temporal maximum) (H, W) of a crop."""
     step = max(1, min(MEDIAN_STEP, cache.frames // 64))
     kept, peak = [], None
     for start in spread_shards(cache.frames, LEVEL_SHARDS):
-        shard = cache.read(OBJECT, slice(start, start + 64))
+        shard = cache.read(crop, slice(start, start + 64))
         shard_peak = shard.max(axis=0)
         peak = shard_peak if peak is None else np.maximum(peak, shard_peak)
         kept.append(shard[::step])
