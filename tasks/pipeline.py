@@ -136,9 +136,10 @@ STAGES = (
             "normals": ArraySchema("HW3", "f", "mask"),
             "provenance": ArraySchema("HW", "u"),
             "confidence": ArraySchema("HW", "f", "mask"),
+            "evidence": ArraySchema("HW", "f", "mask"),
         },
         peak_bytes=_per_pixel(900),
-        version=10,
+        version=11,
     ),
     Stage(
         "depth",

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import truncnorm
+from scipy.special import log_ndtr
 
 from glint.tasks.algorithms.lighting.lights import Lights
 from glint.tasks.algorithms.near_light.focal_length_of_normals import UnknownCamera, focal_length_of_normals
@@ -116,8 +116,10 @@ def _mean_square(value: float, deviation: float, expected: float) -> float:
     deviation = max(deviation, -value)
     share = expected**2 / (expected**2 + deviation**2)
     mean, spread = share * value, float(np.sqrt(share)) * deviation
-    posterior = truncnorm(-mean / spread, np.inf, loc=mean, scale=spread)
-    return float(posterior.mean() ** 2 + posterior.var())
+    # Second moment of the normal distribution of the posterior where it is positive.
+    ratio = mean / spread
+    density = float(np.exp(-0.5 * ratio**2 - log_ndtr(ratio)) / np.sqrt(2.0 * np.pi))
+    return spread**2 * (1.0 + ratio**2 + ratio * density)
 
 
 def unknown_camera(geometry: CaptureGeometry) -> UnknownCamera:

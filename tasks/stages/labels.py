@@ -54,6 +54,7 @@ def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
             "normals": result.normals,
             "provenance": result.provenance,
             "confidence": confidence,
+            "evidence": result.confidence.astype(np.float32),
         },
         record={
             "provenance": list(PROVENANCE),
