@@ -22,11 +22,11 @@ from glint.tasks.engine.stage import StageRecord, perform, stage_keys
 from glint.tasks.engine.stage_warning import StageWarning, by_cost
 from glint.tasks.figures.check_pictures import write_check_pictures, write_failure_picture
 from glint.tasks.pipeline import STAGES, stages_until
-from glint.tasks.sphere_agreement import CaptureSpheres, deviating_spheres
+from glint.tasks.sphere_agreement import sphere_offer, sphere_warnings, surveyed_spheres
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.frames import open_frames
 from glint.tasks.stages.stabilization import SAMPLED_FRAMES
-from glint.tasks.verdict import OVERVIEW, Verdict, failure_verdict, verdict
+from glint.tasks.verdict import NEEDS_SPHERE, OVERVIEW, Verdict, failure_verdict, verdict
 
 LAST_STAGE = "thresholds"
 MAX_HIGHLIGHT_ANGLE_DEG = 3.0
@@ -115,18 +115,19 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
 
 
 def with_agreement(checks: Sequence[tuple[CaptureContext, Check]]) -> list[Check]:
-    """Return the checks of an object's captures with warnings of spheres that lie elsewhere than in the others.
+    """Return the checks of an object's captures with what the spheres of the others say of theirs.
 
     Raises:
         StoreError: the store fails.
     """
-    spheres = {
-        result.name: CaptureSpheres(load_geometry(context).frame_size, load_geometry(context).spheres)
-        for context, result in checks
-        if not result.failure
-    }
-    deviating = deviating_spheres(spheres)
-    return [_with_warnings(result, deviating.get(result.name, [])) for _, result in checks]
+    spheres = surveyed_spheres([context for context, result in checks if not result.failure])
+    warnings = sphere_warnings(spheres)
+    agreed = list[Check]()
+    for context, result in checks:
+        offer = sphere_offer(context, spheres) if result.verdict.word == NEEDS_SPHERE and result.failure else ""
+        offered = replace(result, failure=f"{result.failure}; {offer}") if offer else result
+        agreed.append(_with_warnings(offered, warnings.get(context.capture.id, [])))
+    return agreed
 
 
 def _with_warnings(result: Check, warnings: Sequence[StageWarning]) -> Check:

@@ -22,8 +22,8 @@ ORDER = {
         "inbox maintenance export edits versions locking frames inputs catalogue footage locations seals fsync errors"
     ),
     "glint.tasks": (
-        "check sphere_agreement review verdict memory up_to_date publish warm_up robustness evaluation simulation"
-        " pipeline model stages figures engine version_diff code_provenance"
+        "check review verdict memory up_to_date publish warm_up robustness evaluation simulation"
+        " pipeline model sphere_agreement stages figures engine version_diff code_provenance"
     ),
     "glint.tasks.algorithms": (
         "simulation evaluation registration multiview labelling frames prior meshing candidates integration"

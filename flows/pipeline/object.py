@@ -2,8 +2,9 @@
 
 import contextvars
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -16,19 +17,23 @@ from glint.flows.pipeline.capture import process_capture
 from glint.flows.pipeline.context import run_context
 from glint.flows.pipeline.drift import report_drifts
 from glint.flows.pipeline.model import process_model
-from glint.flows.reporting.events import CaptureEnded, CaptureFailed, Message
+from glint.flows.reporting.events import CaptureEnded, CaptureFailed, CaptureWarning, Message
 from glint.flows.results import CaptureResult, ObjectResult, final_state
 from glint.storage.catalogue.loading import Catalogue
 from glint.storage.catalogue.models import MODEL
+from glint.storage.errors import InputError
 from glint.storage.locking.locks import run_lock
 from glint.tasks.engine.capture_context import CaptureContext, with_edits
 from glint.tasks.engine.references import chosen_captures, load_catalogue
-from glint.tasks.engine.stage import StageRecord
+from glint.tasks.engine.stage import StageRecord, stage_keys
 from glint.tasks.model.model import wants_model
+from glint.tasks.pipeline import STAGES
 from glint.tasks.publish import check_catalogue, publish
+from glint.tasks.sphere_agreement import sphere_offer, sphere_warnings, surveyed_spheres
 from glint.tasks.up_to_date import up_to_date_records
 from glint.tasks.version_diff import Drift, drifts
 
+SURVEY = STAGES[0]
 MAX_THREADS = 32
 """Captures of an object that may wait for a slot, each in a thread."""
 
@@ -135,7 +140,7 @@ def process_object(captures: ObjectCaptures, drift: float | None) -> ObjectResul
                     run_context().emit(Message(text, context.name))
             if not captures.adopt:
                 check_catalogue(captures.all, captures.catalogue)
-            results = run_captures(captures)
+            results = with_agreement(captures, run_captures(captures))
             completed = [context for context, result in zip(captures.chosen, results, strict=True) if not result.error]
             if not completed:
                 return ObjectResult(first.object_id, results)
@@ -165,6 +170,38 @@ def run_captures(captures: ObjectCaptures) -> tuple[CaptureResult, ...]:
     with ThreadPoolExecutor(min(len(captures.chosen), MAX_THREADS)) as pool:
         futures = [submit(pool, run_capture, capture) for capture in captures.chosen]
         return tuple(future.result() for future in futures)
+
+
+def with_agreement(captures: ObjectCaptures, results: Sequence[CaptureResult]) -> tuple[CaptureResult, ...]:
+    """Return the results of an object's chosen captures with what the spheres of its other captures say of theirs.
+
+    A warning is added to the survey's, and a capture that failed for its sphere is offered those of the others.
+    """
+    failed = {result.capture_id for result in results if result.error}
+    if len(captures.all) - len(failed) < 2:
+        return tuple(results)
+    spheres = surveyed_spheres([context for context in captures.all if _is_surveyed(context, failed)])
+    warnings, agreed = sphere_warnings(spheres), list[CaptureResult]()
+    for context, result in zip(captures.chosen, results, strict=True):
+        own = warnings.get(result.capture_id, [])
+        offer = sphere_offer(context, spheres) if "sphere" in result.error else ""
+        for text in [warning.message for warning in own] + [offer] * bool(offer):
+            run_context().emit(CaptureWarning(result.name, text, SURVEY.name))
+        records = (
+            replace(record, warnings=(*record.warnings, *own)) if record.stage == SURVEY.name else record
+            for record in result.records
+        )
+        remedy = f"{result.remedy}; {offer}" if offer else result.remedy
+        agreed.append(replace(result, records=tuple(records), remedy=remedy))
+    return tuple(agreed)
+
+
+def _is_surveyed(context: CaptureContext, failed: Collection[str]) -> bool:
+    """Return whether the spheres that are stored of a capture are those of its present inputs."""
+    with suppress(InputError):
+        key = stage_keys(context, [SURVEY])[SURVEY.name]
+        return context.capture.id not in failed and context.repository.stage_key(context.capture.id, SURVEY.name) == key
+    return False
 
 
 def run_model(captures: Sequence[CaptureContext]) -> CaptureResult:

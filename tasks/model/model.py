@@ -18,8 +18,9 @@ from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import Progress, StageOutput, StageRecord, load_or_compute, no_progress
 from glint.tasks.model.model_output import model_outcome
 from glint.tasks.model.view_registration import register_views, relabelled, unit_of_model
+from glint.tasks.sphere_agreement import deviating_spheres, surveyed_spheres
 
-STAGE, VERSION = "model", 3
+STAGE, VERSION = "model", 4
 
 
 def wants_model(works: Sequence[CaptureContext]) -> bool:
@@ -79,7 +80,8 @@ def model(works: Sequence[CaptureContext], progress: Progress) -> StageOutput:
         for work in works
         if work not in usable
     ]
-    registered = register_views(by_name)
+    doubts = deviating_spheres(surveyed_spheres(usable))
+    registered = register_views(by_name, doubts)
     registered = replace(registered, rejected=(*registered.rejected, *unlabelled))
     parameters = works[0].parameters.model
     surface: Model | None = None
@@ -99,7 +101,7 @@ def model(works: Sequence[CaptureContext], progress: Progress) -> StageOutput:
     assert surface is not None
     if parameters.most_triangles is not None:
         surface = simplify(surface, views, parameters.most_triangles)
-    return model_outcome(registered, surface, unit)
+    return model_outcome(registered, surface, unit, doubts)
 
 
 def _part_of(progress: Progress, rounds_done: int, passes: int) -> Progress:

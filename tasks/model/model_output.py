@@ -1,8 +1,8 @@
 """What the model stage stores: the mesh as arrays and files, and the report model.json."""
 
 import json
-from collections.abc import Mapping
-from dataclasses import asdict
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -22,10 +22,12 @@ OBSERVED_CONFIDENCE = 0.5
 """Confidence from which a part of the surface counts as observed."""
 
 
-def model_outcome(registered: RegisteredViews, model: Model, unit: str) -> StageOutput:
+def model_outcome(
+    registered: RegisteredViews, model: Model, unit: str, doubts: Mapping[str, Sequence[StageWarning]]
+) -> StageOutput:
     """Store the files of a model and return its arrays, report, counts and warnings.
 
-    work: any of the object's captures, for its store; unit: "mm" or "pixels".
+    unit: "mm" or "pixels"; doubts: warnings about the spheres of views, by their names.
     """
     report = model_report(registered, model, unit)
     surface = Surface(
@@ -55,7 +57,7 @@ def model_outcome(registered: RegisteredViews, model: Model, unit: str) -> Stage
             "triangles": len(surface.triangles),
             "seen": round(report["seen"], 4),
         },
-        warnings=[_warning(view) for view in registered.rejected],
+        warnings=[_warning(view) for view in registered.rejected] + _doubt_warnings(doubts),
     )
 
 
@@ -118,3 +120,11 @@ def _area_share(mesh: trimesh.Trimesh, is_counted: np.ndarray) -> float:
 
 def _warning(rejected: RejectedView) -> StageWarning:
     return StageWarning(f"{rejected.name} is not part of the model: {rejected.reason}; {rejected.remedy}", "views")
+
+
+def _doubt_warnings(doubts: Mapping[str, Sequence[StageWarning]]) -> list[StageWarning]:
+    return [
+        replace(doubt, message=f"{name} counts less in the model: {doubt.message}")
+        for name, view_doubts in doubts.items()
+        for doubt in view_doubts
+    ]

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.labelling.confidence import probability_within_tolerance
 from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.raycast import expected_normals
 from glint.tasks.algorithms.multiview.reconstruction import coarse_model
@@ -16,6 +17,7 @@ from glint.tasks.algorithms.registration.registered_views import (
     register_unposed,
 )
 from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.clusters import load_clusters
 from glint.tasks.stages.labels import reconstruct
@@ -38,16 +40,20 @@ def unit_of_model(works: Sequence[CaptureContext]) -> str:
     return "pixels" if unknown else "mm"
 
 
-def view_of(work: CaptureContext) -> View:
+def view_of(work: CaptureContext, doubts: Sequence[StageWarning] = ()) -> View:
     """Read a capture's mask, normals and confidence as a view, with the pose and the camera of the catalogue.
 
     A pose that is not given as a matrix is left at the identity: registration sets it.
+
+    doubts: warnings of spheres that contradict the other captures' spheres, by which its normals count less.
     """
     labels, geometry = work.load("labels"), load_geometry(work)
     confidence, evidence = labels.read("confidence"), labels.read("evidence")
     pixel_size = geometry.pixel_size or 1.0
     rotation, translation = np.eye(3), np.zeros(3)
     pose, camera = work.capture.pose, geometry.camera
+    turned = np.radians(max((doubt.cost_deg for doubt in doubts), default=0.0))
+    trust = np.divide(confidence, evidence, out=np.zeros_like(evidence), where=evidence > 0.0)
     if pose is not None and pose.camera_to_world is not None:
         matrix = np.array(pose.camera_to_world, float)
         rotation, translation = matrix[:3, :3].T, -matrix[:3, :3].T @ matrix[:3, 3]
@@ -65,12 +71,16 @@ def view_of(work: CaptureContext) -> View:
         frame=geometry.frame_size,
         pixel_size=pixel_size,
         matrix=camera,
-        trust=np.divide(confidence, evidence, out=np.zeros_like(evidence), where=evidence > 0.0),
+        trust=trust * probability_within_tolerance(turned),
     )
 
 
-def register_views(works: Mapping[str, CaptureContext]) -> RegisteredViews:
-    """Register the captures with a pose, then those without one on a coarse model of these; works: by capture id.
+def register_views(
+    works: Mapping[str, CaptureContext], doubts: Mapping[str, Sequence[StageWarning]]
+) -> RegisteredViews:
+    """Register the captures with a pose, then those without one on a coarse model of these.
+
+    works: by capture id; doubts: of their spheres, likewise, see `view_of`.
 
     Raises:
         UnusableCapture: poses are given in two ways, fewer than two views have a pose, or none agree.
@@ -83,9 +93,9 @@ def register_views(works: Mapping[str, CaptureContext]) -> RegisteredViews:
             f"{', '.join(angles)} are given by a turntable's angle, {', '.join(with_matrix)} by a matrix",
             "give the poses of an object's captures all in one way",
         )
-    views = [view_of(works[name]) for name in angles or with_matrix]
+    views = [view_of(works[name], doubts.get(name, ())) for name in angles or with_matrix]
     registered = register_on_turntable(views, list(angles.values())) if angles else register_by_matrices(views)
-    unposed = [view_of(works[name]) for name, pose in poses.items() if pose is None]
+    unposed = [view_of(works[name], doubts.get(name, ())) for name, pose in poses.items() if pose is None]
     return register_unposed(registered, unposed, coarse_model(registered.views)) if unposed else registered
 
 

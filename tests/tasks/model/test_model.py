@@ -16,8 +16,10 @@ from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import load_catalogue
 from glint.tasks.engine.stage import perform, stage_keys
+from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.evaluation.models import evaluate_model
 from glint.tasks.model.model import model, model_key, perform_model, wants_model
+from glint.tasks.model.view_registration import register_views
 from glint.tasks.pipeline import STAGES
 from glint.tasks.publish import publish
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
@@ -47,6 +49,17 @@ def modelled(works: list[CaptureContext]) -> list[CaptureContext]:
     assert not record.cached and record.counts["views"] == VIEWS
     publish(works, "run", "catalogue.yaml", model=True)
     return works
+
+
+def test_a_view_whose_sphere_contradicts_the_others_counts_less(works: list[CaptureContext]) -> None:
+    by_name = {work.capture.id: work for work in works}
+    doubt = StageWarning("the sphere lies elsewhere", "sphere", 8.0)
+    whole, doubted = (register_views(by_name, doubts) for doubts in ({}, {works[1].capture.id: [doubt]}))
+    ratios = [
+        float(low.confidence[low.mask].sum() / high.confidence[high.mask].sum())
+        for low, high in zip(doubted.views, whole.views, strict=True)
+    ]
+    assert ratios[1] < 0.25 and ratios[:1] + ratios[2:] == [1.0] * (VIEWS - 1)
 
 
 def test_the_model_beats_the_hull(modelled: list[CaptureContext]) -> None:
