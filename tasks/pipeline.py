@@ -39,7 +39,7 @@ STAGES = (
         catalogue_keys=("spheres", "region", "pixel_size", "camera"),
         files=("frames", "mask", "lights"),
         progress_unit="frames",
-        version=3,
+        version=4,
     ),
     Stage(
         "frames",

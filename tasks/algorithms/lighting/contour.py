@@ -16,7 +16,6 @@ import cv2
 import numpy as np
 
 from glint.tasks.algorithms.lighting.circles import EdgeEvidence, RaySamples, median_of
-from glint.tasks.algorithms.lighting.ray_edges import centre_offset
 
 RAYS = 96
 """Rays from the centre."""
@@ -189,9 +188,6 @@ def fit_contour(
     fit = _best_fit(evidence, (x, y, radius), centre_reach, radius_reach)
     if len(frames) >= MIN_VARIATION_FRAMES:
         fit = _centred_by_variation(evidence, variation_evidence(samples), fit)
-    # Halfway to the centre of the single rays' edges: the errors of the two hardly depend on each other.
-    half = 0.5 * np.append(centre_offset(evidence, fit.x, fit.y, fit.radius), 0.0)
-    fit = replace(fit, x=fit.x + half[0], y=fit.y + half[1], covariance=fit.covariance + np.outer(half, half))
     start = evidence.scores(np.zeros(1), radius * np.append(1.0, np.linspace(*OUTSIDE_RATIOS, 8)) - INWARD_SHIFT_PX)
     start = start.ravel()
     return replace(fit, start_contrast=float(start[0] - start[1:].mean()))

@@ -1,15 +1,23 @@
 """Tests of what looks like a chrome sphere, by its highlight in single frames.
 
-A chrome sphere shows one highlight of constant area in nearly all frames; glass, coins and clock faces do not. A glossy
-sphere shows one too, but its body is lit: its levels follow Lambert's law over pixels and frames. And all chrome
-spheres of a capture mirror the same light.
+A chrome sphere shows one highlight of constant area in nearly all frames: the directions that its pixels reflect cover
+the surroundings evenly, wherever the light is. Glass shows highlights of several surfaces, which grow, merge and
+divide; coins and clock faces show them in few frames. A glossy sphere shows one too, but its body is lit: its levels
+follow Lambert's law over pixels and frames. And all chrome spheres of a capture mirror the same light.
 """
 
 import numpy as np
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of
-from glint.tasks.algorithms.lighting.lights import TWO_LIGHTS, Lights, find_lights
+from glint.tasks.algorithms.lighting.highlights import Highlights, measure_highlights, static_background
+from glint.tasks.algorithms.lighting.lights import (
+    MIN_HALF_VECTOR_NZ,
+    TWO_LIGHTS,
+    Lights,
+    classify_frames,
+    find_lights,
+)
 from glint.tasks.algorithms.lighting.spheres import Sphere
 
 MIN_ACCEPTED_SHARE = 0.5
@@ -17,6 +25,13 @@ MIN_ACCEPTED_SHARE = 0.5
 MAX_TWO_LIGHTS_SHARE, MIN_TWO_LIGHTS = 0.02, 2
 """Share and number of frames with two lights from which it is glass, whose inside shows further highlights: glass shows
 them in 3 to 28% of the frames, chrome spheres in none."""
+IRREGULAR_AREA_RATIO, IRREGULAR_AREA_PX = 3.0, 2.0
+"""Factor, and pixels beside, beyond which a highlight's area is irregular: the light's distance may vary by 1.7."""
+MAX_HIDDEN_SHARE = 0.05
+"""Share of a highlight that is hidden by a static reflection, beyond which its area shows nothing."""
+MAX_IRREGULAR_SHARE, MIN_IRREGULAR = 0.05, 2
+"""Share and number of the frames with a highlight before the object from which irregular ones (of another area, or two
+lights) show glass: at most 2% on 38 chrome spheres, 8 to 62% on glass that is as round."""
 MIN_TESTED_FRAMES = 4
 """Frames below which a circle is not tested."""
 HIGHLIGHT_REACH_DEG = 25.0
@@ -63,7 +78,9 @@ def is_chrome(frames: np.ndarray, sphere: Sphere, camera: np.ndarray | None = No
         return None
     crop, inside, matrix = _crop(frames, sphere, camera)
     try:
-        lights = find_lights(crop, inside, camera=matrix)
+        static = static_background(crop, inside, camera=matrix)
+        highlights = measure_highlights(crop, inside, static, camera=matrix)
+        lights = classify_frames([highlights], static, inside)
     except UnusableCapture:
         return "no light moves on it"
     share = float(lights.accepted.mean())
@@ -72,11 +89,31 @@ def is_chrome(frames: np.ndarray, sphere: Sphere, camera: np.ndarray | None = No
     several = int((lights.reason == TWO_LIGHTS).sum())
     if several > max(MIN_TWO_LIGHTS, MAX_TWO_LIGHTS_SHARE * len(frames)):
         return f"{several} of {len(frames)} frames show two lights on it, as glass does"
+    irregular, shown = irregular_highlights(highlights, lights)
+    if irregular > max(MIN_IRREGULAR, MAX_IRREGULAR_SHARE * shown):
+        return f"its highlight has another size in {irregular} of {shown} frames, as that of glass has"
     if lights.accepted.sum() >= MIN_TESTED_FRAMES:
         correlation = shading_correlation(crop, inside, lights)
         if correlation > MAX_SHADING_CORRELATION:
             return f"its body is shaded like a matte or glossy one (correlation {correlation:.2f})"
     return None
+
+
+def irregular_highlights(highlights: Highlights, lights: Lights) -> tuple[int, int]:
+    """Return in how many frames a highlight's area is not the usual one, or is divided, and in how many there is one.
+
+    highlights: of the frames (T,); lights: what they were classified as.
+    """
+    area = highlights.area[:, 0]
+    half_vectors = half_vectors_of(highlights.directions[:, 0].astype(float))
+    shown = (half_vectors[:, 2] >= MIN_HALF_VECTOR_NZ) & (area > 0)
+    whole = shown & (highlights.occluded_fraction[:, 0] <= MAX_HIDDEN_SHARE)
+    if not whole.any():
+        return 0, int(shown.sum())
+    usual = float(np.median(area[whole]))
+    larger = area > IRREGULAR_AREA_RATIO * usual + IRREGULAR_AREA_PX
+    differs = larger | (area < (usual - IRREGULAR_AREA_PX) / IRREGULAR_AREA_RATIO)
+    return int(((whole & differs) | (shown & (lights.reason == TWO_LIGHTS))).sum()), int(shown.sum())
 
 
 def shading_correlation(crop: np.ndarray, sphere: Sphere, lights: Lights) -> float:

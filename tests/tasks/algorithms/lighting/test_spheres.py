@@ -148,8 +148,9 @@ def test_the_spheres_of_psbox(shared_data, probe):
 @pytest.mark.slow
 def test_the_chrome_sphere_of_uw(shared_data):
     frames = photographs(shared_data / "real" / "uw_chrome" / "chrome", "chrome.[0-9]*.png")
-    # The circle is that of the set's mask; lights read with the fit are nearer to the set's than with the mask's.
-    assert_near(find_spheres(frames, frames.max(axis=0)).spheres[0], Sphere(253.5, 148.0, 119.25), 0.015)
+    # The circle through the edges of the upper half. The set's mask, a pixel lower, has its lower half where sphere and
+    # table are both black; the set's lights are read 1.8 degrees off (median) with this circle, 2.3 with the mask's.
+    assert_near(find_spheres(frames, frames.max(axis=0)).spheres[0], Sphere(253.8, 146.9, 118.6), 0.01)
 
 
 @pytest.mark.long

@@ -1,0 +1,45 @@
+"""What tells glass from chrome: a chrome sphere's highlight has one size wherever the light is."""
+
+import numpy as np
+
+from glint.tasks.algorithms.lighting.sphere_tests import is_chrome
+from glint.tasks.algorithms.lighting.spheres import Sphere
+from tests.tasks.algorithms.lighting.chrome_sphere import light_direction, sphere_frame
+
+SPHERE, SHAPE, COUNT = Sphere(50.3, 48.7, 40.0), (100, 104), 32
+
+
+def swept(*, radii_deg: tuple[float, ...], window: bool = False) -> np.ndarray:
+    """Draw frames (T, H, W) of a sphere whose light moves over the hemisphere and has these sizes in turn."""
+    return np.stack(
+        [
+            sphere_frame(
+                SPHERE,
+                [light_direction(137.5 * number, 75.0 * np.sqrt((number + 0.5) / COUNT))],
+                SHAPE,
+                window=window,
+                light_radius_deg=radii_deg[number % len(radii_deg)],
+                seed=number,
+            )
+            for number in range(COUNT)
+        ]
+    )
+
+
+def test_a_highlight_of_one_size_is_that_of_a_chrome_sphere() -> None:
+    assert is_chrome(swept(radii_deg=(6.0,)), SPHERE) is None
+
+
+def test_a_highlight_that_a_window_hides_in_part_is_no_other_size() -> None:
+    assert is_chrome(swept(radii_deg=(6.0,), window=True), SPHERE) is None
+
+
+def test_a_highlight_that_grows_is_that_of_glass() -> None:
+    reason = is_chrome(swept(radii_deg=(6.0, 6.0, 6.0, 12.0)), SPHERE)
+    assert reason == "its highlight has another size in 8 of 32 frames, as that of glass has"
+
+
+def test_two_frames_of_another_size_prove_nothing() -> None:
+    frames = swept(radii_deg=(6.0,))
+    frames[:2] = swept(radii_deg=(12.0,))[:2]
+    assert is_chrome(frames, SPHERE) is None
