@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from glint.tasks.algorithms.lighting.lights import ACCEPTED, BEHIND, Lights, inter_sphere_angles
+from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, spread
 from glint.tasks.algorithms.lighting.spheres import Sphere, confirm_sphere
 from glint.tasks.engine.stage_warning import StageWarning
 
@@ -24,7 +25,7 @@ def confirm_given(
     """Measure given spheres; return those to be used, and a warning where the frames contradict what was given."""
     spheres, warnings = list[Sphere](), list[StageWarning]()
     for sphere in given:
-        confirmed = confirm_sphere(frames, sphere, camera=camera)
+        confirmed = confirm_sphere(spread(frames, FIT_FRAMES), sphere, camera=camera)
         spheres.append(confirmed.sphere)
         place = f"the sphere given at ({sphere.x:.1f}, {sphere.y:.1f}) with radius {sphere.radius:.1f}"
         fit = confirmed.fit

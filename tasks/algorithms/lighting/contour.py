@@ -38,9 +38,8 @@ VARIATION_ARC_DEG = 15.0
 """Arc over which the variation is averaged."""
 VARIATION_REACH_RATIO = 0.04
 """Distance of centres and radii, in radii, that is searched for the circle of the variation."""
-MIN_VARIATION_LEVELS, MIN_VARIATION_CHANGE = 2.0, 0.001
-"""Standard deviations in levels of 8 bits, and changes of the logarithm of those of log levels, below which there is
-only noise: in the dark the rounding of levels varies like a passing light."""
+MIN_VARIATION, MIN_VARIATION_CHANGE = 0.01, 0.001
+"""Standard deviations of log levels, and changes of their logarithm, below which there is only noise."""
 AGREEING_RATIO, MAX_VARIATION_DISTANCE_RATIO, MIN_CLEARNESS_RATIO = 0.01, 0.025, 2.0
 """Distance of centres, in radii, up to which the circle of the variation counts beside that of the levels, and the same
 if its contrast is by so much the higher: what varies may also end where an object or its caustics are mirrored."""
@@ -127,8 +126,7 @@ def variation_evidence(samples: RaySamples) -> EdgeEvidence:
     if not valid.any():
         return _evidence(samples, np.zeros(valid.shape, np.float32))
     rays = max(1, 2 * round(VARIATION_ARC_DEG * valid.shape[0] / 720.0) + 1)
-    noise = MIN_VARIATION_LEVELS * np.exp(-samples.levels.mean(axis=0))
-    variation = np.log(samples.levels.std(axis=0) + noise)
+    variation = np.log(samples.levels.std(axis=0) + MIN_VARIATION)
     around = np.pad(variation, ((rays // 2, rays // 2), (0, 0)), mode="wrap")
     smooth = cv2.blur(around, (1, rays))[rays // 2 : rays // 2 + valid.shape[0]]
     change = _change(smooth, samples.reach)

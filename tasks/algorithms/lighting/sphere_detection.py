@@ -34,7 +34,7 @@ from glint.tasks.algorithms.lighting.spheres import Sphere, measure_sphere
 
 MAX_SPHERES = 8
 SEED_FRAMES, FIT_FRAMES = 12, 32
-"""Frames, spread over the capture, in which spheres are sought, and by which candidates are measured."""
+"""Frames, spread over the capture, in which spheres are sought, and by which they are measured."""
 SEEDS_PER_IMAGE = 25
 """Strongest circles of each image and level that are examined as spheres."""
 SEED_RADIUS_RATIOS = 0.92, 1.75
@@ -110,8 +110,7 @@ def find_spheres(
     for sphere in _outermost([sphere for sphere in refined if sphere.score >= min_score]):
         reason = is_chrome(frames, sphere, camera)
         if reason is None:
-            # All frames, where there are more: compression moves the contour of each a little.
-            accepted.append(replace(measure_sphere(frames, sphere, camera=camera), score=sphere.score))
+            accepted.append(sphere)
         else:
             rejected.append(f"the circle at ({sphere.x:.0f}, {sphere.y:.0f}) is no chrome sphere: {reason}")
     accepted, contradicting = consistent_spheres(many, accepted[:MAX_SPHERES], camera)

@@ -25,11 +25,11 @@ MIN_ACCEPTED_SHARE = 0.5
 MAX_TWO_LIGHTS_SHARE, MIN_TWO_LIGHTS = 0.02, 2
 """Share and number of frames with two lights from which it is glass, whose inside shows further highlights: glass shows
 them in 3 to 28% of the frames, chrome spheres in none."""
-IRREGULAR_AREA_RATIO, IRREGULAR_AREA_PX = 3.0, 2.0
+IRREGULAR_AREA_RATIO, IRREGULAR_AREA_PX = 3.0, 1.0
 """Factor, and pixels beside, beyond which a highlight's area is irregular: the light's distance may vary by 1.7."""
 MAX_HIDDEN_SHARE = 0.05
 """Share of a highlight that is hidden by a static reflection, beyond which its area shows nothing."""
-MAX_IRREGULAR_SHARE, MIN_IRREGULAR = 0.05, 2
+MAX_IRREGULAR_SHARE, MIN_IRREGULAR = 0.05, 1
 """Share and number of the frames with a highlight before the object from which irregular ones (of another area, or two
 lights) show glass: at most 2% on 38 chrome spheres, 8 to 62% on glass that is as round."""
 MIN_TESTED_FRAMES = 4

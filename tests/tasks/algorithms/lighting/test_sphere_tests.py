@@ -39,7 +39,7 @@ def test_a_highlight_that_grows_is_that_of_glass() -> None:
     assert reason == "its highlight has another size in 8 of 32 frames, as that of glass has"
 
 
-def test_two_frames_of_another_size_prove_nothing() -> None:
+def test_one_frame_of_another_size_proves_nothing() -> None:
     frames = swept(radii_deg=(6.0,))
-    frames[:2] = swept(radii_deg=(12.0,))[:2]
+    frames[:1] = swept(radii_deg=(12.0,))[:1]
     assert is_chrome(frames, SPHERE) is None
