@@ -26,6 +26,22 @@ def code_names(codes: Any) -> dict[int, str]:
     return {code: str(name) for code, name in enumerate(codes or ())}
 
 
+def report_arrays(stages: Mapping[str, StageResult]) -> dict[str, np.ndarray]:
+    """Read the arrays of a capture's report: its mask and, as far as they exist, those that `capture_report` names.
+
+    Raises:
+        StoreError: one is damaged.
+    """
+    arrays = {"mask": stages["mask"].read("mask")}
+    for stage, array in (("labels", "confidence"), ("labels", "provenance"), ("depth", "depth"), ("lights", "reason")):
+        if stage in stages and array in stages[stage].arrays:
+            arrays[array] = stages[stage].read(array)
+    arrays["observed"] = np.zeros_like(arrays["mask"])
+    if "clusters" in stages and "observations" in stages["clusters"].arrays:
+        arrays["observed"] = (stages["clusters"].read("observations") > 0) & arrays["mask"]
+    return arrays
+
+
 def capture_report(
     object_id: str,
     capture: str,
