@@ -77,10 +77,11 @@ def _write_capture(location: Location, version: Version, capture: PageCapture, f
     _write_normals(stages["labels"].read("normals"), folder)
     write_png(folder / "mask.png", arrays["mask"])
     write_png(folder / "observed.png", arrays["observed"])
-    if "provenance" in arrays:
-        names = code_names(stages["labels"].record.get("provenance"))
-        write_png(folder / "provenance.png", arrays["provenance"])
-        _write_json(folder / "provenance.json", {str(code): name for code, name in sorted(names.items())})
+    for stage, name in (("labels", "provenance"), ("depth", "depth_provenance")):
+        if name in arrays:
+            names = code_names(stages[stage].record.get("provenance"))
+            write_png(folder / f"{name}.png", arrays[name])
+            _write_json(folder / f"{name}.json", {str(code): text for code, text in sorted(names.items())})
     if "confidence" in arrays:
         np.save(folder / "confidence.npy", arrays["confidence"])
     if "silhouette" in stages and "initial" in stages["silhouette"].arrays:
