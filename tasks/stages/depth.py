@@ -4,14 +4,15 @@ import numpy as np
 
 from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.integration.rim import with_rim
+from glint.tasks.algorithms.labelling.results import OUTSIDE
 from glint.tasks.engine.parameters import DepthParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.stages.capture_geometry import load_geometry
 
-PROVENANCE = "outside", "integrated", "extrapolated"
+DEPTH_PROVENANCE = "outside", "integrated", "extrapolated"
 """Names of the codes of where a depth comes from: from the normals, or at the rim from the depth inside it."""
-OUTSIDE, INTEGRATED, EXTRAPOLATED = range(3)
+INTEGRATED, EXTRAPOLATED = 1, 2
 
 
 def depth(inputs: StageInputs, progress: Progress) -> StageOutput:
@@ -40,7 +41,7 @@ def depth(inputs: StageInputs, progress: Progress) -> StageOutput:
     return StageOutput(
         arrays={"depth": (towards_camera * pixel_size).astype(np.float32), "provenance": provenance},
         record={
-            "provenance": list(PROVENANCE),
+            "provenance": list(DEPTH_PROVENANCE),
             "unit": geometry.unit,
             "pixel_size": geometry.pixel_size,
             "distance": distance,
