@@ -62,6 +62,7 @@ def test_a_view_whose_sphere_contradicts_the_others_counts_less(works: list[Capt
     assert ratios[1] < 0.25 and ratios[:1] + ratios[2:] == [1.0] * (VIEWS - 1)
 
 
+@pytest.mark.slow
 def test_the_model_beats_the_hull(modelled: list[CaptureContext]) -> None:
     entry = load_catalogue(Path(str(modelled[0].capture.frames)).parents[2] / "catalogue.yaml").object("fish")
     found = evaluate_model(entry, modelled)
@@ -71,6 +72,7 @@ def test_the_model_beats_the_hull(modelled: list[CaptureContext]) -> None:
     assert ours.f_scores[1] > 0.38 > hull.f_scores[1]
 
 
+@pytest.mark.slow
 def test_the_model_is_exported_beside_its_captures(modelled: list[CaptureContext], tmp_path: Path) -> None:
     export(Location.parse(modelled[0].store), "fish", tmp_path / "fish")
     report = json.loads((tmp_path / "fish" / "model.json").read_text())
@@ -86,12 +88,14 @@ def test_the_model_is_exported_beside_its_captures(modelled: list[CaptureContext
     assert (tmp_path / "fish" / "model.png").stat().st_size > 1000
 
 
+@pytest.mark.slow
 def test_a_model_that_is_there_is_not_made_again(modelled: list[CaptureContext]) -> None:
     assert perform_model(modelled, model_key(modelled)).cached
     found = up_to_date_records(modelled)
     assert found is not None and found[0].stages[WHOLE_OBJECT]
 
 
+@pytest.mark.slow
 def test_another_pose_makes_another_model(modelled: list[CaptureContext]) -> None:
     moved = replace(modelled[2], capture=modelled[2].capture.model_copy(update={"pose": Pose(turntable=121.0)}))
     assert model_key([*modelled[:2], moved, *modelled[3:]]) != model_key(modelled)
@@ -120,6 +124,7 @@ def test_one_pose_among_several_captures_is_too_few(works: list[CaptureContext])
         perform_model(one, "key")
 
 
+@pytest.mark.slow
 def test_a_capture_without_pose_is_found_and_one_without_labels_named(works: list[CaptureContext]) -> None:
     failed = replace(works[1], capture=works[1].capture.model_copy(update={"id": "view-09"}))
     some = [without_pose(works[0]), *works[1:]]
@@ -134,6 +139,7 @@ def test_a_capture_without_pose_is_found_and_one_without_labels_named(works: lis
     assert np.cos(np.radians(outcome.record["turntable"]["angles"]["view-00"])) > np.cos(np.radians(4.0))
 
 
+@pytest.mark.slow
 def test_a_view_left_out_is_warned_of(works: list[CaptureContext]) -> None:
     wrong = replace(works[3], capture=works[3].capture.model_copy(update={"pose": Pose(turntable=215.0)}))
     outcome = model(once([*works[:3], wrong, *works[4:]]), lambda done, of: None)
