@@ -51,6 +51,7 @@ def modelled(works: list[CaptureContext]) -> list[CaptureContext]:
     return works
 
 
+@pytest.mark.slow
 def test_a_view_whose_sphere_contradicts_the_others_counts_less(works: list[CaptureContext]) -> None:
     by_name = {work.capture.id: work for work in works}
     doubt = StageWarning("the sphere lies elsewhere", "sphere", 8.0)
