@@ -1,6 +1,6 @@
 """One capture: a Prefect task that has its stages run by Dask workers, which report each."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -19,6 +19,7 @@ from glint.storage.errors import StoreUnreachable
 from glint.storage.inputs.preflight import check_inputs
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import StageRecord, perform, stage_keys
+from glint.tasks.engine.stage_function import ImportedFunction
 from glint.tasks.figures.capture_page import capture_page
 from glint.tasks.pipeline import NAMES, STAGES
 
@@ -63,13 +64,16 @@ def run_on_workers(capture: CaptureContext, reporter: TaskRunReporter) -> list[S
     context = run_context()
     keys, available = stage_keys(capture, STAGES), capacity(context.client)
 
-    def on_one_worker(stages: Sequence[str]) -> list[StageRecord]:
+    def on_one_worker(stages: Sequence[str], meanwhile: Callable[[], object] = lambda: None) -> list[StageRecord]:
         key = task_key(capture.name, f"{stages[0]}..{stages[-1]}")
         future = context.client.submit(run_stages, capture, stages, keys, available.bytes, pure=False, key=key)
+        meanwhile()
         records: list[StageRecord] = wait_for(future, capture.name, reporter)
         return records
 
-    records = on_one_worker(NAMES[:PARALLEL])
+    run = STAGES[PARALLEL].run
+    is_shared = available.workers > len(context.active) and isinstance(run, ImportedFunction)
+    records = on_one_worker(NAMES[:PARALLEL], run.load if is_shared else lambda: None)
     if len(context.active) >= available.workers:
         return records + on_one_worker(NAMES[PARALLEL:])
     return [*records, on_all_workers(capture, keys), *on_one_worker(NAMES[PARALLEL + 1 :])]

@@ -17,7 +17,8 @@ from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import load_catalogue
 from glint.tasks.engine.stage import perform, stage_keys
 from glint.tasks.evaluation.models import evaluate_model
-from glint.tasks.model.model import model, model_key, perform_model, wants_model
+from glint.tasks.model.model import model, perform_model
+from glint.tasks.model.model_key import model_key, wants_model
 from glint.tasks.pipeline import STAGES
 from glint.tasks.publish import publish
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
