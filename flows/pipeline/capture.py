@@ -64,16 +64,16 @@ def run_on_workers(capture: CaptureContext, reporter: TaskRunReporter) -> list[S
     context = run_context()
     keys, available = stage_keys(capture, STAGES), capacity(context.client)
 
-    def on_one_worker(stages: Sequence[str], meanwhile: Callable[[], object] = lambda: None) -> list[StageRecord]:
+    def on_one_worker(stages: Sequence[str], prepare: Callable[[], None] | None = None) -> list[StageRecord]:
         key = task_key(capture.name, f"{stages[0]}..{stages[-1]}")
         future = context.client.submit(run_stages, capture, stages, keys, available.bytes, pure=False, key=key)
-        meanwhile()
+        if prepare is not None:  # while the worker is busy
+            prepare()
         records: list[StageRecord] = wait_for(future, capture.name, reporter)
         return records
 
-    run = STAGES[PARALLEL].run
-    is_shared = available.workers > len(context.active) and isinstance(run, ImportedFunction)
-    records = on_one_worker(NAMES[:PARALLEL], run.load if is_shared else lambda: None)
+    has_idle = len(context.active) < available.workers
+    records = on_one_worker(NAMES[:PARALLEL], _import_parallel if has_idle else None)
     if len(context.active) >= available.workers:
         return records + on_one_worker(NAMES[PARALLEL:])
     return [*records, on_all_workers(capture, keys), *on_one_worker(NAMES[PARALLEL + 1 :])]
@@ -92,3 +92,10 @@ def on_all_workers(capture: CaptureContext, keys: Mapping[str, str]) -> StageRec
     for event in end_events(capture.name, record):
         context.emit(event)
     return record
+
+
+def _import_parallel() -> None:
+    """Import the function of the stage that may run in this process, which takes seconds."""
+    run = STAGES[PARALLEL].run
+    if isinstance(run, ImportedFunction):
+        run.load()

@@ -24,7 +24,7 @@ from glint.tasks.engine.references import chosen_captures, load_catalogue
 STAGGER_SECONDS = 0.3
 """Delay between the first flow runs. SQLite rejects one of two concurrent writers, and its client then backs off for
 two seconds."""
-PROGRESS_SECONDS = 5.0
+RUN_PROGRESS_SECONDS = 5.0
 """Interval at which the dashboard shows how far the run is."""
 
 
@@ -134,7 +134,7 @@ def _run(captures: ObjectCaptures, drift: float | None) -> ObjectResult:
 def _results(futures: Sequence[Future[ObjectResult]], context: RunContext, name: str) -> list[ObjectResult]:
     """Wait for the objects; a bar on the dashboard shows how far the run is and how long it still takes."""
     bar: Any = None
-    while wait(futures, PROGRESS_SECONDS, FIRST_EXCEPTION).not_done:
+    while wait(futures, RUN_PROGRESS_SECONDS, FIRST_EXCEPTION).not_done:
         if any(future.done() and future.exception() is not None for future in futures):
             break
         with suppress(Exception):  # a server that is unreachable for a while must not stop the run
