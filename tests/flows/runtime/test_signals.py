@@ -18,6 +18,14 @@ GLINT = [sys.executable, "-c", "from glint.flows.cli.main import main; main()", 
 ROOT = Path(__file__).parents[3]
 
 
+def catches_signals(pid: int) -> bool:
+    """Whether a process has a handler of SIGTERM, which Python itself does not install."""
+    caught = next(
+        line for line in Path(f"/proc/{pid}/status").read_text().splitlines() if line.startswith("SigCgt")
+    ).split()[1]
+    return bool(int(caught, 16) >> (signal.SIGTERM - 1) & 1)
+
+
 @pytest.mark.parametrize(
     ("number", "moment"), [(signal.SIGTERM, "start"), (signal.SIGTERM, "stage"), (signal.SIGINT, "stage")]
 )
@@ -32,6 +40,8 @@ def test_a_run_that_is_asked_to_stop_leaves_nothing(
     )  # fmt: skip
     assert process.stdout is not None
     if moment == "start":
+        while not catches_signals(process.pid):
+            time.sleep(0.005)
         time.sleep(1.5)
     else:
         for line in process.stdout:
@@ -44,14 +54,6 @@ def test_a_run_that_is_asked_to_stop_leaves_nothing(
     psutil.wait_procs(family, 30)
     # The server outlives every run; what else is left would be a worker.
     assert not [each for each in family if each.is_running() and "uvicorn" not in each.cmdline()]
-
-
-def catches_signals(pid: int) -> bool:
-    """Whether a process has a handler of SIGTERM, which Python itself does not install."""
-    caught = next(
-        line for line in Path(f"/proc/{pid}/status").read_text().splitlines() if line.startswith("SigCgt")
-    ).split()[1]
-    return bool(int(caught, 16) >> (signal.SIGTERM - 1) & 1)
 
 
 @pytest.mark.parametrize("seconds", [0.0, 0.2, 0.6, 1.5, 3.0, 5.0])
