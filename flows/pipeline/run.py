@@ -72,12 +72,12 @@ def run(
         if notice := server.notice():
             console.emit(Message(notice))
         return Summary(RunResult("", tuple(unchanged.values()), time.monotonic() - started), server.link())
-    waiting = "the dashboard's server and " if server.started else ""
-    console.emit(Message(f"starting {waiting}" + (f"{busy} worker processes" if scheduler is None else "the run")))
+    awaited = ["the dashboard's server"] * server.started + ["worker processes"] * (scheduler is None)
+    console.emit(Message(f"starting {' and '.join(awaited) or 'the run'}"))
     # Server and cluster start side by side while this process imports the rest.
-    from glint.flows.runtime.dask_cluster import Cluster
+    from glint.flows.runtime.dask_cluster import CPU_COUNT, Cluster
 
-    with Cluster(scheduler, busy, PRELOADED) as cluster:
+    with Cluster(scheduler, min(busy, workers or CPU_COUNT), PRELOADED) as cluster:
         from glint.flows.pipeline.catalogue import run_whole_catalogue
         from glint.flows.pipeline.context import activate
         from glint.flows.runtime.orphaned_runs import mark_orphaned_crashed, mark_own_crashed, tagged_with_process

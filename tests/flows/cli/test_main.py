@@ -56,7 +56,7 @@ def test_a_run_from_video_to_files(place: Path, home: Path) -> None:
     address = r"http://127.0.0.1:\d+"
     reading, starting, dashboard = first.stderr.splitlines()[:3]
     assert reading == "reading catalogue.yaml and what glint-store holds of it"
-    assert re.fullmatch(r"starting the dashboard's server and \d+ worker processes", starting)
+    assert starting == "starting the dashboard's server and worker processes"
     assert re.fullmatch(rf"dashboard {address}/glint/#\S+, workers \d+, Dask's dashboard {address}/status", dashboard)
     second = glint("run", "catalogue.yaml", "--only", "hemisphere/front", "--json", folder=place, home=home)
     events = [json.loads(line) for line in second.stdout.splitlines()]
