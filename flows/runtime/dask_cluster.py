@@ -51,7 +51,6 @@ SETTINGS = {
     "distributed.scheduler.worker-ttl": None,
     # The stages of a capture may be queued at a busy worker; an idle one takes them over at once.
     "distributed.scheduler.work-stealing-interval": "100ms",
-    # Workers are forked from a process that has imported the libraries once for all of them.
     "distributed.worker.multiprocessing-method": "forkserver",
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
@@ -70,8 +69,8 @@ SETTINGS = {
 """Settings of Dask; deploy/ repeats them in the environment of its containers."""
 
 FORKED = ("distributed", "open3d", "glint.tasks.warm_up")
-"""Modules that are imported once, before workers are forked: the large ones that start no threads. A fork does not copy
-threads, so that icechunk and obstore, whose threads start when they are imported, are imported by each worker."""
+"""Modules that are imported before workers are forked: the large ones whose import, unlike icechunk's, starts no
+threads, which a fork does not copy."""
 
 WEBSOCKET_ORIGINS = "distributed.scheduler.dashboard.bokeh-application.allow_websocket_origin"
 """Setting of Dask: the origins whose pages may read its dashboard, all of them by default."""
