@@ -73,7 +73,9 @@ class TimeLeft:
                 event = replace(event, seconds_left=_rounded(self._left(self._captures[event.capture], now)))
             is_end = isinstance(event, CaptureEnded | CaptureFailed) and event.capture in self._expected
             is_due = bool(self._captures) and now - self._reported >= MIN_SECONDS
-            report = self._report(now) if len(self._expected) > 1 and (is_end or is_due) else None
+            is_cached = isinstance(event, CaptureEnded) and bool(event.cached)
+            is_reported = len(self._expected) > 1 and (is_due or (is_end and not is_cached))
+            report = self._report(now) if is_reported else None
         yield event
         if report is not None:
             yield report
