@@ -1,10 +1,10 @@
-# make demo: see it work. make test: check it as the continuous integration does.
+# make demo: see it work. make test: check it as the continuous integration does. make bench: measure its speed.
 
 PYTHON := .venv/bin/python
 SHARE := not slow
 UNITS := tests/tasks/algorithms tests/tasks/engine/test_parameters.py tests/storage
 
-.PHONY: demo test test-unit test-all lint format setup requirements clean
+.PHONY: demo test test-unit test-all bench lint format setup requirements clean
 
 demo: .venv/ready
 	.venv/bin/glint demo
@@ -18,6 +18,12 @@ test-unit: .venv/ready
 
 test-all: lint
 	$(PYTHON) -m pytest -q
+
+# Ratios within one run, each beside its bar; minutes on a quiet machine.
+bench: .venv/ready
+	$(PYTHON) -m tests.benchmarks.startup
+	$(PYTHON) -m tests.benchmarks.pipeline_speed --repeat 1
+	$(PYTHON) -m tests.benchmarks.orchestration --captures 8 --frames 500
 
 lint: .venv/ready
 	$(PYTHON) -m ruff check

@@ -1,15 +1,15 @@
 """How captures, objects and runs ended."""
 
 from dataclasses import dataclass
-from typing import Any
-
-from prefect.client.schemas.objects import State
-from prefect.states import Completed, Failed
+from typing import TYPE_CHECKING, Any
 
 from glint.storage.versions.repository import Version
 from glint.tasks.engine.stage import StageRecord
 from glint.tasks.engine.stage_warning import by_cost
 from glint.tasks.version_diff import Drift
+
+if TYPE_CHECKING:
+    from prefect.client.schemas.objects import State
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,11 +80,13 @@ class RunResult:
         return [drift for result in self.objects for drift in result.drifts]
 
 
-def final_state(captures: list[CaptureResult], done: str, result: Any) -> State[Any]:
+def final_state(captures: list[CaptureResult], done: str, result: Any) -> "State[Any]":
     """Return the state of a flow run that has processed all these captures, with its result.
 
     Completed, PartiallyCompleted or Failed; the message says how many captures failed, and why the first of them did.
     """
+    from prefect.states import Completed, Failed
+
     failed = [capture for capture in captures if capture.error]
     if not failed:
         return Completed(message=done, data=result)
@@ -94,7 +96,7 @@ def final_state(captures: list[CaptureResult], done: str, result: Any) -> State[
     return Failed(message=message, name=name, data=result)
 
 
-def result_of(state: State[Any]) -> Any:
+def result_of(state: "State[Any]") -> Any:
     """Return the result that a flow run left in its final state, whatever that state is.
 
     Raises:

@@ -5,22 +5,17 @@ from collections.abc import Callable, Mapping, Sequence
 from glint.storage.versions.array_schema import ArraySchema
 from glint.tasks.engine import parameters
 from glint.tasks.engine.stage import CaptureSize, Stage
-from glint.tasks.stages.clusters import TILE_BYTES, clusters
-from glint.tasks.stages.depth import depth
-from glint.tasks.stages.frames import frames
-from glint.tasks.stages.labels import labels
-from glint.tasks.stages.lights import lights
-from glint.tasks.stages.markup import markup
-from glint.tasks.stages.mask import mask
-from glint.tasks.stages.silhouette import silhouette
-from glint.tasks.stages.surface import surface
-from glint.tasks.stages.survey import survey
-from glint.tasks.stages.thresholds import thresholds
+from glint.tasks.engine.stage_function import ImportedFunction
+from glint.tasks.engine.tiles import TILE_BYTES
 
 SHARDS_HELD = 5
 """Shards of 64 frames that are held while frames are decoded, compressed and written."""
 TILES_HELD = 3
 """Times the bytes of a tile's frames that clustering a tile takes."""
+
+
+def _function(stage: str) -> ImportedFunction:
+    return ImportedFunction(f"glint.tasks.stages.{stage}", stage)
 
 
 def _per_pixel(peak_bytes: int) -> Callable[[CaptureSize], int]:
@@ -34,7 +29,7 @@ def _frames_bytes(size: CaptureSize) -> int:
 STAGES = (
     Stage(
         "survey",
-        survey,
+        _function("survey"),
         parameters.SurveyParameters,
         catalogue_keys=("spheres", "region", "pixel_size", "camera"),
         files=("frames", "mask", "lights"),
@@ -43,7 +38,7 @@ STAGES = (
     ),
     Stage(
         "frames",
-        frames,
+        _function("frames"),
         parameters.FramesParameters,
         reads=("survey",),
         files=("frames",),
@@ -54,7 +49,7 @@ STAGES = (
     ),
     Stage(
         "lights",
-        lights,
+        _function("lights"),
         parameters.LightsParameters,
         reads=("survey", "frames"),
         files=("lights",),
@@ -71,7 +66,7 @@ STAGES = (
     ),
     Stage(
         "mask",
-        mask,
+        _function("mask"),
         parameters.MaskParameters,
         reads=("survey", "frames"),
         files=("mask",),
@@ -81,7 +76,7 @@ STAGES = (
     ),
     Stage(
         "thresholds",
-        thresholds,
+        _function("thresholds"),
         parameters.ThresholdsParameters,
         reads=("frames", "mask"),
         arrays={"thresholds": ArraySchema("HW", "u")},
@@ -89,7 +84,7 @@ STAGES = (
     ),
     Stage(
         "markup",
-        markup,
+        _function("markup"),
         parameters.MarkupParameters,
         reads=("survey", "frames", "lights", "mask", "thresholds"),
         files=("markup",),
@@ -101,7 +96,7 @@ STAGES = (
     ),
     Stage(
         "silhouette",
-        silhouette,
+        _function("silhouette"),
         parameters.SilhouetteParameters,
         reads=("survey", "mask", "markup"),
         arrays={"rim": ArraySchema("HW", "b"), "initial": ArraySchema("HW3", "f", "mask")},
@@ -109,7 +104,7 @@ STAGES = (
     ),
     Stage(
         "clusters",
-        clusters,
+        _function("clusters"),
         parameters.ClustersParameters,
         reads=("survey", "frames", "lights", "mask", "thresholds"),
         arrays={
@@ -128,7 +123,7 @@ STAGES = (
     ),
     Stage(
         "labels",
-        labels,
+        _function("labels"),
         parameters.LabelsParameters,
         reads=("survey", "lights", "mask", "markup", "silhouette", "clusters"),
         arrays={
@@ -143,7 +138,7 @@ STAGES = (
     ),
     Stage(
         "depth",
-        depth,
+        _function("depth"),
         parameters.DepthParameters,
         reads=("survey", "mask", "labels"),
         arrays={"depth": ArraySchema("HW", "f", "mask"), "provenance": ArraySchema("HW", "u")},
@@ -152,7 +147,7 @@ STAGES = (
     ),
     Stage(
         "surface",
-        surface,
+        _function("surface"),
         parameters.SurfaceParameters,
         reads=("survey", "lights", "mask", "labels", "depth"),
         peak_bytes=_per_pixel(450),
@@ -169,3 +164,10 @@ SCHEMAS: Mapping[str, Mapping[str, ArraySchema]] = {stage.name: stage.arrays for
 def stages_until(last: str) -> Sequence[Stage]:
     """Return the stages up to the named one."""
     return STAGES[: NAMES.index(last) + 1]
+
+
+def warm_up() -> None:
+    """Import the functions of all stages; a worker does it while it waits for its first task."""
+    for stage in STAGES:
+        if isinstance(stage.run, ImportedFunction):
+            stage.run.load()

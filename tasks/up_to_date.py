@@ -7,8 +7,8 @@ from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.storage.versions.verification import verify_capture
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import StageRecord, cached_records, stage_keys
-from glint.tasks.model.model import STAGE, model_key, wants_model
-from glint.tasks.pipeline import STAGES
+from glint.tasks.model.model_key import STAGE, model_key, wants_model
+from glint.tasks.pipeline import NAMES, STAGES
 
 
 def up_to_date_records(contexts: Sequence[CaptureContext]) -> tuple[Version, dict[str, tuple[StageRecord, ...]]] | None:
@@ -24,6 +24,8 @@ def up_to_date_records(contexts: Sequence[CaptureContext]) -> tuple[Version, dic
     keys = dict[str, dict[str, str]]()
     for context in contexts:
         saved = repository.records(context.capture.id)
+        if not saved:  # before any file of the capture is read for its digest
+            return None
         records[context.capture.id] = cached_records(saved, stage_keys(context, STAGES))
         keys[context.capture.id] = {stage: key for stage, (key, _) in saved.items()}
         if not records[context.capture.id]:
@@ -40,3 +42,16 @@ def up_to_date_records(contexts: Sequence[CaptureContext]) -> tuple[Version, dic
     if any(verify_capture(repository, capture, ref).damages for capture in keys for ref in refs):
         return None
     return version, records
+
+
+def pending_stages(context: CaptureContext) -> tuple[str, ...]:
+    """Return the names of the stages of a capture that are not stored under their keys.
+
+    Raises:
+        InputError, StoreError: an input or the store cannot be read.
+    """
+    saved = context.repository.records(context.capture.id)
+    if not saved:
+        return NAMES
+    keys = stage_keys(context, STAGES)
+    return tuple(stage for stage, key in keys.items() if stage not in saved or saved[stage][0] != key)

@@ -17,7 +17,7 @@ MAY_IMPORT = {
     "glint.storage": {"glint.storage"},
 }
 ORDER = {
-    "glint.flows": "cli review deployments pipeline reporting runtime results errors",
+    "glint.flows": "cli review deployments pipeline object_captures reporting runtime results errors",
     "glint.storage": (
         "inbox maintenance export edits versions locking frames inputs catalogue footage locations seals fsync errors"
     ),

@@ -1,6 +1,6 @@
 """One capture: a Prefect task that has its stages run by Dask workers, which report each."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -19,6 +19,7 @@ from glint.storage.errors import StoreUnreachable
 from glint.storage.inputs.preflight import check_inputs
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import StageRecord, perform, stage_keys
+from glint.tasks.engine.stage_function import ImportedFunction
 from glint.tasks.figures.capture_page import capture_page
 from glint.tasks.pipeline import NAMES, STAGES
 
@@ -63,13 +64,16 @@ def run_on_workers(capture: CaptureContext, reporter: TaskRunReporter) -> list[S
     context = run_context()
     keys, available = stage_keys(capture, STAGES), capacity(context.client)
 
-    def on_one_worker(stages: Sequence[str]) -> list[StageRecord]:
+    def on_one_worker(stages: Sequence[str], prepare: Callable[[], None] | None = None) -> list[StageRecord]:
         key = task_key(capture.name, f"{stages[0]}..{stages[-1]}")
         future = context.client.submit(run_stages, capture, stages, keys, available.bytes, pure=False, key=key)
+        if prepare is not None:  # while the worker is busy
+            prepare()
         records: list[StageRecord] = wait_for(future, capture.name, reporter)
         return records
 
-    records = on_one_worker(NAMES[:PARALLEL])
+    has_idle = len(context.active) < available.workers
+    records = on_one_worker(NAMES[:PARALLEL], _import_parallel if has_idle else None)
     if len(context.active) >= available.workers:
         return records + on_one_worker(NAMES[PARALLEL:])
     return [*records, on_all_workers(capture, keys), *on_one_worker(NAMES[PARALLEL + 1 :])]
@@ -88,3 +92,10 @@ def on_all_workers(capture: CaptureContext, keys: Mapping[str, str]) -> StageRec
     for event in end_events(capture.name, record):
         context.emit(event)
     return record
+
+
+def _import_parallel() -> None:
+    """Import the function of the stage that may run in this process, which takes seconds."""
+    run = STAGES[PARALLEL].run
+    if isinstance(run, ImportedFunction):
+        run.load()

@@ -2,17 +2,19 @@
 
 import time
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
+from contextlib import suppress
 from typing import Any
 
 from prefect import flow, runtime
 from prefect.client.schemas.objects import State
 
 from glint.flows.errors import USER_ERRORS
-from glint.flows.pipeline.context import run_context
-from glint.flows.pipeline.object import ObjectCaptures, failed_object, run_object, submit, up_to_date
+from glint.flows.object_captures import ObjectCaptures, up_to_date
+from glint.flows.pipeline.context import RunContext, run_context
+from glint.flows.pipeline.object import failed_object, run_object, submit
 from glint.flows.pipeline.preflight import report_input_errors
-from glint.flows.reporting.artifacts import create_catalogue_artifact
+from glint.flows.reporting.artifacts import create_catalogue_artifact, show_run_progress
 from glint.flows.reporting.events import CaptureEnded
 from glint.flows.results import ObjectResult, RunResult, final_state, result_of
 from glint.flows.runtime.retry import retry_on_disconnect
@@ -22,6 +24,8 @@ from glint.tasks.engine.references import chosen_captures, load_catalogue
 STAGGER_SECONDS = 0.3
 """Delay between the first flow runs. SQLite rejects one of two concurrent writers, and its client then backs off for
 two seconds."""
+RUN_PROGRESS_SECONDS = 5.0
+"""Interval at which the dashboard shows how far the run is."""
 
 
 def run_whole_catalogue(
@@ -65,17 +69,19 @@ def run_catalogue(
     started, run, context = time.monotonic(), str(runtime.flow_run.id), run_context()
     loaded = load_catalogue(catalogue)
     chosen = chosen_captures(loaded.objects, only)
-    report_input_errors(loaded, chosen, context)
+    report_input_errors(loaded, {name: ids for name, ids in chosen.items() if name not in context.unchanged}, context)
+    names = [f"{object_id}/{capture_id}" for object_id, ids in chosen.items() for capture_id in ids]
+    context.time_left.expect(names, [name for name in names if name.partition("/")[0] in context.unchanged])
     max_objects = context.max_captures
     with ThreadPoolExecutor(max_objects) as pool:
         futures = []
         for object_id, capture_ids in chosen.items():
             captures = ObjectCaptures.of(loaded, catalogue, object_id, capture_ids, store, run, rehash, adopt)
             futures.append(submit(pool, run_or_skip, captures, drift))
-            if len(futures) < max_objects:
+            if len(futures) < max_objects and object_id not in context.unchanged:
                 time.sleep(STAGGER_SECONDS)
         try:
-            objects = [future.result() for future in futures]
+            objects = _results(futures, context, name)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             context.cancel()
@@ -89,6 +95,8 @@ def run_or_skip(captures: ObjectCaptures, drift: float | None) -> ObjectResult:
     """Skip an object that is up to date, else run its flow; an error is this object's alone."""
     context = run_context()
     context.raise_if_cancelled()
+    if captures.object_id in context.unchanged:
+        return context.unchanged[captures.object_id]
     try:
         skipped = up_to_date(captures)
         if skipped is None:
@@ -121,6 +129,17 @@ def _run(captures: ObjectCaptures, drift: float | None) -> ObjectResult:
     if not isinstance(result, ObjectResult):
         raise RuntimeError(f"the flow run of {first.object_id} ended as {state.name}: {state.message}")
     return result
+
+
+def _results(futures: Sequence[Future[ObjectResult]], context: RunContext, name: str) -> list[ObjectResult]:
+    """Wait for the objects; a bar on the dashboard shows how far the run is and how long it still takes."""
+    bar: Any = None
+    while wait(futures, RUN_PROGRESS_SECONDS, FIRST_EXCEPTION).not_done:
+        if any(future.done() and future.exception() is not None for future in futures):
+            break
+        with suppress(Exception):  # a server that is unreachable for a while must not stop the run
+            bar = show_run_progress(bar, name, context.time_left.report())
+    return [future.result() for future in futures]
 
 
 def _summary(result: RunResult) -> str:

@@ -5,7 +5,7 @@ copy of the caller's context variables; without one `run_context` raises LookupE
 """
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -16,6 +16,9 @@ from distributed import Client
 from glint.flows.pipeline.prefect_sink import PrefectSink
 from glint.flows.reporting.events import TOPIC, Event, Sink, subscribe
 from glint.flows.reporting.input_reading import reading_shown
+from glint.flows.reporting.time_left import TimeLeft
+from glint.flows.results import ObjectResult
+from glint.tasks.pipeline import NAMES
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,15 +27,18 @@ class RunContext:
 
     client: Dask client for all threads of this process. prefect: shows events on the dashboard. sinks: receive every
     event besides. max_captures: captures processed at the same time, limited by the semaphore `slots`. active: names of
-    the captures in progress. cancelled: set when the run is cancelled.
+    the captures in progress. unchanged: results of objects that need no processing, as far as they are known.
+    time_left: how long captures and run still take. cancelled: set when the run is cancelled.
     """
 
     client: Client
     prefect: PrefectSink
     sinks: tuple[Sink, ...] = ()
     max_captures: int = 2
+    unchanged: Mapping[str, ObjectResult] = field(default_factory=dict)
     slots: threading.Semaphore = field(init=False)
     active: set[str] = field(default_factory=set)
+    time_left: TimeLeft = field(default_factory=lambda: TimeLeft(NAMES))
     cancelled: threading.Event = field(default_factory=threading.Event)
 
     def __post_init__(self) -> None:
@@ -41,9 +47,10 @@ class RunContext:
 
     def emit(self, event: Event) -> None:
         """Pass an event to all sinks."""
-        self.prefect.emit(event)
-        for sink in self.sinks:
-            sink.emit(event)
+        for shown in self.time_left.follow(event):
+            self.prefect.emit(shown)
+            for sink in self.sinks:
+                sink.emit(shown)
 
     def cancel(self) -> None:
         """Cancel the run: waiting for a worker fails at once, and no further capture begins."""
@@ -101,12 +108,15 @@ def run_context() -> RunContext:
 
 
 @contextmanager
-def activate(client: Client, *sinks: Sink) -> Iterator[RunContext]:
-    """Make a run context current: its flows use this client and report to these sinks and to Prefect."""
+def activate(client: Client, *sinks: Sink, unchanged: Mapping[str, ObjectResult] | None = None) -> Iterator[RunContext]:
+    """Make a run context current: its flows use this client and report to these sinks and to Prefect.
+
+    unchanged: results of objects that are known to need no processing; they have been reported.
+    """
     # One capture more than workers keeps them busy while another capture is between two tasks.
     max_captures = len(client.nthreads()) + 1
     with PrefectSink() as prefect:
-        context = RunContext(client, prefect, sinks, max_captures)
+        context = RunContext(client, prefect, sinks, max_captures, unchanged or {})
         subscribe(client, context.emit)
         token = _CURRENT.set(context)
         try:

@@ -14,7 +14,7 @@ from glint.storage.catalogue.models import MODEL
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import StageRecord
 from glint.tasks.figures.model_page import model_page
-from glint.tasks.model.model import model_key
+from glint.tasks.model.model_key import model_key
 
 
 @task(name="model", task_run_name="{name}", cache_policy=NO_CACHE, persist_result=False)

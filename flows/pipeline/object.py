@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -13,82 +13,28 @@ from prefect import flow, runtime
 from prefect.client.schemas.objects import State
 
 from glint.flows.errors import USER_ERRORS, message_and_remedy
+from glint.flows.object_captures import ObjectCaptures
 from glint.flows.pipeline.capture import process_capture
 from glint.flows.pipeline.context import run_context
 from glint.flows.pipeline.drift import report_drifts
 from glint.flows.pipeline.model import process_model
 from glint.flows.reporting.events import CaptureEnded, CaptureFailed, CaptureWarning, Message
 from glint.flows.results import CaptureResult, ObjectResult, final_state
-from glint.storage.catalogue.loading import Catalogue
 from glint.storage.catalogue.models import MODEL
 from glint.storage.errors import InputError
 from glint.storage.locking.locks import run_lock
-from glint.tasks.engine.capture_context import CaptureContext, with_edits
-from glint.tasks.engine.references import chosen_captures, load_catalogue
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.engine.references import load_catalogue
 from glint.tasks.engine.stage import StageRecord, stage_keys
-from glint.tasks.model.model import wants_model
+from glint.tasks.model.model_key import wants_model
 from glint.tasks.pipeline import STAGES
 from glint.tasks.publish import check_catalogue, publish
 from glint.tasks.sphere_agreement import sphere_offer, sphere_warnings, surveyed_spheres
-from glint.tasks.up_to_date import up_to_date_records
 from glint.tasks.version_diff import Drift, drifts
 
 SURVEY = STAGES[0]
 MAX_THREADS = 32
 """Captures of an object that may wait for a slot, each in a thread."""
-
-
-@dataclass(frozen=True, slots=True)
-class ObjectCaptures:
-    """Captures of one object: those chosen, and all of them.
-
-    catalogue: the address of the catalogue; n_captures: captures of its objects together; adopt: whether the object may
-    have been published from another catalogue.
-    """
-
-    chosen: tuple[CaptureContext, ...]
-    all: tuple[CaptureContext, ...]
-    catalogue: str
-    n_captures: int
-    adopt: bool = False
-
-    @classmethod
-    def of(
-        cls, catalogue: Catalogue, address: str, object_id: str, chosen: Sequence[str], store: str, run: str,
-        rehash: bool, adopt: bool = False,
-    ) -> "ObjectCaptures":  # fmt: skip
-        """Make the contexts of an object's captures; `chosen`: ids, none for all.
-
-        Raises:
-            InputError: the catalogue has no object or capture of that name.
-        """
-        only = [f"{object_id}/{capture_id}" for capture_id in chosen] or [object_id]
-        chosen = chosen_captures(catalogue.objects, only)[object_id]
-        contexts = tuple(
-            CaptureContext.of(catalogue, object_id, capture.id, store, run, rehash)
-            for capture in catalogue.object(object_id).captures
-        )
-        return cls(
-            tuple(context for context in contexts if context.capture.id in chosen),
-            contexts,
-            address,
-            sum(len(entry.captures) for entry in catalogue.objects),
-            adopt,
-        )
-
-    def with_edits(self) -> "ObjectCaptures":
-        """Return them with the edits of the store over their entries in the catalogue.
-
-        Raises:
-            StoreError, InputError: the edits cannot be read, or contradict the catalogue.
-        """
-        edited, names = with_edits(self.all), {context.capture.id for context in self.chosen}
-        return replace(self, chosen=tuple(item for item in edited if item.capture.id in names), all=edited)
-
-    @property
-    def object_id(self) -> str:
-        """The object's id."""
-        return self.all[0].object_id
 
 
 @flow(name="object", flow_run_name="{object_id}", validate_parameters=False, persist_result=False)
@@ -113,19 +59,6 @@ def run_object(
     result = process_object(ObjectCaptures.of(loaded, catalogue, object_id, captures, store, run, rehash, adopt), drift)
     done = "nothing" if result.version is None else f"{result.version.name}: {len(result.captures)} captures"
     return final_state(list(result.captures), done, result)
-
-
-def up_to_date(captures: ObjectCaptures) -> ObjectResult | None:
-    """Return the result of an object that needs no processing; None if it does, or if its state cannot be read."""
-    try:
-        stored = up_to_date_records(captures.with_edits().chosen)
-    except USER_ERRORS:
-        return None
-    if stored is None:
-        return None
-    version, records = stored
-    results = (CaptureResult(each_id, name, 0.0, records[name]) for each_id, name in _ids(captures))
-    return ObjectResult(captures.object_id, tuple(results), version)
 
 
 def process_object(captures: ObjectCaptures, drift: float | None) -> ObjectResult:
@@ -234,7 +167,7 @@ def run_reported(object_id: str, capture_id: str, process: Callable[[], Sequence
 def failed_object(captures: ObjectCaptures, failure: Exception) -> ObjectResult:
     """Return the result of an object none of whose captures could be processed or published."""
     error, remedy = message_and_remedy(failure)
-    results = tuple(CaptureResult(each_id, name, 0.0, (), error, remedy) for each_id, name in _ids(captures))
+    results = tuple(CaptureResult(each_id, name, 0.0, (), error, remedy) for each_id, name in captures.ids)
     for result in results:
         run_context().emit(CaptureFailed(result.name, f"{error}: {remedy}"))
     return ObjectResult(captures.object_id, results)
@@ -244,7 +177,3 @@ def submit[**P, R](pool: ThreadPoolExecutor, function: Callable[P, R], *args: P.
     """Run a function in a thread that has the run context and the flow run of this one."""
     call: Callable[[], Any] = partial(function, *args, **kwargs)
     return pool.submit(contextvars.copy_context().run, call)
-
-
-def _ids(captures: ObjectCaptures) -> list[tuple[str, str]]:
-    return [(context.object_id, context.capture.id) for context in captures.chosen]

@@ -18,7 +18,14 @@ from prefect.context import TaskRunContext
 from glint.flows.errors import message_and_remedy
 from glint.flows.pipeline.stage_runs import StageRun
 from glint.flows.reporting.artifacts import artifact_key
-from glint.flows.reporting.events import CaptureWarning, Event, StageEnded, StageProgress, StageStarted
+from glint.flows.reporting.events import (
+    CaptureWarning,
+    Event,
+    StageEnded,
+    StageProgress,
+    StageStarted,
+    left_in_words,
+)
 
 RUNNING_SECONDS = 1.0
 """A stage that takes longer is shown while it runs; a shorter one appears when it has ended, at half the cost."""
@@ -104,11 +111,12 @@ class TaskRunReporter:
         if not event.total or now - self._updated < ARTIFACT_SECONDS:
             return
         self._updated, percent = now, min(100.0, 100.0 * event.done / event.total)
+        text = event.stage + left_in_words(event.seconds_left)
         if self._bar is None:
             key = artifact_key(f"{self._capture} progress")
-            self._bar = self._context.run(create_progress_artifact, percent, key=key, description=event.stage)
+            self._bar = self._context.run(create_progress_artifact, percent, key=key, description=text)
         else:
-            self._context.run(update_progress_artifact, self._bar, percent, description=event.stage)
+            self._context.run(update_progress_artifact, self._bar, percent, description=text)
 
 
 class PrefectSink(AbstractContextManager["PrefectSink"]):

@@ -1,11 +1,14 @@
 """A whole run: start server and cluster while the catalogue is read, run its flow, and summarise the result."""
 
+import os
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from glint.flows.reporting.events import Message, Sink
+from glint.flows.reporting.events import CaptureEnded, Message, Sink
+from glint.flows.reporting.input_reading import reading_shown
 from glint.flows.runtime import signals
 from glint.flows.runtime.prefect_server import start_server
 
@@ -37,22 +40,44 @@ def run(
     Raises:
         CatalogueError, InputError: the catalogue is unusable; RunningError: server or cluster are.
     """
+    started = time.monotonic()
+    console.emit(Message(f"reading {catalogue} and what {store} holds of it"))
+    from glint.flows.object_captures import ObjectCaptures, unchanged_objects
+    from glint.flows.results import ObjectResult, RunResult
     from glint.storage.locations.conditional_writes import check_conditional_writes
     from glint.storage.locations.location import Location
     from glint.storage.maintenance.disk_space import DISK_SPACE_REMEDY
     from glint.tasks.engine.references import chosen_captures, load_catalogue
 
-    location = Location.parse(store)
-    chosen = chosen_captures(load_catalogue(catalogue).objects, only)
+    location, loaded = Location.parse(store), load_catalogue(catalogue)
+    chosen = chosen_captures(loaded.objects, only)
     check_conditional_writes(location)
     server = start_server()
     warning = _disk_space_warning(location, chosen)
     if warning:
         console.emit(Message(f"{warning}: {DISK_SPACE_REMEDY}"))
-    # Server and cluster start side by side while this process imports the rest.
-    from glint.flows.runtime.dask_cluster import Cluster
 
-    with Cluster(scheduler, workers, PRELOADED) as cluster:
+    def report(result: ObjectResult) -> None:
+        signals.raise_if_interrupted()
+        for capture in result.captures:
+            console.emit(CaptureEnded(capture.name, 0.0, cached=True))
+
+    objects = (
+        ObjectCaptures.of(loaded, str(catalogue), object_id, captures, location.uri, "", rehash, adopt)
+        for object_id, captures in chosen.items()
+    )
+    with reading_shown(console.emit):
+        unchanged, busy = unchanged_objects(objects, workers or os.cpu_count() or 1, report)
+    if not busy:
+        if notice := server.notice():
+            console.emit(Message(notice))
+        return Summary(RunResult("", tuple(unchanged.values()), time.monotonic() - started), server.link())
+    awaited = ["the dashboard's server"] * server.started + ["worker processes"] * (scheduler is None)
+    console.emit(Message(f"starting {' and '.join(awaited) or 'the run'}"))
+    # Server and cluster start side by side while this process imports the rest.
+    from glint.flows.runtime.dask_cluster import CPU_COUNT, Cluster
+
+    with Cluster(scheduler, min(busy, workers or CPU_COUNT), PRELOADED) as cluster:
         from glint.flows.pipeline.catalogue import run_whole_catalogue
         from glint.flows.pipeline.context import activate
         from glint.flows.runtime.orphaned_runs import mark_orphaned_crashed, mark_own_crashed, tagged_with_process
@@ -65,7 +90,7 @@ def run(
         with server.connected(), tagged_with_process():
             mark_orphaned_crashed()
             signals.raise_if_interrupted()
-            with activate(cluster.client, console):
+            with activate(cluster.client, console, unchanged=unchanged):
                 result = retry_on_disconnect(run_whole_catalogue, str(catalogue), store, only, rehash, drift, adopt)
             mark_own_crashed()
         if notice := server.notice():

@@ -15,7 +15,6 @@ from glint.flows.reporting.events import (
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import StageRecord, perform
 from glint.tasks.memory import largest_need
-from glint.tasks.model.model import perform_model
 from glint.tasks.pipeline import BY_NAME
 
 PROGRESS_SECONDS = 0.5
@@ -52,6 +51,8 @@ def run_stages(
 @sent_from_worker()
 def run_model_stage(captures: Sequence[CaptureContext], key: str, name: str, stage: str) -> StageRecord:
     """Run the model stage of an object on a Dask worker, and publish its events as those of `name`."""
+    from glint.tasks.model.model import perform_model
+
     emit = publish_from_worker()
     emit(StageStarted(name, stage))
     record = perform_model(captures, key, ProgressThrottle(emit, name, stage, interval=PROGRESS_SECONDS))

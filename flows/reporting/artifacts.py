@@ -4,8 +4,14 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from prefect.artifacts import create_markdown_artifact, create_table_artifact
+from prefect.artifacts import (
+    create_markdown_artifact,
+    create_progress_artifact,
+    create_table_artifact,
+    update_progress_artifact,
+)
 
+from glint.flows.reporting.events import RunProgress, sentence
 from glint.flows.results import CaptureResult, ObjectResult, RunResult
 from glint.tasks.figures.markdown import plain
 
@@ -28,6 +34,15 @@ def create_catalogue_artifact(name: str, result: RunResult) -> None:
     )
     if result.failed:
         create_markdown_artifact(problems_page(result.failed), key=artifact_key(f"problems {name}"))
+
+
+def show_run_progress(bar: Any, name: str, progress: RunProgress) -> Any:
+    """Put the run's progress beside its flow run, or bring it up to date; return the bar to be given next time."""
+    percent = 100.0 * progress.done / max(1, progress.total)
+    if bar is None:
+        return create_progress_artifact(percent, key=artifact_key(f"progress {name}"), description=sentence(progress))
+    update_progress_artifact(bar, percent, description=sentence(progress))
+    return bar
 
 
 def problems_page(failed: Sequence[CaptureResult]) -> str:

@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, suppress
 from dataclasses import asdict
 from typing import IO, Protocol, Self
 
-from glint.flows.reporting.events import Event, Sink, StageProgress, StageStarted, sentence
+from glint.flows.reporting.events import Event, RunProgress, Sink, StageProgress, StageStarted, sentence
 from glint.storage.errors import printable
 
 
@@ -63,8 +63,8 @@ class PlainLines(AbstractContextManager["PlainLines"]):
     def emit(self, event: Event) -> None:
         """Write the event's line."""
         with self._lock:
-            if isinstance(event, StageStarted | StageProgress):
-                now, key = time.monotonic(), (event.capture, event.stage)
+            if isinstance(event, StageStarted | StageProgress | RunProgress):
+                now, key = time.monotonic(), (event.capture, getattr(event, "stage", ""))
                 if now - self._written.setdefault(key, now) < self._interval:
                     return
                 self._written[key] = now

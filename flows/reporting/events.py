@@ -32,7 +32,10 @@ class StageStarted:
 
 @dataclass(frozen=True, slots=True)
 class StageProgress:
-    """`done` of `total` units (None: unknown) of a stage are done after `seconds`."""
+    """`done` of `total` units (None: unknown) of a stage are done after `seconds`.
+
+    seconds_left: until the capture ends, None as long as it is not known.
+    """
 
     kind: ClassVar[str] = "progress"
     capture: str
@@ -41,6 +44,7 @@ class StageProgress:
     total: int | None = None
     seconds: float = 0.0
     unit: str = "parts"
+    seconds_left: float | None = None
 
     @property
     def rate(self) -> float | None:
@@ -95,6 +99,17 @@ class CaptureWarning:
 
 
 @dataclass(frozen=True, slots=True)
+class RunProgress:
+    """`done` of a run's captures have ended; seconds_left: until all have, None as long as it is not known."""
+
+    kind: ClassVar[str] = "run"
+    done: int
+    total: int
+    seconds_left: float | None = None
+    capture: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Message:
     """Anything else that is reported, about a capture or the whole run."""
 
@@ -103,7 +118,9 @@ class Message:
     capture: str = ""
 
 
-type Event = StageStarted | StageProgress | StageEnded | CaptureEnded | CaptureFailed | CaptureWarning | Message
+type Event = (
+    StageStarted | StageProgress | StageEnded | CaptureEnded | CaptureFailed | CaptureWarning | RunProgress | Message
+)
 _TYPES: dict[str, type[Event]] = {
     event_type.__name__: event_type
     for event_type in (StageStarted, StageProgress, StageEnded, CaptureEnded, CaptureFailed, CaptureWarning, Message)
@@ -161,6 +178,8 @@ def sentence(event: Event) -> str:
             parts.append(counted(event))
         case StageEnded() | CaptureEnded():
             parts.append("up to date" if event.cached else f"done in {event.seconds:.1f} s")
+        case RunProgress():
+            parts.append(f"{event.done} of {event.total} captures")
         case Message():
             parts.append(event.text)
         case _:
@@ -168,7 +187,20 @@ def sentence(event: Event) -> str:
     rate = getattr(event, "rate", None)
     if rate is not None:
         parts.append(f"{rate:.0f} frames/s")
-    return printable("  ".join(part for part in parts if part))
+    text = "  ".join(part for part in parts if part)
+    return printable(text + left_in_words(getattr(event, "seconds_left", None)))
+
+
+def left_in_words(seconds: float | None) -> str:
+    """Return `, about 40 s left`, in round numbers; empty if it is not known or less than a second."""
+    if seconds is None or seconds < 1.0:
+        return ""
+    for unit, unit_s in (("h", 3600.0), ("min", 60.0)):
+        if seconds >= 1.5 * unit_s:
+            count = seconds / unit_s
+            return f", about {count:.{int(unit == 'h')}f} {unit} left"
+    step = 1.0 if seconds < 10.0 else 5.0
+    return f", about {step * round(seconds / step):.0f} s left"
 
 
 def counted(event: StageStarted | StageProgress) -> str:

@@ -34,13 +34,14 @@ def running_rows(store: str) -> list[dict[str, Any]]:
             stages = _stage_names(client, captures, states)
     for run in captures:
         artifact, stage = progress.get(run.id), stages.get(run.id)
-        if artifact is not None and stage not in (None, artifact.description):
-            artifact = None  # of an earlier stage
+        shown = "" if artifact is None else str(artifact.description).partition(", ")[0]  # the time left follows
+        if artifact is not None and stage not in (None, shown):
+            artifact, shown = None, ""  # of an earlier stage
         rows.append(
             {
                 "running": run.name,
                 "type": "capture",
-                "stage": stage or ("" if artifact is None else artifact.description),
+                "stage": stage or shown,
                 "progress": "" if artifact is None else f"{float(artifact.data):.0f}%",
                 "since": _time(run.start_time),
             }

@@ -25,6 +25,7 @@ from distributed import Client, LocalCluster, Security, Worker
 from distributed.deploy.spec import close_clusters
 from distributed.diagnostics.plugin import WorkerPlugin
 from distributed.system import MEMORY_LIMIT
+from distributed.utils import get_mp_context
 
 from glint.flows.errors import ClusterError
 from glint.flows.runtime.environment import prepare_environment
@@ -50,6 +51,7 @@ SETTINGS = {
     "distributed.scheduler.worker-ttl": None,
     # The stages of a capture may be queued at a busy worker; an idle one takes them over at once.
     "distributed.scheduler.work-stealing-interval": "100ms",
+    "distributed.worker.multiprocessing-method": "forkserver",
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.pause": False,
@@ -65,6 +67,10 @@ SETTINGS = {
     "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 16 << 20,
 }
 """Settings of Dask; deploy/ repeats them in the environment of its containers."""
+
+FORKED = ("distributed", "open3d", "glint.tasks.warm_up")
+"""Modules that are imported before workers are forked: the large ones whose import, unlike icechunk's, starts no
+threads, which a fork does not copy."""
 
 WEBSOCKET_ORIGINS = "distributed.scheduler.dashboard.bokeh-application.allow_websocket_origin"
 """Setting of Dask: the origins whose pages may read its dashboard, all of them by default."""
@@ -202,6 +208,7 @@ class Cluster:
         dashboard = _free_address()
         dask.config.set(SETTINGS)
         dask.config.set({WEBSOCKET_ORIGINS: [dashboard], LOST_WORKER: "1 day"})
+        get_mp_context().set_forkserver_preload([*FORKED])
         self._cluster = LocalCluster(
             n_workers=self._workers,
             threads_per_worker=1,

@@ -15,6 +15,7 @@ import zarr
 from glint.storage.catalogue.models import Region
 from glint.storage.errors import InputError, StoreError
 from glint.storage.footage.source import Footage
+from glint.storage.frames.errors import DamagedFrames
 from glint.storage.frames.ingest import check_crops, open_group, write_frames, writer_lock
 from glint.storage.frames.layout import LAYOUT_VERSION, chunks_of, metadata_digests, open_array
 from glint.storage.frames.shard_checksums import ShardStore
@@ -23,24 +24,10 @@ from glint.storage.locations.location import Location
 from glint.storage.seals import digest_of, is_sealed
 
 _ALL = slice(None)
-_REBUILD = "run again: the frames are taken from the video or images anew"
-
 _UNREADABLE = (
     LookupError, ValueError, TypeError, AttributeError, RuntimeError, FileNotFoundError, ExceptionGroup,
 )  # fmt: skip
 """What zarr raises for arrays that are damaged, or that are no arrays."""
-
-
-class DamagedFrames(StoreError):
-    """Cached frames are not those that were written; the cache, `digest`, can be removed and filled again."""
-
-    def __init__(self, message: str, remedy: str = _REBUILD, digest: str = "") -> None:
-        super().__init__(message, remedy)
-        self.digest = digest
-
-    def __reduce__(self) -> Any:
-        """Pickle all fields."""
-        return type(self), (self.message, self.remedy, self.digest)
 
 
 def cache_digest(footage: str, crops: Mapping[str, Region]) -> str:

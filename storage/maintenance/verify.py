@@ -8,7 +8,8 @@ from functools import partial
 
 from glint.storage.edits.edits import Edits
 from glint.storage.errors import DamagedError, StoreError, StoreUnreachable
-from glint.storage.frames.cache import DamagedFrames, FrameCache
+from glint.storage.frames.cache import FrameCache
+from glint.storage.frames.errors import DamagedFrames
 from glint.storage.frames.eviction import cached_frames
 from glint.storage.frames.layout import SHARD
 from glint.storage.locations.location import Location

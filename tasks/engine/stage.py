@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from glint.storage.errors import InputError
-from glint.storage.frames.cache import DamagedFrames
+from glint.storage.frames.errors import DamagedFrames
 from glint.storage.frames.eviction import discard_frames
 from glint.storage.seals import digest_of
 from glint.storage.versions.array_schema import ArraySchema

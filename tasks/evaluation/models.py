@@ -19,7 +19,7 @@ from glint.tasks.algorithms.multiview.poisson import align_depth, merge_depth_ma
 from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.multiview.visual_hull import hull_model
 from glint.tasks.engine.capture_context import CaptureContext
-from glint.tasks.model.model import STAGE
+from glint.tasks.model.model_key import STAGE
 from glint.tasks.model.view_registration import view_of
 
 MODEL_METHODS = ("visual hull", "depths shifted to the hull", "glint")

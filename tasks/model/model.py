@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from glint.storage.seals import digest_of
 from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.reconstruction import (
@@ -16,40 +15,15 @@ from glint.tasks.algorithms.registration.registered_views import refine
 from glint.tasks.algorithms.registration.view_rejection import RejectedView
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import Progress, StageOutput, StageRecord, load_or_compute, no_progress
+from glint.tasks.model.model_key import STAGE, VERSION
 from glint.tasks.model.model_output import model_outcome
 from glint.tasks.model.view_registration import register_views, relabelled, unit_of_model
 from glint.tasks.sphere_agreement import deviating_spheres, surveyed_spheres
-
-STAGE, VERSION = "model", 4
-
-
-def wants_model(works: Sequence[CaptureContext]) -> bool:
-    """Return whether an object's captures are to be merged: there are several, and at least one has a pose."""
-    return len(works) > 1 and any(work.capture.pose is not None for work in works)
 
 
 def labelled(works: Sequence[CaptureContext]) -> list[CaptureContext]:
     """Return the captures whose labels are stored."""
     return [work for work in works if work.repository.stage_key(work.capture.id, "labels") is not None]
-
-
-def model_key(works: Sequence[CaptureContext]) -> str:
-    """Return the digest of all that determines the model: the captures' labels, poses and cameras, its parameters."""
-    first = works[0]
-    return digest_of(
-        {
-            "stage": STAGE,
-            "version": VERSION,
-            "parameters": first.parameters.model.model_dump(mode="json"),
-            "views": {
-                work.capture.id: [
-                    work.repository.stage_key(work.capture.id, "labels"),
-                    work.entry_digest(("pose", "camera", "pixel_size")),
-                ]
-                for work in works
-            },
-        }
-    )
 
 
 def perform_model(works: Sequence[CaptureContext], key: str, progress: Progress | None = None) -> StageRecord:

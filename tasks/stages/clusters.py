@@ -17,21 +17,17 @@ from glint.tasks.engine.parameters import ClustersParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
+from glint.tasks.engine.tiles import Tile, tiles_of
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.frames import open_frames
 from glint.tasks.stages.light_distance import load_near_light
 
 Mapper = Callable[[Callable[[Any, Any], Any], Iterable[Any], Any], Iterable[Any]]
 """Applies a function to tasks and to what they share, anywhere; yields the results in the tasks' order."""
-TILE_PX = 64
-TILE_BYTES = 96 << 20
-"""Most bytes of frames that one tile holds."""
 MIN_OBSERVED_SHARE = 0.3
 """Share of the object's pixels with a highlight below which the recording is too short or too dark."""
 MATTE_COST_DEG = 15.0
 """Error of normals that the silhouette alone gives, as in the evaluation."""
-
-Tile = tuple[slice, slice]
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,21 +88,6 @@ def cluster_tile(task: tuple[Tile, np.ndarray], shared: SharedInputs) -> Cluster
         separation=shared.parameters.separation,
         rings=shared.rings,
     )
-
-
-def tiles_of(shape: tuple[int, ...], pixel_bytes: int) -> Iterator[Tile]:
-    """Yield tiles of a region (H, W) of `pixel_bytes` over all frames: whole rows of chunks, or less for memory.
-
-    Chunks are 64 pixels wide; a video so long that one of them exceeds the memory of a tile is cut finer.
-    """
-    height, width = shape
-    tall = TILE_PX
-    while tall > 1 and tall * min(TILE_PX, width) * pixel_bytes > TILE_BYTES:
-        tall //= 2
-    wide = TILE_PX * max(1, min(-(-width // TILE_PX), TILE_BYTES // (tall * TILE_PX * pixel_bytes)))
-    for top in range(0, height, tall):
-        for left in range(0, width, wide):
-            yield slice(top, min(top + tall, height)), slice(left, min(left + wide, width))
 
 
 def empty_clusters(count: int, shape: tuple[int, ...]) -> Clusters:

@@ -21,7 +21,7 @@ from glint.tasks.algorithms.registration.pose_search import ambiguity, search_an
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import load_catalogue
 from glint.tasks.evaluation.models import load_registered_views
-from glint.tasks.model.model import STAGE
+from glint.tasks.model.model_key import STAGE
 
 
 def fits_of(view: View, model: Model, on_turntable: bool) -> list[PoseFit]:

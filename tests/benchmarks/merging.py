@@ -35,7 +35,8 @@ from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import load_catalogue
 from glint.tasks.engine.stage import perform, stage_keys
 from glint.tasks.evaluation.models import load_registered_views, load_true_mesh, without_steep_normals
-from glint.tasks.model.model import STAGE, model_key, perform_model
+from glint.tasks.model.model import perform_model
+from glint.tasks.model.model_key import STAGE, model_key
 from glint.tasks.pipeline import STAGES, warm_up
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
 

@@ -5,9 +5,9 @@ from pathlib import Path
 from glint.storage.catalogue.loading import load
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
+from glint.tasks.engine.tiles import TILE_BYTES
 from glint.tasks.memory import LOADED_BYTES, largest_need
 from glint.tasks.pipeline import TILES_HELD
-from glint.tasks.stages.clusters import TILE_BYTES
 
 
 def need(simulated: Path, store: Path, edge: int, bits: int = 8, frame: int = 4000) -> tuple[int, str]:

@@ -53,14 +53,17 @@ def place(tmp_path_factory: pytest.TempPathFactory, simulated: Path, home: Path)
 def test_a_run_from_video_to_files(place: Path, home: Path) -> None:
     first = glint("run", "catalogue.yaml", folder=place, home=home, check=1)
     assert "missing.mp4" in first.stdout and "->" in first.stdout and "v1" in first.stdout
+    address = r"http://127.0.0.1:\d+"
+    reading, starting, dashboard = first.stderr.splitlines()[:3]
+    assert reading == "reading catalogue.yaml and what glint-store holds of it"
+    assert starting == "starting the dashboard's server and worker processes"
+    assert re.fullmatch(rf"dashboard {address}/glint/#\S+, workers \d+, Dask's dashboard {address}/status", dashboard)
     second = glint("run", "catalogue.yaml", "--only", "hemisphere/front", "--json", folder=place, home=home)
     events = [json.loads(line) for line in second.stdout.splitlines()]
-    (message,) = [e["text"] for e in events if e["kind"] == "message"]
-    address = r"http://127.0.0.1:\d+"
-    assert re.fullmatch(rf"dashboard {address}/glint/#\S+, workers \d+, Dask's dashboard {address}/status", message)
+    assert [event["kind"] for event in events] == ["message", "capture", "summary"], "what is unchanged starts nothing"
     summary = events[-1]
     assert summary["kind"] == "summary" and [row["result"] for row in summary["captures"]] == ["up to date"]
-    assert all(event.get("cached", True) for event in events if event["kind"] == "stage")
+    assert re.fullmatch(rf"{address}/glint/#\S+", summary["page"])
     glint("export", "hemisphere", "--out", "out", folder=place, home=home)
     assert np.isfinite(np.load(place / "out" / "front" / "depth.npy")).any()
     assert "v1" in glint("history", "hemisphere", folder=place, home=home).stdout

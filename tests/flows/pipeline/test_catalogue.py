@@ -12,6 +12,7 @@ from prefect.client.orchestration import get_client
 from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterId, FlowRunFilterParentFlowRunId
 from prefect.client.schemas.objects import FlowRun
 
+import glint.flows.object_captures
 import glint.flows.pipeline.capture
 from glint.flows.pipeline.catalogue import run_catalogue
 from glint.flows.pipeline.context import activate
@@ -216,7 +217,7 @@ def test_what_cannot_be_foreseen_stays_with_its_object(run: Run, monkeypatch: py
             raise RuntimeError("nobody thought of this")
         raise StoreError("the store is away", "wait")
 
-    monkeypatch.setattr(glint.flows.pipeline.object, "up_to_date_records", broken)
+    monkeypatch.setattr(glint.flows.object_captures, "up_to_date_records", broken)
     state, _ = run("good")
     result = result_of(state)
     assert [each.object_id for each in result.failed] == ["a"] and "nobody thought" in result.failed[0].error

@@ -7,7 +7,14 @@ import pytest
 from rich.console import Console
 
 from glint.flows.reporting.console import JsonLines, PlainLines, open_console
-from glint.flows.reporting.events import CaptureEnded, CaptureWarning, StageEnded, StageProgress, StageStarted
+from glint.flows.reporting.events import (
+    CaptureEnded,
+    CaptureWarning,
+    RunProgress,
+    StageEnded,
+    StageProgress,
+    StageStarted,
+)
 from glint.flows.reporting.progress_bars import ProgressBars
 
 
@@ -38,6 +45,14 @@ def test_json_says_false_but_not_what_is_unknown() -> None:
     said = json.loads(stream.getvalue())
     del said["time"]
     assert said == {"kind": "capture", "capture": "glass/front", "seconds": 0.0, "cached": False}
+
+
+def test_json_says_what_is_left_of_the_run() -> None:
+    stream = io.StringIO()
+    JsonLines(stream).emit(RunProgress(2, 5, 40.0))
+    line = json.loads(stream.getvalue())
+    del line["time"]
+    assert line == {"kind": "run", "done": 2, "total": 5, "seconds_left": 40.0}
 
 
 def test_the_start_of_a_stage_is_progress_for_machines() -> None:
@@ -72,6 +87,14 @@ def test_bars_show_what_runs_and_leave_lines_of_what_ended() -> None:
         bars._progress.refresh()
         assert "1200/8000 frames  800 frames/s" in stream.getvalue()
         assert "glass/[front]" in stream.getvalue()
+        bars.emit(StageProgress("glass/[front]", "frames", 8000, 8000, 9.0, "frames", seconds_left=40.0))
+        bars.emit(StageEnded("glass/[front]", "frames", 9.0))
+        (bar,) = bars._progress.tasks
+        assert not bar.finished and bar.percentage < 10.0, "the bar is the capture's, and the clock goes on"
+        bars.emit(RunProgress(2, 5, 40.0))
+        bars._progress.refresh()
+        assert "2 of 5 captures, about 40 s left" in stream.getvalue()
+        bars._progress.remove_task(bars._progress.tasks[-1].id)
         bars.emit(CaptureEnded("glass/[front]", 4.0))
         bars.emit(StageProgress("glass/[front]", "frames", 8000, 8000, 4.0, "frames"))
         assert bars._progress.tasks == []

@@ -9,7 +9,7 @@ import psutil
 import pytest
 
 from glint.flows.errors import ClusterError
-from glint.flows.runtime.dask_cluster import Cluster
+from glint.flows.runtime.dask_cluster import FORKED, Cluster
 from tests.flows.runtime.dask_certificates import certificates
 
 pytestmark = pytest.mark.server
@@ -37,6 +37,13 @@ def test_workers_are_processes_of_one_thread(cluster: Cluster) -> None:
 def test_what_workers_are_sent_needs_no_prefect() -> None:
     code = "import sys, glint.flows.pipeline.worker; sys.exit('prefect' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parents[3]).returncode == 0
+
+
+def test_what_is_imported_before_workers_are_forked_starts_no_threads() -> None:
+    """A fork copies no threads: a library that waits for one of its own would wait for ever."""
+    code = "import importlib, os, sys; [importlib.import_module(each) for each in sys.argv[1:]]; "
+    code += "sys.exit(len(os.listdir('/proc/self/task')))"
+    assert subprocess.run([sys.executable, "-c", code, *FORKED], cwd=Path(__file__).parents[3]).returncode == 1
 
 
 def test_scheduler_workers_and_dashboard_are_on_loopback(cluster: Cluster) -> None:

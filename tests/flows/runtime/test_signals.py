@@ -20,6 +20,14 @@ MOMENTS = [0.0, 0.6, 5.0, *(pytest.param(seconds, marks=pytest.mark.slow) for se
 """Seconds after the start."""
 
 
+def catches_signals(pid: int) -> bool:
+    """Whether a process has a handler of SIGTERM, which Python itself does not install."""
+    caught = next(
+        line for line in Path(f"/proc/{pid}/status").read_text().splitlines() if line.startswith("SigCgt")
+    ).split()[1]
+    return bool(int(caught, 16) >> (signal.SIGTERM - 1) & 1)
+
+
 @pytest.mark.parametrize(
     ("number", "moment"),
     [
@@ -39,6 +47,8 @@ def test_a_run_that_is_asked_to_stop_leaves_nothing(
     )  # fmt: skip
     assert process.stdout is not None
     if moment == "start":
+        while not catches_signals(process.pid):
+            time.sleep(0.005)
         time.sleep(1.5)
     else:
         for line in process.stdout:
@@ -51,14 +61,6 @@ def test_a_run_that_is_asked_to_stop_leaves_nothing(
     psutil.wait_procs(family, 30)
     # The server outlives every run; what else is left would be a worker.
     assert not [each for each in family if each.is_running() and "uvicorn" not in each.cmdline()]
-
-
-def catches_signals(pid: int) -> bool:
-    """Whether a process has a handler of SIGTERM, which Python itself does not install."""
-    caught = next(
-        line for line in Path(f"/proc/{pid}/status").read_text().splitlines() if line.startswith("SigCgt")
-    ).split()[1]
-    return bool(int(caught, 16) >> (signal.SIGTERM - 1) & 1)
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,8 @@ from glint.tasks.engine.references import load_catalogue
 from glint.tasks.engine.stage import perform, stage_keys
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.evaluation.models import evaluate_model
-from glint.tasks.model.model import model, model_key, perform_model, wants_model
+from glint.tasks.model.model import model, perform_model
+from glint.tasks.model.model_key import model_key, wants_model
 from glint.tasks.model.view_registration import register_views
 from glint.tasks.pipeline import STAGES
 from glint.tasks.publish import publish
