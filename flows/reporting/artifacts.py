@@ -6,7 +6,9 @@ from typing import Any
 
 from prefect.artifacts import create_markdown_artifact, create_table_artifact
 
+from glint.flows.reporting.review_links import review_address
 from glint.flows.results import CaptureResult, ObjectResult, RunResult
+from glint.storage.catalogue.models import MODEL
 from glint.tasks.figures.markdown import plain
 
 MAX_ROWS = 500
@@ -14,8 +16,10 @@ MAX_ROWS = 500
 
 
 def create_page_artifact(name: str, page: str) -> None:
-    """Put the page of a capture or model (OBJECT/..) beside its task run."""
-    create_markdown_artifact(page, key=artifact_key(name), description=name)
+    """Put the page of a capture or model (OBJECT/..) beside its task run, with a link to the review page."""
+    address = review_address("" if name.endswith(f"/{MODEL}") else name)
+    link = f"[See and correct its inputs, run it again]({address}) on the page that `glint review` serves."
+    create_markdown_artifact(f"{page}\n\n{link}\n", key=artifact_key(name), description=name)
 
 
 def create_catalogue_artifact(name: str, result: RunResult) -> None:
@@ -33,7 +37,8 @@ def create_catalogue_artifact(name: str, result: RunResult) -> None:
 def problems_page(failed: Sequence[CaptureResult]) -> str:
     """Return a markdown page of failed captures: errors and remedies."""
     lines = [
-        f"- **{plain(capture.name)}**: {plain(capture.error)}: {plain(capture.remedy)}" for capture in failed[:MAX_ROWS]
+        f"- **[{plain(item.name)}]({review_address(item.name)})**: {plain(item.error)}: {plain(item.remedy)}"
+        for item in failed[:MAX_ROWS]
     ]
     lines += [f"- and {len(failed) - MAX_ROWS:,} more"] * (len(failed) > MAX_ROWS)
     return "\n".join(["# Captures without a result", "", *lines, ""])

@@ -38,7 +38,7 @@ def result() -> RunResult:
 
 def test_problems_say_what_to_do() -> None:
     page = problems_page(result().failed)
-    assert "**glass/back**: no light in any frame: film again with the lamp in view" in page
+    assert "**[glass/back](http://127.0.0.1:4300/#/glass/back/inputs)**: no light in any frame: film again" in page
     assert "glass/front" not in page
 
 

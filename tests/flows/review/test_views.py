@@ -11,6 +11,7 @@ from glint.flows.review.object_rows import Row
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import Changes
 from glint.storage.locations.location import Location
+from tests import browser
 from tests.flows.review.conftest import ServedPage, Tab, let_in
 
 pytestmark = pytest.mark.long
@@ -264,3 +265,62 @@ def test_everything_can_be_done_by_keyboard(served: ServedPage, tab: Tab) -> Non
     page.keyboard.press("Escape")
     assert page.locator("dialog[open]").count() == 0
     tab.complaints[:] = [text for text in tab.complaints if "422" not in text]
+
+
+def test_the_mask_grows_from_a_pixel_and_shrinks_with_the_tolerance(served: ServedPage, tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    page.wait_for_selector("section[data-pixels]")
+    region = asked(served, "inputs")["used"]["region"]
+    before = int(page.get_attribute("section[data-pixels]", "data-pixels"))
+    middle = (region["x"] + region["width"] // 2 + 14, region["y"] + region["height"] // 2)
+    page.keyboard.press("w")
+    page.wait_for_selector("[data-shown$='level/peak']")
+
+    def pixels(condition: str) -> int:
+        tab.wait(f"Number(document.querySelector('section[data-pixels]').dataset.pixels) {condition}")
+        return int(page.get_attribute("section[data-pixels]", "data-pixels"))
+
+    page.keyboard.down("Shift")
+    page.mouse.click(*place(tab, *middle))
+    page.keyboard.up("Shift")
+    cut = pixels(f"< {before}")
+    page.fill("input[aria-label^='Tolerance']", "12")
+    less = pixels(f"> {cut}")
+    assert less < before
+    page.keyboard.press("Control+z")
+    assert pixels(f"=== {before}") == before
+    page.mouse.click(*place(tab, 1, 1))
+    page.wait_for_selector("#status.error >> text=far from the mask")
+    tab.complaints[:] = [text for text in tab.complaints if "422" not in text]
+
+
+def test_camera_and_pose_are_set_on_the_picture_and_by_numbers(served: ServedPage, tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    width, height = asked(served, "inputs")["frame_size"]
+    page.keyboard.press("c")
+    page.fill("aside input[aria-label='Focal length in pixels']", "800")
+    page.keyboard.press("Tab")
+    page.wait_for_selector("aside >> text=perspective")
+    drag(tab, ((width - 1) / 2, (height - 1) / 2), (width / 2 + 9, height / 2 - 6))
+    page.select_option("aside select", "turntable")
+    page.fill("aside input[aria-label^='Degrees']", "30")
+    page.keyboard.press("Tab")
+    saved(tab)
+    edits = asked(served, "edits")
+    (fx, skew, cx), (_, fy, cy), _ = edits["camera"]["matrix"]
+    assert (fx, skew, fy) == (800, 0, 800)
+    assert cx == pytest.approx(width / 2 + 9, abs=1.0) and cy == pytest.approx(height / 2 - 6, abs=1.0)
+    assert edits["pose"]["turntable"] == 30
+    page.fill("aside input[aria-label^='Focal length as of']", "26")
+    page.keyboard.press("Tab")
+    assert page.input_value("aside input[aria-label='Focal length in pixels']") == str(
+        round(26 * (width**2 + height**2) ** 0.5 / 43.27, 2)
+    )
+    page.select_option("aside select", "camera_to_world")
+    page.fill("aside textarea", "1 0 0 0\n0 1 0 0\n0 0 1 250\n0 0 0 1")
+    page.keyboard.press("Tab")
+    page.click("aside .save button:has-text('Save')")
+    browser.until(lambda: asked(served, "edits")["pose"]["camera_to_world"] is not None)
+    assert asked(served, "edits")["pose"]["camera_to_world"][2] == [0, 0, 1, 250]
+    edits = Edits.open(Location.parse(served.store), "hemisphere")
+    edits.discard("front", "Ada")

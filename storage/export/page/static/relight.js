@@ -3,6 +3,12 @@
 import { VERTEX, fragment } from "./shaders.js";
 
 const UNIFORMS = ["normals", "lens", "photograph", "size", "corner", "pixel", "canvasHeight", "light", "ground", "relief", "lensShare", "wipe", "gamma"];
+/** Time for a picture while something moves, in milliseconds: 30 of them a second are seen as motion. */
+const MOVING_MS = 33;
+/** Time without a change after which the whole picture is drawn, in milliseconds. */
+const REST_MS = 150;
+const MAX_COARSENESS = 16;
+const POLL_MS = 4;
 const UNITS = { normals: 0, lens: 1, photograph: 2 };
 /** Level of the background of the stage, 0 to 1. */
 export const GROUND = [0.071, 0.078, 0.086];
@@ -25,6 +31,9 @@ export class Relight {
       light: [0, 0, 1], material: "matte", relief: 3, lensShare: 0, wipe: 0, gamma: 1, ground: GROUND, corner: [0, 0], pixel: 1,
     };
     this.isAsked = false;
+    this.coarse = { frame: gl.createFramebuffer(), pixels: gl.createRenderbuffer() };
+    /** Milliseconds of a whole picture, as last measured. */
+    this.cost = 0;
   }
 
   /** Show other normals: unit vectors, three floats a pixel, and the mask, not 0 on the object. */
@@ -64,19 +73,67 @@ export class Relight {
     this.ask();
   }
 
-  /** Change light, material, relief, lensShare, wipe, gamma, corner, pixel or ground, and draw soon. */
+  /** Change light, material, relief, lensShare, wipe, gamma, corner, pixel or ground, and draw soon: coarsely where a
+      whole picture takes too long, and wholly when nothing has changed for a while. */
   set(changes) {
     Object.assign(this.state, changes);
-    this.ask();
+    clearTimeout(this.rest);
+    if (this.coarseness > 1) this.rest = setTimeout(() => this.ask(), REST_MS);
+    this.ask(this.coarseness);
   }
 
-  ask() {
+  /** How many pixels across, of the canvas, one has that is drawn while something moves. */
+  get coarseness() {
+    const wanted = Math.ceil(Math.sqrt(this.cost / MOVING_MS));
+    return Math.max(1, Math.min(MAX_COARSENESS, wanted));
+  }
+
+  ask(coarseness = 1) {
+    this.asked = coarseness;
     if (this.isAsked || !this.size) return;
     this.isAsked = true;
     requestAnimationFrame(() => {
       this.isAsked = false;
-      this.draw();
+      if (this.asked > 1) this.drawCoarsely(this.asked);
+      else this.drawMeasured();
     });
+  }
+
+  /** Draw, and note how long it takes until the picture is there. */
+  drawMeasured() {
+    const { gl } = this, start = performance.now();
+    this.draw();
+    if (!this.size || this.fence) return;
+    this.fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+    const look = () => {
+      if (!this.size || gl.isContextLost()) return;
+      if (gl.getSyncParameter(this.fence, gl.SYNC_STATUS) !== gl.SIGNALED) return void setTimeout(look, POLL_MS);
+      gl.deleteSync(this.fence);
+      this.fence = null;
+      this.cost = performance.now() - start;
+    };
+    setTimeout(look, 0);
+  }
+
+  /** Draw with pixels that are so many of the canvas across, and enlarge the picture. */
+  drawCoarsely(coarseness) {
+    const { gl, canvas, coarse } = this, [width, height] = [canvas.width, canvas.height];
+    const [across, down] = [Math.ceil(width / coarseness), Math.ceil(height / coarseness)];
+    if (coarse.across !== across || coarse.down !== down) {
+      Object.assign(coarse, { across, down });
+      gl.bindRenderbuffer(gl.RENDERBUFFER, coarse.pixels);
+      gl.renderbufferStorage(gl.RENDERBUFFER, gl.RGBA8, across, down);
+      gl.bindFramebuffer(gl.FRAMEBUFFER, coarse.frame);
+      gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.RENDERBUFFER, coarse.pixels);
+    }
+    gl.bindFramebuffer(gl.FRAMEBUFFER, coarse.frame);
+    this.draw(across, down, coarseness);
+    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, coarse.frame);
+    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
+    const bottom = height - down * coarseness;
+    gl.blitFramebuffer(0, 0, across, down, 0, bottom, across * coarseness, height, gl.COLOR_BUFFER_BIT, gl.LINEAR);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
   /** Use the program for the present state, made when it is first needed; returns the places of its uniforms. */
@@ -94,16 +151,16 @@ export class Relight {
     return places;
   }
 
-  /** Draw now. */
-  draw() {
-    const { gl, state, canvas } = this;
+  /** Draw now, into what is bound: its size, and how many pixels of the canvas one of its pixels is across. */
+  draw(width = this.canvas.width, height = this.canvas.height, coarseness = 1) {
+    const { gl, state } = this;
     if (!this.size) return;
     const places = this.select();
-    gl.viewport(0, 0, canvas.width, canvas.height);
+    gl.viewport(0, 0, width, height);
     gl.uniform2fv(places.size, this.size);
     gl.uniform2fv(places.corner, state.corner);
-    gl.uniform1f(places.pixel, state.pixel);
-    gl.uniform1f(places.canvasHeight, canvas.height);
+    gl.uniform1f(places.pixel, state.pixel * coarseness);
+    gl.uniform1f(places.canvasHeight, height);
     gl.uniform3fv(places.light, state.light);
     gl.uniform3fv(places.ground, state.ground);
     gl.uniform1f(places.relief, state.relief);
@@ -132,6 +189,7 @@ export class Relight {
 
   dispose() {
     this.size = null;
+    clearTimeout(this.rest);
     this.gl.getExtension("WEBGL_lose_context")?.loseContext();
   }
 
