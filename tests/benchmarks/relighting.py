@@ -38,7 +38,7 @@ SCRIPT = """
       const across = Math.sin(count) * 0.5;
       Object.assign(relight.state, { material, light: [across, 0, Math.sqrt(1 - across * across)] });
       DRAW;
-      gl.readPixels(side / 2, side / 2, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+      gl.readPixels(canvas.width / 2, canvas.height / 2, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
       count++;
     }
     return [count, (performance.now() - start) / 1000];
@@ -73,7 +73,7 @@ def main() -> None:
             chosen = code.replace("MATERIAL", material)
             whole_s = 0.0
             for name in ("whole", "dragged"):
-                coarse = f"relight.cost = {1000 * whole_s}, relight.drawCoarsely(relight.coarseness)"
+                coarse = f"relight.cost = {1000 * whole_s}, relight.draw(relight.coarseness)"
                 drawn = chosen.replace("DRAW", "relight.draw()" if name == "whole" else coarse)
                 page.evaluate(drawn.replace("SECONDS", "0.001"))
                 before = processor_seconds()

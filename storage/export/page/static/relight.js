@@ -28,10 +28,9 @@ export class Relight {
       this.setPicture(name, new Uint8Array(4), 1, 1);
     }
     this.state = {
-      light: [0, 0, 1], material: "matte", relief: 3, lensShare: 0, wipe: 0, gamma: 1, ground: GROUND, corner: [0, 0], pixel: 1,
+      extent: [canvas.width, canvas.height], light: [0, 0, 1], material: "matte", relief: 3, lensShare: 0, wipe: 0, gamma: 1, ground: GROUND, corner: [0, 0], pixel: 1,
     };
     this.isAsked = false;
-    this.coarse = { frame: gl.createFramebuffer(), pixels: gl.createRenderbuffer() };
     /** Milliseconds of a whole picture, as last measured. */
     this.cost = 0;
   }
@@ -73,8 +72,8 @@ export class Relight {
     this.ask();
   }
 
-  /** Change light, material, relief, lensShare, wipe, gamma, corner, pixel or ground, and draw soon: coarsely where a
-      whole picture takes too long, and wholly when nothing has changed for a while. */
+  /** Change extent (pixels of the canvas across and down), light, material, relief, lensShare, wipe, gamma, corner, pixel
+      or ground, and draw soon: coarsely where a whole picture takes too long, wholly when nothing changes for a while. */
   set(changes) {
     Object.assign(this.state, changes);
     clearTimeout(this.rest);
@@ -82,7 +81,7 @@ export class Relight {
     this.ask(this.coarseness);
   }
 
-  /** How many pixels across, of the canvas, one has that is drawn while something moves. */
+  /** How many pixels of the extent one is across that is drawn while something moves. */
   get coarseness() {
     const wanted = Math.ceil(Math.sqrt(this.cost / MOVING_MS));
     return Math.max(1, Math.min(MAX_COARSENESS, wanted));
@@ -94,7 +93,7 @@ export class Relight {
     this.isAsked = true;
     requestAnimationFrame(() => {
       this.isAsked = false;
-      if (this.asked > 1) this.drawCoarsely(this.asked);
+      if (this.asked > 1) this.draw(this.asked);
       else this.drawMeasured();
     });
   }
@@ -116,26 +115,6 @@ export class Relight {
     setTimeout(look, 0);
   }
 
-  /** Draw with pixels that are so many of the canvas across, and enlarge the picture. */
-  drawCoarsely(coarseness) {
-    const { gl, canvas, coarse } = this, [width, height] = [canvas.width, canvas.height];
-    const [across, down] = [Math.ceil(width / coarseness), Math.ceil(height / coarseness)];
-    if (coarse.across !== across || coarse.down !== down) {
-      Object.assign(coarse, { across, down });
-      gl.bindRenderbuffer(gl.RENDERBUFFER, coarse.pixels);
-      gl.renderbufferStorage(gl.RENDERBUFFER, gl.RGBA8, across, down);
-      gl.bindFramebuffer(gl.FRAMEBUFFER, coarse.frame);
-      gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.RENDERBUFFER, coarse.pixels);
-    }
-    gl.bindFramebuffer(gl.FRAMEBUFFER, coarse.frame);
-    this.draw(across, down, coarseness);
-    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, coarse.frame);
-    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
-    const bottom = height - down * coarseness;
-    gl.blitFramebuffer(0, 0, across, down, 0, bottom, across * coarseness, height, gl.COLOR_BUFFER_BIT, gl.LINEAR);
-    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-  }
-
   /** Use the program for the present state, made when it is first needed; returns the places of its uniforms. */
   select() {
     const { gl, state } = this, wanted = [state.material, state.lensShare > 0, state.wipe > 0], key = wanted.join();
@@ -151,15 +130,18 @@ export class Relight {
     return places;
   }
 
-  /** Draw now, into what is bound: its size, and how many pixels of the canvas one of its pixels is across. */
-  draw(width = this.canvas.width, height = this.canvas.height, coarseness = 1) {
-    const { gl, state } = this;
+  /** Draw now, with pixels that are so many of the extent across; the page stretches the canvas. */
+  draw(coarseness = 1) {
+    const { gl, state, canvas } = this;
     if (!this.size) return;
+    const [width, height] = state.extent.map((length) => Math.max(1, Math.round(length / coarseness)));
+    if (canvas.width !== width) canvas.width = width;
+    if (canvas.height !== height) canvas.height = height;
     const places = this.select();
     gl.viewport(0, 0, width, height);
     gl.uniform2fv(places.size, this.size);
     gl.uniform2fv(places.corner, state.corner);
-    gl.uniform1f(places.pixel, state.pixel * coarseness);
+    gl.uniform1f(places.pixel, state.pixel * (state.extent[0] / width));
     gl.uniform1f(places.canvasHeight, height);
     gl.uniform3fv(places.light, state.light);
     gl.uniform3fv(places.ground, state.ground);
@@ -172,18 +154,16 @@ export class Relight {
 
   /** Pixels of the picture under the present state, one to one, on black: four bytes each, the top row first. */
   pixels() {
-    const { gl, canvas, state } = this, [width, height] = this.size;
-    const kept = [canvas.width, canvas.height, state.corner, state.pixel, state.ground];
-    [canvas.width, canvas.height] = this.size;
-    Object.assign(state, { corner: [0, 0], pixel: 1, ground: [0, 0, 0] });
+    const { gl, state } = this, [width, height] = this.size;
+    const { extent, corner, pixel, ground } = state;
+    Object.assign(state, { extent: this.size, corner: [0, 0], pixel: 1, ground: [0, 0, 0] });
     this.draw();
     const upwards = new Uint8Array(width * height * 4), downwards = new Uint8Array(upwards.length);
     gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, upwards);
     for (let row = 0; row < height; row++) {
       downwards.set(upwards.subarray((height - 1 - row) * width * 4, (height - row) * width * 4), row * width * 4);
     }
-    [canvas.width, canvas.height, state.corner, state.pixel, state.ground] = kept;
-    this.ask();
+    this.set({ extent, corner, pixel, ground });
     return downwards;
   }
 
