@@ -30,8 +30,9 @@ from glint.tasks.stages.markup import faced_marks, load_marks
 
 def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
     """Label the candidates: labels, normals, their provenance and confidence."""
+    clusters = load_clusters(inputs)
     result = reconstruct(
-        load_clusters(inputs),
+        clusters,
         inputs.load("mask").read("mask"),
         inputs.load("silhouette").read("initial"),
         load_marks(inputs),
@@ -40,8 +41,8 @@ def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
         view=load_geometry(inputs).view_vectors,
     )
     mask, half_vector_sd = inputs.load("mask"), inputs.load("lights").read("half_vector_sd")
-    doubt = _light_doubt(inputs, result)
-    camera = _camera_doubt(inputs, result)
+    doubt = _light_doubt(inputs, clusters, result.labels)
+    camera = _camera_doubt(inputs, clusters, result.labels)
     shared_sd = combined_error(
         [half_vector_sd, camera.half_vector_sd, np.full(half_vector_sd.shape, doubt.half_vector_sd)]
     )
@@ -67,25 +68,25 @@ def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
     )
 
 
-def _light_doubt(inputs: StageInputs, result: Reconstruction) -> LightDoubt:
+def _light_doubt(inputs: StageInputs, clusters: Clusters, labels: np.ndarray) -> LightDoubt:
     """Return the doubt about lights of an `.lp` file; those that the spheres show have the axes of the video."""
-    mask, clusters, view = inputs.load("mask").read("mask"), load_clusters(inputs), load_geometry(inputs).view_vectors
     if inputs.load("lights").record["source"] != FILE:
         return LightDoubt()
+    mask, view = inputs.load("mask").read("mask"), load_geometry(inputs).view_vectors
     candidates, expected = clusters.normals, inputs.load("silhouette").read("initial")
     if view is not None:
         candidates, expected = rotate_to_view(candidates, view), rotate_to_view(expected, view)
     inradius = float(ndimage.distance_transform_edt(np.pad(mask, 1)).max())
     observed = mask & (clusters.observations > 0)
-    return doubt_lights(light_evidence(candidates, result.labels, expected, observed, inradius))
+    return doubt_lights(light_evidence(candidates, labels, expected, observed, inradius))
 
 
-def _camera_doubt(inputs: StageInputs, result: Reconstruction) -> CameraDoubt:
+def _camera_doubt(inputs: StageInputs, clusters: Clusters, labels: np.ndarray) -> CameraDoubt:
     """Return the doubt about a camera without matrix that the spheres do not show."""
     record, mask = inputs.load("lights").record, inputs.load("mask").read("mask")
     if record["camera"] is None:
         return CameraDoubt(np.zeros(mask.shape, np.float32))
-    normals = accepted_normals(load_clusters(inputs).normals, result.labels)
+    normals = accepted_normals(clusters.normals, labels)
     return doubt_camera(load_geometry(inputs), record["camera"], normals, float(record["spheres_error"]))
 
 
