@@ -220,6 +220,16 @@ def test_a_link_of_an_earlier_start_opens_nothing(served: ServedPage, chromium: 
     page.close()
 
 
+def test_a_bookmark_leads_to_its_view_by_way_of_the_password(served: ServedPage, chromium: Any) -> None:
+    page = chromium.new_page()
+    page.goto(f"{served.origin}/{INPUTS}")
+    page.fill("#password", served.access.token)
+    page.click("button")
+    page.wait_for_selector(READY)
+    assert page.evaluate("location.pathname + location.hash") == f"/{INPUTS}"
+    page.close()
+
+
 def test_no_request_leaves_the_machine(served: ServedPage, chromium: Any) -> None:
     for tab in let_in(served, chromium):
         addresses = list[str]()
