@@ -11,7 +11,7 @@ from glint.flows.review.access import COOKIE_SECONDS
 from glint.flows.runtime.environment import glint_home
 from glint.flows.runtime.server_access import private_folder, write_private
 
-FOLDER = "review"
+SESSION_FOLDER = "review"
 SECRET_BYTES = 32
 """Length of the secret: nobody guesses 256 bits."""
 
@@ -28,7 +28,7 @@ def kept_session(origin: str, password: str | None = None, home: Path | None = N
 
 
 def _kept_secret(home: Path) -> bytes:
-    path = home / FOLDER / "session"
+    path = home / SESSION_FOLDER / "session"
     try:
         private_folder(path.parent, home)
         if path.is_file() and time.time() - path.stat().st_mtime < COOKIE_SECONDS:

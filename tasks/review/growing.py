@@ -11,7 +11,7 @@ from glint.tasks.review.pictures import frame_image, level_image
 NEIGHBOURHOOD = 0.5
 """Share of the mask's longer side by which what is grown may lie outside of the mask's bounding box: an estimate that
 misses more than that is better painted anew."""
-SMOOTHING_PX = 3
+MEDIAN_SIDE_PX = 3
 """Side in pixels of the median filter before growing, and of the closing after it: noise of a pixel is no edge."""
 
 
@@ -40,12 +40,12 @@ def grown_region(image: np.ndarray, x: int, y: int, tolerance: int, rows: slice,
 
     rows, columns: the part of the image outside of which nothing grows.
     """
-    part = cv2.medianBlur(np.ascontiguousarray(image[rows, columns]), SMOOTHING_PX)
+    part = cv2.medianBlur(np.ascontiguousarray(image[rows, columns]), MEDIAN_SIDE_PX)
     # floodFill wants a rim of one pixel around its mask, and writes there the value in the flags' second byte.
     reached = np.zeros((part.shape[0] + 2, part.shape[1] + 2), np.uint8)
     flags = 4 | cv2.FLOODFILL_FIXED_RANGE | cv2.FLOODFILL_MASK_ONLY | (255 << 8)
     cv2.floodFill(part, reached, (x - columns.start, y - rows.start), 0, tolerance, tolerance, flags)
-    kernel = np.ones((SMOOTHING_PX, SMOOTHING_PX), np.uint8)
+    kernel = np.ones((MEDIAN_SIDE_PX, MEDIAN_SIDE_PX), np.uint8)
     closed = cv2.morphologyEx(reached[1:-1, 1:-1], cv2.MORPH_CLOSE, kernel)
     whole = np.zeros(image.shape, bool)
     whole[rows, columns] = closed > 0
