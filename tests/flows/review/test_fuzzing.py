@@ -15,7 +15,7 @@ from glint.storage.edits.edits import Edits
 from glint.storage.locations.location import Location
 from tests.flows.review.conftest import ServedPage, serve
 
-pytestmark = [pytest.mark.slow]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
 STORED = {
     "object_id": "hemisphere", "capture_id": "front", "version": "v1", "before": "v1", "after": "v1", "part": "normals",

@@ -27,7 +27,7 @@ from glint.storage.locations.location import Location
 from tests import browser
 from tests.flows.review.test_views import INPUTS, READY, drag
 
-pytestmark = [pytest.mark.slow]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
 PASSWORD = "only for this test"
 SAVES_BEFORE_KILLS = (3, 7, 5)
