@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Any
 
 from glint.captures import StoredCapture, frozen_mesh
-from glint.storage.errors import StoreError
+from glint.storage.errors import NotFoundError, StoreError
 from glint.storage.export.camera import CaptureCamera, PixelRegion
 from glint.storage.export.mesh_files import Mesh
 from glint.storage.export.point_cloud import PointCloud
@@ -37,14 +37,6 @@ __all__ = [
 ]
 
 _SHOWN_NAMES = 8
-
-
-class NotFoundError(StoreError, KeyError):
-    """A name that a store, object or version does not have; a KeyError, so that `in` and `get` work as for a dict."""
-
-    def __str__(self) -> str:
-        """Return the message without the quotation marks that a KeyError puts around it."""
-        return str(self.args[0])
 
 
 def open(address: str | PathLike[str]) -> "Store":

@@ -47,6 +47,14 @@ class StoreError(GlintError):
     """The store cannot be read or written, or its content is not as expected."""
 
 
+class NotFoundError(StoreError, KeyError):
+    """A name that a store, object or version does not have; a KeyError, so that `in` and `get` work as for a dict."""
+
+    def __str__(self) -> str:
+        """Return the message without the quotation marks that a KeyError puts around it."""
+        return str(self.args[0])
+
+
 class OutputError(GlintError):
     """The folder of an export cannot be written."""
 

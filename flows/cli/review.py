@@ -7,11 +7,10 @@ from typing import Annotated
 
 import typer
 
-from glint.flows.cli.options import Store, chosen_store
+from glint.flows.cli.options import Scheduler, Store, chosen_store
 from glint.flows.cli.output import echo
+from glint.flows.reporting.review_links import REVIEW_PORT
 
-REVIEW_PORT = 4300
-"""Port that is tried first, so that the address stays the same from day to day."""
 PORTS = 20
 """Number of ports that are tried, from REVIEW_PORT on."""
 MIN_PASSWORD_CHARACTERS = 12
@@ -34,12 +33,14 @@ def review(
         list[str] | None,
         typer.Option(metavar="URL", help="Address under which browsers reach the page; may be given several times."),
     ] = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Open the review page: see every capture, correct its inputs on the picture, run it, look at its surface."""
     import uvicorn
 
     from glint.flows.review.access import Access
     from glint.flows.review.app import create_app
+    from glint.flows.review.kept_session import kept_session
     from glint.flows.runtime.environment import prepare_environment
     from glint.storage.locations.location import Location
     from glint.tasks.engine.references import load_catalogue
@@ -52,12 +53,14 @@ def review(
     listener = _listener(host, port)
     own = f"http://{f'[{host}]' if ':' in host else host}:{listener.getsockname()[1]}"
     origins = tuple(entry.rstrip("/") for entry in origin or ()) or (own, own.replace("127.0.0.1", "localhost"))
-    access = Access(origins) if password is None else Access(origins, token=password)
+    session = kept_session(origins[0], password)
+    access = Access(origins, session=session) if password is None else Access(origins, password, session)
     config = uvicorn.Config(
-        create_app(address, file, access), log_level="warning", access_log=False, server_header=False, lifespan="on",
-        timeout_graceful_shutdown=2,
+        create_app(address, file, access, scheduler), log_level="warning", access_log=False, server_header=False,
+        lifespan="on", timeout_graceful_shutdown=2,
     )  # fmt: skip
     echo(f"review page: {access.link() if password is None else f'{access.origins[0]}/open'}")
+    echo(f"to bookmark: {access.origins[0]}/")
     echo("it is served until you press Ctrl+C; runs that it started go on")
     uvicorn.Server(config).run(sockets=[listener])
 

@@ -17,6 +17,7 @@ from glint.flows.cli.options import (
     store_option,
 )
 from glint.flows.cli.output import echo
+from glint.flows.reporting.review_links import review_address
 
 if TYPE_CHECKING:
     from glint.flows.pipeline.run import Summary
@@ -74,7 +75,7 @@ def _print_summary(summary: "Summary", file: str, store: str | None) -> None:
         echo(f"{drift}", colour="yellow")
         echo(f"  -> glint diff {drift.object_id} {drift.before} {drift.after}{store_option(store)}")
     echo(f"dashboard: {summary.page}")
-    echo(f"review: glint review {file}{store_option(store)}")
+    echo(f"review: glint review {file}{store_option(store)}, then {review_address()}")
     published = next((item.object_id for item in summary.result.objects if item.version is not None), None)
     if published is not None:
         echo(f"next: glint export {published} --out {published}{store_option(store)}")

@@ -12,7 +12,9 @@ from prefect.artifacts import (
 )
 
 from glint.flows.reporting.events import RunProgress, sentence
+from glint.flows.reporting.review_links import review_address
 from glint.flows.results import CaptureResult, ObjectResult, RunResult
+from glint.storage.catalogue.models import MODEL
 from glint.tasks.figures.markdown import plain
 
 MAX_ROWS = 500
@@ -20,8 +22,10 @@ MAX_ROWS = 500
 
 
 def create_page_artifact(name: str, page: str) -> None:
-    """Put the page of a capture or model (OBJECT/..) beside its task run."""
-    create_markdown_artifact(page, key=artifact_key(name), description=name)
+    """Put the page of a capture or model (OBJECT/..) beside its task run, with a link to the review page."""
+    address = review_address("" if name.endswith(f"/{MODEL}") else name)
+    link = f"[See and correct its inputs, run it again]({address}) on the page that `glint review` serves."
+    create_markdown_artifact(f"{page}\n\n{link}\n", key=artifact_key(name), description=name)
 
 
 def create_catalogue_artifact(name: str, result: RunResult) -> None:
@@ -48,7 +52,8 @@ def show_run_progress(bar: Any, name: str, progress: RunProgress) -> Any:
 def problems_page(failed: Sequence[CaptureResult]) -> str:
     """Return a markdown page of failed captures: errors and remedies."""
     lines = [
-        f"- **{plain(capture.name)}**: {plain(capture.error)}: {plain(capture.remedy)}" for capture in failed[:MAX_ROWS]
+        f"- **[{plain(item.name)}]({review_address(item.name)})**: {plain(item.error)}: {plain(item.remedy)}"
+        for item in failed[:MAX_ROWS]
     ]
     lines += [f"- and {len(failed) - MAX_ROWS:,} more"] * (len(failed) > MAX_ROWS)
     return "\n".join(["# Captures without a result", "", *lines, ""])

@@ -21,6 +21,8 @@ MAX_BODY_BYTES = 64 << 20
 """Bytes of a request; longer ones are refused: a mask of 100 million pixels is a PNG of some megabytes."""
 MAX_TOKEN_BYTES = 1000
 """Bytes of a request that carries a token or password; longer ones are refused unread."""
+COOKIE_SECONDS = 30 * 24 * 3600
+"""Time for which a browser that was let in stays let in, in seconds: a project's next look at its captures."""
 REFUSAL_SECONDS = 0.5
 """Seconds before a wrong password is answered, so that few can be tried."""
 
@@ -148,7 +150,10 @@ class Guard:
             return refusal(403, "this is not the token or password of this page", "open the link of the last start")
         answer = JSONResponse({"opened": True})
         secure = self._access.origins[0].startswith("https:")
-        answer.set_cookie(self._access.cookie, self._access.session, httponly=True, samesite="strict", secure=secure)
+        answer.set_cookie(
+            self._access.cookie, self._access.session, max_age=COOKIE_SECONDS, httponly=True, samesite="strict",
+            secure=secure,
+        )  # fmt: skip
         return answer
 
 

@@ -6,19 +6,21 @@ Views are modules with a router each. State is `request.app.state.review` (`Revi
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
+from typing import Any
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse
 from fastapi.staticfiles import StaticFiles
+from pydantic import BaseModel
+from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
 from glint.flows.errors import message_and_remedy
 from glint.flows.review import edits_api, inputs_api, listing_api, runs_api, surface_api, versions_api
 from glint.flows.review.access import ENTRY_PATH, Access, Guard, refusal
 from glint.flows.review.review import Review
-from glint.reading import NotFoundError
-from glint.storage.errors import InputError, StoreError
+from glint.storage.errors import InputError, NotFoundError, StoreError
 from glint.storage.export.page.bundle import VIEWER
 
 STATIC = Path(__file__).parent / "static"
@@ -27,13 +29,32 @@ APIS = (listing_api, inputs_api, edits_api, runs_api, surface_api, versions_api)
 """The interfaces of the views, all below /api/."""
 
 
-def create_app(store: str, catalogue: str | None = None, access: Access | None = None) -> FastAPI:
+class Refusal(BaseModel):
+    """The answer to whatever cannot be done: what is wrong, and what to do about it."""
+
+    error: str
+    remedy: str
+
+
+REFUSALS: dict[int | str, dict[str, Any]] = {
+    400: {"model": Refusal, "description": "another host, or no request that can be read"},
+    404: {"model": Refusal, "description": "no such object, capture, version or part"},
+    413: {"model": Refusal, "description": "the request is too long"},
+    422: {"model": Refusal, "description": "not what this description allows, or unusable input"},
+}
+"""Answers that every operation can give besides its own."""
+
+
+def create_app(
+    store: str, catalogue: str | None = None, access: Access | None = None, scheduler: str | None = None
+) -> FastAPI:
     """Return the server of a store's page.
 
     store: its address, which need not exist yet; catalogue: the YAML file whose captures are shown and run, None: what
     the store has. access: who may use it; None: nobody can, since nobody knows the token.
+    scheduler: address of the Dask scheduler that runs use; None: a local cluster for each.
     """
-    review = Review(store, catalogue)
+    review = Review(store, catalogue, scheduler)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
@@ -48,7 +69,7 @@ def create_app(store: str, catalogue: str | None = None, access: Access | None =
     )
     app.state.review = review
     for api in APIS:
-        app.include_router(api.router, prefix="/api")
+        app.include_router(api.router, prefix="/api", responses=REFUSALS)
     app.mount("/static/viewer", StaticFiles(directory=VIEWER), name="viewer")
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
 
@@ -69,7 +90,6 @@ def _answer_errors(app: FastAPI) -> None:
     """Answer errors with what is wrong and what to do about it."""
 
     @app.exception_handler(NotFoundError)
-    @app.exception_handler(LookupError)
     def absent(_: Request, error: Exception) -> Response:
         return refusal(404, *message_and_remedy(error))
 
@@ -77,6 +97,12 @@ def _answer_errors(app: FastAPI) -> None:
     @app.exception_handler(InputError)
     def unusable(_: Request, error: Exception) -> Response:
         return refusal(422, *message_and_remedy(error))
+
+    @app.exception_handler(HTTPException)
+    def refused(_: Request, error: HTTPException) -> Response:
+        answer = refusal(error.status_code, error.detail, "send what /api/openapi.json describes")
+        answer.headers.update(error.headers or {})
+        return answer
 
     @app.exception_handler(RequestValidationError)
     def malformed(_: Request, error: RequestValidationError) -> Response:

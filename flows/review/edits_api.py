@@ -10,7 +10,9 @@ from glint.flows.review.dependencies import CaptureId, ObjectId, ReviewState
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.merging import ConflictError
 from glint.storage.edits.models import Changes, Line, Number, Revision
+from glint.storage.errors import NotFoundError
 from glint.tasks.review.capture_inputs import check_mask, mask_picture
+from glint.tasks.review.stored import edited_mask
 
 router = APIRouter(prefix="/captures/{object_id}/{capture_id}")
 
@@ -36,7 +38,7 @@ class Undo(BaseModel):
 def current(review: ReviewState, object_id: ObjectId, capture_id: CaptureId) -> dict[str, Any]:
     """Return the newest edits of a capture (of the mask only whether there is one), and all revisions, newest first."""
     review.context(object_id, capture_id)
-    edits = _edits(review, object_id)
+    edits = review.edits(object_id)
     if edits is None:
         return {"capture": capture_id, "revision": 0, "has_mask": False, "history": [], "notes": []}
     newest = edits.current(capture_id)
@@ -49,9 +51,8 @@ def current(review: ReviewState, object_id: ObjectId, capture_id: CaptureId) -> 
 @router.get("/mask", response_class=Response, responses={200: {"content": {"image/png": {}}, "description": "a mask"}})
 def mask(review: ReviewState, object_id: ObjectId, capture_id: CaptureId) -> Response:
     """Return the mask, white on black, of the full frame's size: as edited, else as the last run used it."""
-    edits = _edits(review, object_id)
-    edited = None if edits is None else edits.current(capture_id).mask
-    return Response(mask_picture(review.context(object_id, capture_id), edited), media_type="image/png")
+    context = review.context(object_id, capture_id)
+    return Response(mask_picture(context, edited_mask(context)), media_type="image/png")
 
 
 @router.post("/edits", responses={409: {"description": "somebody else has changed the same since"}})
@@ -74,16 +75,11 @@ def undo(review: ReviewState, object_id: ObjectId, capture_id: CaptureId, reques
     review.context(object_id, capture_id)
     edits = Edits.open(review.location, object_id, create=False)
     if request.revision not in {item.number for item in edits.history(capture_id)}:
-        raise LookupError(f"{object_id}/{capture_id} has no edit {request.revision}")
+        raise NotFoundError(f"{object_id}/{capture_id} has no edit {request.revision}", "see the list of changes")
     try:
         return _saved(edits.undo(request.revision, request.author))
     except ConflictError as conflict:
         return _conflict(conflict)
-
-
-def _edits(review: ReviewState, object_id: str) -> Edits | None:
-    """Open the edits of an object, None where the store does not have it yet."""
-    return None if review.repository(object_id) is None else Edits.open(review.location, object_id, create=False)
 
 
 def _revision(revision: Revision) -> dict[str, Any]:

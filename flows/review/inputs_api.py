@@ -8,10 +8,12 @@ from pydantic import BaseModel, ConfigDict
 
 from glint.flows.review.dependencies import CaptureId, ObjectId, ReviewState
 from glint.storage.catalogue.models import MAX_PIXELS_PER_SIDE, Pixel, Positive
-from glint.tasks.review.capture_inputs import capture_inputs
+from glint.tasks.review.capture_inputs import capture_inputs, mask_in_use
+from glint.tasks.review.growing import grow
 from glint.tasks.review.pictures import frame_picture, level_picture, thumbnail
 from glint.tasks.review.pixel_history import pixel_history
 from glint.tasks.review.sphere_fit import fit_sphere
+from glint.tasks.review.stored import edited_mask
 
 router = APIRouter(prefix="/captures/{object_id}/{capture_id}")
 
@@ -50,9 +52,9 @@ def frame(review: ReviewState, object_id: ObjectId, capture_id: CaptureId, numbe
 
 @router.get("/level/{level}", response_class=Response, responses=PNG)
 def level(
-    review: ReviewState, object_id: ObjectId, capture_id: CaptureId, level: Literal["background", "peak"]
+    review: ReviewState, object_id: ObjectId, capture_id: CaptureId, level: Literal["background", "peak", "mean"]
 ) -> Response:
-    """Return the temporal median or maximum, of the full frame's size."""
+    """Return the temporal median, maximum or mean, of the full frame's size."""
     return _picture(level_picture(review.context(object_id, capture_id), level))
 
 
@@ -69,6 +71,21 @@ def pixel(
 ) -> dict[str, Any]:
     """Return the frames in which a pixel was lit, and its candidates."""
     return pixel_history(review.context(object_id, capture_id), x, y)
+
+
+@router.get("/growth", response_class=Response, responses=PNG)
+def growth(
+    review: ReviewState,
+    object_id: ObjectId,
+    capture_id: CaptureId,
+    x: Coordinate,
+    y: Coordinate,
+    tolerance: Annotated[int, Query(ge=0, le=255)],
+    picture: Annotated[str, Query(pattern=r"^(background|peak|mean|[0-9]{1,8})$")] = "mean",
+) -> Response:
+    """Return what is connected with a pixel and looks alike on a frame (its number) or level, white on black."""
+    context = review.context(object_id, capture_id)
+    return _picture(grow(context, picture, x, y, tolerance, mask_in_use(context, edited_mask(context))))
 
 
 def _picture(data: bytes) -> Response:

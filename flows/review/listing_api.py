@@ -6,6 +6,7 @@ from fastapi import APIRouter, Query, Response
 
 from glint.flows.review.dependencies import CaptureId, ObjectId, ReviewState
 from glint.flows.review.listing import MAX_PAGE
+from glint.storage.errors import NotFoundError
 
 router = APIRouter()
 
@@ -42,5 +43,5 @@ def capture(review: ReviewState, object_id: ObjectId, capture_id: CaptureId) -> 
     """Return the row of one capture."""
     row = review.listing.row(object_id, capture_id)
     if row is None:
-        raise LookupError(f"no capture {object_id}/{capture_id}")
+        raise NotFoundError(f"no capture {object_id}/{capture_id}", "see the catalogue view")
     return row.to_json()

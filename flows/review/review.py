@@ -6,6 +6,7 @@ from glint import reading
 from glint.flows.review.listing import Listing
 from glint.flows.review.runs import Runs
 from glint.storage.catalogue.loading import Capture
+from glint.storage.edits.edits import Edits
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
 from glint.tasks.engine.capture_context import CaptureContext
@@ -17,11 +18,11 @@ from glint.tasks.review.stored import has_object
 class Review:
     """The state of one server."""
 
-    def __init__(self, store: str, catalogue: str | None) -> None:
+    def __init__(self, store: str, catalogue: str | None, scheduler: str | None = None) -> None:
         self.location = Location.parse(store)
         self.store = self.location.uri
         self.catalogue = None if catalogue is None else Location.parse(catalogue).uri
-        self.runs = Runs(self.store)
+        self.runs = Runs(self.store, scheduler)
         self.listing = Listing(self.location, self.catalogue, self.runs)
 
     def start(self) -> None:
@@ -76,6 +77,10 @@ class Review:
         if not has_object(self.location, object_id):
             return None
         return ObjectRepository.open(self.location, object_id, create=False)
+
+    def edits(self, object_id: str) -> Edits | None:
+        """Open the edits of an object, None where the store does not have it yet."""
+        return None if self.repository(object_id) is None else Edits.open(self.location, object_id, create=False)
 
     def _check_stored(self, object_id: str) -> None:
         if not has_object(self.location, object_id):

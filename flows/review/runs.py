@@ -1,20 +1,23 @@
 """Runs that the page starts: the ordinary `glint run` of one capture, in a process of its own, with its progress.
 
-The process is independent of the server: it goes on where the server ends.
+The process is independent of the server: it goes on where the server ends, and so writes to files, not to pipes.
 """
 
 import json
+import os
 import subprocess
 import sys
 import threading
-from collections import deque
-from collections.abc import Iterator
+import time
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
-from time import time
-from typing import Any
+from tempfile import TemporaryFile
+from typing import IO, Any
 
-KEPT_LINES = 40
-"""Lines of a run that are kept for the page, the newest ones."""
+KEPT_BYTES = 20_000
+"""Bytes of a failed run's errors in which its reason is looked for, the newest ones."""
+READ_SECONDS = 0.2
+"""Interval at which a run's reports are read."""
 
 
 @dataclass
@@ -23,7 +26,7 @@ class Run:
     stages: seconds by stage that has ended, None where its result was stored already."""
 
     capture: str
-    started: float = field(default_factory=time)
+    started: float = field(default_factory=time.time)
     state: str = "running"
     stage: str = ""
     done: int = 0
@@ -36,14 +39,14 @@ class Run:
 
     def to_json(self) -> dict[str, Any]:
         """Return the run as JSON values."""
-        return asdict(self) | {"seconds": round(time() - self.started, 1)}
+        return asdict(self) | {"seconds": round(time.time() - self.started, 1)}
 
 
 class Runs:
     """The runs of a server, one at a time for each capture. revision: a number that grows with every event."""
 
-    def __init__(self, store: str) -> None:
-        self._store = store
+    def __init__(self, store: str, scheduler: str | None = None) -> None:
+        self._options = ["--store", store, *(["--scheduler", scheduler] if scheduler else [])]
         self._runs: dict[str, Run] = {}
         self._lock = threading.Lock()
         self.revision = 0
@@ -59,26 +62,28 @@ class Runs:
             if known is not None and known.state == "running":
                 return known
             run = self._runs[capture] = Run(capture)
-        command = [sys.executable, "-m", "glint", "run", catalogue, "--store", self._store, "--only", capture, "--json"]
-        process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-            start_new_session=True,
-        )  # fmt: skip
-        threading.Thread(target=self._follow, args=(run, process), name=f"run-{capture}", daemon=True).start()
+        command = [sys.executable, "-m", "glint", "run", catalogue, *self._options, "--only", capture, "--json"]
+        threading.Thread(target=self._follow, args=(run, command), name=f"run-{capture}", daemon=True).start()
         return run
 
-    def _follow(self, run: Run, process: "subprocess.Popen[str]") -> None:
-        for _ in _events(run, process):
+    def _follow(self, run: Run, command: Sequence[str]) -> None:
+        """Start a run, and take over what it reports until it ends."""
+        try:
+            # The files have no name: they are gone when both processes have ended, however they do.
+            with TemporaryFile() as output, TemporaryFile() as errors:
+                process = subprocess.Popen(
+                    command, stdin=subprocess.DEVNULL, stdout=output, stderr=errors, start_new_session=True
+                )
+                for _ in _events(run, process, output, errors):
+                    self.revision += 1
+        except OSError as error:
+            run.state, run.error, run.remedy = "failed", f"it did not start: {error}", "free memory and disk space"
             self.revision += 1
 
 
-def _events(run: Run, process: "subprocess.Popen[str]") -> Iterator[None]:
+def _events(run: Run, process: "subprocess.Popen[bytes]", output: IO[bytes], errors: IO[bytes]) -> Iterator[None]:
     """Read what a run reports until it ends; yield after each change."""
-    errors: deque[str] = deque(maxlen=KEPT_LINES)
-    assert process.stdout is not None and process.stderr is not None
-    reader = threading.Thread(target=errors.extend, args=(process.stderr,), daemon=True)
-    reader.start()
-    for line in process.stdout:
+    for line in _lines(process, output):
         try:
             event = json.loads(line)
         except ValueError:
@@ -87,14 +92,31 @@ def _events(run: Run, process: "subprocess.Popen[str]") -> Iterator[None]:
             note(run, event)
             yield
     status = process.wait()
-    reader.join(1.0)
     if run.state == "running":
         run.state = "done" if status == 0 else "failed"
     if status != 0 and not run.error:
-        lines = [line.strip() for line in errors if line.strip()]
+        length = os.fstat(errors.fileno()).st_size
+        text = os.pread(errors.fileno(), KEPT_BYTES, max(0, length - KEPT_BYTES)).decode(errors="replace")
+        lines = [line.strip() for line in text.splitlines() if line.strip()]
         run.error = next((line.removeprefix("glint: ") for line in lines if line.startswith("glint: ")), "it ended")
         run.remedy = next((line.removeprefix("-> ") for line in lines if line.startswith("-> ")), "see the dashboard")
     yield
+
+
+def _lines(process: "subprocess.Popen[bytes]", output: IO[bytes]) -> Iterator[bytes]:
+    """Yield the lines that a process writes to a file, until it has ended."""
+    place, pending = 0, b""
+    while True:
+        has_ended = process.poll() is not None
+        # Both processes share the file's position, so that it is never moved.
+        part = os.pread(output.fileno(), 1 << 20, place)
+        place += len(part)
+        *lines, pending = (pending + part).split(b"\n")
+        yield from lines
+        if not part:
+            if has_ended:
+                return
+            time.sleep(READ_SECONDS)
 
 
 def note(run: Run, event: dict[str, Any]) -> None:

@@ -5,6 +5,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path, Response
 
 from glint.flows.review.dependencies import CaptureId, ObjectId, ReviewState
+from glint.storage.errors import NotFoundError
 from glint.tasks.review.surface_data import model_data, surface_data, surface_part
 
 router = APIRouter(prefix="/objects/{object_id}/versions/{version}")
@@ -48,5 +49,5 @@ def model_part(review: ReviewState, object_id: ObjectId, version: VersionName, p
     review.stored(object_id).version(version)
     data = model_data(review.store, object_id, version)
     if data is None or part not in data.parts:
-        raise LookupError(f"{object_id} {version} has no model with {part!r}")
+        raise NotFoundError(f"{object_id} {version} has no model with {part!r}", "see its facts for the names of parts")
     return Response(data.parts[part].data, media_type="application/octet-stream")

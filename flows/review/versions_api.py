@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, StringConstraints
 
 from glint.flows.review.dependencies import CaptureId, ObjectId, ReviewState
 from glint.flows.review.surface_api import BYTES, PartName, VersionName
+from glint.storage.errors import NotFoundError
 from glint.storage.versions.repository import ObjectRepository
 from glint.tasks.review.version_pair import version_pair
 
@@ -58,7 +59,9 @@ def difference_part(
     _check(review, object_id, before, after)
     data = version_pair(review.store, object_id, capture_id, before, after)
     if part not in data.parts:
-        raise LookupError(f"the comparison of {before} and {after} has no {part!r}")
+        raise NotFoundError(
+            f"the comparison of {before} and {after} has no {part!r}", "see its facts for the names of parts"
+        )
     return Response(data.parts[part].data, media_type="application/octet-stream")
 
 

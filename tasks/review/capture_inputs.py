@@ -51,7 +51,15 @@ def capture_inputs(context: CaptureContext) -> dict[str, Any]:
 
 
 def mask_picture(context: CaptureContext, edited: np.ndarray | None = None) -> bytes:
-    """Return the mask as PNG of the full frame, white on black; black before the first run where none is given.
+    """Return the mask as PNG of the full frame, white on black.
+
+    Arguments and errors are those of `mask_in_use`.
+    """
+    return encode_png(mask_in_use(context, edited))
+
+
+def mask_in_use(context: CaptureContext, edited: np.ndarray | None = None) -> np.ndarray:
+    """Return the mask (H, W) bool of the full frame; empty before the first run where none is given.
 
     edited: the mask (H, W) bool that a person painted, None: the one that the last run used, else the catalogue's.
 
@@ -59,7 +67,7 @@ def mask_picture(context: CaptureContext, edited: np.ndarray | None = None) -> b
         InputError: the given mask cannot be read; StoreError: the store cannot be read.
     """
     if edited is not None:
-        return encode_png(edited)
+        return edited
     shape, geometry = first_frame(context).shape, stored_geometry(context)
     whole = np.zeros(shape, bool)
     address, region = context.file("mask"), context.capture.region
@@ -69,7 +77,7 @@ def mask_picture(context: CaptureContext, edited: np.ndarray | None = None) -> b
         given = read_mask(address, shape, region)
         rows, columns = (region.rows, region.columns) if region is not None else (slice(None), slice(None))
         whole[rows, columns] = given
-    return encode_png(whole)
+    return whole
 
 
 def check_mask(mask: np.ndarray, context: CaptureContext) -> None:

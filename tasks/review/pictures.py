@@ -1,4 +1,4 @@
-"""Pictures of a capture's inputs as PNG: the whole frame at a moment, its background and peak level, its thumbnail.
+"""Pictures of a capture's inputs: the whole frame at a moment, its levels over time, its thumbnail.
 
 Only region and spheres are kept of a video's frames. Around them a picture shows the first frame, which is decoded at
 once however long the video is: the camera stands still, and nothing there is used.
@@ -22,11 +22,30 @@ THUMBNAIL_SIZE = 112
 """Pixels of a thumbnail's longer side, twice what the catalogue view shows, for fine screens."""
 SAMPLE_FRAMES = 24
 """Frames from which background and peak level are taken while the stage `frames` has no result."""
-LEVELS = ("background", "peak")
+LEVELS = ("background", "peak", "mean")
+"""Levels over time: median, maximum, and mean, which shows the object under light from all sides."""
 
 
 def frame_picture(context: CaptureContext, number: int) -> bytes:
     """Return frame `number`, counted from 0, as PNG of the full frame.
+
+    Raises:
+        InputError, StoreError: as `frame_image`.
+    """
+    return encode_png(frame_image(context, number))
+
+
+def level_picture(context: CaptureContext, level: str) -> bytes:
+    """Return a level over time as PNG of the full frame.
+
+    Raises:
+        InputError, StoreError: as `level_image`.
+    """
+    return encode_png(level_image(context, level))
+
+
+def frame_image(context: CaptureContext, number: int) -> np.ndarray:
+    """Return frame `number`, counted from 0, of the full frame, (H, W) uint8.
 
     Raises:
         InputError: the video cannot be read, or has no such frame.
@@ -34,7 +53,7 @@ def frame_picture(context: CaptureContext, number: int) -> bytes:
     """
     whole = eight_bits(first_frame(context)).copy()
     if number == 0:
-        return encode_png(whole)
+        return whole
     geometry = stored_geometry(context)
     if geometry is None or "frames" not in saved_records(context):
         raise InputError("only the first frame is known before the first run", "run the capture")
@@ -43,24 +62,28 @@ def frame_picture(context: CaptureContext, number: int) -> bytes:
         raise InputError(f"there is no frame {number:,}", f"the last one is {cache.frames - 1:,}")
     for name, crop in cache.crops.items():
         whole[crop.rows, crop.columns] = eight_bits(cache.read(name, slice(number, number + 1))[0])
-    return encode_png(whole)
+    return whole
 
 
-def level_picture(context: CaptureContext, level: str) -> bytes:
-    """Return background or peak level as PNG of the full frame.
+def level_image(context: CaptureContext, level: str) -> np.ndarray:
+    """Return a level over time (one of LEVELS) of the full frame, (H, W) uint8; the mean is that of SAMPLE_FRAMES.
 
     Raises:
-        InputError: the video cannot be read; StoreError: the store cannot be read.
+        InputError: the video cannot be read, or there is no such level; StoreError: the store cannot be read.
     """
+    if level not in LEVELS:
+        raise InputError(f"there is no level {level!r}", f"choose from {', '.join(LEVELS)}")
     geometry = stored_geometry(context)
+    if level == "mean":
+        return np.asarray(frame_sample(context).mean(axis=0).round(), np.uint8)
     if geometry is None or "frames" not in saved_records(context):
         sample = frame_sample(context)
-        return encode_png(sample.max(axis=0) if level == "peak" else np.median(sample, axis=0).astype(np.uint8))
+        return np.asarray(sample.max(axis=0) if level == "peak" else np.median(sample, axis=0), np.uint8)
     whole, cache = eight_bits(first_frame(context)).copy(), open_frames(context)
     for name, crop in geometry.crops.items():
         pictures = load_levels(context) if name == OBJECT else levels(cache, name)
         whole[crop.rows, crop.columns] = eight_bits(pictures[LEVELS.index(level)])
-    return encode_png(whole)
+    return whole
 
 
 def thumbnail(context: CaptureContext) -> bytes:

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from glint.storage.inputs.masks_and_truth import camera_matrix
 from glint.tasks.algorithms.lighting.spheres import Sphere, confirm_sphere
 from glint.tasks.engine.capture_context import CaptureContext
-from glint.tasks.review.pictures import frame_sample
+from glint.tasks.review.pictures import first_frame, frame_sample
+from glint.tasks.stages.survey import check_spheres
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,9 +31,10 @@ def fit_sphere(context: CaptureContext, x: float, y: float, radius: float) -> Sp
     """Measure the sphere near a drawn circle, in pixels of the full frame, as the survey does with a given one.
 
     Raises:
-        InputError: the video cannot be read.
+        InputError: the circle leaves the frame, as that of no capture that is run may, or the video cannot be read.
     """
     drawn = Sphere(x, y, radius)
+    check_spheres([drawn], first_frame(context).shape)
     confirmed = confirm_sphere(frame_sample(context), drawn, camera=camera_matrix(context.capture.camera))
     fit = confirmed.fit
     return SphereFit(

@@ -1,5 +1,8 @@
 """What the store holds of a capture; looking at one that never ran stores nothing."""
 
+import numpy as np
+
+from glint.storage.edits.edits import Edits
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import object_ids
 from glint.storage.versions.stage_results import check_name
@@ -26,3 +29,14 @@ def saved_records(context: CaptureContext) -> Records:
     if not has_object(context.location, context.object_id):
         return {}
     return context.repository.records(context.capture.id)
+
+
+def edited_mask(context: CaptureContext) -> np.ndarray | None:
+    """Return the mask (H, W) bool of the full frame that a person painted, None where nobody has.
+
+    Raises:
+        StoreError: the store cannot be read.
+    """
+    if not has_object(context.location, context.object_id):
+        return None
+    return Edits.open(context.location, context.object_id, create=False).current(context.capture.id).mask

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from glint.storage.errors import NotFoundError
 from glint.storage.export.page.capture_data import CaptureData, Detail, capture_data
 from glint.storage.export.page.mesh_packing import pack_mesh
 from glint.storage.export.page.packing import Part, octahedral, pack
@@ -41,7 +42,7 @@ def surface_data(store: str, object_id: str, version: str, capture: str) -> Capt
     repository = ObjectRepository.open(location, object_id, create=False)
     chosen = repository.version(version)
     if capture not in chosen.stages or capture == WHOLE_OBJECT:
-        raise LookupError(f"{object_id} {chosen.name} has no capture {capture!r}")
+        raise NotFoundError(f"{object_id} {chosen.name} has no capture {capture!r}", f"see `glint history {object_id}`")
     results = repository.load_capture(capture, chosen.snapshot)
     stages = {stage: results[stage] for stage in ordered_stages(results, chosen)}
     data = capture_data(location, capture, stages, entry_of(chosen, capture), SERVED)
@@ -60,13 +61,15 @@ def surface_part(store: str, object_id: str, version: str, capture: str, name: s
     """Return a part by its name in the facts.
 
     Raises:
-        LookupError: there is none; StoreError: as `surface_data`, or the frame is no longer cached.
+        NotFoundError: there is none; StoreError: as `surface_data`, or the frame is no longer cached.
     """
     data = surface_data(store, object_id, version, capture)
     if name in data.parts:
         return data.parts[name]
     if name not in data.facts["parts"]:
-        raise LookupError(f"{object_id}/{capture} has no {name!r} to show in {version}")
+        raise NotFoundError(
+            f"{object_id}/{capture} has no {name!r} to show in {version}", "see its facts for the names of parts"
+        )
     location = Location.parse(store)
     repository = ObjectRepository.open(location, object_id, create=False)
     frames = repository.load(capture, "frames", repository.version(version).snapshot)

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from glint.storage.errors import NotFoundError
 from glint.storage.export.page.capture_data import CaptureData
 from glint.storage.export.page.packing import NO_CONFIDENCE, Part, octahedral, pack
 from glint.storage.locations.location import Location
@@ -18,11 +19,14 @@ def version_pair(store: str, object_id: str, capture: str, before: str, after: s
     """Return facts and parts: `before_normals`, `after_normals`, their masks, and `difference` (0 to 254).
 
     Raises:
-        LookupError: a version has no such capture; StoreError: no such object or version, or a result is damaged.
+        NotFoundError: a version has no such capture; StoreError: no such object or version, or a result is damaged.
     """
     repository = ObjectRepository.open(Location.parse(store), object_id, create=False)
     if capture not in captures_of_both(repository, before, after)[0]:
-        raise LookupError(f"{before} and {after} of {object_id} do not both have a capture {capture!r}")
+        raise NotFoundError(
+            f"{before} and {after} of {object_id} do not both have a capture {capture!r}",
+            f"see `glint history {object_id}`",
+        )
     difference = compare(repository, capture, before, after)
     pair = on_common_region(repository, capture, (before, after))
     parts: dict[str, Part] = {}

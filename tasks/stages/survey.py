@@ -61,7 +61,7 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
         needs_sample = inputs.file("lights") is None or seek_mask
         sample = take_sample(footage, parameters.sample, progress) if needs_sample else None
         spheres = [Sphere(sphere.x, sphere.y, sphere.radius) for sphere in given_spheres]
-        _check_spheres(spheres, size)
+        check_spheres(spheres, size)
         warnings = list[StageWarning]()
         if sample is not None and seek_spheres:
             detection = find_spheres(sample.frames, sample.peak, camera=camera)
@@ -170,7 +170,12 @@ def _pixel_size(sphere: models.Sphere, camera: np.ndarray | None) -> float:
     return distance / float(np.sqrt(camera[0, 0] * camera[1, 1]))
 
 
-def _check_spheres(spheres: list[Sphere], size: tuple[int, int]) -> None:
+def check_spheres(spheres: list[Sphere], size: tuple[int, int]) -> None:
+    """Check that given spheres, in pixels, lie inside a frame of `size` (rows, columns).
+
+    Raises:
+        InputError: one leaves it.
+    """
     for sphere in spheres:
         reach = sphere.radius - 1.0
         inside = reach <= sphere.x <= size[1] - 1 - reach and reach <= sphere.y <= size[0] - 1 - reach
@@ -178,7 +183,7 @@ def _check_spheres(spheres: list[Sphere], size: tuple[int, int]) -> None:
             raise InputError(
                 f"the sphere at ({sphere.x:.1f}, {sphere.y:.1f}) with radius {sphere.radius:.1f} leaves the frame of"
                 f" {size[1]} x {size[0]} pixels",
-                "correct it in the catalogue (pixels of the full frame, y down), or leave it out to have it found",
+                "correct it (pixels of the full frame, y down), or leave it out to have it found",
             )
 
 

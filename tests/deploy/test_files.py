@@ -215,3 +215,16 @@ def test_digests_are_asked_for_every_image_that_is_not_built_here(tmp_path: Path
     lines = dict(line.split("=", 1) for line in done.stdout.splitlines())
     assert set(lines) == {"PYTHON_IMAGE", "DEBIAN_IMAGE", "POSTGRES_IMAGE"}
     assert all(re.fullmatch(r"[\w:.-]+@sha256:[0-9a-f]{64}", image) for image in lines.values())
+
+
+def test_the_review_page_has_the_password_of_the_dashboard_and_dask() -> None:
+    service, pod = COMPOSE["services"]["review"], pods()["review"]["containers"][0]
+    assert service["environment"]["GLINT_REVIEW_PASSWORD"] == "${PREFECT_AUTH:?}"
+    (password,) = [item for item in pod["env"] if item["name"] == "GLINT_REVIEW_PASSWORD"]
+    assert password["valueFrom"]["secretKeyRef"]["key"] == "PREFECT_AUTH"
+    for command in (service["command"], pod["command"]):
+        assert command[:2] == ["glint", "review"] and "--host=0.0.0.0" in command
+        assert "--scheduler=tls://dask-scheduler:8786" in command and "--origin=http://127.0.0.1:4300" in command
+    rules = [item for item in documents() if item["kind"] == "NetworkPolicy"]
+    reached = {item["metadata"]["name"] for item in rules if "review" in str(item["spec"])}
+    assert {"to-the-store", "into-the-store", "to-prefect", "into-prefect", "to-dask", "into-dask"} <= reached

@@ -110,6 +110,28 @@ def test_the_server_of_compose_is_guarded(services: Services, tmp_path: Path) ->
         assert json.load(answer)["available_uis"] == ["v1"]
 
 
+@pytest.mark.long
+def test_the_review_page_of_compose_is_behind_the_password(services: Services, tmp_path: Path) -> None:
+    port = free_port()
+    origin = f"http://127.0.0.1:{port}"
+    places = {"--host=0.0.0.0": "--host=127.0.0.1", "--port=4300": f"--port={port}"}
+    command = [places.get(part, part) for part in COMPOSE["services"]["review"]["command"] if "${" not in part]
+    command = [part.replace("--origin=http://127.0.0.1:4300", f"--origin={origin}") for part in command]
+    settings = {"GLINT_REVIEW_PASSWORD": "glint:a long secret", "GLINT_STORE": str(tmp_path / "store")}
+    settings |= {"GLINT_HOME": str(tmp_path / "home")}
+    program = [sys.executable, "-m", *command]
+    services.start("review", program, settings, lambda: answers(f"{origin}/open"))
+    assert status(f"{origin}/api/captures") == 401
+    assert status(f"{origin}/open", Host="pages.example") == 400
+    for password, expected in ((b"glint:a wrong secret", 403), (b"glint:a long secret", 200)):
+        request = urllib.request.Request(f"{origin}/api/session", password)
+        try:
+            with urllib.request.urlopen(request) as answer:
+                assert answer.status == expected and "HttpOnly" in answer.headers["Set-Cookie"]
+        except urllib.error.HTTPError as refused:
+            assert refused.code == expected
+
+
 @pytest.mark.parametrize("missing", ["GLINT_SERVER_ORIGINS", "PREFECT_SERVER_API_AUTH_STRING"])
 def test_the_server_refuses_to_start_unguarded(missing: str) -> None:
     settings = {"GLINT_SERVER_ORIGINS": "http://127.0.0.1:4200", "PREFECT_SERVER_API_AUTH_STRING": "glint:secret"}

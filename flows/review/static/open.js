@@ -3,10 +3,13 @@
 const message = document.getElementById("message");
 const form = document.getElementById("form");
 
+// A bookmark of a view keeps its place after # where this page is shown instead of it.
+const place = location.hash.startsWith("#/") ? location.hash : "";
+
 async function enter(token) {
   const answer = await fetch("/api/session", { method: "POST", body: token });
   if (answer.ok) {
-    location.replace("/");
+    location.replace(`/${place}`);
     return;
   }
   message.textContent = "This link is of an earlier start, or the password is wrong. Open the link that was printed last.";
@@ -14,7 +17,7 @@ async function enter(token) {
   document.getElementById("password").focus();
 }
 
-const token = location.hash.slice(1);
+const token = place ? "" : location.hash.slice(1);
 history.replaceState(null, "", location.pathname);
 if (token) {
   enter(token);

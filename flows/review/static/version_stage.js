@@ -21,9 +21,8 @@ export class VersionStage {
     this.names = ["a", "b"].map((side) => element("p", { class: `name-of ${side}` }));
     this.divider = element("div", { class: "divider" });
     this.below.after(this.above, this.divider, ...this.names);
-    this.viewport = new Viewport(this.below, ({ corner, pixel }) => {
-      Object.assign(this.above, { width: this.below.width, height: this.below.height });
-      this.set({ corner, pixel });
+    this.viewport = new Viewport(this.below, ({ extent, corner, pixel }) => {
+      this.set({ extent, corner, pixel });
     });
     this.set({ material: "glossy", light: this.dial.light });
     this.place = slider("Line between the versions", { value: 0.5 }, (value) => `${Math.round(100 * value)} %`, (value) => this.split(value));

@@ -43,7 +43,7 @@ export async function open(root, capture, signal) {
       element("td", {}, pick(name, "before", "Left")), element("td", {}, pick(name, "after", "Right")),
       element("td", {}, element("b", {}, name), ` ${time.slice(0, 16).replace("T", " ")}`, element("div", { class: "faint" }, message)),
       element("td", {}, i ? element("button", { type: "button", onclick: () => restore(name) }, "Restore") : "newest")));
-    const head = element("thead", {}, element("tr", {}, ...["Left", "Right", "Version", ""].map((text) => element("th", { scope: "col" }, text))));
+    const head = element("thead", {}, element("tr", {}, ...["Left", "Right", "Version", "State"].map((text) => element("th", { scope: "col" }, text))));
     return element("section", {}, element("h2", {}, "Versions"), element("table", {}, head, element("tbody", {}, ...rows)));
   }
 

@@ -6,7 +6,7 @@ import pytest
 from prefect import flow, runtime
 
 from glint.flows.reporting import artifacts
-from glint.flows.reporting.artifacts import artifact_key, create_catalogue_artifact, problems_page
+from glint.flows.reporting.artifacts import artifact_key, create_catalogue_artifact, create_page_artifact, problems_page
 from glint.flows.results import CaptureResult, ObjectResult, RunResult
 from glint.flows.runtime.prefect_server import Server
 from glint.tasks.engine.stage import StageRecord
@@ -38,7 +38,7 @@ def result() -> RunResult:
 
 def test_problems_say_what_to_do() -> None:
     page = problems_page(result().failed)
-    assert "**glass/back**: no light in any frame: film again with the lamp in view" in page
+    assert "**[glass/back](http://127.0.0.1:4300/#/glass/back/inputs)**: no light in any frame: film again" in page
     assert "glass/front" not in page
 
 
@@ -47,11 +47,13 @@ def test_a_run_has_its_table_and_its_problems_on_the_server(server: Server) -> N
     @flow
     def run() -> str:
         create_catalogue_artifact("glassware", result())
+        create_page_artifact("glass/front", "# The page")
         return str(runtime.flow_run.id)
 
     found = ask(f"{server.api_url}/artifacts/filter", {"flow_runs": {"id": {"any_": [run()]}}})
     artifacts = {each["key"]: each for each in found}
-    assert set(artifacts) == {"catalogue-glassware", "problems-glassware"}
+    assert set(artifacts) == {"catalogue-glassware", "problems-glassware", "glass-front"}
+    assert "](http://127.0.0.1:4300/#/glass/front/inputs)" in artifacts["glass-front"]["data"]
     second, first = json.loads(artifacts["catalogue-glassware"]["data"])  # failures come first
     assert (first["capture"], first["state"], first["version"], first["frames"]) == ("glass/front", "done", "v2", 8000)
     assert (second["capture"], second["state"], second["frames"]) == ("glass/back", "failed", None)

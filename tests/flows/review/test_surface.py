@@ -16,13 +16,14 @@ from glint.storage.versions.repository import ObjectRepository
 from glint.tasks.algorithms.meshing.shading import relit
 from tests import browser
 from tests.flows.review.conftest import ServedPage
+from tests.flows.review.test_views import NOISE as DRAWING_NOISE
 from tests.storage.export.page.test_packing import unfolded, unpacked
 
 pytestmark = pytest.mark.long
 
 OBJECT = "/api/objects/hemisphere"
 SURFACE = f"{OBJECT}/versions/v1/captures/front/surface"
-NOISE = ("GL Driver Message", "fallback to software WebGL", "Password forms should")
+NOISE = (*DRAWING_NOISE, "Password forms should")
 """What Chromium remarks about drawing without a graphics card, and about the page of the password."""
 
 

@@ -11,12 +11,17 @@ from glint.flows.review.object_rows import Row
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import Changes
 from glint.storage.locations.location import Location
+from tests import browser
 from tests.flows.review.conftest import ServedPage, Tab, let_in
 
 pytestmark = pytest.mark.long
 
 INPUTS = "#/hemisphere/front/inputs"
 READY = ".stage[data-shown]"
+SCREENS = ((1280, 800), (820, 1180))
+"""Sizes for which the page is made: a small laptop, and a tablet held upright."""
+NOISE = ("GL Driver Message", "fallback to software WebGL")
+"""What Chromium remarks about drawing without a graphics card."""
 
 
 def asked(served: ServedPage, path: str) -> Any:
@@ -215,6 +220,16 @@ def test_a_link_of_an_earlier_start_opens_nothing(served: ServedPage, chromium: 
     page.close()
 
 
+def test_a_bookmark_leads_to_its_view_by_way_of_the_password(served: ServedPage, chromium: Any) -> None:
+    page = chromium.new_page()
+    page.goto(f"{served.origin}/{INPUTS}")
+    page.fill("#password", served.access.token)
+    page.click("button")
+    page.wait_for_selector(READY)
+    assert page.evaluate("location.pathname + location.hash") == f"/{INPUTS}"
+    page.close()
+
+
 def test_no_request_leaves_the_machine(served: ServedPage, chromium: Any) -> None:
     for tab in let_in(served, chromium):
         addresses = list[str]()
@@ -228,16 +243,22 @@ def test_no_request_leaves_the_machine(served: ServedPage, chromium: Any) -> Non
 def test_axe_has_no_serious_findings(tab: Tab) -> None:
     from axe_playwright_python.sync_playwright import Axe
 
-    for view, ready in (("#/", ".row img"), (INPUTS, READY)):
-        tab.open(view, ready)
-        tab.page.wait_for_timeout(500)
-        violations = Axe().run(tab.page).response["violations"]
-        assert [
-            (item["id"], node["target"], node["failureSummary"])
-            for item in violations
-            if item["impact"] in ("serious", "critical")
-            for node in item["nodes"]
-        ] == []
+    views = {"#/": ".row img", INPUTS: READY, INPUTS.replace("inputs", "surface"): "canvas.picture"}
+    views[INPUTS.replace("inputs", "versions")] = ".versions .divider"
+    for view, ready in views.items():
+        for width, height in SCREENS:
+            tab.page.set_viewport_size({"width": width, "height": height})
+            tab.open(view, ready)
+            tab.page.wait_for_timeout(500)
+            violations = Axe().run(tab.page).response["violations"]
+            assert [
+                (item["id"], node["target"], node["failureSummary"])
+                for item in violations
+                if item["impact"] in ("serious", "critical")
+                for node in item["nodes"]
+            ] == [], (view, width)
+            assert tab.page.evaluate("document.documentElement.scrollWidth <= innerWidth"), (view, width)
+    tab.complaints[:] = [text for text in tab.complaints if not any(noise in text for noise in NOISE)]
 
 
 def test_everything_can_be_done_by_keyboard(served: ServedPage, tab: Tab) -> None:
@@ -264,3 +285,62 @@ def test_everything_can_be_done_by_keyboard(served: ServedPage, tab: Tab) -> Non
     page.keyboard.press("Escape")
     assert page.locator("dialog[open]").count() == 0
     tab.complaints[:] = [text for text in tab.complaints if "422" not in text]
+
+
+def test_the_mask_grows_from_a_pixel_and_shrinks_with_the_tolerance(served: ServedPage, tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    page.wait_for_selector("section[data-pixels]")
+    region = asked(served, "inputs")["used"]["region"]
+    before = int(page.get_attribute("section[data-pixels]", "data-pixels"))
+    middle = (region["x"] + region["width"] // 2 + 14, region["y"] + region["height"] // 2)
+    page.keyboard.press("w")
+    page.wait_for_selector("[data-shown$='level/peak']")
+
+    def pixels(condition: str) -> int:
+        tab.wait(f"Number(document.querySelector('section[data-pixels]').dataset.pixels) {condition}")
+        return int(page.get_attribute("section[data-pixels]", "data-pixels"))
+
+    page.keyboard.down("Shift")
+    page.mouse.click(*place(tab, *middle))
+    page.keyboard.up("Shift")
+    cut = pixels(f"< {before}")
+    page.fill("input[aria-label^='Tolerance']", "12")
+    less = pixels(f"> {cut}")
+    assert less < before
+    page.keyboard.press("Control+z")
+    assert pixels(f"=== {before}") == before
+    page.mouse.click(*place(tab, 1, 1))
+    page.wait_for_selector("#status.error >> text=far from the mask")
+    tab.complaints[:] = [text for text in tab.complaints if "422" not in text]
+
+
+def test_camera_and_pose_are_set_on_the_picture_and_by_numbers(served: ServedPage, tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    width, height = asked(served, "inputs")["frame_size"]
+    page.keyboard.press("c")
+    page.fill("aside input[aria-label='Focal length in pixels']", "800")
+    page.keyboard.press("Tab")
+    page.wait_for_selector("aside >> text=perspective")
+    drag(tab, ((width - 1) / 2, (height - 1) / 2), (width / 2 + 9, height / 2 - 6))
+    page.select_option("aside select", "turntable")
+    page.fill("aside input[aria-label^='Degrees']", "30")
+    page.keyboard.press("Tab")
+    saved(tab)
+    edits = asked(served, "edits")
+    (fx, skew, cx), (_, fy, cy), _ = edits["camera"]["matrix"]
+    assert (fx, skew, fy) == (800, 0, 800)
+    assert cx == pytest.approx(width / 2 + 9, abs=1.0) and cy == pytest.approx(height / 2 - 6, abs=1.0)
+    assert edits["pose"]["turntable"] == 30
+    page.fill("aside input[aria-label^='Focal length as of']", "26")
+    page.keyboard.press("Tab")
+    assert page.input_value("aside input[aria-label='Focal length in pixels']") == str(
+        round(26 * (width**2 + height**2) ** 0.5 / 43.27, 2)
+    )
+    page.select_option("aside select", "camera_to_world")
+    page.fill("aside textarea", "1 0 0 0\n0 1 0 0\n0 0 1 250\n0 0 0 1")
+    page.keyboard.press("Tab")
+    page.click("aside .save button:has-text('Save')")
+    browser.until(lambda: asked(served, "edits")["pose"]["camera_to_world"] is not None)
+    assert asked(served, "edits")["pose"]["camera_to_world"][2] == [0, 0, 1, 250]
+    edits = Edits.open(Location.parse(served.store), "hemisphere")
+    edits.discard("front", "Ada")

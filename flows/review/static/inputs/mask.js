@@ -2,6 +2,7 @@
 
 import { announce, element } from "../dom.js";
 import { Konva } from "../vendor.js";
+import { Growth } from "./grow.js";
 
 const INSIDE = [112, 214, 150, 44];
 const RIM = [140, 240, 175, 230];
@@ -21,9 +22,10 @@ export class MaskLayer {
     view.picture.shapes.add(this.cursor, this.path);
     this.warning = element("p", { class: "doubt", role: "status", hidden: true }, "The mask touches the frame's edge: what lies beyond it is not seen, so the silhouette there is doubtful.");
     this.size = element("input", { type: "range", min: "1", max: String(Math.round(Math.max(width, height) / 8)), value: String(this.radius), "aria-label": "Size of the brush", oninput: () => this.resize(Number(this.size.value) - this.radius) });
+    this.growth = new Growth(view, this);
     this.visible = element("input", { type: "checkbox", checked: true, onchange: () => this.image.visible(this.visible.checked) });
     this.state = element("p", { class: "faint" });
-    this.root = element("section", {}, element("h2", {}, "Mask"), element("label", { class: "line" }, "Brush", this.size), element("label", { class: "line" }, this.visible, "Show the mask"), this.warning, this.state);
+    this.root = element("section", {}, element("h2", {}, "Mask"), element("label", { class: "line" }, "Brush", this.size), this.growth.root, element("label", { class: "line" }, this.visible, "Show the mask"), this.warning, this.state);
     this.paintByPointer();
     this.reset();
   }
@@ -34,15 +36,19 @@ export class MaskLayer {
       if (answer) announce("the mask cannot be read", "error");
       return;
     }
-    const bitmap = await createImageBitmap(await answer.blob());
-    const canvas = new OffscreenCanvas(this.width, this.height);
-    const context = canvas.getContext("2d");
-    context.drawImage(bitmap, 0, 0);
-    const data = context.getImageData(0, 0, this.width, this.height).data;
+    const data = await this.decoded(await answer.blob());
     for (let index = 0; index < this.pixels.length; index += 1) this.pixels[index] = data[4 * index] > 0 ? 1 : 0;
     this.isChanged = false;
     this.redraw(0, 0, this.width, this.height);
     this.tell();
+  }
+
+  /** Returns four bytes for each pixel of a picture of the full frame's size. */
+  async decoded(blob) {
+    const bitmap = await createImageBitmap(blob);
+    const context = new OffscreenCanvas(this.width, this.height).getContext("2d");
+    context.drawImage(bitmap, 0, 0);
+    return context.getImageData(0, 0, this.width, this.height).data;
   }
 
   toolChanged(tool) {
@@ -184,13 +190,18 @@ export class MaskLayer {
     context.closePath();
     context.fill();
     const data = context.getImageData(0, 0, this.width, this.height).data;
+    this.combine((index) => data[4 * index + 3] >= 128, cutsOut);
+    this.cancelPolygon();
+    return true;
+  }
+
+  /** Adds the pixels that `isIn` names, or cuts them out, as one step. */
+  combine(isIn, cutsOut) {
     this.begin();
-    for (let index = 0; index < this.pixels.length; index += 1) if (data[4 * index + 3] >= 128) this.pixels[index] = cutsOut ? 0 : 1;
+    for (let index = 0; index < this.pixels.length; index += 1) if (isIn(index)) this.pixels[index] = cutsOut ? 0 : 1;
     this.box = [0, 0, this.width - 1, this.height - 1];
     this.redraw(0, 0, this.width, this.height);
     this.end();
-    this.cancelPolygon();
-    return true;
   }
 
   cancelPolygon() {

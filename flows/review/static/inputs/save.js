@@ -62,7 +62,7 @@ export class SavePanel {
   async refresh() {
     this.conflict.replaceChildren();
     this.view.edits = await ask(`${this.view.capture.path}/edits`);
-    for (const layer of [this.view.spheres, this.view.region, this.view.scale]) layer.reset();
+    for (const layer of this.view.layers) layer.reset();
     await this.view.mask.reset();
     this.view.history.clear();
   }

@@ -3,6 +3,7 @@
 import { ask } from "../api.js";
 import { announce, element } from "../dom.js";
 import { bind } from "../keys.js";
+import { CameraLayer, PoseLayer } from "./camera.js";
 import { History } from "./history.js";
 import { LightDome } from "./lights.js";
 import { MaskLayer } from "./mask.js";
@@ -18,9 +19,11 @@ const TOOLS = [
   ["spheres", "Spheres", "s", "drag a circle or its handle; double-click adds one; Delete removes it"],
   ["brush", "Brush", "b", "paint the object; [ and ] change the size"],
   ["eraser", "Eraser", "e", "take away what is not the object"],
+  ["grow", "Grow", "w", "click what belongs to the object and looks alike; Shift+click takes it away; the slider Tolerance adjusts it"],
   ["polygon", "Polygon", "p", "click corners, Enter fills, Shift+Enter cuts out, Escape cancels"],
   ["region", "Region", "r", "drag the rectangle's corners"],
   ["scale", "Scale", "l", "draw a line of known length"],
+  ["camera", "Camera", "c", "drag the cross, where the camera looks straight ahead; the mark on the circle turns the object"],
 ];
 
 export async function open(root, capture, signal) {
@@ -47,13 +50,15 @@ class InputsView {
     this.region = new RegionLayer(this);
     this.spheres = new SphereLayer(this);
     this.scale = new ScaleLayer(this);
+    this.camera = new CameraLayer(this);
+    this.pose = new PoseLayer(this);
     this.lights = new LightDome(this);
     this.pixel = new PixelPanel(this);
     this.run = new RunPanel(this);
     this.save = new SavePanel(this);
     this.side.append(
       this.verdict(), this.save.root, this.run.root, this.lights.root, this.pixel.root, this.spheres.root, this.mask.root,
-      this.region.root, this.scale.root,
+      this.region.root, this.scale.root, this.camera.root, this.pose.root,
     );
     for (const [name, text, key] of TOOLS) {
       this.tools.append(element("button", { type: "button", "data-tool": name, "aria-keyshortcuts": key, onclick: () => this.use(name) }, text, " ", element("kbd", {}, key)));
@@ -73,7 +78,7 @@ class InputsView {
   timeline() {
     this.slider = element("input", { type: "range", min: "0", max: String(this.inputs.frames - 1), value: "0", "aria-label": "Frame", oninput: () => this.show(Number(this.slider.value)) });
     this.number = element("output", { class: "frame-number" });
-    this.kinds = [["peak", "Maximum", "m"], ["background", "Median", "n"]].map(([kind, text, key]) =>
+    this.kinds = [["peak", "Maximum", "m"], ["background", "Median", "n"], ["mean", "Mean", "k"]].map(([kind, text, key]) =>
       element("button", { type: "button", "data-kind": kind, "aria-keyshortcuts": key, onclick: () => this.show(kind) }, text, " ", element("kbd", {}, key)));
     return element("div", { class: "timeline" }, this.kinds, this.slider, this.number);
   }
@@ -100,9 +105,10 @@ class InputsView {
     for (const button of this.tools.children) button.setAttribute("aria-pressed", String(button.dataset.tool === tool));
     this.hint.textContent = TOOLS.find(([name]) => name === tool)[3];
     this.stage.dataset.tool = tool;
-    this.picture.pans = tool === "look" || tool === "spheres" || tool === "region";
-    for (const layer of [this.mask, this.spheres, this.region, this.scale]) layer.toolChanged(tool);
-    const panel = { spheres: this.spheres, brush: this.mask, eraser: this.mask, polygon: this.mask, region: this.region, scale: this.scale }[tool];
+    this.picture.pans = ["look", "grow", "spheres", "region", "camera"].includes(tool);
+    for (const layer of [this.mask, ...this.layers]) layer.toolChanged(tool);
+    if (tool === "grow") this.show("peak");
+    const panel = { spheres: this.spheres, brush: this.mask, eraser: this.mask, grow: this.mask, polygon: this.mask, region: this.region, scale: this.scale, camera: this.camera }[tool];
     panel?.root.scrollIntoView({ block: "nearest" });
   }
 
@@ -113,7 +119,13 @@ class InputsView {
 
   clicked(point, event) {
     if (this.tool === "look") this.pixel.ask(Math.round(point.x), Math.round(point.y));
+    else if (this.tool === "grow") this.mask.growth.grow(point, event.shiftKey);
     else if (this.tool === "spheres" && event.detail > 1) this.spheres.add(point);
+  }
+
+  /** What lies over the picture besides the mask. */
+  get layers() {
+    return [this.spheres, this.region, this.scale, this.camera, this.pose];
   }
 
   undo() {
@@ -127,7 +139,7 @@ class InputsView {
 
   /** Returns what differs from the saved edits, by field, ready to be sent. */
   async changes() {
-    const parts = await Promise.all([this.spheres, this.region, this.mask, this.scale].map((layer) => layer.changes()));
+    const parts = await Promise.all([this.mask, ...this.layers].map((layer) => layer.changes()));
     return Object.assign({}, ...parts);
   }
 
@@ -136,6 +148,7 @@ class InputsView {
       ...TOOLS.map(([name, text, key]) => [key, text.toLowerCase(), () => this.use(name)]),
       ["m", "maximum over time", () => this.show("peak")],
       ["n", "median over time", () => this.show("background")],
+      ["k", "mean over time", () => this.show("mean")],
       ["ArrowRight .", "next frame", () => this.nudge(1, 0) || this.step(1)],
       ["ArrowLeft ,", "frame before", () => this.nudge(-1, 0) || this.step(-1)],
       ["ArrowUp", "sphere, brush or picture up", () => this.nudge(0, -1) || this.picture.move(0, 60)],
@@ -147,7 +160,7 @@ class InputsView {
       ["0", "whole picture", () => this.picture.fit()],
       ["[", "smaller brush or sphere", () => this.resize(-1)],
       ["]", "larger brush or sphere", () => this.resize(1)],
-      ["Space", "paint or choose at the cursor of the keyboard", () => this.mask.paintAtCursor() || this.choosePixel()],
+      ["Space", "paint at the cursor of the keyboard; choose or grow from the middle of what is shown", (event) => this.mask.paintAtCursor() || this.choosePixel(event)],
       ["Tab", "next sphere (tool Spheres)", () => this.spheres.next()],
       ["a", "add a sphere in the middle", () => this.spheres.add(this.picture.centre())],
       ["Delete Backspace", "remove the chosen sphere", () => this.spheres.remove()],
@@ -176,8 +189,9 @@ class InputsView {
     else this.mask.resize(by);
   }
 
-  choosePixel() {
+  choosePixel(event) {
     const point = this.picture.centre();
-    this.pixel.ask(Math.round(point.x), Math.round(point.y));
+    if (this.tool === "grow") this.mask.growth.grow(point, event.shiftKey);
+    else this.pixel.ask(Math.round(point.x), Math.round(point.y));
   }
 }

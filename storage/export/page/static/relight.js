@@ -3,6 +3,12 @@
 import { VERTEX, fragment } from "./shaders.js";
 
 const UNIFORMS = ["normals", "lens", "photograph", "size", "corner", "pixel", "canvasHeight", "light", "ground", "relief", "lensShare", "wipe", "gamma"];
+/** Time for a picture while something moves, in milliseconds: 30 of them a second are seen as motion. */
+const MOVING_MS = 33;
+/** Time without a change after which the whole picture is drawn, in milliseconds. */
+const REST_MS = 150;
+const MAX_COARSENESS = 16;
+const POLL_MS = 4;
 const UNITS = { normals: 0, lens: 1, photograph: 2 };
 /** Level of the background of the stage, 0 to 1. */
 export const GROUND = [0.071, 0.078, 0.086];
@@ -22,9 +28,11 @@ export class Relight {
       this.setPicture(name, new Uint8Array(4), 1, 1);
     }
     this.state = {
-      light: [0, 0, 1], material: "matte", relief: 3, lensShare: 0, wipe: 0, gamma: 1, ground: GROUND, corner: [0, 0], pixel: 1,
+      extent: [canvas.width, canvas.height], light: [0, 0, 1], material: "matte", relief: 3, lensShare: 0, wipe: 0, gamma: 1, ground: GROUND, corner: [0, 0], pixel: 1,
     };
     this.isAsked = false;
+    /** Milliseconds of a whole picture, as last measured. */
+    this.cost = 0;
   }
 
   /** Show other normals: unit vectors, three floats a pixel, and the mask, not 0 on the object. */
@@ -64,19 +72,47 @@ export class Relight {
     this.ask();
   }
 
-  /** Change light, material, relief, lensShare, wipe, gamma, corner, pixel or ground, and draw soon. */
+  /** Change extent (pixels of the canvas across and down), light, material, relief, lensShare, wipe, gamma, corner, pixel
+      or ground, and draw soon: coarsely where a whole picture takes too long, wholly when nothing changes for a while. */
   set(changes) {
     Object.assign(this.state, changes);
-    this.ask();
+    clearTimeout(this.rest);
+    if (this.coarseness > 1) this.rest = setTimeout(() => this.ask(), REST_MS);
+    this.ask(this.coarseness);
   }
 
-  ask() {
+  /** How many pixels of the extent one is across that is drawn while something moves. */
+  get coarseness() {
+    const wanted = Math.ceil(Math.sqrt(this.cost / MOVING_MS));
+    return Math.max(1, Math.min(MAX_COARSENESS, wanted));
+  }
+
+  ask(coarseness = 1) {
+    this.asked = coarseness;
     if (this.isAsked || !this.size) return;
     this.isAsked = true;
     requestAnimationFrame(() => {
       this.isAsked = false;
-      this.draw();
+      if (this.asked > 1) this.draw(this.asked);
+      else this.drawMeasured();
     });
+  }
+
+  /** Draw, and note how long it takes until the picture is there. */
+  drawMeasured() {
+    const { gl } = this, start = performance.now();
+    this.draw();
+    if (!this.size || this.fence) return;
+    this.fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+    const look = () => {
+      if (!this.size || gl.isContextLost()) return;
+      if (gl.getSyncParameter(this.fence, gl.SYNC_STATUS) !== gl.SIGNALED) return void setTimeout(look, POLL_MS);
+      gl.deleteSync(this.fence);
+      this.fence = null;
+      this.cost = performance.now() - start;
+    };
+    setTimeout(look, 0);
   }
 
   /** Use the program for the present state, made when it is first needed; returns the places of its uniforms. */
@@ -94,16 +130,19 @@ export class Relight {
     return places;
   }
 
-  /** Draw now. */
-  draw() {
+  /** Draw now, with pixels that are so many of the extent across; the page stretches the canvas. */
+  draw(coarseness = 1) {
     const { gl, state, canvas } = this;
     if (!this.size) return;
+    const [width, height] = state.extent.map((length) => Math.max(1, Math.round(length / coarseness)));
+    if (canvas.width !== width) canvas.width = width;
+    if (canvas.height !== height) canvas.height = height;
     const places = this.select();
-    gl.viewport(0, 0, canvas.width, canvas.height);
+    gl.viewport(0, 0, width, height);
     gl.uniform2fv(places.size, this.size);
     gl.uniform2fv(places.corner, state.corner);
-    gl.uniform1f(places.pixel, state.pixel);
-    gl.uniform1f(places.canvasHeight, canvas.height);
+    gl.uniform1f(places.pixel, state.pixel * (state.extent[0] / width));
+    gl.uniform1f(places.canvasHeight, height);
     gl.uniform3fv(places.light, state.light);
     gl.uniform3fv(places.ground, state.ground);
     gl.uniform1f(places.relief, state.relief);
@@ -115,23 +154,22 @@ export class Relight {
 
   /** Pixels of the picture under the present state, one to one, on black: four bytes each, the top row first. */
   pixels() {
-    const { gl, canvas, state } = this, [width, height] = this.size;
-    const kept = [canvas.width, canvas.height, state.corner, state.pixel, state.ground];
-    [canvas.width, canvas.height] = this.size;
-    Object.assign(state, { corner: [0, 0], pixel: 1, ground: [0, 0, 0] });
+    const { gl, state } = this, [width, height] = this.size;
+    const { extent, corner, pixel, ground } = state;
+    Object.assign(state, { extent: this.size, corner: [0, 0], pixel: 1, ground: [0, 0, 0] });
     this.draw();
     const upwards = new Uint8Array(width * height * 4), downwards = new Uint8Array(upwards.length);
     gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, upwards);
     for (let row = 0; row < height; row++) {
       downwards.set(upwards.subarray((height - 1 - row) * width * 4, (height - row) * width * 4), row * width * 4);
     }
-    [canvas.width, canvas.height, state.corner, state.pixel, state.ground] = kept;
-    this.ask();
+    this.set({ extent, corner, pixel, ground });
     return downwards;
   }
 
   dispose() {
     this.size = null;
+    clearTimeout(this.rest);
     this.gl.getExtension("WEBGL_lose_context")?.loseContext();
   }
 

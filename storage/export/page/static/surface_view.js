@@ -24,8 +24,8 @@ export class SurfaceView {
     this.stage = new Stage(canvas, {
       dial: this.dial, viewport: () => this.viewport, profile: () => (this.profile.isOn ? this.profile : null),
     });
-    this.viewport = new Viewport(canvas, ({ corner, pixel }) => {
-      this.relight.set({ corner, pixel });
+    this.viewport = new Viewport(canvas, ({ extent, corner, pixel }) => {
+      this.relight.set({ extent, corner, pixel });
       this.profile?.place();
     });
     this.profile = new Profile(this.viewport, this.stage.overlay);

@@ -3,7 +3,7 @@
 const MAX_ZOOM = 32;
 
 export class Viewport {
-  /** onchange is called after each change; `corner` and `pixel` are those of relight.js. */
+  /** onchange is called after each change; `extent`, `corner` and `pixel` are those of relight.js. */
   constructor(canvas, onchange) {
     this.canvas = canvas;
     this.onchange = onchange;
@@ -27,8 +27,7 @@ export class Viewport {
   resized() {
     const box = this.canvas.parentElement.getBoundingClientRect(), ratio = Math.min(devicePixelRatio || 1, 2);
     const [width, height] = [Math.max(1, Math.round(box.width * ratio)), Math.max(1, Math.round(box.height * ratio))];
-    if (this.canvas.width !== width) this.canvas.width = width;
-    if (this.canvas.height !== height) this.canvas.height = height;
+    this.extent = [width, height];
     this.box = box;
     this.ratio = ratio;
     this.changed();
@@ -36,7 +35,7 @@ export class Viewport {
 
   changed() {
     if (!this.size) return;
-    const { width, height } = this.canvas, [across, down] = this.size;
+    const [width, height] = this.extent, [across, down] = this.size;
     this.middle ??= [across / 2, down / 2];
     this.pixel = (Math.max(across / width, down / height) * 1.06) / this.zoom;
     this.corner = [this.middle[0] - (width / 2) * this.pixel, this.middle[1] - (height / 2) * this.pixel];

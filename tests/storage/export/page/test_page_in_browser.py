@@ -117,6 +117,30 @@ def test_relit_pixels_are_those_of_the_pipeline(page: browser.Page, location: Lo
     assert expected.max() > 200 and difference.max() <= 1
 
 
+def test_a_dragged_light_is_drawn_coarsely_and_then_wholly(page: browser.Page) -> None:
+    shown_surface(page, 1)
+    code = """(async () => {
+      const relight = glint.viewer.surface.relight, { gl, canvas } = relight;
+      const mean = () => {
+        const bytes = new Uint8Array(canvas.width * canvas.height * 4);
+        gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+        return bytes.reduce((sum, level) => sum + level, 0) / bytes.length;
+      };
+      relight.draw();
+      const whole = [mean(), canvas.width];
+      relight.draw(4);
+      const coarse = [mean(), canvas.width];
+      relight.cost = 16 * 33;
+      relight.set({ light: [0.3, 0, 0.954] });
+      const moving = relight.asked;
+      await new Promise((done) => setTimeout(done, 600));
+      return [whole, coarse, moving, relight.asked, canvas.width, gl.getError()];
+    })()"""
+    whole, coarse, moving, resting, width, error = page.evaluate(code)
+    assert coarse[0] == pytest.approx(whole[0], rel=0.03) and coarse[1] == pytest.approx(whole[1] / 4, abs=1)
+    assert (moving, resting, width, error) == (4, 1, whole[1], 0)
+
+
 def test_arrays_are_those_stored(page: browser.Page, location: Location) -> None:
     results = ObjectRepository.open(location, "cup", create=False).load_capture("front", "main")
     labels, mask = results["labels"], results["mask"].read("mask")
