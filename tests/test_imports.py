@@ -22,12 +22,12 @@ ORDER = {
         "inbox maintenance export versions locking frames inputs catalogue footage locations seals fsync errors"
     ),
     "glint.tasks": (
-        "check verdict memory up_to_date publish warm_up robustness evaluation simulation pipeline model stages figures"
-        " engine version_diff code_provenance"
+        "check verdict memory up_to_date publish warm_up robustness evaluation simulation questions pipeline model"
+        " stages figures engine version_diff code_provenance"
     ),
     "glint.tasks.algorithms": (
-        "simulation evaluation registration multiview labelling frames prior meshing candidates integration"
-        " near_light lighting geometry errors"
+        "simulation evaluation registration multiview questions labelling frames prior meshing candidates"
+        " integration near_light lighting geometry errors"
     ),
 }
 """The rooms of a layer in descending order: a room imports only those after it."""

@@ -11,6 +11,7 @@ import numpy as np
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
 from glint.tasks.algorithms.candidates.shading import shading_log_ratio
 from glint.tasks.algorithms.geometry.vectors import unit
+from glint.tasks.algorithms.labelling.answers import mark_influence, sheet_graph
 from glint.tasks.algorithms.labelling.confidence import (
     field_confidence,
     field_error_slope,
@@ -41,6 +42,10 @@ from glint.tasks.algorithms.prior.symmetry import surface_of_revolution_normals
 if TYPE_CHECKING:
     pass
 
+MARKED_SHEET_NATS = 1e3
+"""Unary log-likelihood ratio that a mark gives its sheet's nodes beside it, nats: more than field and shape oppose."""
+MARKED_SHEET_CONFIDENCE = 0.97
+"""Confidence of accepted normals beside a true mark on the same sheet."""
 HELD_OUT_MAX_NODES = 5_000
 """Grid nodes of the coarser field that predicts held-out sheets: it is solved once per sheet."""
 
@@ -71,6 +76,7 @@ class Alternation:
     marked: np.ndarray = field(init=False)
     marked_normals: np.ndarray = field(init=False)
     pins: np.ndarray = field(init=False)
+    influence: np.ndarray = field(init=False)
     labels: np.ndarray = field(init=False)
     known: np.ndarray = field(init=False)
     values: np.ndarray = field(init=False)
@@ -87,6 +93,10 @@ class Alternation:
         self.evidence = weights.shape_weight * shape_log_ratio(self.normals, self.scale)
         self.evidence += weights.shading_weight * shading_log_ratio(self.shading)
         self.marked, self.marked_normals, self.pins = mark_constraints(self.marks, self.normals, self.mask)
+        self.influence = np.zeros(self.pins.shape)
+        if self.pins.any():
+            self.influence = mark_influence(*sheet_graph(self.normals), self.pins, self.scale)
+        self.evidence += MARKED_SHEET_NATS * self.influence
         self.labels = np.zeros(self.normals.shape[:3], dtype=bool)
         self.known, self.values = self.marked, self.marked_normals
         self.confidence = np.where(self.marked, 1.0, np.nan)
@@ -102,7 +112,9 @@ class Alternation:
             targets, pull = self.outward, np.where(self.rim, weights.rim, 0.0)
         else:
             targets, pull = self.expected, np.full(self.mask.shape, weights.expected)
-        pull = np.where(known, weights.observed, pull)
+        # A sheet that carries a true mark is known as surely as the mark.
+        influence = np.where(self.labels, self.influence, 0.0).max(axis=0, initial=0.0)
+        pull = np.where(known, weights.observed + (weights.marked - weights.observed) * influence, pull)
         # A mark with a cluster is averaged with it and so less noisy; a mark alone must hold against its neighbours.
         mark = np.where(self.labels.any(axis=0), weights.marked, weights.mark_alone)
         pull = np.where(self.marked & known, mark, pull)
@@ -113,12 +125,17 @@ class Alternation:
         for _ in range(max_iterations):
             changed = self.label()
             self.values = _accepted_normals(self.normals, self.labels, self.marked_normals)
-            self.confidence = np.where(self.marked, 1.0, observed_confidence(self.values, self.scale))
+            self.confidence = self.with_marks(observed_confidence(self.values, self.scale))
             self.known = self.confidence >= min_confidence
             self.smooth = self.solve_field(self.known, self.values)
             self.history.append(Iteration(int(self.labels.any(axis=0).sum()), changed))
             if changed <= convergence_tolerance * self.mask.sum():
                 break
+
+    def with_marks(self, confidence: np.ndarray) -> np.ndarray:
+        """Return the confidence (H, W) of accepted normals, raised where a true mark lies on their sheet."""
+        influence = np.where(self.labels, self.influence, 0.0).max(axis=0)
+        return np.where(self.marked, 1.0, np.maximum(confidence, MARKED_SHEET_CONFIDENCE * influence))
 
     def label(self) -> int:
         """Label all nodes against the present field; return the number of pixels whose labels changed."""
@@ -162,7 +179,7 @@ class Alternation:
             lambda kept: self.solve_field(kept, self.values, coarse),
         )
         observed = sheet_confidence(self.values, sheet_means(sheets, evidence), residual, self.scale)
-        observed = np.where(self.marked, 1.0, observed)
+        observed = self.with_marks(observed)
         slope = field_error_slope(
             lambda kept: self.solve_field(kept, self.values),
             np.where(self.known[..., None], self.values, np.nan),

@@ -1,0 +1,146 @@
+"""The worth of answers: errors before and after questions that the truth answers, beside random marks."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from glint.storage.inputs.markup import AnnotationEntry
+from glint.storage.inputs.masks_and_truth import read_truth
+from glint.tasks.algorithms.candidates.markup import Marks
+from glint.tasks.algorithms.evaluation.metrics import squared_errors
+from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.questions.proposals import Question
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.questions.capture_questions import CaptureQuestions
+
+TRUE_SHEET_DEG = 5.0
+"""Median angle of a sheet's candidates to the true normals below which the oracle calls the sheet true."""
+RANDOM_SEED = 0
+"""Seed of the marks at random places."""
+RANDOM_TRIALS = 50
+"""Random places tried for each mark before the capture counts as without highlights."""
+
+Errors = tuple[float, float]
+"""Squared errors over the observed region and over the whole mask."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """An answered question: pixels of its sheet, its label before, the oracle's answer, and the errors after it.
+
+    probability: that the label was wrong, by the program itself. open: whether the program called the label open.
+    """
+
+    pixels: int
+    labelled: bool
+    truth: bool
+    probability: float
+    open: bool
+    errors: Errors
+
+
+@dataclass(frozen=True, slots=True)
+class QuestionsEvaluation:
+    """Worth of answers of a capture: errors before, after each answer, and after as many marks at random places."""
+
+    name: str
+    before: Errors
+    answers: tuple[Answer, ...]
+    random_marks: Errors
+
+    @property
+    def after(self) -> Errors:
+        """Errors after the last answer."""
+        return self.answers[-1].errors if self.answers else self.before
+
+    @property
+    def wrong(self) -> int:
+        """Number of questions whose sheet had the wrong label."""
+        return sum(answer.labelled != answer.truth for answer in self.answers)
+
+    @property
+    def wrong_or_open(self) -> int:
+        """Number of questions whose sheet had the wrong label or an open one."""
+        return sum(answer.labelled != answer.truth or answer.open for answer in self.answers)
+
+
+def evaluate_questions(work: CaptureContext, count: int) -> QuestionsEvaluation | None:
+    """Ask `count` questions, one after the other, answered from the truth; None without true normals.
+
+    The marks of the catalogue are left out: answers are what is measured.
+
+    Raises:
+        InputError: the truth is unusable; StoreError: the capture was not run.
+    """
+    if work.capture.truth is None:
+        return None
+    questions = CaptureQuestions(work)
+    mask = questions.mask
+    truth = read_truth(work.capture.truth, (mask.shape[0], mask.shape[1])).normals
+    if truth is None:
+        return None
+
+    def errors_with(marks: Marks | None) -> Errors:
+        return _errors(questions, questions.label(marks).normals, truth)
+
+    annotations: list[AnnotationEntry] = []
+    answers: list[Answer] = []
+    marks: Marks | None = None
+    result = questions.label(None)
+    before = _errors(questions, result.normals, truth)
+    while len(answers) < count:
+        asked = {(entry.frame, entry.x, entry.y) for entry in annotations}
+        proposed = questions.propose(result, marks, len(asked) + 1)
+        shown = next((item for item in proposed if (item.frame, item.x, item.y) not in asked), None)
+        if shown is None:
+            break
+        is_true = oracle(shown.question, questions.clusters.normals, truth)
+        annotations.append(shown.answer(is_true))
+        marks = questions.marks(annotations)
+        result = questions.label(marks)
+        question = shown.question
+        answers.append(
+            Answer(
+                len(question.rows),
+                question.exterior,
+                is_true,
+                question.wrong,
+                question.is_open,
+                _errors(questions, result.normals, truth),
+            )
+        )
+    at_random = random_annotations(questions, truth, len(answers))
+    return QuestionsEvaluation(work.name, before, tuple(answers), errors_with(questions.marks(at_random)))
+
+
+def oracle(question: Question, normals: np.ndarray, truth: np.ndarray) -> bool:
+    """Return whether a sheet of candidates (K, H, W, 3) is the surface of which `truth` (H, W, 3) are the normals."""
+    at = question.rows, question.columns
+    error = angles(normals[question.layers, *at], truth[at])
+    known = np.isfinite(error)
+    return bool(known.any() and np.median(error[known]) < TRUE_SHEET_DEG)
+
+
+def random_annotations(questions: CaptureQuestions, truth: np.ndarray, count: int) -> list[AnnotationEntry]:
+    """Return `count` annotations at random candidates (seeded), each true or false as the truth says."""
+    rng = np.random.default_rng(RANDOM_SEED)
+    normals, region = questions.clusters.normals, questions.geometry.region
+    layers, rows, columns = np.nonzero(np.isfinite(normals[..., 0]) & questions.mask)
+    annotations: list[AnnotationEntry] = []
+    for node in rng.permutation(len(rows))[: RANDOM_TRIALS * count]:
+        if len(annotations) == count:
+            break
+        layer, row, column = int(layers[node]), int(rows[node]), int(columns[node])
+        single = Question(layers[[node]], rows[[node]], columns[[node]], False, 0.0, 0.0, 0.0)
+        frame = questions.frame_of(single)
+        error = float(angles(normals[layer, row, column], truth[row, column]))
+        if frame is not None and np.isfinite(error):
+            kind = "true" if error < TRUE_SHEET_DEG else "false"
+            x, y = float(column + region.x), float(row + region.y)
+            annotations.append(AnnotationEntry(frame=frame, x=x, y=y, kind=kind))
+    return annotations
+
+
+def _errors(questions: CaptureQuestions, normals: np.ndarray, truth: np.ndarray) -> Errors:
+    observed = questions.mask & (questions.clusters.observations > 0)
+    return squared_errors(normals, truth, observed), squared_errors(normals, truth, questions.mask)
