@@ -2,7 +2,7 @@
 
 An answer changes nothing if it confirms the label, so its expected value is the probability that the label is wrong
 times the change of the normals (angle times pixels) that would follow, in the sheet and in the smooth field that hangs
-on it: expected model output change (Freytag et al. 2014), with the program's own confidence for the probability.
+on it: expected model output change (Freytag, Rodner and Denzler 2014), with the program's own confidence for the probability.
 """
 
 from dataclasses import dataclass
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 OPEN_PROBABILITY = 0.25
 """Probability of being wrong from which a label counts as open."""
+REMOVAL_GAIN = 0.3
+"""Worth of a degree that a sheet's withdrawal changes against one that its acceptance changes, measured on presets."""
 ANSWERED_INFLUENCE = 0.2
 """Mean influence of marks on a sheet from which it counts as answered."""
 FIELD_NODES = 3_000
@@ -65,8 +67,13 @@ class Question:
 
     @property
     def value(self) -> float:
-        """Expected change of the normals, degrees times pixels."""
-        return self.wrong * self.change + (1.0 - self.wrong) * self.confirmed
+        """Expected change of the normals, degrees times pixels.
+
+        A confirmed sheet changes them as its own certainty grows; a sheet that is withdrawn leaves a gap, which the
+        field fills with normals that may be no better.
+        """
+        gain = REMOVAL_GAIN if self.exterior else 1.0
+        return gain * (self.wrong * self.change + (1.0 - self.wrong) * self.confirmed)
 
     @property
     def is_open(self) -> bool:
@@ -104,7 +111,8 @@ def propose(
     evidence = shape_log_ratio(normals, scale) + shading_log_ratio(clusters.shading)
     wrong = wrong_probability(patches, normals, evidence, result)
     exterior = patches.mean(patches.of(result.labels) > 0) > 0.5
-    first = wrong * rough_change(patches, normals, result, mask, scale)
+    gain = np.where(exterior, REMOVAL_GAIN, 1.0)
+    first = gain * wrong * rough_change(patches, normals, result, mask, scale)
     first[answered] = 0.0
     chosen = np.argsort(-first, kind="stable")[: max(PREDICTED, 2 * count)]
     chosen = chosen[first[chosen] > 0]

@@ -94,7 +94,9 @@ def test_marks_pin_their_nodes(scene: Scene) -> None:
     result = reconstruct_normals(clusters, mask, marks=wrong)
     assert result.labels[:, row, column].tolist() == [exterior, 1 - exterior]
     assert result.provenance[row, column] == PROVENANCE.index("marked")
-    assert np.allclose(result.normals[row, column], clusters.normals[1 - exterior, row, column], atol=1e-5)
+    # The mark speaks for its sheet too, so that the field comes near and the normal is denoised.
+    assert angles(result.normals[row, column], clusters.normals[1 - exterior, row, column]) < 2.0
+    assert angles(result.normals[row, column], truth[row, column]) > 8.0
 
 
 @pytest.mark.long
