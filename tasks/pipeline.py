@@ -138,7 +138,7 @@ STAGES = (
             "confidence": ArraySchema("HW", "f", "mask"),
         },
         peak_bytes=_per_pixel(900),
-        version=8,
+        version=9,
     ),
     Stage(
         "depth",

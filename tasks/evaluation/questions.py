@@ -1,6 +1,7 @@
 """The worth of answers: errors before and after questions that the truth answers, beside random marks."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -135,7 +136,7 @@ def random_annotations(questions: CaptureQuestions, truth: np.ndarray, count: in
         frame = questions.frame_of(single)
         error = float(angles(normals[layer, row, column], truth[row, column]))
         if frame is not None and np.isfinite(error):
-            kind = "true" if error < TRUE_SHEET_DEG else "false"
+            kind: Literal["true", "false"] = "true" if error < TRUE_SHEET_DEG else "false"
             x, y = float(column + region.x), float(row + region.y)
             annotations.append(AnnotationEntry(frame=frame, x=x, y=y, kind=kind))
     return annotations

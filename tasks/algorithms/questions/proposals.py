@@ -2,7 +2,7 @@
 
 An answer changes nothing if it confirms the label, so its expected value is the probability that the label is wrong
 times the change of the normals (angle times pixels) that would follow, in the sheet and in the smooth field that hangs
-on it: expected model output change (Freytag, Rodner and Denzler 2014), with the program's own confidence for the probability.
+on it: expected model output change (Freytag, Rodner and Denzler 2014), by the confidence of the labelling itself.
 """
 
 from dataclasses import dataclass
@@ -121,7 +121,9 @@ def propose(
     confirmed = {int(number): predict.confirmation(int(number)) if exterior[number] else 0.0 for number in chosen}
     candidates = [
         Question(
-            *(index[patches.number == number] for index in (patches.layer, patches.row, patches.column)),
+            patches.layer[patches.number == number],
+            patches.row[patches.number == number],
+            patches.column[patches.number == number],
             bool(exterior[number]),
             float(wrong[number]),
             float(maps[number].sum()),
