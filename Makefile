@@ -10,7 +10,7 @@ demo: .venv/ready
 	.venv/bin/glint demo
 
 test: lint
-	$(PYTHON) -m pytest -q -m "$(SHARE)"
+	$(PYTHON) -m pytest -q -m "$(SHARE)" --durations=25 --durations-min=5
 
 # The inner loop, in under a minute: algorithms and storage, without servers, whole captures and long tests.
 test-unit: .venv/ready

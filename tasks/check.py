@@ -1,7 +1,7 @@
 """Check: whether a capture can be processed, how well the lights cover it, what to record again; before long stages."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from glint.tasks.engine.stage import StageRecord, perform, stage_keys
 from glint.tasks.engine.stage_warning import StageWarning, by_cost
 from glint.tasks.figures.check_pictures import write_check_pictures, write_failure_picture
 from glint.tasks.pipeline import STAGES, stages_until
+from glint.tasks.sphere_agreement import CaptureSpheres, deviating_spheres
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.frames import open_frames
 from glint.tasks.stages.stabilization import SAMPLED_FRAMES
@@ -111,6 +112,31 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
         pictures=pictures,
         seconds=sum(record.seconds for record in records),
     )
+
+
+def with_agreement(checks: Sequence[tuple[CaptureContext, Check]]) -> list[Check]:
+    """Return the checks of an object's captures with warnings of spheres that lie elsewhere than in the others.
+
+    Raises:
+        StoreError: the store fails.
+    """
+    spheres = {
+        result.name: CaptureSpheres(load_geometry(context).frame_size, load_geometry(context).spheres)
+        for context, result in checks
+        if not result.failure
+    }
+    deviating = deviating_spheres(spheres)
+    return [_with_warnings(result, deviating.get(result.name, [])) for _, result in checks]
+
+
+def _with_warnings(result: Check, warnings: Sequence[StageWarning]) -> Check:
+    """Return a check of a capture that can be processed with further warnings, judged again."""
+    if not warnings or result.could is None or result.observed is None or result.frames is None:
+        return result
+    ordered = by_cost([*result.warnings, *warnings])
+    judged = verdict(ordered, result.could, result.observed, result.frames)
+    picture = next((path for path in result.pictures if path.stem == judged.picture), result.picture)
+    return replace(result, verdict=judged, warnings=tuple(ordered), picture=picture)
 
 
 def _failed(context: CaptureContext, records: Sequence[StageRecord], judged: Verdict, failure: str, out: Path) -> Check:

@@ -67,7 +67,7 @@ STAGES = (
         },
         peak_bytes=_per_pixel(400),
         progress_unit="spheres",
-        version=5,
+        version=6,
     ),
     Stage(
         "mask",
@@ -136,9 +136,10 @@ STAGES = (
             "normals": ArraySchema("HW3", "f", "mask"),
             "provenance": ArraySchema("HW", "u"),
             "confidence": ArraySchema("HW", "f", "mask"),
+            "evidence": ArraySchema("HW", "f", "mask"),
         },
         peak_bytes=_per_pixel(900),
-        version=9,
+        version=12,
     ),
     Stage(
         "depth",

@@ -89,8 +89,9 @@ def catalogues_of(store: Location, object_ids: Sequence[str]) -> dict[str, list[
 
 
 def capture_provenance(work: CaptureContext) -> dict[str, Any]:
-    """Return a capture's entry in the catalogue, all its parameters, and the digests of its inputs."""
-    return {
+    """Return a capture's entry, all its parameters, the digests of its inputs, and what of it a person has edited."""
+    edits = {} if work.edits is None else {"edits": work.edits.to_json()}
+    return edits | {
         "entry": work.capture.model_dump(mode="json", exclude_none=True, exclude_defaults=True),
         "parameters": work.parameters.model_dump(mode="json"),
         "inputs": {name: digest for name in INPUTS if (digest := work.digest(name))},

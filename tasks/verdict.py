@@ -41,19 +41,22 @@ class Verdict:
         return f"{self.word}: {self.reason}" if self.reason else self.word
 
 
-def verdict(warnings: Sequence[StageWarning], could: float, observed: float, frames: int) -> Verdict:
+def verdict(warnings: Sequence[StageWarning], could: float | None, observed: float, frames: int) -> Verdict:
     """Judge a capture whose stages were performed up to the thresholds.
 
     A gap in the light's sweep costs only what lies in it, so coverage is judged by the share of the object that was
     observed; a set of photographs is never rejected for it.
 
-    could, observed: shares of the object on which a highlight could be, and was, seen; frames: their number.
+    could, observed: shares of the object on which a highlight could be (None: not compared), and was, seen; frames:
+    their number.
     """
     ordered = by_cost(warnings)
     faults = [warning for warning in ordered if warning.cause != "coverage"]
     if faults and faults[0].cost_deg >= MAX_USABLE_COST_DEG:
         return _because(WORD_BY_CAUSE.get(faults[0].cause, RECORD_AGAIN), faults[0])
-    shown = f"highlights on {observed:.0%} of the object, {could:.0%} could show one"
+    shown = f"highlights on {observed:.0%} of the object"
+    if could is not None:
+        shown += f", {could:.0%} could show one"
     if observed < MIN_OBSERVED_SHARE and frames >= MIN_SWEEP_FRAMES:
         return Verdict(RECORD_AGAIN, shown, "coverage")
     if faults and faults[0].cost_deg > MAX_GOOD_COST_DEG:

@@ -84,7 +84,7 @@ def compare(repository: ObjectRepository, capture: str, before: str, after: str)
     Raises:
         StoreError: a version does not exist or has no such capture.
     """
-    (old_normals, old_depth), (new_normals, new_depth) = _on_common_region(repository, capture, (before, after))
+    (old_normals, old_depth), (new_normals, new_depth) = on_common_region(repository, capture, (before, after))
     depths = new_depth - old_depth
     known = np.isfinite(depths)
     if known.any():
@@ -105,7 +105,7 @@ def drifts(repository: ObjectRepository, before: str, after: str, degrees: float
     for capture in captures_of_both(repository, before, after)[0]:
         if repository.version(before).stages[capture] == repository.version(after).stages[capture]:
             continue
-        (old, _), (new, _) = _on_common_region(repository, capture, (before, after))
+        (old, _), (new, _) = on_common_region(repository, capture, (before, after))
         angles = _angles(old, new)
         known = angles[np.isfinite(angles)]
         percentile = float(np.quantile(known, DRIFT_QUANTILE)) if known.size else INCOMPARABLE_DEG
@@ -119,7 +119,7 @@ def _angles(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return vectors.angles(first.astype(np.float64), second).astype(np.float32)
 
 
-def _on_common_region(
+def on_common_region(
     repository: ObjectRepository, capture: str, versions: tuple[str, str]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return normals (H, W, 3) and depth (H, W) of both versions on the rectangle around both regions, NaN outside."""

@@ -17,13 +17,13 @@ MAY_IMPORT = {
     "glint.storage": {"glint.storage"},
 }
 ORDER = {
-    "glint.flows": "cli deployments pipeline reporting runtime results errors",
+    "glint.flows": "cli review deployments pipeline reporting runtime results errors",
     "glint.storage": (
-        "inbox maintenance export versions locking frames inputs catalogue footage locations seals fsync errors"
+        "inbox maintenance export edits versions locking frames inputs catalogue footage locations seals fsync errors"
     ),
     "glint.tasks": (
-        "check verdict memory up_to_date publish warm_up robustness evaluation simulation questions pipeline model"
-        " stages figures engine version_diff code_provenance"
+        "check sphere_agreement review verdict memory up_to_date publish warm_up robustness evaluation simulation"
+        " questions pipeline model stages figures engine version_diff code_provenance"
     ),
     "glint.tasks.algorithms": (
         "simulation evaluation registration multiview questions labelling frames prior meshing candidates"
@@ -33,6 +33,7 @@ ORDER = {
 """The rooms of a layer in descending order: a room imports only those after it."""
 CROWDED = {
     "flows/cli": "one module for each command",
+    "flows/review": "one module for each view's interface",
     "storage/export": "one module for each format",
     "tasks/stages": "one module for each stage",
 }

@@ -103,7 +103,8 @@ def test_the_wheel_holds_one_import_package(tmp_path: Path) -> None:
     assert {name.split("/")[0] for name in names} == {"glint", f"glint-{PROJECT['project']['version']}.dist-info"}
     modules = {path.relative_to(ROOT).as_posix() for top in ("flows", "tasks", "storage") for path in source_of(top)}
     assert {f"glint/{module}" for module in modules} <= set(names)
-    assert {"glint/py.typed", "glint/storage/export/report.html"} <= set(names)
+    viewer = {path.relative_to(ROOT).as_posix() for path in (ROOT / "storage/export/page/static").rglob("*.*")}
+    assert {"glint/py.typed"} | {f"glint/{name}" for name in viewer} <= set(names)
 
 
 def source_of(top: str) -> list[Path]:

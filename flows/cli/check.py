@@ -14,6 +14,7 @@ from glint.flows.cli.output import echo
 if TYPE_CHECKING:
     from glint.flows.reporting.events import Sink
     from glint.tasks.check import Check
+    from glint.tasks.engine.capture_context import CaptureContext
 
 
 def check(
@@ -31,6 +32,7 @@ def check(
     from glint.storage.locations.conditional_writes import check_conditional_writes
     from glint.storage.locations.location import Location
     from glint.tasks.check import check as check_capture
+    from glint.tasks.check import with_agreement
     from glint.tasks.engine.references import CaptureReference, chosen_captures, load_catalogue
 
     catalogue, failed = load_catalogue(file), False
@@ -40,18 +42,22 @@ def check(
     checks = list["Check"]()
     with open_console(as_json) as console:
         report_input_errors(catalogue, chosen, console)
-        for object_id, capture_id in ((name, capture) for name, captures in chosen.items() for capture in captures):
-            reference = CaptureReference(Location.parse(file).uri, object_id, capture_id, place.uri, "check")
-            name = str(reference)
-            try:
-                result = check_capture(reference.context(), out / object_id / capture_id, _progress(console, name))
-            except USER_ERRORS as error:
-                console.emit(CaptureFailed(name, str(error)))
-                failed = True
-                continue
-            checks.append(result)
-            ended = CaptureFailed(name, result.failure) if result.failure else CaptureEnded(name, result.seconds)
-            console.emit(ended)
+        for object_id, capture_ids in chosen.items():
+            of_object = list[tuple["CaptureContext", "Check"]]()
+            for capture_id in capture_ids:
+                reference = CaptureReference(Location.parse(file).uri, object_id, capture_id, place.uri, "check")
+                name = str(reference)
+                try:
+                    context = reference.context()
+                    result = check_capture(context, out / object_id / capture_id, _progress(console, name))
+                except USER_ERRORS as error:
+                    console.emit(CaptureFailed(name, str(error)))
+                    failed = True
+                    continue
+                of_object.append((context, result))
+                ended = CaptureFailed(name, result.failure) if result.failure else CaptureEnded(name, result.seconds)
+                console.emit(ended)
+            checks += with_agreement(of_object)
     if as_json:
         print_lines({"kind": "check", **asdict(result)} for result in checks)
     else:

@@ -9,14 +9,14 @@ from glint.flows.cli.output import echo
 
 
 def history(object_id: ObjectId, store: Store = None, as_json: Json = False) -> None:
-    """List the versions of an object, oldest first."""
+    """List the versions of an object and the edits of its inputs, oldest first."""
     from glint.flows.cli.tables import history_rows, show, table_of
 
     rows = history_rows(chosen_store(store), object_id)
     if as_json:
         print_lines(rows)
     else:
-        show(table_of(rows, "no versions yet"))
+        show(table_of(rows, "no versions and no edits yet"))
 
 
 def rollback(

@@ -16,11 +16,13 @@ from glint.flows.cli.dashboard import dashboard
 from glint.flows.cli.demo import demo
 from glint.flows.cli.deploy import deploy
 from glint.flows.cli.diff import diff
+from glint.flows.cli.edits import edits
 from glint.flows.cli.evaluate import evaluate
 from glint.flows.cli.export import export
 from glint.flows.cli.history import history, rollback
 from glint.flows.cli.maintain import maintain
 from glint.flows.cli.output import echo
+from glint.flows.cli.review import review
 from glint.flows.cli.run import run
 from glint.flows.cli.simulate import simulate
 from glint.flows.cli.status import status
@@ -34,8 +36,10 @@ COMMANDS = (
     catalogue,
     check,
     run,
+    review,
     status,
     history,
+    edits,
     diff,
     maintain,
     verify,

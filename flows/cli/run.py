@@ -58,11 +58,11 @@ def run(
 
         echo(json.dumps(summary_json(summary)))
     else:
-        _print_summary(summary, store)
+        _print_summary(summary, file, store)
     sys.exit(1 if summary.result.failed else 0)
 
 
-def _print_summary(summary: "Summary", store: str | None) -> None:
+def _print_summary(summary: "Summary", file: str, store: str | None) -> None:
     """Print the table of captures, errors and warnings with their remedies, and the next command."""
     from glint.flows.cli.tables import run_table, show
 
@@ -74,6 +74,7 @@ def _print_summary(summary: "Summary", store: str | None) -> None:
         echo(f"{drift}", colour="yellow")
         echo(f"  -> glint diff {drift.object_id} {drift.before} {drift.after}{store_option(store)}")
     echo(f"dashboard: {summary.page}")
+    echo(f"review: glint review {file}{store_option(store)}")
     published = next((item.object_id for item in summary.result.objects if item.version is not None), None)
     if published is not None:
         echo(f"next: glint export {published} --out {published}{store_option(store)}")

@@ -9,6 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from glint.flows.errors import message_and_remedy
+from glint.storage.edits.edits import Edits
 from glint.storage.errors import printable
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import run_owner
@@ -106,19 +107,33 @@ def _object_row(location: Location, object_id: str) -> dict[str, Any]:
 
 
 def history_rows(store: str, object_id: str) -> list[dict[str, Any]]:
-    """Return one row for each version of an object."""
+    """Return one row for each version of an object and each edit of its inputs, in the order of their times."""
     repository = ObjectRepository.open(Location.parse(store), object_id, create=False)
-    return [
+    rows = [
         {
             "version": version.name,
             "published": version.time.isoformat(timespec="seconds"),
             "captures": ", ".join(version.stages),
+            "author": "",
             "glint": version.metadata.get("glint", ""),
             "catalogue": version.metadata.get("catalogue", ""),
             "message": version.message,
         }
         for version in repository.history()
     ]
+    rows += [
+        {
+            "version": f"edit {revision.number}",
+            "published": revision.time.isoformat(timespec="seconds"),
+            "captures": revision.capture,
+            "author": revision.author,
+            "glint": "",
+            "catalogue": "",
+            "message": revision.sentence,
+        }
+        for revision in Edits(repository).history()
+    ]
+    return sorted(rows, key=lambda row: str(row["published"]))
 
 
 def _count(result: "CaptureResult", stage: str, name: str) -> int | str:

@@ -57,7 +57,7 @@ def _repair(location: "Location", damages: "tuple[Damage, ...]", as_json: bool) 
     from glint.tasks.publish import catalogues_of
 
     done = repair(location, damages)
-    damaged = {damage.object_id for damage in damages if damage.object_id}
+    damaged = {damage.object_id for damage in damages if damage.object_id and not damage.is_edit}
     for catalogue, object_ids in catalogues_of(location, sorted(damaged)).items():
         named = ", ".join(object_ids)
         if not catalogue:

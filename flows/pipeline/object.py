@@ -4,7 +4,7 @@ import contextvars
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -16,12 +16,12 @@ from glint.flows.pipeline.capture import process_capture
 from glint.flows.pipeline.context import run_context
 from glint.flows.pipeline.drift import report_drifts
 from glint.flows.pipeline.model import process_model
-from glint.flows.reporting.events import CaptureEnded, CaptureFailed
+from glint.flows.reporting.events import CaptureEnded, CaptureFailed, Message
 from glint.flows.results import CaptureResult, ObjectResult, final_state
 from glint.storage.catalogue.loading import Catalogue
 from glint.storage.catalogue.models import MODEL
 from glint.storage.locking.locks import run_lock
-from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.engine.capture_context import CaptureContext, with_edits
 from glint.tasks.engine.references import chosen_captures, load_catalogue
 from glint.tasks.engine.stage import StageRecord
 from glint.tasks.model.model import wants_model
@@ -71,6 +71,15 @@ class ObjectCaptures:
             adopt,
         )
 
+    def with_edits(self) -> "ObjectCaptures":
+        """Return them with the edits of the store over their entries in the catalogue.
+
+        Raises:
+            StoreError, InputError: the edits cannot be read, or contradict the catalogue.
+        """
+        edited, names = with_edits(self.all), {context.capture.id for context in self.chosen}
+        return replace(self, chosen=tuple(item for item in edited if item.capture.id in names), all=edited)
+
     @property
     def object_id(self) -> str:
         """The object's id."""
@@ -104,7 +113,7 @@ def run_object(
 def up_to_date(captures: ObjectCaptures) -> ObjectResult | None:
     """Return the result of an object that needs no processing; None if it does, or if its state cannot be read."""
     try:
-        stored = up_to_date_records(captures.chosen)
+        stored = up_to_date_records(captures.with_edits().chosen)
     except USER_ERRORS:
         return None
     if stored is None:
@@ -119,6 +128,11 @@ def process_object(captures: ObjectCaptures, drift: float | None) -> ObjectResul
     first = captures.chosen[0]
     try:
         with run_lock(first.location, first.object_id, first.run):
+            captures = captures.with_edits()
+            for context in captures.chosen:
+                if context.edits is not None:
+                    text = f"edited by a person: {context.edits}; edit {context.edits.revision}"
+                    run_context().emit(Message(text, context.name))
             if not captures.adopt:
                 check_catalogue(captures.all, captures.catalogue)
             results = run_captures(captures)

@@ -30,6 +30,16 @@ def write(catalogue: Catalogue, path: Address) -> None:
             for key in ADDRESS_KEYS:
                 if key in entry:
                     entry[key] = entry[key].removeprefix(folder) or entry[key]
+    text = yaml_text(data)
+    if location.local is None:
+        with store_errors(location.uri, "writing a catalogue"):
+            obstore.put(location.parent.obstore(), location.name, text, use_multipart=False)
+    else:
+        _replace(location.local, text)
+
+
+def yaml_text(data: Any) -> bytes:
+    """Return JSON values as YAML, keys in the order of the mappings."""
     yaml = YAML(typ="safe")
     yaml.Representer = _Representer
     yaml.default_flow_style = None
@@ -37,11 +47,7 @@ def write(catalogue: Catalogue, path: Address) -> None:
     yaml.width = 110
     text = io.BytesIO()
     yaml.dump(data, text)
-    if location.local is None:
-        with store_errors(location.uri, "writing a catalogue"):
-            obstore.put(location.parent.obstore(), location.name, text.getvalue(), use_multipart=False)
-    else:
-        _replace(location.local, text.getvalue())
+    return text.getvalue()
 
 
 def _replace(path: Path, data: bytes) -> None:

@@ -2,8 +2,7 @@
 
 import csv
 import json
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,9 +13,9 @@ from glint.storage.errors import StoreError
 from glint.storage.export.camera import camera_facts, camera_of
 from glint.storage.export.image_files import encode_normals, write_exr, write_png, write_tiff
 from glint.storage.export.mesh_files import with_asset_facts
+from glint.storage.export.object_page import PageCapture, capture_page_of, object_page, version_facts
 from glint.storage.export.replaced_folder import merge_into, output_errors, temporary_folder_beside
 from glint.storage.export.report import capture_report, code_names
-from glint.storage.export.report_page import report_images, report_page
 from glint.storage.export.stored_capture import entry_of, model_result, ordered_stages
 from glint.storage.inputs.lp_file import write_lights
 from glint.storage.locations.location import Location
@@ -66,7 +65,7 @@ def export(location: Location, object_id: str, out: Path, version: str | None = 
                 for name, data in _read_files(stages).items()
             }
             if capture != WHOLE_OBJECT:
-                _write_capture(object_id, capture, chosen, stages, stored, folder)
+                _write_capture(location, object_id, capture, chosen, stages, folder)
                 camera = camera_of(stages, entry_of(chosen, capture), model.record if model else None)
                 if camera is not None:
                     _write_json(folder / "camera.json", camera_facts(camera))
@@ -79,11 +78,11 @@ def export(location: Location, object_id: str, out: Path, version: str | None = 
 
 
 def _write_capture(
+    location: Location,
     object_id: str,
     capture: str,
     version: Version,
     stages: Mapping[str, StageResult],
-    stored: Mapping[str, bytes],
     folder: Path,
 ) -> None:
     for stage in ("mask", "labels"):
@@ -104,11 +103,10 @@ def _write_capture(
         write_tiff(folder / "depth.tiff", arrays["depth"])
     if "lights" in stages:
         arrays["reason"] = _write_lights(stages["lights"], folder)
-    facts = {"name": version.name, "snapshot": version.snapshot, "time": version.time.isoformat(timespec="seconds")}
-    report = capture_report(object_id, capture, facts | {"metadata": version.metadata}, stages, arrays)
+    report = capture_report(object_id, capture, version_facts(version), stages, arrays)
     _write_json(folder / REPORT_FILE, report)
-    images = report_images(arrays, _rendered(stored), report["depth"]["unit"], names)
-    (folder / "report.html").write_text(report_page(report, images), encoding="utf-8")
+    html = capture_page_of(location, version, PageCapture(capture, stages, report))
+    (folder / "report.html").write_text(html, encoding="utf-8")
 
 
 def _write_normals(normals: np.ndarray, folder: Path) -> None:
@@ -175,15 +173,25 @@ def _duplicate_error(owner: str, name: str) -> StoreError:
     return StoreError(f"{owner} names a file {name!r} twice", "run the object again")
 
 
-def _rendered(files: Mapping[str, bytes]) -> Iterator[tuple[str, bytes]]:
-    """Yield file name and content of the relit images, then of the image of the coverage."""
-    names = [name for name in files if re.fullmatch(r"(relit_.*|coverage)\.png", name)]
-    for name in sorted(names, key=lambda name: (name == "coverage.png", name)):
-        yield name, files[name]
-
-
 def _has(stages: Mapping[str, StageResult], stage: str, array: str) -> bool:
     return stage in stages and array in stages[stage].arrays
+
+
+def export_page(location: Location, object_id: str, out: Path, version: str | None = None) -> ExportRecord:
+    """Write the page of a version (the newest by default): one HTML file, `out`, or OBJECT.html in the folder `out`.
+
+    Raises:
+        StoreError: no such object or version, or a result is missing or damaged; OutputError: it cannot be written.
+    """
+    repository = ObjectRepository.open(location, object_id, create=False)
+    chosen = repository.version(version)
+    html = object_page(repository, chosen).encode()
+    path = out if out.suffix == ".html" else out / f"{object_id}.html"
+    with output_errors(out, object_id), temporary_folder_beside(path) as folder:
+        (folder / path.name).write_bytes(html)
+        (folder / path.name).replace(path)
+    captures = tuple(capture for capture in chosen.stages if capture != WHOLE_OBJECT)
+    return ExportRecord(object_id, chosen.name, chosen.snapshot, str(path), captures, 1, len(html))
 
 
 def _write_json(path: Path, content: Any) -> None:

@@ -12,6 +12,12 @@ import tifffile
 
 from glint.storage.errors import StoreError
 
+PROVENANCE_PALETTE = np.array(
+    [(255, 255, 255), (46, 125, 82), (216, 120, 24), (108, 92, 176), (168, 176, 186), (190, 60, 70), (60, 130, 190)],
+    np.uint8,
+)
+"""Colours (uint8 RGB) of the provenance codes, in order."""
+
 
 def encode_normals(normals: np.ndarray) -> np.ndarray:
     """Encode unit normals (H, W, 3) as uint16: round((n + 1) / 2 * 65535), 0 where a component is not finite."""

@@ -3,7 +3,7 @@
 Records of stages may hold, each under its name: `parameters`, `seconds`, `counts`, `versions`, `inputs` (digests),
 `warnings` ({message, cause, cost_deg}), `region` {x, y, width, height}, `frame_size` [width, height], `unit` and
 `pixel_size` of depth, `coverage`, `reasons` (words of the lights' codes) and `provenance` (names of the labels' codes).
-All are optional; the whole records are kept under `stages` too. `report_page` shows the report as a page.
+All are optional; the whole records are kept under `stages` too. `page` shows the report.
 """
 
 from collections.abc import Iterable, Mapping
@@ -46,6 +46,7 @@ def capture_report(
         "object": object_id,
         "capture": capture,
         "catalogue": _catalogue(version.get("metadata", {}), capture),
+        "edits": _recorded(version.get("metadata", {}), capture).get("edits"),
         "version": version,
         "region": _first(records, "region") or {"x": None, "y": None, "width": mask.shape[1], "height": mask.shape[0]},
         "frame_size": _first(records, "frame_size"),
@@ -71,9 +72,14 @@ def capture_report(
 
 def _catalogue(metadata: Mapping[str, Any], capture: str) -> str | None:
     """Return the address of the catalogue from which a capture was computed, None where that is not recorded."""
-    own = metadata.get("captures", {}).get(capture, {}).get("catalogue")
-    address: str | None = own or metadata.get("catalogue")
+    address: str | None = _recorded(metadata, capture).get("catalogue") or metadata.get("catalogue")
     return address
+
+
+def _recorded(metadata: Mapping[str, Any], capture: str) -> Mapping[str, Any]:
+    """Return what a version records of a capture: its catalogue and entry, and what a person has edited of it."""
+    recorded: Mapping[str, Any] = metadata.get("captures", {}).get(capture, {})
+    return recorded
 
 
 def _counts(arrays: Mapping[str, Any], records: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:

@@ -87,6 +87,15 @@ def check_markup(address: Address, count: int | None = None) -> None:
     )
 
 
+def read_marks(address: Address) -> list[AnnotationEntry]:
+    """Read the annotations of a file, in its order, without looking at the frames that they lie on.
+
+    Raises:
+        InputError: malformed; it lists all mistakes with their lines.
+    """
+    return _parse(locate(address))[1]
+
+
 def _parse(location: Location) -> tuple[Any, list[AnnotationEntry]]:
     """Return the content of a file of annotations with its lines, and the annotations.
 

@@ -1,13 +1,14 @@
 """Remove what no version needs from a store, keep the cache of frames within a budget, and check the disk's free space.
 
-Never removed: data of a version, the newest results of an object, and data of an object that is being run. A dry run
-removes nothing and reports what would be removed.
+Never removed: data of a version, the newest results of an object, the edits of its inputs, and data of an object that
+is being run. A dry run removes nothing and reports what would be removed.
 """
 
 from dataclasses import dataclass
 from datetime import timedelta
 from typing import Any
 
+from glint.storage.edits.overlay import remove_inputs
 from glint.storage.errors import StoreError
 from glint.storage.frames.eviction import cached_frames, over_budget, remove_frames
 from glint.storage.locations.location import Location
@@ -118,10 +119,11 @@ def _clean_object(
         repository = ObjectRepository.open(location, object_id, create=False)
         removed = [] if keep is None else repository.prune(keep, dry_run)
         garbage = repository.garbage_collect(dry_run, age)
+        inputs = remove_inputs(location, object_id, age, dry_run)
     except StoreError as error:
         return Cleaning(object_id, 0, 0, str(error), failed=True)
     note = f"{'would remove' if dry_run else 'removed'} {', '.join(removed)}" if removed else ""
-    return Cleaning(object_id, garbage.objects, garbage.bytes, note)
+    return Cleaning(object_id, garbage.objects + inputs.objects, garbage.bytes + inputs.bytes, note)
 
 
 def _clean_frames(location: Location, budget: int | None, held: set[str], dry_run: bool) -> Cleaning:

@@ -1,10 +1,12 @@
-"""Repair what can be repaired without the catalogue: an object's index, its branch `work`, damaged cached frames."""
+"""Repair what can be repaired without the catalogue: an object's index, its branches, damaged cached frames."""
 
 from contextlib import suppress
 
 import icechunk
 import obstore
 
+from glint.storage.edits.edits import Edits
+from glint.storage.edits.recovery import recover
 from glint.storage.errors import DamagedError, StoreError
 from glint.storage.frames.eviction import discard_frames
 from glint.storage.locations.location import Location
@@ -18,7 +20,9 @@ INDEX = "repo"
 
 
 def repair(location: Location, damages: tuple[Damage, ...]) -> list[str]:
-    """Restore damaged indexes from their newest whole copy, and remove damaged frames; return what was done.
+    """Restore damaged indexes from their newest whole copy, go back to edits that can be read, remove damaged frames.
+
+    Returns what was done, in sentences.
 
     Raises:
         StoreError: the store cannot be written; ObjectBusy: a run works on an object.
@@ -27,6 +31,8 @@ def repair(location: Location, damages: tuple[Damage, ...]) -> list[str]:
     for object_id in sorted({damage.object_id for damage in damages if damage.object_id and not damage.version}):
         with run_lock(location, object_id, "glint verify --repair"), mutation_lock(location, object_id):
             done.append(_restore_index(location, object_id))
+    for object_id in sorted({damage.object_id for damage in damages if damage.is_edit}):
+        done += filter(None, [recover(ObjectRepository.open(location, object_id, create=False))])
     for damage in damages:
         if damage.frames:
             discard_frames(location, damage.frames)
@@ -52,7 +58,9 @@ def _restore_index(location: Location, object_id: str) -> str:
 
 def _is_readable(location: Location, object_id: str) -> bool:
     try:
-        ObjectRepository.open(location, object_id, create=False).history()
+        repository = ObjectRepository.open(location, object_id, create=False)
+        repository.history()
+        Edits(repository).history()
     except StoreError:
         return False
     return True

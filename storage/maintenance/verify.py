@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from functools import partial
 
+from glint.storage.edits.edits import Edits
 from glint.storage.errors import DamagedError, StoreError, StoreUnreachable
 from glint.storage.frames.cache import DamagedFrames, FrameCache
 from glint.storage.frames.eviction import cached_frames
@@ -18,6 +19,9 @@ from glint.storage.versions.verification import Verification, verify_capture
 WORK = "work"
 """The newest results, from which a run goes on."""
 
+EDIT = "edit "
+"""Beginning of the name of an edit, before its number."""
+
 MAX_READERS = 8
 """Captures that are read at once; each reads several values at once."""
 
@@ -26,7 +30,7 @@ FRAMES_REMEDY = "nothing is lost: the next run takes them from the video or imag
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """Something damaged: an object's version (or `work`, or its whole index, then empty), or cached frames.
+    """Something damaged: an object's version (or `work`, an edit, or its whole index, then empty), or cached frames.
 
     frames: their digest, empty for an object.
     """
@@ -36,6 +40,11 @@ class Damage:
     message: str
     remedy: str
     frames: str = ""
+
+    @property
+    def is_edit(self) -> bool:
+        """Whether it is of what a person did, which no catalogue rebuilds."""
+        return self.version.startswith(EDIT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +90,7 @@ def verify_store(
         try:
             repository = ObjectRepository.open(location, object_id, create=False)
             versions[object_id] = repository.version_names()
-            parts += list(_parts(repository, versions[object_id]))
+            parts += [*_parts(repository, versions[object_id]), *_edit_parts(repository)]
         except DamagedError as error:
             damages.append(Damage(object_id, "", error.message, error.remedy))
     if frames:
@@ -111,6 +120,27 @@ def _parts(repository: ObjectRepository, names: Collection[str]) -> Iterator[Par
             continue
         for capture in captures:
             yield partial(_verify_capture, repository, ref, capture)
+
+
+def _edit_parts(repository: ObjectRepository) -> Iterator[Part]:
+    """Yield all that people did to the inputs of an object's captures.
+
+    Raises:
+        DamagedError: their history is damaged.
+    """
+    edits = Edits(repository)
+    history = edits.history()
+    for revision in history:
+        newest = history[-1].seals[revision.capture] == revision.seals[revision.capture]
+        past = f"the newest edits do not need it; only a backup brings edit {revision.number} back"
+        yield partial(_verify_edit, edits, revision.number, "" if newest else past)
+
+
+def _verify_edit(edits: Edits, number: int, remedy: str) -> tuple[int, list[Damage]]:
+    """Read an edit; remedy: of its damage, empty: that of the error."""
+    outcome, name = edits.verify(number), f"{EDIT}{number}"
+    named = [Damage(edits.object_id, name, error.message, remedy or error.remedy) for error in outcome.damages]
+    return outcome.bytes, named
 
 
 def _with_remedy(damage: Damage, damages: Collection[Damage], versions: list[str]) -> Damage:

@@ -86,6 +86,11 @@ class ObjectRepository:
             check_layout(read_session(repository, object_id, "work").store, object_id, location.uri)
             return cls(location, object_id, repository)
 
+    @property
+    def index(self) -> icechunk.Repository:
+        """The icechunk repository, which holds the edits of the object's inputs as well."""
+        return self._repository
+
     def stage_key(self, capture: str, stage: str, ref: str = "work") -> str | None:
         """Return the key under which the stage was saved last, or None."""
         with self._errors(f"reading {capture}/{stage}"):
@@ -107,7 +112,6 @@ class ObjectRepository:
         files: Mapping[str, StoredFile] | None = None,
     ) -> str:
         """Replace the stage's result as a whole, durably, in one commit on `work`; return the snapshot's id.
-
 
         Raises:
             StoreError: the store cannot be written, or a name cannot be used there.
@@ -232,7 +236,6 @@ class ObjectRepository:
 
     def prune(self, keep: int, dry_run: bool = False) -> list[str]:
         """Remove all but the newest `keep` versions from the history; return their names. Their data become garbage."""
-
         return self._transaction("pruning versions", lambda: prune(self._repository, self.object_id, keep, dry_run))
 
     def _store(self, ref: str) -> Any:

@@ -5,17 +5,27 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
+import icechunk
 from zarr.core.buffer import default_buffer_prototype
 
 from glint.storage.errors import DamagedError
-from glint.storage.versions.stage_results import StageResult
+from glint.storage.versions.stage_results import Keys, StageResult
 
 if TYPE_CHECKING:
     from glint.storage.versions.repository import ObjectRepository
 
 CONCURRENT_READS = 8
 """Values read at once; bounds the memory by as many chunks."""
+
+
+EARLIER_VERSIONS = 8
+"""Newest versions in which an earlier result is looked for: who takes an edit back does so within a few runs."""
+
+
+_version_keys: WeakKeyDictionary[icechunk.Repository, dict[str, Keys]] = WeakKeyDictionary()
+"""Stage keys of versions that were read, by open repository and snapshot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +76,33 @@ def whole_result(repository: "ObjectRepository", capture: str, stage: str, key: 
     except DamagedError:
         return None
     return None if verify([result]).damages else result
+
+
+def earlier_result(repository: "ObjectRepository", capture: str, stage: str, key: str) -> StageResult | None:
+    """Return the stage's result of the newest version that holds it under this key, and whole; None where none does.
+
+    Raises:
+        StoreUnreachable: the store does not answer.
+    """
+    for name in reversed(repository.version_names()[-EARLIER_VERSIONS:]):
+        try:
+            if _keys_of(repository, name).get(capture, {}).get(stage) != key:
+                continue
+            result = repository.load(capture, stage, name)
+        except DamagedError:
+            continue
+        if not verify([result]).damages:
+            return result
+    return None
+
+
+def _keys_of(repository: "ObjectRepository", name: str) -> Keys:
+    """Return the stage keys of a version; of a large object they take a while to read."""
+    known = _version_keys.setdefault(repository.index, {})
+    snapshot = repository.index.lookup_tag(name)
+    if snapshot not in known:
+        known[snapshot] = repository.version(name).stages
+    return known[snapshot]
 
 
 async def _verify(results: list[StageResult]) -> list[int | DamagedError]:

@@ -1,11 +1,12 @@
 """What a stage works on: one capture of one object in one store, with its parameters; small enough to send anywhere."""
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
 from glint.storage.catalogue.loading import Capture, Catalogue, parameters_for
+from glint.storage.edits.overlay import EditsUsed, edited_entries
 from glint.storage.errors import InputError
 from glint.storage.inputs.digests import content_digest, input_stamps
 from glint.storage.locations.location import Location
@@ -23,7 +24,10 @@ OPEN_REPOSITORIES = 8
 
 @dataclass(frozen=True)
 class CaptureContext:
-    """A capture in a store. `store` is an address; `run` names the run; `rehash`: trust no remembered digest."""
+    """A capture in a store. `store` is an address; `run` names the run; `rehash`: trust no remembered digest.
+
+    edits: what of the entry a person has edited in the store, see `with_edits`.
+    """
 
     store: str
     object_id: str
@@ -31,6 +35,7 @@ class CaptureContext:
     parameters: Parameters
     run: str = ""
     rehash: bool = False
+    edits: EditsUsed | None = None
 
     @classmethod
     def of(
@@ -112,6 +117,19 @@ class CaptureContext:
         """Send the fields, and the digests that the keys of stages were made from."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return _restored, (values, self.__dict__.get("_digests"))
+
+
+def with_edits(contexts: Sequence[CaptureContext]) -> tuple[CaptureContext, ...]:
+    """Return the contexts of an object's captures with the edits of the store over their entries in the catalogue.
+
+    Raises:
+        DamagedError: edits are not what was written; InputError: they contradict the catalogue.
+    """
+    entries = edited_entries(contexts[0].repository, [context.capture for context in contexts])
+    return tuple(
+        context if entry.edits is None else replace(context, capture=entry.capture, edits=entry.edits)
+        for context, entry in zip(contexts, entries, strict=True)
+    )
 
 
 def _restored(values: Mapping[str, Any], digests: dict[str, str] | None) -> CaptureContext:

@@ -10,7 +10,7 @@ from glint.storage.catalogue.loading import Catalogue, Object, load
 from glint.storage.errors import InputError
 from glint.storage.inputs.digests import file_stamp
 from glint.storage.locations.location import Location
-from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.engine.capture_context import CaptureContext, with_edits
 from glint.tasks.engine.parameters import Parameters
 
 
@@ -30,13 +30,15 @@ class CaptureReference:
         return f"{self.object_id}/{self.capture_id}"
 
     def context(self) -> CaptureContext:
-        """Return the capture's context.
+        """Return the capture's context, with the edits of the store over its entry in the catalogue.
 
         Raises:
-            CatalogueError, InputError: the catalogue is unusable; KeyError: it has no such capture.
+            CatalogueError, InputError: the catalogue is unusable; KeyError: it has no such capture; StoreError: the
+                store is.
         """
         catalogue = load_catalogue(self.catalogue)
-        return CaptureContext.of(catalogue, self.object_id, self.capture_id, self.store, self.run, self.rehash)
+        context = CaptureContext.of(catalogue, self.object_id, self.capture_id, self.store, self.run, self.rehash)
+        return with_edits([context])[0]
 
 
 def load_catalogue(path: str | Path) -> Catalogue:

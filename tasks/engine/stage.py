@@ -19,8 +19,8 @@ from glint.storage.frames.cache import DamagedFrames
 from glint.storage.frames.eviction import discard_frames
 from glint.storage.seals import digest_of
 from glint.storage.versions.array_schema import ArraySchema
-from glint.storage.versions.stage_results import StoredFile
-from glint.storage.versions.verification import whole_result
+from glint.storage.versions.stage_results import StageResult, StoredFile
+from glint.storage.versions.verification import earlier_result, whole_result
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.declared_arrays import check_arrays
 from glint.tasks.engine.stage_inputs import StageInputs
@@ -192,12 +192,17 @@ def load_or_compute(
 ) -> StageRecord:
     """Return the record stored under this key of a capture (or of the whole object); else compute and save it.
 
-    What is stored and damaged is computed again.
+    What is stored and damaged is computed again. What an earlier version holds under the key, since an edit or the
+    catalogue is as it was then, becomes the newest result without being computed.
 
     about: the stage's own part of the record; its `versions` are joined by those of the code.
     """
     started, repository = perf_counter(), context.repository
     stored = whole_result(repository, capture, stage, key)
+    if stored is None:
+        stored = earlier_result(repository, capture, stage, key)
+        if stored is not None:
+            _save_again(context, stored)
     if stored is not None:
         return _cached_record(stage, key, stored.record, perf_counter() - started)
     output = compute()
@@ -211,6 +216,12 @@ def load_or_compute(
     }
     repository.save(capture, stage, key, output.arrays, record, output.files)
     return StageRecord(stage, key, False, perf_counter() - started, dict(output.counts), tuple(output.warnings))
+
+
+def _save_again(context: CaptureContext, earlier: StageResult) -> None:
+    """Save a result of an earlier version as the newest one."""
+    files = {name: StoredFile(earlier.read_file(name), info.media_type) for name, info in earlier.files.items()}
+    context.repository.save(earlier.capture, earlier.stage, earlier.key, dict(earlier.arrays), earlier.record, files)
 
 
 def no_progress(done: int, total: int | None) -> None:

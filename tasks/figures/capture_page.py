@@ -7,9 +7,14 @@ from itertools import batched
 import cv2
 import numpy as np
 
-from glint.storage.export.image_files import colour_codes, colour_normals, colour_values, encode_png
+from glint.storage.export.image_files import (
+    PROVENANCE_PALETTE,
+    colour_codes,
+    colour_normals,
+    colour_values,
+    encode_png,
+)
 from glint.storage.export.report import code_names
-from glint.storage.export.report_page import PROVENANCE_PALETTE
 from glint.storage.locations.location import Location
 from glint.storage.versions.stage_results import FileInfo, StageResult
 from glint.tasks.engine.capture_context import CaptureContext
@@ -39,6 +44,8 @@ def capture_page(context: CaptureContext, records: Sequence[StageRecord], n_capt
     provenance = np.where(mask, labels.read("provenance"), 0)
     pictures = _label_pictures(labels, provenance) | _stored_pictures(surface)
     legend = _legend(provenance[mask], code_names(labels.record.get("provenance")))
+    if context.edits is not None:
+        legend += f". Edited by a person: {context.edits} (edit {context.edits.revision})"
     files = file_lines(context.location, context.object_id, surface.files)
     max_chars = min(MAX_PAGE_CHARS, MAX_RUN_CHARS // n_captures)
     return picture_page(context.name, pictures, records, files, legend, max_chars)

@@ -44,6 +44,7 @@ def view_of(work: CaptureContext) -> View:
     A pose that is not given as a matrix is left at the identity: registration sets it.
     """
     labels, geometry = work.load("labels"), load_geometry(work)
+    confidence, evidence = labels.read("confidence"), labels.read("evidence")
     pixel_size = geometry.pixel_size or 1.0
     rotation, translation = np.eye(3), np.zeros(3)
     pose, camera = work.capture.pose, geometry.camera
@@ -57,13 +58,14 @@ def view_of(work: CaptureContext) -> View:
         name=work.capture.id,
         silhouette=SilhouetteMask(work.load("mask").read("mask")),
         normals=labels.read("normals"),
-        confidence=labels.read("confidence"),
+        evidence=evidence,
         rotation=rotation,
         translation=translation,
         origin=(geometry.region.x, geometry.region.y),
         frame=geometry.frame_size,
         pixel_size=pixel_size,
         matrix=camera,
+        trust=np.divide(confidence, evidence, out=np.zeros_like(evidence), where=evidence > 0.0),
     )
 
 

@@ -1,92 +1,150 @@
-"""Doubt of the half vectors where the camera's matrix is not given and the camera is, or may be, near."""
+"""Doubt of the half vectors where the camera's matrix is not given and the camera is, or may be, near.
 
-from collections.abc import Sequence
-from dataclasses import replace
+Two spheres measure the focal length before anything else is known. With one sphere, the object's own normals do.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from scipy.special import log_ndtr
 
-from glint.storage.frames.cache import FrameCache
-from glint.tasks.algorithms.lighting.focal_length import focal_length_of_ellipse, measure_elongation
 from glint.tasks.algorithms.lighting.lights import Lights
-from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.near_light.focal_length_of_normals import UnknownCamera, focal_length_of_normals
 from glint.tasks.algorithms.near_light.focal_length_of_parallax import focal_length_of_parallax
 from glint.tasks.algorithms.near_light.half_vector_error import unknown_camera_error
 from glint.tasks.algorithms.near_light.positions import mean_distance
-from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
-from glint.tasks.stages.capture_geometry import CaptureGeometry, sphere_name
-from glint.tasks.stages.frames import load_levels, spread_shards
+from glint.tasks.stages.capture_geometry import CaptureGeometry
 from glint.tasks.stages.light_distance import DistanceResult, region_pixels
 
-MIN_CAMERA_COST_DEG = 1.0
-"""Usual error, by a camera that may be as near as the light, below which there is no warning."""
-MAX_ELLIPSE_SHARDS, ELLIPSE_FRAME_STEP = 12, 16
-"""Most shards of 64 frames, and the step between their frames, in which a sphere's elongation is measured."""
+MIN_CAMERA_COST_DEG, MIN_UNKNOWN_COST_DEG = 1.0, 2.5
+"""Usual error below which there is no warning: by a camera that is near, and by one that may be near, from where on
+confidence falls."""
+LEAST_FOCAL_WIDTHS = 85.0 / 36.0
+"""Focal length in frame widths of the shortest lens that the guide to photographing recommends without a matrix."""
+NORMALS_ERROR_WIDTHS, NORMALS_RELATIVE_ERROR = 0.1, 0.1
+"""Standard deviation of an inverse focal length by the normals, per frame width and relative to it, beyond the
+estimate's own: that of simulated captures (`python -m tests.benchmarks.near_camera`)."""
+MIN_DEVIATIONS = 2.5
+"""Standard deviations by which normals must speak for a near camera: they include what a misplaced sphere explains."""
 
 
-def with_unknown_camera(
-    inputs: StageInputs,
-    geometry: CaptureGeometry,
-    cache: FrameCache,
-    by_sphere: Sequence[Lights],
-    measured: DistanceResult,
-) -> DistanceResult:
-    """Return the lights in doubt by the view vectors if the camera's matrix is not given and the camera may be near.
+@dataclass(frozen=True, slots=True)
+class CameraDoubt:
+    """half_vector_sd: (H, W) radians per axis, what the unknown camera may cost; warnings."""
 
-    by_sphere: lights of each sphere; measured: those of all. A warning says what shows the near camera, or that nothing
-    excludes it.
+    half_vector_sd: np.ndarray
+    warnings: Sequence[StageWarning] = ()
+
+
+def with_camera_of_spheres(
+    geometry: CaptureGeometry, by_sphere: Sequence[Lights], measured: DistanceResult
+) -> tuple[DistanceResult, Mapping[str, Any] | None]:
+    """Return the lights in doubt by the view vectors if several spheres show a near camera whose matrix is not given.
+
+    With them the record of the camera: None if its matrix is given or spheres measured it, else the least focal length
+    in pixels that is to be expected, which only the object can exclude.
+
+    by_sphere: lights of each sphere; measured: those of all.
     """
     if geometry.camera is not None:
-        return measured
-    width, height = geometry.frame_size
-    centre = (width - 1) / 2, (height - 1) / 2
+        return measured, None
+    width, _ = geometry.frame_size
+    centre = _frame_centre(geometry)
     focal = focal_length_of_parallax([lights.half_vectors for lights in by_sphere], geometry.spheres, centre)
     if focal == np.inf:
-        return measured
-    ellipse = _focal_length_of_ellipses(inputs, geometry, cache) if focal is None else None
-    if focal is not None:
-        evidence, is_seen = "the spheres show the light in directions that only a near camera explains", True
-    elif ellipse is not None:
-        sphere, focal = ellipse
-        evidence = f"the sphere at ({sphere.x:.0f}, {sphere.y:.0f}) is seen as an ellipse, as by a near camera"
-        is_seen = True
-    elif measured.near is not None:
-        # Light and camera stand on the same side of the object, and nothing shows that the camera is farther away.
-        focal, is_seen = mean_distance(measured.near.inverse_distance), False
-        evidence = "the light was near, and a single sphere does not show whether the camera was as near"
-    else:
-        return measured
+        return measured, None
+    if focal is None:
+        # Light and camera stand on the same side of the object: a camera may be as near as a light that is near.
+        light = np.inf if measured.near is None else mean_distance(measured.near.inverse_distance)
+        return measured, {"least_focal": min(LEAST_FOCAL_WIDTHS * width, light), "is_light_near": light < np.inf}
     error = unknown_camera_error(region_pixels(geometry), geometry.spheres, centre, focal)
-    cost = float(np.degrees(np.sqrt(2.0) * np.median(error)))
-    doubted = replace(measured, errors=[*measured.errors, error])
-    if not is_seen and cost < MIN_CAMERA_COST_DEG:
-        return doubted
-    matrix = f"[[{focal:.0f}, 0, {centre[0]:g}], [0, {focal:.0f}, {centre[1]:g}], [0, 0, 1]]"
-    remedy = (
-        f"with a focal length of some {focal:.0f} pixels: give the camera's matrix, about"
-        f" `camera: {{matrix: {matrix}}}`, or record from farther away with a longer lens"
-        if is_seen
-        else f"with a focal length of some {focal:.0f} pixels or more: give the camera's matrix (`camera`), also of a"
-        " long lens, or use two spheres"
+    evidence = "the spheres show the light in directions that only a near camera explains"
+    warning = _near_camera(evidence, geometry, focal, _cost_deg(error))
+    return replace(measured, errors=[*measured.errors, error], warnings=[*measured.warnings, warning]), None
+
+
+def doubt_camera(
+    geometry: CaptureGeometry, record: Mapping[str, Any], normals: np.ndarray, spheres_sd: float
+) -> CameraDoubt:
+    """Return the doubt that remains of an unknown camera after the object's normals have spoken.
+
+    Args:
+        geometry: of the capture.
+        record: of the camera, by the stage of the lights.
+        normals: (H, W, 3), accepted ones, NaN elsewhere.
+        spheres_sd: radians per axis, what the spheres' fits leave uncertain in the half vectors.
+    """
+    width, _ = geometry.frame_size
+    camera = unknown_camera(geometry)
+    estimate = focal_length_of_normals(normals, camera)
+    expected = 1.0 / float(record["least_focal"])
+    square, is_seen = expected**2, False
+    if estimate is not None:
+        deviation = float(
+            np.linalg.norm([estimate.deviation, NORMALS_ERROR_WIDTHS / width, NORMALS_RELATIVE_ERROR * estimate.value])
+        )
+        # A half vector turns by half the angle between the sphere and the optical axis.
+        centre_x, centre_y = _frame_centre(geometry)
+        offset = float(np.hypot(camera.sphere_x - centre_x, camera.sphere_y - centre_y))
+        is_seen = estimate.value > MIN_DEVIATIONS * float(np.hypot(deviation, 2.0 * spheres_sd / max(offset, 1.0)))
+        square = estimate.value**2 + deviation**2 if is_seen else _mean_square(estimate.value, deviation, expected)
+    focal = 1.0 / float(np.sqrt(square))
+    error = unknown_camera_error(region_pixels(geometry), geometry.spheres, _frame_centre(geometry), focal)
+    cost = _cost_deg(error)
+    if cost < (MIN_CAMERA_COST_DEG if is_seen else MIN_UNKNOWN_COST_DEG):
+        return CameraDoubt(error)
+    if is_seen and estimate is not None:
+        evidence = "only under a near camera are the object's normals those of a surface"
+        return CameraDoubt(error, [_near_camera(evidence, geometry, 1.0 / estimate.value, cost)])
+    light = "the light was near, and " if record["is_light_near"] else ""
+    message = (
+        f"{light}neither the single sphere nor the object's normals exclude a camera as near, with a focal length of"
+        f" some {focal:.0f} pixels: give the camera's matrix (`camera`), also of a long lens, or use two spheres"
     )
-    warning = StageWarning(f"{evidence}, {remedy}", "camera", cost)
-    return replace(doubted, warnings=[*measured.warnings, warning])
+    return CameraDoubt(error, [StageWarning(message, "camera", cost)])
 
 
-def _focal_length_of_ellipses(
-    inputs: StageInputs, geometry: CaptureGeometry, cache: FrameCache
-) -> tuple[Sphere, float] | None:
-    """Return the first sphere whose contour shows a near camera, and the focal length in pixels."""
+def _mean_square(value: float, deviation: float, expected: float) -> float:
+    """Return the mean square of an inverse focal length by an estimate, its standard deviation and what is expected.
+
+    The prior is half a normal distribution about a distant camera: no inverse focal length is negative, so an estimate
+    that is shows an error of its own size.
+    """
+    deviation = max(deviation, -value)
+    share = expected**2 / (expected**2 + deviation**2)
+    mean, spread = share * value, float(np.sqrt(share)) * deviation
+    # Second moment of the normal distribution of the posterior where it is positive.
+    ratio = mean / spread
+    density = float(np.exp(-0.5 * ratio**2 - log_ndtr(ratio)) / np.sqrt(2.0 * np.pi))
+    return spread**2 * (1.0 + ratio**2 + ratio * density)
+
+
+def unknown_camera(geometry: CaptureGeometry) -> UnknownCamera:
+    """Return what is known of the camera of a capture without its matrix."""
     width, height = geometry.frame_size
-    shards = spread_shards(cache.frames, MAX_ELLIPSE_SHARDS)
-    for number, sphere in enumerate(geometry.spheres):
-        crop = geometry.crops[sphere_name(number)]
-        background, peak = load_levels(inputs, sphere_name(number))
-        middle, in_crop = ((width - 1) / 2 - crop.x, (height - 1) / 2 - crop.y), sphere.in_crop(crop.x, crop.y)
-        crops = [cache.read(sphere_name(number), slice(start, start + 64))[::ELLIPSE_FRAME_STEP] for start in shards]
-        levels = np.concatenate(crops) * np.float32(1.0 if cache.bits == 8 else 1.0 / 257.0)
-        elongation = measure_elongation(levels, in_crop, middle)
-        focal = focal_length_of_ellipse(background, peak, elongation, in_crop, middle, width)
-        if focal is not None:
-            return sphere, focal * width
-    return None
+    x, y = np.mean([(sphere.x, sphere.y) for sphere in geometry.spheres], axis=0)
+    return UnknownCamera(geometry.region.x, geometry.region.y, float(x), float(y), width, height)
+
+
+def _near_camera(evidence: str, geometry: CaptureGeometry, focal: float, cost_deg: float) -> StageWarning:
+    """Return the warning of a near camera whose focal length in pixels was measured."""
+    x, y = _frame_centre(geometry)
+    matrix = f"[[{focal:.0f}, 0, {x:g}], [0, {focal:.0f}, {y:g}], [0, 0, 1]]"
+    message = (
+        f"{evidence}, with a focal length of some {focal:.0f} pixels: give the camera's matrix, about"
+        f" `camera: {{matrix: {matrix}}}`, or record from farther away with a longer lens"
+    )
+    return StageWarning(message, "camera", cost_deg)
+
+
+def _frame_centre(geometry: CaptureGeometry) -> tuple[float, float]:
+    width, height = geometry.frame_size
+    return (width - 1) / 2, (height - 1) / 2
+
+
+def _cost_deg(error: np.ndarray) -> float:
+    """Return the usual size in degrees of an error (H, W) per axis, radians."""
+    return float(np.degrees(np.sqrt(2.0) * np.median(error)))

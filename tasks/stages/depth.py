@@ -3,6 +3,7 @@
 import numpy as np
 
 from glint.tasks.algorithms.integration.bilateral import integrate
+from glint.tasks.algorithms.integration.rim import with_rim
 from glint.tasks.engine.parameters import DepthParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
@@ -16,9 +17,10 @@ def depth(inputs: StageInputs, progress: Progress) -> StageOutput:
     """
     parameters: DepthParameters = inputs.parameters
     labels, geometry = inputs.load("labels"), load_geometry(inputs)
+    mask = inputs.load("mask").read("mask")
     result = integrate(
         labels.read("normals"),
-        inputs.load("mask").read("mask"),
+        mask,
         confidence=labels.read("confidence") if parameters.use_confidence else None,
         method=parameters.method,
         camera=geometry.camera_within(geometry.region),
@@ -27,7 +29,9 @@ def depth(inputs: StageInputs, progress: Progress) -> StageOutput:
     )
     pixel_size, camera = geometry.pixel_size or 1.0, geometry.camera
     distance = None if camera is None else pixel_size * float(np.sqrt(camera[0, 0] * camera[1, 1]))
-    towards_camera = result.depth * np.float32(pixel_size) if distance is None else result.height(distance)
+    height = result.depth if distance is None else result.height(distance) / np.float32(pixel_size)
+    # Normals beside the contour are those of the contour, not of pixel centres: the heights inside say more.
+    towards_camera = with_rim(height, mask) * pixel_size
     return StageOutput(
         arrays={"depth": towards_camera.astype(np.float32)},
         record={

@@ -20,9 +20,8 @@ from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.stabilization import REFERENCE, StabilizedFootage
 from glint.tasks.stages.thumbnails import NUMBERS, PICTURES, ThumbnailRecorder
 
-OBJECT_SHARDS, SPHERE_SHARDS = 24, 8
-"""Most shards from which background and peak level are taken. The peak level of a sphere shall show its contour: over
-many frames highlights cover it, and the contour of a distant camera is taken for a near one's."""
+LEVEL_SHARDS = 24
+"""Most shards from which background and peak level are taken."""
 MEDIAN_STEP = 16
 """Frames of them from one for the median to the next: neighbouring frames are alike."""
 USE_SECONDS = 600.0
@@ -30,7 +29,7 @@ USE_SECONDS = 600.0
 
 
 def frames(inputs: StageInputs, progress: Progress) -> StageOutput:
-    """Fill the cache of frames, moved back where the camera was shaken; take background and peak level of each crop.
+    """Fill the cache of frames, moved back where the camera was shaken; take background and peak level of the region.
 
     Raises:
         InputError: the video cannot be read.
@@ -42,9 +41,8 @@ def frames(inputs: StageInputs, progress: Progress) -> StageOutput:
         recorder = ThumbnailRecorder(footage)
         cache = _complete(inputs.location, digest) or _ingest(inputs, digest, recorder, progress)
         arrays = dict(recorder.arrays())
-    for name in cache.crops:
-        background, peak = levels(cache, name)
-        arrays |= {level_name("background", name): background, level_name("peak", name): peak}
+    background, peak = levels(cache)
+    arrays |= {"background": background, "peak": peak}
     return StageOutput(
         arrays=arrays,
         record={"cache": cache.digest, "frame_size": list(cache.frame_size[::-1])},
@@ -69,21 +67,16 @@ def open_frames(results: CaptureResults) -> FrameCache:
         return _ingest(results, digest, footage)
 
 
-def load_levels(results: CaptureResults, crop: str = OBJECT) -> tuple[np.ndarray, np.ndarray]:
-    """Load background and peak level (H, W) of a crop, of the frames' dtype."""
+def load_levels(results: CaptureResults) -> tuple[np.ndarray, np.ndarray]:
+    """Load background and peak level (H, W) of the object's region, of the frames' dtype."""
     stored = results.load("frames")
-    return stored.read(level_name("background", crop)), stored.read(level_name("peak", crop))
+    return stored.read("background"), stored.read("peak")
 
 
 def load_thumbnails(results: CaptureResults) -> tuple[np.ndarray, np.ndarray]:
     """Load the thumbnails (N, h, w) uint8 of the whole frame, 0 to 255, and the number (N,) of each one's frame."""
     stored = results.load("frames")
     return stored.read(PICTURES), stored.read(NUMBERS)
-
-
-def level_name(level: str, crop: str) -> str:
-    """Return the array that holds a crop's `background` or `peak` level."""
-    return level if crop == OBJECT else f"{level}-{crop}"
 
 
 def spread_shards(frames: int, count: int) -> list[int]:
@@ -93,12 +86,11 @@ def spread_shards(frames: int, count: int) -> list[int]:
     return [int(start) for start in starts[chosen]]
 
 
-def levels(cache: FrameCache, crop: str) -> tuple[np.ndarray, np.ndarray]:
+def levels(cache: FrameCache, crop: str = OBJECT) -> tuple[np.ndarray, np.ndarray]:
     """Compute background level (temporal median) and peak level (temporal maximum) (H, W) of a crop."""
-    shards = OBJECT_SHARDS if crop == OBJECT else SPHERE_SHARDS
     step = max(1, min(MEDIAN_STEP, cache.frames // 64))
     kept, peak = [], None
-    for start in spread_shards(cache.frames, shards):
+    for start in spread_shards(cache.frames, LEVEL_SHARDS):
         shard = cache.read(crop, slice(start, start + 64))
         shard_peak = shard.max(axis=0)
         peak = shard_peak if peak is None else np.maximum(peak, shard_peak)

@@ -16,9 +16,11 @@ from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.labelling.results import FILLED, MARKED, OBSERVED, OUTSIDE, PROVENANCE, Reconstruction
 from glint.tasks.algorithms.labelling.weights import FieldWeights, GraphCutWeights
 from glint.tasks.algorithms.labelling.winner_takes_all import reconstruct_winner
+from glint.tasks.algorithms.near_light.half_vector_error import combined_error
 from glint.tasks.engine.parameters import LabelsParameters, SilhouetteParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
+from glint.tasks.stages.camera_doubt import CameraDoubt, doubt_camera
 from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.clusters import faced, load_clusters
 from glint.tasks.stages.light_doubt import LightDoubt, doubt_lights
@@ -39,7 +41,10 @@ def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
     )
     mask, half_vector_sd = inputs.load("mask"), inputs.load("lights").read("half_vector_sd")
     doubt = _light_doubt(inputs, result)
-    shared_sd = np.hypot(half_vector_sd, doubt.half_vector_sd)
+    camera = _camera_doubt(inputs, result)
+    shared_sd = combined_error(
+        [half_vector_sd, camera.half_vector_sd, np.full(half_vector_sd.shape, doubt.half_vector_sd)]
+    )
     confidence = with_input_doubt(doubt.share * result.confidence, shared_sd, mask.read("doubt"))
     names = {PROVENANCE[code]: int((result.provenance == code).sum()) for code in (OBSERVED, MARKED, FILLED)}
     confident = float((confidence[result.provenance != OUTSIDE] >= 0.5).mean())
@@ -49,6 +54,7 @@ def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
             "normals": result.normals,
             "provenance": result.provenance,
             "confidence": confidence,
+            "evidence": result.confidence.astype(np.float32),
         },
         record={
             "provenance": list(PROVENANCE),
@@ -57,7 +63,7 @@ def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
             ],
         },
         counts={f"{name} pixels": count for name, count in names.items()} | {"confident share": round(confident, 4)},
-        warnings=doubt.warnings,
+        warnings=[*doubt.warnings, *camera.warnings],
     )
 
 
@@ -72,6 +78,25 @@ def _light_doubt(inputs: StageInputs, result: Reconstruction) -> LightDoubt:
     inradius = float(ndimage.distance_transform_edt(np.pad(mask, 1)).max())
     observed = mask & (clusters.observations > 0)
     return doubt_lights(light_evidence(candidates, result.labels, expected, observed, inradius))
+
+
+def _camera_doubt(inputs: StageInputs, result: Reconstruction) -> CameraDoubt:
+    """Return the doubt about a camera without matrix that the spheres do not show."""
+    record, mask = inputs.load("lights").record, inputs.load("mask").read("mask")
+    if record["camera"] is None:
+        return CameraDoubt(np.zeros(mask.shape, np.float32))
+    normals = accepted_normals(load_clusters(inputs).normals, result.labels)
+    return doubt_camera(load_geometry(inputs), record["camera"], normals, float(record["spheres_error"]))
+
+
+def accepted_normals(candidates: np.ndarray, labels: np.ndarray) -> np.ndarray:
+    """Return the heaviest accepted candidate (H, W, 3) of each pixel, NaN without, of candidates (K, H, W, 3).
+
+    labels: (K, H, W), 1: accepted.
+    """
+    accepted = np.where((labels > 0)[..., None], candidates, np.nan)
+    first = np.isfinite(accepted[..., 0]).argmax(axis=0)
+    return np.take_along_axis(accepted, first[None, ..., None], axis=0)[0]
 
 
 def reconstruct(

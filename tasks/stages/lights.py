@@ -32,7 +32,7 @@ from glint.tasks.engine.parameters import LightsParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
-from glint.tasks.stages.camera_doubt import with_unknown_camera
+from glint.tasks.stages.camera_doubt import with_camera_of_spheres
 from glint.tasks.stages.capture_geometry import OBJECT, CaptureGeometry, load_geometry, sphere_name
 from glint.tasks.stages.frames import load_levels, load_thumbnails, open_frames, spread_shards
 from glint.tasks.stages.light_distance import DistanceResult, measure_distance
@@ -46,6 +46,9 @@ OBJECT_BLOCK_FRAMES = 128
 """Frames of the object that are held at once."""
 MAX_BEFORE_OBJECT_SHARE = 0.2
 """Share of the frames beyond which a bright border is no light before the object but an overexposed background."""
+MIN_BEFORE_OBJECT_SHARE, BEFORE_OBJECT_COST_DEG = 0.01, 1.0
+"""Share of the frames from which a light before the object is reported, and what its disc costs where it is not noticed
+because it lies half behind the object: half a degree in the mean of a simulated dome with a tenth of such frames."""
 MAX_REFLECTION_SHARDS = 50
 """Most shards from which a sphere's static reflection is taken."""
 
@@ -59,7 +62,7 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
     """
     cache, geometry, known = open_frames(inputs), load_geometry(inputs), inputs.file("lights")
     if known is not None:
-        measured = DistanceResult(_known(inputs, known, cache.frames), None, None, [], [])
+        measured, camera = DistanceResult(_known(inputs, known, cache.frames), None, None, [], []), None
         warnings = list[StageWarning]()
     else:
         by_sphere = _by_sphere(inputs, geometry, cache, progress)
@@ -67,10 +70,11 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
         measured = measure_distance(
             by_sphere, geometry, load_thumbnails(inputs), parameters.tolerance, parameters.distance
         )
-        measured = with_unknown_camera(inputs, geometry, cache, by_sphere, measured)
+        measured, camera = with_camera_of_spheres(geometry, by_sphere, measured)
         doubts = sphere_doubts(geometry.spheres, measured.lights, is_near=measured.near is not None)
         warnings = [*doubts, *measured.warnings]
-    result = without_frames(measured.lights, _is_light_before_object(inputs, cache), BEFORE_OBJECT)
+    before = _is_light_before_object(inputs, cache)
+    result = without_frames(measured.lights, before, BEFORE_OBJECT)
     accepted = int(result.accepted.sum())
     if accepted < 2:
         raise UnusableCapture(
@@ -79,6 +83,7 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
         )
     shape = (geometry.region.height, geometry.region.width)
     median, worst = inter_sphere_angles(result)
+    spheres_sd = spheres_error(geometry.spheres, result)
     sweep = coverage(result.half_vectors)
     record = {
         "source": SPHERES if known is None else FILE,
@@ -88,6 +93,8 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
             "gaps": [str(gap) for gap in sweep.gaps],
         },
         "near_light": measured.record,
+        "camera": camera,
+        "spheres_error": spheres_sd,
         "disagreement_degrees": None if np.isnan(median) else {"median": median, "95th percentile": worst},
     }
     rejected = {
@@ -101,19 +108,28 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
             "lights": result.lights,
             "reason": result.reason,
             "inverse_distance": _inverse_distance(measured),
-            "half_vector_sd": combined_error(
-                [np.full(shape, spheres_error(geometry.spheres, result)), *measured.errors]
-            ),
+            "half_vector_sd": combined_error([np.full(shape, spheres_sd), *measured.errors]),
         },
         record=record,
         counts={"accepted": accepted, **rejected},
-        warnings=[*_gap_warnings(sweep), *warnings],
+        warnings=[*_gap_warnings(sweep), *_before_object_warnings(before), *warnings],
     )
 
 
 def _gap_warnings(sweep: Coverage) -> list[StageWarning]:
     """Return one warning of all gaps in the sweep, none without gaps."""
     return [StageWarning(gaps_message(sweep.gaps), "coverage", EXTRAPOLATED_ERROR_DEG)] if sweep.gaps else []
+
+
+def _before_object_warnings(before: np.ndarray) -> list[StageWarning]:
+    """Warn of a light that shows itself beside or before the object in some frames (T,) bool."""
+    if before.mean() < MIN_BEFORE_OBJECT_SHARE:
+        return []
+    message = (
+        f"the light itself shows in the object's region in {before.sum()} of {len(before)} frames, which are left out:"
+        " hold it, and the arm, outside the picture of the object"
+    )
+    return [StageWarning(message, "light", BEFORE_OBJECT_COST_DEG)]
 
 
 def _inverse_distance(measured: DistanceResult) -> np.ndarray:

@@ -1,12 +1,12 @@
-"""Near lights, near cameras and shake: what each source of evidence measures, against the truth.
+"""Near lights, near cameras with two spheres, and shake: what each source of evidence measures, against the truth.
 
     python -m tests.benchmarks.light_distance [FOLDER OF SHARED DATA]
 
 First two spheres computed from the mirror law: relative error of a light's distance, one that stays and one that varies
 by a fifth, with one distance for all frames and with one that follows them. Then simulated captures with one sphere:
-distance by the background against the truth, and near cameras without their matrix. Then the shared captures, up to the
-lights, with all spheres that the catalogue gives and with the first alone, without marks. Then false shake on the
-shared photographs and captures. Takes about ten minutes.
+distance by the background against the truth (near cameras: `near_camera`). Then the shared captures, up to the lights,
+with all spheres that the catalogue gives and with the first alone, without marks. Then false shake on the shared
+photographs and captures. Takes about ten minutes.
 """
 
 import sys
@@ -90,12 +90,6 @@ def simulated(folder: Path) -> None:
         with open_footage(capture.frames) as footage:
             true = np.inf if distance is None else distance * footage.width
         print(f"{distance} frame widths, {true:.0f} pixels:", lights_of(capture, folder), flush=True)
-    print("\nSimulated, one sphere, near camera without its matrix: error of the lights, warnings")
-    for shape, focal in (("hemisphere", 0.9), ("fish", 0.9), ("hemisphere", 1.5), ("fish", 2.2)):
-        options = CaptureOptions(frames=300, scale=0.5, seed=3, focal=focal)
-        path = simulate(shape, folder / f"camera-{shape}-{focal}", options).catalogue
-        capture = load(path).objects[0].captures[0].model_copy(update={"camera": None})
-        print(f"{shape}, focal length {focal} frame widths:", lights_of(capture, folder), flush=True)
 
 
 def shared(captures: Path, folder: Path) -> None:

@@ -93,6 +93,17 @@ def capture_arrays(seed: int = 0, height: int = 12, width: int = 16, frames: int
     }
 
 
+def small_ply(seed: int = 0) -> bytes:
+    """A mesh of one triangle as the stages write it, another one for each seed."""
+    vertex = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz", "confidence")]
+    vertices = np.array([(0, 0, seed, 0, 0, 1, 0.9), (4, 0, seed, 0, 0, 1, 0.5), (0, 3, seed, 0, 0, 1, 1)], vertex)
+    face = np.array([(3, (0, 1, 2))], [("corners", "u1"), ("triangle", "<i4", (3,))])
+    header = ["ply", "format binary_little_endian 1.0", "element vertex 3"]
+    header += [f"property float {name}" for name, _ in vertex]
+    header += ["element face 1", "property list uchar int vertex_indices", "end_header", ""]
+    return "\n".join(header).encode() + vertices.tobytes() + face.tobytes()
+
+
 RECORDS: dict[str, dict[str, Any]] = {
     "lights": {
         "reasons": REASONS,
@@ -111,7 +122,7 @@ def save_capture(repository: ObjectRepository, capture: str, key: str, seed: int
     for stage, values in arrays.items():
         files = {}
         if stage == "surface":
-            files["surface.ply"] = StoredFile(f"ply {seed}".encode(), "model/ply")
+            files["surface.ply"] = StoredFile(small_ply(seed), "model/ply")
             files["relit_left.png"] = StoredFile(PIXEL, "image/png")
         repository.save(capture, stage, key, values, RECORDS.get(stage, {}), files)
     return arrays

@@ -12,7 +12,6 @@ offsets between them cannot be known from one view.
 from dataclasses import dataclass
 from typing import Literal
 
-import cv2
 import numpy as np
 from scipy import ndimage
 
@@ -26,11 +25,8 @@ from glint.tasks.algorithms.integration.reweighting import (
     misfit_energy,
     robust,
 )
+from glint.tasks.algorithms.integration.rim import least_cosines
 
-MIN_COSINE = 0.01
-"""Lower bound of the cosine between normal and line of sight inside the contour: 100 pixels per pixel."""
-RIM_PX = 1.5
-"""Distance to the nearest pixel outside the mask up to which a pixel is one of the outermost: it touches a corner."""
 MIN_PIXEL_WEIGHT = 1e-4
 """Weight of a pixel without a normal or confidence: it follows its neighbours and hardly influences them."""
 
@@ -120,21 +116,6 @@ def integrate(
     depth = np.full(mask.shape, np.nan, np.float32)
     depth[window][inner] = height[inner]
     return Depth(depth, components, rounds, converged, energy / int(inner.sum()), camera is not None)
-
-
-def least_cosines(mask: np.ndarray) -> np.ndarray:
-    """Return the least cosine between normal and line of sight that each pixel (H, W) of a mask can show.
-
-    At a distance d inside the contour, a surface that curves away with radius r has the cosine sqrt(2 d / r). Centres
-    of the outermost pixels lie half a pixel inside on average, and a solid rarely curves away with a larger radius than
-    that of the largest circle inside its mask. Where steeper normals are given, as those of the occluding contour
-    itself are, the depth would run away at the rim.
-    """
-    # A crop may end at the contour, so that the array's edge counts as one.
-    distance = cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
-    rim = mask & (distance < RIM_PX)
-    radius = float(distance.max())
-    return np.where(rim, 1.0 / np.sqrt(1.0 + radius), MIN_COSINE)
 
 
 def _weighted_normals(

@@ -1,7 +1,6 @@
-"""Circles in images: a Hough transform along gradients, and contour scores.
+"""Circles in images: a Hough transform along gradients, and the evidence of edges along rays.
 
-Sources: the gradient-directed Hough transform for circles (Kimme, Ballard and Sklansky 1975); an integro-differential
-score (Daugman 1993).
+Source: the gradient-directed Hough transform for circles (Kimme, Ballard and Sklansky 1975).
 """
 
 from dataclasses import dataclass, replace
@@ -9,15 +8,6 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from numba import njit
-
-ARC_SAMPLES = 3
-"""Samples, a pixel apart, per arc of a contour: each arc counts by how coherent its edge is, not by how strong."""
-
-SIDE_OFFSET_PX = 2.0
-"""Pixels to either side of the contour where the radial gradient must be weaker: shading has no edge there."""
-
-IMAGE_WEIGHT_RATIO = 0.2
-"""Weight of each image relative to the one before it: moving light leaves edges of its own in the maximum."""
 
 MIN_GRADIENT_FLOOR = 0.004
 """Lower bound of an image's usual gradient, for images without structure."""
@@ -52,14 +42,8 @@ class EdgeEvidence:
     def moved(self, right: float, down: float, outward: float = 0.0) -> "EdgeEvidence":
         """Return the evidence moved so that a contour offset by (right, down), its radius larger by `outward`, lies on
         a circle around (x, y), its radius as it was."""
-        return self.shifted(right * np.cos(self.angles) + down * np.sin(self.angles) + outward)
-
-    def shifted(self, distances: np.ndarray) -> "EdgeEvidence":
-        """Return the evidence of each ray moved towards (x, y) by its distance (A,) in pixels."""
-        bins = np.arange(self.evidence.shape[1])
-        shifts = distances / self.spacing
-        rows = [np.interp(bins + shift, bins, ray) for shift, ray in zip(shifts, self.evidence, strict=True)]
-        return replace(self, evidence=np.stack(rows).astype(np.float32))
+        shifts = (right * np.cos(self.angles) + down * np.sin(self.angles) + outward) / self.spacing
+        return replace(self, evidence=_shifted(self.evidence, shifts))
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,22 +89,24 @@ def strongest_circles(edges: LogGradient, radii: np.ndarray, count: int) -> list
     y, x = np.nonzero(edge)
     weight = strength[edge] / (strength[edge] + 4.0 * edges.floor)
     # Best share of the circumference over all radii, for every centre, and the radius that has it.
-    best_share, best_radius = np.zeros_like(strength), np.zeros_like(strength)
+    best_share, best_radius, votes = np.zeros_like(strength), np.zeros_like(strength), np.zeros_like(strength)
+    right, down = nx[edge], ny[edge]
     for radius in radii:
-        share = np.zeros_like(strength)
-        _vote(x, y, nx[edge], ny[edge], weight, float(radius), share)
-        share = cv2.GaussianBlur(share, (0, 0), 1.2) / np.float32(radius)
-        best_radius[share > best_share] = radius
-        np.maximum(best_share, share, out=best_share)
+        votes.fill(0.0)
+        _vote(x, y, right, down, weight, float(radius), votes)
+        _keep_best(cv2.GaussianBlur(votes, (0, 0), 1.2), np.float32(radius), best_share, best_radius)
     is_peak = (best_share == cv2.dilate(best_share, np.ones((7, 7), np.uint8))) & (best_share > 0)
     row, column = np.nonzero(is_peak)
     order = np.argsort(-best_share[row, column])[:count]
     return [(float(column[k]), float(row[k]), float(best_radius[row[k], column[k]])) for k in order]
 
 
-def contour_score(edges: list[LogGradient], x: float, y: float, radius: float) -> float:
-    """Return the share 0..1 of a circle's arcs along which the images have a coherent edge, earlier images first."""
-    return max(float(_contour_score(*_stack(edges), x, y, radius)), 0.0)
+def median_of(values: np.ndarray) -> float:
+    """Return the median of values (N,): `np.median` takes longer to look at its arguments than to sort a few."""
+    middle = len(values) // 2
+    if len(values) % 2:
+        return float(np.partition(values, middle)[middle])
+    return float(np.partition(values, (middle - 1, middle))[middle - 1 : middle + 1].mean())
 
 
 def _ridges(strength: np.ndarray, nx: np.ndarray, ny: np.ndarray, floor: float) -> np.ndarray:
@@ -131,10 +117,6 @@ def _ridges(strength: np.ndarray, nx: np.ndarray, ny: np.ndarray, floor: float) 
     ridges = (strength >= after) & (strength > before) & (strength > 1.5 * floor)
     ridges[:2] = ridges[-2:] = ridges[:, :2] = ridges[:, -2:] = False
     return ridges
-
-
-def _stack(edges: list[LogGradient]) -> tuple[np.ndarray, np.ndarray]:
-    return np.stack([image.gradient for image in edges]), np.array([image.floor for image in edges], np.float32)
 
 
 @njit(cache=True, nogil=True)
@@ -150,51 +132,33 @@ def _vote(
                 votes[row, column] += weight[k]
 
 
-@njit(cache=True, nogil=True, fastmath=True)
-def _contour_score(gradient: np.ndarray, floor: np.ndarray, x: float, y: float, radius: float) -> float:
-    """Return the contour score of gradients (N, 2, H, W) with usual magnitudes floor (N,)."""
-    images, _, height, width = gradient.shape
-    share = IMAGE_WEIGHT_RATIO ** np.arange(images)
-    share /= share.sum()
-    # At least 12 arcs; a rotation by `turn` leads from one sample to the next without a sine per sample.
-    arcs = max(12, int(2.0 * np.pi * radius / ARC_SAMPLES))
-    turn = 2.0 * np.pi / (arcs * ARC_SAMPLES)
-    cos_turn, sin_turn = np.cos(turn), np.sin(turn)
-    score = 0.0
-    # Sums of the radial gradient just inside, on, and just outside the contour.
-    radial = np.zeros(3)
-    for p in range(images):
-        c, s = np.cos(0.5 * turn), np.sin(0.5 * turn)
-        for _ in range(arcs):
-            radial[:] = 0.0
-            magnitude = 0.0
-            samples = 0
-            for _ in range(ARC_SAMPLES):
-                for side in range(3):
-                    distance = radius + (side - 1) * SIDE_OFFSET_PX
-                    u, v = x + distance * c, y + distance * s
-                    i, j = int(np.floor(v)), int(np.floor(u))
-                    if i < 0 or j < 0 or i >= height - 1 or j >= width - 1:
-                        continue
-                    # Bilinear interpolation of both components at (u, v).
-                    fy, fx = v - i, u - j
-                    a, b = (1 - fx) * (1 - fy), fx * (1 - fy)
-                    d, e = (1 - fx) * fy, fx * fy
-                    gx = a * gradient[p, 0, i, j] + b * gradient[p, 0, i, j + 1]
-                    gx += d * gradient[p, 0, i + 1, j] + e * gradient[p, 0, i + 1, j + 1]
-                    gy = a * gradient[p, 1, i, j] + b * gradient[p, 1, i, j + 1]
-                    gy += d * gradient[p, 1, i + 1, j] + e * gradient[p, 1, i + 1, j + 1]
-                    radial[side] += gx * c + gy * s
-                    if side == 1:
-                        magnitude += np.hypot(gx, gy)
-                        samples += 1
-                c, s = c * cos_turn - s * sin_turn, s * cos_turn + c * sin_turn
-            if samples > 0:
-                # An edge on the contour exceeds its surroundings; shading is as steep on both sides. Relative to the
-                # magnitude, an arc counts fully if all its gradients are radial, and little if they are mere noise.
-                sharp = abs(radial[1]) - 0.5 * (abs(radial[0]) + abs(radial[2]))
-                score += share[p] * max(sharp, 0.0) / (magnitude + 3.0 * samples * floor[p])
-    return score / arcs
+@njit(cache=True, nogil=True)
+def _shifted(evidence: np.ndarray, shifts: np.ndarray) -> np.ndarray:
+    """Return evidence (A, N) float32 moved inward along each ray by shifts (A,), in samples; its ends are continued."""
+    rays, count = evidence.shape
+    moved = np.empty((rays, count), np.float32)
+    for a in range(rays):
+        for n in range(count):
+            position = min(max(n + shifts[a], 0.0), count - 1.0)
+            lower = min(int(position), max(count - 2, 0))
+            upper = min(lower + 1, count - 1)
+            before, after = np.float64(evidence[a, lower]), np.float64(evidence[a, upper])
+            moved[a, n] = (after - before) * (position - lower) + before
+    return moved
+
+
+@njit(cache=True, nogil=True)
+def _keep_best(votes: np.ndarray, radius: np.float32, best_share: np.ndarray, best_radius: np.ndarray) -> None:
+    """Replace the best share of the circumference (H, W), and its radius, where the votes (H, W) at `radius` exceed it.
+
+    In one pass: the arrays are larger than the processor's caches.
+    """
+    for i in range(votes.shape[0]):
+        for j in range(votes.shape[1]):
+            share = votes[i, j] / radius
+            if share > best_share[i, j]:
+                best_share[i, j] = share
+                best_radius[i, j] = radius
 
 
 @njit(cache=True, nogil=True)
@@ -204,10 +168,11 @@ def _circle_scores(
     """Return the mean evidence (I, J, K) along circles; to first order an offset moves the contour along each ray."""
     rays, count = evidence.shape
     scores = np.zeros((offsets.size, offsets.size, radii.size))
-    for i in range(offsets.size):
-        for j in range(offsets.size):
-            for a in range(rays):
-                offset = offsets[i] * np.cos(angles[a]) + offsets[j] * np.sin(angles[a]) - start
+    for a in range(rays):
+        cosine, sine = np.cos(angles[a]), np.sin(angles[a])
+        for i in range(offsets.size):
+            for j in range(offsets.size):
+                offset = offsets[i] * cosine + offsets[j] * sine - start
                 for k in range(radii.size):
                     position = min(max((radii[k] + offset) / spacing, 0.0), count - 1.001)
                     n = int(position)

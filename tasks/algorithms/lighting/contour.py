@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from glint.tasks.algorithms.lighting.circles import EdgeEvidence, RaySamples
+from glint.tasks.algorithms.lighting.circles import EdgeEvidence, RaySamples, median_of
 
 RAYS = 96
 """Rays from the centre."""
@@ -108,7 +108,7 @@ def level_evidence(samples: RaySamples) -> EdgeEvidence:
     single, mean = np.zeros((2, *samples.valid.shape), np.float32)
     for frame in samples.levels if samples.valid.any() else ():
         change = _change(frame, samples.reach) / (2 * samples.reach * samples.spacing)
-        usual = float(np.median(np.abs(change[samples.valid][::3]))) + MIN_CHANGE
+        usual = median_of(np.abs(change[samples.valid][::3])) + MIN_CHANGE
         square = np.minimum((change / usual) ** 2, 1e3)
         single += square / (square + HALF_FRAME_RATIO)
         mean += square

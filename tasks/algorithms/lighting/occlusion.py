@@ -2,9 +2,10 @@
 
 An arm before a sphere hides its static reflections (windows), and may cut the light's highlight, whose centre is then
 wrong. A light before the object lights pixels that it covers; it reaches beyond the object, onto the border of the
-object's region, where nothing else clips.
+object's region, where nothing else clips, or is a round saturated disc larger than highlights are.
 """
 
+import cv2
 import numpy as np
 
 from glint.tasks.algorithms.lighting.spheres import Sphere
@@ -25,6 +26,10 @@ CLIPPED_SHARE = 0.9
 """Level as a share of saturation from which a pixel of the border shows the light."""
 MAX_CLIPPED_BORDER_SHARE = 0.05
 """Share of the border that shows the light beyond which it stands before the object."""
+MIN_DISC_RATIO, MIN_DISC_ROUNDNESS = 0.15, 0.8
+"""Diameter of the light's own disc relative to the region's longer side, and its area relative to that of the smallest
+circle around it: round highlights of glass domes have a diameter of 0.05 to 0.13, the flashes of walls and faces are
+larger, but not round."""
 
 
 def is_sphere_covered(frames: np.ndarray, background: np.ndarray, saturation: float, sphere: Sphere) -> np.ndarray:
@@ -50,15 +55,30 @@ def is_sphere_covered(frames: np.ndarray, background: np.ndarray, saturation: fl
 
 
 def is_light_before_object(frames: np.ndarray, background: np.ndarray) -> np.ndarray:
-    """Return whether the light shows on the border of the object's region (T,) bool.
+    """Return whether the light shows on the border of the object's region, or as a disc inside it (T,) bool.
 
     frames: (T, H, W) uint8 or uint16 of the region; background (H, W): their temporal median.
     """
     largest = float(np.iinfo(frames.dtype).max)
+    # What is bright all the time, such as a window behind the object, is no light.
+    clipped = (frames > CLIPPED_SHARE * largest) & (background < 0.5 * largest)
     border = np.ones(background.shape, bool)
     border[BACKGROUND_BORDER_PX:-BACKGROUND_BORDER_PX, BACKGROUND_BORDER_PX:-BACKGROUND_BORDER_PX] = False
-    # What is bright all the time, such as a window behind the object, is no light.
     border &= background < 0.5 * largest
-    if not border.any():
-        return np.zeros(len(frames), bool)
-    return np.asarray((frames[:, border] > CLIPPED_SHARE * largest).mean(axis=1) > MAX_CLIPPED_BORDER_SHARE)
+    has_disc = np.array([_has_disc(image) for image in clipped], bool)
+    return has_disc | (clipped[:, border].mean(axis=1) > MAX_CLIPPED_BORDER_SHARE) if border.any() else has_disc
+
+
+def _has_disc(clipped: np.ndarray) -> bool:
+    """Return whether the clipped pixels (H, W) bool of a frame hold a large disc."""
+    least = np.pi * (0.5 * MIN_DISC_RATIO * max(clipped.shape)) ** 2
+    if np.count_nonzero(clipped) < least:
+        return False
+    contours, _ = cv2.findContours(clipped.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    for contour in contours:
+        # A contour runs through the centres of the pixels on the edge.
+        area = cv2.contourArea(contour) + 0.5 * len(contour)
+        _, radius = cv2.minEnclosingCircle(contour)
+        if area >= least and area >= MIN_DISC_ROUNDNESS * np.pi * (radius + 0.5) ** 2:
+            return True
+    return False

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numba import njit
 
 from glint.tasks.algorithms.lighting.circles import LogGradient, log_gradient
 
@@ -62,26 +63,55 @@ def pyramid(frames: Sequence[np.ndarray] | np.ndarray, maximum: np.ndarray) -> I
 def pyramid_level(frames: Sequence[np.ndarray] | np.ndarray, maximum: np.ndarray, scale: int) -> PyramidLevel:
     """Return the level of frames and their temporal maximum, (H, W) each, reduced `scale` times."""
     reduced = np.stack([reduced_image(frame, scale) for frame in frames])
-    peak = reduced_image(maximum, scale)
+    peak = reduced_image(maximum, scale).astype(np.float32)
     logs = log_frames(reduced)
-    median, usual = np.percentile(reduced, (50.0, USUAL_PERCENTILE), axis=0).astype(np.float32)
+    median, usual = _percentiles(reduced, np.array((50.0, USUAL_PERCENTILE)))
     deviation = DEVIATION_LEVELS * np.std(logs, axis=0)
     edges = [log_gradient(image) for image in (median, peak, deviation)]
     return PyramidLevel(np.maximum(peak - usual, 0.0), edges, logs, float(scale))
 
 
+@njit(cache=True, nogil=True)
+def _percentiles(frames: np.ndarray, percentiles: np.ndarray) -> np.ndarray:
+    """Return temporal percentiles (P, H, W) float32, interpolated linearly, of frames (T, H, W).
+
+    Compiled: a dozen values of a pixel are sorted in place, where sorting along the first axis copies all of them.
+    """
+    count, height, width = frames.shape
+    result = np.empty((percentiles.size, height, width), np.float32)
+    values = np.empty(count, np.float32)
+    for i in range(height):
+        for j in range(width):
+            for t in range(count):
+                value, place = np.float32(frames[t, i, j]), t
+                while place > 0 and values[place - 1] > value:
+                    values[place] = values[place - 1]
+                    place -= 1
+                values[place] = value
+            for p in range(percentiles.size):
+                position = percentiles[p] / 100.0 * (count - 1)
+                lower = min(int(position), count - 1)
+                upper = min(lower + 1, count - 1)
+                result[p, i, j] = values[lower] + (position - lower) * (values[upper] - values[lower])
+    return result
+
+
 def log_frames(frames: Sequence[np.ndarray] | np.ndarray) -> list[np.ndarray]:
     """Return smoothed logarithms (H, W) float32 of frames (H, W) in levels of 8 bits."""
-    return [
-        cv2.GaussianBlur(np.log(np.asarray(frame, np.float32) + np.float32(LOG_OFFSET)), (0, 0), SMOOTHING_PX)
-        for frame in frames
-    ]
+    return [cv2.GaussianBlur(_log_levels(frame), (0, 0), SMOOTHING_PX) for frame in frames]
+
+
+def _log_levels(frame: np.ndarray) -> np.ndarray:
+    """Return the logarithms (H, W) float32 of a frame (H, W); those of whole levels are looked up."""
+    if frame.dtype == np.uint8:
+        return np.asarray(cv2.LUT(frame, np.log(np.arange(256, dtype=np.float32) + np.float32(LOG_OFFSET))))
+    return np.log(np.asarray(frame, np.float32) + np.float32(LOG_OFFSET))
 
 
 def reduced_image(image: np.ndarray, scale: int) -> np.ndarray:
-    """Return an image (H, W) reduced `scale` times by averaging, (H // scale, W // scale) float32."""
-    image = image.astype(np.float32)
+    """Return an image (H, W) reduced `scale` times by averaging, (H // scale, W // scale) float32; as it is if by 1."""
     if scale == 1:
         return image
+    image = image.astype(np.float32)
     height, width = (side // scale * scale for side in image.shape)
     return cv2.resize(image[:height, :width], (width // scale, height // scale), interpolation=cv2.INTER_AREA)

@@ -16,8 +16,9 @@ from trimesh.visual.material import PBRMaterial
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
-from glint.tasks.algorithms.integration.bilateral import MIN_COSINE
 from glint.tasks.algorithms.integration.edges import focal_length, grid_edges
+from glint.tasks.algorithms.integration.rim import MIN_COSINE, RIM_PX, contour_of, inner_radius
+from glint.tasks.algorithms.meshing.contour_vertices import boundary_vertices, moves_to_contour
 
 MAX_STEP_PX = 1.0
 """Difference between rise and prediction, in pixels along the normal, up to which an edge lies on the surface."""
@@ -30,7 +31,7 @@ MATERIAL = PBRMaterial(
 """Opaque, since viewers draw transparent meshes without the depth that they are here for. Seen from both sides: the
 surface of one view has no back."""
 MAX_SLOPE = 12.0
-"""Rise in pixels per pixel beyond which a slope (85 degrees) is extrapolated at the rim rather than observed."""
+"""Rise in pixels per pixel beyond which a slope (85 degrees) is no surface, unless a rim can be so steep."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +65,8 @@ def mesh_from_depth(
 ) -> Surface:
     """Triangulate the depth of a region: a vertex per pixel of the mask, triangles between neighbours.
 
-    Triangles across a step or a slope that is too steep are left out, with the vertices that no triangle needs.
+    The outermost vertices lie on the contour (`contour_vertices`), all others at centres of pixels. Triangles across a
+    step or a slope that is too steep are left out, with the vertices that no triangle needs.
 
     Args:
         depth: (H, W), NaN where unknown. Orthographic: height towards the camera in pixels. With a camera matrix:
@@ -92,20 +94,25 @@ def mesh_from_depth(
     if not len(triangles):
         raise UnusableCapture("the depth holds no triangle", "the mask must be at least two pixels wide somewhere")
 
-    height, width = depth.shape
-    if local is None:
-        columns, rows = np.meshgrid(np.arange(width) + origin[0], np.arange(height) + origin[1])
-        x, y = to_camera(columns, rows, *(frame or (width, height)))
-        points = np.stack([x, y, depth], axis=-1) * pixel_size
-    else:
-        right = (np.arange(width) - local[0, 2]) / local[0, 0]
-        down = (np.arange(height)[:, None] - local[1, 2]) / local[1, 1]
-        points = np.stack([depth * right, -depth * down, -depth], axis=-1)
-
     # Renumber the vertices that triangles use.
     kept, compact = np.unique(triangles, return_inverse=True)
     compact = compact.reshape(-1, 3).astype(np.int32)
-    vertices = points.reshape(-1, 3)[kept].astype(np.float32)
+    height, width = depth.shape
+    rows, columns = (index.astype(float) for index in np.divmod(kept, width))
+    distance = depth.reshape(-1)[kept].astype(float)
+    boundary = boundary_vertices(compact)
+    right, down, closer = moves_to_contour(used, _height(depth, used, local), kept[boundary])
+    columns[boundary] += right
+    rows[boundary] += down
+    if local is None:
+        distance[boundary] += closer
+        x, y = to_camera(columns + origin[0], rows + origin[1], *(frame or (width, height)))
+        points = np.stack([x, y, distance], axis=-1) * pixel_size
+    else:
+        distance[boundary] *= np.exp(-closer / focal_length(local))
+        right, down = (columns - local[0, 2]) / local[0, 0], (rows - local[1, 2]) / local[1, 1]
+        points = distance[:, None] * np.stack([right, -down, -np.ones_like(right)], axis=-1)
+    vertices = points.astype(np.float32)
     vertex_normals = _vertex_normals(normals.reshape(-1, 3)[kept], vertices, compact)
     vertex_confidence = np.ones(len(kept)) if confidence is None else np.nan_to_num(confidence.reshape(-1)[kept])
     return Surface(vertices, compact, vertex_normals, vertex_confidence.astype(np.float32))
@@ -155,22 +162,31 @@ def _surface_edges(
     max_step: float,
     max_slope: float,
 ) -> np.ndarray:
-    """Return which edges (2, H, W; to the next row, to the next column) lie on the surface and not across a step."""
+    """Return which edges (2, H, W; to the next row, to the next column) lie on the surface and not across a step.
+
+    An edge that cannot be tested counts as surface unless it is too steep.
+    """
     known = np.isfinite(normals).all(axis=-1)
     edges = grid_edges(np.where(known[..., None], normals, 0.0), used, known.astype(float), camera, MIN_COSINE)
-    height = np.where(used, depth, 1.0).astype(float)
-    if camera is not None:
-        height = -focal_length(camera) * np.log(height)
+    height = _height(depth, used, camera)
+    tested = known & (contour_of(used).distance >= RIM_PX)
+    steepest = max(max_slope, float(np.sqrt(2.0 * inner_radius(used))))
     kept = np.zeros(edges.inside.shape, bool)
     for axis in range(2):
         rise = np.roll(height, -1, axis) - height
         forward = np.abs(rise - edges.forward_rise[axis]) * edges.cos_incidence
         backward = np.abs(rise - edges.backward_rise[axis]) * np.roll(edges.cos_incidence, -1, axis)
-        # Without both normals an edge cannot be tested, and counts as surface unless it is too steep.
-        untested = ~known | ~np.roll(known, -1, axis)
+        # An edge without both normals, or at the rim, where heights are extrapolated, cannot be tested.
+        untested = ~tested | ~np.roll(tested, -1, axis)
         explained = (np.minimum(forward, backward) <= max_step) | untested
-        kept[axis] = edges.inside[axis] & explained & (np.abs(rise) <= max_slope)
+        kept[axis] = edges.inside[axis] & explained & (np.abs(rise) <= steepest)
     return kept
+
+
+def _height(depth: np.ndarray, used: np.ndarray, camera: np.ndarray | None) -> np.ndarray:
+    """Return the depth (H, W) as a height in pixels, see `integration.edges`; any where it is not used."""
+    height = np.where(used, depth, 1.0).astype(float)
+    return height if camera is None else -focal_length(camera) * np.log(height)
 
 
 def _triangles(used: np.ndarray, kept: np.ndarray, depth: np.ndarray) -> np.ndarray:

@@ -7,7 +7,6 @@ Vertex normals are weighted by the areas of the triangles; decimation is by quad
 from dataclasses import dataclass
 
 import numpy as np
-import open3d as o3d
 import scipy.sparse as sparse
 from scipy.sparse.csgraph import connected_components
 
@@ -66,6 +65,8 @@ def decimated(vertices: np.ndarray, triangles: np.ndarray, max_triangles: int) -
     """Decimate a mesh to at most `max_triangles` triangles; a smaller mesh is returned as it is."""
     if len(triangles) <= max_triangles:
         return vertices, triangles
+    import open3d as o3d
+
     mesh = o3d.geometry.TriangleMesh(
         o3d.utility.Vector3dVector(np.ascontiguousarray(vertices, float)),
         o3d.utility.Vector3iVector(np.ascontiguousarray(triangles, np.int32)),

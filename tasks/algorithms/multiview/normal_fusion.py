@@ -29,7 +29,7 @@ class FusedNormals:
     normals (N, 3), world, unit; weight (N,) >= 0, the sum of the views' robust weights; confidence (N,) in 0..1, that
     of the best view, reduced where views disagree, 0 where no view sees the vertex; source_view (N,) int, the view of
     the largest weight, -1 where no view sees the vertex. By view: per_view (V, N, 3), its normals in the world;
-    confidences (V, N), 0 where it does not see the vertex.
+    evidences (V, N), 0 where it does not see the vertex.
     """
 
     normals: np.ndarray
@@ -37,25 +37,26 @@ class FusedNormals:
     confidence: np.ndarray
     source_view: np.ndarray
     per_view: np.ndarray
-    confidences: np.ndarray
+    evidences: np.ndarray
 
 
 def fuse_normals(views: Sequence[View], vertices: np.ndarray, triangles: np.ndarray) -> FusedNormals:
     """Fuse the normals of all views at the vertices (N, 3) of a mesh with triangles (M, 3)."""
     mesh_normals, scene = vertex_normals(vertices, triangles), raycasting_scene(vertices, triangles)
     per_view = np.zeros((len(views), *vertices.shape))
-    weights, confidences = np.zeros(per_view.shape[:2]), np.zeros(per_view.shape[:2])
+    weights, evidences, confidences = np.zeros((3, *per_view.shape[:2]))
     for number, view in enumerate(views):
         columns, rows = view.project(vertices)
         is_seen = visible(scene, vertices, mesh_normals, view)
         # Samples across the silhouette would mix normals with the zeros outside the mask.
         is_seen &= sample(view.mask.astype(np.float32), columns, rows) > 0.99
         normals = view.normals_at(columns[is_seen], rows[is_seen])
-        confidence = sample(np.nan_to_num(view.confidence), columns[is_seen], rows[is_seen])
+        evidence = sample(np.nan_to_num(view.evidence), columns[is_seen], rows[is_seen])
         per_view[number, is_seen] = view.to_world(normals)
-        confidences[number, is_seen] = confidence
+        evidences[number, is_seen] = evidence
+        confidences[number, is_seen] = sample(np.nan_to_num(view.confidence), columns[is_seen], rows[is_seen])
         cosine = np.clip(normals[:, 2], MIN_VISIBLE_COSINE, 1.0)
-        weights[number, is_seen] = np.maximum(confidence, MIN_CONFIDENCE) ** CONFIDENCE_POWER * cosine
+        weights[number, is_seen] = np.maximum(evidence, MIN_CONFIDENCE) ** CONFIDENCE_POWER * cosine
     normals, robust = _robust_mean(per_view, weights, mesh_normals)
     best = robust.argmax(axis=0)
     # The share of its weight that a view keeps tells how well it agrees with the fused normal.
@@ -66,7 +67,7 @@ def fuse_normals(views: Sequence[View], vertices: np.ndarray, triangles: np.ndar
         confidence=(confidences * kept_share).max(axis=0),
         source_view=np.where(robust.max(axis=0) > 0, best, -1),
         per_view=per_view,
-        confidences=confidences,
+        evidences=evidences,
     )
 
 

@@ -8,7 +8,6 @@ baseline of the evaluation that solves no offsets between views.
 from collections.abc import Sequence
 
 import numpy as np
-import open3d as o3d
 from scipy.spatial import cKDTree
 
 from glint.tasks.algorithms.multiview.mesh import Model, largest_component, vertex_normals
@@ -31,6 +30,8 @@ def poisson_reconstruction(points: np.ndarray, normals: np.ndarray, cell: float)
     Raises:
         UnusableCapture: the points give no closed surface.
     """
+    import open3d as o3d
+
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.ascontiguousarray(points, float)))
     cloud.normals = o3d.utility.Vector3dVector(np.ascontiguousarray(normals, float))
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):

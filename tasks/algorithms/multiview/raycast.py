@@ -1,14 +1,19 @@
 """Ray casting at a model: which vertices a view sees, and the depth and normals that it would show.
 
-Rays are traced by Open3D's RaycastingScene (Embree: Wald, Woop, Benthin, Johnson and Ernst 2014).
+Rays are traced by Open3D's RaycastingScene (Embree: Wald, Woop, Benthin, Johnson and Ernst 2014). Open3D takes a second
+to import, for which processes that only name stages need not wait.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import open3d as o3d
 from scipy import ndimage
 
 from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.view import View
+
+if TYPE_CHECKING:
+    import open3d as o3d
 
 RAY_OFFSET_PX = 1.5
 """Pixels by which an occlusion ray starts off the surface, so that it does not hit the surface it starts from."""
@@ -16,8 +21,10 @@ MIN_VISIBLE_COSINE = 0.05
 """Smallest cosine between normal and view vector at which a vertex counts as visible."""
 
 
-def raycasting_scene(vertices: np.ndarray, triangles: np.ndarray) -> o3d.t.geometry.RaycastingScene:
+def raycasting_scene(vertices: np.ndarray, triangles: np.ndarray) -> "o3d.t.geometry.RaycastingScene":
     """Build a scene of a mesh, vertices (N, 3) and triangles (M, 3), that rays can be cast at."""
+    import open3d as o3d
+
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(
         o3d.core.Tensor.from_numpy(np.ascontiguousarray(vertices, np.float32)),
@@ -26,8 +33,12 @@ def raycasting_scene(vertices: np.ndarray, triangles: np.ndarray) -> o3d.t.geome
     return scene
 
 
-def visible(scene: o3d.t.geometry.RaycastingScene, vertices: np.ndarray, normals: np.ndarray, view: View) -> np.ndarray:
+def visible(
+    scene: "o3d.t.geometry.RaycastingScene", vertices: np.ndarray, normals: np.ndarray, view: View
+) -> np.ndarray:
     """Return which vertices (N,) bool face a view and are not occluded; normals (N, 3) of the world, unit."""
+    import open3d as o3d
+
     view_vectors = view.view_vectors(vertices)
     facing = np.flatnonzero((normals * view_vectors).sum(axis=1) > MIN_VISIBLE_COSINE)
     offset = RAY_OFFSET_PX * view.footprint(vertices[facing])[:, None]
@@ -45,6 +56,8 @@ def raycast(model: Model, view: View) -> tuple[np.ndarray, np.ndarray]:
     Depth is the camera frame's z in world units; normals are in the camera frame, unit, n_z >= 0. Both are NaN outside
     the view's mask and where the ray misses the model.
     """
+    import open3d as o3d
+
     rows, columns = np.nonzero(view.mask)
     starts, directions = view.rays(columns, rows)
     if view.matrix is None:

@@ -76,9 +76,11 @@ class SilhouetteMask:
 class View:
     """One capture of an object.
 
-    silhouette: the mask (H, W) of the object; normals (H, W, 3) float32 (camera frame, unit, NaN outside the mask) and
-    confidence (H, W) float32 in 0..1. All three cover the region whose top-left pixel is `origin` (column, row) of a
-    full frame of `frame` (width, height) pixels.
+    silhouette: the mask (H, W) of the object; normals (H, W, 3) float32, camera frame, unit, NaN outside the mask;
+    evidence (H, W) float32 in 0..1, their confidence if the inputs that they share (spheres, lights, camera, mask) are
+    right, and `trust` (H, W), or one for all, the probability that these are: normals that err in common still tell
+    which pose is the best. All cover the region whose top-left pixel is `origin` (column, row) of a full frame of
+    `frame` (width, height) pixels.
     rotation (3, 3) and translation (3,) take the world to the camera frame. Orthographic: `pixel_size` world units per
     pixel, the camera frame's origin in the frame's centre. With a camera `matrix` (3, 3; pixels of the full frame) the
     origin is the camera.
@@ -87,13 +89,19 @@ class View:
     name: str
     silhouette: SilhouetteMask
     normals: np.ndarray
-    confidence: np.ndarray
+    evidence: np.ndarray
     rotation: np.ndarray
     translation: np.ndarray
     origin: tuple[int, int]
     frame: tuple[int, int]
     pixel_size: float = 1.0
     matrix: np.ndarray | None = None
+    trust: np.ndarray | float = 1.0
+
+    @property
+    def confidence(self) -> np.ndarray:
+        """The confidence (H, W) of the normals."""
+        return self.evidence * self.trust
 
     @property
     def mask(self) -> np.ndarray:
@@ -104,9 +112,9 @@ class View:
         """Return the same view from another pose: rotation (3, 3), translation (3,), world to camera."""
         return replace(self, rotation=np.asarray(rotation, float), translation=np.asarray(translation, float))
 
-    def with_normals(self, normals: np.ndarray, confidence: np.ndarray) -> "View":
-        """Return the same view with other normals (H, W, 3) and confidence (H, W)."""
-        return replace(self, normals=normals, confidence=confidence)
+    def with_normals(self, normals: np.ndarray, evidence: np.ndarray) -> "View":
+        """Return the same view with other normals (H, W, 3) and evidence (H, W)."""
+        return replace(self, normals=normals, evidence=evidence)
 
     def with_mask(self, mask: np.ndarray) -> "View":
         """Return the same view with another mask (H, W) bool."""

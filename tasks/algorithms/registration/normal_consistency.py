@@ -15,7 +15,7 @@ from glint.tasks.algorithms.multiview.normal_fusion import FusedNormals
 from glint.tasks.algorithms.multiview.view import View
 
 MIN_COMPARED_CONFIDENCE = 0.8
-"""Confidence from which normals are compared: extrapolated normals turn with the view and would resist its turning."""
+"""Evidence from which normals are compared: extrapolated normals turn with the view and would resist its turning."""
 SYSTEMATIC_ERROR_DEG = 1.0
 """Degrees by which the confident normals of a view may be wrong in common."""
 MIN_SHARED_VERTICES = 30
@@ -51,7 +51,7 @@ def normal_consistency(
     turned: by view, the view turned forward and backward, and the degrees between the two; fused: the normals of all
     views at the vertices.
     """
-    weights = np.where(fused.confidences >= MIN_COMPARED_CONFIDENCE, fused.confidences, 0.0)
+    weights = np.where(fused.evidences >= MIN_COMPARED_CONFIDENCE, fused.evidences, 0.0)
     # Derivatives of the normals with respect to the angle, per degree, by central differences.
     changes = [
         (_normals_at(forward, vertices) - _normals_at(backward, vertices)) / degrees

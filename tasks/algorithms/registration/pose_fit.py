@@ -23,7 +23,7 @@ COARSE_SILHOUETTE_ERROR_PX, COARSE_NORMAL_ERROR_DEG = 0.2, 10.0
 ROBUST_RESIDUAL = 5.0
 """Silhouette residual, in expected errors, beyond which the loss grows linearly."""
 MIN_FIT_CONFIDENCE = 0.5
-"""Confidence from which a view's normals are compared."""
+"""Evidence from which a view's normals are compared."""
 MAX_RIM_COSINE = 0.3
 """Largest cosine between normal and view vector of a vertex that may lie on the silhouette."""
 TYPICAL_NORMAL_ERROR_DEG = 5.0
@@ -111,7 +111,7 @@ class PoseFitter:
         grazing = np.flatnonzero(np.abs(cosine) < MAX_RIM_COSINE)
         observed = np.flatnonzero(visible(self.scene, model.vertices, model.normals, posed))
         columns, rows = posed.project(model.vertices[observed])
-        return grazing, observed[sample(np.nan_to_num(posed.confidence), columns, rows) > MIN_FIT_CONFIDENCE]
+        return grazing, observed[sample(np.nan_to_num(posed.evidence), columns, rows) > MIN_FIT_CONFIDENCE]
 
     def _residuals(
         self, posed: View, grazing: np.ndarray, confident: np.ndarray

@@ -12,10 +12,11 @@ import pytest
 from prefect import flow, task
 from prefect.artifacts import create_progress_artifact
 
-from glint.flows.cli.status import failed_rows, running_rows, status
+from glint.flows.cli.status import status
 from glint.flows.pipeline import prefect_sink
 from glint.flows.pipeline.prefect_sink import PrefectSink
 from glint.flows.reporting.events import StageStarted
+from glint.flows.reporting.flow_runs import failed_rows, running_rows
 from glint.flows.runtime.orphaned_runs import tagged_with_process
 from glint.flows.runtime.prefect_server import Server, running_server
 from glint.storage.errors import InputError

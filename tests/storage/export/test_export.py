@@ -1,7 +1,6 @@
 import csv
 import io
 import json
-from html.parser import HTMLParser
 from pathlib import Path
 
 import icechunk
@@ -19,7 +18,7 @@ from glint.storage.seals import sealed
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import WHOLE_OBJECT, StoredFile
 from tests.storage.export.image_readers import read_exr, read_png
-from tests.storage.stores import PIXEL, PROVENANCE, REASONS, capture_arrays, local_store, save_capture
+from tests.storage.stores import PIXEL, PROVENANCE, REASONS, capture_arrays, local_store, save_capture, small_ply
 
 FILES = {
     *("normals.npy", "normals.png", "normals.exr", "initial_normals.npy", "depth.npy", "depth.tiff", "mask.png"),
@@ -70,7 +69,7 @@ def test_every_file_holds_what_was_stored(repository: ObjectRepository, location
     np.testing.assert_array_equal(read_png(folder / "provenance.png"), arrays["labels"]["provenance"])
     codes = json.loads((folder / "provenance.json").read_text())
     assert codes == {str(code): name for code, name in enumerate(PROVENANCE)}
-    assert (folder / "surface.ply").read_bytes() == b"ply 0" and (folder / "relit_left.png").read_bytes() == PIXEL
+    assert (folder / "surface.ply").read_bytes() == small_ply() and (folder / "relit_left.png").read_bytes() == PIXEL
 
 
 def test_lights_and_frames_are_listed(repository: ObjectRepository, location: Location, tmp_path: Path) -> None:
@@ -88,24 +87,6 @@ def test_lights_and_frames_are_listed(repository: ObjectRepository, location: Lo
     assert len(rows) == 20 and rows[0] == {"frame": "0", "accepted": "true", "reason": ""}
     assert [rows[frame]["reason"] for frame in (3, 7)] == [*REASONS[1:]]
     assert rows[3]["accepted"] == "false"
-
-
-class _Page(HTMLParser):
-    """Tags, sources and text of a page."""
-
-    def __init__(self, page: str) -> None:
-        super().__init__()
-        self.tags: list[str] = []
-        self.sources: list[str] = []
-        self.text = ""
-        self.feed(page)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        self.sources += [value or "" for name, value in attrs if name in ("src", "href")]
-
-    def handle_data(self, data: str) -> None:
-        self.text += data
 
 
 def test_the_reports_show_figures_and_warnings(
@@ -127,9 +108,8 @@ def test_the_reports_show_figures_and_warnings(
     assert sum(counts["provenance"].values()) == mask.sum()
     assert (counts["frames"], counts["accepted_frames"]) == (20, 18)
     assert counts["rejected_frames"] == {"no light": 1, "two lights": 1}
-    page = _Page((tmp_path / "out/front/report.html").read_text())
-    assert "script" not in page.tags and "few <b>lights</b>" in page.text and "sweep & film again" in page.text
-    assert page.tags.count("img") == 5 and all(source.startswith("data:image/png;base64,") for source in page.sources)
+    page = (tmp_path / "out/front/report.html").read_text()
+    assert "few &lt;b&gt;lights&lt;/b&gt;" in page and "<script>alert" not in page
 
 
 @pytest.mark.long
@@ -207,10 +187,9 @@ def test_damaged_or_hostile_content_leaves_nothing(
 def test_a_file_whose_content_was_replaced_is_refused(
     repository: ObjectRepository, location: Location, tmp_path: Path
 ) -> None:
-    session = icechunk.Repository.open(location.child("objects", "duck", "repo").icechunk_storage()).writable_session(
-        "work"
-    )
-    zarr.open_group(session.store, path="front/surface/files")["surface.ply"][...] = np.frombuffer(b"plx 0", np.uint8)
+    inner = icechunk.Repository.open(location.child("objects", "duck", "repo").icechunk_storage())
+    session = inner.writable_session("work")
+    zarr.open_group(session.store, path="front/surface/files")["surface.ply"][2] = ord("x")
     session.commit("damage")
     repository.publish(["front"], {})
     with pytest.raises(StoreError, match=r"'surface\.ply' of duck/front/surface in v\d is damaged"):

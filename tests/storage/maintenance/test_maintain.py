@@ -8,6 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from glint.storage.catalogue.models import Capture
+from glint.storage.edits.edits import Edits
+from glint.storage.edits.models import Changes
+from glint.storage.edits.overlay import edited_entries
 from glint.storage.frames.eviction import CachedFrames, cached_frames, mark_used, over_budget
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import run_lock
@@ -73,6 +77,22 @@ def test_data_of_a_version_stay(tmp_path: Path) -> None:
     for number in range(3):
         result = repository.load("front", "surface", f"v{number + 1}")
         assert result.read_file("surface.ply") == mesh(number) and result.read("depth").shape == (2, 3)
+
+
+def test_edits_stay_and_the_files_made_of_them_go(tmp_path: Path) -> None:
+    location, edits = Location.parse(tmp_path), Edits.open(Location.parse(tmp_path), "glass")
+    versions(location, 1)
+    masks = [np.random.default_rng(number).random((80, 90)) < 0.5 for number in range(3)]
+    for number, mask in enumerate(masks):
+        edits.save("front", Changes(mask=mask), "Ann", number)
+    (entry,) = edited_entries(ObjectRepository.open(location, "glass"), [Capture(id="front", frames="/a.mp4")])
+    assert entry.capture.mask is not None and Path(entry.capture.mask).exists()
+    assert part(maintain(location, False, 1, timedelta(hours=1), None), "glass").objects == 0
+    assert Path(entry.capture.mask).exists()
+    maintain(location, False, 1, NOW, None)
+    assert not Path(entry.capture.mask).exists()
+    for number, mask in enumerate(masks):
+        np.testing.assert_array_equal(Edits.open(location, "glass").current("front", number + 1).mask, mask)
 
 
 def test_only_old_data_are_removed(tmp_path: Path) -> None:

@@ -3,8 +3,11 @@
 from pathlib import Path
 
 import icechunk
+import numpy as np
 import pytest
 
+from glint.storage.edits.edits import Edits
+from glint.storage.edits.models import Changes
 from glint.storage.errors import DamagedError, StoreError
 from glint.storage.locations.location import Location
 from glint.storage.maintenance.repair import repair
@@ -115,3 +118,52 @@ def test_only_a_backup_brings_an_old_version_back() -> None:
     assert _with_remedy(old, [old], ["v1", "v2"]).remedy == "v2 is whole; only a backup brings v1 back"
     assert _with_remedy(old, [old, newest], ["v1", "v2"]) == old
     assert _with_remedy(newest, [old, newest], ["v1", "v2"]) == newest
+
+
+def _save_edits(store: Path) -> None:
+    edits = Edits.open(Location.parse(store), "wine-glass")
+    for number in range(2):
+        noise = np.random.default_rng(number).random((100, 150)) < 0.5
+        edits.save("front", Changes(mask=noise), "Ann", number)
+
+
+def test_edits_are_verified_too(store: Path) -> None:
+    before = set((store / "objects/wine-glass/repo/chunks").iterdir())
+    _save_edits(store)
+    assert not verify_store(Location.parse(store)).damages
+    chunks = set((store / "objects/wine-glass/repo/chunks").iterdir()) - before
+    first, second = sorted(chunks, key=lambda path: path.stat().st_mtime_ns)
+    _flip(first)
+    _flip(second)
+    old, new = verify_store(Location.parse(store)).damages
+    assert (old.version, new.version, old.is_edit) == ("edit 1", "edit 2", True)
+    assert "of wine-glass/front/edits in edit 1 is damaged" in old.message
+    assert old.remedy == "the newest edits do not need it; only a backup brings edit 1 back"
+    assert "--discard" in new.remedy
+
+
+@pytest.mark.parametrize("lost", [1, 2])
+def test_edits_whose_snapshot_is_lost_go_back_to_those_before(store: Path, lost: int) -> None:
+    """Else nobody could edit the object, or run it, any more."""
+    _save_edits(store)
+    location = Location.parse(store)
+    index = ObjectRepository.open(location, "wine-glass").index
+    snapshots = store / "objects/wine-glass/repo/snapshots"
+    for number in range(3 - lost, 3):
+        (snapshots / index.lookup_tag(f"e{number}")).write_bytes(b"")
+    with pytest.raises(DamagedError):
+        Edits.open(location, "wine-glass").save("back", Changes(verdict="good"), "Ann", 2)
+    damages = verify_store(location).damages
+    assert [damage.version for damage in damages] == [f"edit {number}" for number in range(3 - lost, 3)]
+    assert "glint verify wine-glass --repair" in damages[-1].remedy
+    (done,) = repair(location, damages)
+    assert done.endswith("since edit 2 is damaged")
+    edits = Edits.open(location, "wine-glass")
+    assert [item.number for item in edits.history()] == [1, 2, 3]
+    current = edits.current("front")
+    if lost == 1:
+        np.testing.assert_array_equal(current.mask, np.random.default_rng(0).random((100, 150)) < 0.5)
+    else:
+        assert current.edited == ()
+    assert edits.save("back", Changes(verdict="good"), "Ann", 3) is not None
+    assert repair(location, verify_store(location).damages) == [], "all that is newest is whole"

@@ -27,7 +27,7 @@ from glint.storage.versions.stage_results import (
     StoredFile,
 )
 from glint.storage.versions.stage_writer import chunk_shape
-from tests.storage.stores import SCHEMAS, STAGES, MemoryLocation, capture_arrays, local_store, save_capture
+from tests.storage.stores import SCHEMAS, STAGES, MemoryLocation, capture_arrays, local_store, save_capture, small_ply
 
 SPAWN = multiprocessing.get_context("spawn")
 
@@ -180,7 +180,7 @@ def test_captures_that_are_not_named_stay_as_they_were(repository: ObjectReposit
     version = repository.publish(["front"], {})
     assert version.name == "v2" and repository.captures("v2") == ["back", "front"]
     np.testing.assert_array_equal(repository.load("back", "mask", "v2").read("mask"), back["mask"]["mask"])
-    assert repository.load("back", "surface", "v2").read_file("surface.ply") == b"ply 2"
+    assert repository.load("back", "surface", "v2").read_file("surface.ply") == small_ply(2)
     np.testing.assert_array_equal(repository.load("front", "depth", "v2").read("depth"), front["depth"]["depth"])
     assert repository.stage_key("back", "mask") == "k2", "work goes on where it was"
     assert repository.publish(["front"], {}, remove=["back"]).name == "v3"

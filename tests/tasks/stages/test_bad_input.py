@@ -16,8 +16,8 @@ from glint.storage.errors import GlintError, InputError, StoreError
 from glint.storage.footage.source import open_footage
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.engine.references import load_catalogue
-from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from tests.storage.footage.videos import write_video
+from tests.tasks.algorithms.lighting.chrome_table import Scene, render
 from tests.tasks.make_context import make_context, perform_all
 
 
@@ -71,13 +71,8 @@ def test_sphere_out_of_frame(refused: Refused) -> None:
 
 
 def test_no_sphere_to_be_found(refused: Refused, tmp_path: Path) -> None:
-    fish = simulate("fish", tmp_path / "fish", CaptureOptions(frames=80, scale=0.4)).catalogue
-    capture = load(fish).objects[0].captures[0]
-    left = int(capture.spheres[0].x - capture.spheres[0].radius) - 3
-    with open_footage(capture.frames) as footage:
-        cut = [np.ascontiguousarray(frame[:, : left - left % 2]) for frame in footage.frames()]
-    path = write_video(tmp_path / "cut.mp4", cut)
-    assert "no chrome sphere" in str(refused(frames=str(path), spheres=[]))
+    path = write_video(tmp_path / "table.mp4", list(render(Scene([]))))
+    assert "no chrome sphere" in str(refused(frames=str(path), spheres=[], mask=None))
 
 
 def test_region_out_of_frame(refused: Refused) -> None:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.integration.bilateral import integrate, least_cosines
+from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.integration.edges import bilateral_weights, compare_sides, discontinuity, grid_edges
 from tests.benchmarks.integration_scenes import FIELDS, traced
 from tests.tasks.algorithms.geometry.gradient_normals import from_gradients
@@ -262,11 +262,3 @@ def test_the_depth_of_a_sphere_does_not_run_away_at_its_contour(radius):
     depth = integrate(normals, mask).depth
     error = (depth - height)[mask]
     assert np.ptp(depth[mask]) < 1.05 * radius and np.abs(error - np.median(error)).max() < 0.25 * radius
-
-
-def test_the_least_cosine_at_the_rim_follows_from_the_largest_circle_inside():
-    mask = np.zeros((55, 200), bool)
-    mask[5:, 10:190] = True
-    least = least_cosines(mask)
-    assert least[5, 100] == least[-1, 100] == pytest.approx(1 / np.sqrt(1 + 25), rel=0.03)
-    assert least[7, 100] == least[30, 100] < 0.02

@@ -73,3 +73,14 @@ def test_a_window_at_the_border_is_no_light() -> None:
     frames = object_frames()[:6]
     frames[:, :20, :30] = 255
     assert not is_light_before_object(frames, np.median(frames, axis=0)).any()
+
+
+def test_the_disc_of_a_light_inside_the_region_is_noticed_and_flashes_are_not() -> None:
+    frames = np.random.default_rng(0).integers(20, 40, (20, 120, 160)).astype(np.uint8)
+    rows, columns = np.mgrid[:120, :160]
+    for number in (3, 4, 5):
+        frames[number, np.hypot(columns - 60 - number, rows - 50) < 14] = 255
+    # A round highlight of a dome, and a wall that flashes from top to bottom.
+    frames[9, np.hypot(columns - 80, rows - 60) < 8] = 255
+    frames[12, 20:100, 70:90] = 255
+    assert np.flatnonzero(is_light_before_object(frames, np.median(frames, axis=0))).tolist() == [3, 4, 5]

@@ -89,9 +89,18 @@ def test_normals_that_disagree_are_outvoted(upright: list[View], model: Model) -
         upright[1].normals @ Rotation.from_euler("y", 50, degrees=True).as_matrix().T, upright[1].confidence
     )
     mixed = fuse_normals([upright[0], bad, *upright[2:]], model.vertices, model.triangles)
-    several = (good.confidences > 0.5).sum(axis=0) >= 3
+    several = (good.evidences > 0.5).sum(axis=0) >= 3
     angle = np.degrees(np.arccos(np.clip((good.normals * mixed.normals).sum(axis=1), -1, 1)))
     assert several.any() and np.median(angle[several]) < 0.58
+
+
+def test_doubts_that_all_normals_share_lower_the_confidence_and_change_no_normal(
+    upright: list[View], model: Model
+) -> None:
+    trusted = fuse_normals(upright, model.vertices, model.triangles)
+    doubted = fuse_normals([replace(view, trust=0.5) for view in upright], model.vertices, model.triangles)
+    assert np.array_equal(doubted.normals, trusted.normals) and np.array_equal(doubted.evidences, trusted.evidences)
+    assert np.allclose(doubted.confidence, 0.5 * trusted.confidence)
 
 
 def test_a_reduced_model(upright: list[View], model: Model, truth: trimesh.Trimesh) -> None:
@@ -248,7 +257,7 @@ def test_views_of_different_pixel_sizes(upright: list[View], truth: trimesh.Trim
         return values.repeat(2, axis=0).repeat(2, axis=1)
 
     nearer = replace(view, silhouette=SilhouetteMask(doubled(view.mask)), normals=doubled(view.normals),
-                     confidence=doubled(view.confidence), frame=frame, pixel_size=0.5)  # fmt: skip
+                     evidence=doubled(view.evidence), frame=frame, pixel_size=0.5)  # fmt: skip
     views = [upright[0], nearer, *upright[2:]]
     registered = register_by_matrices(views)
     assert not registered.rejected and max(registered.residuals) < 0.031

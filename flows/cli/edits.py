@@ -1,0 +1,110 @@
+"""`glint edits`: what people did to the inputs of an object's captures, as a table and as files."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from glint.flows.cli.options import Json, Store, chosen_store, print_lines
+from glint.flows.cli.output import echo
+
+if TYPE_CHECKING:
+    from glint.storage.edits.edits import Edits
+    from glint.storage.edits.models import Revision
+
+
+def edits(
+    name: Annotated[str, typer.Argument(metavar="OBJECT[/CAPTURE]", help="The object, or one of its captures.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Write edits.yaml, masks and marks to a new folder.")
+    ] = None,
+    take: Annotated[
+        Path | None, typer.Option("--take", metavar="FILE", help="Save what a file such as edits.yaml says.")
+    ] = None,
+    mask: Annotated[Path | None, typer.Option(metavar="FILE", help="Save this image as the mask of CAPTURE.")] = None,
+    markup: Annotated[Path | None, typer.Option(metavar="FILE", help="Save these marks as those of CAPTURE.")] = None,
+    undo: Annotated[int | None, typer.Option(metavar="N", min=1, help="Take edit N back.")] = None,
+    discard: Annotated[bool, typer.Option("--discard", help="Take all edits of CAPTURE back.")] = False,
+    author: Annotated[str | None, typer.Option(metavar="NAME", help="Your name (default: the login name).")] = None,
+    store: Store = None,
+    as_json: Json = False,
+) -> None:
+    """Show, write, take or undo what people did to the inputs of an object's captures."""
+    from glint.storage.edits.edits import Edits
+    from glint.storage.edits.files import changes_of_files, take_files, write_files
+    from glint.storage.locations.location import Location
+
+    object_id, _, capture = name.partition("/")
+    takes = take is not None or mask is not None or markup is not None
+    opened = Edits.open(Location.parse(chosen_store(store)), object_id, create=takes)
+    saved = list["Revision | None"]()
+    if take is not None:
+        saved += take_files(opened, take, _name(author), capture or None)
+    if mask is not None or markup is not None:
+        changes = changes_of_files(mask, markup)
+        saved.append(opened.save(_required(capture, name), changes, _name(author), opened.revision))
+    if undo is not None:
+        saved.append(opened.undo(undo, _name(author)))
+    if discard:
+        saved.append(opened.discard(_required(capture, name), _name(author)))
+    if out is not None:
+        for path in write_files(opened, [capture] if capture else opened.captures(), out):
+            echo(str(path))
+    elif takes or undo is not None or discard:
+        _print_saved(object_id, [revision for revision in saved if revision is not None], as_json)
+    else:
+        _print_current(opened, capture, as_json)
+
+
+def _print_saved(object_id: str, saved: "list[Revision]", as_json: bool) -> None:
+    if as_json:
+        print_lines(revision.model_dump(mode="json", exclude={"seals"}) for revision in saved)
+        return
+    for revision in saved:
+        echo(f"{object_id}/{revision.capture}: edit {revision.number}: {revision.sentence}")
+    echo("next: glint run CATALOGUE" if saved else "nothing changes")
+
+
+def _print_current(opened: "Edits", capture: str, as_json: bool) -> None:
+    """Print which fields are edited, by whom, and the notes."""
+    from glint.flows.cli.tables import show, table_of
+
+    rows, notes = [], []
+    for name in [capture] if capture else opened.captures():
+        current = opened.current(name)
+        for field in current.edited:
+            change = current.changes[field]
+            moment = change.time.isoformat(timespec="seconds")
+            rows.append({"capture": name, "field": field, "edit": change.revision, "by": change.author, "time": moment})
+        notes += [{"capture": name, **note.model_dump(mode="json")} for note in current.notes]
+    if as_json:
+        print_lines([*rows, *notes])
+        return
+    show(table_of(rows, "nothing is edited"))
+    for note in notes:
+        echo(f"{note['capture']}: {note['author']}, {note['time'][:16]}: {note['text']}")
+
+
+def _required(capture: str, name: str) -> str:
+    """Return the capture that a command line names.
+
+    Raises:
+        InputError: it names none.
+    """
+    from glint.storage.errors import InputError
+
+    if not capture:
+        raise InputError(f"{name} names no capture", f"write {name}/CAPTURE")
+    return capture
+
+
+def _name(author: str | None) -> str:
+    """Return the name of --author, else of who is logged in."""
+    import getpass
+
+    if author is not None:
+        return author
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError):
+        return "somebody"

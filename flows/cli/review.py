@@ -1,0 +1,108 @@
+"""`glint review`: the page in which a person sees captures, corrects their inputs and looks at their surfaces."""
+
+import ipaddress
+import os
+import socket
+from typing import Annotated
+
+import typer
+
+from glint.flows.cli.options import Store, chosen_store
+from glint.flows.cli.output import echo
+
+REVIEW_PORT = 4300
+"""Port that is tried first, so that the address stays the same from day to day."""
+PORTS = 20
+"""Number of ports that are tried, from REVIEW_PORT on."""
+MIN_PASSWORD_CHARACTERS = 12
+"""Fewest characters of a password for a page that other machines reach."""
+
+
+def review(
+    file: Annotated[
+        str | None,
+        typer.Argument(metavar="CATALOGUE", help="The catalogue's YAML file: also captures that never ran are shown."),
+    ] = None,
+    store: Store = None,
+    port: Annotated[
+        int | None, typer.Option(min=1, max=65535, help="Port (default: the first free from 4300).")
+    ] = None,
+    host: Annotated[
+        str, typer.Option(help="Address to listen on; any but 127.0.0.1 requires $GLINT_REVIEW_PASSWORD.")
+    ] = "127.0.0.1",
+    origin: Annotated[
+        list[str] | None,
+        typer.Option(metavar="URL", help="Address under which browsers reach the page; may be given several times."),
+    ] = None,
+) -> None:
+    """Open the review page: see every capture, correct its inputs on the picture, run it, look at its surface."""
+    import uvicorn
+
+    from glint.flows.review.access import Access
+    from glint.flows.review.app import create_app
+    from glint.flows.runtime.environment import prepare_environment
+    from glint.storage.locations.location import Location
+    from glint.tasks.engine.references import load_catalogue
+
+    address = Location.parse(chosen_store(store)).uri
+    if file is not None:
+        load_catalogue(file)
+    prepare_environment()
+    password = _password(host)
+    listener = _listener(host, port)
+    own = f"http://{f'[{host}]' if ':' in host else host}:{listener.getsockname()[1]}"
+    origins = tuple(entry.rstrip("/") for entry in origin or ()) or (own, own.replace("127.0.0.1", "localhost"))
+    access = Access(origins) if password is None else Access(origins, token=password)
+    config = uvicorn.Config(
+        create_app(address, file, access), log_level="warning", access_log=False, server_header=False, lifespan="on",
+        timeout_graceful_shutdown=2,
+    )  # fmt: skip
+    echo(f"review page: {access.link() if password is None else f'{access.origins[0]}/open'}")
+    echo("it is served until you press Ctrl+C; runs that it started go on")
+    uvicorn.Server(config).run(sockets=[listener])
+
+
+def _password(host: str) -> str | None:
+    """Return the password that the user has set, None: a token is made.
+
+    Raises:
+        InputError: other machines could reach the page, and there is none, or a short one.
+    """
+    from glint.storage.errors import InputError
+
+    password = os.environ.get("GLINT_REVIEW_PASSWORD")
+    if password is not None and len(password) < MIN_PASSWORD_CHARACTERS:
+        raise InputError(
+            f"GLINT_REVIEW_PASSWORD has {len(password)} characters", f"choose {MIN_PASSWORD_CHARACTERS} or more"
+        )
+    try:
+        is_loopback = ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        raise InputError(f"--host {host} is no address", "give an IP address, such as 127.0.0.1 or 0.0.0.0") from None
+    if not is_loopback and password is None:
+        raise InputError(
+            f"--host {host} lets other machines reach the page without a password",
+            "set GLINT_REVIEW_PASSWORD, and --origin to the address that browsers use",
+        )
+    return password
+
+
+def _listener(host: str, port: int | None) -> socket.socket:
+    """Return a socket that listens on the port, or on the first free one.
+
+    Raises:
+        InputError: it is taken.
+    """
+    from glint.storage.errors import InputError
+
+    for number in (port,) if port is not None else range(REVIEW_PORT, REVIEW_PORT + PORTS):
+        listener = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listener.bind((host, number))
+        except OSError:
+            listener.close()
+            continue
+        listener.listen()
+        return listener
+    raise InputError(f"no port is free at {host}", "give another with --port")

@@ -1,0 +1,85 @@
+"""The review page's server: the routers of its views, behind the guard.
+
+Views are modules with a router each. State is `request.app.state.review` (`Review`); `review_of` is the dependency.
+"""
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import FileResponse
+from fastapi.staticfiles import StaticFiles
+from starlette.responses import Response
+
+from glint.flows.errors import message_and_remedy
+from glint.flows.review import edits_api, inputs_api, listing_api, runs_api, surface_api, versions_api
+from glint.flows.review.access import ENTRY_PATH, Access, Guard, refusal
+from glint.flows.review.review import Review
+from glint.reading import NotFoundError
+from glint.storage.errors import InputError, StoreError
+from glint.storage.export.page.bundle import VIEWER
+
+STATIC = Path(__file__).parent / "static"
+
+APIS = (listing_api, inputs_api, edits_api, runs_api, surface_api, versions_api)
+"""The interfaces of the views, all below /api/."""
+
+
+def create_app(store: str, catalogue: str | None = None, access: Access | None = None) -> FastAPI:
+    """Return the server of a store's page.
+
+    store: its address, which need not exist yet; catalogue: the YAML file whose captures are shown and run, None: what
+    the store has. access: who may use it; None: nobody can, since nobody knows the token.
+    """
+    review = Review(store, catalogue)
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        review.start()
+        try:
+            yield
+        finally:
+            review.stop()
+
+    app = FastAPI(
+        title="Glint review", openapi_url="/api/openapi.json", docs_url=None, redoc_url=None, lifespan=lifespan
+    )
+    app.state.review = review
+    for api in APIS:
+        app.include_router(api.router, prefix="/api")
+    app.mount("/static/viewer", StaticFiles(directory=VIEWER), name="viewer")
+    app.mount("/static", StaticFiles(directory=STATIC), name="static")
+
+    @app.get("/", include_in_schema=False)
+    def page() -> FileResponse:
+        return FileResponse(STATIC / "index.html")
+
+    @app.get(ENTRY_PATH, include_in_schema=False)
+    def opening_page() -> FileResponse:
+        return FileResponse(STATIC / "open.html")
+
+    _answer_errors(app)
+    app.add_middleware(Guard, access=access or Access(("http://127.0.0.1:0",)))
+    return app
+
+
+def _answer_errors(app: FastAPI) -> None:
+    """Answer errors with what is wrong and what to do about it."""
+
+    @app.exception_handler(NotFoundError)
+    @app.exception_handler(LookupError)
+    def absent(_: Request, error: Exception) -> Response:
+        return refusal(404, *message_and_remedy(error))
+
+    @app.exception_handler(StoreError)
+    @app.exception_handler(InputError)
+    def unusable(_: Request, error: Exception) -> Response:
+        return refusal(422, *message_and_remedy(error))
+
+    @app.exception_handler(RequestValidationError)
+    def malformed(_: Request, error: RequestValidationError) -> Response:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        return refusal(422, f"{place}: {first['msg']}", "send what /api/openapi.json describes")

@@ -1,0 +1,87 @@
+"""What the page's server knows: the store, the catalogue, the rows of its captures, and the runs it has started."""
+
+from functools import lru_cache
+
+from glint import reading
+from glint.flows.review.listing import Listing
+from glint.flows.review.runs import Runs
+from glint.storage.catalogue.loading import Capture
+from glint.storage.locations.location import Location
+from glint.storage.versions.repository import ObjectRepository
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.engine.parameters import Parameters
+from glint.tasks.engine.references import load_catalogue
+from glint.tasks.review.stored import has_object
+
+
+class Review:
+    """The state of one server."""
+
+    def __init__(self, store: str, catalogue: str | None) -> None:
+        self.location = Location.parse(store)
+        self.store = self.location.uri
+        self.catalogue = None if catalogue is None else Location.parse(catalogue).uri
+        self.runs = Runs(self.store)
+        self.listing = Listing(self.location, self.catalogue, self.runs)
+
+    def start(self) -> None:
+        """Begin to read the store in the background."""
+        self.listing.start()
+
+    def stop(self) -> None:
+        """End the reading; runs go on."""
+        self.listing.stop()
+
+    def stored(self, object_id: str) -> reading.StoredObject:
+        """Return an object of the store.
+
+        Raises:
+            NotFoundError: it has none of this id.
+        """
+        return _opened(self.store)[object_id]
+
+    def catalogue_of(self, object_id: str) -> str:
+        """Return the address of the catalogue that has an object: the one given, else that of its newest version.
+
+        Raises:
+            NotFoundError: neither has it.
+        """
+        if self.catalogue is not None and any(item.id == object_id for item in load_catalogue(self.catalogue).objects):
+            return self.catalogue
+        address = self.stored(object_id).latest.metadata.get("catalogue")
+        if not address:
+            raise reading.NotFoundError(f"no catalogue is known for {object_id}", "start glint review with a CATALOGUE")
+        return str(address)
+
+    def context(self, object_id: str, capture_id: str) -> CaptureContext:
+        """Return a capture's context, as a run of it has: from the catalogue, else as its newest version records it.
+
+        Raises:
+            NotFoundError: there is no such capture.
+        """
+        if self.catalogue is not None:
+            catalogue = load_catalogue(self.catalogue)
+            for item in catalogue.objects:
+                if item.id == object_id and any(capture.id == capture_id for capture in item.captures):
+                    return CaptureContext.of(catalogue, object_id, capture_id, self.store)
+        self._check_stored(object_id)
+        latest = self.stored(object_id).latest
+        entry = latest.metadata.get("captures", {}).get(capture_id, {}).get("entry")
+        if entry is None:
+            raise reading.NotFoundError(f"no capture {capture_id!r} of {object_id}", "see the catalogue view")
+        return CaptureContext(self.store, object_id, Capture.model_validate(entry), Parameters())
+
+    def repository(self, object_id: str) -> ObjectRepository | None:
+        """Return the object's results, None where the store has none yet."""
+        if not has_object(self.location, object_id):
+            return None
+        return ObjectRepository.open(self.location, object_id, create=False)
+
+    def _check_stored(self, object_id: str) -> None:
+        if not has_object(self.location, object_id):
+            raise reading.NotFoundError(f"no object {object_id!r} in {self.store}", "see the catalogue view")
+
+
+@lru_cache(maxsize=2)
+def _opened(store: str) -> reading.Store:
+    return reading.open(store)

@@ -1,0 +1,123 @@
+"""What is going on in a store: captures that run and captures whose last run failed, as Prefect's server knows them.
+
+The server is asked only while a view is open. Runs that the page itself has started are known at once, and better.
+"""
+
+import threading
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from datetime import datetime
+from statistics import median
+from typing import Any
+
+from glint.flows.review.object_rows import Row
+from glint.flows.review.runs import Run, Runs
+from glint.storage.catalogue.models import MODEL
+from glint.tasks.review.summary import seconds_left
+
+POLLING_SECONDS = 3.0
+"""Seconds from one question to the next."""
+WANTED_SECONDS = 15.0
+"""Seconds after the last look at a view for which the server is still asked."""
+KEPT_SECONDS = 200
+"""Captures whose seconds by stage are kept, to estimate those of a capture that has not run."""
+
+
+class RunStates:
+    """States of running and failed captures by OBJECT/CAPTURE."""
+
+    def __init__(self, store: str, runs: Runs) -> None:
+        self._store, self._runs = store, runs
+        self._running: dict[str, dict[str, Any]] = {}
+        self._failed: dict[str, dict[str, Any]] = {}
+        self._seconds: dict[str, list[float]] = {}
+        self._typical: dict[str, float] = {}
+        self._polls, self._asked = 0, -WANTED_SECONDS
+        self._ended = threading.Event()
+
+    def start(self) -> None:
+        """Begin to ask the server."""
+        threading.Thread(target=self._keep, name="glint-run-states", daemon=True).start()
+
+    def stop(self) -> None:
+        """Ask no more."""
+        self._ended.set()
+
+    def wanted(self) -> None:
+        """Have the server asked for some more seconds."""
+        self._asked = time.monotonic()
+
+    @property
+    def revision(self) -> int:
+        """A number that grows with every change."""
+        return self._polls + self._runs.revision
+
+    def learn(self, rows: Sequence[Row]) -> None:
+        """Remember how long the stages of these captures took."""
+        for row in rows:
+            for stage, seconds in row.seconds.items():
+                known = self._seconds.setdefault(stage, [])
+                known.append(seconds)
+                del known[:-KEPT_SECONDS]
+        self._typical = {stage: median(known) for stage, known in self._seconds.items()}
+
+    def names(self) -> list[str]:
+        """Return the captures that run, or whose last run failed."""
+        names = sorted({*self._running, *self._failed})
+        return [name for name in names if not name.endswith(f"/{MODEL}")]
+
+    def applied(self, row: Row) -> Row:
+        """Return the row with what is going on, or how its last run failed."""
+        own = self._runs.of(row.name)
+        if own is not None and own.state == "running":
+            return self._with_own_run(row, own)
+        running = self._running.get(row.name)
+        if running is not None and own is None:
+            share = running["progress"]
+            left = seconds_left(running["stage"], share or 0.0, row.seconds, self._typical)
+            return replace(row, state="running", stage=running["stage"], progress=share, seconds_left=left)
+        if own is not None and own.state == "failed":
+            return replace(row, state="failed", error=own.error, remedy=own.remedy)
+        failed = self._failed.get(row.name)
+        if failed is not None and own is None and not _is_later(row.date, failed["ended"]):
+            return replace(row, state="failed", stage=failed["stage"], error=failed["error"])
+        return row
+
+    def _with_own_run(self, row: Row, run: Run) -> Row:
+        share = run.done / run.total if run.total else None
+        left = seconds_left(run.stage, share or 0.0, row.seconds, self._typical)
+        return replace(row, state="running", stage=run.stage, progress=share, seconds_left=left)
+
+    def _keep(self) -> None:
+        while not self._ended.is_set():
+            if time.monotonic() - self._asked < WANTED_SECONDS:
+                with suppress(Exception):
+                    # A server that is starting, ending or absent is asked again.
+                    self._ask()
+            self._ended.wait(POLLING_SECONDS)
+
+    def _ask(self) -> None:
+        from glint.flows.reporting.flow_runs import failed_rows, running_rows
+        from glint.flows.runtime.prefect_server import running_server
+
+        server = running_server()
+        running, failed = dict[str, dict[str, Any]](), dict[str, dict[str, Any]]()
+        if server is not None:
+            with server.reached():
+                for item in running_rows(self._store):
+                    if item["type"] == "capture":
+                        percent = item["progress"].removesuffix("%")
+                        running[item["running"]] = item | {"progress": float(percent) / 100 if percent else None}
+                failed = {item["capture"]: item for item in failed_rows(self._store)}
+        if (running, failed) != (self._running, self._failed):
+            self._running, self._failed = running, failed
+            self._polls += 1
+
+
+def _is_later(date: str, other_date: str) -> bool:
+    """Return whether the first of two ISO dates, which may be empty, is the later one."""
+    if not date or not other_date:
+        return bool(date)
+    return datetime.fromisoformat(date) > datetime.fromisoformat(other_date)

@@ -1,0 +1,245 @@
+// The catalogue view: one row for each capture, what needs a person first. Rows far off the screen are not in the page,
+// and come from the server in blocks when they are scrolled to.
+
+import { ask, capturePath } from "./api.js";
+import { announce, duration, element, percent } from "./dom.js";
+import { bind } from "./keys.js";
+import { addressOf } from "./main.js";
+
+const ROW_PX = 72;
+const BLOCK = 100;
+const POLL_MS = 2000;
+const SPARE_ROWS = 6;
+const STATES = ["failed", "doubtful", "running", "waiting", "warnings", "done", "new", "reading"];
+const SORTS = [["attention", "What needs you first"], ["name", "Name"], ["date", "Newest first"], ["confident", "Least confident first"]];
+
+export async function open(root, signal) {
+  const view = new CatalogueView(root, signal);
+  await view.load(true);
+  view.poll();
+}
+
+class CatalogueView {
+  constructor(root, signal) {
+    this.signal = signal;
+    this.blocks = new Map();
+    this.asked = new Set();
+    this.total = 0;
+    this.revision = null;
+    this.chosen = 0;
+    this.states = new Set();
+    const saved = new URLSearchParams(sessionStorage.getItem("catalogue") ?? "");
+    this.search = element("input", { type: "search", placeholder: "Search names, verdicts, warnings", "aria-label": "Search", oninput: () => this.changed() });
+    this.search.value = saved.get("search") ?? "";
+    this.sort = element("select", { "aria-label": "Order", onchange: () => this.changed() },
+      SORTS.map(([value, text]) => element("option", { value }, text)));
+    this.sort.value = saved.get("sort") ?? "attention";
+    for (const state of saved.getAll("state")) this.states.add(state);
+    this.filters = element("div", { class: "filters", role: "group", "aria-label": "States" });
+    this.summary = element("p", { class: "faint" });
+    this.space = element("div", { class: "rows", role: "list" });
+    this.scroller = element("div", { class: "scroller", role: "region", tabindex: "0", "aria-label": "Captures", onscroll: () => this.draw() }, this.space);
+    root.classList.add("catalogue");
+    root.append(element("div", { class: "toolbar" }, this.search, this.filters, this.sort), this.summary, this.scroller);
+    addEventListener("resize", () => this.draw(), { signal });
+    bind([
+      ["/", "search", () => this.search.focus()],
+      ["ArrowDown j", "next capture", () => this.move(1)],
+      ["ArrowUp k", "previous capture", () => this.move(-1)],
+      ["PageDown", "ten captures on", () => this.move(10)],
+      ["PageUp", "ten captures back", () => this.move(-10)],
+      ["Home", "first capture", () => this.move(-this.total)],
+      ["End", "last capture", () => this.move(this.total)],
+      ["Enter", "open the capture", () => this.follow()],
+    ], signal);
+    this.search.addEventListener("keydown", (event) => {
+      if (event.key === "ArrowDown" || event.key === "Enter") this.scroller.focus();
+    });
+  }
+
+  query(offset) {
+    const query = new URLSearchParams({ search: this.search.value, sort: this.sort.value, offset, limit: BLOCK });
+    for (const state of this.states) query.append("state", state);
+    return query;
+  }
+
+  changed() {
+    sessionStorage.setItem("catalogue", this.query(0));
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => {
+      this.chosen = 0;
+      this.scroller.scrollTop = 0;
+      this.load(true);
+    }, 120);
+  }
+
+  /** Fetches the rows on the screen; all others are fetched again when they are scrolled to. */
+  async load(anew) {
+    const first = anew ? 0 : Math.floor(this.scroller.scrollTop / ROW_PX / BLOCK);
+    const last = anew ? 0 : Math.floor((this.scroller.scrollTop + this.scroller.clientHeight) / ROW_PX / BLOCK);
+    const turn = (this.turn = (this.turn ?? 0) + 1);
+    const wanted = [];
+    for (let block = first; block <= last; block += 1) wanted.push(block);
+    const answers = await Promise.all(wanted.map((block) => ask(`/api/captures?${this.query(block * BLOCK)}`, { signal: this.signal })));
+    if (turn !== this.turn) return;
+    this.blocks.clear();
+    this.asked.clear();
+    answers.forEach((answer, index) => this.take(answer, wanted[index]));
+    this.draw();
+  }
+
+  take(answer, block) {
+    this.blocks.set(block, answer.rows);
+    this.total = answer.total;
+    this.revision = answer.revision;
+    this.space.style.height = `${this.total * ROW_PX}px`;
+    const all = Object.values(answer.counts).reduce((sum, count) => sum + count, 0);
+    const reading = answer.complete ? "" : " · reading the store";
+    this.summary.textContent = `${this.total.toLocaleString("en")} of ${all.toLocaleString("en")} captures · ${answer.store}${reading}`;
+    this.drawFilters(answer.counts);
+  }
+
+  drawFilters(counts) {
+    const text = JSON.stringify([counts, [...this.states]]);
+    if (text === this.filtersShown) return;
+    this.filtersShown = text;
+    const focused = this.filters.contains(document.activeElement) ? document.activeElement.dataset.state : null;
+    this.filters.replaceChildren(
+      ...STATES.filter((state) => counts[state] || this.states.has(state)).map((state) =>
+        element("button", {
+          type: "button", class: `filter ${state}`, "data-state": state, "aria-pressed": String(this.states.has(state)),
+          onclick: () => { if (!this.states.delete(state)) this.states.add(state); this.changed(); },
+        }, element("span", { class: "dot", "aria-hidden": "true" }), `${state} ${(counts[state] ?? 0).toLocaleString("en")}`)),
+    );
+    if (focused) this.filters.querySelector(`[data-state=${focused}]`)?.focus();
+  }
+
+  draw() {
+    const top = Math.max(0, Math.floor(this.scroller.scrollTop / ROW_PX) - SPARE_ROWS);
+    const bottom = Math.min(this.total, Math.ceil((this.scroller.scrollTop + this.scroller.clientHeight) / ROW_PX) + SPARE_ROWS);
+    const present = new Map([...this.space.children].map((row) => [Number(row.dataset.number), row]));
+    for (const [number, row] of present) if (number < top || number >= bottom) row.remove();
+    for (let number = top; number < bottom; number += 1) {
+      const block = Math.floor(number / BLOCK);
+      const data = this.blocks.get(block)?.[number % BLOCK];
+      if (!data) this.want(block);
+      const text = JSON.stringify([data ?? null, number === this.chosen]);
+      const old = present.get(number);
+      if (old?.content === text) continue;
+      const row = this.rowOf(number, data, old?.querySelector("img"));
+      row.content = text;
+      if (old?.isConnected) old.replaceWith(row);
+      else this.space.append(row);
+    }
+    if (this.total === 0 && !this.empty) {
+      this.empty = element("p", { class: "empty" }, "No capture matches.");
+      this.scroller.append(this.empty);
+    } else if (this.total > 0) {
+      this.empty?.remove();
+      this.empty = null;
+    }
+  }
+
+  async want(block) {
+    if (this.asked.has(block)) return;
+    this.asked.add(block);
+    const turn = this.turn;
+    try {
+      const answer = await ask(`/api/captures?${this.query(block * BLOCK)}`, { signal: this.signal });
+      if (turn !== this.turn) return;
+      this.take(answer, block);
+      this.draw();
+    } catch (error) {
+      this.asked.delete(block);
+      if (error.name !== "AbortError") announce(error.message, "error");
+    }
+  }
+
+  rowOf(number, data, image) {
+    const row = element("div", { class: "row", role: "listitem", "data-number": String(number) });
+    row.style.top = `${number * ROW_PX}px`;
+    if (!data) return row;
+    row.classList.toggle("chosen", number === this.chosen);
+    const source = `${capturePath(data.object, data.capture)}/thumbnail?of=${encodeURIComponent(data.version || data.state)}`;
+    if (image?.getAttribute("src") !== source) {
+      image = element("img", { src: source, alt: "", loading: "lazy", decoding: "async" });
+      image.addEventListener("error", () => image.classList.add("missing"));
+    }
+    row.append(
+      image,
+      element("a", { class: "name", href: addressOf(data.object, data.capture), tabindex: number === this.chosen ? "0" : "-1" },
+        element("b", {}, data.object), element("span", {}, data.capture)),
+      element("div", { class: `state ${data.state}` }, element("span", { class: "dot", "aria-hidden": "true" }), element("span", {}, stateText(data))),
+      element("div", { class: "reason", title: fullReason(data) }, reason(data)),
+      element("div", { class: "share" }, confidentBar(data.confident), element("span", {}, percent(data.confident))),
+      element("div", { class: "version" }, element("b", {}, data.version || "–"), element("span", {}, day(data.date))),
+    );
+    row.addEventListener("mousedown", () => this.choose(number));
+    return row;
+  }
+
+  choose(number) {
+    this.chosen = Math.max(0, Math.min(this.total - 1, number));
+    this.draw();
+  }
+
+  move(step) {
+    this.choose(this.chosen + step);
+    const top = this.chosen * ROW_PX;
+    const { scrollTop, clientHeight } = this.scroller;
+    if (top < scrollTop) this.scroller.scrollTop = top;
+    else if (top + ROW_PX > scrollTop + clientHeight) this.scroller.scrollTop = top + ROW_PX - clientHeight;
+    this.draw();
+    this.space.querySelector(`[data-number="${this.chosen}"] a`)?.focus({ preventScroll: true });
+  }
+
+  follow() {
+    this.space.querySelector(`[data-number="${this.chosen}"] a`)?.click();
+  }
+
+  poll() {
+    const next = async () => {
+      if (this.signal.aborted) return;
+      try {
+        if (!document.hidden) {
+          const query = new URLSearchParams({ limit: 1, revision: this.revision });
+          if (await ask(`/api/captures?${query}`, { signal: this.signal })) await this.load(false);
+          if (document.getElementById("status").className === "error") announce("");
+        }
+      } catch (error) {
+        if (error.name === "AbortError") return;
+        announce(error.message, "error");
+      }
+      setTimeout(next, POLL_MS);
+    };
+    setTimeout(next, POLL_MS);
+  }
+}
+
+function stateText(data) {
+  if (data.state !== "running") return data.verdict && data.state !== "failed" ? data.verdict : data.state;
+  const parts = [data.stage || "starting"];
+  if (data.progress !== null) parts.push(percent(data.progress));
+  if (data.seconds_left) parts.push(`about ${duration(data.seconds_left)} left`);
+  return parts.join(" · ");
+}
+
+function reason(data) {
+  if (data.error) return data.error;
+  if (data.reason) return data.reason;
+  return data.warnings[0] ?? "";
+}
+
+function fullReason(data) {
+  return [data.error, data.remedy, data.reason, ...data.warnings].filter(Boolean).join("\n");
+}
+
+function confidentBar(share) {
+  const bar = element("span", { class: "bar", "aria-hidden": "true" }, element("span"));
+  bar.firstChild.style.width = `${Math.round((share ?? 0) * 100)}%`;
+  return bar;
+}
+
+function day(date) {
+  return date ? new Date(date).toLocaleString("sv-SE", { dateStyle: "short", timeStyle: "short" }) : "";
+}

@@ -1,0 +1,37 @@
+// Elements made without markup: text that comes from files of other people is only ever text.
+
+/** Returns an element with attributes, listeners (on..) and children; strings become text. */
+export function element(name, attributes = {}, ...children) {
+  const made = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (value === undefined || value === null || value === false) continue;
+    if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
+    else if (key === "class") made.className = value;
+    else if (key in made && typeof value !== "string") made[key] = value;
+    else made.setAttribute(key, value === true ? "" : value);
+  }
+  made.append(...children.flat().filter((child) => child !== null && child !== undefined));
+  return made;
+}
+
+/** Shows a message at the bottom; errors stay until the next one. */
+export function announce(text, kind = "") {
+  const status = document.getElementById("status");
+  status.className = kind;
+  status.textContent = text;
+  clearTimeout(announce.timer);
+  if (kind !== "error" && text) announce.timer = setTimeout(() => (status.textContent = ""), 5000);
+}
+
+/** Returns a share as a percentage, a dash for what is not known. */
+export function percent(share) {
+  return share === null || share === undefined ? "–" : `${Math.round(share * 100)}%`;
+}
+
+/** Returns seconds as `12 s`, `3 min`, `1 h 5 min`. */
+export function duration(seconds) {
+  if (seconds === null || seconds === undefined) return "";
+  if (seconds < 90) return `${Math.max(1, Math.round(seconds))} s`;
+  const minutes = Math.round(seconds / 60);
+  return minutes < 90 ? `${minutes} min` : `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
+}

@@ -1,0 +1,92 @@
+// Saving: who saves, what was saved before, and what to do where somebody else has changed the same.
+
+import { ask } from "../api.js";
+import { announce, element } from "../dom.js";
+
+export class SavePanel {
+  constructor(view) {
+    this.view = view;
+    this.author = element("input", { type: "text", maxlength: "80", placeholder: "Your name", "aria-label": "Your name, saved with every change", autocomplete: "name", onchange: () => localStorage.setItem("author", this.author.value) });
+    this.author.value = localStorage.getItem("author") ?? "";
+    this.button = element("button", { type: "button", onclick: () => this.save() }, "Save ", element("kbd", {}, "Ctrl+S"));
+    this.undoButton = element("button", { type: "button", title: "Ctrl+Z", onclick: () => view.undo() }, "Undo");
+    this.redoButton = element("button", { type: "button", title: "Ctrl+Y", onclick: () => view.history.redo() }, "Redo");
+    this.conflict = element("div", { role: "alert" });
+    this.revisions = element("ol", { class: "revisions" });
+    this.root = element("section", { class: "save" }, element("h2", {}, "Changes"), this.author, element("div", { class: "line" }, this.button, this.undoButton, this.redoButton), this.conflict, this.revisions);
+    this.show();
+  }
+
+  show() {
+    const { history, edits } = this.view;
+    this.button.disabled = !history.isDirty;
+    this.undoButton.disabled = !history.done.length;
+    this.redoButton.disabled = !history.undone.length;
+    if (this.shown === edits) return;
+    this.shown = edits;
+    this.revisions.replaceChildren(...edits.history.slice(0, 8).map((revision) =>
+      element("li", {}, element("span", {}, revision.sentence), element("span", { class: "faint" }, ` ${revision.author}, ${new Date(revision.time).toLocaleString("sv-SE", { dateStyle: "short", timeStyle: "short" })}`),
+        revision.number === edits.undoable ? element("button", { type: "button", class: "quiet", onclick: () => this.takeBack(revision.number) }, "take back") : null)));
+  }
+
+  get name() {
+    const name = this.author.value.trim();
+    if (!name) {
+      announce("Write your name: it is saved with every change.", "error");
+      this.author.focus();
+    }
+    return name;
+  }
+
+  /** Saves what was changed; returns whether it is saved. */
+  async save(base = this.view.edits.revision) {
+    this.view.spheres.finish();
+    if (!this.view.history.isDirty) return true;
+    const author = this.name;
+    if (!author) return false;
+    const changes = await this.view.changes();
+    this.button.disabled = true;
+    try {
+      if (Object.keys(changes).length) await ask(`${this.view.capture.path}/edits`, { method: "POST", body: { changes, author, base_revision: base } });
+      await this.refresh();
+      announce("Saved.");
+      return true;
+    } catch (error) {
+      this.button.disabled = false;
+      if (error.status === 409) await this.showConflict(error.answer.conflicts);
+      else announce(error.message, "error");
+      return false;
+    }
+  }
+
+  async refresh() {
+    this.conflict.replaceChildren();
+    this.view.edits = await ask(`${this.view.capture.path}/edits`);
+    for (const layer of [this.view.spheres, this.view.region, this.view.scale]) layer.reset();
+    await this.view.mask.reset();
+    this.view.history.clear();
+  }
+
+  async showConflict(conflicts) {
+    const newest = await ask(`${this.view.capture.path}/edits`);
+    const lines = conflicts.map(({ field, author, time }) => element("li", {}, `${author} changed ${field} at ${new Date(time).toLocaleTimeString("sv-SE")}`));
+    const keep = element("button", { type: "button", onclick: () => this.save(newest.revision) }, "Save mine over it");
+    const take = element("button", { type: "button", onclick: () => this.refresh() }, "Take theirs");
+    this.conflict.replaceChildren(element("div", { class: "conflict" }, element("b", {}, "Not saved: somebody else has changed the same."), element("ul", {}, lines),
+      element("p", {}, "Both stay in the history, whichever you choose."), element("div", { class: "line" }, keep, take)));
+    keep.focus();
+  }
+
+  async takeBack(revision) {
+    const author = this.name;
+    if (!author) return;
+    try {
+      await ask(`${this.view.capture.path}/edits/undo`, { method: "POST", body: { revision, author } });
+      await this.refresh();
+      announce("Taken back.");
+    } catch (error) {
+      if (error.status === 409) await this.showConflict(error.answer.conflicts);
+      else announce(error.message, "error");
+    }
+  }
+}

@@ -1,0 +1,235 @@
+// Chrome spheres: circles with a handle; when one is let go, the server measures the contour near it.
+
+import { ask } from "../api.js";
+import { announce, element } from "../dom.js";
+import { Konva } from "../vendor.js";
+
+const COLOUR = "#7db7ff";
+const CHOSEN = "#ffd27a";
+const FIT = "#8fd6a5";
+const NEW_RADIUS_SHARE = 0.08;
+const NUDGE_PX = 0.5;
+const REST_MS = 400;
+
+export class SphereLayer {
+  constructor(view) {
+    this.view = view;
+    this.chosen = 0;
+    this.group = new Konva.Group();
+    view.picture.shapes.add(this.group);
+    this.root = element("section", {}, element("h2", {}, "Chrome spheres"));
+    this.list = element("div", { class: "sphere-list" });
+    this.root.append(this.list);
+    this.reset();
+    view.picture.onzoom.push(() => this.rescale());
+  }
+
+  /** Takes the spheres of the edits, else of the catalogue, else those that were found. */
+  reset() {
+    const { edits, inputs } = this.view;
+    const used = inputs.used?.spheres ?? [];
+    const given = edits.spheres ?? inputs.given.spheres;
+    this.origin = edits.spheres ? "set on the page" : given.length ? "from the catalogue" : used.length ? "found in the video" : "";
+    this.saved = (given.length ? given : used).map(({ x, y, radius, diameter_mm }) => ({ x, y, radius, diameter_mm: diameter_mm ?? null }));
+    this.spheres = this.saved.map((sphere) => ({ ...sphere }));
+    this.fits = new Map();
+    this.draw();
+  }
+
+  get isChanged() {
+    return JSON.stringify(this.spheres) !== JSON.stringify(this.saved);
+  }
+
+  changes() {
+    if (!this.isChanged) return {};
+    const round = (value) => Math.round(value * 100) / 100;
+    return {
+      spheres: this.spheres.map(({ x, y, radius, diameter_mm }) => ({ x: round(x), y: round(y), radius: round(radius), ...(diameter_mm ? { diameter_mm } : {}) })),
+    };
+  }
+
+  toolChanged(tool) {
+    this.group.listening(tool === "spheres");
+    this.draw();
+  }
+
+  draw() {
+    this.group.destroyChildren();
+    this.list.replaceChildren();
+    if (!this.spheres.length) this.list.append(element("p", { class: "faint" }, "None. Double-click the picture with the tool Spheres, or press a."));
+    this.spheres.forEach((sphere, number) => {
+      this.drawFit(number);
+      this.drawCircle(sphere, number);
+      this.list.append(this.entry(sphere, number));
+    });
+    if (this.origin) this.list.append(element("p", { class: "faint" }, this.isChanged ? "changed, not saved" : this.origin));
+    this.rescale();
+  }
+
+  drawCircle(sphere, number) {
+    const isChosen = number === this.chosen && this.view.tool === "spheres";
+    const stroke = isChosen ? CHOSEN : COLOUR;
+    const circle = new Konva.Circle({ x: sphere.x, y: sphere.y, radius: sphere.radius, stroke, strokeWidth: 2, strokeScaleEnabled: false, draggable: true, hitStrokeWidth: 12, fill: "rgba(125,183,255,0.06)" });
+    const cross = [[-1, 0, 1, 0], [0, -1, 0, 1]].map((points) => new Konva.Line({ x: sphere.x, y: sphere.y, points, stroke, strokeWidth: 1, strokeScaleEnabled: false, name: "cross", listening: false }));
+    const handle = new Konva.Circle({ x: sphere.x + sphere.radius, y: sphere.y, radius: 1, fill: stroke, stroke: "#111", strokeWidth: 1, strokeScaleEnabled: false, draggable: true, name: "handle" });
+    const before = { ...sphere };
+    const follow = () => {
+      circle.setAttrs({ x: sphere.x, y: sphere.y, radius: sphere.radius });
+      handle.position({ x: sphere.x + sphere.radius, y: sphere.y });
+      for (const line of cross) line.position({ x: sphere.x, y: sphere.y });
+    };
+    circle.on("dragstart", () => (this.chosen = number));
+    circle.on("dragmove", () => { sphere.x = circle.x(); sphere.y = circle.y(); this.fits.delete(number); follow(); });
+    handle.on("dragmove", () => {
+      sphere.radius = Math.max(3, Math.hypot(handle.x() - sphere.x, handle.y() - sphere.y));
+      circle.radius(sphere.radius);
+      this.fits.delete(number);
+    });
+    for (const shape of [circle, handle]) shape.on("dragend", () => this.moved(number, before));
+    circle.on("click tap", () => { this.chosen = number; if (this.view.tool === "spheres") this.draw(); });
+    this.group.add(circle, ...cross, handle);
+  }
+
+  drawFit(number) {
+    const fit = this.fits.get(number);
+    if (!fit || !fit.is_clear) return;
+    this.group.add(new Konva.Circle({ x: fit.x, y: fit.y, radius: fit.radius, stroke: FIT, strokeWidth: 2, dash: [6, 5], strokeScaleEnabled: false, listening: false }));
+  }
+
+  rescale() {
+    const zoom = this.view.picture.zoom;
+    for (const handle of this.group.find(".handle")) handle.radius(7 / zoom);
+    for (const cross of this.group.find(".cross")) cross.scale({ x: 6 / zoom, y: 6 / zoom });
+    for (const shape of this.group.find("Circle")) shape.hitStrokeWidth(12);
+  }
+
+  entry(sphere, number) {
+    const field = (name, text) => element("label", {}, text, element("input", {
+      type: "number", step: "0.5", value: String(Math.round(sphere[name] * 10) / 10), "aria-label": `${text} of sphere ${number + 1}`,
+      onchange: (event) => {
+        const value = Number(event.target.value);
+        if (!Number.isFinite(value) || (name === "radius" && value < 3)) return this.draw();
+        const before = { ...sphere };
+        sphere[name] = value;
+        this.moved(number, before);
+      },
+    }));
+    const diameter = element("label", {}, "mm", element("input", {
+      type: "number", step: "0.1", min: "0", value: sphere.diameter_mm ? String(sphere.diameter_mm) : "", placeholder: "?", title: "Diameter in millimetres: gives the scale", "aria-label": `Diameter of sphere ${number + 1} in millimetres`,
+      onchange: (event) => { const before = { ...sphere }; sphere.diameter_mm = Number(event.target.value) || null; this.moved(number, before); },
+    }));
+    const choose = element("button", { type: "button", class: "quiet", "aria-pressed": String(number === this.chosen), onclick: () => { this.chosen = number; this.view.use("spheres"); } }, `${number + 1}`);
+    return element("div", { class: "sphere" }, element("div", { class: "fields" }, choose, field("x", "x"), field("y", "y"), field("radius", "r"), diameter), this.fitText(number));
+  }
+
+  fitText(number) {
+    const fit = this.fits.get(number);
+    if (fit === undefined) return null;
+    if (fit === null) return element("p", { class: "faint", role: "status" }, "measuring the contour ..");
+    if (!fit.is_clear) return element("p", { class: "doubt", role: "status" }, "No contour is seen near here: the circle would be used as drawn.");
+    const misfit = `centre ${fit.misfit_px.toFixed(1)} px, radius ${fit.misfit_radius_px.toFixed(1)} px off the contour`;
+    const take = element("button", { type: "button", onclick: () => this.take(number) }, "Take the fit");
+    return element("p", { class: fit.is_corrected ? "doubt" : "good", role: "status" }, misfit, fit.is_corrected ? ": a run would use the contour. " : ". ", take);
+  }
+
+  moved(number, before) {
+    const after = { ...this.spheres[number] };
+    const put = (sphere) => { this.spheres[number] = { ...sphere }; this.fits.delete(number); this.draw(); };
+    this.view.history.add({ undo: () => put(before), redo: () => put(after) });
+    this.measure(number);
+  }
+
+  async measure(number) {
+    const sphere = this.spheres[number];
+    if (!sphere) return;
+    this.fits.set(number, null);
+    this.draw();
+    try {
+      const { x, y, radius } = sphere;
+      const fit = await ask(`${this.view.capture.path}/sphere-fit`, { method: "POST", body: { x, y, radius }, signal: this.view.signal });
+      if (this.spheres[number] !== sphere || sphere.x !== x || sphere.y !== y || sphere.radius !== radius) return;
+      this.fits.set(number, fit);
+    } catch (error) {
+      if (error.name === "AbortError") return;
+      this.fits.delete(number);
+      announce(error.message, "error");
+    }
+    this.draw();
+  }
+
+  take(number) {
+    const before = { ...this.spheres[number] };
+    const fit = this.fits.get(number);
+    this.spheres[number] = { ...before, x: fit.x, y: fit.y, radius: fit.radius };
+    this.moved(number, before);
+  }
+
+  add(point) {
+    const radius = NEW_RADIUS_SHARE * Math.max(this.view.picture.width, this.view.picture.height);
+    this.replace([...this.spheres, { x: point.x, y: point.y, radius, diameter_mm: null }]);
+    this.chosen = this.spheres.length - 1;
+    this.view.use("spheres");
+    this.measure(this.chosen);
+  }
+
+  remove() {
+    if (this.view.tool !== "spheres" || !this.spheres.length) return;
+    this.finish();
+    this.replace(this.spheres.filter((_, number) => number !== this.chosen));
+    this.chosen = 0;
+    this.draw();
+  }
+
+  replace(after) {
+    this.finish();
+    const before = this.spheres;
+    const put = (spheres) => { this.spheres = spheres; this.fits.clear(); this.draw(); };
+    put(after);
+    this.view.history.add({ undo: () => put(before), redo: () => put(after) });
+  }
+
+  next() {
+    this.chosen = (this.chosen + 1) % Math.max(1, this.spheres.length);
+    this.draw();
+  }
+
+  nudge(x, y) {
+    const sphere = this.spheres[this.chosen];
+    if (!sphere) return false;
+    const before = { ...sphere };
+    sphere.x += x * NUDGE_PX;
+    sphere.y += y * NUDGE_PX;
+    this.settle(before);
+    return true;
+  }
+
+  grow(by) {
+    const sphere = this.spheres[this.chosen];
+    if (!sphere) return;
+    const before = { ...sphere };
+    sphere.radius = Math.max(3, sphere.radius + by * NUDGE_PX);
+    this.settle(before);
+  }
+
+  /** Draws at once, and measures when the keys rest. */
+  settle(before) {
+    if (this.pending?.number !== this.chosen) this.finish();
+    this.pending ??= { number: this.chosen, before };
+    this.fits.delete(this.chosen);
+    this.draw();
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.finish(), REST_MS);
+  }
+
+  /** Notes what the keys have moved as one step. */
+  finish() {
+    clearTimeout(this.timer);
+    const { pending } = this;
+    this.pending = null;
+    if (pending) this.moved(pending.number, pending.before);
+  }
+
+  fitChosen() {
+    if (this.view.tool === "spheres" && this.spheres[this.chosen]) this.measure(this.chosen);
+  }
+}

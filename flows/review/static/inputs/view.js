@@ -1,0 +1,183 @@
+// The inputs view: what went into a capture, seen and corrected on its picture.
+
+import { ask } from "../api.js";
+import { announce, element } from "../dom.js";
+import { bind } from "../keys.js";
+import { History } from "./history.js";
+import { LightDome } from "./lights.js";
+import { MaskLayer } from "./mask.js";
+import { Picture } from "./picture.js";
+import { PixelPanel } from "./pixel.js";
+import { RunPanel } from "./run.js";
+import { SavePanel } from "./save.js";
+import { RegionLayer, ScaleLayer } from "./region.js";
+import { SphereLayer } from "./spheres.js";
+
+const TOOLS = [
+  ["look", "Look", "v", "drag to move, wheel to zoom, click a pixel for its highlights"],
+  ["spheres", "Spheres", "s", "drag a circle or its handle; double-click adds one; Delete removes it"],
+  ["brush", "Brush", "b", "paint the object; [ and ] change the size"],
+  ["eraser", "Eraser", "e", "take away what is not the object"],
+  ["polygon", "Polygon", "p", "click corners, Enter fills, Shift+Enter cuts out, Escape cancels"],
+  ["region", "Region", "r", "drag the rectangle's corners"],
+  ["scale", "Scale", "l", "draw a line of known length"],
+];
+
+export async function open(root, capture, signal) {
+  root.classList.add("inputs");
+  const [inputs, edits] = await Promise.all([
+    ask(`${capture.path}/inputs`, { signal }),
+    ask(`${capture.path}/edits`, { signal }),
+  ]);
+  new InputsView(root, capture, inputs, edits, signal);
+}
+
+class InputsView {
+  constructor(root, capture, inputs, edits, signal) {
+    Object.assign(this, { capture, inputs, edits, signal });
+    this.history = new History(() => this.changed());
+    this.stage = element("div", { class: "stage", role: "group", tabindex: "0", "aria-label": "Picture of the capture" });
+    this.tools = element("div", { class: "tools", role: "toolbar", "aria-label": "Tools" });
+    this.hint = element("p", { class: "hint", "aria-live": "polite" });
+    this.side = element("aside", { "aria-label": "Inputs" });
+    root.append(this.tools, element("div", { class: "stage-column" }, this.stage, this.hint, this.timeline()), this.side);
+
+    this.picture = new Picture(this.stage, inputs.frame_size, signal);
+    this.mask = new MaskLayer(this);
+    this.region = new RegionLayer(this);
+    this.spheres = new SphereLayer(this);
+    this.scale = new ScaleLayer(this);
+    this.lights = new LightDome(this);
+    this.pixel = new PixelPanel(this);
+    this.run = new RunPanel(this);
+    this.save = new SavePanel(this);
+    this.side.append(
+      this.verdict(), this.save.root, this.run.root, this.lights.root, this.pixel.root, this.spheres.root, this.mask.root,
+      this.region.root, this.scale.root,
+    );
+    for (const [name, text, key] of TOOLS) {
+      this.tools.append(element("button", { type: "button", "data-tool": name, "aria-keyshortcuts": key, onclick: () => this.use(name) }, text, " ", element("kbd", {}, key)));
+    }
+    this.bindKeys();
+    this.picture.onclick = (point, event) => this.clicked(point, event);
+    this.use("look");
+    this.show("background");
+  }
+
+  verdict() {
+    const warnings = this.inputs.warnings.map((warning) =>
+      element("li", { class: `cause-${warning.cause}` }, element("b", {}, warning.cause), " ", warning.message));
+    return element("section", {}, element("h2", {}, this.inputs.verdict ?? "Not run yet"), warnings.length ? element("ul", { class: "warnings-list" }, warnings) : null);
+  }
+
+  timeline() {
+    this.slider = element("input", { type: "range", min: "0", max: String(this.inputs.frames - 1), value: "0", "aria-label": "Frame", oninput: () => this.show(Number(this.slider.value)) });
+    this.number = element("output", { class: "frame-number" });
+    this.kinds = [["peak", "Maximum", "m"], ["background", "Median", "n"]].map(([kind, text, key]) =>
+      element("button", { type: "button", "data-kind": kind, "aria-keyshortcuts": key, onclick: () => this.show(kind) }, text, " ", element("kbd", {}, key)));
+    return element("div", { class: "timeline" }, this.kinds, this.slider, this.number);
+  }
+
+  /** Shows `peak`, `background` or a frame's number; of frames that are asked for quickly only the last one. */
+  show(what) {
+    this.shown = what;
+    const isFrame = typeof what === "number";
+    if (isFrame) this.slider.value = String(what);
+    this.number.textContent = isFrame ? `frame ${what.toLocaleString("en")} of ${(this.inputs.frames - 1).toLocaleString("en")}` : "";
+    for (const button of this.kinds) button.setAttribute("aria-pressed", String(button.dataset.kind === what));
+    this.lights.mark(isFrame ? what : null);
+    const path = isFrame ? `frame?number=${what}` : `level/${what}`;
+    this.picture.show(`${this.capture.path}/${path}`).catch((error) => announce(error.message, "error"));
+  }
+
+  step(by) {
+    const from = typeof this.shown === "number" ? this.shown : Number(this.slider.value);
+    this.show(Math.max(0, Math.min(this.inputs.frames - 1, from + by)));
+  }
+
+  use(tool) {
+    this.tool = tool;
+    for (const button of this.tools.children) button.setAttribute("aria-pressed", String(button.dataset.tool === tool));
+    this.hint.textContent = TOOLS.find(([name]) => name === tool)[3];
+    this.stage.dataset.tool = tool;
+    this.picture.pans = tool === "look" || tool === "spheres" || tool === "region";
+    for (const layer of [this.mask, this.spheres, this.region, this.scale]) layer.toolChanged(tool);
+    const panel = { spheres: this.spheres, brush: this.mask, eraser: this.mask, polygon: this.mask, region: this.region, scale: this.scale }[tool];
+    panel?.root.scrollIntoView({ block: "nearest" });
+  }
+
+  /** Opens the view anew, with what the last run has left. */
+  reload() {
+    dispatchEvent(new HashChangeEvent("hashchange"));
+  }
+
+  clicked(point, event) {
+    if (this.tool === "look") this.pixel.ask(Math.round(point.x), Math.round(point.y));
+    else if (this.tool === "spheres" && event.detail > 1) this.spheres.add(point);
+  }
+
+  undo() {
+    this.spheres.finish();
+    this.history.undo();
+  }
+
+  changed() {
+    this.save?.show();
+  }
+
+  /** Returns what differs from the saved edits, by field, ready to be sent. */
+  async changes() {
+    const parts = await Promise.all([this.spheres, this.region, this.mask, this.scale].map((layer) => layer.changes()));
+    return Object.assign({}, ...parts);
+  }
+
+  bindKeys() {
+    bind([
+      ...TOOLS.map(([name, text, key]) => [key, text.toLowerCase(), () => this.use(name)]),
+      ["m", "maximum over time", () => this.show("peak")],
+      ["n", "median over time", () => this.show("background")],
+      ["ArrowRight .", "next frame", () => this.nudge(1, 0) || this.step(1)],
+      ["ArrowLeft ,", "frame before", () => this.nudge(-1, 0) || this.step(-1)],
+      ["ArrowUp", "sphere, brush or picture up", () => this.nudge(0, -1) || this.picture.move(0, 60)],
+      ["ArrowDown", "and down", () => this.nudge(0, 1) || this.picture.move(0, -60)],
+      ["PageDown", "a hundred frames on", () => this.step(100)],
+      ["PageUp", "a hundred frames back", () => this.step(-100)],
+      ["+ =", "zoom in", () => this.picture.zoomBy(1.25)],
+      ["-", "zoom out", () => this.picture.zoomBy(0.8)],
+      ["0", "whole picture", () => this.picture.fit()],
+      ["[", "smaller brush or sphere", () => this.resize(-1)],
+      ["]", "larger brush or sphere", () => this.resize(1)],
+      ["Space", "paint or choose at the cursor of the keyboard", () => this.mask.paintAtCursor() || this.choosePixel()],
+      ["Tab", "next sphere (tool Spheres)", () => this.spheres.next()],
+      ["a", "add a sphere in the middle", () => this.spheres.add(this.picture.centre())],
+      ["Delete Backspace", "remove the chosen sphere", () => this.spheres.remove()],
+      ["Enter Shift+Enter", "fill the polygon, fit the sphere", (event) => this.mask.closePolygon(event.shiftKey) || this.spheres.fitChosen()],
+      ["Escape", "cancel", () => this.mask.cancelPolygon() || this.use("look")],
+      ["Ctrl+z", "undo", () => this.undo()],
+      ["Ctrl+y Ctrl+Z", "redo", () => this.history.redo()],
+      ["Ctrl+s", "save", () => this.save.save()],
+      ["g", "run from here", () => this.run.start()],
+    ].filter(([key]) => key !== "Tab"), this.signal);
+    document.addEventListener("click", (event) => {
+      const leaves = event.target.closest?.("a[href^='#/']") && this.history.isDirty;
+      if (leaves && !confirm("Leave without saving what you have changed?")) event.preventDefault();
+    }, { signal: this.signal, capture: true });
+    addEventListener("beforeunload", (event) => { if (this.history.isDirty) event.preventDefault(); }, { signal: this.signal });
+  }
+
+  nudge(x, y) {
+    if (this.tool === "spheres") return this.spheres.nudge(x, y);
+    if (this.tool === "brush" || this.tool === "eraser") return this.mask.moveCursor(x, y);
+    return false;
+  }
+
+  resize(by) {
+    if (this.tool === "spheres") this.spheres.grow(by);
+    else this.mask.resize(by);
+  }
+
+  choosePixel() {
+    const point = this.picture.centre();
+    this.pixel.ask(Math.round(point.x), Math.round(point.y));
+  }
+}

@@ -1,0 +1,40 @@
+// Keys of the view that is open, and the dialog that lists them.
+
+let shown = [];
+
+/** Makes these the view's keys: [key, text, action]; `signal` ends them. */
+export function bind(keys, signal) {
+  shown = keys;
+  addEventListener(
+    "keydown",
+    (event) => {
+      const typed = event.target.closest?.("input:not([type=range]):not([type=checkbox]), textarea, select, dialog");
+      if (typed || event.altKey) return;
+      const name = (event.ctrlKey || event.metaKey ? "Ctrl+" : "") + event.key;
+      const known = keys.find(([key]) => key.split(" ").includes(name) || (key === "Space" && event.key === " "));
+      if (!known || (event.target.closest?.("button, a, [role=listbox]") && ["Enter", " "].includes(event.key))) return;
+      event.preventDefault();
+      known[2](event);
+    },
+    { signal },
+  );
+}
+
+/** Lists the keys. */
+export function showKeys() {
+  const dialog = document.getElementById("keys");
+  const list = dialog.querySelector("dl");
+  list.replaceChildren();
+  for (const [key, text] of [...shown, ["?", "this list"]]) {
+    const term = document.createElement("dt");
+    for (const part of key.split(" ")) {
+      const label = document.createElement("kbd");
+      label.textContent = part;
+      term.append(label, " ");
+    }
+    const description = document.createElement("dd");
+    description.textContent = text;
+    list.append(term, description);
+  }
+  dialog.showModal();
+}

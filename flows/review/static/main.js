@@ -1,0 +1,74 @@
+// The page: which view is open, by the address after #.
+//
+//   #/                         the catalogue
+//   #/OBJECT/CAPTURE/VIEW      a view of a capture
+//
+// A view is a module with `open(root, capture, signal)`: it fills `root`, and ends what it does when `signal` does.
+// capture: {object, capture, path}, `path` being that of the capture's interface.
+
+import { ApiError, capturePath } from "./api.js";
+import { announce, element } from "./dom.js";
+import { showKeys } from "./keys.js";
+
+const VIEWS = [
+  ["inputs", "Inputs", () => import("./inputs/view.js")],
+  ["surface", "Surface", () => import("./surface.js")],
+  ["versions", "Versions", () => import("./versions.js")],
+];
+
+let leaving = new AbortController();
+
+function placeOf(hash) {
+  const parts = hash.replace(/^#\/?/, "").split("/").filter(Boolean).map(decodeURIComponent);
+  return parts.length >= 2 ? { object: parts[0], capture: parts[1], view: parts[2] ?? "inputs" } : null;
+}
+
+/** Returns the address of a view of a capture. */
+export function addressOf(object, capture, view = "inputs") {
+  return `#/${encodeURIComponent(object)}/${encodeURIComponent(capture)}/${view}`;
+}
+
+function showPlace(place) {
+  const path = document.getElementById("place");
+  const tabs = document.getElementById("tabs");
+  path.replaceChildren();
+  tabs.replaceChildren();
+  document.title = place ? `${place.object}/${place.capture} · Glint` : "Glint";
+  if (!place) return;
+  path.append(element("a", { href: "#/" }, "Catalogue"), element("span", {}, " / "), element("b", {}, `${place.object}/${place.capture}`));
+  for (const [name, text] of VIEWS) {
+    const current = name === place.view ? "page" : undefined;
+    tabs.append(element("a", { href: addressOf(place.object, place.capture, name), "aria-current": current }, text));
+  }
+}
+
+async function show() {
+  leaving.abort();
+  leaving = new AbortController();
+  const place = placeOf(location.hash);
+  const main = document.getElementById("main");
+  const root = element("div", { class: "view" });
+  main.replaceChildren(root);
+  showPlace(place);
+  announce("");
+  try {
+    if (!place) {
+      await (await import("./catalogue.js")).open(root, leaving.signal);
+      return;
+    }
+    const view = VIEWS.find(([name]) => name === place.view) ?? VIEWS[0];
+    const capture = { ...place, path: capturePath(place.object, place.capture) };
+    await (await view[2]()).open(root, capture, leaving.signal);
+  } catch (error) {
+    if (error.name === "AbortError") return;
+    if (error instanceof ApiError && error.status === 401) location.assign("/open");
+    root.append(element("p", { class: "problem", role: "alert" }, String(error.message ?? error)));
+  }
+}
+
+document.getElementById("help").addEventListener("click", showKeys);
+addEventListener("keydown", (event) => {
+  if (event.key === "?" && !event.target.closest?.("input, textarea")) showKeys();
+});
+addEventListener("hashchange", show);
+show();

@@ -1,0 +1,28 @@
+// Exchanges the link's token, or a password, for the cookie, and goes on to the page.
+
+const message = document.getElementById("message");
+const form = document.getElementById("form");
+
+async function enter(token) {
+  const answer = await fetch("/api/session", { method: "POST", body: token });
+  if (answer.ok) {
+    location.replace("/");
+    return;
+  }
+  message.textContent = "This link is of an earlier start, or the password is wrong. Open the link that was printed last.";
+  form.hidden = false;
+  document.getElementById("password").focus();
+}
+
+const token = location.hash.slice(1);
+history.replaceState(null, "", location.pathname);
+if (token) {
+  enter(token);
+} else {
+  message.textContent = "Open the link that glint review printed.";
+  form.hidden = false;
+}
+form.addEventListener("submit", (event) => {
+  event.preventDefault();
+  enter(document.getElementById("password").value);
+});

@@ -1,0 +1,94 @@
+// The versions view: two versions side by side, the angles between them, what changed in words, notes, rollback.
+
+import { ask } from "./api.js";
+import { announce, element } from "./dom.js";
+import { addStyles, objectPath } from "./surface.js";
+import { Capture, ServedParts } from "./viewer/payload.js";
+import { VersionStage } from "./version_stage.js";
+
+const AUTHOR = "author";
+
+export async function open(root, capture, signal) {
+  addStyles();
+  const place = element("div", { class: "surface-page" });
+  root.append(place);
+  const main = element("div"), side = element("div", { class: "side" });
+  let stage = null;
+  signal.addEventListener("abort", () => stage?.dispose());
+
+  async function show(before, after) {
+    const versions = (await ask(`${objectPath(capture.object)}/versions`, { signal })).filter(({ captures }) => captures.includes(capture.capture));
+    if (!versions.length) {
+      place.replaceChildren(element("p", { class: "faint" }, "No version holds this capture yet: run it first."));
+      return;
+    }
+    const newest = versions[0].name, other = (versions[1] ?? versions[0]).name;
+    const chosen = { before: before ?? other, after: after ?? newest };
+    side.replaceChildren(listed(versions, chosen), await notes());
+    place.replaceChildren(element("div", { class: "versions" }, main, side));
+    const path = `${objectPath(capture.object)}/differences/${chosen.before}/${chosen.after}/${encodeURIComponent(capture.capture)}`;
+    const facts = await ask(path, { signal });
+    stage ??= new VersionStage();
+    main.replaceChildren(stage.element, differences(facts, chosen));
+    globalThis.glint = { stage, ready: stage.setPair(new Capture(facts, new ServedParts(path, { signal })), chosen.before, chosen.after) };
+    await globalThis.glint.ready;
+  }
+
+  function listed(versions, chosen) {
+    const pick = (name, group, label) => element("input", {
+      type: "radio", name: group, checked: chosen[group] === name, "aria-label": `${label}: ${name}`,
+      onchange: () => show(group === "before" ? name : chosen.before, group === "after" ? name : chosen.after),
+    });
+    const rows = versions.map(({ name, time, message }, i) => element("tr", {},
+      element("td", {}, pick(name, "before", "Left")), element("td", {}, pick(name, "after", "Right")),
+      element("td", {}, element("b", {}, name), ` ${time.slice(0, 16).replace("T", " ")}`, element("div", { class: "faint" }, message)),
+      element("td", {}, i ? element("button", { type: "button", onclick: () => restore(name) }, "Restore") : "newest")));
+    const head = element("thead", {}, element("tr", {}, ...["Left", "Right", "Version", ""].map((text) => element("th", { scope: "col" }, text))));
+    return element("section", {}, element("h2", {}, "Versions"), element("table", {}, head, element("tbody", {}, ...rows)));
+  }
+
+  async function restore(name) {
+    if (!confirm(`Publish the content of ${name} as the newest version? All versions are kept.`)) return;
+    const { version, created } = await ask(`${objectPath(capture.object)}/rollback`, { method: "POST", body: { version: name }, signal });
+    announce(created ? `${version} has the content of ${name}` : `${version} has this content already`);
+    await show();
+  }
+
+  async function notes() {
+    const { notes: all, revision } = await ask(`${capture.path}/edits`, { signal });
+    const author = element("input", { type: "text", "aria-label": "Your name", placeholder: "Your name", maxlength: "200", value: localStorage.getItem(AUTHOR) ?? "", required: true });
+    const text = element("textarea", { "aria-label": "Note", placeholder: "What should others know?", maxlength: "4000", required: true });
+    const form = element("form", {}, text, author, element("button", { class: "primary" }, "Add the note"));
+    form.addEventListener("submit", async (event) => {
+      event.preventDefault();
+      localStorage.setItem(AUTHOR, author.value);
+      try {
+        await ask(`${capture.path}/edits`, { method: "POST", signal, body: { changes: { note: text.value }, author: author.value, base_revision: revision } });
+        section.replaceWith(await notes());
+      } catch (error) {
+        announce(String(error.message), "error");
+      }
+    });
+    const items = all.map((note) => element("li", {}, note.text, element("div", { class: "faint" }, `${note.author}, ${note.time.slice(0, 16).replace("T", " ")}`)));
+    const section = element("section", {}, element("h2", {}, "Notes"), element("ul", { class: "notes" }, ...items), form);
+    return section;
+  }
+
+  await show();
+}
+
+/** What differs, in figures and words. */
+function differences({ figures, changes }, { before, after }) {
+  const shown = Object.entries(figures).filter(([, value]) => value !== null);
+  const words = shown.map(([name, value]) => element("tr", {}, element("th", { scope: "row" }, name), element("td", {}, valueWords(name, value))));
+  const rows = changes.map((change) => element("tr", {}, ...[change.stage, change.name, change.before, change.after].map((text) => element("td", {}, text))));
+  const head = element("thead", {}, element("tr", {}, ...["Stage", "What", before, after].map((text) => element("th", { scope: "col" }, text))));
+  const table = rows.length ? element("table", {}, head, element("tbody", {}, ...rows)) : element("p", { class: "faint" }, "Parameters, inputs and code are the same.");
+  return element("section", { class: "changes" }, element("h2", {}, `From ${before} to ${after}`), element("table", {}, element("tbody", {}, ...words)), element("h2", {}, "What changed"), table);
+}
+
+function valueWords(name, value) {
+  if (typeof value !== "number") return String(value);
+  if (name.includes("beyond")) return `${(100 * value).toFixed(1)} % of the pixels`;
+  return name.includes("angle") ? `${value.toFixed(2)}°` : value.toLocaleString("en");
+}

@@ -1,0 +1,52 @@
+// A mesh with its controls: colour, confidence, section, measuring.
+
+import { button, choices, make, slider } from "./elements.js";
+import { MeshView } from "./mesh.js";
+import { meshArrays } from "./payload.js";
+
+export class MeshPanel {
+  constructor() {
+    const canvas = make("canvas", { className: "picture", tabIndex: 0 });
+    canvas.setAttribute("aria-label", "The mesh. Drag or use the arrow keys to turn it, the wheel or + and - to zoom.");
+    this.caption = make("p", { className: "caption", role: "status" });
+    this.stage = make("div", { className: "light-stage" }, canvas, this.caption);
+    this.view = new MeshView(canvas, (distance) => this.measured(distance));
+    this.colour = choices("Colour", [["plain", "Plain"], ["confidence", "Confidence"]], "plain", (name) => this.view.colourBy(name));
+    this.cut = slider("Hide below confidence", { value: 0 }, (value) => value.toFixed(2), (value) => this.view.cutBelow(value));
+    this.place = slider("Place of the cut", { min: -1, max: 1, value: 0.2 }, (value) => value.toFixed(2), () => this.section());
+    this.axis = choices("Section", [["none", "None"], ["x", "Upright"], ["y", "Level"], ["z", "Facing"]], "none", (axis) => this.section(axis));
+    this.isMeasuring = make("input", { type: "checkbox", onchange: () => this.view.measure(this.isMeasuring.checked) });
+    this.size = make("p", { className: "mesh-size" });
+    this.controls = make("aside", { className: "controls" }, this.colour, this.cut, this.axis, this.place,
+      make("label", { className: "check" }, this.isMeasuring, make("span", {}, "Measure between two points")),
+      button("View from the front", () => this.view.home()), this.size);
+    this.place.hidden = true;
+    this.chosen = "none";
+    this.element = make("div", { className: "surface-view" }, this.stage, this.controls);
+  }
+
+  async setCapture(capture) {
+    if (this.capture === capture) return;
+    this.capture = capture;
+    const arrays = await meshArrays(capture);
+    if (this.capture !== capture) return;
+    this.view.setMesh(arrays);
+    this.colour.hidden = this.cut.hidden = !arrays.confidence;
+    this.colour.choose("plain");
+    this.view.colourBy("plain");
+    this.cut.set(0);
+    const { triangles, shown_triangles: shown } = capture.facts.mesh, number = (value) => value.toLocaleString("en");
+    this.size.textContent = shown < triangles ? `${number(shown)} of ${number(triangles)} triangles shown` : `${number(triangles)} triangles`;
+  }
+
+  section(axis = this.chosen) {
+    this.chosen = axis;
+    this.place.hidden = axis === "none";
+    this.view.cutAcross(axis, Number(this.place.querySelector("input").value));
+  }
+
+  measured(distance) {
+    const unit = this.capture?.facts.mesh.unit;
+    this.caption.textContent = distance === null ? "" : `${Number(distance.toPrecision(4))} ${unit} between the points`;
+  }
+}

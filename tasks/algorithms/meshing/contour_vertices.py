@@ -1,0 +1,38 @@
+"""Vertices of a depth map's mesh on the occluding contour itself, at sub-pixel precision.
+
+Centres of the outermost pixels lie about half a pixel inside the contour, on a staircase. The mesh's outermost vertices
+move to the contour, and down to its height.
+"""
+
+import numpy as np
+
+from glint.tasks.algorithms.integration.rim import RIM_PX, contour_heights, contour_of
+
+
+def boundary_vertices(triangles: np.ndarray) -> np.ndarray:
+    """Return the sorted numbers of the vertices on edges that only one of the triangles (M, 3) has."""
+    edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    unique, counts = np.unique(edges, axis=0, return_counts=True)
+    return np.asarray(np.unique(unique[counts == 1]))
+
+
+def moves_to_contour(
+    mask: np.ndarray, height: np.ndarray, vertices: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Compute how boundary vertices move to the contour.
+
+    Args:
+        mask: (H, W) bool.
+        height: (H, W) towards the camera, in pixels.
+        vertices: (N,) flat numbers of pixels; those inside the rim, on steps of the surface, stay.
+
+    Returns:
+        Moves right, down and towards the camera, (N,) float64 in pixels.
+    """
+    contour = contour_of(mask)
+    level, _ = contour_heights(height, mask, contour)
+    rows, columns = np.divmod(vertices, mask.shape[1])
+    distance, lift = contour.distance[rows, columns], level[rows, columns] - height[rows, columns]
+    moved = (distance > 0.0) & (distance < RIM_PX) & np.isfinite(lift)
+    down, right = np.where(moved, -distance, 0.0) * contour.inward[:, rows, columns]
+    return right, down, np.where(moved, lift, 0.0)

@@ -1,0 +1,90 @@
+"""What the inputs view shows of a capture besides pictures: geometry, lights, warnings, the estimated mask."""
+
+from typing import Any
+
+import numpy as np
+
+from glint.storage.errors import InputError
+from glint.storage.export.image_files import encode_png
+from glint.storage.inputs.masks_and_truth import read_mask
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.review.pictures import first_frame, stored_geometry
+from glint.tasks.review.stored import saved_records
+from glint.tasks.review.summary import summary_of
+
+
+def capture_inputs(context: CaptureContext) -> dict[str, Any]:
+    """Return the inputs of a capture as JSON values: as the catalogue or a person gives them, and as the last run used
+    them (`used`, None before the first run).
+
+    Lengths in pixels of the full frame, y down; lights: unit vectors by frame, x right, y up, z towards the camera,
+    None where the frame was rejected.
+
+    Raises:
+        InputError: the video cannot be read; StoreError: the store cannot be read.
+    """
+    capture, saved = context.capture, saved_records(context)
+    geometry, height_width = stored_geometry(context), first_frame(context).shape
+    given = capture.model_dump(mode="json", include={"spheres", "region", "camera", "pixel_size", "pose"})
+    used = None
+    if geometry is not None:
+        used = {
+            "spheres": [
+                {"x": sphere.x, "y": sphere.y, "radius": sphere.radius, "centre_sd": sphere.centre_sd}
+                for sphere in geometry.spheres
+            ],
+            "region": geometry.region.model_dump(),
+            "pixel_size": geometry.pixel_size,
+        }
+    summary = summary_of(saved)
+    frames = saved.get("frames", ("", {}))[1].get("counts", {}).get("frames")
+    return {
+        "frame_size": [int(height_width[1]), int(height_width[0])],
+        "frames": int(frames) if frames else 1,
+        "given": given | {"mask": capture.mask is not None, "lights": capture.lights is not None},
+        "used": used,
+        "stages": sorted(saved),
+        "warnings": [warning.to_json() for warning in summary.warnings],
+        "verdict": None if summary.verdict is None else str(summary.verdict),
+        "lights": _light_rows(context) if "lights" in saved else [],
+    }
+
+
+def mask_picture(context: CaptureContext, edited: np.ndarray | None = None) -> bytes:
+    """Return the mask as PNG of the full frame, white on black; black before the first run where none is given.
+
+    edited: the mask (H, W) bool that a person painted, None: the one that the last run used, else the catalogue's.
+
+    Raises:
+        InputError: the given mask cannot be read; StoreError: the store cannot be read.
+    """
+    if edited is not None:
+        return encode_png(edited)
+    shape, geometry = first_frame(context).shape, stored_geometry(context)
+    whole = np.zeros(shape, bool)
+    address, region = context.file("mask"), context.capture.region
+    if geometry is not None and "mask" in saved_records(context):
+        whole[geometry.region.rows, geometry.region.columns] = context.load("mask").read("mask")
+    elif address is not None:
+        given = read_mask(address, shape, region)
+        rows, columns = (region.rows, region.columns) if region is not None else (slice(None), slice(None))
+        whole[rows, columns] = given
+    return encode_png(whole)
+
+
+def check_mask(mask: np.ndarray, context: CaptureContext) -> None:
+    """Check that a mask (H, W) bool that a person painted has the size of the full frame.
+
+    Raises:
+        InputError: it has another; or the video cannot be read.
+    """
+    height, width = first_frame(context).shape
+    if mask.shape != (height, width):
+        raise InputError(
+            f"the painted mask is {mask.shape[1]} x {mask.shape[0]}", f"it must have the frame's {width} x {height}"
+        )
+
+
+def _light_rows(context: CaptureContext) -> list[list[float] | None]:
+    lights = context.load("lights").read("lights")
+    return [[round(float(value), 3) for value in row] if np.isfinite(row[0]) else None for row in lights]

@@ -1,0 +1,126 @@
+"""Pictures of a capture's inputs as PNG: the whole frame at a moment, its background and peak level, its thumbnail.
+
+Only region and spheres are kept of a video's frames. Around them a picture shows the first frame, which is decoded at
+once however long the video is: the camera stands still, and nothing there is used.
+"""
+
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from glint.storage.errors import InputError
+from glint.storage.export.image_files import encode_png
+from glint.storage.footage.source import open_footage
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.review.stored import saved_records
+from glint.tasks.stages.capture_geometry import OBJECT, CaptureGeometry
+from glint.tasks.stages.frames import levels, load_levels, open_frames
+
+THUMBNAIL_SIZE = 112
+"""Pixels of a thumbnail's longer side, twice what the catalogue view shows, for fine screens."""
+SAMPLE_FRAMES = 24
+"""Frames from which background and peak level are taken while the stage `frames` has no result."""
+LEVELS = ("background", "peak")
+
+
+def frame_picture(context: CaptureContext, number: int) -> bytes:
+    """Return frame `number`, counted from 0, as PNG of the full frame.
+
+    Raises:
+        InputError: the video cannot be read, or has no such frame.
+        StoreError: the store cannot be read.
+    """
+    whole = eight_bits(first_frame(context)).copy()
+    if number == 0:
+        return encode_png(whole)
+    geometry = stored_geometry(context)
+    if geometry is None or "frames" not in saved_records(context):
+        raise InputError("only the first frame is known before the first run", "run the capture")
+    cache = open_frames(context)
+    if number >= cache.frames:
+        raise InputError(f"there is no frame {number:,}", f"the last one is {cache.frames - 1:,}")
+    for name, crop in cache.crops.items():
+        whole[crop.rows, crop.columns] = eight_bits(cache.read(name, slice(number, number + 1))[0])
+    return encode_png(whole)
+
+
+def level_picture(context: CaptureContext, level: str) -> bytes:
+    """Return background or peak level as PNG of the full frame.
+
+    Raises:
+        InputError: the video cannot be read; StoreError: the store cannot be read.
+    """
+    geometry = stored_geometry(context)
+    if geometry is None or "frames" not in saved_records(context):
+        sample = frame_sample(context)
+        return encode_png(sample.max(axis=0) if level == "peak" else np.median(sample, axis=0).astype(np.uint8))
+    whole, cache = eight_bits(first_frame(context)).copy(), open_frames(context)
+    for name, crop in geometry.crops.items():
+        pictures = load_levels(context) if name == OBJECT else levels(cache, name)
+        whole[crop.rows, crop.columns] = eight_bits(pictures[LEVELS.index(level)])
+    return encode_png(whole)
+
+
+def thumbnail(context: CaptureContext) -> bytes:
+    """Return a small PNG of the object under all lights, of the first frame where nothing has run yet.
+
+    Raises:
+        InputError: the video cannot be read; StoreError: the store cannot be read.
+    """
+    if "frames" in saved_records(context):
+        background, peak = (eight_bits(level).astype(np.float32) for level in load_levels(context))
+        # The peak level alone is nearly white where the light has been all round.
+        image = (0.6 * background + 0.4 * peak).astype(np.uint8)
+    else:
+        image = eight_bits(first_frame(context))
+    scale = THUMBNAIL_SIZE / max(image.shape)
+    size = (max(1, round(image.shape[1] * scale)), max(1, round(image.shape[0] * scale)))
+    return encode_png(cv2.resize(image, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR))
+
+
+def stored_geometry(context: CaptureContext) -> CaptureGeometry | None:
+    """Return what the survey found, None before the first run."""
+    saved = saved_records(context)
+    return CaptureGeometry.of(saved["survey"][1]) if "survey" in saved else None
+
+
+def first_frame(context: CaptureContext) -> np.ndarray:
+    """Return the first frame, luma (H, W).
+
+    Raises:
+        InputError: the video cannot be read.
+    """
+    return _first_frame(_address(context), str(context.stamps(("frames",))))
+
+
+def frame_sample(context: CaptureContext) -> np.ndarray:
+    """Return frames spread over the video, (T, H, W) uint8.
+
+    Raises:
+        InputError: the video cannot be read.
+    """
+    return _frame_sample(_address(context), str(context.stamps(("frames",))))
+
+
+@lru_cache(maxsize=32)
+def _first_frame(address: str, stamp: str) -> np.ndarray:
+    with open_footage(address) as footage:
+        return next(iter(footage.frames()))
+
+
+@lru_cache(maxsize=2)
+def _frame_sample(address: str, stamp: str) -> np.ndarray:
+    with open_footage(address) as footage:
+        return np.stack([eight_bits(frame) for frame in footage.spread(SAMPLE_FRAMES)])
+
+
+def _address(context: CaptureContext) -> str:
+    address = context.file("frames")
+    assert address is not None
+    return address
+
+
+def eight_bits(image: np.ndarray) -> np.ndarray:
+    """Return levels (H, W) uint8 of an image of 8 or 16 bits."""
+    return image if image.dtype == np.uint8 else (image // 257).astype(np.uint8)

@@ -1,0 +1,72 @@
+"""A capture in one row: what its stages recorded, judged; without arrays."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from glint.tasks.engine.stage_warning import StageWarning, by_cost
+from glint.tasks.pipeline import STAGES
+from glint.tasks.verdict import GOOD, USABLE, Verdict, verdict
+
+Records = Mapping[str, tuple[str, Mapping[str, Any]]]
+"""Key and record of a capture's stages by name, as `ObjectRepository.records` returns them."""
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureSummary:
+    """verdict: None before the clusters are known; warnings: the dearest first; confident, observed: shares of the
+    object, None before they are known; stage: the last one that has a result; seconds: by stage."""
+
+    verdict: Verdict | None
+    warnings: tuple[StageWarning, ...]
+    confident: float | None
+    observed: float | None
+    stage: str
+    seconds: Mapping[str, float]
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether the verdict asks a person to do something."""
+        return self.verdict is not None and self.verdict.word not in (GOOD, USABLE)
+
+
+def summary_of(records: Records) -> CaptureSummary:
+    """Summarise the records of a capture's stages."""
+    present = [stage.name for stage in STAGES if stage.name in records]
+    warnings = by_cost(
+        StageWarning.from_json(warning) for stage in present for warning in records[stage][1].get("warnings") or ()
+    )
+    pixels, observed = _count(records, "mask", "object pixels"), _count(records, "clusters", "observed pixels")
+    share = None if observed is None or not pixels else min(observed / pixels, 1.0)
+    frames = _count(records, "frames", "frames") or 0.0
+    return CaptureSummary(
+        None if share is None else verdict(warnings, None, share, int(frames)),
+        tuple(warnings),
+        _count(records, "labels", "confident share"),
+        share,
+        present[-1] if present else "",
+        {stage: float(records[stage][1].get("seconds") or 0.0) for stage in present},
+    )
+
+
+def seconds_left(stage: str, done: float, seconds: Mapping[str, float], typical: Mapping[str, float]) -> float | None:
+    """Return the seconds that a running capture still takes; None: nothing is known of its stages.
+
+    stage: the one that is running; done: its finished share; seconds: by stage, of the capture's last run; typical: the
+    same of other captures, for stages that it has not had.
+    """
+    names = [item.name for item in STAGES]
+    if stage not in names:
+        return None
+    left = names[names.index(stage) :]
+    known = [seconds.get(name, typical.get(name)) for name in left]
+    if known[0] is None:
+        return None
+    return known[0] * (1.0 - done) + sum(value for value in known[1:] if value is not None)
+
+
+def _count(records: Records, stage: str, name: str) -> float | None:
+    if stage not in records:
+        return None
+    value = (records[stage][1].get("counts") or {}).get(name)
+    return None if value is None else float(value)

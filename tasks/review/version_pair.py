@@ -1,0 +1,55 @@
+"""Two versions of a capture side by side: normals on a common region, angles between them, what changed in words."""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from glint.storage.export.page.capture_data import CaptureData
+from glint.storage.export.page.packing import NO_CONFIDENCE, Part, octahedral, pack
+from glint.storage.locations.location import Location
+from glint.storage.versions.repository import ObjectRepository
+from glint.tasks.figures.diff_maps import MAX_ANGLE_DEG
+from glint.tasks.version_diff import captures_of_both, compare, on_common_region
+
+
+@lru_cache(maxsize=4)
+def version_pair(store: str, object_id: str, capture: str, before: str, after: str) -> CaptureData:
+    """Return facts and parts: `before_normals`, `after_normals`, their masks, and `difference` (0 to 254).
+
+    Raises:
+        LookupError: a version has no such capture; StoreError: no such object or version, or a result is damaged.
+    """
+    repository = ObjectRepository.open(Location.parse(store), object_id, create=False)
+    if capture not in captures_of_both(repository, before, after)[0]:
+        raise LookupError(f"{before} and {after} of {object_id} do not both have a capture {capture!r}")
+    difference = compare(repository, capture, before, after)
+    pair = on_common_region(repository, capture, (before, after))
+    parts: dict[str, Part] = {}
+    for name, (normals, _) in zip(("before", "after"), pair, strict=True):
+        parts[f"{name}_normals"] = pack(octahedral(normals))
+        parts[f"{name}_mask"] = pack(np.isfinite(normals).all(axis=-1).astype(np.uint8))
+    known = np.isfinite(difference.angles)
+    scaled = np.rint(np.clip(np.where(known, difference.angles, 0.0) / MAX_ANGLE_DEG, 0, 1) * 254)
+    parts["difference"] = pack(np.where(known, scaled, NO_CONFIDENCE).astype(np.uint8))
+    size = list(known.shape[::-1])
+    facts: dict[str, Any] = {
+        "name": capture,
+        "size": size,
+        "full_size": size,
+        "difference": {"limit": MAX_ANGLE_DEG},
+        "figures": difference.figures | {"unit of depth": difference.unit},
+        "changes": [
+            {"stage": stage, "name": name, "before": _words(old), "after": _words(new)}
+            for stage, name, old, new in difference.changes
+        ],
+        "parts": {name: part.facts for name, part in parts.items()},
+    }
+    return CaptureData(facts, parts)
+
+
+def _words(value: Any) -> str:
+    """Return a value of a record as a short text."""
+    if value is None:
+        return "not set"
+    return str(value) if len(str(value)) <= 80 else f"{str(value)[:77]}..."

@@ -1,0 +1,125 @@
+"""Who may use the review page: whoever has its token, from its own address; nothing leaves the store."""
+
+import http.client
+import json
+from urllib.parse import urlsplit
+
+import pytest
+
+from tests.flows.review.conftest import ServedPage
+
+FOREIGN = "http://pages.example"
+ROW = "/api/captures/hemisphere/front"
+
+
+def ask(
+    served: ServedPage, path: str, method: str = "GET", body: bytes | None = None, **headers: str
+) -> http.client.HTTPResponse:
+    """The answer to a request, sent as it is; headers with _ for -."""
+    connection = http.client.HTTPConnection(urlsplit(served.origin).netloc, timeout=60)
+    connection.request(method, path, body, {name.replace("_", "-"): value for name, value in headers.items()})
+    answer = connection.getresponse()
+    answer.content = answer.read()  # type: ignore[attr-defined]
+    return answer
+
+
+def test_without_the_cookie_nothing_is_read_or_started(served: ServedPage) -> None:
+    for path in ("/api/captures", ROW, f"{ROW}/inputs", f"{ROW}/frame?number=0", "/api/openapi.json", f"{ROW}/edits"):
+        assert ask(served, path).status == 401
+        assert ask(served, path, Cookie=f"{served.access.cookie}=wrong").status == 401
+        assert ask(served, path, **served.session).status == 200
+    assert ask(served, f"{ROW}/run", "POST").status == 401
+    assert ask(served, "/").status == 303
+    assert ask(served, "/static/main.js").status == 200
+
+
+def test_the_token_is_exchanged_for_a_cookie_that_scripts_and_other_sites_cannot_use(served: ServedPage) -> None:
+    for wrong in (b"", b"wrong", b"x" * 2000, served.access.session.encode()):
+        answer = ask(served, "/api/session", "POST", wrong)
+        assert answer.status in (403, 413) and answer.getheader("Set-Cookie") is None
+    cookie = ask(served, "/api/session", "POST", served.access.token.encode()).getheader("Set-Cookie")
+    assert cookie is not None and served.access.session in cookie and served.access.token not in cookie
+    assert {"HttpOnly", "SameSite=strict", "Path=/"} <= {part.strip() for part in cookie.split(";")}
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Origin": FOREIGN},
+        {"Origin": "null"},
+        {"Origin": "http://127.0.0.1:1"},
+        {"Sec_Fetch_Site": "cross-site", "Sec_Fetch_Mode": "no-cors"},
+        {"Sec_Fetch_Site": "same-site", "Sec_Fetch_Mode": "cors"},
+    ],
+)
+def test_requests_of_other_pages_are_refused_even_with_the_cookie(served: ServedPage, headers: dict[str, str]) -> None:
+    for path, method in (("/api/captures", "GET"), (f"{ROW}/run", "POST"), ("/api/session", "POST"), ("/", "GET")):
+        assert ask(served, path, method, **served.session, **headers).status == 403
+
+
+def test_other_host_names_are_refused_even_with_the_cookie(served: ServedPage) -> None:
+    for wrong in ("pages.example", "127.0.0.1", "127.0.0.1:1", f"{urlsplit(served.origin).netloc}.example"):
+        assert ask(served, "/api/captures", Host=wrong, **served.session).status == 400
+    assert ask(served, "/api/captures", Origin=served.origin, **served.session).status == 200
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/static/../app.py",
+        "/static/%2e%2e/app.py",
+        "/static/..%2fapp.py",
+        "/static//etc/passwd",
+        "/api/captures/..%2f..%2fetc/front/inputs",
+        "/api/captures/../front/inputs",
+        "/api/captures/%2e%2e/front/inputs",
+        "/api/captures/hemisphere/..%2f_object/inputs",
+        "/api/captures/_object/front/inputs",
+        "/api/captures/hemisphere/FRONT/inputs",
+        "/api/captures/hemisphere/front%00/inputs",
+        "/api/captures/absent/front/inputs",
+        "/api/captures/hemisphere/front/level/..%2f..%2fmask",
+    ],
+)
+def test_no_path_leaves_the_store(served: ServedPage, path: str) -> None:
+    answer = ask(served, path, **served.session)
+    assert answer.status in (404, 422)
+    assert b"root:" not in answer.content and b"import" not in answer.content  # type: ignore[attr-defined]
+
+
+def test_every_answer_forbids_what_the_page_does_not_need(served: ServedPage) -> None:
+    for path in ("/", "/open", "/static/main.js", "/api/captures", f"{ROW}/frame?number=0", "/absent"):
+        answer = ask(served, path, **served.session)
+        policy = answer.getheader("Content-Security-Policy") or ""
+        assert "default-src 'none'" in policy and "script-src 'self'" in policy and "frame-ancestors 'none'" in policy
+        assert "unsafe" not in policy and "*" not in policy and "http" not in policy
+        assert answer.getheader("Cache-Control") == "no-store"
+        assert answer.getheader("X-Content-Type-Options") == "nosniff"
+        assert answer.getheader("Access-Control-Allow-Origin") is None
+
+
+@pytest.mark.parametrize(
+    ("path", "body"),
+    [
+        ("sphere-fit", {"x": 1e300, "y": 0, "radius": 3}),
+        ("sphere-fit", {"x": 1, "y": 1, "radius": 0}),
+        ("sphere-fit", {"x": 1, "y": 1, "radius": 5, "path": "/etc/passwd"}),
+        ("edits", {"changes": {"mask": "bm8gUE5H"}, "author": "Ada", "base_revision": 0}),
+        ("edits", {"changes": {"frames": "/etc/passwd"}, "author": "Ada", "base_revision": 0}),
+        ("edits", {"changes": {"pixel_size": -1}, "author": "Ada", "base_revision": 0}),
+        ("edits", {"changes": {"pixel_size": 1}, "author": "", "base_revision": 0}),
+        ("edits", {"changes": {"pixel_size": 1}, "author": "Ada", "base_revision": 99}),
+        ("edits/undo", {"revision": 99, "author": "Ada"}),
+    ],
+)
+def test_what_is_sent_is_checked(served: ServedPage, path: str, body: object) -> None:
+    answer = ask(
+        served, f"{ROW}/{path}", "POST", json.dumps(body).encode(), Content_Type="application/json", **served.session
+    )
+    assert answer.status in (404, 422)
+    assert set(json.loads(answer.content)) == {"error", "remedy"}  # type: ignore[attr-defined]
+
+
+def test_long_requests_are_refused_unread(served: ServedPage) -> None:
+    answer = ask(served, f"{ROW}/edits", "POST", None, Content_Length=str(1 << 40), **served.session)
+    assert answer.status == 413

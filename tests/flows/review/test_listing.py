@@ -1,0 +1,141 @@
+"""The rows of the catalogue view, from what a store holds and what goes on in it."""
+
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from glint.flows.cli.review import review
+from glint.flows.review.listing import RANK, Listing
+from glint.flows.review.object_rows import Row, object_rows
+from glint.flows.review.run_states import RunStates
+from glint.flows.review.runs import Run, Runs
+from glint.storage.errors import InputError
+from glint.storage.locations.location import Location
+
+
+def listing(store: Path, catalogue: Path | None) -> Listing:
+    """A listing that has read its store once."""
+    location = Location.parse(store)
+    made = Listing(location, None if catalogue is None else str(catalogue), Runs(location.uri))
+    made.read_changed(made.refresh_names())
+    return made
+
+
+def states(made: Listing, **choice: Any) -> dict[str, str]:
+    wanted = {"search": "", "states": (), "sort": "attention", "offset": 0, "limit": 100} | choice
+    return {row.name: row.state for row in made.view(**wanted).rows}
+
+
+@pytest.mark.long
+def test_a_published_capture_has_its_figures(stored: tuple[Path, Path]) -> None:
+    store, catalogue = stored
+    (row,) = listing(store, catalogue).view("", (), "attention", 0, 10).rows
+    assert (row.name, row.version) == ("hemisphere/front", "v1")
+    assert row.state in ("done", "warnings", "doubtful") and row.verdict
+    assert row.confident is not None and 0 < row.confident <= 1 and row.seconds["clusters"] > 0
+
+
+@pytest.mark.long
+def test_an_object_is_read_again_when_it_has_changed_alone(stored: tuple[Path, Path]) -> None:
+    made = listing(stored[0], None)
+    before = made.revision
+    made.read_changed(made.refresh_names())
+    assert made.revision == before
+    time.sleep(0.01)
+    os.utime(stored[0] / "objects/hemisphere/repo/snapshots")
+    made.read_changed(made.refresh_names())
+    assert made.revision > before
+
+
+def test_what_the_catalogue_lists_is_new_and_what_is_damaged_failed(tmp_path: Path, simulated: Path) -> None:
+    assert states(listing(tmp_path / "absent", simulated)) == {"hemisphere/front": "new"}
+    (tmp_path / "store/objects/hemisphere/repo").mkdir(parents=True)
+    (tmp_path / "store/objects/hemisphere/repo/config.yaml").write_text("{")
+    made = listing(tmp_path / "store", simulated)
+    (row,) = made.view("", (), "attention", 0, 10).rows
+    assert row.state == "failed" and row.error and row.remedy
+
+
+def filled(*rows: Row) -> Listing:
+    made = Listing(Location.parse("/absent"), None, Runs("/absent"))
+    for row in rows:
+        made._rows.setdefault(row.object, {})[row.capture] = row
+    return made
+
+
+def test_what_needs_a_person_comes_first_then_what_costs_most() -> None:
+    rows = [Row(f"object-{state}", "front", state) for state in reversed(RANK)]
+    assert [*states(filled(*rows)).values()] == list(RANK)
+    cheap, dear = Row("a", "front", "warnings", cost_deg=1.0), Row("b", "front", "warnings", cost_deg=3.0)
+    assert [*states(filled(cheap, dear))] == ["b/front", "a/front"]
+    young, old = (
+        Row("a", "front", "done", date="2026-02-01T00:00:00+00:00"),
+        Row("b", "front", "done", date="2026-01-01"),
+    )
+    assert [*states(filled(old, young), sort="date")] == ["a/front", "b/front"]
+    sure, unsure = Row("a", "front", "done", confident=0.9), Row("b", "front", "done", confident=0.2)
+    assert [*states(filled(sure, unsure, Row("c", "front", "new")), sort="confident")] == [
+        "b/front",
+        "a/front",
+        "c/front",
+    ]
+
+
+def test_search_filter_and_pages() -> None:
+    made = filled(
+        *(Row(f"glass-{number:03}", "front", "done", warnings=("the Camera shook",)) for number in range(250))
+    )
+    assert len(states(made, search="camera GLASS-1")) == 100
+    assert made.view("", ("failed",), "name", 0, 10).total == 0
+    view = made.view("", (), "name", 200, 100)
+    assert [row.name for row in view.rows][:1] == ["glass-200/front"] and view.total == 250 and len(view.rows) == 50
+
+
+def test_a_run_of_the_page_shows_at_once_and_a_failure_until_the_next_version() -> None:
+    runs = Runs("/absent")
+    known = RunStates("/absent", runs)
+    row = Row("glass", "front", "done", date="2026-01-02T00:00:00+00:00", seconds={"depth": 10.0, "surface": 2.0})
+    assert known.applied(row) is row
+    runs._runs["glass/front"] = Run("glass/front", stage="depth", done=1, total=4)
+    shown = known.applied(row)
+    assert (shown.state, shown.stage, shown.progress, shown.seconds_left) == ("running", "depth", 0.25, 9.5)
+    runs._runs.clear()
+    failure = {"stage": "survey", "error": "no sphere", "ended": "2026-01-03 00:00:00+00:00"}
+    known._failed = {"glass/front": failure}
+    assert known.applied(row).state == "failed"
+    assert known.names() == ["glass/front"]
+    known._failed = {"glass/front": failure | {"ended": "2026-01-01 00:00:00+00:00"}}
+    assert known.applied(row).state == "done"
+
+
+def test_a_capture_that_failed_before_it_stored_anything_is_shown(tmp_path: Path) -> None:
+    made = filled(Row("bowl", "front", "done"))
+    made._states._failed = {"glass/front": {"stage": "survey", "error": "no sphere", "ended": ""}}
+    assert states(made) == {"glass/front": "failed", "bowl/front": "done"}
+
+
+@pytest.mark.long
+def test_rows_of_captures_without_a_version_wait(stored: tuple[Path, Path], tmp_path: Path) -> None:
+    from glint.storage.versions.repository import ObjectRepository
+
+    location = Location.parse(tmp_path)
+    ObjectRepository.open(location, "glass").save("front", "survey", "key", {}, {"seconds": 1.0})
+    (row,) = object_rows(location, "glass")
+    assert (row.state, row.stage, row.version, row.verdict) == ("waiting", "survey", "", "")
+
+
+@pytest.mark.parametrize(
+    ("host", "password", "message"),
+    [("0.0.0.0", None, "without a password"), ("0.0.0.0", "short", "5 characters"), ("everywhere", None, "no address")],
+)
+def test_other_machines_need_a_password(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, host: str, password: str | None, message: str
+) -> None:
+    monkeypatch.delenv("GLINT_REVIEW_PASSWORD", raising=False)
+    if password:
+        monkeypatch.setenv("GLINT_REVIEW_PASSWORD", password)
+    with pytest.raises(InputError, match=message):
+        review(None, str(tmp_path), None, host, None)

@@ -1,0 +1,266 @@
+"""The page as a person uses it, in a real browser: captures found, a sphere moved, a mask painted, conflicts seen."""
+
+import json
+import urllib.request
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from glint.flows.review.object_rows import Row
+from glint.storage.edits.edits import Edits
+from glint.storage.edits.models import Changes
+from glint.storage.locations.location import Location
+from tests.flows.review.conftest import ServedPage, Tab, let_in
+
+pytestmark = pytest.mark.long
+
+INPUTS = "#/hemisphere/front/inputs"
+READY = ".stage[data-shown]"
+
+
+def asked(served: ServedPage, path: str) -> Any:
+    """What the interface answers."""
+    request = urllib.request.Request(f"{served.origin}/api/captures/hemisphere/front/{path}", headers=served.session)
+    with urllib.request.urlopen(request) as answer:
+        return json.load(answer)
+
+
+def place(tab: Tab, x: float, y: float) -> tuple[float, float]:
+    """Where a pixel of the full frame is on the screen."""
+    script = """([x, y]) => {
+        const stage = globalThis.Konva.stages.at(-1);
+        const box = stage.container().getBoundingClientRect();
+        return [box.x + stage.x() + x * stage.scaleX(), box.y + stage.y() + y * stage.scaleY()];
+    }"""
+    column, row = tab.page.evaluate(script, [x, y])
+    return column, row
+
+
+def drag(tab: Tab, start: tuple[float, float], end: tuple[float, float]) -> None:
+    """Drag from a pixel of the full frame to another."""
+    mouse = tab.page.mouse
+    mouse.move(*place(tab, *start))
+    mouse.down()
+    for share in (0.3, 0.7, 1.0):
+        mouse.move(*place(tab, *(a + (b - a) * share for a, b in zip(start, end, strict=True))))
+    mouse.up()
+
+
+def saved(tab: Tab, author: str = "Ada") -> None:
+    """Write the author's name and save."""
+    tab.page.fill("aside input[autocomplete=name]", author)
+    tab.page.click("aside .save button:has-text('Save')")
+    tab.wait("document.getElementById('status').textContent === 'Saved.'")
+
+
+def test_the_catalogue_shows_searches_and_opens_captures(tab: Tab) -> None:
+    page = tab.page
+    assert page.locator(".row").count() == 1
+    assert "hemisphere" in page.inner_text(".row") and "v1" in page.inner_text(".row")
+    page.keyboard.press("/")
+    page.keyboard.type("no such capture")
+    page.wait_for_selector(".empty")
+    page.fill("input[type=search]", "HEMI")
+    page.wait_for_selector(".row img")
+    page.keyboard.press("Enter")
+    page.keyboard.press("Home")
+    page.keyboard.press("Enter")
+    page.wait_for_selector(READY)
+    assert page.evaluate("location.hash") == INPUTS
+
+
+def test_what_needs_a_person_comes_first_and_names_are_only_text(served: ServedPage, tab: Tab) -> None:
+    hostile = "<img src=x onerror=alert(1)><script>alert(2)</script>"
+    rows = served.app.state.review.listing._rows
+    good = rows["hemisphere"]["front"]
+    rows["zebra"] = {"front": Row("zebra", "front", "failed", error=hostile, remedy=hostile)}
+    rows["yak"] = {"front": replace(good, object="yak", state="doubtful", verdict=hostile, warnings=(hostile,))}
+    served.app.state.review.listing._revision += 1
+    try:
+        tab.page.reload()
+        tab.page.wait_for_selector(".row:nth-child(3)")
+        names = tab.page.eval_on_selector_all(".row b", "all => all.map(one => one.textContent)")
+        assert [name for name in names if name[:1] != "v" and name != "–"] == ["zebra", "yak", "hemisphere"]
+        assert hostile in tab.page.inner_text(".row:first-child")
+        assert tab.page.locator("main script, main img[src=x]").count() == 0
+        tab.page.click("button[data-state=doubtful]")
+        tab.wait("document.querySelectorAll('.row').length === 1")
+    finally:
+        del rows["zebra"], rows["yak"]
+        served.app.state.review.listing._revision += 1
+        tab.page.goto("about:blank")
+    tab.complaints[:] = [text for text in tab.complaints if "404" not in text]  # there is no picture of a zebra
+
+
+def test_a_sphere_that_is_off_is_moved_fitted_saved_and_taken_back(served: ServedPage, tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    (sphere,) = asked(served, "inputs")["used"]["spheres"]
+    centre, shift = (sphere["x"], sphere["y"]), 0.05 * sphere["radius"]
+    page.keyboard.press("s")
+    drag(tab, centre, (centre[0] + shift, centre[1]))
+    page.wait_for_selector(".sphere [role=status] >> text=off the contour")
+    assert "a run would use the contour" in page.inner_text(".sphere")
+    page.click("text=Take the fit")
+    page.wait_for_selector(".sphere .good")
+    saved(tab)
+    edits = asked(served, "edits")
+    (moved,) = edits["spheres"]
+    assert abs(moved["x"] - centre[0]) < 0.015 * sphere["radius"]
+    assert edits["history"][0]["author"] == "Ada" and "sphere" in edits["history"][0]["sentence"]
+    page.click("text=take back")
+    tab.wait("document.getElementById('status').textContent === 'Taken back.'")
+    assert asked(served, "edits")["spheres"] is None
+
+
+def test_a_leaking_mask_is_repaired_by_eraser_brush_and_polygon(served: ServedPage, tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    page.wait_for_selector("section[data-pixels]")
+    region = asked(served, "inputs")["used"]["region"]
+    before = int(page.get_attribute("section[data-pixels]", "data-pixels"))
+    page.keyboard.press("b")
+    corner = (region["x"] + 2, region["y"] + 2)
+    drag(tab, corner, (0, 0))  # a leak, up to the frame's edge
+    leaked = int(page.get_attribute("section[data-pixels]", "data-pixels"))
+    assert leaked > before and page.is_visible("text=The mask touches the frame's edge")
+    page.keyboard.press("e")
+    for _ in range(4):
+        page.keyboard.press("]")
+    drag(tab, (corner[0] + 2, corner[1] + 2), (0, 0))
+    assert int(page.get_attribute("section[data-pixels]", "data-pixels")) < leaked
+    assert not page.is_visible("text=The mask touches the frame's edge")
+    for _ in range(2):
+        page.keyboard.press("Control+z")
+    assert int(page.get_attribute("section[data-pixels]", "data-pixels")) == before
+    page.keyboard.press("p")
+    middle = (region["x"] + region["width"] / 2, region["y"] + region["height"] / 2)
+    for x, y in ((-6, -6), (6, -6), (6, 6), (-6, 6)):
+        page.mouse.click(*place(tab, middle[0] + x, middle[1] + y))
+    page.keyboard.press("Shift+Enter")
+    cut = int(page.get_attribute("section[data-pixels]", "data-pixels"))
+    assert before - 180 < cut < before - 110
+    saved(tab)
+    page.reload()
+    tab.wait(f"document.querySelector('section[data-pixels]')?.dataset.pixels === '{cut}'")
+    assert "set on the page" in page.inner_text("section[data-pixels]")
+
+
+def test_pictures_lights_and_pixels(served: ServedPage, tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    page.keyboard.press("m")
+    page.wait_for_selector("[data-shown$='level/peak']")
+    page.keyboard.press("PageDown")
+    page.wait_for_selector("[data-shown$='frame?number=100']")
+    page.keyboard.press(",")
+    page.wait_for_selector("[data-shown$='frame?number=99']")
+    page.click("aside canvas", position={"x": 106, "y": 106})
+    tab.wait("document.querySelector('.stage').dataset.shown !== null")
+    region = asked(served, "inputs")["used"]["region"]
+    page.keyboard.press("v")
+    page.mouse.click(*place(tab, region["x"] + region["width"] // 2 + 12, region["y"] + region["height"] // 2))
+    page.wait_for_selector("aside .chip")
+    page.click("aside .chip >> nth=0")
+    number = page.inner_text("aside .chip >> nth=0").replace(",", "")
+    page.wait_for_selector(f"[data-shown$='frame?number={number}']")
+    for _ in range(30):
+        page.keyboard.press("+")
+    assert page.evaluate("globalThis.Konva.stages.at(-1).scaleX()") == 8
+
+
+def test_region_and_scale_are_set_by_keyboard_and_line(served: ServedPage, tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    region = asked(served, "inputs")["used"]["region"]
+    page.keyboard.press("r")
+    page.fill("input[aria-label='Region: width']", str(region["width"] - 3))
+    page.keyboard.press("Tab")
+    page.keyboard.press("l")
+    drag(tab, (10, 10), (60, 10))
+    page.fill("aside input[placeholder=mm]", "25")
+    page.keyboard.press("Tab")
+    saved(tab)
+    edits = asked(served, "edits")
+    assert edits["region"]["width"] == region["width"] - 3
+    assert edits["pixel_size"] == pytest.approx(0.5, rel=0.03)
+
+
+def test_a_conflict_is_shown_and_nothing_is_lost(served: ServedPage, tab: Tab, chromium: Any) -> None:
+    page = tab.open(INPUTS, READY)
+    page.keyboard.press("s")
+    page.keyboard.press("]")
+    page.wait_for_selector(".sphere [role=status]")
+    edits = Edits.open(Location.parse(served.store), "hemisphere")
+    theirs = Changes.model_validate({"spheres": [{"x": 30.0, "y": 30.0, "radius": 9.0}]})
+    edits.save("front", theirs, "Grace", edits.current("front").revision)
+    page.fill("aside input[autocomplete=name]", "Ada")
+    page.wait_for_timeout(600)
+    page.click("aside .save button:has-text('Save')")
+    page.wait_for_selector(".conflict")
+    assert "Grace changed spheres" in page.inner_text(".conflict")
+    assert asked(served, "edits")["spheres"][0]["radius"] == 9.0
+    page.click("text=Save mine over it")
+    tab.wait("document.getElementById('status').textContent === 'Saved.'")
+    after = asked(served, "edits")
+    assert after["spheres"][0]["radius"] > 9.0
+    assert [revision["author"] for revision in after["history"][:2]] == ["Ada", "Grace"]
+    tab.complaints[:] = [text for text in tab.complaints if "409" not in text]
+
+
+def test_a_link_of_an_earlier_start_opens_nothing(served: ServedPage, chromium: Any) -> None:
+    page = chromium.new_page()
+    page.goto(f"{served.origin}/open#{'x' * 43}")
+    page.wait_for_selector("text=This link is of an earlier start")
+    page.fill("#password", served.access.token)
+    page.click("button")
+    page.wait_for_selector(".row img")
+    page.close()
+
+
+def test_no_request_leaves_the_machine(served: ServedPage, chromium: Any) -> None:
+    for tab in let_in(served, chromium):
+        addresses = list[str]()
+        tab.page.on("request", lambda request, addresses=addresses: addresses.append(request.url))
+        tab.page.reload()
+        tab.page.wait_for_selector(".row img")
+        tab.open(INPUTS, READY)
+        assert addresses and all(address.startswith((served.origin, "blob:")) for address in addresses)
+
+
+def test_axe_has_no_serious_findings(tab: Tab) -> None:
+    from axe_playwright_python.sync_playwright import Axe
+
+    for view, ready in (("#/", ".row img"), (INPUTS, READY)):
+        tab.open(view, ready)
+        tab.page.wait_for_timeout(500)
+        violations = Axe().run(tab.page).response["violations"]
+        assert [
+            (item["id"], node["target"], node["failureSummary"])
+            for item in violations
+            if item["impact"] in ("serious", "critical")
+            for node in item["nodes"]
+        ] == []
+
+
+def test_everything_can_be_done_by_keyboard(served: ServedPage, tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    page.wait_for_selector("section[data-pixels]")
+    page.keyboard.press("s")
+    page.keyboard.press("a")
+    page.wait_for_selector(".sphere:nth-child(2)")
+    page.keyboard.press("ArrowLeft")
+    page.keyboard.press("Delete")
+    tab.wait("document.querySelectorAll('.sphere').length === 1")
+    before = int(page.get_attribute("section[data-pixels]", "data-pixels"))
+    page.keyboard.press("b")
+    page.keyboard.press("ArrowUp")
+    page.keyboard.press("Space")  # the frame's middle lies between object and sphere
+    tab.wait(f"Number(document.querySelector('section[data-pixels]').dataset.pixels) > {before}")
+    page.keyboard.press("Control+z")
+    tab.wait(f"Number(document.querySelector('section[data-pixels]').dataset.pixels) === {before}")
+    page.keyboard.press("v")
+    page.keyboard.press("Space")
+    page.wait_for_selector("aside section >> text=outside the region")
+    page.keyboard.press("?")
+    page.wait_for_selector("dialog[open] dd >> text=maximum over time")
+    page.keyboard.press("Escape")
+    assert page.locator("dialog[open]").count() == 0
+    tab.complaints[:] = [text for text in tab.complaints if "422" not in text]

@@ -1,0 +1,57 @@
+import numpy as np
+import pytest
+
+from glint.tasks.algorithms.integration.rim import contour_of, inner_radius, least_cosines, with_rim
+
+
+def ball(radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Height, mask and distances to the contour of a sphere."""
+    size = int(radius) + 6
+    y, x = np.mgrid[-size : size + 1, -size : size + 1] + 0.3
+    mask = x**2 + y**2 <= radius**2
+    return np.sqrt(np.maximum(radius**2 - x**2 - y**2, 0.0)), mask, radius - np.hypot(x, y)
+
+
+@pytest.mark.parametrize("radius", [20.4, 80.7])
+def test_distances_to_the_contour_of_a_disc(radius: float) -> None:
+    _, mask, distance = ball(radius)
+    near = mask & (distance < 3.0)
+    error = contour_of(mask).distance[near] - distance[near]
+    assert abs(error.mean()) < 0.15 and error.std() < 0.15
+
+
+@pytest.mark.parametrize("radius", [20.4, 80.7])
+def test_the_rim_of_a_sphere_follows_from_what_lies_inside(radius: float) -> None:
+    height, mask, distance = ball(radius)
+    rim = mask & (distance < 1.0)
+    damaged = np.where(rim, height - 0.7 * radius, height)
+    error = with_rim(damaged, mask)[rim] - height[rim]
+    assert np.abs(error).max() < 0.12 * radius
+    assert np.array_equal(with_rim(damaged, mask)[mask & (distance > 2.0)], height[mask & (distance > 2.0)])
+
+
+def test_a_flat_plate_stays_flat_and_a_thin_wire_as_it_is() -> None:
+    mask = np.zeros((40, 40), bool)
+    mask[8:32, 8:32] = True
+    assert np.allclose(with_rim(np.full((40, 40), 3.0), mask)[mask], 3.0)
+    wire = np.zeros((40, 40), bool)
+    wire[19:21] = True
+    height = np.random.default_rng(0).normal(size=(40, 40))
+    assert np.array_equal(with_rim(height, wire), height)
+
+
+def test_a_rise_is_at_most_that_of_the_largest_circle() -> None:
+    mask = np.zeros((60, 60), bool)
+    mask[10:50, 10:50] = True
+    rows = np.minimum(np.arange(60) - 10, 49 - np.arange(60)).astype(float)
+    steep = 20.0 * np.minimum(rows[:, None], rows[None])
+    drop = 0.5 * (steep[12, 30] + steep[13, 30]) - with_rim(steep, mask)[10, 30]
+    assert 0.0 < drop < 2.0 * np.sqrt(2.0 * inner_radius(mask))
+
+
+def test_the_least_cosine_at_the_rim_follows_from_the_largest_circle_inside() -> None:
+    mask = np.zeros((55, 200), bool)
+    mask[5:, 10:190] = True
+    least = least_cosines(mask)
+    assert least[5, 100] == least[-1, 100] == pytest.approx(1 / np.sqrt(1 + 25), rel=0.03)
+    assert least[7, 100] == least[30, 100] < 0.02

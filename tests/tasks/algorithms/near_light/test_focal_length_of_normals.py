@@ -1,0 +1,70 @@
+"""Inverse focal lengths from the normals of known surfaces, as a single sphere shows them."""
+
+import numpy as np
+import pytest
+
+from glint.tasks.algorithms.geometry.perspective import rotate_to_view, view_vectors
+from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
+from glint.tasks.algorithms.near_light.focal_length_of_normals import UnknownCamera, focal_length_of_normals
+
+SHAPE = (90, 110)
+CAMERA = UnknownCamera(left=40, top=50, sphere_x=240.0, sphere_y=110.0, width=320, height=200)
+
+
+def normals_of(inverse_focal: float, dome: float = 60.0, bump: float = 4.0) -> np.ndarray:
+    """The normals (H, W, 3) of a bumpy dome that the sphere shows, if its view vector is taken for the optical axis.
+
+    dome: radius of curvature at the top in pixels; bump: height of the bumps, likewise.
+    """
+    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
+    x, y = columns - 0.5 * SHAPE[1], 0.5 * SHAPE[0] - rows
+    height = -0.5 * (x**2 + y**2) / dome + bump * np.sin(x / 15.0) * np.cos(y / 11.0)
+    p, q = np.gradient(height, axis=1), -np.gradient(height, axis=0)
+    matrix = CAMERA.matrix(inverse_focal)
+    view = view_vectors(matrix, SHAPE, CAMERA.left, CAMERA.top)
+    # A gradient of the distance's logarithm (times the focal length) has this normal along the ray.
+    slopes = view[..., :2] / view[..., 2:]
+    normals = unit(np.stack([-p, -q, 1.0 + slopes[..., 0] * p + slopes[..., 1] * q], axis=-1))
+    lights = 2.0 * (normals * view).sum(axis=-1, keepdims=True) * normals - view
+    of_sphere = view_vectors(matrix, (1, 1), CAMERA.sphere_x, CAMERA.sphere_y)
+    return half_vectors_of(rotate_to_view(lights, np.broadcast_to(of_sphere, lights.shape)))
+
+
+@pytest.mark.parametrize("focal_widths", [0.8, 1.5, 3.0])
+def test_a_near_camera_is_measured(focal_widths: float) -> None:
+    inverse = 1.0 / (focal_widths * CAMERA.width)
+    noise = np.random.default_rng(1).normal(0.0, np.radians(1.0), (*SHAPE, 3))
+    estimate = focal_length_of_normals(unit(normals_of(inverse) + noise), CAMERA)
+    assert estimate is not None
+    assert estimate.value == pytest.approx(inverse, rel=0.1)
+    assert estimate.deviation < 0.1 / CAMERA.width
+
+
+def test_a_distant_camera_is_measured_as_such() -> None:
+    estimate = focal_length_of_normals(normals_of(1e-9), CAMERA)
+    assert estimate is not None
+    assert abs(estimate.value) * CAMERA.width < 0.02
+
+
+def test_a_false_sheet_does_not_hide_a_near_camera() -> None:
+    inverse = 1.0 / CAMERA.width
+    normals = normals_of(inverse)
+    normals[20:40, 20:50] = normals_of(inverse, dome=-90.0)[20:40, 20:50]
+    normals[60:, :30] = np.nan
+    estimate = focal_length_of_normals(normals, CAMERA)
+    assert estimate is not None
+    assert estimate.value == pytest.approx(inverse, rel=0.25)
+
+
+def test_normals_that_integrate_under_any_camera_show_none() -> None:
+    flat = np.zeros((*SHAPE, 3)) + np.array([0.0, 0.0, 1.0])
+    noise = np.random.default_rng(2).normal(0.0, np.radians(1.0), (*SHAPE, 3))
+    estimate = focal_length_of_normals(unit(flat + noise), CAMERA)
+    assert estimate is not None
+    assert estimate.deviation * CAMERA.width > 0.15
+
+
+def test_few_normals_show_nothing() -> None:
+    normals = np.full((*SHAPE, 3), np.nan)
+    normals[10:15, 10:15] = normals_of(1e-9)[10:15, 10:15]
+    assert focal_length_of_normals(normals, CAMERA) is None

@@ -1,0 +1,116 @@
+"""What the review page shows of one capture, against what its stages have stored and against known answers."""
+
+import cv2
+import numpy as np
+import pytest
+
+from glint.storage.errors import InputError
+from glint.storage.locations.location import Location
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.engine.references import load_catalogue
+from glint.tasks.engine.stage import perform, stage_keys
+from glint.tasks.pipeline import STAGES
+from glint.tasks.review.capture_inputs import capture_inputs, check_mask, mask_picture
+from glint.tasks.review.pictures import THUMBNAIL_SIZE, first_frame, frame_picture, level_picture, thumbnail
+from glint.tasks.review.pixel_history import pixel_history
+from glint.tasks.review.sphere_fit import fit_sphere
+from glint.tasks.review.stored import has_object
+from glint.tasks.stages.capture_geometry import load_geometry
+
+pytestmark = pytest.mark.long
+
+
+def context_in(store: str, simulated: object) -> CaptureContext:
+    return CaptureContext.of(load_catalogue(str(simulated)), "hemisphere", "front", store)
+
+
+@pytest.fixture(scope="module")
+def context(tmp_path_factory: pytest.TempPathFactory, simulated: object) -> CaptureContext:
+    """The simulated capture, all stages performed."""
+    made = context_in(str(tmp_path_factory.mktemp("store")), simulated)
+    keys = stage_keys(made, STAGES)
+    for stage in STAGES:
+        perform(made, stage, keys[stage.name])
+    return made
+
+
+def decoded(data: bytes) -> np.ndarray:
+    return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+
+
+def test_a_frame_is_that_of_the_video_where_it_is_used(context: CaptureContext) -> None:
+    from glint.storage.footage.source import open_footage
+
+    address = context.file("frames")
+    assert address is not None
+    with open_footage(address) as footage:
+        wanted = next(iter(footage.frames(start=150)))
+    shown, geometry = decoded(frame_picture(context, 150)), load_geometry(context)
+    assert shown.shape == wanted.shape
+    for crop in geometry.crops.values():
+        assert np.array_equal(shown[crop.rows, crop.columns], wanted[crop.rows, crop.columns])
+    with pytest.raises(InputError, match="no frame 300"):
+        frame_picture(context, 300)
+
+
+def test_levels_mask_and_thumbnail(context: CaptureContext) -> None:
+    region = load_geometry(context).region
+    for level in ("background", "peak"):
+        stored = context.load("frames").read(level)
+        assert np.array_equal(decoded(level_picture(context, level))[region.rows, region.columns], stored)
+    mask = context.load("mask").read("mask")
+    shown = decoded(mask_picture(context))
+    assert np.array_equal(shown[region.rows, region.columns] > 0, mask) and shown.sum() == 255 * mask.sum()
+    painted = np.zeros(shown.shape, bool)
+    painted[3:9, 4:8] = True
+    assert np.array_equal(decoded(mask_picture(context, painted)) > 0, painted)
+    check_mask(painted, context)
+    with pytest.raises(InputError, match="must have the frame's"):
+        check_mask(painted[1:], context)
+    assert max(decoded(thumbnail(context)).shape) == THUMBNAIL_SIZE
+
+
+def test_inputs_are_given_used_and_seen(context: CaptureContext) -> None:
+    inputs = capture_inputs(context)
+    height, width = first_frame(context).shape
+    assert inputs["frame_size"] == [width, height] and inputs["frames"] == 300
+    lights = context.load("lights").read("lights")
+    assert [light is not None for light in inputs["lights"]] == np.isfinite(lights[:, 0]).tolist()
+    assert inputs["used"]["region"] == load_geometry(context).region.model_dump()
+    assert len(inputs["used"]["spheres"]) == 1
+
+
+def test_a_pixel_names_its_frames_and_candidates(context: CaptureContext) -> None:
+    region, clusters = load_geometry(context).region, context.load("clusters")
+    observations = clusters.read("observations")
+    row, column = np.unravel_index(int(observations.argmax()), observations.shape)
+    pixel = pixel_history(context, int(column) + region.x, int(row) + region.y)
+    assert pixel["count"] == observations[row, column] == len(pixel["frames"]) > 0
+    assert all(frame["level"] > pixel["threshold"] for frame in pixel["frames"])
+    normals = clusters.read("normals")[:, row, column]
+    assert len(pixel["candidates"]) == np.isfinite(normals[:, 0]).sum()
+    assert pixel["candidates"][0]["normal"] == pytest.approx(normals[0].tolist(), abs=1e-3)
+    assert pixel["normal"]["provenance"] in ("observed", "marked", "silhouette", "filled", "inferred")
+    with pytest.raises(InputError, match="outside the region"):
+        pixel_history(context, region.x - 1, region.y)
+
+
+@pytest.mark.parametrize(("shift", "corrects"), [(0.0, False), (0.05, True)])
+def test_a_drawn_sphere_is_measured(context: CaptureContext, shift: float, corrects: bool) -> None:
+    (given,) = context.capture.spheres or load_geometry(context).spheres
+    fit = fit_sphere(context, given.x + shift * given.radius, given.y, given.radius)
+    assert fit.is_clear and fit.is_corrected == corrects
+    assert np.hypot(fit.x - given.x, fit.y - given.y) < 0.015 * given.radius
+    assert fit.misfit_px == pytest.approx(shift * given.radius, abs=0.015 * given.radius)
+
+
+def test_looking_at_a_capture_that_never_ran_stores_nothing(tmp_path: object, simulated: object) -> None:
+    new = context_in(str(tmp_path), simulated)
+    assert capture_inputs(new)["used"] is None
+    assert decoded(mask_picture(new)).shape == first_frame(new).shape
+    assert decoded(level_picture(new, "peak")).max() > decoded(level_picture(new, "background")).mean()
+    assert thumbnail(new) and frame_picture(new, 0)
+    for refused in (lambda: frame_picture(new, 1), lambda: pixel_history(new, 5, 5)):
+        with pytest.raises(InputError, match="before the first run"):
+            refused()
+    assert not has_object(Location.parse(str(tmp_path)), "hemisphere")
