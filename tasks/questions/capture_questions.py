@@ -58,11 +58,11 @@ class CaptureQuestions:
         marks = track_entries(self.work, annotations).marks
         return marks if len(marks.kind) else None
 
-    def label(self, marks: Marks | None) -> Reconstruction:
-        """Label the candidates with these marks."""
+    def label(self, marks: Marks | None, draft: bool = False) -> Reconstruction:
+        """Label the candidates with these marks; draft: at once, see `reconstruct_normals`."""
         parameters, view = self.work.parameters, self.geometry.view_vectors
         return reconstruct(
-            self.clusters, self.mask, self._initial, marks, parameters.labels, parameters.silhouette, view=view
+            self.clusters, self.mask, self._initial, marks, parameters.labels, parameters.silhouette, view=view, draft=draft
         )
 
     def propose(self, result: Reconstruction, marks: Marks | None, count: int) -> list[ShownQuestion]:

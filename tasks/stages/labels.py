@@ -108,16 +108,20 @@ def reconstruct(
     silhouette: SilhouetteParameters,
     expected: np.ndarray | None = None,
     view: np.ndarray | None = None,
+    draft: bool = False,
 ) -> Reconstruction:
     """Reconstruct the normals of one view by the method that `parameters` names.
 
     expected: normals (H, W, 3) of a model of all views, for the method `sheets`. view: view vectors (H, W, 3) under a
-    perspective camera; each pixel's normals are labelled as seen along its own ray.
+    perspective camera; each pixel's normals are labelled as seen along its own ray. draft: of the method `sheets`, see
+    `reconstruct_normals`.
     """
     if view is not None:
         expected = None if expected is None else rotate_to_view(expected, view)
         clusters, marks = faced(clusters, view), faced_marks(marks, view)
-        result = reconstruct(clusters, mask, rotate_to_view(initial, view), marks, parameters, silhouette, expected)
+        result = reconstruct(
+            clusters, mask, rotate_to_view(initial, view), marks, parameters, silhouette, expected, draft=draft
+        )
         return replace(
             result, normals=rotate_from_view(result.normals, view), initial=rotate_from_view(result.initial, view)
         )
@@ -142,4 +146,5 @@ def reconstruct(
             parameters.strength, parameters.contrast, parameters.prior, parameters.shape_weight
         ),
         field_weights=FieldWeights(rim=silhouette.rim_weight, tension_length=silhouette.tension_length),
+        draft=draft,
     )

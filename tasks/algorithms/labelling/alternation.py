@@ -4,7 +4,6 @@ Sections 4.1 and 4.2 of the paper, alternated; see `reconstruction`, which drive
 """
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,9 +19,7 @@ from glint.tasks.algorithms.labelling.confidence import (
 )
 from glint.tasks.algorithms.labelling.graph_cut import HARD_CONSTRAINT, graph_cut, keep_best_per_pixel, unary_log_ratio
 from glint.tasks.algorithms.labelling.integrability import shape_log_ratio
-from glint.tasks.algorithms.labelling.results import (
-    Iteration,
-)
+from glint.tasks.algorithms.labelling.results import Iteration
 from glint.tasks.algorithms.labelling.segments import held_out_residual, segment_sheets, sheet_means
 from glint.tasks.algorithms.labelling.weights import (
     FieldError,
@@ -30,6 +27,7 @@ from glint.tasks.algorithms.labelling.weights import (
     GraphCutWeights,
 )
 from glint.tasks.algorithms.prior.smooth_normals import (
+    MAX_NODES,
     SmoothNormalField,
     contour_normals,
     field_spread,
@@ -39,11 +37,9 @@ from glint.tasks.algorithms.prior.smooth_normals import (
 )
 from glint.tasks.algorithms.prior.symmetry import surface_of_revolution_normals
 
-if TYPE_CHECKING:
-    pass
-
-MARKED_SHEET_NATS = 1e3
-"""Unary log-likelihood ratio that a mark gives its sheet's nodes beside it, nats: more than field and shape oppose."""
+MARKED_SHEET_NATS = 10.0
+"""Unary log-likelihood ratio that a mark gives its sheet's nodes beside it, nats: as much as field and shape oppose,
+so that nodes that both contradict do not follow."""
 MARKED_SHEET_CONFIDENCE = 0.97
 """Confidence of accepted normals beside a true mark on the same sheet."""
 HELD_OUT_MAX_NODES = 5_000
@@ -54,7 +50,7 @@ HELD_OUT_MAX_NODES = 5_000
 class Alternation:
     """Working state of the alternation: constants of the view, then what each iteration replaces.
 
-    evidence (K, H, W): log-likelihood ratio of a true against a false highlight, by the sheet's shape and by shading.
+    field_nodes: grid nodes of the field at most. evidence (K, H, W): log-likelihood ratio of a true against a false highlight, by the sheet's shape and by shading.
     labels (K, H, W) bool: exterior nodes. values (H, W, 3): accepted normals, NaN elsewhere. confidence (H, W): theirs,
     NaN elsewhere. known (H, W) bool: where they enter the field. smooth (H, W, 3): the field.
     """
@@ -67,6 +63,7 @@ class Alternation:
     graph_cut_weights: GraphCutWeights
     field_weights: FieldWeights
     field_error: FieldError
+    field_nodes: int = MAX_NODES
     scale: float = field(init=False)
     local_scale: np.ndarray = field(init=False)
     surface: SmoothNormalField = field(init=False)
@@ -87,7 +84,7 @@ class Alternation:
     def __post_init__(self) -> None:
         """Prepare the field, and solve it once from contour and marks."""
         self.scale, self.local_scale = inradius(self.mask), thickness(self.mask)
-        self.surface = smooth_normal_field(self.mask, self.field_weights.tension_length)
+        self.surface = smooth_normal_field(self.mask, self.field_weights.tension_length, self.field_nodes)
         self.rim, self.outward = contour_normals(self.mask)
         weights = self.graph_cut_weights
         self.evidence = weights.shape_weight * shape_log_ratio(self.normals, self.scale)
