@@ -14,8 +14,11 @@ from glint.tasks.algorithms.questions.proposals import Question
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.questions.capture_questions import CaptureQuestions
 
-TRUE_SHEET_DEG = 5.0
-"""Median angle of a sheet's candidates to the true normals below which the oracle calls the sheet true."""
+TRUE_SHEET_DEG, FALSE_SHEET_DEG = 5.0, 10.0
+"""Median angle of a sheet's candidates to the true normals below which the oracle calls the sheet true, and from which
+it calls it false: between them the outer surface may be read with an error of lights or camera, and it skips."""
+PROPOSED_PER_ANSWER = 2
+"""Proposals for each answer, since some are skipped."""
 RANDOM_SEED = 0
 """Seed of the marks at random places."""
 RANDOM_TRIALS = 50
@@ -42,12 +45,16 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class QuestionsEvaluation:
-    """Worth of answers of a capture: errors before, after each answer, and after as many marks at random places."""
+    """Worth of answers of a capture: errors before, after each answer, and after as many marks at random places.
+
+    skipped: questions that the oracle did not answer.
+    """
 
     name: str
     before: Errors
     answers: tuple[Answer, ...]
     random_marks: Errors
+    skipped: int = 0
 
     @property
     def after(self) -> Errors:
@@ -66,7 +73,7 @@ class QuestionsEvaluation:
 
 
 def evaluate_questions(work: CaptureContext, count: int) -> QuestionsEvaluation | None:
-    """Ask `count` questions, one after the other, answered from the truth; None without true normals.
+    """Ask `count` questions, as the review page does, answered from the truth; None without true normals.
 
     The marks of the catalogue are left out: answers are what is measured.
 
@@ -84,42 +91,35 @@ def evaluate_questions(work: CaptureContext, count: int) -> QuestionsEvaluation 
     def errors_with(marks: Marks | None) -> Errors:
         return _errors(questions, questions.label(marks).normals, truth)
 
-    annotations: list[AnnotationEntry] = []
-    answers: list[Answer] = []
-    marks: Marks | None = None
     result = questions.label(None)
     before = _errors(questions, result.normals, truth)
-    while len(answers) < count:
-        asked = {(entry.frame, entry.x, entry.y) for entry in annotations}
-        proposed = questions.propose(result, marks, len(asked) + 1)
-        shown = next((item for item in proposed if (item.frame, item.x, item.y) not in asked), None)
-        if shown is None:
-            break
+    annotations: list[AnnotationEntry] = []
+    answers: list[Answer] = []
+    skipped = 0
+    for shown in questions.propose(result, None, PROPOSED_PER_ANSWER * count):
         is_true = oracle(shown.question, questions.clusters.normals, truth)
+        if is_true is None:
+            skipped += 1
+            continue
         annotations.append(shown.answer(is_true))
-        marks = questions.marks(annotations)
-        result = questions.label(marks)
-        question = shown.question
-        answers.append(
-            Answer(
-                len(question.rows),
-                question.exterior,
-                is_true,
-                question.wrong,
-                question.is_open,
-                _errors(questions, result.normals, truth),
-            )
-        )
+        question, errors = shown.question, errors_with(questions.marks(annotations))
+        answers.append(Answer(len(question.rows), question.exterior, is_true, question.wrong, question.is_open, errors))
+        if len(answers) == count:
+            break
     at_random = random_annotations(questions, truth, len(answers))
-    return QuestionsEvaluation(work.name, before, tuple(answers), errors_with(questions.marks(at_random)))
+    return QuestionsEvaluation(work.name, before, tuple(answers), errors_with(questions.marks(at_random)), skipped)
 
 
-def oracle(question: Question, normals: np.ndarray, truth: np.ndarray) -> bool:
-    """Return whether a sheet of candidates (K, H, W, 3) is the surface of which `truth` (H, W, 3) are the normals."""
+def oracle(question: Question, normals: np.ndarray, truth: np.ndarray) -> bool | None:
+    """Return whether a sheet of candidates (K, H, W, 3) is the surface of which `truth` (H, W, 3) are the normals.
+
+    None: it cannot be said.
+    """
     at = question.rows, question.columns
     error = angles(normals[question.layers, *at], truth[at])
     known = np.isfinite(error)
-    return bool(known.any() and np.median(error[known]) < TRUE_SHEET_DEG)
+    median = float(np.median(error[known])) if known.any() else TRUE_SHEET_DEG
+    return None if TRUE_SHEET_DEG <= median < FALSE_SHEET_DEG else median < TRUE_SHEET_DEG
 
 
 def random_annotations(questions: CaptureQuestions, truth: np.ndarray, count: int) -> list[AnnotationEntry]:
@@ -131,13 +131,11 @@ def random_annotations(questions: CaptureQuestions, truth: np.ndarray, count: in
     for node in rng.permutation(len(rows))[: RANDOM_TRIALS * count]:
         if len(annotations) == count:
             break
-        layer, row, column = int(layers[node]), int(rows[node]), int(columns[node])
-        single = Question(layers[[node]], rows[[node]], columns[[node]], False, 0.0, 0.0, 0.0)
-        frame = questions.frame_of(single)
-        error = float(angles(normals[layer, row, column], truth[row, column]))
-        if frame is not None and np.isfinite(error):
-            kind: Literal["true", "false"] = "true" if error < TRUE_SHEET_DEG else "false"
-            x, y = float(column + region.x), float(row + region.y)
+        single = Question(layers[[node]], rows[[node]], columns[[node]], False, 0.0, 0.0)
+        frame, is_true = questions.frame_of(single), oracle(single, normals, truth)
+        if frame is not None and is_true is not None:
+            kind: Literal["true", "false"] = "true" if is_true else "false"
+            x, y = float(columns[node] + region.x), float(rows[node] + region.y)
             annotations.append(AnnotationEntry(frame=frame, x=x, y=y, kind=kind))
     return annotations
 

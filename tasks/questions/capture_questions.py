@@ -62,7 +62,14 @@ class CaptureQuestions:
         """Label the candidates with these marks; draft: at once, see `reconstruct_normals`."""
         parameters, view = self.work.parameters, self.geometry.view_vectors
         return reconstruct(
-            self.clusters, self.mask, self._initial, marks, parameters.labels, parameters.silhouette, view=view, draft=draft
+            self.clusters,
+            self.mask,
+            self._initial,
+            marks,
+            parameters.labels,
+            parameters.silhouette,
+            view=view,
+            draft=draft,
         )
 
     def propose(self, result: Reconstruction, marks: Marks | None, count: int) -> list[ShownQuestion]:

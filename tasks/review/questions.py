@@ -15,7 +15,6 @@ from glint.storage.errors import InputError
 from glint.storage.export.image_files import colour_normals, encode_png
 from glint.storage.inputs.markup import AnnotationEntry, read_marks
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.labelling.results import Reconstruction
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.questions.capture_questions import CaptureQuestions, ShownQuestion
 from glint.tasks.review.pictures import eight_bits

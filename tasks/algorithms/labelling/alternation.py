@@ -50,15 +50,15 @@ HELD_OUT_MAX_NODES = 5_000
 class Alternation:
     """Working state of the alternation: constants of the view, then what each iteration replaces.
 
-    field_nodes: grid nodes of the field at most. evidence (K, H, W): log-likelihood ratio of a true against a false highlight, by the sheet's shape and by shading.
-    labels (K, H, W) bool: exterior nodes. values (H, W, 3): accepted normals, NaN elsewhere. confidence (H, W): theirs,
-    NaN elsewhere. known (H, W) bool: where they enter the field. smooth (H, W, 3): the field.
+    field_nodes: of the field's grid, at most. evidence (K, H, W): log-likelihood ratio of a true against a false
+    highlight, by the sheet's shape, by shading and by marks. labels (K, H, W) bool: exterior nodes. values (H, W, 3):
+    accepted normals, NaN elsewhere. confidence (H, W): theirs, NaN elsewhere. known (H, W) bool: where they enter the
+    field. smooth (H, W, 3): the field.
     """
 
     normals: np.ndarray
     shading: np.ndarray
     mask: np.ndarray
-    marks: Marks | None
     expected: np.ndarray | None
     graph_cut_weights: GraphCutWeights
     field_weights: FieldWeights
@@ -70,6 +70,7 @@ class Alternation:
     rim: np.ndarray = field(init=False)
     outward: np.ndarray = field(init=False)
     evidence: np.ndarray = field(init=False)
+    unmarked_evidence: np.ndarray = field(init=False)
     marked: np.ndarray = field(init=False)
     marked_normals: np.ndarray = field(init=False)
     pins: np.ndarray = field(init=False)
@@ -82,23 +83,28 @@ class Alternation:
     history: list[Iteration] = field(init=False)
 
     def __post_init__(self) -> None:
-        """Prepare the field, and solve it once from contour and marks."""
+        """Prepare the field, and solve it once from the contour."""
         self.scale, self.local_scale = inradius(self.mask), thickness(self.mask)
         self.surface = smooth_normal_field(self.mask, self.field_weights.tension_length, self.field_nodes)
         self.rim, self.outward = contour_normals(self.mask)
         weights = self.graph_cut_weights
         self.evidence = weights.shape_weight * shape_log_ratio(self.normals, self.scale)
         self.evidence += weights.shading_weight * shading_log_ratio(self.shading)
-        self.marked, self.marked_normals, self.pins = mark_constraints(self.marks, self.normals, self.mask)
+        self.unmarked_evidence = self.evidence
+        self.take_marks(None)
+        self.labels = np.zeros(self.normals.shape[:3], dtype=bool)
+        self.known, self.values = self.marked, self.marked_normals
+        self.confidence = np.full(self.mask.shape, np.nan)
+        self.smooth = self.solve_field(self.known, self.values)
+        self.history = []
+
+    def take_marks(self, marks: Marks | None) -> None:
+        """Let marks speak from now on."""
+        self.marked, self.marked_normals, self.pins = mark_constraints(marks, self.normals, self.mask)
         self.influence = np.zeros(self.pins.shape)
         if self.pins.any():
             self.influence = mark_influence(*sheet_graph(self.normals), self.pins, self.scale)
-        self.evidence += MARKED_SHEET_NATS * self.influence
-        self.labels = np.zeros(self.normals.shape[:3], dtype=bool)
-        self.known, self.values = self.marked, self.marked_normals
-        self.confidence = np.where(self.marked, 1.0, np.nan)
-        self.smooth = self.solve_field(self.known, self.values)
-        self.history = []
+        self.evidence = self.unmarked_evidence + MARKED_SHEET_NATS * self.influence
 
     def solve_field(
         self, known: np.ndarray, values: np.ndarray, surface: SmoothNormalField | None = None

@@ -84,10 +84,14 @@ def reconstruct_normals(
     normals = np.where(mask[None, :, :, None], normals, np.nan)
     field_nodes = DRAFT_NODES if draft else MAX_NODES
     state = Alternation(
-        normals, clusters.shading, mask, marks, expected, graph_cut_weights, field_weights, field_error, field_nodes
+        normals, clusters.shading, mask, expected, graph_cut_weights, field_weights, field_error, field_nodes
     )
     initial = state.smooth
     state.iterate(max_iterations, convergence_tolerance, min_confidence)
+    if marks is not None:
+        # Labels settle without marks first: started with them, a single mark may tip sheets that it has no part in.
+        state.take_marks(marks)
+        state.iterate(max_iterations, convergence_tolerance, min_confidence)
     if expected is None and symmetry and state.adopt_symmetry():
         state.iterate(max_iterations, convergence_tolerance, min_confidence)
 

@@ -29,13 +29,23 @@ if TYPE_CHECKING:
 OPEN_PROBABILITY = 0.25
 """Probability of being wrong from which a label counts as open."""
 REMOVAL_GAIN = 0.3
-"""Worth of a degree that a sheet's withdrawal changes against one that its acceptance changes, measured on presets."""
+"""Worth of a degree that a sheet's withdrawal changes against one that its acceptance changes: the field that fills the
+hole may be no better than the sheet."""
+LIT_SHARE_POWER = -1.5
+"""Power of the number of frames in which a pixel is lit in the odds that a rejected candidate is the surface: where
+light crosses the glass on many ways, most highlights are false (fitted to presets, as the next two)."""
+TILT_NATS_PER_DEG = 0.1
+"""Rise of the log-odds with the candidate's tilt: the field is right where the surface faces the camera."""
+REJECTED_NATS = -4.0
+"""Log-odds of a rejected candidate that faces the camera, before its evidence."""
 ANSWERED_INFLUENCE = 0.2
 """Mean influence of marks on a sheet from which it counts as answered."""
 FIELD_NODES = 3_000
 """Grid nodes of the coarser field that predicts what hangs on a sheet."""
 PREDICTED = 24
 """Sheets whose effect on the field is solved for, chosen by their own change alone."""
+MIN_TURN_DEG = 10.0
+"""Angle of a rejected sheet to the present normals from which it is asked about, degrees: others change little."""
 SHARED_CHANGE = 0.5
 """Share of a sheet's change that also follows from a sheet proposed before, from which it is a near-duplicate."""
 WRONG_SPREAD_RAD = np.radians(25.0)
@@ -53,8 +63,7 @@ class Question:
     """A sheet to ask about.
 
     layers, rows, columns: (N,) int of its nodes. exterior: its present label. wrong: probability that the label is
-    wrong. change: degrees times pixels by which the normals would change if it is; confirmed: if it is right, since the
-    field follows a confirmed sheet more closely.
+    wrong. change: degrees times pixels by which the normals would change if it is.
     """
 
     layers: np.ndarray
@@ -63,17 +72,14 @@ class Question:
     exterior: bool
     wrong: float
     change: float
-    confirmed: float
 
     @property
     def value(self) -> float:
         """Expected change of the normals, degrees times pixels.
 
-        A confirmed sheet changes them as its own certainty grows; a sheet that is withdrawn leaves a gap, which the
-        field fills with normals that may be no better.
+        A sheet that is withdrawn leaves a gap, which the field fills with normals that may be no better.
         """
-        gain = REMOVAL_GAIN if self.exterior else 1.0
-        return gain * (self.wrong * self.change + (1.0 - self.wrong) * self.confirmed)
+        return (REMOVAL_GAIN if self.exterior else 1.0) * self.wrong * self.change
 
     @property
     def is_open(self) -> bool:
@@ -109,16 +115,16 @@ def propose(
     influence = mark_influence(nodes, ties, pins, scale)
     answered = patches.mean(np.abs(patches.of(influence))) > ANSWERED_INFLUENCE
     evidence = shape_log_ratio(normals, scale) + shading_log_ratio(clusters.shading)
-    wrong = wrong_probability(patches, normals, evidence, result)
+    wrong = wrong_probability(patches, normals, evidence, clusters.observations, result)
     exterior = patches.mean(patches.of(result.labels) > 0) > 0.5
     gain = np.where(exterior, REMOVAL_GAIN, 1.0)
     first = gain * wrong * rough_change(patches, normals, result, mask, scale)
-    first[answered] = 0.0
-    chosen = np.argsort(-first, kind="stable")[: max(PREDICTED, 2 * count)]
+    turn = patches.mean(angles(patches.of(normals), result.normals[patches.row, patches.column]))
+    first[answered | (~exterior & (turn < MIN_TURN_DEG))] = 0.0
+    chosen = np.lexsort((-first, (first <= 0) | (wrong < OPEN_PROBABILITY)))[: max(PREDICTED, 2 * count)]
     chosen = chosen[first[chosen] > 0]
     predict = _Prediction(mask, normals, result, patches, field_weights)
     maps = {int(number): predict.change(int(number), bool(exterior[number])) for number in chosen}
-    confirmed = {int(number): predict.confirmation(int(number)) if exterior[number] else 0.0 for number in chosen}
     candidates = [
         Question(
             patches.layer[patches.number == number],
@@ -127,7 +133,6 @@ def propose(
             bool(exterior[number]),
             float(wrong[number]),
             float(maps[number].sum()),
-            confirmed[number],
         )
         for number in maps
     ]
@@ -179,14 +184,14 @@ def _angular_density(angle: np.ndarray, spread: float) -> np.ndarray:
 
 
 def wrong_probability(
-    patches: Patches, normals: np.ndarray, evidence: np.ndarray, result: Reconstruction
+    patches: Patches, normals: np.ndarray, evidence: np.ndarray, observations: np.ndarray, result: Reconstruction
 ) -> np.ndarray:
     """Return the probability (count,) that the label of a patch is wrong, by the confidence of the labelling.
 
     An exterior node is wrong if its normal is. A false node can be the surface only where the present normal is wrong:
     its log-likelihood ratio is that of the labelling (`labelling.graph_cut.unary_log_ratio`), but with the spread that
-    the confidence implies, and with the evidence (K, H, W) of shape and shading, nats. Nodes of a sheet share their
-    errors, so that their ratios are averaged.
+    the confidence implies, the evidence (K, H, W) of shape and shading, nats, its tilt, and the number of frames (H, W)
+    in which its pixels are lit, `observations`. Nodes of a sheet share their errors, so that ratios are averaged.
     """
     confidence = np.clip(result.confidence[patches.row, patches.column], 0.01, 0.99)
     exterior = patches.of(result.labels) > 0
@@ -197,7 +202,10 @@ def wrong_probability(
     ratio = np.log(OBSERVABLE_SOLID_ANGLE * np.maximum(likelihood, 1e-30))
     share = np.clip(exterior.mean(), 0.1, 0.9)
     ratio += np.log(share / (1.0 - share)) + patches.of(evidence)
-    surface = 1.0 / (1.0 + np.exp(-np.clip(patches.mean(ratio), -50.0, 50.0)))
+    lit = np.maximum(patches.mean(observations[patches.row, patches.column].astype(float)), 1.0)
+    tilt = np.degrees(np.arccos(np.clip(patches.mean(patches.of(normals)[:, 2]), -1.0, 1.0)))
+    nats = patches.mean(ratio) + LIT_SHARE_POWER * np.log(lit / np.median(lit)) + TILT_NATS_PER_DEG * tilt
+    surface = 1.0 / (1.0 + np.exp(-np.clip(nats + REJECTED_NATS, -50.0, 50.0)))
     return np.where(patches.mean(exterior) > 0.5, patches.mean(1.0 - confidence), surface)
 
 
@@ -218,10 +226,8 @@ class _Prediction:
         self.accepted = _accepted(result)
         self.field = self._solve(self.accepted, result.normals)
 
-    def _solve(self, known: np.ndarray, values: np.ndarray, marked: np.ndarray | None = None) -> np.ndarray:
+    def _solve(self, known: np.ndarray, values: np.ndarray) -> np.ndarray:
         pull = np.where(known, self.weights.observed, np.where(self.rim, self.weights.rim, 0.0))
-        if marked is not None:
-            pull = np.where(known & marked, self.weights.marked, pull)
         return self.surface.solve(np.where(known[..., None], values, self.outward), pull)
 
     def change(self, number: int, exterior: bool) -> np.ndarray:
@@ -239,16 +245,3 @@ class _Prediction:
         after = field if exterior else values
         change[row, column] = angles(after[row, column], self.result.normals[row, column])
         return np.minimum(np.nan_to_num(change), MAX_CHANGE_DEG)
-
-    def confirmation(self, number: int) -> float:
-        """Return the degrees times pixels by which the field would change if a patch of the surface were confirmed."""
-        marked = np.zeros(self.mask.shape, dtype=bool)
-        of_patch = self.patches.number == number
-        marked[self.patches.row[of_patch], self.patches.column[of_patch]] = True
-        known = self.accepted | marked
-        values = self.result.normals.copy()
-        layer, row, column = (index[of_patch] for index in (self.patches.layer, self.patches.row, self.patches.column))
-        values[row, column] = self.normals[layer, row, column]
-        field = self._solve(known, values, marked)
-        change = np.where(self.mask & ~self.accepted, angles(field, self.field), 0.0)
-        return float(np.minimum(np.nan_to_num(change), MAX_CHANGE_DEG).sum())

@@ -32,7 +32,8 @@ def pebble(size: int = 90, seed: int = 0) -> Scene:
 
 def clusters_of(normals: np.ndarray) -> SimpleNamespace:
     """Candidates (K, H, W, 3) of whose shading nothing is known."""
-    return SimpleNamespace(normals=normals, shading=np.full(normals.shape[:3], np.nan))
+    observations = np.isfinite(normals[..., 0]).sum(axis=0)
+    return SimpleNamespace(normals=normals, shading=np.full(normals.shape[:3], np.nan), observations=observations)
 
 
 @pytest.fixture(scope="module")

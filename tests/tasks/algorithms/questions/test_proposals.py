@@ -12,7 +12,7 @@ from glint.tasks.algorithms.labelling.results import FILLED, Reconstruction
 from glint.tasks.algorithms.questions.highlights import choose_highlight
 from glint.tasks.algorithms.questions.proposals import Question, propose
 from glint.tasks.algorithms.questions.sheets import cut_patches
-from tests.tasks.algorithms.labelling.test_reconstruction import Scene, pebble
+from tests.tasks.algorithms.labelling.test_reconstruction import Scene, clusters_of, pebble
 
 PATCH = np.s_[25:37, 20:32]
 
@@ -74,7 +74,7 @@ def test_proposals_are_few_distinct_and_in_order(scene: Scene, doubtful: Reconst
 
 def test_without_candidates_nothing_is_asked(scene: Scene, doubtful: Reconstruction) -> None:
     clusters, mask, _ = scene
-    empty = type(clusters)(normals=np.full_like(clusters.normals, np.nan), shading=clusters.shading)
+    empty = clusters_of(np.full_like(clusters.normals, np.nan))
     assert propose(empty, mask, doubtful, None, 5) == []
 
 
@@ -91,7 +91,7 @@ def test_the_highlight_lies_in_the_middle_at_the_frame_nearest_to_the_normal() -
     normals = np.full((1, 9, 9, 3), np.nan, np.float32)
     rows, columns = (index.ravel() for index in np.mgrid[2:7, 2:7])
     normals[0, rows, columns] = (0.0, 0.0, 1.0)
-    question = Question(np.zeros(25, int), rows, columns, True, 0.5, 1.0, 0.0)
+    question = Question(np.zeros(25, int), rows, columns, True, 0.5, 1.0)
     tilts = np.radians([8.0, 1.5, 0.5, np.nan, 0.2])
     half_vectors = np.stack([np.sin(tilts), 0 * tilts, np.cos(tilts)], axis=-1)
     levels = np.array([200, 200, 200, 200, 10])
