@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -9,7 +10,9 @@ from glint.storage.inputs.markup import AnnotationEntry
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.candidates.shading import without_shading
-from glint.tasks.algorithms.geometry.perspective import rotate_to_view
+from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view
+from glint.tasks.algorithms.labelling.alternation import Alternation
+from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
 from glint.tasks.algorithms.labelling.results import Reconstruction
 from glint.tasks.algorithms.questions.highlights import choose_highlight
 from glint.tasks.algorithms.questions.proposals import Question, propose
@@ -17,7 +20,7 @@ from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.clusters import faced, load_clusters
 from glint.tasks.stages.frames import open_frames
-from glint.tasks.stages.labels import reconstruct
+from glint.tasks.stages.labels import field_weights, graph_cut_weights, reconstruct
 from glint.tasks.stages.markup import faced_marks, half_vectors_at, track_entries
 
 
@@ -51,6 +54,7 @@ class CaptureQuestions:
         self._initial = work.load("silhouette").read("initial")
         self._half_vectors = work.load("lights").read("half_vectors")
         self._cache = open_frames(work)
+        self._settled: Alternation | None = None
         self._levels = lru_cache(maxsize=64)(self._read_levels)
 
     def marks(self, annotations: list[AnnotationEntry]) -> Marks | None:
@@ -58,19 +62,33 @@ class CaptureQuestions:
         marks = track_entries(self.work, annotations).marks
         return marks if len(marks.kind) else None
 
-    def label(self, marks: Marks | None, draft: bool = False) -> Reconstruction:
-        """Label the candidates with these marks; draft: at once, see `reconstruct_normals`."""
+    def label(self, marks: Marks | None) -> Reconstruction:
+        """Label the candidates with these marks."""
         parameters, view = self.work.parameters, self.geometry.view_vectors
         return reconstruct(
-            self.clusters,
-            self.mask,
-            self._initial,
-            marks,
-            parameters.labels,
-            parameters.silhouette,
-            view=view,
-            draft=draft,
+            self.clusters, self.mask, self._initial, marks, parameters.labels, parameters.silhouette, view=view
         )
+
+    def draft_normals(self, marks: Marks | None) -> np.ndarray:
+        """Return normals (H, W, 3) with these marks, at once: of a coarser field, and without confidence.
+
+        Labels that settled without marks are kept, and gone on from. The other methods than `sheets` take their time.
+        """
+        parameters, view = self.work.parameters, self.geometry.view_vectors
+        if parameters.labels.method != "sheets":
+            return self.label(marks).normals
+        clusters = without_shading(self.clusters)
+        if view is not None:
+            clusters, marks = faced(clusters, view), faced_marks(marks, view)
+        options: dict[str, Any] = {
+            "max_iterations": parameters.labels.rounds,
+            "graph_cut_weights": graph_cut_weights(parameters.labels),
+            "field_weights": field_weights(parameters.silhouette),
+        }
+        if self._settled is None:
+            self._settled = settle(clusters, self.mask, draft=True, **options)
+        normals = reconstruct_normals(clusters, self.mask, marks=marks, settled=self._settled, **options).normals
+        return normals if view is None else rotate_from_view(normals, view)
 
     def propose(self, result: Reconstruction, marks: Marks | None, count: int) -> list[ShownQuestion]:
         """Propose at most `count` questions that a frame shows, the most valuable first.

@@ -151,7 +151,7 @@ def _labelled(context: CaptureContext) -> Labelling:
     with session.lock:
         if marks not in session.labellings:
             start = monotonic()
-            normals = session.questions.label(session.questions.marks(list(marks)), draft=True).normals
+            normals = session.questions.draft_normals(session.questions.marks(list(marks)))
             change = np.nan_to_num(angles(normals, session.before))
             changed = change > CHANGED_DEG
             mean = float(change[changed].mean()) if changed.any() else 0.0

@@ -30,8 +30,9 @@ from glint.tasks.stages.markup import faced_marks, load_marks
 
 def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
     """Label the candidates: labels, normals, their provenance and confidence."""
+    clusters = load_clusters(inputs)
     result = reconstruct(
-        load_clusters(inputs),
+        clusters,
         inputs.load("mask").read("mask"),
         inputs.load("silhouette").read("initial"),
         load_marks(inputs),
@@ -40,8 +41,8 @@ def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
         view=load_geometry(inputs).view_vectors,
     )
     mask, half_vector_sd = inputs.load("mask"), inputs.load("lights").read("half_vector_sd")
-    doubt = _light_doubt(inputs, result)
-    camera = _camera_doubt(inputs, result)
+    doubt = _light_doubt(inputs, clusters, result.labels)
+    camera = _camera_doubt(inputs, clusters, result.labels)
     shared_sd = combined_error(
         [half_vector_sd, camera.half_vector_sd, np.full(half_vector_sd.shape, doubt.half_vector_sd)]
     )
@@ -67,25 +68,25 @@ def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
     )
 
 
-def _light_doubt(inputs: StageInputs, result: Reconstruction) -> LightDoubt:
+def _light_doubt(inputs: StageInputs, clusters: Clusters, labels: np.ndarray) -> LightDoubt:
     """Return the doubt about lights of an `.lp` file; those that the spheres show have the axes of the video."""
-    mask, clusters, view = inputs.load("mask").read("mask"), load_clusters(inputs), load_geometry(inputs).view_vectors
     if inputs.load("lights").record["source"] != FILE:
         return LightDoubt()
+    mask, view = inputs.load("mask").read("mask"), load_geometry(inputs).view_vectors
     candidates, expected = clusters.normals, inputs.load("silhouette").read("initial")
     if view is not None:
         candidates, expected = rotate_to_view(candidates, view), rotate_to_view(expected, view)
     inradius = float(ndimage.distance_transform_edt(np.pad(mask, 1)).max())
     observed = mask & (clusters.observations > 0)
-    return doubt_lights(light_evidence(candidates, result.labels, expected, observed, inradius))
+    return doubt_lights(light_evidence(candidates, labels, expected, observed, inradius))
 
 
-def _camera_doubt(inputs: StageInputs, result: Reconstruction) -> CameraDoubt:
+def _camera_doubt(inputs: StageInputs, clusters: Clusters, labels: np.ndarray) -> CameraDoubt:
     """Return the doubt about a camera without matrix that the spheres do not show."""
     record, mask = inputs.load("lights").record, inputs.load("mask").read("mask")
     if record["camera"] is None:
         return CameraDoubt(np.zeros(mask.shape, np.float32))
-    normals = accepted_normals(load_clusters(inputs).normals, result.labels)
+    normals = accepted_normals(clusters.normals, labels)
     return doubt_camera(load_geometry(inputs), record["camera"], normals, float(record["spheres_error"]))
 
 
@@ -108,20 +109,16 @@ def reconstruct(
     silhouette: SilhouetteParameters,
     expected: np.ndarray | None = None,
     view: np.ndarray | None = None,
-    draft: bool = False,
 ) -> Reconstruction:
     """Reconstruct the normals of one view by the method that `parameters` names.
 
     expected: normals (H, W, 3) of a model of all views, for the method `sheets`. view: view vectors (H, W, 3) under a
-    perspective camera; each pixel's normals are labelled as seen along its own ray. draft: of the method `sheets`, see
-    `reconstruct_normals`.
+    perspective camera; each pixel's normals are labelled as seen along its own ray.
     """
     if view is not None:
         expected = None if expected is None else rotate_to_view(expected, view)
         clusters, marks = faced(clusters, view), faced_marks(marks, view)
-        result = reconstruct(
-            clusters, mask, rotate_to_view(initial, view), marks, parameters, silhouette, expected, draft=draft
-        )
+        result = reconstruct(clusters, mask, rotate_to_view(initial, view), marks, parameters, silhouette, expected)
         return replace(
             result, normals=rotate_from_view(result.normals, view), initial=rotate_from_view(result.initial, view)
         )
@@ -142,9 +139,16 @@ def reconstruct(
         marks=marks,
         expected=expected,
         max_iterations=parameters.rounds,
-        graph_cut_weights=GraphCutWeights(
-            parameters.strength, parameters.contrast, parameters.prior, parameters.shape_weight
-        ),
-        field_weights=FieldWeights(rim=silhouette.rim_weight, tension_length=silhouette.tension_length),
-        draft=draft,
+        graph_cut_weights=graph_cut_weights(parameters),
+        field_weights=field_weights(silhouette),
     )
+
+
+def graph_cut_weights(parameters: LabelsParameters) -> GraphCutWeights:
+    """Return the weights of the graph cut that parameters give."""
+    return GraphCutWeights(parameters.strength, parameters.contrast, parameters.prior, parameters.shape_weight)
+
+
+def field_weights(silhouette: SilhouetteParameters) -> FieldWeights:
+    """Return the weights of the field that parameters give."""
+    return FieldWeights(rim=silhouette.rim_weight, tension_length=silhouette.tension_length)
