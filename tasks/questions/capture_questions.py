@@ -21,7 +21,7 @@ from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.clusters import faced, load_clusters
 from glint.tasks.stages.frames import open_frames
 from glint.tasks.stages.labels import field_weights, graph_cut_weights, reconstruct
-from glint.tasks.stages.markup import faced_marks, half_vectors_at, track_entries
+from glint.tasks.stages.markup import faced_marks, half_vectors_at, load_marks, track_entries
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +67,23 @@ class CaptureQuestions:
         parameters, view = self.work.parameters, self.geometry.view_vectors
         return reconstruct(
             self.clusters, self.mask, self._initial, marks, parameters.labels, parameters.silhouette, view=view
+        )
+
+    def stored_labels(self, marks: Marks | None) -> Reconstruction | None:
+        """Return the labelling that the last run stored if it knew the same marks; None: label anew."""
+        saved, known = self.work.load("labels"), load_marks(self.work) or Marks.empty()
+        same = all(
+            np.array_equal(getattr(known, name), getattr(marks or Marks.empty(), name)) for name in ("pixels", "kind")
+        )
+        if not same or "evidence" not in saved.arrays:
+            return None
+        return Reconstruction(
+            labels=saved.read("labels"),
+            normals=saved.read("normals"),
+            initial=self._initial,
+            provenance=saved.read("provenance"),
+            confidence=saved.read("evidence"),
+            iterations=(),
         )
 
     def draft_normals(self, marks: Marks | None) -> np.ndarray:

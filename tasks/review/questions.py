@@ -21,6 +21,7 @@ from glint.tasks.review.pictures import eight_bits
 from glint.tasks.review.stored import has_object, saved_records
 from glint.tasks.stages.capture_geometry import OBJECT
 from glint.tasks.stages.frames import open_frames
+from glint.tasks.stages.markup import load_marks
 
 COUNT = 10
 """Questions that are proposed at a time."""
@@ -50,10 +51,13 @@ class Labelling:
 
 @dataclass
 class _Session:
-    """A capture that is asked about. The lock is held while one request computes."""
+    """A capture that is asked about. The lock is held while one request computes.
+
+    before: normals (H, W, 3) of the draft with the marks of the last run.
+    """
 
     questions: CaptureQuestions
-    before: np.ndarray
+    before: np.ndarray | None = None
     lock: Lock = field(default_factory=Lock)
     proposals: dict[Marks, list[ShownQuestion]] = field(default_factory=dict)
     labellings: dict[Marks, Labelling] = field(default_factory=dict)
@@ -71,6 +75,7 @@ def questions(context: CaptureContext) -> dict[str, Any]:
     session, marks = _session(context), marks_of(context)
     with session.lock:
         shown = _proposed(session, marks)
+        _draft_before(session)  # so that the first answer need not wait for it
         return {
             "revision": _revision(context),
             "marks": [mark.model_dump() for mark in marks],
@@ -151,8 +156,9 @@ def _labelled(context: CaptureContext) -> Labelling:
     with session.lock:
         if marks not in session.labellings:
             start = monotonic()
+            before = _draft_before(session)
             normals = session.questions.draft_normals(session.questions.marks(list(marks)))
-            change = np.nan_to_num(angles(normals, session.before))
+            change = np.nan_to_num(angles(normals, before))
             changed = change > CHANGED_DEG
             mean = float(change[changed].mean()) if changed.any() else 0.0
             made = Labelling(normals, monotonic() - start, int(changed.sum()), mean)
@@ -160,10 +166,16 @@ def _labelled(context: CaptureContext) -> Labelling:
         return session.labellings[marks]
 
 
+def _draft_before(session: _Session) -> np.ndarray:
+    if session.before is None:
+        session.before = session.questions.draft_normals(load_marks(session.questions.work))
+    return session.before
+
+
 def _proposed(session: _Session, marks: Marks) -> list[ShownQuestion]:
     if marks not in session.proposals:
-        known = session.questions.marks(list(marks))
-        session.proposals = {marks: session.questions.propose(session.questions.label(known), known, COUNT)}
+        held, known = session.questions, session.questions.marks(list(marks))
+        session.proposals = {marks: held.propose(held.stored_labels(known) or held.label(known), known, COUNT)}
     return session.proposals[marks]
 
 
@@ -224,7 +236,7 @@ def _session(context: CaptureContext) -> _Session:
     with _sessions_lock:
         session = _sessions.pop(key, None)
         if session is None:
-            session = _Session(CaptureQuestions(context), context.load("labels").read("normals"))
+            session = _Session(CaptureQuestions(context))
         _sessions[key] = session
         while len(_sessions) > KEPT:
             del _sessions[next(iter(_sessions))]

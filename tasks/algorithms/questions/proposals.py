@@ -44,7 +44,7 @@ FIELD_NODES = 3_000
 """Grid nodes of the coarser field that predicts what hangs on a sheet."""
 PREDICTED = 24
 """Sheets whose effect on the field is solved for, chosen by their own change alone."""
-MIN_TURN_DEG = 10.0
+ASKED_TURN_DEG = 10.0
 """Angle of a rejected sheet to the present normals from which it is asked about, degrees: others change little."""
 SHARED_CHANGE = 0.5
 """Share of a sheet's change that also follows from a sheet proposed before, from which it is a near-duplicate."""
@@ -120,7 +120,7 @@ def propose(
     gain = np.where(exterior, REMOVAL_GAIN, 1.0)
     first = gain * wrong * rough_change(patches, normals, result, mask, scale)
     turn = patches.mean(angles(patches.of(normals), result.normals[patches.row, patches.column]))
-    first[answered | (~exterior & (turn < MIN_TURN_DEG))] = 0.0
+    first[answered | (~exterior & (turn < ASKED_TURN_DEG))] = 0.0
     chosen = np.lexsort((-first, (first <= 0) | (wrong < OPEN_PROBABILITY)))[: max(PREDICTED, 2 * count)]
     chosen = chosen[first[chosen] > 0]
     predict = _Prediction(mask, normals, result, patches, field_weights)
