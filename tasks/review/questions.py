@@ -27,7 +27,7 @@ COUNT = 10
 """Questions that are proposed at a time."""
 LOOP_FRAMES = 24
 """Frames that a loop shows before and after the question's own: two seconds at 24 frames per second."""
-WINDOW_PX = 96
+WINDOW_PX = 56
 """Pixels around a highlight that a loop shows, on each side."""
 KEPT = 2
 """Captures whose candidates a server keeps in memory."""

@@ -3,6 +3,7 @@
 const FRAMES_PER_SECOND = 24;
 const TINT = "#ffb02e";
 const PULSE_MS = 900;
+const RING_PX = 9;
 
 async function bitmap(address, signal) {
   const answer = await fetch(address, { signal });
@@ -83,6 +84,11 @@ export class Loop {
       context.fillStyle = TINT;
       for (const [x, y] of sheet) context.fillRect(x - loop.x, y - loop.y, 1, 1);
       context.globalAlpha = 1;
+      // A sheet may be no more than a few pixels: the ring shows where.
+      context.strokeStyle = TINT;
+      context.beginPath();
+      context.arc(this.question.x - loop.x + 0.5, this.question.y - loop.y + 0.5, RING_PX, 0, 2 * Math.PI);
+      context.stroke();
     }
     if (sphere) this.sphere.getContext("2d").drawImage(this.sphereStrip, 0, this.index * sphere.height, sphere.width, sphere.height, 0, 0, sphere.width, sphere.height);
     this.drawLight(this.question.lights[this.index]);

@@ -129,7 +129,7 @@ class QuestionsView {
       }
       this.index += 1;
       this.showQuestion();
-      await this.showChange();
+      this.showChange();
     } catch (error) {
       await this.refused(error);
     } finally {
@@ -155,7 +155,7 @@ class QuestionsView {
       this.revision = revision.number;
       this.index = last.index;
       this.showQuestion();
-      await this.showChange();
+      this.showChange();
     } catch (error) {
       await this.refused(error);
     } finally {
