@@ -70,6 +70,16 @@ class StoredCapture:
         return code_names(self._stage("labels").record.get("provenance"))
 
     @cached_property
+    def depth_provenance(self) -> np.ndarray:
+        """Codes (H, W) uint8 of where each depth comes from, named by `depth_provenance_names`; 0 outside the mask."""
+        return self._array("depth_provenance")
+
+    @cached_property
+    def depth_provenance_names(self) -> dict[int, str]:
+        """Names of these codes: integrated from normals, or extrapolated at the rim."""
+        return code_names(self._stage("depth").record.get("provenance"))
+
+    @cached_property
     def initial_normals(self) -> np.ndarray:
         """The smooth normals (H, W, 3) float32 that follow from the silhouette and the annotations alone."""
         return self._array("initial_normals")
@@ -131,7 +141,7 @@ class StoredCapture:
         """All figures of the capture: the content of an export's report.json."""
         stages = self._stages
         names = [name for name, (stage, array) in ARRAYS.items() if stage in stages and array in stages[stage].arrays]
-        used = {"mask", "depth", "confidence", "provenance", "reason"}
+        used = {"mask", "depth", "depth_provenance", "confidence", "provenance", "reason"}
         arrays = {name: self._array(name) for name in names if name in used}
         arrays["observed"] = self.observed if "observations" in names else np.zeros_like(self.mask)
         version = self._version

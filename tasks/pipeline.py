@@ -146,9 +146,9 @@ STAGES = (
         depth,
         parameters.DepthParameters,
         reads=("survey", "mask", "labels"),
-        arrays={"depth": ArraySchema("HW", "f", "mask")},
+        arrays={"depth": ArraySchema("HW", "f", "mask"), "provenance": ArraySchema("HW", "u")},
         peak_bytes=_per_pixel(250),
-        version=2,
+        version=3,
     ),
     Stage(
         "surface",

@@ -11,7 +11,7 @@ from distributed.scheduler import KilledWorker
 
 from glint.flows.errors import ClusterError
 from glint.flows.pipeline.prefect_sink import TaskRunReporter
-from glint.flows.runtime.dask_cluster import TERMINATED
+from glint.flows.runtime.dask_cluster import TERMINATED, WORKERS_SECONDS
 
 _ATTEMPTS = 3
 
@@ -61,26 +61,29 @@ def scatter_map[Task, Shared, Result](
 ) -> Iterator[Result]:
     """Apply a function to tasks on all workers, to which `shared` is sent once; yield results in the tasks' order.
 
-    When the last worker that holds `shared` dies, it is sent again for the remaining tasks.
+    When workers die to which `shared` was sent, or while it is sent, it is sent again for the remaining tasks.
 
     Raises:
         ClusterError: workers died repeatedly.
     """
     remaining, failures = list(tasks), 0
     while remaining:
-        scattered = client.scatter(shared, broadcast=True, hash=False)
-        futures = client.map(function, remaining, shared=scattered, pure=False, key=_key_prefix(capture, stage))
+        futures: list[Future] = []
         try:
+            scattered = _scattered(client, shared)
+            futures = client.map(function, remaining, shared=scattered, pure=False, key=_key_prefix(capture, stage))
             while futures:
                 result = futures[0].result()
                 futures.pop(0).release()
                 remaining.pop(0)
                 yield result
-        except (KilledWorker, FutureCancelledError) as error:
+        except (KilledWorker, FutureCancelledError, _NotSent) as error:
             failures += 1
+            if client.status == "running":
+                # Tasks that are left alone would go on, and kill the next workers.
+                client.cancel(futures, force=True)
             if failures == _ATTEMPTS or client.status != "running":
                 raise worker_died(f"{capture} {stage}") from error
-            client.cancel(futures, force=True)
 
 
 def worker_died(work: str) -> ClusterError:
@@ -89,6 +92,18 @@ def worker_died(work: str) -> ClusterError:
         f"{work}: the worker process died, and so did the next one (in most cases the system was out of memory)",
         "run again, it goes on from here; if it recurs use fewer --workers, or give a smaller region",
     )
+
+
+class _NotSent(Exception):
+    """No worker was there to take what is shared, or one died while it was sent."""
+
+
+def _scattered(client: Client, shared: object) -> Future:
+    try:
+        client.wait_for_workers(1, timeout=WORKERS_SECONDS)
+        return client.scatter(shared, broadcast=True, hash=False)
+    except OSError as error:
+        raise _NotSent from error
 
 
 def _key_prefix(capture: str, stages: str) -> str:

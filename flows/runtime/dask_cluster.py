@@ -69,6 +69,13 @@ SETTINGS = {
 WEBSOCKET_ORIGINS = "distributed.scheduler.dashboard.bokeh-application.allow_websocket_origin"
 """Setting of Dask: the origins whose pages may read its dashboard, all of them by default."""
 
+LOST_WORKER = "distributed.deploy.lost-worker-timeout"
+"""Setting of Dask: how long after the death of a worker its place in a local cluster is given up, 15 s by default.
+
+A replacement takes longer to start on a busy machine, and whoever dies again in that time is counted as absent all the
+while; the place would stay empty for the rest of the run.
+"""
+
 
 @dataclass
 class WarmUpPlugin(WorkerPlugin):
@@ -194,7 +201,7 @@ class Cluster:
     def _local(self) -> Client:
         dashboard = _free_address()
         dask.config.set(SETTINGS)
-        dask.config.set({WEBSOCKET_ORIGINS: [dashboard]})
+        dask.config.set({WEBSOCKET_ORIGINS: [dashboard], LOST_WORKER: "1 day"})
         self._cluster = LocalCluster(
             n_workers=self._workers,
             threads_per_worker=1,

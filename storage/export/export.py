@@ -13,10 +13,10 @@ from glint.storage.errors import StoreError
 from glint.storage.export.camera import camera_facts, camera_of
 from glint.storage.export.image_files import encode_normals, write_exr, write_png, write_tiff
 from glint.storage.export.mesh_files import with_asset_facts
-from glint.storage.export.object_page import PageCapture, capture_page_of, object_page, version_facts
+from glint.storage.export.object_page import PageCapture, capture_page_of, object_page, page_capture
 from glint.storage.export.replaced_folder import merge_into, output_errors, temporary_folder_beside
-from glint.storage.export.report import capture_report, code_names
-from glint.storage.export.stored_capture import entry_of, model_result, ordered_stages
+from glint.storage.export.report import code_names
+from glint.storage.export.stored_capture import entry_of, model_result
 from glint.storage.inputs.lp_file import write_lights
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository, Version
@@ -52,61 +52,47 @@ def export(location: Location, object_id: str, out: Path, version: str | None = 
     chosen = repository.version(version)
     model = model_result(repository, chosen)
     with output_errors(out, object_id), temporary_folder_beside(out) as content:
-        for capture in chosen.stages:
-            folder = content if capture == WHOLE_OBJECT else content / check_name(capture, "capture")
+        facts = {"object": object_id, "version": chosen.name}
+        for name in chosen.stages:
+            if name == WHOLE_OBJECT:
+                _write_files(_read_files(repository.load_capture(name, chosen.snapshot), facts), content, object_id)
+                continue
+            folder = content / check_name(name, "capture")
             folder.mkdir(exist_ok=True)
-            results = repository.load_capture(capture, chosen.snapshot)
-            stages = {stage: results[stage] for stage in ordered_stages(results, chosen)}
-            facts = {"object": object_id, "version": chosen.name}
-            if capture != WHOLE_OBJECT:
-                facts["capture"] = capture
-            stored = {
-                name: with_asset_facts(data, facts) if name.endswith(".glb") else data
-                for name, data in _read_files(stages).items()
-            }
-            if capture != WHOLE_OBJECT:
-                _write_capture(location, object_id, capture, chosen, stages, folder)
-                camera = camera_of(stages, entry_of(chosen, capture), model.record if model else None)
-                if camera is not None:
-                    _write_json(folder / "camera.json", camera_facts(camera))
-            _write_files(stored, folder, f"{object_id}/{capture}")
-        files = [path for path in content.rglob("*") if path.is_file()]
-        size = sum(path.stat().st_size for path in files)
+            capture = page_capture(repository, chosen, name)
+            files = _read_files(capture.stages, facts | {"capture": name})
+            _write_capture(location, chosen, capture, folder)
+            camera = camera_of(capture.stages, entry_of(chosen, name), model.record if model else None)
+            if camera is not None:
+                _write_json(folder / "camera.json", camera_facts(camera))
+            _write_files(files, folder, f"{object_id}/{name}")
+        sizes = [path.stat().st_size for path in content.rglob("*") if path.is_file()]
         merge_into(content, out, object_id, REPORT_FILE)
     captures = tuple(capture for capture in chosen.stages if capture != WHOLE_OBJECT)
-    return ExportRecord(object_id, chosen.name, chosen.snapshot, str(out), captures, len(files), size)
+    return ExportRecord(object_id, chosen.name, chosen.snapshot, str(out), captures, len(sizes), sum(sizes))
 
 
-def _write_capture(
-    location: Location,
-    object_id: str,
-    capture: str,
-    version: Version,
-    stages: Mapping[str, StageResult],
-    folder: Path,
-) -> None:
-    for stage in ("mask", "labels"):
-        if stage not in stages:
-            raise StoreError(f"{object_id}/{capture} has no {stage} in {version.name}", "run the object again")
-    arrays: dict[str, Any] = {"mask": stages["mask"].read("mask"), "normals": stages["labels"].read("normals")}
-    _write_normals(arrays["normals"], folder)
+def _write_capture(location: Location, version: Version, capture: PageCapture, folder: Path) -> None:
+    stages, arrays = capture.stages, capture.arrays
+    _write_normals(stages["labels"].read("normals"), folder)
     write_png(folder / "mask.png", arrays["mask"])
-    arrays["observed"] = _observed(stages, arrays["mask"])
     write_png(folder / "observed.png", arrays["observed"])
-    names = code_names(stages["labels"].record.get("provenance"))
-    _write_labels(stages["labels"], names, arrays, folder)
-    if _has(stages, "silhouette", "initial"):
+    for stage, name in (("labels", "provenance"), ("depth", "depth_provenance")):
+        if name in arrays:
+            names = code_names(stages[stage].record.get("provenance"))
+            write_png(folder / f"{name}.png", arrays[name])
+            _write_json(folder / f"{name}.json", {str(code): text for code, text in sorted(names.items())})
+    if "confidence" in arrays:
+        np.save(folder / "confidence.npy", arrays["confidence"])
+    if "silhouette" in stages and "initial" in stages["silhouette"].arrays:
         np.save(folder / "initial_normals.npy", stages["silhouette"].read("initial"))
-    if _has(stages, "depth", "depth"):
-        arrays["depth"] = stages["depth"].read("depth")
+    if "depth" in arrays:
         np.save(folder / "depth.npy", arrays["depth"])
         write_tiff(folder / "depth.tiff", arrays["depth"])
     if "lights" in stages:
-        arrays["reason"] = _write_lights(stages["lights"], folder)
-    report = capture_report(object_id, capture, version_facts(version), stages, arrays)
-    _write_json(folder / REPORT_FILE, report)
-    html = capture_page_of(location, version, PageCapture(capture, stages, report))
-    (folder / "report.html").write_text(html, encoding="utf-8")
+        _write_lights(stages["lights"], arrays["reason"], folder)
+    _write_json(folder / REPORT_FILE, capture.report)
+    (folder / "report.html").write_text(capture_page_of(location, version, capture), encoding="utf-8")
 
 
 def _write_normals(normals: np.ndarray, folder: Path) -> None:
@@ -115,20 +101,9 @@ def _write_normals(normals: np.ndarray, folder: Path) -> None:
     write_exr(folder / "normals.exr", normals)
 
 
-def _write_labels(labels: StageResult, names: dict[int, str], arrays: dict[str, Any], folder: Path) -> None:
-    for name in ("provenance", "confidence"):
-        if name in labels.arrays:
-            arrays[name] = labels.read(name)
-    if "provenance" in arrays:
-        write_png(folder / "provenance.png", arrays["provenance"])
-        _write_json(folder / "provenance.json", {str(code): name for code, name in sorted(names.items())})
-    if "confidence" in arrays:
-        np.save(folder / "confidence.npy", arrays["confidence"])
-
-
-def _write_lights(lights: StageResult, folder: Path) -> np.ndarray:
-    """Write half_vectors.npy, lights.lp and frames.csv; return the frames' reason codes (T,)."""
-    reason, directions = lights.read("reason"), lights.read("lights")
+def _write_lights(lights: StageResult, reason: np.ndarray, folder: Path) -> None:
+    """Write half_vectors.npy, lights.lp and frames.csv; reason: the frames' codes (T,)."""
+    directions = lights.read("lights")
     np.save(folder / "half_vectors.npy", lights.read("half_vectors"))
     accepted = np.flatnonzero(reason == 0)
     digits = max(6, len(str(len(reason) - 1)))
@@ -141,24 +116,17 @@ def _write_lights(lights: StageResult, folder: Path) -> np.ndarray:
             table.writerow(
                 (frame, "true" if code == 0 else "false", "" if code == 0 else names.get(code, f"code {code}"))
             )
-    return reason
 
 
-def _observed(stages: Mapping[str, StageResult], mask: np.ndarray) -> np.ndarray:
-    """Return the object's pixels (H, W) at which a highlight was observed at least once."""
-    if not _has(stages, "clusters", "observations"):
-        return np.zeros_like(mask)
-    return np.asarray((stages["clusters"].read("observations") > 0) & mask)
-
-
-def _read_files(stages: Mapping[str, StageResult]) -> dict[str, bytes]:
-    """Return the content of the stages' files by name."""
+def _read_files(stages: Mapping[str, StageResult], facts: Mapping[str, str]) -> dict[str, bytes]:
+    """Return the content of the stages' files by name; a GLB names the object, version and capture in `facts`."""
     files: dict[str, bytes] = {}
     for result in stages.values():
         for name in result.files:
             if check_file_name(name, result.name) in files:
                 raise _duplicate_error(result.name, name)
-            files[name] = result.read_file(name)
+            data = result.read_file(name)
+            files[name] = with_asset_facts(data, facts) if name.endswith(".glb") else data
     return files
 
 
@@ -171,10 +139,6 @@ def _write_files(files: Mapping[str, bytes], folder: Path, owner: str) -> None:
 
 def _duplicate_error(owner: str, name: str) -> StoreError:
     return StoreError(f"{owner} names a file {name!r} twice", "run the object again")
-
-
-def _has(stages: Mapping[str, StageResult], stage: str, array: str) -> bool:
-    return stage in stages and array in stages[stage].arrays
 
 
 def export_page(location: Location, object_id: str, out: Path, version: str | None = None) -> ExportRecord:

@@ -10,7 +10,7 @@ from glint.storage.errors import StoreError
 from glint.storage.export.page.capture_data import CaptureData, Detail, capture_data
 from glint.storage.export.page.mesh_packing import pack_mesh
 from glint.storage.export.page.page import MAX_DATA_BYTES, PageContent, page
-from glint.storage.export.report import capture_report
+from glint.storage.export.report import capture_report, report_arrays
 from glint.storage.export.stored_capture import entry_of, mesh_of, ordered_stages
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository, Version
@@ -29,10 +29,11 @@ MODEL_FIGURES = {
 
 @dataclass(frozen=True, slots=True)
 class PageCapture:
-    """A capture of a page: its stages in the order in which they ran, and its report."""
+    """A capture of a page: its stages in the order in which they ran, the arrays of its report, and the report."""
 
     name: str
     stages: Mapping[str, StageResult]
+    arrays: Mapping[str, np.ndarray]
     report: Mapping[str, Any]
 
 
@@ -98,15 +99,9 @@ def page_capture(repository: ObjectRepository, version: Version, name: str) -> P
     for stage in ("mask", "labels"):
         if stage not in stages:
             raise StoreError(f"{repository.object_id}/{name} has no {stage} in {version.name}", "run the object again")
-    arrays: dict[str, Any] = {"mask": stages["mask"].read("mask")}
-    for stage, array in (("labels", "confidence"), ("labels", "provenance"), ("depth", "depth"), ("lights", "reason")):
-        if stage in stages and array in stages[stage].arrays:
-            arrays[array] = stages[stage].read(array)
-    arrays["observed"] = np.zeros_like(arrays["mask"])
-    if "clusters" in stages and "observations" in stages["clusters"].arrays:
-        arrays["observed"] = (stages["clusters"].read("observations") > 0) & arrays["mask"]
+    arrays = report_arrays(stages)
     report = capture_report(repository.object_id, name, version_facts(version), stages, arrays)
-    return PageCapture(name, stages, report)
+    return PageCapture(name, stages, arrays, report)
 
 
 def version_facts(version: Version) -> dict[str, Any]:

@@ -2,8 +2,8 @@
 
 Records of stages may hold, each under its name: `parameters`, `seconds`, `counts`, `versions`, `inputs` (digests),
 `warnings` ({message, cause, cost_deg}), `region` {x, y, width, height}, `frame_size` [width, height], `unit` and
-`pixel_size` of depth, `coverage`, `reasons` (words of the lights' codes) and `provenance` (names of the labels' codes).
-All are optional; the whole records are kept under `stages` too. `page` shows the report.
+`pixel_size` of depth, `coverage`, `reasons` (words of the lights' codes) and `provenance` (names of the codes of labels
+and depth). All are optional; the whole records are kept under `stages` too. `page` shows the report.
 """
 
 from collections.abc import Iterable, Mapping
@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from glint.storage.export.stored_capture import ARRAYS
 from glint.storage.versions.stage_results import StageResult
 
 DEPTH_DIRECTION = "towards the camera"
@@ -26,6 +27,23 @@ def code_names(codes: Any) -> dict[int, str]:
     return {code: str(name) for code, name in enumerate(codes or ())}
 
 
+def report_arrays(stages: Mapping[str, StageResult]) -> dict[str, np.ndarray]:
+    """Read the arrays of a capture's report: its mask and, as far as they exist, those that `capture_report` names.
+
+    Raises:
+        StoreError: one is damaged.
+    """
+    arrays = {"mask": stages["mask"].read("mask")}
+    for name in ("confidence", "provenance", "depth", "depth_provenance", "reason"):
+        stage, array = ARRAYS[name]
+        if stage in stages and array in stages[stage].arrays:
+            arrays[name] = stages[stage].read(array)
+    arrays["observed"] = np.zeros_like(arrays["mask"])
+    if "clusters" in stages and "observations" in stages["clusters"].arrays:
+        arrays["observed"] = (stages["clusters"].read("observations") > 0) & arrays["mask"]
+    return arrays
+
+
 def capture_report(
     object_id: str,
     capture: str,
@@ -36,8 +54,8 @@ def capture_report(
     """Return all figures of a capture as plain JSON.
 
     version: name, snapshot, time and metadata of the version.
-    arrays: mask and observed (H, W) bool, and as far as they exist depth, confidence (H, W) float32, provenance (H, W)
-    uint8 and reason (T,) uint8.
+    arrays: mask and observed (H, W) bool, and as far as they exist depth, confidence (H, W) float32, provenance,
+    depth_provenance (H, W) uint8 and reason (T,) uint8.
     """
     records = {stage: result.record for stage, result in results.items()}
     unit = _first(records, "unit") or "pixels"
@@ -85,11 +103,12 @@ def _recorded(metadata: Mapping[str, Any], capture: str) -> Mapping[str, Any]:
 def _counts(arrays: Mapping[str, Any], records: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     mask = arrays["mask"]
     counts: dict[str, Any] = {"pixels": int(mask.sum()), "observed_pixels": int(arrays["observed"].sum())}
-    if "provenance" in arrays:
-        names = code_names(records.get("labels", {}).get("provenance"))
-        codes, numbers = np.unique(arrays["provenance"][mask], return_counts=True)
-        pairs = zip(codes.tolist(), numbers.tolist(), strict=True)
-        counts["provenance"] = {names.get(code, f"code {code}"): number for code, number in pairs}
+    for stage, name in (("labels", "provenance"), ("depth", "depth_provenance")):
+        if name in arrays:
+            names = code_names(records.get(stage, {}).get("provenance"))
+            codes, numbers = np.unique(arrays[name][mask], return_counts=True)
+            pairs = zip(codes.tolist(), numbers.tolist(), strict=True)
+            counts[name] = {names.get(code, f"code {code}"): number for code, number in pairs}
     if "reason" in arrays:
         names = code_names(records.get("lights", {}).get("reasons"))
         codes, numbers = np.unique(arrays["reason"], return_counts=True)

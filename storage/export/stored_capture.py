@@ -19,6 +19,7 @@ ARRAYS = {
     "provenance": ("labels", "provenance"),
     "initial_normals": ("silhouette", "initial"),
     "depth": ("depth", "depth"),
+    "depth_provenance": ("depth", "provenance"),
     "lights": ("lights", "lights"),
     "half_vectors": ("lights", "half_vectors"),
     "reason": ("lights", "reason"),

@@ -49,6 +49,11 @@ class LumaConverter:
         return luma if self._rotation is None else cv2.rotate(luma, self._rotation)
 
 
+def eight_bits(luma: np.ndarray) -> np.ndarray:
+    """Return luma (..) of 8 or 16 bits as uint8."""
+    return luma if luma.dtype == np.uint8 else (luma // 257).astype(np.uint8)
+
+
 def _has_luma_plane(pixels: Any) -> bool:
     """Return whether the first plane holds only luma or grey, little endian: planar yuv, nv12, gray."""
     name = pixels.name

@@ -8,6 +8,7 @@ import numpy as np
 
 from glint.storage.catalogue.loading import Region
 from glint.storage.export.image_files import write_png
+from glint.storage.footage.luma import eight_bits
 from glint.tasks.algorithms.lighting.coverage import coverage
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.figures.coverage_map import draw_coverage
@@ -40,8 +41,8 @@ def write_check_pictures(
     pictures = {
         "coverage": draw_coverage(coverage(half_vectors), half_vectors),
         "overview": draw_overview(first_frame, region, spheres, mask, doubt),
-        "frame": _eight_bits(first_frame),
-        "brightest": _placed(_eight_bits(peak), region, _eight_bits(first_frame)),
+        "frame": eight_bits(first_frame),
+        "brightest": _placed(eight_bits(peak), region, eight_bits(first_frame)),
         "mask": _placed(mask.astype(np.uint8) * 255, region, np.zeros(first_frame.shape, np.uint8)),
     }
     for frame, picture in keyframe_pictures.items():
@@ -72,7 +73,7 @@ def draw_overview(
 
     The silhouette is red where its doubt (H, W) of the region is at least DOUBTFUL.
     """
-    picture = cv2.cvtColor(_eight_bits(frame), cv2.COLOR_GRAY2RGB)
+    picture = cv2.cvtColor(eight_bits(frame), cv2.COLOR_GRAY2RGB)
     corner = (region.x + region.width - 1, region.y + region.height - 1)
     cv2.rectangle(picture, (region.x, region.y), corner, REGION_RGB, 1)
     if mask is not None and doubt is not None:
@@ -90,10 +91,6 @@ def _draw_silhouette(picture: np.ndarray, region: Region, mask: np.ndarray, doub
     inside = picture[region.rows, region.columns]
     rim = (cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)) > 0) & mask
     inside[rim & (doubt >= DOUBTFUL)] = DOUBT_RGB
-
-
-def _eight_bits(image: np.ndarray) -> np.ndarray:
-    return image if image.dtype == np.uint8 else (image // 257).astype(np.uint8)
 
 
 def _placed(image: np.ndarray, region: Region, frame: np.ndarray) -> np.ndarray:

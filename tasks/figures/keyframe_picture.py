@@ -3,6 +3,8 @@
 import cv2
 import numpy as np
 
+from glint.storage.footage.luma import eight_bits
+
 GRID_PX, LABELLED_GRID_PX = 10, 50
 """Pixels between the lines of the grid, and between those that are numbered."""
 TITLE_PX, LABEL_PX = 26, 46
@@ -23,8 +25,7 @@ def draw_keyframe(frame: np.ndarray, number: int, left: int, top: int, width: in
         width: approximate width in pixels of the enlarged region.
     """
     zoom = max(2, round(width / frame.shape[1]))
-    grey = frame if frame.dtype == np.uint8 else (frame // 257).astype(np.uint8)
-    enlarged = cv2.resize(grey, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_NEAREST)
+    enlarged = cv2.resize(eight_bits(frame), None, fx=zoom, fy=zoom, interpolation=cv2.INTER_NEAREST)
     picture = cv2.cvtColor(enlarged, cv2.COLOR_GRAY2RGB)
     _draw_grid(picture, frame.shape, left, top, zoom)
     # The picture's first row lies below the title's line and the numbers of the columns.

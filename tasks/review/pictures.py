@@ -11,6 +11,7 @@ import numpy as np
 
 from glint.storage.errors import InputError
 from glint.storage.export.image_files import encode_png
+from glint.storage.footage.luma import eight_bits
 from glint.storage.footage.source import open_footage
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.review.stored import saved_records
@@ -119,8 +120,3 @@ def _address(context: CaptureContext) -> str:
     address = context.file("frames")
     assert address is not None
     return address
-
-
-def eight_bits(image: np.ndarray) -> np.ndarray:
-    """Return levels (H, W) uint8 of an image of 8 or 16 bits."""
-    return image if image.dtype == np.uint8 else (image // 257).astype(np.uint8)

@@ -6,6 +6,7 @@ import numpy as np
 
 from glint.storage.catalogue.loading import Capture
 from glint.storage.export.image_files import write_png
+from glint.storage.footage.luma import eight_bits
 from glint.storage.footage.source import open_footage
 from glint.storage.footage.writer import write_video
 from glint.storage.inputs.lp_file import write_lights
@@ -74,7 +75,7 @@ def write_perturbed(entry: Capture, name: str, perturbation: Perturbation, folde
 def _write_frames(entry: Capture, change: VideoChange, folder: Path) -> str:
     """Write the changed frames of a capture: a video as a video, images as images; return their address."""
     with open_footage(entry.frames) as footage:
-        frames = [_as_8_bit(frame) for frame in footage.frames()]
+        frames = [eight_bits(frame) for frame in footage.frames()]
         pictures = changed_frames(frames, change, entry.spheres, np.random.default_rng(SEED))
         if not footage.names:
             write_video(folder / "video.mp4", pictures, footage.width, footage.height, FRAME_RATE, change.crf)
@@ -82,7 +83,3 @@ def _write_frames(entry: Capture, change: VideoChange, folder: Path) -> str:
         for number, picture in enumerate(pictures):
             write_png(folder / f"frame_{number:06d}.png", picture)
     return str(folder / "frame_*.png")
-
-
-def _as_8_bit(frame: np.ndarray) -> np.ndarray:
-    return frame if frame.dtype == np.uint8 else (frame // 257).astype(np.uint8)

@@ -4,10 +4,15 @@ import numpy as np
 
 from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.integration.rim import with_rim
+from glint.tasks.algorithms.labelling.results import OUTSIDE
 from glint.tasks.engine.parameters import DepthParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.stages.capture_geometry import load_geometry
+
+DEPTH_PROVENANCE = "outside", "integrated", "extrapolated"
+"""Names of the codes of where a depth comes from: from the normals, or at the rim from the depth inside it."""
+INTEGRATED, EXTRAPOLATED = 1, 2
 
 
 def depth(inputs: StageInputs, progress: Progress) -> StageOutput:
@@ -31,10 +36,12 @@ def depth(inputs: StageInputs, progress: Progress) -> StageOutput:
     distance = None if camera is None else pixel_size * float(np.sqrt(camera[0, 0] * camera[1, 1]))
     height = result.depth if distance is None else result.height(distance) / np.float32(pixel_size)
     # Normals beside the contour are those of the contour, not of pixel centres: the heights inside say more.
-    towards_camera = with_rim(height, mask) * pixel_size
+    towards_camera, extrapolated = with_rim(height, mask)
+    provenance = np.where(mask, np.where(extrapolated, EXTRAPOLATED, INTEGRATED), OUTSIDE).astype(np.uint8)
     return StageOutput(
-        arrays={"depth": towards_camera.astype(np.float32)},
+        arrays={"depth": (towards_camera * pixel_size).astype(np.float32), "provenance": provenance},
         record={
+            "provenance": list(DEPTH_PROVENANCE),
             "unit": geometry.unit,
             "pixel_size": geometry.pixel_size,
             "distance": distance,

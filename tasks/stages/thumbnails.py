@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 import cv2
 import numpy as np
 
+from glint.storage.footage.luma import eight_bits
 from glint.storage.footage.source import Footage
 from glint.storage.footage.wrapper import FootageWrapper
 
@@ -59,4 +60,4 @@ def _thumbnail(frame: np.ndarray) -> np.ndarray:
     height, width = frame.shape
     size = (min(THUMBNAIL_PX, width), max(1, round(min(THUMBNAIL_PX, width) * height / width)))
     small = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
-    return small if small.dtype == np.uint8 else (small // 257).astype(np.uint8)
+    return eight_bits(small)

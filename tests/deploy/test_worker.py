@@ -60,6 +60,7 @@ def test_a_worker_follows_a_server_with_another_password(tmp_path: Path, monkeyp
 
 
 @pytest.mark.server
+@pytest.mark.slow
 def test_what_deploy_prints_works_as_printed(server: Server, glint_home: Path, tmp_path: Path) -> None:
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT_")}
     environment |= {"GLINT_HOME": str(glint_home), "GLINT_STORE": str(tmp_path / "store")}

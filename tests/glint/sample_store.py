@@ -78,14 +78,19 @@ def save_sphere(
     arrays["mask"] = {"mask": mask}
     arrays["labels"] |= {"normals": normals, "confidence": confidence, "provenance": mask.astype(np.uint8)}
     arrays["silhouette"] = {"rim": mask, "initial": normals}
-    arrays["depth"] = {"depth": depth}
+    arrays["depth"] = {"depth": depth, "provenance": mask.astype(np.uint8)}
     unit, pixel_size = ("mm", 0.5) if scale_known else ("pixels", None)
     survey = {"frame_size": FRAME, "region": REGION, "unit": unit, "pixel_size": pixel_size}
     if camera_recorded:
         survey["camera"] = matrix
     records: dict[str, dict[str, Any]] = {
         "survey": survey,
-        "depth": {"unit": unit, "pixel_size": pixel_size, "distance": distance},
+        "depth": {
+            "unit": unit,
+            "pixel_size": pixel_size,
+            "distance": distance,
+            "provenance": ("outside", "integrated"),
+        },
         "labels": {"provenance": PROVENANCE},
         "lights": {"reasons": REASONS},
         "surface": {"unit": unit},

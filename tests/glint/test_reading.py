@@ -73,6 +73,8 @@ def test_arrays_are_those_stored(store: Path, tmp_path: Path) -> None:
         np.testing.assert_array_equal(getattr(capture, name), saved[name])
     np.testing.assert_array_equal(capture.accepted, saved["reason"] == 0)
     np.testing.assert_array_equal(capture.provenance, saved["mask"])
+    np.testing.assert_array_equal(capture.depth_provenance, saved["mask"])
+    assert capture.depth_provenance_names[1] == "integrated"
     np.testing.assert_array_equal(capture.initial_normals, saved["normals"])
     assert capture.provenance_names[1] == "observed" and (capture.observed <= capture.mask).all()
     assert (capture.region.x, capture.region.width, capture.region.rows) == (12, 40, slice(6, 42))

@@ -88,7 +88,10 @@ def capture_arrays(seed: int = 0, height: int = 12, width: int = 16, frames: int
             "provenance": np.where(mask, np.where(observations > 0, 1, 4), 0).astype(np.uint8),
             "confidence": confidence,
         },
-        "depth": {"depth": np.where(mask, random.normal(size=mask.shape), np.nan).astype(np.float32)},
+        "depth": {
+            "depth": np.where(mask, random.normal(size=mask.shape), np.nan).astype(np.float32),
+            "provenance": mask.astype(np.uint8),
+        },
         "surface": {},
     }
 

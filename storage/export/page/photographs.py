@@ -8,6 +8,7 @@ import numpy as np
 
 from glint.storage.errors import StoreError
 from glint.storage.export.page.packing import Part
+from glint.storage.footage.luma import eight_bits
 from glint.storage.frames.cache import FrameCache
 from glint.storage.locations.location import Location
 from glint.storage.versions.stage_results import StageResult
@@ -40,14 +41,15 @@ def photographs(
     stored = stages["frames"]
     for label, array in (("maximum", "peak"), ("median", "background")):
         if array in stored.arrays:
-            yield Photograph(label, encode_jpeg(_eight_bits(stored.read(array)), scale))
+            yield Photograph(label, encode_jpeg(eight_bits(stored.read(array)), scale))
     if "lights" not in stages or "cache" not in stored.record:
         return
     lights = stages["lights"].read("lights")
     try:
+        cache = FrameCache.open(location, str(stored.record["cache"]))
         for frame in spread_frames(lights, n_frames):
             x, y, z = (round(float(part), 5) for part in lights[frame])
-            yield Photograph("frame", frame_photograph(location, stored, frame, scale), frame, (x, y, z))
+            yield Photograph("frame", _cached_photograph(cache, frame, scale), frame, (x, y, z))
     except StoreError:
         # A cache may be evicted or damaged at any time; it is rebuilt by the next run, the page does without.
         return
@@ -61,10 +63,13 @@ def frame_photograph(location: Location, frames: StageResult, frame: int, scale:
     Raises:
         StoreError: the frame is not cached, or no longer.
     """
-    cache = FrameCache.open(location, str(frames.record["cache"]))
+    return _cached_photograph(FrameCache.open(location, str(frames.record["cache"])), frame, scale)
+
+
+def _cached_photograph(cache: FrameCache, frame: int, scale: float) -> Part:
     if not 0 <= frame < cache.frames:
         raise StoreError(f"frame {frame} is not cached", "run again: the frames are read from the video anew")
-    return encode_jpeg(_eight_bits(cache.read(OBJECT_CROP, slice(frame, frame + 1))[0]), scale)
+    return encode_jpeg(eight_bits(cache.read(OBJECT_CROP, slice(frame, frame + 1))[0]), scale)
 
 
 def spread_frames(lights: np.ndarray, count: int) -> list[int]:
@@ -97,7 +102,3 @@ def encode_jpeg(picture: np.ndarray, scale: float = 1.0) -> Part:
     if not is_encoded:
         raise StoreError(f"a picture of shape {picture.shape} cannot be encoded", "give a picture that is not empty")
     return Part("image/jpeg", picture.shape, data.tobytes())
-
-
-def _eight_bits(picture: np.ndarray) -> np.ndarray:
-    return picture if picture.dtype == np.uint8 else (picture // 257).astype(np.uint8)

@@ -100,7 +100,7 @@ def integrate(
     weight, filled = _weighted_normals(normals[window], inner, inner_confidence)
     if camera is not None:
         camera = np.array(camera, float) - [[0, 0, window[1].start], [0, 0, window[0].start], [0, 0, 0]]
-    edges = grid_edges(filled, inner, weight, camera, least_cosines(mask)[window])
+    edges = grid_edges(filled, inner, weight, camera, least_cosines(inner))
     if method == "bilateral":
         height, rounds, converged = robust(edges, inner, sharpness, max_rounds, tolerance)
         energy = misfit_energy(edges, height, sharpness)

@@ -85,12 +85,17 @@ def contour_heights(height: np.ndarray, mask: np.ndarray, contour: Contour) -> t
     return level[0], level[1]
 
 
-def with_rim(height: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Return a height (H, W) whose rim follows from the heights inside it, see `contour_heights`."""
+def with_rim(height: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Extrapolate the rim of a height (H, W) from the heights inside it, see `contour_heights`.
+
+    Returns:
+        The height (H, W), and which of its pixels are extrapolated, (H, W) bool.
+    """
     contour = contour_of(mask)
     level, rise = contour_heights(height, mask, contour)
     extrapolated = level + rise * np.sqrt(np.maximum(contour.distance, 0.0))
-    return np.where(np.isfinite(extrapolated), extrapolated, height)
+    replaced = np.isfinite(extrapolated)
+    return np.where(replaced, extrapolated, height), replaced
 
 
 def _sampled(image: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:

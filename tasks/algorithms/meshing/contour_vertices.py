@@ -6,7 +6,7 @@ move to the contour, and down to its height.
 
 import numpy as np
 
-from glint.tasks.algorithms.integration.rim import RIM_PX, contour_heights, contour_of
+from glint.tasks.algorithms.integration.rim import RIM_PX, Contour, contour_heights
 
 
 def boundary_vertices(triangles: np.ndarray) -> np.ndarray:
@@ -17,19 +17,19 @@ def boundary_vertices(triangles: np.ndarray) -> np.ndarray:
 
 
 def moves_to_contour(
-    mask: np.ndarray, height: np.ndarray, vertices: np.ndarray
+    height: np.ndarray, mask: np.ndarray, contour: Contour, vertices: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Compute how boundary vertices move to the contour.
 
     Args:
-        mask: (H, W) bool.
         height: (H, W) towards the camera, in pixels.
+        mask: (H, W) bool.
+        contour: of the mask.
         vertices: (N,) flat numbers of pixels; those inside the rim, on steps of the surface, stay.
 
     Returns:
         Moves right, down and towards the camera, (N,) float64 in pixels.
     """
-    contour = contour_of(mask)
     level, _ = contour_heights(height, mask, contour)
     rows, columns = np.divmod(vertices, mask.shape[1])
     distance, lift = contour.distance[rows, columns], level[rows, columns] - height[rows, columns]

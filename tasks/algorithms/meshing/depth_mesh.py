@@ -17,7 +17,7 @@ from trimesh.visual.material import PBRMaterial
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
 from glint.tasks.algorithms.integration.edges import focal_length, grid_edges
-from glint.tasks.algorithms.integration.rim import MIN_COSINE, RIM_PX, contour_of, inner_radius
+from glint.tasks.algorithms.integration.rim import MIN_COSINE, RIM_PX, Contour, contour_of, inner_radius
 from glint.tasks.algorithms.meshing.contour_vertices import boundary_vertices, moves_to_contour
 
 MAX_STEP_PX = 1.0
@@ -90,23 +90,23 @@ def mesh_from_depth(
         raise ValueError(f"depth {depth.shape}, mask {mask.shape} and normals {normals.shape} do not agree")
     used = np.asarray(mask, bool) & np.isfinite(depth)
     local = None if camera is None else np.array(camera, float) - [[0, 0, origin[0]], [0, 0, origin[1]], [0, 0, 0]]
-    triangles = _triangles(used, _surface_edges(depth, used, normals, local, max_step, max_slope), depth)
+    height, contour = _height(depth, used, local), contour_of(used)
+    triangles = _triangles(used, _surface_edges(height, used, contour, normals, local, max_step, max_slope), depth)
     if not len(triangles):
         raise UnusableCapture("the depth holds no triangle", "the mask must be at least two pixels wide somewhere")
 
     # Renumber the vertices that triangles use.
     kept, compact = np.unique(triangles, return_inverse=True)
     compact = compact.reshape(-1, 3).astype(np.int32)
-    height, width = depth.shape
-    rows, columns = (index.astype(float) for index in np.divmod(kept, width))
+    rows, columns = (index.astype(float) for index in np.divmod(kept, depth.shape[1]))
     distance = depth.reshape(-1)[kept].astype(float)
     boundary = boundary_vertices(compact)
-    right, down, closer = moves_to_contour(used, _height(depth, used, local), kept[boundary])
+    right, down, closer = moves_to_contour(height, used, contour, kept[boundary])
     columns[boundary] += right
     rows[boundary] += down
     if local is None:
         distance[boundary] += closer
-        x, y = to_camera(columns + origin[0], rows + origin[1], *(frame or (width, height)))
+        x, y = to_camera(columns + origin[0], rows + origin[1], *(frame or depth.shape[::-1]))
         points = np.stack([x, y, distance], axis=-1) * pixel_size
     else:
         distance[boundary] *= np.exp(-closer / focal_length(local))
@@ -155,8 +155,9 @@ def _trimesh(surface: Surface) -> trimesh.Trimesh:
 
 
 def _surface_edges(
-    depth: np.ndarray,
+    height: np.ndarray,
     used: np.ndarray,
+    contour: Contour,
     normals: np.ndarray,
     camera: np.ndarray | None,
     max_step: float,
@@ -168,8 +169,7 @@ def _surface_edges(
     """
     known = np.isfinite(normals).all(axis=-1)
     edges = grid_edges(np.where(known[..., None], normals, 0.0), used, known.astype(float), camera, MIN_COSINE)
-    height = _height(depth, used, camera)
-    tested = known & (contour_of(used).distance >= RIM_PX)
+    tested = known & (contour.distance >= RIM_PX)
     steepest = max(max_slope, float(np.sqrt(2.0 * inner_radius(used))))
     kept = np.zeros(edges.inside.shape, bool)
     for axis in range(2):

@@ -59,6 +59,7 @@ def home(tmp_path: Path) -> Iterator[Path]:
 
 
 @pytest.mark.server
+@pytest.mark.slow
 def test_degraded_captures_are_evaluated_from_the_command_line(tmp_path: Path, home: Path) -> None:
     """The command as it is, on one shape and one defect."""
     few = {"perspective": FEW["perspective"]}

@@ -67,6 +67,7 @@ def test_a_run_from_video_to_files(place: Path, home: Path) -> None:
     assert "hemisphere" in glint("status", folder=place, home=home).stdout
 
 
+@pytest.mark.slow
 def test_rollback_brings_an_old_version_back(place: Path, home: Path) -> None:
     catalogue = load(place / "catalogue.yaml")
     changed = catalogue.model_copy(update={"parameters": {"depth": {"method": "least-squares"}}})
@@ -80,6 +81,7 @@ def test_rollback_brings_an_old_version_back(place: Path, home: Path) -> None:
     assert [version["version"] for version in versions] == ["v1", "v2", "v3"]
 
 
+@pytest.mark.slow
 def test_damage_is_named_and_repaired(place: Path, home: Path) -> None:
     words = ("--store", "hurt")
     glint("run", "catalogue.yaml", "--only", "hemisphere/front", *words, folder=place, home=home)
@@ -105,6 +107,7 @@ def test_damage_is_named_and_repaired(place: Path, home: Path) -> None:
     assert "all is whole" in glint("verify", *words, folder=place, home=home).stdout
 
 
+@pytest.mark.slow
 def test_an_object_of_another_catalogue_is_refused_unless_adopted(place: Path, home: Path) -> None:
     words = ("--only", "hemisphere/front", "--store", "shared")
     glint("run", "catalogue.yaml", *words, folder=place, home=home)

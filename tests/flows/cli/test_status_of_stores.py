@@ -35,7 +35,8 @@ def read_only(store: Location, tmp_path: Path) -> Iterator[Path]:
         pytest.skip("mounting a store read-only needs root")
     subprocess.run(["mount", "-o", "remount,ro,bind", str(place)], check=True)
     yield place
-    subprocess.run(["umount", place], check=True)
+    # Detached at once, since threads of the store may still hold files of it open.
+    subprocess.run(["umount", "--lazy", place], check=True)
 
 
 @pytest.mark.parametrize("damage", ["truncated", "garbage", "removed", "foreign"])

@@ -1,6 +1,7 @@
 """Waiting for work on workers: results, errors of any kind, and the death of workers."""
 
 import os
+import signal
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -28,6 +29,10 @@ def late() -> None:
 
 def die(task: Any = None, shared: Any = None) -> None:
     os._exit(1)
+
+
+def times(number: int, shared: int) -> int:
+    return number * shared
 
 
 def die_once(number: int, shared: str) -> int:
@@ -64,4 +69,22 @@ def test_work_that_kills_its_workers_is_explained(cluster: Cluster) -> None:
 def test_what_dead_workers_held_is_sent_again(cluster: Cluster, tmp_path: Path) -> None:
     found = list(scatter_map(cluster.client, "glass/front", "clusters", die_once, range(8), str(tmp_path)))
     assert found == [number**2 for number in range(8)]
+    cluster.client.wait_for_workers(2, timeout=240)
+
+
+def test_work_is_sent_while_all_workers_are_replaced(cluster: Cluster) -> None:
+    for process in cluster.client.run(os.getpid).values():
+        os.kill(process, signal.SIGKILL)
+    assert list(scatter_map(cluster.client, "glass/front", "clusters", times, range(4), 3)) == [0, 3, 6, 9]
+    cluster.client.wait_for_workers(2, timeout=240)
+
+
+@pytest.mark.slow
+def test_a_worker_that_dies_while_it_is_replaced_is_replaced_again(cluster: Cluster) -> None:
+    end = time.monotonic() + 20
+    while time.monotonic() < end:
+        cluster.client.wait_for_workers(1, timeout=240)
+        for process in cluster.client.run(os.getpid, on_error="ignore").values():
+            os.kill(process, signal.SIGKILL)
+        time.sleep(0.5)
     cluster.client.wait_for_workers(2, timeout=240)

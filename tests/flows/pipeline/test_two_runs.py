@@ -39,6 +39,7 @@ def computed(events: list[dict[str, Any]]) -> list[str]:
     return [f"{e['capture']} {e['stage']}" for e in events if e["kind"] == "stage" and not e["cached"]]
 
 
+@pytest.mark.slow
 def test_on_one_store_and_on_one_object(tmp_path: Path, simulated: Path, glint_home: Path) -> None:
     entry = load(simulated).objects[0]
     for name, ids in (("first", ("shared", "one")), ("second", ("shared", "two"))):

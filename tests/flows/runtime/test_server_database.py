@@ -88,7 +88,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 @pytest.mark.server
-@pytest.mark.parametrize("runs", [True, False])
+@pytest.mark.parametrize("runs", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_the_server_goes_on_with_a_new_one(
     home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, runs: bool
 ) -> None:

@@ -16,10 +16,17 @@ from glint.flows.runtime import signals
 pytestmark = pytest.mark.server
 GLINT = [sys.executable, "-c", "from glint.flows.cli.main import main; main()", "run"]
 ROOT = Path(__file__).parents[3]
+MOMENTS = [0.0, 0.6, 5.0, *(pytest.param(seconds, marks=pytest.mark.slow) for seconds in (0.2, 1.5, 3.0))]
+"""Seconds after the start."""
 
 
 @pytest.mark.parametrize(
-    ("number", "moment"), [(signal.SIGTERM, "start"), (signal.SIGTERM, "stage"), (signal.SIGINT, "stage")]
+    ("number", "moment"),
+    [
+        (signal.SIGTERM, "start"),
+        pytest.param(signal.SIGTERM, "stage", marks=pytest.mark.slow),
+        (signal.SIGINT, "stage"),
+    ],
 )
 def test_a_run_that_is_asked_to_stop_leaves_nothing(
     number: signal.Signals, moment: str, tmp_path: Path, simulated: Path, glint_home: Path
@@ -54,7 +61,9 @@ def catches_signals(pid: int) -> bool:
     return bool(int(caught, 16) >> (signal.SIGTERM - 1) & 1)
 
 
-@pytest.mark.parametrize("seconds", [0.0, 0.2, 0.6, 1.5, 3.0, 5.0])
+@pytest.mark.parametrize(
+    "seconds", [0.0, 0.6, *(pytest.param(later, marks=pytest.mark.slow) for later in (0.2, 1.5, 3.0)), 5.0]
+)
 def test_an_interrupt_at_any_moment_is_one_line(
     seconds: float, tmp_path: Path, simulated: Path, glint_home: Path
 ) -> None:

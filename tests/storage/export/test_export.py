@@ -22,7 +22,16 @@ from tests.storage.stores import PIXEL, PROVENANCE, REASONS, capture_arrays, loc
 
 FILES = {
     *("normals.npy", "normals.png", "normals.exr", "initial_normals.npy", "depth.npy", "depth.tiff", "mask.png"),
-    *("observed.png", "provenance.png", "provenance.json", "confidence.npy", "lights.lp", "half_vectors.npy"),
+    *(
+        "observed.png",
+        "provenance.png",
+        "provenance.json",
+        "depth_provenance.png",
+        "depth_provenance.json",
+        "confidence.npy",
+        "lights.lp",
+        "half_vectors.npy",
+    ),
     *("frames.csv", "surface.ply", "relit_left.png", "report.json", "report.html"),
 }
 
@@ -67,6 +76,7 @@ def test_every_file_holds_what_was_stored(repository: ObjectRepository, location
     assert not np.array_equal(observed, mask)
     np.testing.assert_array_equal(read_png(folder / "observed.png") > 0, observed)
     np.testing.assert_array_equal(read_png(folder / "provenance.png"), arrays["labels"]["provenance"])
+    np.testing.assert_array_equal(read_png(folder / "depth_provenance.png"), arrays["depth"]["provenance"])
     codes = json.loads((folder / "provenance.json").read_text())
     assert codes == {str(code): name for code, name in enumerate(PROVENANCE)}
     assert (folder / "surface.ply").read_bytes() == small_ply() and (folder / "relit_left.png").read_bytes() == PIXEL

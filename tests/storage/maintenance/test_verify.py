@@ -1,5 +1,6 @@
 """Verification names what is damaged; repair brings back what does not need the catalogue."""
 
+import shutil
 from pathlib import Path
 
 import icechunk
@@ -16,10 +17,16 @@ from glint.storage.versions.repository import ObjectRepository
 from tests.damage.damage import build, problems, served
 
 
-@pytest.fixture
-def store(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A store of two objects and the frames of two videos."""
-    return build(tmp_path)
+    return build(tmp_path_factory.mktemp("built"))
+
+
+@pytest.fixture
+def store(built: Path, tmp_path: Path) -> Path:
+    """A copy of it, to be damaged."""
+    return Path(shutil.copytree(built, tmp_path / "store"))
 
 
 def _flip(path: Path, place: int = -1) -> None:
@@ -48,11 +55,12 @@ def test_a_damaged_chunk_is_named_in_each_version_that_holds_it(store: Path) -> 
     damages = verify_store(Location.parse(store)).damages
     assert {damage.object_id for damage in damages} == {"vase"}
     assert {damage.version for damage in damages} <= {"v1", "v2", "work"}
+    needed = bool({"v2", "work"} & {damage.version for damage in damages})
     for damage in damages:
         place = "" if damage.version == "work" else f" in {damage.version}"
         assert damage.message.startswith(("array '", "file '"))
         assert f"{place} is damaged (" in damage.message
-        assert "glint verify vase --repair" in damage.remedy
+        assert ("glint verify vase --repair" if needed else "only a backup brings v1 back") in damage.remedy
     assert verify_store(Location.parse(store), ["wine-glass"]).damages == ()
 
 

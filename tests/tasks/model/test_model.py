@@ -49,6 +49,7 @@ def modelled(works: list[CaptureContext]) -> list[CaptureContext]:
     return works
 
 
+@pytest.mark.slow
 def test_the_model_beats_the_hull(modelled: list[CaptureContext]) -> None:
     entry = load_catalogue(Path(str(modelled[0].capture.frames)).parents[2] / "catalogue.yaml").object("fish")
     found = evaluate_model(entry, modelled)
@@ -58,6 +59,7 @@ def test_the_model_beats_the_hull(modelled: list[CaptureContext]) -> None:
     assert ours.f_scores[1] > 0.38 > hull.f_scores[1]
 
 
+@pytest.mark.slow
 def test_the_model_is_exported_beside_its_captures(modelled: list[CaptureContext], tmp_path: Path) -> None:
     export(Location.parse(modelled[0].store), "fish", tmp_path / "fish")
     report = json.loads((tmp_path / "fish" / "model.json").read_text())
@@ -73,12 +75,14 @@ def test_the_model_is_exported_beside_its_captures(modelled: list[CaptureContext
     assert (tmp_path / "fish" / "model.png").stat().st_size > 1000
 
 
+@pytest.mark.slow
 def test_a_model_that_is_there_is_not_made_again(modelled: list[CaptureContext]) -> None:
     assert perform_model(modelled, model_key(modelled)).cached
     found = up_to_date_records(modelled)
     assert found is not None and found[0].stages[WHOLE_OBJECT]
 
 
+@pytest.mark.slow
 def test_another_pose_makes_another_model(modelled: list[CaptureContext]) -> None:
     moved = replace(modelled[2], capture=modelled[2].capture.model_copy(update={"pose": Pose(turntable=121.0)}))
     assert model_key([*modelled[:2], moved, *modelled[3:]]) != model_key(modelled)

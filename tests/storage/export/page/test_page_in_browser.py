@@ -200,6 +200,7 @@ def test_hostile_texts_are_shown_and_never_run(page: browser.Page, file: Path) -
     assert html.count("<script>window.hacked") == 0 and "'unsafe-inline'" not in html
 
 
+@pytest.mark.slow
 def test_a_large_capture_is_shown_smaller_and_says_so(chromium: browser.Browser, tmp_path: Path) -> None:
     location = local_store(tmp_path / "store")
     repository = ObjectRepository.open(location, "plate")

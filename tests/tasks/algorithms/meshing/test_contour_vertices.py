@@ -2,6 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
+from glint.tasks.algorithms.integration.rim import contour_of
 from glint.tasks.algorithms.meshing.contour_vertices import boundary_vertices, moves_to_contour
 from glint.tasks.algorithms.meshing.depth_mesh import Surface, mesh_from_depth
 
@@ -45,13 +46,14 @@ def test_the_edge_of_the_array_is_no_contour_and_holes_of_a_pixel_stay() -> None
     mask = np.ones((30, 30), bool)
     mask[15, 15] = False
     numbers = np.array([0, 29, 15 * 30 + 14, 14 * 30 + 15])
-    assert np.abs(moves_to_contour(mask, np.zeros((30, 30)), numbers)).max() == 0.0
+    assert np.abs(moves_to_contour(np.zeros((30, 30)), mask, contour_of(mask), numbers)).max() == 0.0
 
 
 def test_a_flat_plate_ends_at_its_own_height() -> None:
     mask = np.zeros((40, 40), bool)
     mask[10:30, 10:30] = True
-    right, down, closer = moves_to_contour(mask, np.full((40, 40), 7.0), np.array([20 * 40 + 10, 10 * 40 + 20]))
+    vertices = np.array([20 * 40 + 10, 10 * 40 + 20])
+    right, down, closer = moves_to_contour(np.full((40, 40), 7.0), mask, contour_of(mask), vertices)
     assert right[0] == pytest.approx(-0.5, abs=0.05) and down[1] == pytest.approx(-0.5, abs=0.05)
     assert np.abs(closer).max() < 1e-5
 
