@@ -13,11 +13,11 @@ import numpy as np
 from glint.storage.edits.edits import Edits
 from glint.storage.errors import InputError
 from glint.storage.export.image_files import colour_normals, encode_png
+from glint.storage.footage.luma import eight_bits
 from glint.storage.inputs.markup import AnnotationEntry, read_marks
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.questions.capture_questions import CaptureQuestions, ShownQuestion
-from glint.tasks.review.pictures import eight_bits
 from glint.tasks.review.stored import has_object, saved_records
 from glint.tasks.stages.capture_geometry import OBJECT
 from glint.tasks.stages.frames import open_frames
