@@ -33,6 +33,7 @@ class Answer:
     """An answered question: pixels of its sheet, its label before, the oracle's answer, and the errors after it.
 
     probability: that the label was wrong, by the program itself. open: whether the program called the label open.
+    errors: of the draft that the review page shows, with this answer and those before it.
     """
 
     pixels: int
@@ -45,21 +46,17 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class QuestionsEvaluation:
-    """Worth of answers of a capture: errors before, after each answer, and after as many marks at random places.
+    """Worth of answers of a capture: errors before, after the answers, and after as many marks at random places.
 
     skipped: questions that the oracle did not answer.
     """
 
     name: str
     before: Errors
+    after: Errors
     answers: tuple[Answer, ...]
     random_marks: Errors
     skipped: int = 0
-
-    @property
-    def after(self) -> Errors:
-        """Errors after the last answer."""
-        return self.answers[-1].errors if self.answers else self.before
 
     @property
     def wrong(self) -> int:
@@ -102,12 +99,16 @@ def evaluate_questions(work: CaptureContext, count: int) -> QuestionsEvaluation 
             skipped += 1
             continue
         annotations.append(shown.answer(is_true))
-        question, errors = shown.question, errors_with(questions.marks(annotations))
+        question, draft = shown.question, questions.draft_normals(questions.marks(annotations))
+        errors = _errors(questions, draft, truth)
         answers.append(Answer(len(question.rows), question.exterior, is_true, question.wrong, question.is_open, errors))
         if len(answers) == count:
             break
+    after = errors_with(questions.marks(annotations))
     at_random = random_annotations(questions, truth, len(answers))
-    return QuestionsEvaluation(work.name, before, tuple(answers), errors_with(questions.marks(at_random)), skipped)
+    return QuestionsEvaluation(
+        work.name, before, after, tuple(answers), errors_with(questions.marks(at_random)), skipped
+    )
 
 
 def oracle(question: Question, normals: np.ndarray, truth: np.ndarray) -> bool | None:

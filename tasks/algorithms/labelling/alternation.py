@@ -37,9 +37,9 @@ from glint.tasks.algorithms.prior.smooth_normals import (
 )
 from glint.tasks.algorithms.prior.symmetry import surface_of_revolution_normals
 
-MARKED_SHEET_NATS = 10.0
-"""Unary log-likelihood ratio that a mark gives its sheet's nodes beside it, nats: as much as field and shape oppose,
-so that nodes that both contradict do not follow."""
+MARKED_SHEET_NATS = 30.0
+"""Unary log-likelihood ratio that a mark gives its sheet's nodes beside it, nats: more than field and shape oppose, but
+nodes far along the sheet that contradict it do not follow."""
 MARKED_SHEET_CONFIDENCE = 0.97
 """Confidence of accepted normals beside a true mark on the same sheet."""
 DRAFT_NODES = 7_000

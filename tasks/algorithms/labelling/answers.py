@@ -16,7 +16,7 @@ TIE_DEG = 3.0
 whole."""
 NOISE_TIE_DEG = 1.0
 """Difference of neighbouring nodes that doubles the length of a step, degrees: a sheet is left where it is rough."""
-MARK_REACH_INRADII = 0.15
+MARK_REACH_INRADII = 0.3
 """Distance along the sheet, in inradii, at which a mark's influence has fallen to 1/e: beyond it true and false sheets
 that cross merge."""
 MAX_MARK_REACHES = 3.0

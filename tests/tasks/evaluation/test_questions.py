@@ -24,7 +24,7 @@ def test_questions_are_answered_from_the_truth(work: CaptureContext) -> None:
     evaluation = evaluate_questions(work, 2)
     assert evaluation is not None and evaluation.name == "glass/front"
     assert 0 < len(evaluation.answers) <= 2
-    assert evaluation.after == evaluation.answers[-1].errors
+    assert evaluation.after == pytest.approx(evaluation.answers[-1].errors, rel=0.2)
     assert 0.0 < evaluation.before[0] < 0.05
     assert evaluation.after[0] < 1.2 * evaluation.before[0]
 
@@ -48,7 +48,7 @@ def test_the_table_counts_what_was_wrong_or_open() -> None:
         Answer(8, True, True, 0.4, True, (0.02, 0.04)),
         Answer(7, False, False, 0.05, False, (0.02, 0.04)),
     )
-    evaluation = QuestionsEvaluation("a/front", (0.04, 0.06), answers, (0.05, 0.06))
+    evaluation = QuestionsEvaluation("a/front", (0.04, 0.06), (0.02, 0.04), answers, (0.05, 0.06))
     table = questions_table([evaluation])
     assert (
         "| a/front | 3 | 0.0400 / 0.0600 | 0.0200 / 0.0400 | -50% | 0.0500 / 0.0600 (+25%) | 1 of 3 | 2 of 3 |" in table

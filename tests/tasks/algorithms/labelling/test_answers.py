@@ -24,7 +24,7 @@ def test_a_mark_speaks_for_its_own_sheet_across_layers_and_fades() -> None:
     nodes = two_sheets()
     pins = np.zeros(nodes.shape[:3], np.int8)
     pins[0, 20, 15] = 1
-    influence = mark_influence(*sheet_graph(nodes), pins, scale=20.0)
+    influence = mark_influence(*sheet_graph(nodes), pins, scale=60.0)
     assert influence[0, 20, 15] == 1.0
     assert influence[1, 20, 25] > 0.2 and influence[0, 20, 25] == 0.0
     assert influence[1, 20, 15] == 0.0
