@@ -31,6 +31,7 @@ def evaluation(work: CaptureContext) -> Evaluation:
     return found
 
 
+@pytest.mark.slow
 def test_every_ingredient_is_switched_off_by_itself(work: CaptureContext, evaluation: Evaluation) -> None:
     found = ablate(work)
     assert found is not None and set(found) == set(ABLATIONS)

@@ -111,6 +111,7 @@ def test_one_pose_among_several_captures_is_too_few(works: list[CaptureContext])
         perform_model(one, "key")
 
 
+@pytest.mark.slow
 def test_a_capture_without_pose_is_found_and_one_without_labels_named(works: list[CaptureContext]) -> None:
     failed = replace(works[1], capture=works[1].capture.model_copy(update={"id": "view-09"}))
     some = [without_pose(works[0]), *works[1:]]
@@ -125,6 +126,7 @@ def test_a_capture_without_pose_is_found_and_one_without_labels_named(works: lis
     assert np.cos(np.radians(outcome.record["turntable"]["angles"]["view-00"])) > np.cos(np.radians(4.0))
 
 
+@pytest.mark.slow
 def test_a_view_left_out_is_warned_of(works: list[CaptureContext]) -> None:
     wrong = replace(works[3], capture=works[3].capture.model_copy(update={"pose": Pose(turntable=215.0)}))
     outcome = model(once([*works[:3], wrong, *works[4:]]), lambda done, of: None)

@@ -7,8 +7,8 @@ import pytest
 from tests.benchmarks.real_sets import evaluate
 from tests.real_sets import real_sets
 
-QUICK = ("matte-sphere", "probe-1")
-"""A matte object and a mirror; the other sets take minutes."""
+QUICK = ("probe-1",)
+"""A mirror; the other sets take minutes."""
 SETS = [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in real_sets(Path())]
 
 

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from glint.storage.catalogue.loading import load
 from glint.storage.footage.source import open_footage
@@ -41,6 +42,7 @@ def test_frames_of_a_shaken_camera_are_moved_back(tmp_path: Path) -> None:
     assert off["shaken"] < 0.6 * off["raw"]
 
 
+@pytest.mark.slow
 def test_tripods_of_the_shared_recordings_stand_still(shared_data: Path) -> None:
     """Photographs under moving lights, whose number does not matter here, and videos with drifting shadows."""
     patterns = ("psbox/LightProbe-2/Image_*.JPG", "uw_chrome/chrome/chrome.[0-9]*.png", "gold_ring/*.jpg")

@@ -44,6 +44,7 @@ def angle_between(first: View, second: View) -> float:
 
 
 @pytest.mark.long
+@pytest.mark.slow
 def test_a_turntables_missing_angle_is_searched(upright: list[View], coarse: Model) -> None:
     registered = register_on_turntable([*upright[:3], *upright[4:]], [*ANGLES[:3], *ANGLES[4:]])
     extended = register_unposed(registered, [without_pose(upright[3])], coarse)
@@ -70,6 +71,7 @@ def test_a_pose_is_searched_among_matrices(upright: list[View], coarse: Model) -
 
 
 @pytest.mark.long
+@pytest.mark.slow
 def test_a_view_of_something_else_fits_without_pose(upright: list[View], coarse: Model) -> None:
     vertices, triangles = surface_nets(ellipsoid((0, 0, 0), (10, 34, 10)), np.full(3, -40.0), np.full(3, 40.0), 1.0)
     (view,) = views_of(trimesh.Trimesh(vertices, triangles, process=False), Turntable(0.0, 0.0, 0.0, np.zeros(1)))
