@@ -23,11 +23,11 @@ ORDER = {
     ),
     "glint.tasks": (
         "check review verdict memory up_to_date publish warm_up robustness evaluation simulation"
-        " pipeline model sphere_agreement stages figures engine version_diff code_provenance"
+        " questions pipeline model sphere_agreement stages figures engine version_diff code_provenance"
     ),
     "glint.tasks.algorithms": (
-        "simulation evaluation registration multiview labelling frames prior meshing candidates integration"
-        " near_light lighting geometry errors"
+        "simulation evaluation registration multiview questions labelling frames prior meshing candidates"
+        " integration near_light lighting geometry errors"
     ),
 }
 """The rooms of a layer in descending order: a room imports only those after it."""

@@ -47,6 +47,15 @@ def evaluate(
     ablation: Annotated[
         bool, typer.Option("--ablation", help="Evaluate also with each ingredient of the labelling switched off.")
     ] = False,
+    questions: Annotated[
+        int,
+        typer.Option(
+            "--questions",
+            metavar="N",
+            min=0,
+            help="Ask N questions of each capture, answered from the truth, and measure what the answers are worth.",
+        ),
+    ] = 0,
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Folder for the table, the JSON and the pictures.")
     ] = Path("glint-evaluation"),
@@ -69,7 +78,7 @@ def evaluate(
     with open_console(as_json) as console:
         path = file or _simulated(out, quick, degraded, console)
         summary = run(path, address, console, only=only or ())
-        table = _write_evaluation(path, address, summary.result, out, ablation, console)
+        table = _write_evaluation(path, address, summary.result, out, ablation, questions, console)
     if table and as_json:
         captures = json.loads((out / "evaluation.json").read_text(encoding="utf-8"))
         echo(json.dumps({"kind": "evaluation", "captures": captures}))
@@ -93,7 +102,13 @@ def _simulated(out: Path, quick: bool, degraded: bool, console: "Sink") -> Path:
 
 
 def _write_evaluation(
-    catalogue: str | Path, store: str, result: "RunResult", out: Path, ablation: bool, console: "Sink"
+    catalogue: str | Path,
+    store: str,
+    result: "RunResult",
+    out: Path,
+    ablation: bool,
+    questions: int,
+    console: "Sink",
 ) -> str:
     """Evaluate what succeeded, and write it to the folder; return the table, empty if nothing has a ground truth."""
     from glint.flows.reporting.events import Message
@@ -101,6 +116,7 @@ def _write_evaluation(
     from glint.tasks.engine.references import load_catalogue
     from glint.tasks.evaluation import evaluate_run, report
     from glint.tasks.evaluation.evaluation_sheet import evaluation_sheet, reliability_diagram
+    from glint.tasks.evaluation.questions_report import questions_as_json, questions_table
 
     def message(capture: str, text: str) -> None:
         console.emit(Message(text, capture))
@@ -110,6 +126,7 @@ def _write_evaluation(
     evaluations = evaluate_run.evaluate_captures(contexts, message)
     models = evaluate_run.evaluate_models(contexts, load_catalogue(catalogue))
     ablations = evaluate_run.ablate_captures(contexts, message) if ablation else {}
+    answered = evaluate_run.question_captures(contexts, questions, message) if questions else []
     if not evaluations:
         return ""
     table = report.capture_tables(evaluations)
@@ -117,8 +134,12 @@ def _write_evaluation(
         table += report.model_table(models)
     if ablations:
         table += report.ablation_table(ablations)
+    if answered:
+        table += questions_table(answered)
     (out / "evaluation.md").write_text(table, encoding="utf-8")
     captures = report.captures_as_json(evaluations) + report.models_as_json(models)
+    worth = questions_as_json(answered)
+    captures = [capture | worth.get(capture["name"], {}) for capture in captures]
     (out / "evaluation.json").write_text(json.dumps(captures, indent=2) + "\n", encoding="utf-8")
     write_png(out / "evaluation.png", evaluation_sheet(evaluations))
     write_png(out / "reliability.png", reliability_diagram(evaluations))

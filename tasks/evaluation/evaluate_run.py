@@ -11,6 +11,7 @@ from glint.tasks.engine.references import CaptureReference
 from glint.tasks.evaluation.ablation import ablate
 from glint.tasks.evaluation.captures import Evaluation, evaluate
 from glint.tasks.evaluation.models import ModelEvaluation, evaluate_model
+from glint.tasks.evaluation.questions import QuestionsEvaluation, evaluate_questions
 from glint.tasks.pipeline import STAGES
 
 Report = Callable[[str, str], None]
@@ -61,3 +62,14 @@ def ablate_captures(contexts: Sequence[CaptureContext], report: Report) -> dict[
         if errors is not None:
             ablations[context.name] = errors
     return ablations
+
+
+def question_captures(contexts: Sequence[CaptureContext], count: int, report: Report) -> list[QuestionsEvaluation]:
+    """Ask `count` questions of each capture that has a ground truth, which answers them."""
+    evaluations = []
+    for context in contexts:
+        report(context.name, f"{count} questions")
+        evaluation = evaluate_questions(context, count)
+        if evaluation is not None:
+            evaluations.append(evaluation)
+    return evaluations

@@ -55,7 +55,7 @@ def model_table(models: Sequence[ModelEvaluation]) -> str:
         "Models against the true surface: F-score at 0.5% / 1% of the diagonal, mean chamfer distance in % of it (from"
         " the model, from the truth), mean cosine of normals."
     )
-    return "\n".join(["", title, "", *_table([*heads, "triangles", "seconds"], rows)]) + "\n"
+    return "\n".join(["", title, "", *markdown_table([*heads, "triangles", "seconds"], rows)]) + "\n"
 
 
 def ablation_table(ablations: Mapping[str, Mapping[str, tuple[float, float]]]) -> str:
@@ -69,7 +69,7 @@ def ablation_table(ablations: Mapping[str, Mapping[str, tuple[float, float]]]) -
         pairs = [errors.get(name) for errors in ablations.values()]
         rows.append([name, *("" if pair is None else f"{pair[0]:.4f} / {pair[1]:.4f}" for pair in pairs)])
     title = "Each ingredient of the labelling switched off: squared error, data region / whole mask."
-    return "\n".join(["", title, "", *_table(["labelling", *ablations], rows)]) + "\n"
+    return "\n".join(["", title, "", *markdown_table(["labelling", *ablations], rows)]) + "\n"
 
 
 def captures_as_json(evaluations: Sequence[Evaluation]) -> list[dict[str, Any]]:
@@ -115,7 +115,7 @@ def _squared_errors(evaluations: Sequence[Evaluation]) -> list[str]:
         row = [evaluation.name, f"{evaluation.frames}", f"{evaluation.size[0]} x {evaluation.size[1]}"]
         row += [f"{errors.observed_region.squared:.4f} / {errors.whole_mask.squared:.4f}" for errors in methods]
         rows.append([*row, f"{evaluation.within_42deg:.4f} / {evaluation.beyond_42deg:.4f}"])
-    return _table(["capture", "frames", "pixels", *METHODS, "glint within / beyond 42°"], rows)
+    return markdown_table(["capture", "frames", "pixels", *METHODS, "glint within / beyond 42°"], rows)
 
 
 def _degrees(evaluations: Sequence[Evaluation]) -> list[str]:
@@ -127,7 +127,7 @@ def _degrees(evaluations: Sequence[Evaluation]) -> list[str]:
             shares = " / ".join(f"{share:.0%}" for share in errors.within)
             row.append(f"{errors.mean:.2f}, {errors.median:.2f}, {shares}")
         rows.append(row)
-    return _table(["capture", *METHODS], rows)
+    return markdown_table(["capture", *METHODS], rows)
 
 
 def _depth_and_confidence(evaluations: Sequence[Evaluation]) -> list[str]:
@@ -141,7 +141,7 @@ def _depth_and_confidence(evaluations: Sequence[Evaluation]) -> list[str]:
         labels = [f"{evaluation.labels.precision:.1%}", f"{evaluation.labels.recall:.1%}"]
         rows.append([evaluation.name, *depth, *confident, *labels])
     heads = ["depth, mean px", "RMS px", "mean of diagonal", "confidence >= 0.95", "of these within 5°"]
-    return _table(["capture", *heads, "labels' precision", "recall"], rows)
+    return markdown_table(["capture", *heads, "labels' precision", "recall"], rows)
 
 
 def _seconds(evaluations: Sequence[Evaluation]) -> list[str]:
@@ -151,10 +151,10 @@ def _seconds(evaluations: Sequence[Evaluation]) -> list[str]:
         total = sum(evaluation.seconds.values())
         by_stage = (f"{evaluation.seconds.get(stage, 0.0):.2f}" for stage in stages)
         rows.append([evaluation.name, *by_stage, f"{total:.1f}", f"{evaluation.frames / max(total, 1e-9):.0f}"])
-    return _table(["capture", *stages, "all", "frames/s"], rows)
+    return markdown_table(["capture", *stages, "all", "frames/s"], rows)
 
 
-def _table(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]:
+def markdown_table(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]:
     """Return the lines of a Markdown table."""
     lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
     return lines + ["| " + " | ".join(map(str, row)) + " |" for row in rows]

@@ -139,8 +139,16 @@ def reconstruct(
         marks=marks,
         expected=expected,
         max_iterations=parameters.rounds,
-        graph_cut_weights=GraphCutWeights(
-            parameters.strength, parameters.contrast, parameters.prior, parameters.shape_weight
-        ),
-        field_weights=FieldWeights(rim=silhouette.rim_weight, tension_length=silhouette.tension_length),
+        graph_cut_weights=graph_cut_weights(parameters),
+        field_weights=field_weights(silhouette),
     )
+
+
+def graph_cut_weights(parameters: LabelsParameters) -> GraphCutWeights:
+    """Return the weights of the graph cut that parameters give."""
+    return GraphCutWeights(parameters.strength, parameters.contrast, parameters.prior, parameters.shape_weight)
+
+
+def field_weights(silhouette: SilhouetteParameters) -> FieldWeights:
+    """Return the weights of the field that parameters give."""
+    return FieldWeights(rim=silhouette.rim_weight, tension_length=silhouette.tension_length)

@@ -1,13 +1,14 @@
 """Markup: highlights that the user marked as true or false, tracked between keyframes."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from glint.storage.inputs.markup import read_markup
+from glint.storage.inputs.markup import AnnotationEntry, read_markup
 from glint.tasks.algorithms.candidates.markup import Mark, Marks
-from glint.tasks.algorithms.candidates.tracking import track
+from glint.tasks.algorithms.candidates.tracking import Tracks, track
 from glint.tasks.algorithms.geometry.perspective import half_vectors_for_view, rotate_to_view
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
@@ -26,28 +27,41 @@ def markup(inputs: StageInputs, progress: Progress) -> StageOutput:
     address = inputs.file("markup")
     if address is None:
         return StageOutput(arrays=_arrays(Marks.empty()))
-    cache, geometry = open_frames(inputs), load_geometry(inputs)
-    region, mask = geometry.region, inputs.load("mask").read("mask")
-    entries = read_markup(address, cache.frame_size, cache.frames, region, mask)
-    marks = [Mark(entry.frame, entry.x - region.x, entry.y - region.y, entry.kind == "true") for entry in entries]
-    thresholds = inputs.load("thresholds").read("thresholds")
-    half_vectors = inputs.load("lights").read("half_vectors")
-    tracks = track(marks, partial(cache.read, OBJECT), thresholds, half_vectors, mask, (region.x, region.y))
-    tracked, near_light = tracks.marks, load_near_light(inputs)
-    if near_light is not None and len(tracked.kind):
-        rows, columns = tracked.pixels.T
-        vectors = near_light.half_vectors_at(tracked.half_vectors, columns + region.x, rows + region.y)
-        tracked = replace(tracked, half_vectors=vectors)
-    view = geometry.view_vectors
-    if view is not None and len(tracked.kind):
-        tracked = replace(
-            tracked, half_vectors=half_vectors_for_view(tracked.half_vectors, view[tuple(tracked.pixels.T)])
-        )
+    cache, region = open_frames(inputs), load_geometry(inputs).region
+    entries = read_markup(address, cache.frame_size, cache.frames, region, inputs.load("mask").read("mask"))
+    tracks = track_entries(inputs, entries)
     return StageOutput(
-        arrays=_arrays(tracked),
-        counts={"marks": len(marks), "marked pixels": len(tracks.marks.kind)},
+        arrays=_arrays(tracks.marks),
+        counts={"marks": len(entries), "marked pixels": len(tracks.marks.kind)},
         warnings=[StageWarning(message, "marks") for message in (*tracks.conflicts, *tracks.warnings)],
     )
+
+
+def track_entries(results: CaptureResults, entries: Sequence[AnnotationEntry]) -> Tracks:
+    """Track annotations of a capture; half vectors are those of their pixels, corrected for light and camera."""
+    cache, geometry = open_frames(results), load_geometry(results)
+    region, mask = geometry.region, results.load("mask").read("mask")
+    marks = [Mark(entry.frame, entry.x - region.x, entry.y - region.y, entry.kind == "true") for entry in entries]
+    thresholds = results.load("thresholds").read("thresholds")
+    half_vectors = results.load("lights").read("half_vectors")
+    tracks = track(marks, partial(cache.read, OBJECT), thresholds, half_vectors, mask, (region.x, region.y))
+    tracked = tracks.marks
+    if not len(tracked.kind):
+        return tracks
+    return replace(
+        tracks, marks=replace(tracked, half_vectors=half_vectors_at(results, tracked.half_vectors, tracked.pixels))
+    )
+
+
+def half_vectors_at(results: CaptureResults, half_vectors: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """Return half vectors (N, 3) as seen at pixels (N, 2) of the region: corrected for a near light and perspective."""
+    near_light, geometry = load_near_light(results), load_geometry(results)
+    rows, columns = pixels.T
+    if near_light is not None:
+        half_vectors = near_light.half_vectors_at(half_vectors, columns + geometry.region.x, rows + geometry.region.y)
+    if geometry.view_vectors is not None:
+        half_vectors = half_vectors_for_view(half_vectors, geometry.view_vectors[tuple(pixels.T)])
+    return half_vectors
 
 
 def load_marks(results: CaptureResults) -> Marks | None:

@@ -55,7 +55,7 @@ def _nearest_layer(normals: np.ndarray, nodes: np.ndarray, k: int, y: int, x: in
 
 
 @njit(cache=True, nogil=True)
-def _pairwise_edges(
+def pairwise_edges(
     normals: np.ndarray, nodes: np.ndarray, strength: float, contrast: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the edges between 8-neighbouring pixels: ids of the two nodes (E,) int64 and weights (E,) float64.
@@ -103,7 +103,7 @@ def graph_cut(normals: np.ndarray, ratios: np.ndarray, strength: float = 10.0, c
         return labels
     nodes = np.full(present.shape, -1, dtype=np.int64)
     nodes[present] = np.arange(count)
-    first, second, weight = _pairwise_edges(normals, nodes, strength, contrast)
+    first, second, weight = pairwise_edges(normals, nodes, strength, contrast)
     graph = maxflow.GraphFloat(count, len(first))
     graph.add_nodes(count)
     if len(first):

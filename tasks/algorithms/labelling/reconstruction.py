@@ -8,6 +8,7 @@ sufficient confidence and the occluding contour (`smooth_normals`). The first fi
 converged normals show a surface of revolution, it becomes the expected field and the iterations continue (`symmetry`).
 """
 
+from copy import copy
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -52,6 +53,7 @@ def reconstruct_normals(
     graph_cut_weights: GraphCutWeights = DEFAULT_GRAPH_CUT,
     field_weights: FieldWeights = DEFAULT_FIELD,
     field_error: FieldError = DEFAULT_FIELD_ERROR,
+    settled: Alternation | None = None,
 ) -> Reconstruction:
     """Reconstruct the exterior normals of one view from its candidate normals.
 
@@ -67,6 +69,63 @@ def reconstruct_normals(
         convergence_tolerance: share of the mask whose labels may still change in the last iteration.
         min_confidence: accepted normals of lower confidence do not enter the field.
         graph_cut_weights, field_weights, field_error: see `weights`.
+        settled: result of `settle` for the same arguments, None to settle first. If it is a draft, so is the result:
+            confidence is that of the accepted normals alone, NaN between them.
+
+    Raises:
+        ValueError: clusters and mask differ in size, or the expected normals have gaps in the mask.
+    """
+    if settled is None:
+        settled = settle(
+            clusters,
+            mask,
+            expected=expected,
+            max_iterations=max_iterations,
+            convergence_tolerance=convergence_tolerance,
+            min_confidence=min_confidence,
+            graph_cut_weights=graph_cut_weights,
+            field_weights=field_weights,
+            field_error=field_error,
+        )
+    state = copy(settled)
+    if marks is not None:
+        # Labels settle without marks first: started with them, a single mark may tip sheets that it has no part in.
+        state.take_marks(marks)
+        state.iterate(max_iterations, convergence_tolerance, min_confidence)
+    if expected is None and symmetry and state.adopt_symmetry():
+        state.iterate(max_iterations, convergence_tolerance, min_confidence)
+
+    accepted = np.isfinite(state.confidence)
+    provenance = np.select([~mask, state.marked, accepted, state.rim], [OUTSIDE, MARKED, OBSERVED, SILHOUETTE], FILLED)
+    confidence = state.confidence if state.is_draft else state.final_confidence(min_confidence)
+    denoised = _denoise(state.values, state.smooth)
+    return Reconstruction(
+        labels=state.labels.astype(np.uint8),
+        normals=np.where(accepted[..., None], denoised, state.smooth).astype(np.float32),
+        initial=state.initial,
+        provenance=provenance.astype(np.uint8),
+        confidence=np.where(mask, confidence, np.nan).astype(np.float32),
+        iterations=tuple(state.history),
+    )
+
+
+def settle(
+    clusters: "Clusters",
+    mask: np.ndarray,
+    *,
+    expected: np.ndarray | None = None,
+    max_iterations: int = 10,
+    convergence_tolerance: float = 0.002,
+    min_confidence: float = 0.5,
+    graph_cut_weights: GraphCutWeights = DEFAULT_GRAPH_CUT,
+    field_weights: FieldWeights = DEFAULT_FIELD,
+    field_error: FieldError = DEFAULT_FIELD_ERROR,
+    draft: bool = False,
+) -> Alternation:
+    """Label the candidates without marks until the labels settle: what `reconstruct_normals` goes on from.
+
+    Args:
+        draft: whether to save time by a coarser field; for the rest see `reconstruct_normals`.
 
     Raises:
         ValueError: clusters and mask differ in size, or the expected normals have gaps in the mask.
@@ -77,24 +136,11 @@ def reconstruct_normals(
     if expected is not None and not np.isfinite(expected[mask]).all():
         raise ValueError("the expected normals leave pixels of the mask out")
     normals = np.where(mask[None, :, :, None], normals, np.nan)
-    state = Alternation(normals, clusters.shading, mask, marks, expected, graph_cut_weights, field_weights, field_error)
-    initial = state.smooth
-    state.iterate(max_iterations, convergence_tolerance, min_confidence)
-    if expected is None and symmetry and state.adopt_symmetry():
-        state.iterate(max_iterations, convergence_tolerance, min_confidence)
-
-    accepted = np.isfinite(state.confidence)
-    provenance = np.select([~mask, state.marked, accepted, state.rim], [OUTSIDE, MARKED, OBSERVED, SILHOUETTE], FILLED)
-    confidence = state.final_confidence(min_confidence)
-    denoised = _denoise(state.values, state.smooth)
-    return Reconstruction(
-        labels=state.labels.astype(np.uint8),
-        normals=np.where(accepted[..., None], denoised, state.smooth).astype(np.float32),
-        initial=initial,
-        provenance=provenance.astype(np.uint8),
-        confidence=np.where(mask, confidence, np.nan).astype(np.float32),
-        iterations=tuple(state.history),
+    state = Alternation(
+        normals, clusters.shading, mask, expected, graph_cut_weights, field_weights, field_error, is_draft=draft
     )
+    state.iterate(max_iterations, convergence_tolerance, min_confidence)
+    return state
 
 
 def _denoise(values: np.ndarray, smooth: np.ndarray) -> np.ndarray:

@@ -23,7 +23,7 @@ class Reconstruction:
 
     labels: (K, H, W) uint8, 1 = exterior surface.
     normals: (H, W, 3) float32, unit, camera frame, NaN outside the mask.
-    initial: (H, W, 3) float32 likewise, the field from the silhouette (and marks) alone.
+    initial: (H, W, 3) float32 likewise, the field from the silhouette alone.
     provenance: (H, W) uint8, codes of PROVENANCE.
     confidence: (H, W) float32, probability that the angular error is below 5 degrees, NaN outside the mask.
     iterations: what each iteration did, in order.

@@ -32,7 +32,8 @@ def pebble(size: int = 90, seed: int = 0) -> Scene:
 
 def clusters_of(normals: np.ndarray) -> SimpleNamespace:
     """Candidates (K, H, W, 3) of whose shading nothing is known."""
-    return SimpleNamespace(normals=normals, shading=np.full(normals.shape[:3], np.nan))
+    observations = np.isfinite(normals[..., 0]).sum(axis=0)
+    return SimpleNamespace(normals=normals, shading=np.full(normals.shape[:3], np.nan), observations=observations)
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +95,9 @@ def test_marks_pin_their_nodes(scene: Scene) -> None:
     result = reconstruct_normals(clusters, mask, marks=wrong)
     assert result.labels[:, row, column].tolist() == [exterior, 1 - exterior]
     assert result.provenance[row, column] == PROVENANCE.index("marked")
-    assert np.allclose(result.normals[row, column], clusters.normals[1 - exterior, row, column], atol=1e-5)
+    # The mark speaks for its sheet too, so that the field comes near and the normal is denoised.
+    assert angles(result.normals[row, column], clusters.normals[1 - exterior, row, column]) < 2.0
+    assert angles(result.normals[row, column], truth[row, column]) > 8.0
 
 
 @pytest.mark.long

@@ -1,0 +1,247 @@
+"""Which answers help the labelling most: sheets by the expected change of the normals if their label is wrong.
+
+An answer changes nothing if it confirms the label, so its expected value is the probability that the label is wrong
+times the change of the normals (angle times pixels) that would follow, in the sheet and in the smooth field that hangs
+on it: expected model output change (Freytag, Rodner and Denzler 2014), by the confidence of the labelling itself.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import ndimage
+
+from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
+from glint.tasks.algorithms.candidates.shading import shading_log_ratio
+from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.labelling.answers import mark_influence, sheet_graph
+from glint.tasks.algorithms.labelling.confidence import TOLERANCE_RAD
+from glint.tasks.algorithms.labelling.graph_cut import OBSERVABLE_SOLID_ANGLE
+from glint.tasks.algorithms.labelling.integrability import shape_log_ratio
+from glint.tasks.algorithms.labelling.results import MARKED, OBSERVED, Reconstruction
+from glint.tasks.algorithms.labelling.weights import DEFAULT_FIELD, FieldWeights
+from glint.tasks.algorithms.prior.smooth_normals import contour_normals, inradius, smooth_normal_field
+from glint.tasks.algorithms.questions.sheets import Patches, cut_patches
+
+if TYPE_CHECKING:
+    from glint.tasks.algorithms.candidates.clusters import Clusters
+
+OPEN_PROBABILITY = 0.25
+"""Probability of being wrong from which a label counts as open."""
+REMOVAL_GAIN = 0.3
+"""Worth of a degree that a sheet's withdrawal changes against one that its acceptance changes: the field that fills the
+hole may be no better than the sheet."""
+LIT_SHARE_POWER = -1.5
+"""Power of the number of frames in which a pixel is lit in the odds that a rejected candidate is the surface: where
+light crosses the glass on many ways, most highlights are false (fitted to presets, as the next two)."""
+TILT_NATS_PER_DEG = 0.1
+"""Rise of the log-odds with the candidate's tilt: the field is right where the surface faces the camera."""
+REJECTED_NATS = -4.0
+"""Log-odds of a rejected candidate that faces the camera, before its evidence."""
+ANSWERED_INFLUENCE = 0.2
+"""Mean influence of marks on a sheet from which it counts as answered."""
+FIELD_NODES = 3_000
+"""Grid nodes of the coarser field that predicts what hangs on a sheet."""
+PREDICTED = 24
+"""Sheets whose effect on the field is solved for, chosen by their own change alone."""
+ASKED_TURN_DEG = 10.0
+"""Angle of a rejected sheet to the present normals from which it is asked about, degrees: others change little."""
+SHARED_CHANGE = 0.5
+"""Share of a sheet's change that also follows from a sheet proposed before, from which it is a near-duplicate."""
+WRONG_SPREAD_RAD = np.radians(25.0)
+"""Standard deviation per axis of the error of normals that are not within the tolerance, radians."""
+EXTERIOR_MARGIN_PX = 20.0
+"""Width, in pixels, of the margin of the field that hangs on an accepted patch."""
+MIN_FIELD_CONFIDENCE = 0.5
+"""Confidence from which accepted normals shape the field, as in the labelling."""
+MAX_CHANGE_DEG = 45.0
+"""Angles are clipped here: a worse normal is no more wrong."""
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A sheet to ask about.
+
+    layers, rows, columns: (N,) int of its nodes. exterior: its present label. wrong: probability that the label is
+    wrong. change: degrees times pixels by which the normals would change if it is.
+    """
+
+    layers: np.ndarray
+    rows: np.ndarray
+    columns: np.ndarray
+    exterior: bool
+    wrong: float
+    change: float
+
+    @property
+    def value(self) -> float:
+        """Expected change of the normals, degrees times pixels.
+
+        A sheet that is withdrawn leaves a gap, which the field fills with normals that may be no better.
+        """
+        return (REMOVAL_GAIN if self.exterior else 1.0) * self.wrong * self.change
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the labelling itself is undecided about the sheet."""
+        return self.wrong >= OPEN_PROBABILITY
+
+
+def propose(
+    clusters: "Clusters",
+    mask: np.ndarray,
+    result: Reconstruction,
+    marks: Marks | None,
+    count: int,
+    field_weights: FieldWeights = DEFAULT_FIELD,
+) -> list[Question]:
+    """Propose at most `count` sheets, the most valuable first, no near-duplicates of one another.
+
+    Args:
+        clusters: candidates of the region as labelled, `normals` (K, H, W, 3).
+        mask: (H, W) bool, the object.
+        result: their labelling.
+        marks: those that the labelling knew; sheets that they answer are left out.
+        count: number of proposals.
+        field_weights: of the labelling.
+    """
+    normals = np.where(mask[None, :, :, None], clusters.normals, np.nan).astype(np.float32)
+    scale = inradius(mask)
+    nodes, ties = sheet_graph(normals)
+    patches = cut_patches(nodes, ties, result.labels, scale)
+    if patches.count == 0:
+        return []
+    _, _, pins = mark_constraints(marks, normals, mask)
+    influence = mark_influence(nodes, ties, pins, scale)
+    answered = patches.mean(np.abs(patches.of(influence))) > ANSWERED_INFLUENCE
+    evidence = shape_log_ratio(normals, scale) + shading_log_ratio(clusters.shading)
+    wrong = wrong_probability(patches, normals, evidence, clusters.observations, result)
+    exterior = patches.mean(patches.of(result.labels) > 0) > 0.5
+    gain = np.where(exterior, REMOVAL_GAIN, 1.0)
+    first = gain * wrong * rough_change(patches, normals, result, mask, scale)
+    turn = patches.mean(angles(patches.of(normals), result.normals[patches.row, patches.column]))
+    first[answered | (~exterior & (turn < ASKED_TURN_DEG))] = 0.0
+    chosen = np.lexsort((-first, (first <= 0) | (wrong < OPEN_PROBABILITY)))[: max(PREDICTED, 2 * count)]
+    chosen = chosen[first[chosen] > 0]
+    predict = _Prediction(mask, normals, result, patches, field_weights)
+    maps = {int(number): predict.change(int(number), bool(exterior[number])) for number in chosen}
+    candidates = [
+        Question(
+            patches.layer[patches.number == number],
+            patches.row[patches.number == number],
+            patches.column[patches.number == number],
+            bool(exterior[number]),
+            float(wrong[number]),
+            float(maps[number].sum()),
+        )
+        for number in maps
+    ]
+    ranked = sorted(zip(candidates, maps.values(), strict=True), key=lambda pair: (-pair[0].is_open, -pair[0].value))
+    questions: list[Question] = []
+    taken: list[np.ndarray] = []
+    for question, change in ranked:
+        if any(np.minimum(change, earlier).sum() > SHARED_CHANGE * change.sum() for earlier in taken):
+            continue
+        taken.append(change)
+        questions.append(question)
+        if len(questions) == count:
+            break
+    return questions
+
+
+def rough_change(
+    patches: Patches, normals: np.ndarray, result: Reconstruction, mask: np.ndarray, scale: float
+) -> np.ndarray:
+    """Estimate the change (count,), degrees times pixels, if the label of a patch were the opposite.
+
+    A patch has the pixels that are nearer to it than to any confident normal or the contour: the field there follows
+    it. They turn by the patch's angle to the present normals.
+    """
+    own = np.minimum(angles(patches.of(normals), result.normals[patches.row, patches.column]), MAX_CHANGE_DEG)
+    exterior = patches.of(result.labels) > 0
+    own = np.where(exterior, MAX_CHANGE_DEG / 3.0, own)
+    rim, _ = contour_normals(mask)
+    known = (_accepted(result) | rim) & mask
+    distance = ndimage.distance_transform_edt(~known) if known.any() else np.full(mask.shape, scale)
+    # A false patch holds a disc as wide as its distance from what is known, an exterior one its pixels and a margin.
+    reach = np.maximum(patches.mean(distance[patches.row, patches.column]), 0.0)
+    pixels = np.bincount(patches.number, minlength=patches.count)
+    held = pixels + np.pi * np.minimum(reach, scale) ** 2
+    lonely = np.sqrt(pixels) * EXTERIOR_MARGIN_PX
+    held = np.where(patches.mean(exterior) > 0.5, pixels + lonely, held)
+    return patches.mean(own) * held
+
+
+def _accepted(result: Reconstruction) -> np.ndarray:
+    """Return the pixels (H, W) bool whose accepted normals shape the field."""
+    accepted = (result.provenance == OBSERVED) | (result.provenance == MARKED)
+    return np.asarray(accepted & (result.confidence >= MIN_FIELD_CONFIDENCE))
+
+
+def _angular_density(angle: np.ndarray, spread: float) -> np.ndarray:
+    """Return the density per steradian of normals at `angle` from the expected one; both in radians."""
+    return np.asarray(np.exp(-(angle**2) / (2.0 * spread**2)) / (2.0 * np.pi * spread**2))
+
+
+def wrong_probability(
+    patches: Patches, normals: np.ndarray, evidence: np.ndarray, observations: np.ndarray, result: Reconstruction
+) -> np.ndarray:
+    """Return the probability (count,) that the label of a patch is wrong, by the confidence of the labelling.
+
+    An exterior node is wrong if its normal is. A false node can be the surface only where the present normal is wrong:
+    its log-likelihood ratio is that of the labelling (`labelling.graph_cut.unary_log_ratio`), but with the spread that
+    the confidence implies, the evidence (K, H, W) of shape and shading, nats, its tilt, and the number of frames (H, W)
+    in which its pixels are lit, `observations`. Nodes of a sheet share their errors, so that ratios are averaged.
+    """
+    confidence = np.clip(result.confidence[patches.row, patches.column], 0.01, 0.99)
+    exterior = patches.of(result.labels) > 0
+    # The present normal is right within the tolerance with its confidence; else it says little, but not nothing.
+    angle = np.radians(angles(patches.of(normals), result.normals[patches.row, patches.column]))
+    likelihood = confidence * _angular_density(angle, TOLERANCE_RAD / 2.0)
+    likelihood += (1.0 - confidence) * _angular_density(angle, WRONG_SPREAD_RAD)
+    ratio = np.log(OBSERVABLE_SOLID_ANGLE * np.maximum(likelihood, 1e-30))
+    share = np.clip(exterior.mean(), 0.1, 0.9)
+    ratio += np.log(share / (1.0 - share)) + patches.of(evidence)
+    lit = np.maximum(patches.mean(observations[patches.row, patches.column].astype(float)), 1.0)
+    tilt = np.degrees(np.arccos(np.clip(patches.mean(patches.of(normals)[:, 2]), -1.0, 1.0)))
+    nats = patches.mean(ratio) + LIT_SHARE_POWER * np.log(lit / np.median(lit)) + TILT_NATS_PER_DEG * tilt
+    surface = 1.0 / (1.0 + np.exp(-np.clip(nats + REJECTED_NATS, -50.0, 50.0)))
+    return np.where(patches.mean(exterior) > 0.5, patches.mean(1.0 - confidence), surface)
+
+
+class _Prediction:
+    """Predicts the normals if one patch had the opposite label, all else being equal."""
+
+    def __init__(
+        self,
+        mask: np.ndarray,
+        normals: np.ndarray,
+        result: Reconstruction,
+        patches: Patches,
+        weights: FieldWeights,
+    ) -> None:
+        self.mask, self.normals, self.result, self.patches, self.weights = mask, normals, result, patches, weights
+        self.surface = smooth_normal_field(mask, weights.tension_length, FIELD_NODES)
+        self.rim, self.outward = contour_normals(mask)
+        self.accepted = _accepted(result)
+        self.field = self._solve(self.accepted, result.normals)
+
+    def _solve(self, known: np.ndarray, values: np.ndarray) -> np.ndarray:
+        pull = np.where(known, self.weights.observed, np.where(self.rim, self.weights.rim, 0.0))
+        return self.surface.solve(np.where(known[..., None], values, self.outward), pull)
+
+    def change(self, number: int, exterior: bool) -> np.ndarray:
+        """Return the angles (H, W), degrees, between the normals now and with the opposite label of a patch."""
+        of_patch = self.patches.number == number
+        layer, row, column = (index[of_patch] for index in (self.patches.layer, self.patches.row, self.patches.column))
+        known, values = self.accepted.copy(), self.result.normals.copy()
+        known[row, column] = not exterior
+        if not exterior:
+            values[row, column] = self.normals[layer, row, column]
+        field = self._solve(known, values)
+        # Accepted normals elsewhere stay what they are; all others follow the field.
+        follows = self.mask & ~self.accepted
+        change = np.where(follows, angles(field, self.field), 0.0)
+        after = field if exterior else values
+        change[row, column] = angles(after[row, column], self.result.normals[row, column])
+        return np.minimum(np.nan_to_num(change), MAX_CHANGE_DEG)

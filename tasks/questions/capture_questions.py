@@ -1,0 +1,146 @@
+"""Questions about a stored capture: the sheets to ask about, the highlights that show them, answers as annotations."""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from glint.storage.inputs.markup import AnnotationEntry
+from glint.tasks.algorithms.candidates.clusters import Clusters
+from glint.tasks.algorithms.candidates.markup import Marks
+from glint.tasks.algorithms.candidates.shading import without_shading
+from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view
+from glint.tasks.algorithms.labelling.alternation import Alternation
+from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
+from glint.tasks.algorithms.labelling.results import Reconstruction
+from glint.tasks.algorithms.questions.highlights import choose_highlight
+from glint.tasks.algorithms.questions.proposals import Question, propose
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
+from glint.tasks.stages.clusters import faced, load_clusters
+from glint.tasks.stages.frames import open_frames
+from glint.tasks.stages.labels import field_weights, graph_cut_weights, reconstruct
+from glint.tasks.stages.markup import faced_marks, half_vectors_at, load_marks, track_entries
+
+
+@dataclass(frozen=True, slots=True)
+class ShownQuestion:
+    """A question, and the highlight that shows it: frame, x and y in pixels of the full frame."""
+
+    question: Question
+    frame: int
+    x: int
+    y: int
+
+    def answer(self, is_true: bool) -> AnnotationEntry:
+        """Return the answer as an annotation, as `markup` has them."""
+        return AnnotationEntry(frame=self.frame, x=float(self.x), y=float(self.y), kind="true" if is_true else "false")
+
+
+class CaptureQuestions:
+    """The sheets of a capture whose stages up to `clusters` are stored, labelled anew with each set of annotations."""
+
+    def __init__(self, work: CaptureContext) -> None:
+        """Load what the labelling reads.
+
+        Raises:
+            StoreError: the capture was not run.
+        """
+        self.work, self.geometry = work, load_geometry(work)
+        self.mask: np.ndarray = work.load("mask").read("mask")
+        self.clusters: Clusters = load_clusters(work)
+        self.thresholds: np.ndarray = work.load("thresholds").read("thresholds")
+        self._initial = work.load("silhouette").read("initial")
+        self._half_vectors = work.load("lights").read("half_vectors")
+        self._cache = open_frames(work)
+        self._settled: Alternation | None = None
+        self._levels = lru_cache(maxsize=64)(self._read_levels)
+
+    def marks(self, annotations: list[AnnotationEntry]) -> Marks | None:
+        """Return annotations and their tracks as marks; None where there are none."""
+        marks = track_entries(self.work, annotations).marks
+        return marks if len(marks.kind) else None
+
+    def label(self, marks: Marks | None) -> Reconstruction:
+        """Label the candidates with these marks."""
+        parameters, view = self.work.parameters, self.geometry.view_vectors
+        return reconstruct(
+            self.clusters, self.mask, self._initial, marks, parameters.labels, parameters.silhouette, view=view
+        )
+
+    def stored_labels(self, marks: Marks | None) -> Reconstruction | None:
+        """Return the labelling that the last run stored if it knew the same marks; None: label anew."""
+        saved, known = self.work.load("labels"), load_marks(self.work) or Marks.empty()
+        same = all(
+            np.array_equal(getattr(known, name), getattr(marks or Marks.empty(), name)) for name in ("pixels", "kind")
+        )
+        if not same or "evidence" not in saved.arrays:
+            return None
+        return Reconstruction(
+            labels=saved.read("labels"),
+            normals=saved.read("normals"),
+            initial=self._initial,
+            provenance=saved.read("provenance"),
+            confidence=saved.read("evidence"),
+            iterations=(),
+        )
+
+    def draft_normals(self, marks: Marks | None) -> np.ndarray:
+        """Return normals (H, W, 3) with these marks, at once: of a coarser field, and without confidence.
+
+        Labels that settled without marks are kept, and gone on from. The other methods than `sheets` take their time.
+        """
+        parameters, view = self.work.parameters, self.geometry.view_vectors
+        if parameters.labels.method != "sheets":
+            return self.label(marks).normals
+        clusters = without_shading(self.clusters)
+        if view is not None:
+            clusters, marks = faced(clusters, view), faced_marks(marks, view)
+        options: dict[str, Any] = {
+            "max_iterations": parameters.labels.rounds,
+            "graph_cut_weights": graph_cut_weights(parameters.labels),
+            "field_weights": field_weights(parameters.silhouette),
+        }
+        if self._settled is None:
+            self._settled = settle(clusters, self.mask, draft=True, **options)
+        normals = reconstruct_normals(clusters, self.mask, marks=marks, settled=self._settled, **options).normals
+        return normals if view is None else rotate_from_view(normals, view)
+
+    def propose(self, result: Reconstruction, marks: Marks | None, count: int) -> list[ShownQuestion]:
+        """Propose at most `count` questions that a frame shows, the most valuable first.
+
+        result: the labelling with `marks`.
+        """
+        clusters, view, region = without_shading(self.clusters), self.geometry.view_vectors, self.geometry.region
+        candidates, known_marks = clusters, marks
+        if view is not None:
+            candidates, known_marks = faced(clusters, view), faced_marks(marks, view)
+            result = replace(result, normals=rotate_to_view(result.normals, view))
+        shown = []
+        # Some sheets are seen in no frame whose highlight is bright enough: ask for more than are needed.
+        for question in propose(candidates, self.mask, result, known_marks, 2 * count):
+            place = self._highlight(question)
+            if place is not None:
+                frame, row, column = place
+                shown.append(ShownQuestion(question, frame, column + region.x, row + region.y))
+            if len(shown) == count:
+                break
+        return shown
+
+    def frame_of(self, question: Question) -> int | None:
+        """Return the frame that shows a question's sheet, None where no frame does."""
+        place = self._highlight(question)
+        return None if place is None else place[0]
+
+    def _highlight(self, question: Question) -> tuple[int, int, int] | None:
+        normals = self.clusters.normals
+        return choose_highlight(question, normals, self.thresholds, self._levels, self._half_vectors_of)
+
+    def _half_vectors_of(self, row: int, column: int) -> np.ndarray:
+        pixels = np.tile(np.array([[row, column]]), (len(self._half_vectors), 1))
+        return half_vectors_at(self.work, self._half_vectors, pixels)
+
+    def _read_levels(self, row: int, column: int) -> np.ndarray:
+        pixel = slice(row, row + 1), slice(column, column + 1)
+        return np.asarray(self._cache.read(OBJECT, rows=pixel[0], columns=pixel[1])[:, 0, 0])

@@ -1,0 +1,58 @@
+"""The questions view in a real browser: loops are shown, answers become marks, and the last one is taken back."""
+
+import json
+import urllib.request
+from typing import Any
+
+import pytest
+
+from glint.flows.review.app import STATIC
+from tests.flows.review.conftest import ServedPage, Tab
+
+pytestmark = [pytest.mark.long, pytest.mark.slow]
+
+VIEW, READY = "#/hemisphere/front/questions", "canvas.loop[data-shown]"
+
+
+def asked(served: ServedPage, path: str) -> Any:
+    """What the interface answers."""
+    request = urllib.request.Request(f"{served.origin}/api/captures/hemisphere/front/{path}", headers=served.session)
+    with urllib.request.urlopen(request) as answer:
+        return json.load(answer)
+
+
+def test_answers_are_saved_as_marks_labelled_at_once_and_taken_back(served: ServedPage, tab: Tab) -> None:
+    page = tab.open(VIEW, READY)
+    first, second = asked(served, "questions")["questions"][:2]
+    assert len(first["lights"]) == first["loop"]["count"] <= 49 and first["sheet"]
+    shown = f"{first['frame']} {first['x']} {first['y']}"
+    assert page.get_attribute("canvas.loop", "data-shown") == shown
+    page.keyboard.press("t")
+    tab.wait("document.getElementById('status').textContent.startsWith('Write your name')")
+    page.fill("input[autocomplete=name]", "Ada")
+    page.focus("main")
+    page.keyboard.press("t")
+    tab.wait("document.querySelector('.questions img.normals').naturalWidth > 0")
+    (mark,) = asked(served, "edits")["marks"]
+    assert mark == {"frame": first["frame"], "x": first["x"], "y": first["y"], "kind": "true"}
+    page.wait_for_selector(f"canvas.loop[data-shown='{second['frame']} {second['x']} {second['y']}']")
+    page.keyboard.press("f")
+    tab.wait("document.querySelector('aside').innerText.includes('2 marks: ')")
+    assert [mark["kind"] for mark in asked(served, "edits")["marks"]] == ["true", "false"]
+    for left in (1, 0):
+        page.keyboard.press("u")
+        tab.wait(f"document.querySelector('aside').innerText.includes('{['No marks', '1 mark:'][left]}')")
+    assert not asked(served, "edits")["marks"]
+    page.keyboard.press("s")
+    page.wait_for_selector(f"canvas.loop[data-shown='{second['frame']} {second['x']} {second['y']}']")
+
+
+def test_axe_has_no_serious_findings(tab: Tab) -> None:
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
+    page = tab.open(VIEW, READY)
+    findings = axe.run(page).response["violations"]
+    assert [finding["id"] for finding in findings if finding["impact"] in ("serious", "critical")] == []
+
+
+def test_modules_of_the_view_are_served_with_the_page() -> None:
+    assert {path.name for path in (STATIC / "questions").iterdir()} == {"loop.js", "questions.css", "view.js"}

@@ -1,0 +1,103 @@
+"""Proposals on a pebble whose labels are right, until one sheet is given the wrong one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glint.tasks.algorithms.candidates.markup import Marks
+from glint.tasks.algorithms.labelling.answers import sheet_graph
+from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
+from glint.tasks.algorithms.labelling.results import FILLED, Reconstruction
+from glint.tasks.algorithms.questions.highlights import choose_highlight
+from glint.tasks.algorithms.questions.proposals import Question, propose
+from glint.tasks.algorithms.questions.sheets import cut_patches
+from tests.tasks.algorithms.labelling.test_reconstruction import Scene, clusters_of, pebble
+
+PATCH = np.s_[25:37, 20:32]
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return pebble(60)
+
+
+@pytest.fixture(scope="module")
+def doubtful(scene: Scene) -> Reconstruction:
+    """The labelling with a patch of the true sheet rejected, filled 20 degrees beside the truth, and doubted."""
+    clusters, mask, _ = scene
+    result = reconstruct_normals(clusters, mask)
+    labels, normals = result.labels.copy(), result.normals.copy()
+    provenance, confidence = result.provenance.copy(), np.where(mask, np.float32(0.99), np.nan)
+    labels[:, PATCH[0], PATCH[1]] = 0
+    turned = normals[PATCH] + np.array([0.0, np.tan(np.radians(20.0)), 0.0], np.float32)
+    normals[PATCH] = turned / np.linalg.norm(turned, axis=-1, keepdims=True)
+    provenance[PATCH], confidence[PATCH] = FILLED, 0.1
+    return replace(result, labels=labels, normals=normals, provenance=provenance, confidence=confidence)
+
+
+def test_the_doubtful_sheet_is_asked_about_first(scene: Scene, doubtful: Reconstruction) -> None:
+    clusters, mask, truth = scene
+    first = propose(clusters, mask, doubtful, None, 3)[0]
+    assert not first.exterior
+    assert (np.isin(first.rows, range(25, 37)) & np.isin(first.columns, range(20, 32))).all()
+    cosine = (clusters.normals[first.layers, first.rows, first.columns] * truth[first.rows, first.columns]).sum(axis=-1)
+    assert np.median(cosine) > np.cos(np.radians(5.0))
+    assert first.change > 20.0 * len(first.rows) * 0.8
+
+
+def test_an_answered_sheet_is_not_asked_about_again(scene: Scene, doubtful: Reconstruction) -> None:
+    clusters, mask, _ = scene
+    first = propose(clusters, mask, doubtful, None, 1)[0]
+    nodes = first.layers, first.rows, first.columns
+    marks = Marks(
+        np.stack([first.rows, first.columns], axis=1).astype(np.int32),
+        clusters.normals[nodes],
+        np.ones(len(first.rows), np.int8),
+    )
+    asked = set(zip(*(index.tolist() for index in nodes), strict=True))
+    for question in propose(clusters, mask, doubtful, marks, 5):
+        assert not asked & set(
+            zip(question.layers.tolist(), question.rows.tolist(), question.columns.tolist(), strict=True)
+        )
+
+
+def test_proposals_are_few_distinct_and_in_order(scene: Scene, doubtful: Reconstruction) -> None:
+    clusters, mask, _ = scene
+    questions = propose(clusters, mask, doubtful, None, 4)
+    assert 1 < len(questions) <= 4
+    open_values = [(question.is_open, question.value) for question in questions]
+    assert open_values == sorted(open_values, reverse=True)
+    nodes = [set(zip(q.layers.tolist(), q.rows.tolist(), q.columns.tolist(), strict=True)) for q in questions]
+    assert sum(map(len, nodes)) == len(set().union(*nodes))
+
+
+def test_without_candidates_nothing_is_asked(scene: Scene, doubtful: Reconstruction) -> None:
+    clusters, mask, _ = scene
+    empty = clusters_of(np.full_like(clusters.normals, np.nan))
+    assert propose(empty, mask, doubtful, None, 5) == []
+
+
+def test_patches_have_one_label_and_a_bounded_size(scene: Scene, doubtful: Reconstruction) -> None:
+    clusters, _, _ = scene
+    patches = cut_patches(*sheet_graph(clusters.normals), doubtful.labels, scale=20.0)
+    labels = patches.mean(patches.of(doubtful.labels).astype(float))
+    assert np.isin(labels, (0.0, 1.0)).all()
+    for index in (patches.row, patches.column):
+        assert max(np.ptp(index[patches.number == number]) for number in range(patches.count)) < 12
+
+
+def test_the_highlight_lies_in_the_middle_at_the_frame_nearest_to_the_normal() -> None:
+    normals = np.full((1, 9, 9, 3), np.nan, np.float32)
+    rows, columns = (index.ravel() for index in np.mgrid[2:7, 2:7])
+    normals[0, rows, columns] = (0.0, 0.0, 1.0)
+    question = Question(np.zeros(25, int), rows, columns, True, 0.5, 1.0)
+    tilts = np.radians([8.0, 1.5, 0.5, np.nan, 0.2])
+    half_vectors = np.stack([np.sin(tilts), 0 * tilts, np.cos(tilts)], axis=-1)
+    levels = np.array([200, 200, 200, 200, 10])
+
+    def choose(bright: np.ndarray) -> tuple[int, int, int] | None:
+        return choose_highlight(question, normals, np.full((9, 9), 100), lambda *_: bright, lambda *_: half_vectors)
+
+    assert choose(levels) == (2, 4, 4)
+    assert choose(np.where(np.arange(5) == 0, 200, 0)) is None
