@@ -27,7 +27,7 @@ MAX_TWO_LIGHTS_SHARE, MIN_TWO_LIGHTS = 0.02, 2
 them in 3 to 28% of the frames, chrome spheres in none."""
 IRREGULAR_AREA_RATIO, IRREGULAR_AREA_PX = 3.0, 1.0
 """Factor, and pixels beside, beyond which a highlight's area is irregular: the light's distance may vary by 1.7."""
-MAX_HIDDEN_SHARE = 0.05
+MAX_OCCLUDED_SHARE = 0.05
 """Share of a highlight that is hidden by a static reflection, beyond which its area shows nothing."""
 MAX_IRREGULAR_SHARE, MIN_IRREGULAR = 0.05, 1
 """Share and number of the frames with a highlight before the object from which irregular ones (of another area, or two
@@ -107,7 +107,7 @@ def irregular_highlights(highlights: Highlights, lights: Lights) -> tuple[int, i
     area = highlights.area[:, 0]
     half_vectors = half_vectors_of(highlights.directions[:, 0].astype(float))
     shown = (half_vectors[:, 2] >= MIN_HALF_VECTOR_NZ) & (area > 0)
-    whole = shown & (highlights.occluded_fraction[:, 0] <= MAX_HIDDEN_SHARE)
+    whole = shown & (highlights.occluded_fraction[:, 0] <= MAX_OCCLUDED_SHARE)
     if not whole.any():
         return 0, int(shown.sum())
     usual = float(np.median(area[whole]))

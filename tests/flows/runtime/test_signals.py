@@ -16,8 +16,6 @@ from glint.flows.runtime import signals
 pytestmark = pytest.mark.server
 GLINT = [sys.executable, "-c", "from glint.flows.cli.main import main; main()", "run"]
 ROOT = Path(__file__).parents[3]
-MOMENTS = [0.0, 0.6, 5.0, *(pytest.param(seconds, marks=pytest.mark.slow) for seconds in (0.2, 1.5, 3.0))]
-"""Seconds after the start."""
 
 
 def catches_signals(pid: int) -> bool:
