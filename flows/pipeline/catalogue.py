@@ -1,9 +1,11 @@
 """The flow of a catalogue: its objects side by side, each a flow run of its own; unchanged objects are skipped."""
 
+import threading
 import time
-from collections.abc import Sequence
-from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from contextvars import copy_context
 from typing import Any
 
 from prefect import flow, runtime
@@ -81,7 +83,8 @@ def run_catalogue(
             if len(futures) < max_objects and object_id not in context.unchanged:
                 time.sleep(STAGGER_SECONDS)
         try:
-            objects = _results(futures, context, name)
+            with _progress_shown(context, name):
+                objects = [future.result() for future in futures]
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             context.cancel()
@@ -131,15 +134,25 @@ def _run(captures: ObjectCaptures, drift: float | None) -> ObjectResult:
     return result
 
 
-def _results(futures: Sequence[Future[ObjectResult]], context: RunContext, name: str) -> list[ObjectResult]:
-    """Wait for the objects; a bar on the dashboard shows how far the run is and how long it still takes."""
-    bar: Any = None
-    while wait(futures, RUN_PROGRESS_SECONDS, FIRST_EXCEPTION).not_done:
-        if any(future.done() and future.exception() is not None for future in futures):
-            break
-        with suppress(Exception):  # a server that is unreachable for a while must not stop the run
-            bar = show_run_progress(bar, name, context.time_left.report())
-    return [future.result() for future in futures]
+@contextmanager
+def _progress_shown(context: RunContext, name: str) -> Iterator[None]:
+    """Show on the dashboard how far the run is and how long it still takes, while the body runs.
+
+    A thread of its own does it: a server that does not answer must not hold the run up.
+    """
+    ended = threading.Event()
+
+    def show() -> None:
+        bar: Any = None
+        while not ended.wait(RUN_PROGRESS_SECONDS):
+            with suppress(Exception):  # it is shown again with the next update
+                bar = show_run_progress(bar, name, context.time_left.report())
+
+    threading.Thread(target=copy_context().run, args=(show,), name="glint-run-progress", daemon=True).start()
+    try:
+        yield
+    finally:
+        ended.set()
 
 
 def _summary(result: RunResult) -> str:
