@@ -51,7 +51,6 @@ SETTINGS = {
     "distributed.scheduler.worker-ttl": None,
     # The stages of a capture may be queued at a busy worker; an idle one takes them over at once.
     "distributed.scheduler.work-stealing-interval": "100ms",
-    "distributed.worker.multiprocessing-method": "forkserver",
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.pause": False,
@@ -75,12 +74,14 @@ threads, which a fork does not copy."""
 WEBSOCKET_ORIGINS = "distributed.scheduler.dashboard.bokeh-application.allow_websocket_origin"
 """Setting of Dask: the origins whose pages may read its dashboard, all of them by default."""
 
-LOST_WORKER = "distributed.deploy.lost-worker-timeout"
-"""Setting of Dask: how long after the death of a worker its place in a local cluster is given up, 15 s by default.
-
-A replacement takes longer to start on a busy machine, and whoever dies again in that time is counted as absent all the
-while; the place would stay empty for the rest of the run.
-"""
+LOCAL_SETTINGS = {
+    # The place of a dead worker is given up when it was absent for so long. A replacement takes more than Dask's 15 s
+    # on a busy machine, and one that dies again in that time counts as absent all the while.
+    "distributed.deploy.lost-worker-timeout": "1 day",
+    # Workers are forked from a process that has imported FORKED.
+    "distributed.worker.multiprocessing-method": "forkserver",
+}
+"""Settings of Dask that only a local cluster needs besides SETTINGS."""
 
 
 @dataclass
@@ -206,8 +207,7 @@ class Cluster:
 
     def _local(self) -> Client:
         dashboard = _free_address()
-        dask.config.set(SETTINGS)
-        dask.config.set({WEBSOCKET_ORIGINS: [dashboard], LOST_WORKER: "1 day"})
+        dask.config.set(SETTINGS | LOCAL_SETTINGS | {WEBSOCKET_ORIGINS: [dashboard]})
         get_mp_context().set_forkserver_preload([*FORKED])
         self._cluster = LocalCluster(
             n_workers=self._workers,
