@@ -3,12 +3,19 @@
 Source: the gradient-directed Hough transform for circles (Kimme, Ballard and Sklansky 1975).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numba import njit
 
+RAYS = 96
+"""Rays from the centre."""
+MIN_SPACING_PX, SPACING_RATIO = 0.5, 0.01
+"""Distance of samples along a ray: at least so many pixels, and at least this share of the radius."""
+OUTER_GAP_PX = 3.0
+"""Distance outside an edge at which evidence counts against it: samples reach so much farther than the contours."""
 MIN_GRADIENT_FLOOR = 0.004
 """Lower bound of an image's usual gradient, for images without structure."""
 
@@ -61,6 +68,36 @@ class RaySamples:
     spacing: float
     reach: int
     angles: np.ndarray
+
+
+def sample_rays(
+    frames: Sequence[np.ndarray], x: float, y: float, min_radius: float, max_radius: float, rays: int = RAYS
+) -> RaySamples:
+    """Sample frames along rays from (x, y), for the evidence of edges between two radii.
+
+    Args:
+        frames: of `log_frames`, (H, W) each.
+        x: column of the centre.
+        y: row of the centre.
+        min_radius: smallest radius of a contour in pixels.
+        max_radius: largest radius.
+        rays: number of rays.
+    """
+    spacing = max(MIN_SPACING_PX, SPACING_RATIO * min_radius)
+    reach = max(1, round(1.0 / spacing))
+    start = max(min_radius - (reach + 2) * spacing, spacing)
+    radii = np.arange(start, max_radius + OUTER_GAP_PX + (reach + 2) * spacing, spacing)
+    angles = 2.0 * np.pi * (np.arange(rays) + 0.5) / rays
+    columns = (x + np.cos(angles)[:, None] * radii).astype(np.float32)
+    rows = (y + np.sin(angles)[:, None] * radii).astype(np.float32)
+    height, width = frames[0].shape
+    valid = (columns >= 0) & (rows >= 0) & (columns <= width - 1) & (rows <= height - 1)
+    valid[:, reach:-reach] &= valid[:, : -2 * reach] & valid[:, 2 * reach :]
+    valid[:, :reach] = valid[:, -reach:] = False
+    levels = np.stack(
+        [cv2.remap(frame, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for frame in frames]
+    )
+    return RaySamples(x, y, levels, valid, start, spacing, reach, angles)
 
 
 def log_gradient(image: np.ndarray, *, sigma: float = 0.8, offset: float = 4.0) -> LogGradient:

@@ -14,13 +14,12 @@ import cv2
 import numpy as np
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.lighting.circles import strongest_circles
+from glint.tasks.algorithms.lighting.circles import sample_rays, strongest_circles
 from glint.tasks.algorithms.lighting.contour import (
     OUTSIDE_RATIOS,
     fit_contour,
     level_evidence,
     radius_profile,
-    sample_rays,
 )
 from glint.tasks.algorithms.lighting.pyramid import (
     MAX_LEVEL_RADIUS_PX,
