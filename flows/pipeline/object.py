@@ -29,7 +29,6 @@ from glint.tasks.engine.stage import StageRecord, stage_keys
 from glint.tasks.model.model_key import wants_model
 from glint.tasks.pipeline import STAGES
 from glint.tasks.publish import check_catalogue, publish
-from glint.tasks.sphere_agreement import sphere_offer, sphere_warnings, surveyed_spheres
 from glint.tasks.version_diff import Drift, drifts
 
 SURVEY = STAGES[0]
@@ -113,6 +112,9 @@ def with_agreement(captures: ObjectCaptures, results: Sequence[CaptureResult]) -
     failed = {result.capture_id for result in results if result.error}
     if len(captures.all) - len(failed) < 2:
         return tuple(results)
+    # Imported where it is needed, since its compiled modules are slow to import.
+    from glint.tasks.sphere_agreement import sphere_offer, sphere_warnings, surveyed_spheres
+
     spheres = surveyed_spheres([context for context in captures.all if _is_surveyed(context, failed)])
     warnings, agreed = sphere_warnings(spheres), list[CaptureResult]()
     for context, result in zip(captures.chosen, results, strict=True):
