@@ -75,12 +75,12 @@ def test_rollback_brings_an_old_version_back(place: Path, home: Path) -> None:
     catalogue = load(place / "catalogue.yaml")
     changed = catalogue.model_copy(update={"parameters": {"depth": {"method": "least-squares"}}})
     write(changed, place / "changed.yaml")
-    glint("run", "changed.yaml", "--only", "hemisphere/front", folder=place, home=home)
-    glint("rollback", "hemisphere", "v1", folder=place, home=home)
-    versions = [
-        json.loads(line)
-        for line in glint("history", "hemisphere", "--json", folder=place, home=home).stdout.splitlines()
-    ]
+    words = ("--store", "rolled")
+    for name in ("catalogue.yaml", "changed.yaml"):
+        glint("run", name, "--only", "hemisphere/front", *words, folder=place, home=home)
+    glint("rollback", "hemisphere", "v1", *words, folder=place, home=home)
+    history = glint("history", "hemisphere", "--json", *words, folder=place, home=home).stdout
+    versions = [json.loads(line) for line in history.splitlines()]
     assert [version["version"] for version in versions] == ["v1", "v2", "v3"]
 
 
