@@ -73,7 +73,15 @@ class ObjectCaptures:
 def up_to_date(captures: ObjectCaptures) -> ObjectResult | None:
     """Return the result of an object that needs no processing; None if it does, or if its state cannot be read."""
     try:
-        stored = up_to_date_records(captures.with_edits().chosen)
+        return _stored_result(captures.with_edits())
+    except USER_ERRORS:
+        return None
+
+
+def _stored_result(captures: ObjectCaptures) -> ObjectResult | None:
+    """Return the same of captures with their edits."""
+    try:
+        stored = up_to_date_records(captures.chosen)
     except USER_ERRORS:
         return None
     if stored is None:
@@ -94,8 +102,9 @@ def unchanged_objects(
     unchanged, busy = dict[str, ObjectResult](), 0
     for captures in objects:
         try:
-            result = up_to_date(captures)
-            wanted = 0 if result is not None else _workers_for(captures, workers)
+            edited = captures.with_edits()
+            result = _stored_result(edited)
+            wanted = 0 if result is not None else _workers_for(edited, workers)
         except Exception:  # the object's flow meets it again, and reports it as this object's alone
             result, wanted = None, 1
         if result is not None:
@@ -108,9 +117,12 @@ def unchanged_objects(
 
 
 def _workers_for(captures: ObjectCaptures, workers: int) -> int:
-    """Return how many workers an object can keep busy: all where a stage shares its tiles, else one a capture."""
+    """Return how many workers captures can keep busy: all where a stage shares its tiles, else one a capture.
+
+    captures: with their edits.
+    """
     try:
-        pending = [pending_stages(context) for context in captures.with_edits().chosen]
+        pending = [pending_stages(context) for context in captures.chosen]
     except USER_ERRORS:
         return 1
     if any(stage.parallel_tiles and stage.name in names for names in pending for stage in STAGES):

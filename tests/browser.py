@@ -21,14 +21,12 @@ def program() -> str | None:
     return shutil.which("chromium")
 
 
-class Page:
-    """A tab: evaluates JavaScript, and records what it requests, what is refused, and what its console says."""
+class Channel:
+    """A connection over which a browser is sent commands, and the events that came in between."""
 
     def __init__(self, channel: ClientConnection) -> None:
         self._channel, self._numbers = channel, count(1)
         self.events: list[dict[str, Any]] = []
-        for domain in ("Page", "Network", "Runtime", "Log"):
-            self.command(f"{domain}.enable")
 
     def command(self, method: str, **parameters: Any) -> dict[str, Any]:
         """Send a command and return its result; keep the events that come before it."""
@@ -41,6 +39,15 @@ class Page:
                 result: dict[str, Any] = message["result"]
                 return result
             self.events.append(message)
+
+
+class Page(Channel):
+    """A tab: evaluates JavaScript, and records what it requests, what is refused, and what its console says."""
+
+    def __init__(self, channel: ClientConnection) -> None:
+        super().__init__(channel)
+        for domain in ("Page", "Network", "Runtime", "Log"):
+            self.command(f"{domain}.enable")
 
     def open(self, url: str) -> None:
         """Go to an address."""

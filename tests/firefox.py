@@ -9,13 +9,12 @@ import os
 import shutil
 import subprocess
 import tempfile
-from itertools import count
 from pathlib import Path
 from typing import Any
 
 from websockets.sync.client import connect
 
-from tests.browser import PATIENCE, until
+from tests.browser import PATIENCE, Channel, until
 
 PORT_FILE = "WebDriverBiDiServer.json"
 SCREEN = "1280x1024x24"
@@ -36,7 +35,7 @@ def program() -> str | None:
     return (shutil.which("firefox-esr") or shutil.which("firefox")) if shutil.which("Xvfb") else None
 
 
-class Firefox:
+class Firefox(Channel):
     """A Firefox on a virtual screen with a profile of its own and one tab; a context manager."""
 
     def __init__(self) -> None:
@@ -60,8 +59,7 @@ class Firefox:
         until(lambda: port.exists() and port.stat().st_size > 0)
         place = json.loads(port.read_text())
         address = f"ws://{place['ws_host']}:{place['ws_port']}/session"
-        self._channel, self._numbers = connect(address, proxy=None, max_size=None), count(1)
-        self.events: list[dict[str, Any]] = []
+        super().__init__(connect(address, proxy=None, max_size=None))
         self.command("session.new", capabilities={})
         self.command("session.subscribe", events=["log.entryAdded", "network.beforeRequestSent"])
         self._tab = self.command("browsingContext.getTree")["contexts"][0]["context"]
@@ -76,17 +74,6 @@ class Firefox:
         self._screen.terminate()
         self._screen.wait(PATIENCE)
         self._folder.cleanup()
-
-    def command(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """Send a command and return its result; keep the events that come before it."""
-        number = next(self._numbers)
-        self._channel.send(json.dumps({"id": number, "method": method, "params": parameters}))
-        while True:
-            message: dict[str, Any] = json.loads(self._channel.recv(timeout=PATIENCE))
-            if message.get("id") == number:
-                assert message["type"] == "success", message
-                return dict(message["result"])
-            self.events.append(message)
 
     def open(self, url: str) -> None:
         """Open a page, and wait until it is loaded."""

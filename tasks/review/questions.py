@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from glint.storage.edits.edits import Edits
 from glint.storage.errors import InputError
 from glint.storage.export.image_files import colour_normals, encode_png
 from glint.storage.footage.luma import eight_bits
@@ -18,7 +17,7 @@ from glint.storage.inputs.markup import AnnotationEntry, read_marks
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.questions.capture_questions import CaptureQuestions, ShownQuestion
-from glint.tasks.review.stored import has_object, saved_records
+from glint.tasks.review.stored import current_edits, saved_records
 from glint.tasks.stages.capture_geometry import OBJECT
 from glint.tasks.stages.frames import open_frames
 from glint.tasks.stages.markup import load_marks
@@ -72,12 +71,12 @@ def questions(context: CaptureContext) -> dict[str, Any]:
     Raises:
         InputError: it has not run yet; StoreError: the store cannot be read.
     """
-    session, marks = _session(context), marks_of(context)
+    session, (revision, marks) = _session(context), _saved_marks(context)
     with session.lock:
         shown = _proposed(session, marks)
         _draft_before(session)  # so that the first answer need not wait for it
         return {
-            "revision": _revision(context),
+            "revision": revision,
             "marks": [mark.model_dump() for mark in marks],
             "questions": [_facts(context, session.questions, item) for item in shown],
         }
@@ -115,9 +114,10 @@ def labelling(context: CaptureContext) -> dict[str, Any]:
     Raises:
         InputError: it has not run yet; StoreError: the store cannot be read.
     """
-    made = _labelled(context)
+    revision, marks = _saved_marks(context)
+    made = _labelled(context, marks)
     return {
-        "revision": _revision(context),
+        "revision": revision,
         "seconds": round(made.seconds, 2),
         "changed_pixels": made.changed_pixels,
         "changed_deg": round(made.changed_deg, 1),
@@ -130,29 +130,20 @@ def normals_picture(context: CaptureContext) -> bytes:
     Raises:
         InputError: it has not run yet; StoreError: the store cannot be read.
     """
-    return encode_png(colour_normals(_labelled(context).normals, background=20))
+    return encode_png(colour_normals(_labelled(context, _saved_marks(context)[1]).normals, background=20))
 
 
-def marks_of(context: CaptureContext) -> Marks:
-    """Return the marks of a capture: those that people saved, else those of its catalogue.
-
-    Raises:
-        InputError: the catalogue's cannot be read; StoreError: the store cannot be read.
-    """
-    if has_object(context.location, context.object_id):
-        edited = Edits.open(context.location, context.object_id, create=False).current(context.capture.id).marks
-        if edited is not None:
-            return edited
-    address = context.file("markup")
-    return () if address is None else tuple(read_marks(address))
+def _saved_marks(context: CaptureContext) -> tuple[int, Marks]:
+    """Return the revision of a capture's edits and its marks: those that people saved, else those of its catalogue."""
+    edits, address = current_edits(context), context.file("markup")
+    revision = 0 if edits is None else edits.revision
+    if edits is not None and edits.marks is not None:
+        return revision, edits.marks
+    return revision, () if address is None else tuple(read_marks(address))
 
 
-def _revision(context: CaptureContext) -> int:
-    return Edits.open(context.location, context.object_id, create=False).current(context.capture.id).revision
-
-
-def _labelled(context: CaptureContext) -> Labelling:
-    session, marks = _session(context), marks_of(context)
+def _labelled(context: CaptureContext, marks: Marks) -> Labelling:
+    session = _session(context)
     with session.lock:
         if marks not in session.labellings:
             start = monotonic()

@@ -3,6 +3,7 @@
 import numpy as np
 
 from glint.storage.edits.edits import Edits
+from glint.storage.edits.models import CaptureEdits
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import object_ids
 from glint.storage.versions.stage_results import check_name
@@ -31,12 +32,22 @@ def saved_records(context: CaptureContext) -> Records:
     return context.repository.records(context.capture.id)
 
 
-def edited_mask(context: CaptureContext) -> np.ndarray | None:
-    """Return the mask (H, W) bool of the full frame that a person painted, None where nobody has.
+def current_edits(context: CaptureContext) -> CaptureEdits | None:
+    """Return what people edited of a capture, None where the store does not have its object.
 
     Raises:
         StoreError: the store cannot be read.
     """
     if not has_object(context.location, context.object_id):
         return None
-    return Edits.open(context.location, context.object_id, create=False).current(context.capture.id).mask
+    return Edits.open(context.location, context.object_id, create=False).current(context.capture.id)
+
+
+def edited_mask(context: CaptureContext) -> np.ndarray | None:
+    """Return the mask (H, W) bool of the full frame that a person painted, None where nobody has.
+
+    Raises:
+        StoreError: the store cannot be read.
+    """
+    edits = current_edits(context)
+    return None if edits is None else edits.mask

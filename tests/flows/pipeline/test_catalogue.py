@@ -27,20 +27,11 @@ from glint.storage.versions.repository import ObjectRepository
 from glint.tasks.code_provenance import code_provenance
 from glint.tasks.engine.stage import StageRecord
 from glint.tasks.pipeline import STAGES
+from tests.flows.recording_sink import RecordingSink
 from tests.prefect_api import ask
 
 pytestmark = [pytest.mark.server, pytest.mark.usefixtures("server")]
 Run = Callable[..., tuple[Any, list[Event]]]
-
-
-class RecordingSink:
-    """A sink that keeps the events."""
-
-    def __init__(self) -> None:
-        self.events: list[Event] = []
-
-    def emit(self, event: Event) -> None:
-        self.events.append(event)
 
 
 @pytest.fixture(scope="module")

@@ -12,18 +12,11 @@ from distributed import Client
 from glint.flows.pipeline.context import RunContext, activate, run_context
 from glint.flows.pipeline.object import submit
 from glint.flows.pipeline.prefect_sink import PrefectSink
-from glint.flows.reporting.events import Event, Message
+from glint.flows.reporting.events import Message
 from glint.flows.runtime.dask_cluster import Cluster
+from tests.flows.recording_sink import RecordingSink
 
 pytestmark = pytest.mark.server
-
-
-class RecordingSink:
-    def __init__(self) -> None:
-        self.events: list[Event] = []
-
-    def emit(self, event: Event) -> None:
-        self.events.append(event)
 
 
 @pytest.fixture

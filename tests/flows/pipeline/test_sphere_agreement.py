@@ -9,24 +9,17 @@ import pytest
 
 from glint.flows.pipeline.context import activate
 from glint.flows.pipeline.object import ObjectCaptures, with_agreement
-from glint.flows.reporting.events import CaptureWarning, Event
+from glint.flows.reporting.events import CaptureWarning
 from glint.flows.results import CaptureResult
 from glint.flows.runtime.dask_cluster import Cluster
 from glint.storage.footage.source import open_footage
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.stages.capture_geometry import load_geometry
+from tests.flows.recording_sink import RecordingSink
 from tests.tasks.make_context import make_context, perform_all
 
 pytestmark = [pytest.mark.server, pytest.mark.usefixtures("server")]
 SHIFT_PX, N_FRAMES = 2, 24
-
-
-class RecordingSink:
-    def __init__(self) -> None:
-        self.events: list[Event] = []
-
-    def emit(self, event: Event) -> None:
-        self.events.append(event)
 
 
 @pytest.fixture

@@ -15,18 +15,13 @@ from glint.flows.reporting.events import (
     subscribe,
 )
 from glint.flows.runtime.dask_cluster import Cluster
+from tests.flows.recording_sink import RecordingSink
 
 FRONT = "glass/front"
 
 
-class RecordingSink:
-    """A sink that keeps the events."""
-
-    def __init__(self) -> None:
-        self.events: list[Event] = []
-
-    def emit(self, event: Event) -> None:
-        self.events.append(event)
+class ProgressSink(RecordingSink):
+    """Keeps the events, of which it tells those of progress."""
 
     @property
     def progress(self) -> list[StageProgress]:
@@ -60,7 +55,7 @@ def test_rates_are_of_frames_alone() -> None:
 
 
 def test_a_throttle_emits_few_events_but_always_the_last() -> None:
-    sink = RecordingSink()
+    sink = ProgressSink()
     progress = ProgressThrottle(sink.emit, FRONT, "frames", interval=60.0)
     for done in range(1, 101):
         progress(done, 100)
@@ -79,7 +74,7 @@ def work() -> str:
 
 @pytest.mark.server
 def test_events_of_workers_arrive(cluster: Cluster) -> None:
-    sink = RecordingSink()
+    sink = ProgressSink()
     subscribe(cluster.client, sink.emit)
     assert cluster.client.submit(work, pure=False).result(timeout=60) == "done"
     deadline = time.monotonic() + 20

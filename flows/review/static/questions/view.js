@@ -116,9 +116,8 @@ class QuestionsView {
   async answer(kind) {
     const { question } = this;
     const author = this.name;
-    if (!question || !author || this.isBusy) return;
-    this.isBusy = true;
-    try {
+    if (!question || !author) return;
+    await this.save(async () => {
       const { frame, x, y } = question;
       const marks = [...this.marks, { frame, x, y, kind }];
       const { revision } = await ask(`${this.capture.path}/edits`, { method: "POST", body: { changes: { marks }, author, base_revision: this.revision } });
@@ -128,13 +127,7 @@ class QuestionsView {
         this.answered.push({ revision: revision.number, index: this.index });
       }
       this.index += 1;
-      this.showQuestion();
-      this.showChange();
-    } catch (error) {
-      await this.refused(error);
-    } finally {
-      this.isBusy = false;
-    }
+    });
   }
 
   skip() {
@@ -146,14 +139,22 @@ class QuestionsView {
   async undo() {
     const last = this.answered.at(-1);
     const author = this.name;
-    if (!last || !author || this.isBusy) return;
-    this.isBusy = true;
-    try {
+    if (!last || !author) return;
+    await this.save(async () => {
       const { revision } = await ask(`${this.capture.path}/edits/undo`, { method: "POST", body: { revision: last.revision, author } });
       this.answered.pop();
       this.marks = this.marks.slice(0, -1);
       this.revision = revision.number;
       this.index = last.index;
+    });
+  }
+
+  /** Saves one thing at a time, and shows the question and the change that follow. */
+  async save(request) {
+    if (this.isBusy) return;
+    this.isBusy = true;
+    try {
+      await request();
       this.showQuestion();
       this.showChange();
     } catch (error) {
