@@ -92,18 +92,22 @@ def highlights_along(held: CaptureQuestions, frame: int | None, points: Sequence
                 highlight = _tracked(held, frame, int(nearest[0]), int(nearest[1]))
                 highlights.setdefault((highlight.row, highlight.column), highlight)
         return list(highlights.values()) or [highlight_in_frame(held, frame, *points[0])]
-    line = list[Highlight]()
+    line, normal = list[Highlight](), None
     for row, column in points:
-        is_near = line and np.hypot(row - line[-1].row, column - line[-1].column) < STROKE_SPACING_PX
-        if is_near or len(line) == MAX_STROKE_MARKS or not held.candidate_pixels[row, column]:
-            continue
-        layers = _layers(held, row, column)
-        if line and line[-1].layer is not None:
-            before = held.clusters.normals[line[-1].layer, line[-1].row, line[-1].column]
-            turns = angles(held.clusters.normals[layers, row, column], before)
+        layers = _layers(held, row, column) if held.candidate_pixels[row, column] else []
+        if layers and normal is not None:
+            # The candidate of the sheet that the line has followed so far.
+            turns = angles(held.clusters.normals[layers, row, column], normal)
             layers = [layers[int(turns.argmin())]] if turns.min() < SAME_SHEET_DEG else []
+        if not layers or len(line) == MAX_STROKE_MARKS:
+            continue
+        if line and np.hypot(row - line[-1].row, column - line[-1].column) < STROKE_SPACING_PX:
+            normal = held.clusters.normals[layers[0], row, column]
+            continue
         shown = next((item for item in (_shown(held, layer, row, column) for layer in layers) if item), None)
-        line += [shown] if shown else []
+        if shown is not None:
+            line.append(shown)
+            normal = held.clusters.normals[shown.layer, row, column]
     return line or highlights_at(held, *points[0])[:1]
 
 

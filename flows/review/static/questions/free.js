@@ -69,9 +69,10 @@ export class FreeMarks {
 
   /** Asks what a click or a line means. */
   async choose(points) {
-    const step = Math.ceil(points.length / MAX_POINTS);
+    const dense = filled(points);
+    const step = Math.ceil(dense.length / MAX_POINTS);
     const { width, height } = this.picture;
-    const pixels = points.filter((_, i) => i % step === 0).map(({ x, y }) => [Math.round(x), Math.round(y)])
+    const pixels = dense.filter((_, i) => i % step === 0).map(({ x, y }) => [Math.round(x), Math.round(y)])
       .filter(([x, y]) => x >= 0 && y >= 0 && x < width && y < height);
     if (!pixels.length) return;
     this.clicked = { x: pixels[0][0], y: pixels[0][1] };
@@ -189,6 +190,15 @@ function trackShapes({ frame, x, y }, track, colour, kind, shown, unit) {
 
 function line(points, stroke, strokeWidth, dash = undefined) {
   return new Konva.Line({ points, stroke, strokeWidth, dash, strokeScaleEnabled: false, lineCap: "round", lineJoin: "round" });
+}
+
+/** Returns the points of a line with others between them, at most two pixels apart: a fast hand leaves gaps. */
+function filled(points) {
+  return points.flatMap((point, i) => {
+    const next = points[i + 1] ?? point;
+    const count = Math.max(1, Math.ceil(Math.hypot(next.x - point.x, next.y - point.y) / 2));
+    return Array.from({ length: count }, (_, k) => ({ x: point.x + ((next.x - point.x) * k) / count, y: point.y + ((next.y - point.y) * k) / count }));
+  });
 }
 
 function rounded({ x, y }) {
