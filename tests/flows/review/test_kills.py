@@ -154,7 +154,7 @@ def test_a_run_goes_on_where_its_server_was_killed_and_the_page_finds_it_again(
     assert session.post(killed.path("edits"), json=body, timeout=60).ok
     page = opened(killed, chromium)
     page.click("text=Run from here")
-    browser.until(lambda: session.get(killed.path("run"), timeout=60).json()["stage"] != "", RUN_SECONDS)
+    browser.until(lambda: bool((session.get(killed.path("run"), timeout=60).json() or {}).get("stage")), RUN_SECONDS)
     killed.kill()
     page.wait_for_selector(".run .doubt >> text=The run goes on without it")
     killed.start()

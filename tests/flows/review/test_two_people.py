@@ -66,7 +66,7 @@ def test_answers_of_two_people_and_a_script_are_all_kept(served: ServedPage, chr
         body = {"changes": {"marks": marks}, "author": "script", "base_revision": edits["revision"]}
         assert asked(served, "edits", body)["revision"]
         ada.page.keyboard.press("u")  # her own answer, though others have added theirs since
-        ada.wait("document.querySelectorAll('.marks-list .false').length === 1")
+        ada.wait("document.querySelectorAll('.marks-list li').length === 2")
         assert kinds(served) == ["false", "true"]
         authors = {item["author"] for item in asked(served, "edits")["history"]}
         assert {"Ada", "Bob", "script"} <= authors
