@@ -3,7 +3,6 @@
 Whatever is read was verified by the store. A version never changes, so its data are kept.
 """
 
-from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -11,10 +10,10 @@ import numpy as np
 
 from glint.storage.errors import NotFoundError
 from glint.storage.export.page.capture_data import CaptureData, Detail, capture_data
-from glint.storage.export.page.mesh_packing import pack_mesh
+from glint.storage.export.page.model_data import model_data as packed_model
 from glint.storage.export.page.packing import Part, octahedral, pack
 from glint.storage.export.page.photographs import frame_photograph, spread_frames
-from glint.storage.export.stored_capture import entry_of, mesh_of, ordered_stages
+from glint.storage.export.stored_capture import entry_of, ordered_stages
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import WHOLE_OBJECT, StageResult
@@ -24,8 +23,6 @@ SERVED = Detail(scale=1.0, frames=0, triangles=1_000_000)
 """Detail of what a server on the same machine sends: everything, a mesh within what a browser turns smoothly."""
 MAX_OFFERED_FRAMES = 600
 """Frames that are offered beside the relit surface: one every 5 degrees of the hemisphere and denser."""
-NO_VIEW = 255
-"""Code of vertices that no view has seen."""
 MAX_COUNT = 250
 """Greatest number that a count of candidates is packed as."""
 PAPER = "paper"
@@ -101,33 +98,7 @@ def model_data(store: str, object_id: str, version: str) -> CaptureData | None:
     if WHOLE_OBJECT not in chosen.stages:
         return None
     merged = repository.load(WHOLE_OBJECT, "model", chosen.snapshot)
-    mesh, parts = pack_mesh(mesh_of(merged, "model.ply"), SERVED.triangles)
-    if "source" in merged.arrays and mesh["shown_triangles"] == mesh["triangles"]:
-        source = merged.read("source").astype(int)
-        parts["vertex_source"] = pack(
-            np.where(source < 0, NO_VIEW, np.minimum(source, NO_VIEW - 1)).astype(np.uint8)[None]
-        )
-    return CaptureData(
-        {
-            "name": "model",
-            "mesh": mesh,
-            "views": [_view_facts(view) for view in merged.record.get("views", ())],
-            "unseen": merged.record.get("unseen"),
-            "parts": {name: part.facts for name, part in parts.items()},
-        },
-        parts,
-    )
-
-
-def _view_facts(view: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what is shown of a view of the model: towards its camera, a unit vector, and the share it determines."""
-    matrix = np.array(view["camera_to_world"], float)
-    return {
-        "name": view["capture"],
-        "toward": [round(float(part), 5) for part in matrix[:3, 2]],
-        "up": [round(float(part), 5) for part in matrix[:3, 1]],
-        "share": view["share"],
-    }
+    return packed_model(merged, SERVED.triangles)
 
 
 def _stored_mask(store: str, object_id: str, version: str, capture: str) -> np.ndarray:
