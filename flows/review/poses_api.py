@@ -20,7 +20,7 @@ def poses(review: ReviewState, object_id: ObjectId) -> dict[str, Any]:
     """
     captures = review.captures(object_id)
     edits = review.edits(object_id)
-    found, left_out = _model(review, object_id)
+    registered, left_out = _model(review, object_id)
     views = []
     for name in captures:
         edited = None if edits is None else edits.current(name).pose
@@ -31,7 +31,7 @@ def poses(review: ReviewState, object_id: ObjectId) -> dict[str, Any]:
                 "capture": name,
                 "pose": None if pose is None else pose.model_dump(mode="json", exclude_none=True),
                 "is_edited": edited is not None,
-                "found": found.get(name),
+                "found": registered.get(name),
                 "left_out": left_out.get(name),
             }
         )
@@ -61,5 +61,5 @@ def _model(review: Review, object_id: str) -> tuple[dict[str, Any], dict[str, st
     if record is None:
         return {}, {}
     names = ("pose", "camera_to_world", "outline_misses_pixels")
-    found = {view["capture"]: {name: view[name] for name in names} for view in record["views"]}
-    return found, {view["name"]: f"{view['reason']}; {view['remedy']}" for view in record["left_out"]}
+    registered = {view["capture"]: {name: view[name] for name in names} for view in record["views"]}
+    return registered, {view["name"]: f"{view['reason']}; {view['remedy']}" for view in record["left_out"]}

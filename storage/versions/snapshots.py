@@ -19,8 +19,7 @@ from glint.storage.locations.location import Location
 from glint.storage.seals import is_sealed
 from glint.storage.versions.stage_results import Keys, StageResult, read_capture
 
-# Every commit is a new snapshot of the whole object. With icechunk's default limits their cache takes a hundred
-# megabytes for each open object; only the newest snapshots are read again.
+# By default the cache of snapshots takes a hundred megabytes for each open object; only the newest are read again.
 _CONFIG = icechunk.RepositoryConfig(caching=icechunk.CachingConfig(num_snapshot_nodes=10_000, num_chunk_refs=100_000))
 
 _checked: WeakKeyDictionary[icechunk.Repository, set[str]] = WeakKeyDictionary()
@@ -68,9 +67,8 @@ def open_existing(location: Location, object_id: str) -> icechunk.Repository | N
         return open_repository(location)
     except icechunk.RepositoryNotFoundError as error:
         if _lists_snapshots(location):
-            raise damaged(
-                f"the index of object {object_id} in {location.uri}", "its file `repo` is lost", object_id
-            ) from error
+            index = f"the index of object {object_id} in {location.uri}"
+            raise damaged(index, "its file `repo` is lost", object_id) from error
         return None
 
 

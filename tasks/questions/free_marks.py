@@ -143,13 +143,14 @@ def _contradiction(
             if mark.kind == kind:
                 return f"{place} is marked as {kind} already, by {name}: nothing is to be done"
             return f"{place} is the one that {name} calls {mark.kind}: remove that mark first"
-        apart = beside & (turn > 2 * MARK_RADIUS_DEG)
-        if kind == mark.kind == "true" and apart.any():
-            row, column, _ = path[np.argwhere(apart)[0][0]]
+        is_second_normal = beside & (turn > 2 * MARK_RADIUS_DEG)
+        if kind == mark.kind == "true" and is_second_normal.any():
+            row, column, _ = path[np.argwhere(is_second_normal)[0][0]]
             x, y = held.frame_position(int(row), int(column))
+            degrees = turn[is_second_normal].max()
             return (
-                f"{place} and {name} would give the surface two normals at x {x}, y {y}, {turn[apart].max():.0f}°"
-                " apart: only one of them is true; call this one false, or remove that mark"
+                f"{place} and {name} would give the surface two normals at x {x}, y {y}, {degrees:.0f}° apart: only"
+                " one of them is true; call this one false, or remove that mark"
             )
     return None
 

@@ -13,7 +13,7 @@ from glint.tasks.stages.capture_geometry import CaptureGeometry
 from glint.tasks.stages.clusters import read_clusters
 from glint.tasks.stages.labels import reconstruct
 
-NEEDED = ("survey", "mask", "markup", "silhouette", "clusters")
+PAPER_NEEDS = ("survey", "mask", "markup", "silhouette", "clusters")
 """Stages of a version that the paper's labelling reads."""
 
 
@@ -26,7 +26,7 @@ def paper_normals(store: str, object_id: str, version: str, capture: str) -> np.
     """
     repository = ObjectRepository.open(Location.parse(store), object_id, create=False)
     snapshot = repository.version(version).snapshot
-    stages: dict[str, StageResult] = {stage: repository.load(capture, stage, snapshot) for stage in NEEDED}
+    stages: dict[str, StageResult] = {stage: repository.load(capture, stage, snapshot) for stage in PAPER_NEEDS}
     marked = stages["markup"]
     marks = Marks(marked.read("pixels"), marked.read("half_vectors"), marked.read("kind"))
     return reconstruct(

@@ -17,7 +17,7 @@ from glint.storage.export.stored_capture import entry_of, ordered_stages
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import WHOLE_OBJECT, StageResult
-from glint.tasks.review.paper_result import NEEDED, paper_normals
+from glint.tasks.review.paper_result import PAPER_NEEDS, paper_normals
 
 SERVED = Detail(scale=1.0, frames=0, triangles=1_000_000)
 """Detail of what a server on the same machine sends: everything, a mesh within what a browser turns smoothly."""
@@ -108,7 +108,7 @@ def _stored_mask(store: str, object_id: str, version: str, capture: str) -> np.n
 
 def _later_fields(stages: dict[str, StageResult], parts: dict[str, Part]) -> dict[str, dict[str, Any]]:
     """Return the facts of the parts that are computed when they are asked for: they are packed as other normals are."""
-    if "initial_normals" not in parts or not stages.keys() >= set(NEEDED):
+    if "initial_normals" not in parts or not stages.keys() >= set(PAPER_NEEDS):
         return {}
     return {f"{PAPER}_{kind}": parts[f"initial_{kind}"].facts for kind in ("normals", "mask")}
 
