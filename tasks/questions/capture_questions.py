@@ -104,8 +104,9 @@ class CaptureQuestions:
         pins = np.zeros(nodes.shape, np.int8)
         pins[layer, row, column] = 1
         reached = mark_influence(nodes, ties, pins, inradius(self.mask)) > ANSWERED_INFLUENCE
+        layers, rows, columns = np.nonzero(reached)
         is_exterior = bool(self._labels[layer, row, column] > 0)
-        return Question(*np.nonzero(reached), is_exterior, wrong=0.0, change=0.0)
+        return Question(layers, rows, columns, is_exterior, wrong=0.0, change=0.0)
 
     def label(self, marks: Marks | None) -> Reconstruction:
         """Label the candidates with these marks."""
