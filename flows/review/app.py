@@ -17,7 +17,16 @@ from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
 from glint.flows.errors import message_and_remedy
-from glint.flows.review import edits_api, inputs_api, listing_api, questions_api, runs_api, surface_api, versions_api
+from glint.flows.review import (
+    edits_api,
+    inputs_api,
+    listing_api,
+    poses_api,
+    questions_api,
+    runs_api,
+    surface_api,
+    versions_api,
+)
 from glint.flows.review.access import ENTRY_PATH, Access, Guard, refusal
 from glint.flows.review.review import Review
 from glint.storage.errors import InputError, NotFoundError, StoreError
@@ -25,7 +34,16 @@ from glint.storage.export.page.bundle import VIEWER
 
 STATIC = Path(__file__).parent / "static"
 
-APIS = (listing_api, inputs_api, questions_api, edits_api, runs_api, surface_api, versions_api)
+APIS = (
+    listing_api,
+    inputs_api,
+    questions_api,
+    edits_api,
+    poses_api,
+    runs_api,
+    surface_api,
+    versions_api,
+)
 """The interfaces of the views, all below /api/."""
 
 

@@ -111,6 +111,7 @@ class Listing:
 
     def row(self, object_id: str, capture_id: str) -> Row | None:
         """Return the row of a capture, None where it is not known."""
+        self._states.wanted()
         row = self._rows.get(object_id, {}).get(capture_id)
         return None if row is None else self._states.applied(row)
 

@@ -6,12 +6,29 @@ Answers are edits of the capture's marks, saved and taken back like any other.
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Response
+from pydantic import BaseModel, ConfigDict, Field
 
 from glint.flows.review.dependencies import CaptureId, ObjectId, ReviewState
 from glint.flows.review.inputs_api import PNG, Coordinate, FrameNumber
+from glint.storage.catalogue.models import MAX_PIXELS_PER_SIDE
+from glint.tasks.review.free_marks import mark_tracks, meant_highlights
 from glint.tasks.review.questions import labelling, loop_strip, normals_picture, questions
 
 router = APIRouter(prefix="/captures/{object_id}/{capture_id}/questions")
+
+MAX_POINTS = 200
+"""Points of a drawn line."""
+
+Position = Annotated[int, Field(ge=0, lt=MAX_PIXELS_PER_SIDE)]
+
+
+class Drawn(BaseModel):
+    """A click, or a line that was drawn: pixels (x, y) of the full frame; of a frame, or (null) of all frames."""
+
+    model_config = ConfigDict(extra="forbid")
+    frame: Annotated[int, Field(ge=0, lt=100_000_000)] | None = None
+    points: Annotated[list[tuple[Position, Position]], Field(min_length=1, max_length=MAX_POINTS)]
+
 
 Part = Annotated[Literal["object", "sphere"], Query()]
 
@@ -34,6 +51,18 @@ def loop(
 ) -> Response:
     """Return the frames around a highlight, or of the chrome sphere in them, one below the other."""
     return Response(loop_strip(review.context(object_id, capture_id), frame, x, y, part), media_type="image/png")
+
+
+@router.post("/highlights")
+def highlights(review: ReviewState, object_id: ObjectId, capture_id: CaptureId, drawn: Drawn) -> dict[str, Any]:
+    """Return the highlights that a click or a line means, and why they cannot be marked; nothing is saved."""
+    return meant_highlights(review.context(object_id, capture_id), drawn.frame, drawn.points)
+
+
+@router.get("/tracks")
+def tracks(review: ReviewState, object_id: ObjectId, capture_id: CaptureId) -> dict[str, Any]:
+    """Return the saved marks with the paths that their highlights take through the frames."""
+    return mark_tracks(review.context(object_id, capture_id))
 
 
 @router.get("/labelling")

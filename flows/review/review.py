@@ -54,6 +54,19 @@ class Review:
             raise reading.NotFoundError(f"no catalogue is known for {object_id}", "start glint review with a CATALOGUE")
         return str(address)
 
+    def captures(self, object_id: str) -> list[str]:
+        """Return the ids of an object's captures: of the catalogue, else of its newest version.
+
+        Raises:
+            NotFoundError: neither has the object.
+        """
+        if self.catalogue is not None:
+            for item in load_catalogue(self.catalogue).objects:
+                if item.id == object_id:
+                    return [capture.id for capture in item.captures]
+        self._check_stored(object_id)
+        return sorted(self.stored(object_id).latest)
+
     def context(self, object_id: str, capture_id: str) -> CaptureContext:
         """Return a capture's context, as a run of it has: from the catalogue, else as its newest version records it.
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from glint.storage.errors import StoreError
 from glint.storage.export.page.capture_data import CaptureData, Detail, capture_data
-from glint.storage.export.page.mesh_packing import pack_mesh
+from glint.storage.export.page.model_data import model_data
 from glint.storage.export.page.page import MAX_DATA_BYTES, PageContent, page
 from glint.storage.export.report import capture_report, report_arrays
-from glint.storage.export.stored_capture import entry_of, mesh_of, ordered_stages
+from glint.storage.export.stored_capture import entry_of, ordered_stages
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository, Version
 from glint.storage.versions.stage_results import WHOLE_OBJECT, StageResult
@@ -69,9 +69,7 @@ def object_page(repository: ObjectRepository, version: Version) -> str:
     model, rows = None, []
     if WHOLE_OBJECT in version.stages:
         merged = repository.load(WHOLE_OBJECT, "model", version.snapshot)
-        facts, parts = pack_mesh(mesh_of(merged, "model.ply"), MODEL_TRIANGLES)
-        described = {"name": "model", "mesh": facts, "parts": {name: part.facts for name, part in parts.items()}}
-        model, rows = CaptureData(described, parts), _model_figures(merged.record)
+        model, rows = model_data(merged, MODEL_TRIANGLES), _model_figures(merged.record)
     still, coverage = _pictures(captures[0].stages) if captures else (None, None)
     return page(
         PageContent(

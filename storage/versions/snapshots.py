@@ -11,6 +11,7 @@ from weakref import WeakKeyDictionary
 
 import icechunk
 import obstore
+from zarr.core.sync import sync
 
 from glint.storage.errors import DamagedError, StoreError, damaged
 from glint.storage.locations.error_translation import UNKNOWN_CAUSE_REMEDY, store_errors, translate
@@ -18,8 +19,7 @@ from glint.storage.locations.location import Location
 from glint.storage.seals import is_sealed
 from glint.storage.versions.stage_results import Keys, StageResult, read_capture
 
-# Every commit is a new snapshot of the whole object. With icechunk's default limits their cache takes a hundred
-# megabytes for each open object; only the newest snapshots are read again.
+# By default the cache of snapshots takes a hundred megabytes for each open object; only the newest are read again.
 _CONFIG = icechunk.RepositoryConfig(caching=icechunk.CachingConfig(num_snapshot_nodes=10_000, num_chunk_refs=100_000))
 
 _checked: WeakKeyDictionary[icechunk.Repository, set[str]] = WeakKeyDictionary()
@@ -67,9 +67,8 @@ def open_existing(location: Location, object_id: str) -> icechunk.Repository | N
         return open_repository(location)
     except icechunk.RepositoryNotFoundError as error:
         if _lists_snapshots(location):
-            raise damaged(
-                f"the index of object {object_id} in {location.uri}", "its file `repo` is lost", object_id
-            ) from error
+            index = f"the index of object {object_id} in {location.uri}"
+            raise damaged(index, "its file `repo` is lost", object_id) from error
         return None
 
 
@@ -115,7 +114,8 @@ def read_session(repository: icechunk.Repository, object_id: str, ref: str) -> i
 def _check_place(repository: icechunk.Repository, object_id: str, snapshot_id: str) -> None:
     """Raise DamagedError if a snapshot's file is another's: the library does not look, and `work` has no seals."""
     checked = _checked.setdefault(repository, set())
-    if snapshot_id not in checked and repository.inspect_snapshot(snapshot_id)["id"] != snapshot_id:
+    # `inspect_snapshot` waits with the interpreter's lock held: where other threads read, all of them wait for ever.
+    if snapshot_id not in checked and sync(repository.inspect_snapshot_async(snapshot_id))["id"] != snapshot_id:
         raise index_damage("", object_id, f"another snapshot lies in the place of {snapshot_id}")
     checked.add(snapshot_id)
 

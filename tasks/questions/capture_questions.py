@@ -1,27 +1,39 @@
 """Questions about a stored capture: the sheets to ask about, the highlights that show them, answers as annotations."""
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 
+from glint.storage.errors import InputError
 from glint.storage.inputs.markup import AnnotationEntry
 from glint.tasks.algorithms.candidates.clusters import Clusters
-from glint.tasks.algorithms.candidates.markup import Marks
+from glint.tasks.algorithms.candidates.marked_tracks import Tracks, join_tracks
+from glint.tasks.algorithms.candidates.markup import Mark, Marks
 from glint.tasks.algorithms.candidates.shading import without_shading
+from glint.tasks.algorithms.candidates.tracking import follow_highlight
 from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view
 from glint.tasks.algorithms.labelling.alternation import Alternation
+from glint.tasks.algorithms.labelling.answers import mark_influence, sheet_graph
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
 from glint.tasks.algorithms.labelling.results import Reconstruction
+from glint.tasks.algorithms.prior.smooth_normals import inradius
 from glint.tasks.algorithms.questions.highlights import choose_highlight
-from glint.tasks.algorithms.questions.proposals import Question, propose
+from glint.tasks.algorithms.questions.proposals import ANSWERED_INFLUENCE, Question, propose
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.clusters import faced, load_clusters
 from glint.tasks.stages.frames import open_frames
 from glint.tasks.stages.labels import field_weights, graph_cut_weights, reconstruct
-from glint.tasks.stages.markup import faced_marks, half_vectors_at, load_marks, track_entries
+from glint.tasks.stages.light_distance import load_near_light
+from glint.tasks.stages.markup import corrected, faced_marks, load_marks, marks_in_region
+
+BLOCK = 64
+"""Frames and pixels of a block that is read at once: a chunk of the cache of frames."""
+KEPT_BLOCKS = 8
+"""Parts of the frames that are kept for the next highlight: at most 7 MB for one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,14 +65,48 @@ class CaptureQuestions:
         self.thresholds: np.ndarray = work.load("thresholds").read("thresholds")
         self._initial = work.load("silhouette").read("initial")
         self._half_vectors = work.load("lights").read("half_vectors")
+        self._near_light = load_near_light(work)
         self._cache = open_frames(work)
         self._settled: Alternation | None = None
         self._levels = lru_cache(maxsize=64)(self._read_levels)
+        self.levels_of_frame = lru_cache(maxsize=8)(self._read_frame)
+        self._blocks = lru_cache(maxsize=KEPT_BLOCKS)(self._read_blocks)
+        self._followed = lru_cache(maxsize=1024)(self._follow)
+        self.tracks = lru_cache(maxsize=64)(self._track)
+
+    @property
+    def half_vectors(self) -> np.ndarray:
+        """Half vectors (T, 3) of the frames, NaN where the light was rejected."""
+        return self._half_vectors
+
+    @cached_property
+    def candidate_pixels(self) -> np.ndarray:
+        """Pixels (H, W) bool of the object that have a candidate."""
+        return np.asarray(np.isfinite(self.clusters.normals[..., 0]).any(axis=0) & self.mask)
+
+    def frame_position(self, row: int, column: int) -> tuple[int, int]:
+        """Return x and y in the full frame of a pixel of the region."""
+        return column + self.geometry.region.x, row + self.geometry.region.y
+
+    def frames_lit_at(self, row: int, column: int) -> np.ndarray:
+        """Return the frames with a light in which a pixel of the region is lit, ascending."""
+        lit = self._levels(row, column) > self.thresholds[row, column]
+        return np.flatnonzero(lit & np.isfinite(self._half_vectors[:, 0]))
 
     def marks(self, annotations: list[AnnotationEntry]) -> Marks | None:
         """Return annotations and their tracks as marks; None where there are none."""
-        marks = track_entries(self.work, annotations).marks
+        marks = self.tracks(tuple(annotations)).marks
         return marks if len(marks.kind) else None
+
+    def sheet_of(self, layer: int, row: int, column: int) -> Question:
+        """Return the sheet of a candidate as far as an answer to it reaches."""
+        nodes, ties = self._sheets
+        pins = np.zeros(nodes.shape, np.int8)
+        pins[layer, row, column] = 1
+        reached = mark_influence(nodes, ties, pins, inradius(self.mask)) > ANSWERED_INFLUENCE
+        layers, rows, columns = np.nonzero(reached)
+        is_exterior = bool(self._labels[layer, row, column] > 0)
+        return Question(layers, rows, columns, is_exterior, wrong=0.0, change=0.0)
 
     def label(self, marks: Marks | None) -> Reconstruction:
         """Label the candidates with these marks."""
@@ -133,13 +179,59 @@ class CaptureQuestions:
         place = self._highlight(question)
         return None if place is None else place[0]
 
+    @cached_property
+    def _labels(self) -> np.ndarray:
+        return np.asarray(self.work.load("labels").read("labels"))
+
+    @cached_property
+    def _sheets(self) -> tuple[np.ndarray, sparse.csr_matrix]:
+        return sheet_graph(np.where(self.mask[None, :, :, None], self.clusters.normals, np.nan).astype(np.float32))
+
+    def _track(self, annotations: tuple[AnnotationEntry, ...]) -> Tracks:
+        late = [item.frame for item in annotations if item.frame >= len(self._half_vectors)]
+        if late:
+            raise InputError(f"a mark is at frame {late[0]:,}", f"the last one is {len(self._half_vectors) - 1:,}")
+        region = self.geometry.region
+        tracks = join_tracks(
+            marks_in_region(annotations, region),
+            lambda mark, span: self._followed(mark.frame, mark.x, mark.y, span.start, span.stop),
+            self._half_vectors,
+            (region.x, region.y),
+        )
+        marks = tracks.marks
+        if not len(marks.kind):
+            return tracks
+        seen_at = corrected(marks.half_vectors, marks.pixels, self._near_light, self.geometry)
+        return replace(tracks, marks=replace(marks, half_vectors=seen_at))
+
+    def _follow(self, frame: int, x: float, y: float, start: int, stop: int) -> list[tuple[int, int, int]]:
+        span = slice(start, stop)
+        return list(follow_highlight(Mark(frame, x, y, True), span, self._window, self.thresholds, self.mask))
+
+    def _window(self, frames: slice, rows: slice, columns: slice) -> np.ndarray:
+        """Read a part of the frames out of whole blocks, which neighbouring highlights share."""
+        whole = [(part.start // BLOCK, -(-part.stop // BLOCK)) for part in (frames, rows, columns)]
+        parts = (frames, rows, columns)
+        inner = (
+            slice(part.start - first * BLOCK, part.stop - first * BLOCK)
+            for part, (first, _) in zip(parts, whole, strict=True)
+        )
+        return np.asarray(self._blocks(*whole)[tuple(inner)])
+
+    def _read_blocks(self, *whole: tuple[int, int]) -> np.ndarray:
+        return self._cache.read(OBJECT, *(slice(first * BLOCK, last * BLOCK) for first, last in whole))
+
     def _highlight(self, question: Question) -> tuple[int, int, int] | None:
         normals = self.clusters.normals
-        return choose_highlight(question, normals, self.thresholds, self._levels, self._half_vectors_of)
+        return choose_highlight(question, normals, self.thresholds, self._levels, self.half_vectors_of)
 
-    def _half_vectors_of(self, row: int, column: int) -> np.ndarray:
+    def half_vectors_of(self, row: int, column: int) -> np.ndarray:
+        """Return the half vectors (T, 3) of the frames as seen at a pixel of the region."""
         pixels = np.tile(np.array([[row, column]]), (len(self._half_vectors), 1))
-        return half_vectors_at(self.work, self._half_vectors, pixels)
+        return corrected(self._half_vectors, pixels, self._near_light, self.geometry)
+
+    def _read_frame(self, frame: int) -> np.ndarray:
+        return np.asarray(self._cache.read(OBJECT, slice(frame, frame + 1))[0])
 
     def _read_levels(self, row: int, column: int) -> np.ndarray:
         pixel = slice(row, row + 1), slice(column, column + 1)

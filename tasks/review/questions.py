@@ -49,7 +49,7 @@ class Labelling:
 
 
 @dataclass
-class _Session:
+class Session:
     """A capture that is asked about. The lock is held while one request computes.
 
     before: normals (H, W, 3) of the draft with the marks of the last run.
@@ -71,14 +71,14 @@ def questions(context: CaptureContext) -> dict[str, Any]:
     Raises:
         InputError: it has not run yet; StoreError: the store cannot be read.
     """
-    session, (revision, marks) = _session(context), _saved_marks(context)
+    session, (revision, marks) = session_of(context), saved_marks(context)
     with session.lock:
         shown = _proposed(session, marks)
         _draft_before(session)  # so that the first answer need not wait for it
         return {
             "revision": revision,
             "marks": [mark.model_dump() for mark in marks],
-            "questions": [_facts(context, session.questions, item) for item in shown],
+            "questions": [facts_of(context, session.questions, item) for item in shown],
         }
 
 
@@ -90,7 +90,7 @@ def loop_strip(context: CaptureContext, frame: int, x: int, y: int, part: str) -
     Raises:
         InputError: it has not run yet, or there is no such frame or sphere; StoreError: the store cannot be read.
     """
-    held = _session(context).questions
+    held = session_of(context).questions
     cache = open_frames(context)
     if frame >= cache.frames:
         raise InputError(f"there is no frame {frame:,}", f"the last one is {cache.frames - 1:,}")
@@ -114,7 +114,7 @@ def labelling(context: CaptureContext) -> dict[str, Any]:
     Raises:
         InputError: it has not run yet; StoreError: the store cannot be read.
     """
-    revision, marks = _saved_marks(context)
+    revision, marks = saved_marks(context)
     made = _labelled(context, marks)
     return {
         "revision": revision,
@@ -130,11 +130,15 @@ def normals_picture(context: CaptureContext) -> bytes:
     Raises:
         InputError: it has not run yet; StoreError: the store cannot be read.
     """
-    return encode_png(colour_normals(_labelled(context, _saved_marks(context)[1]).normals, background=20))
+    return encode_png(colour_normals(_labelled(context, saved_marks(context)[1]).normals, background=20))
 
 
-def _saved_marks(context: CaptureContext) -> tuple[int, Marks]:
-    """Return the revision of a capture's edits and its marks: those that people saved, else those of its catalogue."""
+def saved_marks(context: CaptureContext) -> tuple[int, Marks]:
+    """Return the revision of a capture's edits and its marks: those that people saved, else those of its catalogue.
+
+    Raises:
+        StoreError: the store cannot be read.
+    """
     edits, address = current_edits(context), context.file("markup")
     revision = 0 if edits is None else edits.revision
     if edits is not None and edits.marks is not None:
@@ -143,7 +147,7 @@ def _saved_marks(context: CaptureContext) -> tuple[int, Marks]:
 
 
 def _labelled(context: CaptureContext, marks: Marks) -> Labelling:
-    session = _session(context)
+    session = session_of(context)
     with session.lock:
         if marks not in session.labellings:
             start = monotonic()
@@ -157,20 +161,21 @@ def _labelled(context: CaptureContext, marks: Marks) -> Labelling:
         return session.labellings[marks]
 
 
-def _draft_before(session: _Session) -> np.ndarray:
+def _draft_before(session: Session) -> np.ndarray:
     if session.before is None:
         session.before = session.questions.draft_normals(load_marks(session.questions.work))
     return session.before
 
 
-def _proposed(session: _Session, marks: Marks) -> list[ShownQuestion]:
+def _proposed(session: Session, marks: Marks) -> list[ShownQuestion]:
     if marks not in session.proposals:
         held, known = session.questions, session.questions.marks(list(marks))
         session.proposals = {marks: held.propose(held.stored_labels(known) or held.label(known), known, COUNT)}
     return session.proposals[marks]
 
 
-def _facts(context: CaptureContext, held: CaptureQuestions, shown: ShownQuestion) -> dict[str, Any]:
+def facts_of(context: CaptureContext, held: CaptureQuestions, shown: ShownQuestion) -> dict[str, Any]:
+    """Return a question as JSON values, as `questions` describes them."""
     question, region = shown.question, held.geometry.region
     first, count = _loop(shown.frame, open_frames(context).frames)
     left, top, width, height = _window(held, shown.x, shown.y)
@@ -217,8 +222,12 @@ def _sphere_crop(held: CaptureQuestions) -> str | None:
     return next((name for name in held.geometry.crops if name != OBJECT), None)
 
 
-def _session(context: CaptureContext) -> _Session:
-    """Return what is kept of a capture, read anew where a run has changed it since."""
+def session_of(context: CaptureContext) -> Session:
+    """Return what is kept of a capture, read anew where a run has changed it since.
+
+    Raises:
+        InputError: it has not run yet; StoreError: the store cannot be read.
+    """
     saved = saved_records(context)
     missing = [stage for stage in NEEDED if stage not in saved]
     if missing:
@@ -227,13 +236,13 @@ def _session(context: CaptureContext) -> _Session:
     with _sessions_lock:
         session = _sessions.pop(key, None)
         if session is None:
-            session = _Session(CaptureQuestions(context))
+            session = Session(CaptureQuestions(context))
         _sessions[key] = session
         while len(_sessions) > KEPT:
             del _sessions[next(iter(_sessions))]
         return session
 
 
-_sessions: dict[tuple[str, ...], _Session] = {}
+_sessions: dict[tuple[str, ...], Session] = {}
 """Captures asked about, the last one at the end."""
 _sessions_lock = Lock()

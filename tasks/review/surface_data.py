@@ -10,13 +10,14 @@ import numpy as np
 
 from glint.storage.errors import NotFoundError
 from glint.storage.export.page.capture_data import CaptureData, Detail, capture_data
-from glint.storage.export.page.mesh_packing import pack_mesh
+from glint.storage.export.page.model_data import model_data as packed_model
 from glint.storage.export.page.packing import Part, octahedral, pack
 from glint.storage.export.page.photographs import frame_photograph, spread_frames
-from glint.storage.export.stored_capture import entry_of, mesh_of, ordered_stages
+from glint.storage.export.stored_capture import entry_of, ordered_stages
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import WHOLE_OBJECT, StageResult
+from glint.tasks.review.paper_result import PAPER_NEEDS, paper_normals
 
 SERVED = Detail(scale=1.0, frames=0, triangles=1_000_000)
 """Detail of what a server on the same machine sends: everything, a mesh within what a browser turns smoothly."""
@@ -24,6 +25,8 @@ MAX_OFFERED_FRAMES = 600
 """Frames that are offered beside the relit surface: one every 5 degrees of the hemisphere and denser."""
 MAX_COUNT = 250
 """Greatest number that a count of candidates is packed as."""
+PAPER = "paper"
+"""Name of the normals that the literal paper's method gives."""
 OTHER_NORMALS = {
     "initial": ("silhouette", "initial", "From the silhouette alone"),
     "winner": ("clusters", "winner", "Winner takes all"),
@@ -48,10 +51,12 @@ def surface_data(store: str, object_id: str, version: str, capture: str) -> Capt
     data = capture_data(location, capture, stages, entry_of(chosen, capture), SERVED)
     facts, parts = dict(data.facts), dict(data.parts)
     facts["fields"] = list(_fields(stages, parts))
+    later = _later_fields(stages, parts)
+    facts["fields"] += [{"part": PAPER, "name": "The paper's result (takes seconds)"}] if later else []
     if "clusters" in stages and "labels" in stages["labels"].arrays:
         _add_candidates(stages, facts, parts)
     facts["photographs"] = [*facts["photographs"], *_frames(stages)]
-    facts["parts"] = {name: part.facts for name, part in parts.items()}
+    facts["parts"] = {name: part.facts for name, part in parts.items()} | later
     for photograph in facts["photographs"]:
         facts["parts"].setdefault(photograph["part"], {"kind": "image/jpeg", "shape": facts["size"][::-1]})
     return CaptureData(facts, parts)
@@ -66,6 +71,11 @@ def surface_part(store: str, object_id: str, version: str, capture: str, name: s
     data = surface_data(store, object_id, version, capture)
     if name in data.parts:
         return data.parts[name]
+    if name.startswith(f"{PAPER}_") and name in data.facts["parts"]:
+        mask = _stored_mask(store, object_id, version, capture)
+        made = dict[str, Part]()
+        _add_field(PAPER, paper_normals(store, object_id, version, capture), mask, "", made)
+        return made[name]
     if name not in data.facts["parts"]:
         raise NotFoundError(
             f"{object_id}/{capture} has no {name!r} to show in {version}", "see its facts for the names of parts"
@@ -88,10 +98,19 @@ def model_data(store: str, object_id: str, version: str) -> CaptureData | None:
     if WHOLE_OBJECT not in chosen.stages:
         return None
     merged = repository.load(WHOLE_OBJECT, "model", chosen.snapshot)
-    mesh, parts = pack_mesh(mesh_of(merged, "model.ply"), SERVED.triangles)
-    return CaptureData(
-        {"name": "model", "mesh": mesh, "parts": {name: part.facts for name, part in parts.items()}}, parts
-    )
+    return packed_model(merged, SERVED.triangles)
+
+
+def _stored_mask(store: str, object_id: str, version: str, capture: str) -> np.ndarray:
+    repository = ObjectRepository.open(Location.parse(store), object_id, create=False)
+    return np.asarray(repository.load(capture, "mask", repository.version(version).snapshot).read("mask"))
+
+
+def _later_fields(stages: dict[str, StageResult], parts: dict[str, Part]) -> dict[str, dict[str, Any]]:
+    """Return the facts of the parts that are computed when they are asked for: they are packed as other normals are."""
+    if "initial_normals" not in parts or not stages.keys() >= set(PAPER_NEEDS):
+        return {}
+    return {f"{PAPER}_{kind}": parts[f"initial_{kind}"].facts for kind in ("normals", "mask")}
 
 
 def _fields(stages: dict[str, StageResult], parts: dict[str, Part]) -> Any:

@@ -8,6 +8,7 @@ import numpy as np
 
 from glint.storage.frames.cache import FrameCache
 from glint.storage.locations.location import Location
+from glint.storage.versions.stage_results import StageResult
 from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, inverse_density_weights
 from glint.tasks.algorithms.candidates.shading import MAX_SHADING, object_shading, with_object_shading
 from glint.tasks.algorithms.candidates.surround import INNER_RING_DEG, Rings, find_rings
@@ -114,7 +115,11 @@ def paste(result: Clusters, tile: Tile, part: Clusters) -> None:
 
 def load_clusters(results: CaptureResults) -> Clusters:
     """Load the clusters that were saved."""
-    saved = results.load("clusters")
+    return read_clusters(results.load("clusters"))
+
+
+def read_clusters(saved: StageResult) -> Clusters:
+    """Read the clusters that the stage `clusters` saved."""
     return Clusters(**{field.name: saved.read(field.name) for field in fields(Clusters)})
 
 

@@ -6,14 +6,16 @@ from functools import partial
 
 import numpy as np
 
+from glint.storage.catalogue.models import Region
 from glint.storage.inputs.markup import AnnotationEntry, read_markup
+from glint.tasks.algorithms.candidates.marked_tracks import Tracks, track
 from glint.tasks.algorithms.candidates.markup import Mark, Marks
-from glint.tasks.algorithms.candidates.tracking import Tracks, track
 from glint.tasks.algorithms.geometry.perspective import half_vectors_for_view, rotate_to_view
+from glint.tasks.algorithms.near_light.positions import NearLight
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
-from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
+from glint.tasks.stages.capture_geometry import OBJECT, CaptureGeometry, load_geometry
 from glint.tasks.stages.frames import open_frames
 from glint.tasks.stages.light_distance import load_near_light
 
@@ -41,21 +43,26 @@ def track_entries(results: CaptureResults, entries: Sequence[AnnotationEntry]) -
     """Track annotations of a capture; half vectors are those of their pixels, corrected for light and camera."""
     cache, geometry = open_frames(results), load_geometry(results)
     region, mask = geometry.region, results.load("mask").read("mask")
-    marks = [Mark(entry.frame, entry.x - region.x, entry.y - region.y, entry.kind == "true") for entry in entries]
+    marks = marks_in_region(entries, region)
     thresholds = results.load("thresholds").read("thresholds")
     half_vectors = results.load("lights").read("half_vectors")
     tracks = track(marks, partial(cache.read, OBJECT), thresholds, half_vectors, mask, (region.x, region.y))
     tracked = tracks.marks
     if not len(tracked.kind):
         return tracks
-    return replace(
-        tracks, marks=replace(tracked, half_vectors=half_vectors_at(results, tracked.half_vectors, tracked.pixels))
-    )
+    seen_at = corrected(tracked.half_vectors, tracked.pixels, load_near_light(results), geometry)
+    return replace(tracks, marks=replace(tracked, half_vectors=seen_at))
 
 
-def half_vectors_at(results: CaptureResults, half_vectors: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """Return half vectors (N, 3) as seen at pixels (N, 2) of the region: corrected for a near light and perspective."""
-    near_light, geometry = load_near_light(results), load_geometry(results)
+def marks_in_region(entries: Sequence[AnnotationEntry], region: Region) -> list[Mark]:
+    """Return annotations, which are in pixels of the full frame, as marks in pixels of the region."""
+    return [Mark(entry.frame, entry.x - region.x, entry.y - region.y, entry.kind == "true") for entry in entries]
+
+
+def corrected(
+    half_vectors: np.ndarray, pixels: np.ndarray, near_light: NearLight | None, geometry: CaptureGeometry
+) -> np.ndarray:
+    """Return half vectors (N, 3) as seen at pixels (N, 2) of the region, by the near light and the camera."""
     rows, columns = pixels.T
     if near_light is not None:
         half_vectors = near_light.half_vectors_at(half_vectors, columns + geometry.region.x, rows + geometry.region.y)

@@ -4,7 +4,7 @@
 
 A sphere of normals of side x side pixels fills a canvas of the same size; the light moves from picture to picture, and
 each picture is read back at one pixel, so that it is really drawn. While the light is dragged the viewer draws coarsely
-where a whole picture takes longer than a thirtieth of a second. On a busy machine look at the processor time.
+where a whole picture takes longer than a sixtieth of a second. On a busy machine look at the processor time.
 """
 
 import argparse

@@ -13,6 +13,11 @@ export function capturePath(object, capture) {
   return `/api/captures/${encodeURIComponent(object)}/${encodeURIComponent(capture)}`;
 }
 
+/** Returns the path of an object's interface. */
+export function objectPath(object) {
+  return `/api/objects/${encodeURIComponent(object)}`;
+}
+
 /** Asks the server; null where it has nothing new. */
 export async function ask(path, { method = "GET", body, signal } = {}) {
   const options = { method, signal };

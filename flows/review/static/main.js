@@ -12,6 +12,7 @@ import { showKeys } from "./keys.js";
 
 const VIEWS = [
   ["inputs", "Inputs", () => import("./inputs/view.js")],
+  ["poses", "Poses", () => import("./poses/view.js")],
   ["questions", "Questions", () => import("./questions/view.js")],
   ["surface", "Surface", () => import("./surface.js")],
   ["versions", "Versions", () => import("./versions.js")],

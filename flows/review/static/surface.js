@@ -1,6 +1,6 @@
 // The surface view: a version of a capture relit, its lenses, its mesh and the object's model, by the viewer's modules.
 
-import { ask } from "./api.js";
+import { ask, objectPath } from "./api.js";
 import { element } from "./dom.js";
 import { bind } from "./keys.js";
 import { Capture, ServedParts } from "./viewer/payload.js";
@@ -13,11 +13,6 @@ export function addStyles() {
   for (const href of ["/static/viewer/viewer.css", "/static/surface.css"]) {
     if (!document.querySelector(`link[href="${href}"]`)) document.head.append(element("link", { rel: "stylesheet", href }));
   }
-}
-
-/** Returns the path of an object's interface. */
-export function objectPath(object) {
-  return `/api/objects/${encodeURIComponent(object)}`;
 }
 
 export async function open(root, capture, signal) {

@@ -1,8 +1,8 @@
 // The versions view: two versions side by side, the angles between them, what changed in words, notes, rollback.
 
-import { ask } from "./api.js";
+import { ask, objectPath } from "./api.js";
 import { announce, element } from "./dom.js";
-import { addStyles, objectPath } from "./surface.js";
+import { addStyles } from "./surface.js";
 import { Capture, ServedParts } from "./viewer/payload.js";
 import { VersionStage } from "./version_stage.js";
 

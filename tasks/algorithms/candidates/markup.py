@@ -10,6 +10,9 @@ import numpy as np
 
 from glint.tasks.algorithms.geometry.vectors import unit
 
+MARK_RADIUS_DEG = 6.0
+"""Angle within which a candidate belongs to a mark, degrees: a candidate's spread and the error of half vectors."""
+
 
 @dataclass(frozen=True, slots=True)
 class Mark:
@@ -42,7 +45,7 @@ class Marks:
 
 
 def mark_constraints(
-    marks: Marks | None, normals: np.ndarray, mask: np.ndarray, radius_deg: float = 6.0
+    marks: Marks | None, normals: np.ndarray, mask: np.ndarray, radius_deg: float = MARK_RADIUS_DEG
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the constraints of marks on pixels and on their clusters.
 

@@ -124,15 +124,7 @@ def test_every_acknowledged_stroke_is_there_after_kills(killed: KilledServer) ->
 def test_a_page_whose_server_was_killed_in_a_stroke_saves_it_to_the_next_one(
     killed: KilledServer, chromium: Any
 ) -> None:
-    page = chromium.new_page(viewport={"width": 1280, "height": 800})
-    page.set_default_timeout(60_000)
-    page.goto(f"{killed.origin}/open")
-    page.fill("#password", PASSWORD)
-    page.click("button")
-    page.wait_for_selector(".row img")
-    page.evaluate("view => { location.hash = view; }", INPUTS)
-    page.wait_for_selector(READY)
-    page.wait_for_selector("section[data-pixels]")
+    page = opened(killed, chromium)
     page.keyboard.press("b")
     tab = type("Tab", (), {"page": page})
     drag(tab, (10, 10), (30, 12))  # type: ignore[arg-type]
@@ -154,16 +146,39 @@ def test_a_page_whose_server_was_killed_in_a_stroke_saves_it_to_the_next_one(
 
 
 @pytest.mark.server
-def test_a_run_goes_on_where_its_server_was_killed(server: Server, killed: KilledServer) -> None:
+def test_a_run_goes_on_where_its_server_was_killed_and_the_page_finds_it_again(
+    server: Server, killed: KilledServer, chromium: Any
+) -> None:
     session = killed.client()
     body = {"changes": {"pixel_size": 0.5}, "author": "Ada", "base_revision": 0}
     assert session.post(killed.path("edits"), json=body, timeout=60).ok
-    assert session.post(killed.path("run"), timeout=60).status_code == 202
-    browser.until(lambda: session.get(killed.path("run"), timeout=60).json()["stage"] != "", RUN_SECONDS)
+    page = opened(killed, chromium)
+    page.click("text=Run from here")
+    browser.until(lambda: bool((session.get(killed.path("run"), timeout=60).json() or {}).get("stage")), RUN_SECONDS)
     killed.kill()
+    page.wait_for_selector(".run .doubt >> text=The run goes on without it")
+    killed.start()
+    page.wait_for_selector(".run [role=status]:not(.doubt)")
     browser.until(lambda: "v2" in reading.open(killed.store)["hemisphere"].versions, RUN_SECONDS)
     entry = reading.open(killed.store)["hemisphere"].latest.metadata["captures"]["front"]
     assert entry["entry"]["pixel_size"] == 0.5
+    page.wait_for_selector(f"{READY}")  # shown anew, with what the run has left
+    browser.until(lambda: "looking" not in page.inner_text(".run"), RUN_SECONDS)
+    page.close()
+
+
+def opened(killed: KilledServer, chromium: Any) -> Any:
+    """A page that was let in, with the inputs of the capture."""
+    page = chromium.new_page(viewport={"width": 1280, "height": 800})
+    page.set_default_timeout(60_000)
+    page.goto(f"{killed.origin}/open")
+    page.fill("#password", PASSWORD)
+    page.click("button")
+    page.wait_for_selector(".row img")
+    page.evaluate("view => { location.hash = view; }", INPUTS)
+    page.wait_for_selector(READY)
+    page.wait_for_selector("section[data-pixels]")
+    return page
 
 
 def _frame_shape(killed: KilledServer) -> tuple[int, int]:

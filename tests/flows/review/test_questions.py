@@ -55,4 +55,10 @@ def test_axe_has_no_serious_findings(tab: Tab) -> None:
 
 
 def test_modules_of_the_view_are_served_with_the_page() -> None:
-    assert {path.name for path in (STATIC / "questions").iterdir()} == {"loop.js", "questions.css", "view.js"}
+    assert {path.name for path in (STATIC / "questions").iterdir()} == {
+        "free.js",
+        "loop.js",
+        "marks.js",
+        "questions.css",
+        "view.js",
+    }

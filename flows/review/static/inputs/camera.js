@@ -108,7 +108,8 @@ export class PoseLayer {
     this.kind = element("select", { "aria-label": "How the pose is given", onchange: () => this.chosen() }, POSES.map(([value, text]) => element("option", { value }, text)));
     this.field = element("div", {});
     this.state = element("p", { class: "faint" });
-    this.root = element("section", {}, element("h2", {}, "Pose of the view"), element("label", { class: "line" }, "Pose", this.kind), this.field, this.state);
+    this.root = element("section", {}, element("h2", {}, "Pose of the view"), element("label", { class: "line" }, "Pose", this.kind), this.field, this.state,
+      element("a", { href: `#/${encodeURIComponent(view.capture.object)}/${encodeURIComponent(view.capture.capture)}/poses` }, "All views of this object together"));
     const { width, height } = view.picture;
     this.radius = Math.min(width, height) / 5;
     this.table = new Konva.Ellipse({ x: width / 2, y: height / 2, radiusX: this.radius, radiusY: this.radius / 3, stroke: COLOUR, dash: [6, 5], strokeWidth: 1.5, strokeScaleEnabled: false, listening: false });

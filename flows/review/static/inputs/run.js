@@ -1,11 +1,15 @@
-// "Run from here": the ordinary run of this capture, with its progress.
+// "Run from here": the ordinary run of this capture, with its progress. It goes on without its server, and is found again.
 
 import { ask } from "../api.js";
 import { announce, duration, element, percent } from "../dom.js";
 
 const POLL_MS = 700;
+const RETRY_MS = 2500;
+/** Times that a run is looked for after its server has ended, before it counts as ended too. */
+const LOOKS = 12;
 
 export class RunPanel {
+  /** view.capture: path, that of a run (`path`/run), and `row`, that of a capture's row where it is another one. */
   constructor(view) {
     this.view = view;
     this.button = element("button", { type: "button", class: "primary", onclick: () => this.start() }, "Run from here ", element("kbd", {}, "g"));
@@ -13,7 +17,17 @@ export class RunPanel {
     this.bar = element("progress", { max: 1, hidden: true });
     this.root = element("section", { class: "run", "aria-label": "Run" }, this.button, this.bar, this.state);
     this.path = `${view.capture.path}/run`;
-    ask(this.path, { signal: view.signal }).then((run) => run && this.follow(run, run.state === "running")).catch(() => {});
+    this.row = view.capture.row ?? view.capture.path;
+    this.find().catch(() => {});
+  }
+
+  /** Shows the run that is going on, also one that an earlier server has started. */
+  async find() {
+    const run = await ask(this.path, { signal: this.view.signal });
+    if (run) return this.follow(run, run.state === "running");
+    const row = await ask(this.row, { signal: this.view.signal });
+    this.version ??= row.version;
+    if (row.state === "running") this.followRow(row, 0);
   }
 
   async start() {
@@ -21,36 +35,69 @@ export class RunPanel {
     try {
       this.view.spheres.finish();
       if (this.view.history.isDirty && !(await this.view.save.save())) return;
+      this.version = (await ask(this.row, { signal: this.view.signal })).version;
       this.follow(await ask(this.path, { method: "POST", signal: this.view.signal }), true);
     } catch (error) {
       announce(error.message, "error");
     }
   }
 
-  follow(run, wasRunning) {
-    const isRunning = run.state === "running";
+  show(text, kind = "", share = undefined) {
+    const isRunning = share !== undefined;
     this.button.disabled = isRunning;
     this.bar.hidden = !isRunning;
-    if (isRunning) {
+    if (share) this.bar.value = share;
+    else this.bar.removeAttribute("value");
+    this.state.textContent = text;
+    this.state.className = kind;
+  }
+
+  later(action, wait) {
+    setTimeout(() => this.view.signal.aborted || action(), wait);
+  }
+
+  /** Asks for the state of the run again, or of the capture where the server knows of no run. */
+  async look(looks = 0) {
+    try {
+      const run = await ask(this.path, { signal: this.view.signal });
+      if (run) this.follow(run, true);
+      else this.followRow(await ask(this.row, { signal: this.view.signal }), looks);
+    } catch (error) {
+      if (error.name === "AbortError") return;
+      this.show("The server does not answer. The run goes on without it: start glint review again.", "doubt", null);
+      this.later(() => this.look(), RETRY_MS);
+    }
+  }
+
+  follow(run, wasRunning) {
+    if (run.state === "running") {
       const share = run.total ? run.done / run.total : null;
-      if (share === null) this.bar.removeAttribute("value");
-      else this.bar.value = share;
       const stored = Object.values(run.stages).filter((seconds) => seconds === null).length;
       const parts = [run.stage || "starting", share === null ? "" : percent(share), duration(run.seconds), stored ? `${stored} stages kept` : ""];
-      this.state.textContent = parts.filter(Boolean).join(" · ");
-      this.state.className = "";
-      setTimeout(async () => {
-        if (this.view.signal.aborted) return;
-        try {
-          this.follow(await ask(this.path, { signal: this.view.signal }), true);
-        } catch (error) {
-          if (error.name !== "AbortError") setTimeout(() => this.follow(run, true), POLL_MS * 4);
-        }
-      }, POLL_MS);
+      this.show(parts.filter(Boolean).join(" · "), "", share);
+      this.later(() => this.look(), POLL_MS);
       return;
     }
-    this.state.className = run.state === "failed" ? "doubt" : "good";
-    this.state.textContent = run.state === "failed" ? `${run.error} → ${run.remedy}` : `done${run.version ? `: ${run.version}` : ""}`;
-    if (wasRunning && run.state === "done" && !this.view.history.isDirty) setTimeout(() => this.view.reload(), 400);
+    const isFailed = run.state === "failed";
+    this.show(isFailed ? `${run.error} → ${run.remedy}` : `done${run.version ? `: ${run.version}` : ""}`, isFailed ? "doubt" : "good");
+    if (wasRunning && !isFailed) this.reload();
+  }
+
+  /** Follows a run by what is known of the capture: the server was started anew, and has not started this run. */
+  followRow(row, looks) {
+    if (row.version !== this.version && row.state !== "running" && row.state !== "reading") {
+      this.show(`done: ${row.version}`, "good");
+      this.reload();
+    } else if (row.state === "failed") this.show(`${row.error} → ${row.remedy || "run again"}`, "doubt");
+    else if (row.state !== "running" && looks >= LOOKS) this.show("The run has ended with its server: run again, it goes on where it stopped.", "doubt");
+    else {
+      const parts = row.state === "running" ? [row.stage, row.progress === null ? "" : percent(row.progress), "found again"] : ["looking for the run"];
+      this.show(parts.filter(Boolean).join(" · "), "", row.progress ?? null);
+      this.later(() => this.look(row.state === "running" ? 0 : looks + 1), RETRY_MS);
+    }
+  }
+
+  reload() {
+    if (!this.view.history.isDirty) this.later(() => this.view.reload(), 400);
   }
 }

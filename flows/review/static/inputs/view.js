@@ -13,6 +13,7 @@ import { RunPanel } from "./run.js";
 import { SavePanel } from "./save.js";
 import { RegionLayer, ScaleLayer } from "./region.js";
 import { SphereLayer } from "./spheres.js";
+import { Timeline } from "../timeline.js";
 
 const TOOLS = [
   ["look", "Look", "v", "drag to move, wheel to zoom, click a pixel for its highlights"],
@@ -42,8 +43,9 @@ class InputsView {
     this.stage = element("div", { class: "stage", role: "group", tabindex: "0", "aria-label": "Picture of the capture" });
     this.tools = element("div", { class: "tools", role: "toolbar", "aria-label": "Tools" });
     this.hint = element("p", { class: "hint", "aria-live": "polite" });
+    this.timeline = new Timeline(inputs.frames, () => this.showPicture());
     this.side = element("aside", { "aria-label": "Inputs" });
-    root.append(this.tools, element("div", { class: "stage-column" }, this.stage, this.hint, this.timeline()), this.side);
+    root.append(this.tools, element("div", { class: "stage-column" }, this.stage, this.hint, this.timeline.root), this.side);
 
     this.picture = new Picture(this.stage, inputs.frame_size, signal);
     this.mask = new MaskLayer(this);
@@ -75,29 +77,22 @@ class InputsView {
     return element("section", {}, element("h2", {}, this.inputs.verdict ?? "Not run yet"), warnings.length ? element("ul", { class: "warnings-list" }, warnings) : null);
   }
 
-  timeline() {
-    this.slider = element("input", { type: "range", min: "0", max: String(this.inputs.frames - 1), value: "0", "aria-label": "Frame", oninput: () => this.show(Number(this.slider.value)) });
-    this.number = element("output", { class: "frame-number" });
-    this.kinds = [["peak", "Maximum", "m"], ["background", "Median", "n"], ["mean", "Mean", "k"]].map(([kind, text, key]) =>
-      element("button", { type: "button", "data-kind": kind, "aria-keyshortcuts": key, onclick: () => this.show(kind) }, text, " ", element("kbd", {}, key)));
-    return element("div", { class: "timeline" }, this.kinds, this.slider, this.number);
+  get shown() {
+    return this.timeline.shown;
   }
 
-  /** Shows `peak`, `background` or a frame's number; of frames that are asked for quickly only the last one. */
+  /** Shows `peak`, `background`, `mean` or a frame's number. */
   show(what) {
-    this.shown = what;
-    const isFrame = typeof what === "number";
-    if (isFrame) this.slider.value = String(what);
-    this.number.textContent = isFrame ? `frame ${what.toLocaleString("en")} of ${(this.inputs.frames - 1).toLocaleString("en")}` : "";
-    for (const button of this.kinds) button.setAttribute("aria-pressed", String(button.dataset.kind === what));
-    this.lights.mark(isFrame ? what : null);
-    const path = isFrame ? `frame?number=${what}` : `level/${what}`;
-    this.picture.show(`${this.capture.path}/${path}`).catch((error) => announce(error.message, "error"));
+    this.timeline.show(what);
   }
 
   step(by) {
-    const from = typeof this.shown === "number" ? this.shown : Number(this.slider.value);
-    this.show(Math.max(0, Math.min(this.inputs.frames - 1, from + by)));
+    this.timeline.step(by);
+  }
+
+  showPicture() {
+    this.lights.mark(this.timeline.frame);
+    this.picture.show(`${this.capture.path}/${this.timeline.path}`).catch((error) => announce(error.message, "error"));
   }
 
   use(tool) {
@@ -146,15 +141,11 @@ class InputsView {
   bindKeys() {
     bind([
       ...TOOLS.map(([name, text, key]) => [key, text.toLowerCase(), () => this.use(name)]),
-      ["m", "maximum over time", () => this.show("peak")],
-      ["n", "median over time", () => this.show("background")],
-      ["k", "mean over time", () => this.show("mean")],
+      ...this.timeline.keys,
       ["ArrowRight .", "next frame", () => this.nudge(1, 0) || this.step(1)],
       ["ArrowLeft ,", "frame before", () => this.nudge(-1, 0) || this.step(-1)],
       ["ArrowUp", "sphere, brush or picture up", () => this.nudge(0, -1) || this.picture.move(0, 60)],
       ["ArrowDown", "and down", () => this.nudge(0, 1) || this.picture.move(0, -60)],
-      ["PageDown", "a hundred frames on", () => this.step(100)],
-      ["PageUp", "a hundred frames back", () => this.step(-100)],
       ["+ =", "zoom in", () => this.picture.zoomBy(1.25)],
       ["-", "zoom out", () => this.picture.zoomBy(0.8)],
       ["0", "whole picture", () => this.picture.fit()],

@@ -4,26 +4,30 @@ import { ask } from "../api.js";
 import { announce, element } from "../dom.js";
 import { bind } from "../keys.js";
 import { RunPanel } from "../inputs/run.js";
+import { FreeMarks } from "./free.js";
 import { Loop } from "./loop.js";
+import { Marks } from "./marks.js";
 
 const LIGHT_PX = 96;
+const LOOKING = "Looking for the questions that help most …";
 
 export async function open(root, capture, signal) {
   root.classList.add("questions");
   if (!document.querySelector('link[href="/static/questions/questions.css"]')) {
     document.head.append(element("link", { rel: "stylesheet", href: "/static/questions/questions.css" }));
   }
-  const wait = element("p", { class: "faint waiting", role: "status" }, "Looking for the questions that help most …");
+  const wait = element("p", { class: "faint waiting", role: "status" }, LOOKING);
   root.append(wait);
-  const proposed = await ask(`${capture.path}/questions`, { signal });
-  wait.remove();
-  new QuestionsView(root, capture, proposed, signal);
+  const inputs = await ask(`${capture.path}/inputs`, { signal });
+  const view = new QuestionsView(capture, inputs, signal);
+  await view.marks.follow();
+  wait.replaceWith(...view.parts);
+  await view.show("proposed");
 }
 
 class QuestionsView {
-  constructor(root, capture, proposed, signal) {
-    Object.assign(this, { root, capture, signal, path: `${capture.path}/questions`, answered: [] });
-    this.take(proposed);
+  constructor(capture, inputs, signal) {
+    Object.assign(this, { capture, inputs, signal, path: `${capture.path}/questions`, questions: null, index: 0, indices: [] });
     this.object = element("canvas", { class: "loop", role: "img", "aria-label": "Frames around the highlight, the sheet tinted" });
     this.sphere = element("canvas", { class: "sphere-loop", role: "img", "aria-label": "The chrome sphere in these frames" });
     this.light = element("canvas", { class: "light", width: LIGHT_PX, height: LIGHT_PX, role: "img", "aria-label": "Half vector of light and view" });
@@ -35,44 +39,78 @@ class QuestionsView {
     this.picture = element("img", { class: "normals", alt: "Normals with the answers", hidden: true });
     this.author = element("input", { type: "text", maxlength: "80", placeholder: "Your name", "aria-label": "Your name, saved with every answer", autocomplete: "name", onchange: () => localStorage.setItem("author", this.author.value) });
     this.author.value = localStorage.getItem("author") ?? "";
+    this.marks = new Marks(this, () => this.marksChanged(), (mark) => this.go(mark));
     this.buttons = [
       ["True", "t", () => this.answer("true")],
       ["False", "f", () => this.answer("false")],
       ["Skip", "s", () => this.skip()],
       ["Undo", "u", () => this.undo()],
     ].map(([text, key, action]) => element("button", { type: "button", "data-answer": text.toLowerCase(), "aria-keyshortcuts": key, onclick: action }, `${text} `, element("kbd", {}, key)));
+    this.modes = [["proposed", "Proposed questions", "q"], ["free", "Mark freely", "p"]].map(([mode, text, key]) =>
+      element("button", { type: "button", "data-mode": mode, "aria-keyshortcuts": key, onclick: () => this.show(mode) }, `${text} `, element("kbd", {}, key)));
     this.more = element("button", { type: "button", onclick: () => this.ask() }, "More questions");
     // What the panel of the inputs view expects: answers are saved already.
     Object.assign(this, { history: { isDirty: false }, spheres: { finish() {} } });
     this.run = new RunPanel(this);
-    root.append(
-      element("div", { class: "question-stage" }, this.text, this.object,
-        element("div", { class: "line answers", role: "group", "aria-label": "Answer" }, this.buttons), this.number),
+    this.place = element("div", { class: "question-place" });
+    this.loopPlace = element("div", { class: "loop-place" });
+    this.parts = [
+      element("div", { class: "question-stage" },
+        element("div", { class: "line", role: "group", "aria-label": "What to mark" }, this.modes), this.text, this.place,
+        element("div", { class: "line answers", role: "group", "aria-label": "Answer" }, this.buttons)),
       element("aside", { "aria-label": "Light and answers" },
-        element("section", {}, element("h2", {}, "Light"), element("div", { class: "line lights" }, this.sphere, this.light)),
+        element("section", {}, element("h2", {}, "Loop and light"), this.loopPlace, this.number, element("div", { class: "line lights" }, this.sphere, this.light)),
         element("section", {}, element("h2", {}, "Answers"), this.author, this.change, this.picture, this.more),
-        this.run.root));
-    bind([
-      ["t T", "true: the outer surface reflects this", () => this.answer("true")],
-      ["f F", "false: the light came through the glass", () => this.answer("false")],
-      ["s S", "skip", () => this.skip()],
-      ["u U", "undo the last answer", () => this.undo()],
-      ["Space", "stop or go on", () => this.loop.toggle()],
-      ["ArrowRight .", "next frame", () => this.loop.step(1)],
-      ["ArrowLeft ,", "frame before", () => this.loop.step(-1)],
-      ["h", "tint, or not", () => this.tint()],
-      ["g", "run from here", () => this.run.start()],
-    ], signal);
-    this.showQuestion();
-    this.showChange();
+        this.marks.root, this.run.root),
+    ];
   }
 
-  take({ questions, marks, revision }) {
-    Object.assign(this, { questions, marks, revision, index: 0 });
+  /** Shows the questions that are proposed, or a picture to mark highlights on. */
+  async show(mode) {
+    this.mode = mode;
+    const isFree = mode === "free";
+    for (const button of this.modes) button.setAttribute("aria-pressed", String(button.dataset.mode === mode));
+    this.leaving?.abort();
+    this.leaving = new AbortController();
+    bind(this.keys(isFree), AbortSignal.any([this.signal, this.leaving.signal]));
+    this.buttons[2].hidden = this.more.hidden = isFree;
+    this.loop.forget();
+    if (isFree) {
+      this.free ??= new FreeMarks(this, this.inputs);
+      this.place.replaceChildren(this.free.root);
+      this.loopPlace.replaceChildren(this.object);
+      this.free.picture.resize();
+      this.free.forget();
+      return;
+    }
+    this.place.replaceChildren(this.object);
+    if (this.questions) await this.showQuestion();
+    else await this.ask();
+  }
+
+  keys(isFree) {
+    const common = [
+      ["t T", "true: the outer surface reflects this", () => this.answer("true")],
+      ["f F", "false: the light came through the glass", () => this.answer("false")],
+      ["u U", "undo the last answer", () => this.undo()],
+      ["q", "the questions that are proposed", () => this.show("proposed")],
+      ["p", "mark highlights freely", () => this.show("free")],
+      ["Space", "stop or go on", () => this.loop.toggle()],
+      ["h", "tint, or not", () => this.tint()],
+      ["g", "run from here", () => this.run.start()],
+    ];
+    const proposed = [
+      ["s S", "skip", () => this.skip()],
+      ["ArrowRight .", "next frame", () => this.loop.step(1)],
+      ["ArrowLeft ,", "frame before", () => this.loop.step(-1)],
+    ];
+    if (!isFree) return [...common, ...proposed];
+    this.free ??= new FreeMarks(this, this.inputs);
+    return [...common, ...this.free.keys];
   }
 
   get question() {
-    return this.questions[this.index];
+    return this.questions?.[this.index];
   }
 
   reload() {
@@ -84,23 +122,40 @@ class QuestionsView {
     if (this.loop.question) this.loop.draw();
   }
 
-  async showQuestion() {
-    const { question } = this;
+  say(text, isRefused = false) {
+    this.text.textContent = text;
+    this.text.classList.toggle("refused", isRefused);
+  }
+
+  /** Shows what is asked about now: its loop, and what can be answered. */
+  async showAsked(question, text, refused = {}) {
     const [isTrue, isFalse, skip, undo] = this.buttons;
     for (const button of [isTrue, isFalse, skip]) button.disabled = !question;
-    undo.disabled = !this.answered.length;
-    this.object.hidden = !question;
-    if (!question) {
-      this.text.textContent = this.questions.length ? "All of these are answered or skipped." : "There is nothing to ask: no frame shows a sheet in doubt.";
-      return;
-    }
-    const now = question.accepted ? "it is taken for the outer surface" : "it is not taken for it";
-    this.text.textContent = `${this.index + 1} of ${this.questions.length}: does the outer surface reflect the tinted highlight? Now ${now}; wrong with a probability of ${Math.round(question.wrong * 100)}%.`;
+    for (const [button, kind] of [[isTrue, "true"], [isFalse, "false"]]) button.title = refused[kind] ? `Refused: ${refused[kind]}` : "";
+    undo.disabled = !this.marks.steps.length;
+    for (const part of [this.object, this.number, this.light]) part.hidden = !question;
+    if (!question) this.sphere.hidden = true;
+    this.say(text);
+    if (!question) return this.loop.forget();
     try {
       await this.loop.show(question, this.path, this.signal);
     } catch (error) {
       if (error.name !== "AbortError") announce(error.message, "error");
     }
+  }
+
+  async showQuestion() {
+    const { question } = this;
+    if (!question) return this.showAsked(null, this.questions.length ? "All of these are answered or skipped." : "There is nothing to ask: no frame shows a sheet in doubt. Mark freely what you know.");
+    const now = question.accepted ? "it is taken for the outer surface" : "it is not taken for it";
+    await this.showAsked(question, `${this.index + 1} of ${this.questions.length}: does the outer surface reflect the tinted highlight? Now ${now}; wrong with a probability of ${Math.round(question.wrong * 100)}%.`);
+  }
+
+  /** Shows a highlight that was chosen on the picture, or (null) why there is none. */
+  async showChoice(choice, text, isRefused = false) {
+    this.loop.tracks = this.marks.tracks.concat(choice ? choice.highlights.map(({ track }) => ({ kind: null, track })) : []);
+    await this.showAsked(choice, text, choice?.refused);
+    if (isRefused) this.say(text, true);
   }
 
   get name() {
@@ -112,20 +167,18 @@ class QuestionsView {
     return name;
   }
 
-  /** Saves an answer; a conflict keeps what somebody else saved, and asks anew. */
   async answer(kind) {
+    if (this.mode === "free") {
+      const marks = this.name && this.free.labelled(kind);
+      if (marks) await this.save(async () => (await this.marks.add(marks)) && this.free.forget());
+      return;
+    }
     const { question } = this;
-    const author = this.name;
-    if (!question || !author) return;
+    if (!question || !this.name) return;
     await this.save(async () => {
       const { frame, x, y } = question;
-      const marks = [...this.marks, { frame, x, y, kind }];
-      const { revision } = await ask(`${this.capture.path}/edits`, { method: "POST", body: { changes: { marks }, author, base_revision: this.revision } });
-      this.marks = marks;
-      if (revision) {
-        this.revision = revision.number;
-        this.answered.push({ revision: revision.number, index: this.index });
-      }
+      if (!(await this.marks.add([{ frame, x, y, kind }]))) return;
+      this.indices[this.marks.steps.length] = this.index;
       this.index += 1;
     });
   }
@@ -137,15 +190,9 @@ class QuestionsView {
   }
 
   async undo() {
-    const last = this.answered.at(-1);
-    const author = this.name;
-    if (!last || !author) return;
     await this.save(async () => {
-      const { revision } = await ask(`${this.capture.path}/edits/undo`, { method: "POST", body: { revision: last.revision, author } });
-      this.answered.pop();
-      this.marks = this.marks.slice(0, -1);
-      this.revision = revision.number;
-      this.index = last.index;
+      const step = this.marks.steps.length;
+      if ((await this.marks.undo()) && this.mode !== "free") this.index = this.indices[step] ?? this.index;
     });
   }
 
@@ -155,31 +202,39 @@ class QuestionsView {
     this.isBusy = true;
     try {
       await request();
-      this.showQuestion();
-      this.showChange();
+      if (this.mode !== "free") this.showQuestion();
+      this.marksChanged();
+      await this.marks.follow();
     } catch (error) {
-      await this.refused(error);
+      if (error.name !== "AbortError") announce(error.message, "error");
     } finally {
       this.isBusy = false;
     }
   }
 
-  async refused(error) {
-    if (error.name === "AbortError") return;
-    announce(error.status === 409 ? "Not saved: somebody else has changed the marks. These are the questions now." : error.message, "error");
-    if (error.status === 409) await this.ask();
+  go(mark) {
+    if (this.mode !== "free") this.show("free");
+    this.free.go(mark);
+  }
+
+  marksChanged() {
+    this.loop.tracks = this.marks.tracks;
+    this.free?.draw();
+    this.buttons[3].disabled = !this.marks.steps.length;
+    this.showChange();
   }
 
   /** Asks for the questions that help most after these answers. */
   async ask() {
     this.more.disabled = true;
-    this.text.textContent = "Looking for the questions that help most …";
+    this.showAsked(null, LOOKING);
     try {
-      this.take(await ask(this.path, { signal: this.signal }));
-      this.answered = [];
-      this.showQuestion();
+      const { questions, marks, revision } = await ask(this.path, { signal: this.signal });
+      Object.assign(this, { questions, index: 0, indices: [] });
+      this.marks.take({ marks, revision });
+      if (this.mode !== "free") await this.showQuestion();
     } catch (error) {
-      if (error.name !== "AbortError") announce(error.message, "error");
+      if (error.name !== "AbortError") this.say(error.message, true);
     } finally {
       this.more.disabled = false;
     }
@@ -187,15 +242,18 @@ class QuestionsView {
 
   /** Shows what the answers change, labelled anew at once. */
   async showChange() {
-    const marks = this.marks.length;
-    this.change.textContent = marks ? `${marks} marks, labelling anew …` : "No marks yet.";
+    const { saved, revision } = this.marks;
+    if (this.shownChange === revision) return;
+    this.shownChange = revision;
+    const marks = saved.length;
+    this.change.textContent = marks ? `${marks} ${marks === 1 ? "mark" : "marks"}, labelling anew …` : "No marks yet.";
     if (!marks) {
       this.picture.hidden = true;
       return;
     }
     try {
       const made = await ask(`${this.path}/labelling`, { signal: this.signal });
-      if (made.revision !== this.revision) return;
+      if (made.revision !== this.marks.revision) return;
       const what = made.changed_pixels ? `${made.changed_pixels.toLocaleString("en")} normals change, by ${made.changed_deg}° on average` : "no normals change";
       this.change.textContent = `${marks} ${marks === 1 ? "mark" : "marks"}: ${what} (draft, ${made.seconds} s). Run from here for the final labels.`;
       this.picture.src = `${this.path}/normals?revision=${made.revision}`;

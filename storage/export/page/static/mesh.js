@@ -7,9 +7,12 @@ import {
 } from "./vendor/three/three.module.min.js";
 import { OrbitControls } from "./vendor/three/OrbitControls.js";
 import { NO_CONFIDENCE } from "./payload.js";
+import { UNSEEN, cameraShapes, viewColour } from "./cameras.js";
 import { scaleColour } from "./lenses.js";
 
 const CLAY = 0xcfd2d3;
+/** Code of a vertex that no view has seen. */
+const NO_VIEW = 255;
 const BACKGROUND = 0x121416;
 const AXES = { x: [-1, 0, 0], y: [0, -1, 0], z: [0, 0, -1] };
 
@@ -31,7 +34,8 @@ export class MeshView {
     this.material = new MeshStandardMaterial({ color: CLAY, roughness: 0.5, metalness: 0.0, side: DoubleSide });
     this.group = new Group();
     this.marks = new Group();
-    this.scene.add(this.group, this.marks);
+    this.cameras = new Group();
+    this.scene.add(this.group, this.marks, this.cameras);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.addEventListener("change", () => this.ask());
     this.section = null;
@@ -43,14 +47,14 @@ export class MeshView {
     new ResizeObserver(() => this.resized()).observe(canvas.parentElement);
   }
 
-  /** Show a mesh: positions, normals, triangles and confidence codes, as meshArrays returns them. */
-  setMesh({ positions, normals, triangles, confidence }) {
+  /** Show a mesh: positions, normals, triangles, confidence and the views' codes, as meshArrays returns them. */
+  setMesh({ positions, normals, triangles, confidence, source }) {
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", new BufferAttribute(positions, 3));
     geometry.setAttribute("normal", new BufferAttribute(normals, 3));
     geometry.setIndex(new BufferAttribute(triangles, 1));
     geometry.computeBoundingSphere();
-    Object.assign(this, { geometry, triangles, confidence });
+    Object.assign(this, { geometry, triangles, confidence, source });
     const { center, radius } = geometry.boundingSphere;
     this.radius = radius || 1;
     this.group.clear();
@@ -73,18 +77,38 @@ export class MeshView {
     this.resized();
   }
 
-  /** Colour by confidence, or plain. */
+  /** Colour by confidence, by the view that determines each part (`source`), or plain. */
   colourBy(name) {
-    const isColoured = name === "confidence" && this.confidence;
-    if (isColoured && !this.geometry.getAttribute("color")) {
-      const colours = new Uint8Array(this.confidence.length * 3);
-      const palette = Array.from({ length: 256 }, (_, code) => (code === NO_CONFIDENCE ? [90, 90, 90] : scaleColour(code / 254)));
-      this.confidence.forEach((code, i) => colours.set(palette[code], 3 * i));
+    const codes = { confidence: this.confidence, source: this.source }[name];
+    if (codes) {
+      const colours = new Uint8Array(codes.length * 3), palette = Array.from({ length: 256 }, (_, code) => paletteColour(name, code));
+      codes.forEach((code, i) => colours.set(palette[code], 3 * i));
       this.geometry.setAttribute("color", new BufferAttribute(colours, 3, true));
     }
-    this.material.vertexColors = Boolean(isColoured);
-    this.material.color.set(isColoured ? 0xffffff : CLAY);
+    this.material.vertexColors = Boolean(codes);
+    this.material.color.set(codes ? 0xffffff : CLAY);
     this.material.needsUpdate = true;
+    this.ask();
+  }
+
+  /** Show the cameras of the views (`toward`, `up`); none for a mesh of one view. */
+  setCameras(views) {
+    this.scene.remove(this.cameras);
+    this.cameras = cameraShapes(views);
+    this.scene.add(this.cameras);
+    this.ask();
+  }
+
+  showCameras(isShown) {
+    this.cameras.visible = isShown;
+    this.ask();
+  }
+
+  /** Look from a camera; the whole model stays in the middle. */
+  lookFrom({ toward }) {
+    this.camera.position.set(...toward).multiplyScalar(3);
+    this.controls.target.set(0, 0, 0);
+    this.controls.update();
     this.ask();
   }
 
@@ -187,4 +211,9 @@ export class MeshView {
       if (this.canvas.clientWidth) this.renderer.render(this.scene, this.camera);
     });
   }
+}
+
+function paletteColour(name, code) {
+  if (name === "source") return code === NO_VIEW ? UNSEEN : viewColour(code).toArray().map((part) => Math.round(255 * part));
+  return code === NO_CONFIDENCE ? [90, 90, 90] : scaleColour(code / 254);
 }

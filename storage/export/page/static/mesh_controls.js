@@ -1,5 +1,6 @@
 // A mesh with its controls: colour, confidence, section, measuring.
 
+import { viewList } from "./cameras.js";
 import { button, choices, make, slider } from "./elements.js";
 import { MeshView } from "./mesh.js";
 import { meshArrays } from "./payload.js";
@@ -11,13 +12,16 @@ export class MeshPanel {
     this.caption = make("p", { className: "caption", role: "status" });
     this.stage = make("div", { className: "light-stage" }, canvas, this.caption);
     this.view = new MeshView(canvas, (distance) => this.measured(distance));
-    this.colour = choices("Colour", [["plain", "Plain"], ["confidence", "Confidence"]], "plain", (name) => this.view.colourBy(name));
+    this.colour = make("div", {});
+    this.views = make("div", {});
+    this.hasCameras = make("input", { type: "checkbox", checked: true, onchange: () => this.view.showCameras(this.hasCameras.checked) });
+    this.cameras = make("label", { className: "check" }, this.hasCameras, make("span", {}, "Show the cameras"));
     this.cut = slider("Hide below confidence", { value: 0 }, (value) => value.toFixed(2), (value) => this.view.cutBelow(value));
     this.place = slider("Place of the cut", { min: -1, max: 1, value: 0.2 }, (value) => value.toFixed(2), () => this.section());
     this.axis = choices("Section", [["none", "None"], ["x", "Upright"], ["y", "Level"], ["z", "Facing"]], "none", (axis) => this.section(axis));
     this.isMeasuring = make("input", { type: "checkbox", onchange: () => this.view.measure(this.isMeasuring.checked) });
     this.size = make("p", { className: "mesh-size" });
-    this.controls = make("aside", { className: "controls" }, this.colour, this.cut, this.axis, this.place,
+    this.controls = make("aside", { className: "controls" }, this.colour, this.views, this.cameras, this.cut, this.axis, this.place,
       make("label", { className: "check" }, this.isMeasuring, make("span", {}, "Measure between two points")),
       button("View from the front", () => this.view.home()), this.size);
     this.place.hidden = true;
@@ -31,8 +35,15 @@ export class MeshPanel {
     const arrays = await meshArrays(capture);
     if (this.capture !== capture) return;
     this.view.setMesh(arrays);
-    this.colour.hidden = this.cut.hidden = !arrays.confidence;
-    this.colour.choose("plain");
+    this.cut.hidden = !arrays.confidence;
+    const views = capture.facts.views ?? [], colours = [["plain", "Plain"]];
+    if (arrays.confidence) colours.push(["confidence", "Confidence"]);
+    if (arrays.source) colours.push(["source", "What each view saw"]);
+    this.colour.replaceChildren(...(colours.length > 1 ? [choices("Colour", colours, "plain", (name) => this.view.colourBy(name))] : []));
+    this.views.replaceChildren(...(views.length ? [viewList(views, capture.facts.unseen, (view) => this.view.lookFrom(view))] : []));
+    this.cameras.hidden = !views.length;
+    this.view.setCameras(views);
+    this.view.showCameras(this.hasCameras.checked);
     this.view.colourBy("plain");
     this.cut.set(0);
     const { triangles, shown_triangles: shown } = capture.facts.mesh, number = (value) => value.toLocaleString("en");

@@ -124,7 +124,8 @@ export async function meshArrays(capture) {
   }
   const normals = unitVectors(await capture.array("vertex_normals"));
   const confidence = capture.has("vertex_confidence") ? await capture.array("vertex_confidence") : null;
-  return { positions, normals, triangles, confidence };
+  const source = capture.has("vertex_source") ? await capture.array("vertex_source") : null;
+  return { positions, normals, triangles, confidence, source };
 }
 
 async function inflate(bytes) {

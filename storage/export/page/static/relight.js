@@ -1,15 +1,16 @@
 // Normals of one capture under a light that moves: WebGL2, drawn only when something changed.
 
+import { smoothed } from "./relief.js";
 import { VERTEX, fragment } from "./shaders.js";
 
-const UNIFORMS = ["normals", "lens", "photograph", "size", "corner", "pixel", "canvasHeight", "light", "ground", "relief", "lensShare", "wipe", "gamma"];
-/** Time for a picture while something moves, in milliseconds: 30 of them a second are seen as motion. */
-const MOVING_MS = 33;
+const UNIFORMS = ["normals", "lens", "photograph", "mean", "meanShare", "size", "corner", "pixel", "canvasHeight", "light", "ground", "relief", "lensShare", "wipe", "gamma"];
+/** Time for a picture while something moves, in milliseconds: 60 of them a second. */
+const MOVING_MS = 16;
 /** Time without a change after which the whole picture is drawn, in milliseconds. */
 const REST_MS = 150;
 const MAX_COARSENESS = 16;
 const POLL_MS = 4;
-const UNITS = { normals: 0, lens: 1, photograph: 2 };
+const UNITS = { normals: 0, lens: 1, photograph: 2, mean: 3 };
 /** Level of the background of the stage, 0 to 1. */
 export const GROUND = [0.071, 0.078, 0.086];
 
@@ -46,11 +47,22 @@ export class Relight {
       texels[4 * i + 3] = 1;
     }
     this.size = [width, height];
+    this.source = { vectors, mask };
+    this.meanShare = null;
     this.bind("normals");
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA16F, width, height, 0, gl.RGBA, gl.FLOAT, texels);
     if (this.hasMipmaps) gl.generateMipmap(gl.TEXTURE_2D);
     this.filter(gl.LINEAR, this.hasMipmaps ? gl.LINEAR_MIPMAP_LINEAR : gl.LINEAR);
     this.ask();
+  }
+
+  /** Make the means that the relief needs, once for these normals. */
+  setMean() {
+    const gl = this.gl, { vectors, mask } = this.source, { texels, columns, rows, share } = smoothed(vectors, mask, ...this.size);
+    this.meanShare = share;
+    this.bind("mean");
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA16F, columns, rows, 0, gl.RGBA, gl.FLOAT, texels);
+    this.filter(gl.LINEAR, gl.LINEAR);
   }
 
   /** Set `lens` or `photograph`: four bytes a pixel. */
@@ -139,7 +151,9 @@ export class Relight {
     if (canvas.height !== height) canvas.height = height;
     const places = this.select();
     gl.viewport(0, 0, width, height);
+    if (state.material === "relief" && !this.meanShare) this.setMean();
     gl.uniform2fv(places.size, this.size);
+    gl.uniform2fv(places.meanShare, this.meanShare ?? [1, 1]);
     gl.uniform2fv(places.corner, state.corner);
     gl.uniform1f(places.pixel, state.pixel * (state.extent[0] / width));
     gl.uniform1f(places.canvasHeight, height);

@@ -22,6 +22,8 @@ const FRAGMENT = `precision highp float;
 uniform sampler2D normals;
 uniform sampler2D lens;
 uniform sampler2D photograph;
+uniform sampler2D mean;
+uniform vec2 meanShare;
 uniform vec2 size;
 uniform vec2 corner;
 uniform float pixel;
@@ -63,14 +65,7 @@ vec3 glass(vec3 n) {
 
 vec3 relieved(vec2 uv, vec3 n) {
   // Unsharp masking of the normals: the difference from their mean around the pixel is enlarged.
-  float radius = max(size.x, size.y) / 40.0;
-  float level = log2(radius);
-  vec3 mean = textureLod(normals, uv, level).xyz;
-  for (int k = 0; k < 8; k++) {
-    float angle = float(k) * 0.785398;
-    mean += textureLod(normals, uv + vec2(cos(angle), sin(angle)) * radius / size, level).xyz;
-  }
-  return normalize(n + relief * (n - normalize(mean + 1e-6)));
+  return normalize(n + relief * (n - normalize(texture(mean, uv * meanShare).xyz + 1e-6)));
 }
 
 vec3 beside(vec2 uv, vec3 n) {

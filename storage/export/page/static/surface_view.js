@@ -89,9 +89,12 @@ export class SurfaceView {
   /** Relight other normals of the capture: candidates, winner takes all, those of the silhouette; "" the result. */
   async setField(part) {
     const capture = this.capture, { width, height } = capture;
+    this.caption("Loading these normals …");
     const normals = part ? unitVectors(await capture.array(`${part}_normals`)) : await capture.normals();
     const mask = await capture.array(part ? `${part}_mask` : "mask");
-    if (this.capture === capture && this.field.value === part) this.relight.setNormals(normals, mask, width, height);
+    if (this.capture !== capture || this.field.value !== part) return;
+    this.relight.setNormals(normals, mask, width, height);
+    this.caption(part ? `Normals: ${this.field.selectedOptions[0].textContent}` : "");
   }
 
   setMaterial(name) {

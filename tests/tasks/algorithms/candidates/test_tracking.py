@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
+from glint.tasks.algorithms.candidates.marked_tracks import Tracks, track
 from glint.tasks.algorithms.candidates.markup import Mark
-from glint.tasks.algorithms.candidates.tracking import Tracks, track
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of
 from tests.benchmarks.dual_layer_weights import read_region
 

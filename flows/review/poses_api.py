@@ -1,0 +1,65 @@
+"""The interface of the poses view: the poses of all views of an object together, and the run of the whole object."""
+
+from typing import Any
+
+from fastapi import APIRouter
+
+from glint.flows.review.dependencies import ObjectId, ReviewState
+from glint.flows.review.review import Review
+from glint.storage.errors import NotFoundError
+
+router = APIRouter(prefix="/objects/{object_id}")
+
+
+@router.get("/poses")
+def poses(review: ReviewState, object_id: ObjectId) -> dict[str, Any]:
+    """Return the pose of each view as set on the page, else as in the catalogue, and what the last model found.
+
+    `found`: the model's pose and the pixels by which its contour misses the mask; null: the model does not have the
+    view; `left_out`: why.
+    """
+    captures = review.captures(object_id)
+    edits = review.edits(object_id)
+    registered, left_out = _model(review, object_id)
+    views = []
+    for name in captures:
+        edited = None if edits is None else edits.current(name).pose
+        given = review.context(object_id, name).capture.pose
+        pose = edited or given
+        views.append(
+            {
+                "capture": name,
+                "pose": None if pose is None else pose.model_dump(mode="json", exclude_none=True),
+                "is_edited": edited is not None,
+                "found": registered.get(name),
+                "left_out": left_out.get(name),
+            }
+        )
+    return {"revision": 0 if edits is None else edits.revision, "views": views}
+
+
+@router.post("/run", status_code=202)
+def start(review: ReviewState, object_id: ObjectId) -> dict[str, Any]:
+    """Start the run of all captures of an object, or return the one that is going on."""
+    review.captures(object_id)
+    return review.runs.start(review.catalogue_of(object_id), object_id).to_json()
+
+
+@router.get("/run")
+def state(review: ReviewState, object_id: ObjectId) -> dict[str, Any] | None:
+    """Return the newest run of an object that the page has started; null: none."""
+    run = review.runs.of(object_id)
+    return None if run is None else run.to_json()
+
+
+def _model(review: Review, object_id: str) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return what the newest model says of its views by name, and why others are not in it."""
+    try:
+        record = review.stored(object_id).latest.model_record
+    except NotFoundError:
+        record = None
+    if record is None:
+        return {}, {}
+    names = ("pose", "camera_to_world", "outline_misses_pixels")
+    registered = {view["capture"]: {name: view[name] for name in names} for view in record["views"]}
+    return registered, {view["name"]: f"{view['reason']}; {view['remedy']}" for view in record["left_out"]}

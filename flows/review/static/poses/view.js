@@ -1,0 +1,174 @@
+// The poses view: from where each view of an object was taken, all of them together.
+
+import { ask, capturePath, objectPath } from "../api.js";
+import { announce, element } from "../dom.js";
+import { History } from "../inputs/history.js";
+import { RunPanel } from "../inputs/run.js";
+import { bind } from "../keys.js";
+import { Plan, direction, legend, turnOf } from "./plan.js";
+
+const KINDS = [["", "not known"], ["turntable", "turntable"], ["camera_to_world", "matrix"]];
+const NOTICED_DEG = 1;
+const FULL_TURN = 360;
+
+export async function open(root, capture, signal) {
+  root.classList.add("poses");
+  if (!document.querySelector('link[href="/static/poses/poses.css"]')) {
+    document.head.append(element("link", { rel: "stylesheet", href: "/static/poses/poses.css" }));
+  }
+  const path = objectPath(capture.object);
+  const known = await ask(`${path}/poses`, { signal });
+  new PosesView(root, capture, known, signal);
+}
+
+class PosesView {
+  constructor(root, { object }, known, signal) {
+    Object.assign(this, { object, signal, path: objectPath(object), capture: { path: objectPath(object), row: capturePath(object, known.views[0].capture) }, spheres: { finish() {} } });
+    this.history = new History(() => this.show());
+    this.views = [];
+    this.take(known);
+    this.plan = new Plan(this.views, (name) => capturePath(object, name), (number, angle) => this.put(number, { turntable: angle }), (number, before) => this.noted([[number, before]]));
+    this.author = element("input", { type: "text", maxlength: "80", placeholder: "Your name", "aria-label": "Your name, saved with every change", autocomplete: "name", onchange: () => localStorage.setItem("author", this.author.value) });
+    this.author.value = localStorage.getItem("author") ?? "";
+    this.button = element("button", { type: "button", onclick: () => this.save.save() }, "Save ", element("kbd", {}, "Ctrl+S"));
+    this.undoButton = element("button", { type: "button", onclick: () => this.history.undo() }, "Undo");
+    this.conflict = element("div", { role: "alert" });
+    this.body = element("tbody", {});
+    // What the panel of a run expects.
+    this.save = { save: () => this.saveAll() };
+    this.run = new RunPanel(this);
+    const tools = [["Evenly, as they are listed", () => this.spread(1)], ["Evenly, the other way round", () => this.spread(-1)], ["Turn all the other way", () => this.turnOver()]];
+    const head = element("thead", {}, element("tr", {}, ["View", "Pose", "Degrees", "Last model"].map((text) => element("th", { scope: "col" }, text))));
+    root.append(
+      element("div", { class: "plan-column" }, this.plan.root, legend()),
+      element("aside", { "aria-label": "Poses" },
+        element("section", {}, element("h2", {}, `${this.views.length} ${this.views.length === 1 ? "view" : "views"}`),
+          this.views.length === 1 ? element("p", { class: "faint" }, "Only objects with several views need poses: a model is merged from them.") : null,
+          element("table", {}, head, this.body)),
+        element("section", {}, element("h2", {}, "All at once"), element("div", { class: "chips" }, tools.map(([text, action]) => element("button", { type: "button", onclick: action }, text)))),
+        element("section", { class: "save" }, element("h2", {}, "Changes"), this.author, element("div", { class: "line" }, this.button, this.undoButton), this.conflict),
+        this.run.root));
+    bind([
+      ["Ctrl+z", "undo", () => this.history.undo()],
+      ["Ctrl+y Ctrl+Z", "redo", () => this.history.redo()],
+      ["Ctrl+s", "save", () => this.saveAll()],
+      ["g", "run all views from here", () => this.run.start()],
+    ], signal);
+    addEventListener("beforeunload", (event) => { if (this.history.isDirty) event.preventDefault(); }, { signal });
+    this.show();
+  }
+
+  take({ views, revision }) {
+    this.revision = revision;
+    this.views.splice(0, this.views.length, ...views.map((view) => ({ ...view, saved: JSON.stringify(view.pose), isChanged: false })));
+  }
+
+  reload() {
+    dispatchEvent(new HashChangeEvent("hashchange"));
+  }
+
+  put(number, pose) {
+    const view = this.views[number];
+    view.pose = pose;
+    view.isChanged = JSON.stringify(pose) !== view.saved;
+    this.show();
+  }
+
+  /** Notes poses that have changed, [number, pose before], as one step. */
+  noted(befores) {
+    const afters = befores.map(([number]) => [number, this.views[number].pose]);
+    if (befores.every(([, before], i) => JSON.stringify(before) === JSON.stringify(afters[i][1]))) return;
+    const putAll = (poses) => poses.forEach(([number, pose]) => this.put(number, pose));
+    this.history.add({ undo: () => putAll(befores), redo: () => putAll(afters) });
+  }
+
+  change(poses) {
+    const befores = poses.map(([number]) => [number, this.views[number].pose]);
+    for (const [number, pose] of poses) this.put(number, pose);
+    this.noted(befores);
+  }
+
+  spread(way) {
+    this.change(this.views.map((_, number) => [number, { turntable: Math.round((way * number * FULL_TURN * 100) / this.views.length) / 100 }]));
+  }
+
+  turnOver() {
+    this.change(this.views.flatMap(({ pose }, number) => (pose?.turntable ? [[number, { turntable: -pose.turntable }]] : [])));
+  }
+
+  chosen(number, kind) {
+    const identity = [0, 1, 2, 3].map((row) => [0, 1, 2, 3].map((column) => Number(row === column)));
+    const place = direction(this.views[number].pose);
+    this.change([[number, { "": null, turntable: { turntable: place ? Math.round(turnOf(place)) : 0 }, camera_to_world: { camera_to_world: identity } }[kind]]]);
+  }
+
+  show() {
+    if (!this.plan) return;
+    this.plan.show();
+    this.body.replaceChildren(...this.views.map((view, number) => this.row(view, number)));
+    this.button.disabled = !this.views.some(({ isChanged }) => isChanged);
+    this.undoButton.disabled = !this.history.done.length;
+  }
+
+  row({ capture, pose, is_edited: isEdited, isChanged, found, left_out: leftOut }, number) {
+    const kind = !pose ? "" : pose.turntable === undefined ? "camera_to_world" : "turntable";
+    const select = element("select", { "aria-label": `Pose of ${capture}`, onchange: (event) => this.chosen(number, event.target.value) },
+      KINDS.map(([value, text]) => element("option", { value, selected: value === kind }, text)));
+    const angle = kind === "turntable" ? element("input", {
+      type: "number", step: "any", value: String(pose.turntable), "aria-label": `Degrees of ${capture}`,
+      onchange: (event) => Number.isFinite(Number(event.target.value)) && this.change([[number, { turntable: Number(event.target.value) }]]),
+    }) : kind ? element("a", { href: `#/${encodeURIComponent(this.object)}/${encodeURIComponent(capture)}/inputs` }, "under Inputs") : "–";
+    const origin = isChanged ? "changed" : isEdited ? "set here" : pose ? "catalogue" : "";
+    return element("tr", { class: isChanged ? "is-changed" : "" }, element("th", { scope: "row" }, capture, element("span", { class: "faint" }, ` ${origin}`)), element("td", {}, select), element("td", {}, angle), element("td", {}, fitWords(pose, found, leftOut)));
+  }
+
+  async saveAll() {
+    const author = this.author.value.trim();
+    if (!author) {
+      announce("Write your name: it is saved with every change.", "error");
+      this.author.focus();
+      return false;
+    }
+    const conflicts = [];
+    try {
+      for (const { capture, pose } of this.views.filter(({ isChanged }) => isChanged)) {
+        await ask(`${capturePath(this.object, capture)}/edits`, { method: "POST", body: { changes: { pose }, author, base_revision: this.revision } })
+          .catch((error) => { if (error.status === 409) conflicts.push({ capture, pose, ...error.answer.conflicts[0] }); else throw error; });
+      }
+      this.take(await ask(`${this.path}/poses`, { signal: this.signal }));
+      this.history.clear();
+      this.showConflicts(conflicts);
+      if (!conflicts.length) announce("Saved.");
+    } catch (error) {
+      announce(error.message, "error");
+      return false;
+    }
+    return !conflicts.length;
+  }
+
+  /** Says who has turned the same views meanwhile; both stay in the history. */
+  showConflicts(conflicts) {
+    this.conflict.replaceChildren();
+    if (!conflicts.length) return;
+    const lines = conflicts.map(({ capture, author, time }) => element("li", {}, `${capture}: ${author} changed its pose at ${new Date(time).toLocaleTimeString("sv-SE")}`));
+    const keep = element("button", { type: "button", onclick: () => {
+      this.change(conflicts.map(({ capture, pose }) => [this.views.findIndex((view) => view.capture === capture), pose]));
+      this.saveAll();
+    } }, "Save mine over it");
+    const take = element("button", { type: "button", onclick: () => this.conflict.replaceChildren() }, "Take theirs");
+    this.conflict.append(element("div", { class: "conflict" }, element("b", {}, "Not saved: somebody else has changed the same."), element("ul", {}, lines),
+      element("p", {}, "Both stay in the history, whichever you choose."), element("div", { class: "line" }, keep, take)));
+    keep.focus();
+  }
+}
+
+/** How a view's pose agrees with the last model. */
+function fitWords(pose, found, leftOut) {
+  if (leftOut) return element("span", { class: "doubt", title: leftOut }, "left out");
+  if (!found) return element("span", { class: "faint" }, "no model");
+  const misses = `contour off by ${found.outline_misses_pixels.toFixed(1)} px`;
+  if (pose?.turntable === undefined) return misses;
+  const turn = turnOf(direction({ camera_to_world: found.camera_to_world }));
+  const off = ((((turn - pose.turntable) % FULL_TURN) + 540) % FULL_TURN) - 180;
+  return Math.abs(off) < NOTICED_DEG ? misses : `${misses}; it has ${off > 0 ? "+" : ""}${off.toFixed(1)}°`;
+}

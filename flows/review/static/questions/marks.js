@@ -1,0 +1,120 @@
+// The marks of the capture: what is saved, by whom it was changed meanwhile, and the list of all.
+
+import { ask } from "../api.js";
+import { announce, element } from "../dom.js";
+
+const same = (first, second) => ["frame", "x", "y"].every((name) => first[name] === second[name]);
+
+export class Marks {
+  /** view: {capture, signal, name}; onchange: called when marks or their tracks have changed; ongo: with a mark to go to. */
+  constructor(view, onchange, ongo) {
+    Object.assign(this, { view, onchange, ongo, saved: [], tracks: [], problems: [], revision: 0, steps: [] });
+    this.path = view.capture.path;
+    this.conflict = element("div", { role: "alert" });
+    this.list = element("ol", { class: "marks-list" });
+    this.root = element("section", {}, element("h2", {}, "Marks"), this.conflict, this.list);
+  }
+
+  /** Takes what the server has. */
+  take({ marks, revision }) {
+    this.saved = marks.map(({ frame, x, y, kind }) => ({ frame, x, y, kind }));
+    this.revision = revision;
+    this.show();
+  }
+
+  /** Asks for the paths of the marked highlights. */
+  async follow() {
+    const { marks, revision, problems } = await ask(`${this.path}/questions/tracks`, { signal: this.view.signal });
+    this.tracks = marks;
+    this.problems = problems;
+    this.take({ marks, revision });
+    this.onchange();
+  }
+
+  /** Adds marks and saves them; what somebody else has saved meanwhile is kept. Returns whether they are saved. */
+  async add(marks) {
+    return this.save((before) => [...before.filter((mark) => !marks.some((own) => same(own, mark))), ...marks], marks);
+  }
+
+  async remove(mark) {
+    return this.save((before) => before.filter((other) => !(same(other, mark) && other.kind === mark.kind)), []);
+  }
+
+  /** Takes back what was saved last on this page, if need be out of what others have added since. */
+  async undo() {
+    const last = this.steps.at(-1);
+    const author = this.view.name;
+    if (!last || !author) return false;
+    try {
+      const { revision } = await ask(`${this.path}/edits/undo`, { method: "POST", body: { revision: last.revision, author } });
+      this.steps.pop();
+      this.take({ marks: last.before, revision: revision?.number ?? this.revision });
+    } catch (error) {
+      if (error.status !== 409) throw error;
+      await this.refresh();
+      const without = (all) => all.filter((mark) => !last.own.some((own) => same(own, mark) && own.kind === mark.kind));
+      this.steps.pop();
+      if (!(await this.save(without, []))) return false;
+      this.steps.pop();
+    }
+    return true;
+  }
+
+  async refresh() {
+    const { marks, revision } = await ask(`${this.path}/edits`, { signal: this.view.signal });
+    // Null: nobody has edited them, what the catalogue says holds.
+    if (marks) this.take({ marks, revision });
+    else await this.follow();
+  }
+
+  async save(change, own) {
+    const author = this.view.name;
+    if (!author) return false;
+    this.conflict.replaceChildren();
+    const before = this.saved;
+    const marks = change(before);
+    try {
+      const { revision } = await this.send(marks, author);
+      if (revision) this.steps.push({ revision: revision.number, own, before });
+      this.take({ marks, revision: revision?.number ?? this.revision });
+      return true;
+    } catch (error) {
+      if (error.status !== 409) throw error;
+      return this.merge(change, own, error.answer.conflicts[0]?.author ?? "somebody else");
+    }
+  }
+
+  send(marks, author) {
+    return ask(`${this.path}/edits`, { method: "POST", body: { changes: { marks }, author, base_revision: this.revision } });
+  }
+
+  /** Saves on top of what somebody else has saved, unless they say the opposite of the same highlight. */
+  async merge(change, own, other) {
+    const base = this.saved;
+    await this.refresh();
+    const opposite = this.saved.find((mark) => own.some((mine) => same(mine, mark) && mine.kind !== mark.kind));
+    if (!opposite || base.some((mark) => same(mark, opposite))) {
+      const isSaved = await this.save(change, own);
+      if (isSaved) announce(`${other} has saved marks meanwhile: theirs and yours are both kept.`);
+      return isSaved;
+    }
+    const keep = element("button", { type: "button", onclick: () => this.save(change, own).then(() => this.onchange()) }, "Save mine over it");
+    const take = element("button", { type: "button", onclick: () => this.conflict.replaceChildren() }, "Take theirs");
+    this.conflict.replaceChildren(element("div", { class: "conflict" }, element("b", {}, "Not saved: somebody else has marked the same."),
+      element("p", {}, `${other} calls the highlight at x ${opposite.x}, y ${opposite.y} in frame ${opposite.frame.toLocaleString("en")} ${opposite.kind}. Both stay in the history, whichever you choose.`),
+      element("div", { class: "line" }, keep, take)));
+    keep.focus();
+    return false;
+  }
+
+  show() {
+    const rows = this.saved.map((mark, number) => {
+      const length = this.tracks.find((track) => same(track, mark))?.track.length;
+      const words = `frame ${mark.frame.toLocaleString("en")}, x ${mark.x}, y ${mark.y}${length ? `, followed through ${length} ${length === 1 ? "frame" : "frames"}` : ""}`;
+      return element("li", { class: mark.kind }, element("button", { type: "button", class: "quiet", title: "Show it", onclick: () => this.ongo(mark) }, element("b", {}, mark.kind), ` ${words}`),
+        element("button", { type: "button", class: "quiet", "aria-label": `Remove mark ${number + 1}`, title: "Remove", onclick: () => this.remove(mark).then(() => this.onchange()).catch((error) => announce(error.message, "error")) }, "×"));
+    });
+    const problems = this.problems.map((problem) => element("li", { class: "doubt" }, problem));
+    this.list.replaceChildren(...(rows.length ? [...problems, ...rows] : [element("li", { class: "faint" }, "None yet.")]));
+  }
+}

@@ -1,0 +1,98 @@
+"""What the questions view shows of marks set freely: the highlight that is meant, refusals in words, tracks."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from glint.storage.errors import InputError
+from glint.storage.inputs.markup import AnnotationEntry
+from glint.tasks.algorithms.candidates.marked_tracks import TrackPoint
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.questions.capture_questions import CaptureQuestions, ShownQuestion
+from glint.tasks.questions.free_marks import (
+    Highlight,
+    highlight_in_frame,
+    highlights_along,
+    highlights_at,
+    refusal,
+)
+from glint.tasks.review.questions import facts_of, saved_marks, session_of
+
+KINDS = ("true", "false")
+
+
+def meant_highlights(context: CaptureContext, frame: int | None, points: Sequence[tuple[int, int]]) -> dict[str, Any]:
+    """Return what a click or a drawn line means, as JSON values: `choices`, of which a person labels one.
+
+    frame: the one that is shown, None: a picture of all frames. points: pixels (x, y) of the full frame, one for a
+    click. A choice has `highlights` (frame, x, y, `track`), the facts of a question (without `wrong`) about its first
+    one, and `refused`: for `true` and `false` the reason why they cannot be marked so, None: they can.
+
+    Raises:
+        InputError: it has not run yet, the pixel lies outside the region, or there is no highlight near; StoreError:
+            the store cannot be read.
+    """
+    session, (revision, marks) = session_of(context), saved_marks(context)
+    held, region = session.questions, session.questions.geometry.region
+    pixels = [(y - region.y, x - region.x) for x, y in points]
+    if any(not (0 <= row < region.height and 0 <= column < region.width) for row, column in pixels[:1]):
+        raise InputError(f"the pixel {points[0][0]}, {points[0][1]} lies outside the region", "choose one inside it")
+    pixels = [(row, column) for row, column in pixels if 0 <= row < region.height and 0 <= column < region.width]
+    with session.lock:
+        if len(pixels) > 1:
+            groups = [highlights_along(held, frame, pixels)]
+        elif frame is not None:
+            groups = [[highlight_in_frame(held, frame, *pixels[0])]]
+        else:
+            groups = [[highlight] for highlight in highlights_at(held, *pixels[0])]
+        return {"revision": revision, "choices": [_choice(context, held, group, marks) for group in groups]}
+
+
+def mark_tracks(context: CaptureContext) -> dict[str, Any]:
+    """Return the saved marks with their tracks (frame, x, y) in the full frame, and what contradicts them, as JSON.
+
+    Raises:
+        InputError: it has not run yet; StoreError: the store cannot be read.
+    """
+    session, (revision, marks) = session_of(context), saved_marks(context)
+    held = session.questions
+    with session.lock:
+        tracks = held.tracks(marks)
+    return {
+        "revision": revision,
+        "marks": [mark.model_dump() | {"track": _path(held, tracks.path(number))} for number, mark in enumerate(marks)],
+        "problems": [*tracks.conflicts, *tracks.warnings],
+    }
+
+
+def _choice(
+    context: CaptureContext, held: CaptureQuestions, group: list[Highlight], marks: tuple[AnnotationEntry, ...]
+) -> dict[str, Any]:
+    first = group[0]
+    layer = first.layer if first.layer is not None else 0
+    question = held.sheet_of(layer, first.row, first.column)
+    x, y = held.frame_position(first.row, first.column)
+    facts = facts_of(context, held, ShownQuestion(question, first.frame, x, y))
+    del facts["wrong"]
+    if first.layer is None:
+        facts |= {"sheet": [], "accepted": None}
+    return facts | {
+        "highlights": [_facts(held, item) for item in group],
+        "refused": {kind: _refusal(held, group, kind, marks) for kind in KINDS},
+    }
+
+
+def _refusal(
+    held: CaptureQuestions, group: list[Highlight], kind: str, marks: tuple[AnnotationEntry, ...]
+) -> str | None:
+    """Return the first reason why a highlight of a group cannot be marked so, None where all of them can."""
+    reasons = (refusal(held, highlight, kind, marks) for highlight in group)
+    return next((reason for reason in reasons if reason is not None), None)
+
+
+def _facts(held: CaptureQuestions, highlight: Highlight) -> dict[str, Any]:
+    x, y = held.frame_position(highlight.row, highlight.column)
+    return {"frame": highlight.frame, "x": x, "y": y, "track": _path(held, highlight.track)}
+
+
+def _path(held: CaptureQuestions, points: Sequence[TrackPoint]) -> list[list[int]]:
+    return [[point.frame, *held.frame_position(point.row, point.column)] for point in points]

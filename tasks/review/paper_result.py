@@ -1,0 +1,40 @@
+"""The literal paper's normals of a version, beside its own: computed when they are first asked for."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from glint.storage.locations.location import Location
+from glint.storage.versions.repository import ObjectRepository
+from glint.storage.versions.stage_results import StageResult
+from glint.tasks.algorithms.candidates.markup import Marks
+from glint.tasks.engine.parameters import LabelsParameters, SilhouetteParameters
+from glint.tasks.stages.capture_geometry import CaptureGeometry
+from glint.tasks.stages.clusters import read_clusters
+from glint.tasks.stages.labels import reconstruct
+
+PAPER_NEEDS = ("survey", "mask", "markup", "silhouette", "clusters")
+"""Stages of a version that the paper's labelling reads."""
+
+
+@lru_cache(maxsize=2)
+def paper_normals(store: str, object_id: str, version: str, capture: str) -> np.ndarray:
+    """Return the normals (H, W, 3) that the literal paper's method gives a capture of a version; it takes seconds.
+
+    Raises:
+        StoreError: no such object, version or capture, or a result is damaged.
+    """
+    repository = ObjectRepository.open(Location.parse(store), object_id, create=False)
+    snapshot = repository.version(version).snapshot
+    stages: dict[str, StageResult] = {stage: repository.load(capture, stage, snapshot) for stage in PAPER_NEEDS}
+    marked = stages["markup"]
+    marks = Marks(marked.read("pixels"), marked.read("half_vectors"), marked.read("kind"))
+    return reconstruct(
+        read_clusters(stages["clusters"]),
+        stages["mask"].read("mask"),
+        stages["silhouette"].read("initial"),
+        marks if len(marks.kind) else None,
+        LabelsParameters(method="paper"),
+        SilhouetteParameters(),
+        view=CaptureGeometry.of(stages["survey"].record).view_vectors,
+    ).normals

@@ -1,0 +1,62 @@
+"""How long it takes from an answer to the new picture of the normals, by the review page's own interface.
+
+    python -m tests.benchmarks.answers STORE OBJECT/CAPTURE [--answers 10]
+
+A server of the page in this process; each answer is saved, labelled at once, and its picture fetched, as the page does
+it. It prints the median and the 95th percentile of wall and processor time. The bar: 1.5 s, and 3 s for the 95th. The
+marks of the capture are afterwards as they were.
+"""
+
+import argparse
+import time
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import requests
+
+from tests.flows.review.conftest import serve
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("store", type=Path)
+    parser.add_argument("capture")
+    parser.add_argument("--answers", type=int, default=10)
+    options = parser.parse_args()
+    served = serve(options.store, None)
+    session = requests.Session()
+    session.headers.update(served.session | {"Origin": served.origin})
+    path = f"{served.origin}/api/captures/{options.capture}"
+    started = time.perf_counter()
+    proposed = session.get(f"{path}/questions", timeout=600).json()
+    print(f"first questions: {time.perf_counter() - started:.1f} s, {len(proposed['questions'])} of them")
+    marks, revision = proposed["marks"], proposed["revision"]
+    walls, processors = list[float](), list[float]()
+    for number, question in enumerate(proposed["questions"][: options.answers]):
+        kind = "false" if number % 2 else "true"
+        marks = [*marks, {name: question[name] for name in ("frame", "x", "y")} | {"kind": kind}]
+        wall, processor = time.perf_counter(), time.process_time()
+        revision = _saved(session, path, marks, revision)
+        session.get(f"{path}/questions/labelling", timeout=600).raise_for_status()
+        session.get(f"{path}/questions/normals", timeout=600).raise_for_status()
+        walls.append(time.perf_counter() - wall)
+        processors.append(time.process_time() - processor)
+    _saved(session, path, proposed["marks"], revision)
+    for name, seconds in (("wall", sorted(walls)), ("processor", sorted(processors))):
+        late = seconds[min(len(seconds) - 1, int(0.95 * len(seconds)))]
+        print(f"{name}: median {median(seconds):.2f} s, 95th percentile {late:.2f} s of {len(seconds)} answers")
+    served.server.should_exit = True
+
+
+def _saved(session: requests.Session, path: str, marks: list[dict[str, Any]], revision: int) -> int:
+    body = {"changes": {"marks": marks}, "author": "benchmark", "base_revision": revision}
+    answer = session.post(f"{path}/edits", json=body, timeout=600)
+    answer.raise_for_status()
+    saved = answer.json()["revision"]
+    return revision if saved is None else int(saved["number"])
+
+
+if __name__ == "__main__":
+    main()
