@@ -35,15 +35,38 @@ class ShardStore(WrapperStore[Store]):
         self._chunks, self.checksums = chunks, dict(checksums)
         self._offsets: dict[str, dict[int, int]] = {}
 
-    @property
-    def _supports_sync_io(self) -> bool:
-        return False
+    def get_sync(
+        self, key: str, *, prototype: BufferPrototype | None = None, byte_range: ByteRequest | None = None
+    ) -> Buffer | None:
+        """Return what `get` does, without an event loop.
+
+        Raises:
+            ShardDamage: it is not what was written.
+        """
+        if self._is_uncounted(key):
+            return None
+        value = super().get_sync(key, prototype=prototype, byte_range=byte_range)
+        self._check(key, byte_range, value)
+        return value
+
+    def set_sync(self, key: str, value: Buffer) -> None:
+        """Write what `set` does, without an event loop."""
+        super().set_sync(key, value)
+        self._note(key, value)
+
+    def get_ranges_sync(
+        self, key: str, byte_ranges: Sequence[ByteRequest | None], *, prototype: BufferPrototype, **limits: Any
+    ) -> Sequence[tuple[int, Buffer | None]]:
+        """Return chunks of a shard with their numbers in `byte_ranges`, each verified."""
+        values = self._store.get_ranges_sync(key, byte_ranges, prototype=prototype, **limits)
+        for number, value in values:
+            self._check(key, byte_ranges[number], value)
+        return values
 
     async def set(self, key: str, value: Buffer) -> None:
         """Write a value; of a shard, note the checksums of its chunks."""
         await self._store.set(key, value)
-        if f"/{_CHUNKS}/" in key:
-            self._note(key, value.as_numpy_array().view(np.uint8))
+        self._note(key, value)
 
     async def get(self, key: str, prototype: BufferPrototype, byte_range: ByteRequest | None = None) -> Buffer | None:
         """Return a value or a part of it; of a shard a chunk, the index, or all.
@@ -53,7 +76,7 @@ class ShardStore(WrapperStore[Store]):
         Raises:
             ShardDamage: it is not what was written.
         """
-        if not self.read_only and f"/{_CHUNKS}/" in key and key not in self.checksums:
+        if self._is_uncounted(key):
             return None
         value = await self._store.get(key, prototype, byte_range)
         self._check(key, byte_range, value)
@@ -69,7 +92,14 @@ class ShardStore(WrapperStore[Store]):
                 self._check(key, byte_ranges[number], value)
             yield group
 
-    def _note(self, key: str, shard: np.ndarray) -> None:
+    def _is_uncounted(self, key: str) -> bool:
+        """Return whether a key is, for a writer, that of a shard which an earlier one left uncounted."""
+        return not self.read_only and f"/{_CHUNKS}/" in key and key not in self.checksums
+
+    def _note(self, key: str, value: Buffer) -> None:
+        if f"/{_CHUNKS}/" not in key:
+            return
+        shard = value.as_numpy_array().view(np.uint8)
         _, ends = _bounds(shard, self._chunks[key.partition("/")[0]])
         self.checksums[key] = b64encode(_ends_of(shard, ends).tobytes()).decode()
 
