@@ -19,7 +19,7 @@ from glint.storage.catalogue.loading import Region
 from glint.storage.errors import InputError, StoreError
 from glint.storage.footage.source import Footage, open_footage
 from glint.storage.frames.cache import FrameCache, cache_digest
-from glint.storage.frames.layout import SHARD
+from glint.storage.frames.layout import SHARD_FRAMES as SHARD
 from glint.storage.locations.location import Location
 from tests.storage.footage.videos import ramp, write_images, write_video
 
