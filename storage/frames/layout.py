@@ -12,8 +12,9 @@ from glint.storage.seals import digest_of
 LAYOUT_VERSION = 5
 CHUNK_PX = 64
 """Edge of a chunk in pixels; it holds all frames of its shard."""
-SHARD_FRAMES, MAX_SHARD_FRAMES, MIN_SHARD_FRAMES = 64, 256, 8
-"""Frames of a shard: as a rule, of small crops, and of crops so large that memory is short."""
+SHARD_FRAMES, MAX_SHARD_FRAMES, MIN_SHARD_FRAMES = 64, 128, 8
+"""Frames of a shard: as a rule, of small crops, and of crops so large that memory is short. Longer ones would save more
+requests, and cost more bytes where 64 frames in a row are read."""
 SMALL_SHARD_BYTES, MAX_SHARD_BYTES = 32 << 20, 512 << 20
 """Uncompressed size up to which shards are made longer, for fewer requests; and beyond which they are made shorter."""
 MIN_SHARDS = 4
