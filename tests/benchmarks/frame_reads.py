@@ -10,7 +10,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-import zarr.storage._local as local_store
+import zarr.storage._local
 
 from glint.storage.catalogue.loading import load
 from glint.tasks.engine.references import CaptureReference
@@ -28,6 +28,7 @@ def main() -> None:
     options = parser.parse_args()
     entry = load(options.catalogue).objects[0]
     work = CaptureReference(str(options.catalogue), entry.id, entry.captures[0].id, str(options.store), "r").context()
+    local_store: Any = zarr.storage._local
     read, get = Counter[str](), local_store._get
 
     def counted(path: Path, *arguments: Any) -> Any:

@@ -14,6 +14,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import av
 import cv2
@@ -71,7 +72,7 @@ def enlarged(catalogue: Path, out: Path, kind: str) -> Path:
     out.mkdir()
     width, height = SIZES[kind]
 
-    def larger(picture: np.ndarray) -> np.ndarray:
+    def larger(picture: Any) -> np.ndarray:
         whole = cv2.resize(picture, None, fx=ENLARGED, fy=ENLARGED, interpolation=cv2.INTER_LINEAR)[:height, :width]
         below, right = height - whole.shape[0], width - whole.shape[1]
         return cv2.copyMakeBorder(whole, 0, below, 0, right, cv2.BORDER_REPLICATE)
@@ -109,7 +110,7 @@ def enlarged(catalogue: Path, out: Path, kind: str) -> Path:
 def write(path: Path, frames: Iterator[np.ndarray], codec: str, pixels: str) -> None:
     """Write a video."""
     with av.open(str(path), "w") as container:
-        stream = None
+        stream: Any = None
         for picture in frames:
             if stream is None:
                 stream = container.add_stream(codec, rate=25, options={"crf": "20", "preset": "ultrafast"})

@@ -37,7 +37,8 @@ def test_reading_all_tiles_reads_what_is_stored_once(
     with open_footage(video) as footage:
         cache = FrameCache.ingest(footage, Location.parse(tmp_path / "store"), "digest", {"object": region})
     stored = sum(path.stat().st_size for path in (tmp_path / "store").rglob("c/*/*/*"))
-    read, store = list[int](), type(cache._store._store)
+    read = list[int]()
+    store: Any = type(cache._store._store)
     get = store.get_sync
 
     def counted(self: Any, *arguments: Any, **options: Any) -> Any:
