@@ -8,8 +8,8 @@ from glint.tasks.engine.stage import CaptureSize, Stage
 from glint.tasks.engine.stage_function import ImportedFunction
 from glint.tasks.engine.tiles import TILE_BYTES
 
-SHARDS_HELD = 5
-"""Shards of 64 frames that are held while frames are decoded, compressed and written."""
+SHARDS_HELD = 3
+"""Shards that are held while frames are decoded, compressed and written."""
 TILES_HELD = 3
 """Times the bytes of a tile's frames that clustering a tile takes."""
 

@@ -86,7 +86,7 @@ LOCAL_SETTINGS = {
 
 @dataclass
 class WarmUpPlugin(WorkerPlugin):
-    """Prepares a worker for its first task: one thread for OpenCV, modules imported, their kernels loaded.
+    """Prepares a worker for its first task: one thread for libraries, modules imported, their kernels loaded.
 
     A module may have a function `warm_up()` that calls its compiled kernels once on tiny arrays. Workers of a local
     cluster (owned) ignore interrupts at the terminal and do not log errors: the run does both.
@@ -98,12 +98,12 @@ class WarmUpPlugin(WorkerPlugin):
 
     def setup(self, worker: Worker) -> None:
         """Prepare the worker; Dask calls it in each worker that starts, replacements included."""
-        from glint.tasks.engine.threads import use_one_opencv_thread
+        from glint.tasks.engine.threads import use_one_thread
 
         if self.owned:
             signal.signal(signal.SIGINT, signal.SIG_IGN)
             logging.getLogger("distributed.worker").setLevel(logging.CRITICAL)
-        use_one_opencv_thread()
+        use_one_thread()
         for name in self.modules:
             module = importlib.import_module(name)
             if hasattr(module, "warm_up"):

@@ -1,9 +1,9 @@
 """Cache of a capture's frames, cropped and cut into chunks that are cheap to read over time: STORE/frames/<digest>/.
 
 A zarr group with one array (T, height, width) per crop: `object`, `sphere-0`, ... As a cache it can be rebuilt, and an
-interrupted one is continued at its last whole shard (see `ingest`). Each shard holds 64 frames, is written whole and
-once, and is on the disk before the group's attributes count it. All that is read is verified: the attributes are sealed
-(`sealed`), and list the checksums of all chunks (`shard_checksums`).
+interrupted one is continued at its last whole shard (see `ingest`). Each shard is written whole and once, and is on the
+disk before the group's attributes count it. All that is read is verified: the attributes are sealed (`sealed`), and
+list places and checksums of all chunks (`shard_store`).
 """
 
 from collections.abc import Callable, Mapping
@@ -18,7 +18,7 @@ from glint.storage.footage.source import Footage
 from glint.storage.frames.errors import DamagedFrames
 from glint.storage.frames.ingest import check_crops, open_group, write_frames, writer_lock
 from glint.storage.frames.layout import LAYOUT_VERSION, chunks_of, metadata_digests, open_array
-from glint.storage.frames.shard_checksums import ShardStore
+from glint.storage.frames.shard_store import ShardStore
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 from glint.storage.seals import digest_of, is_sealed
@@ -39,9 +39,9 @@ def cache_digest(footage: str, crops: Mapping[str, Region]) -> str:
 class FrameCache:
     """Frames that were ingested.
 
-    frames: number of frames so far; total: number of all frames, None until known; bits: 8 or 16; crops: by array, in
-    pixels of the full frame; frame_size: (height, width) of the full frame; warnings: damage met while reading the
-    video or images.
+    shard_frames: number of frames that are stored together; frames: number of frames so far; total: number of all
+    frames, None until known; bits: 8 or 16; crops: by array, in pixels of the full frame; frame_size: (height, width)
+    of the full frame; warnings: damage met while reading the video or images.
     """
 
     def __init__(self, location: Location, digest: str, group: zarr.Group) -> None:
@@ -56,16 +56,17 @@ class FrameCache:
             self.frames = int(cast(int, attributes["frames"]))
             self.total = cast("int | None", attributes["total"])
             self.bits = int(cast(int, attributes["bits"]))
+            self.shard_frames = int(cast(int, attributes["shard_frames"]))
             height, width = cast("list[int]", attributes["frame_size"])
             self.frame_size = (int(height), int(width))
             crops = cast("dict[str, dict[str, int]]", attributes["crops"])
             self.crops = {name: Region(**crop) for name, crop in crops.items()}
             self.warnings = tuple(str(text) for text in cast("list[str]", attributes["warnings"]))
-            self.checksums: dict[str, str] = attributes["checksums"]
+            self.indices: dict[str, str] = attributes["indices"]
             self._metadata: dict[str, str] = attributes["arrays"]
         except (KeyError, TypeError, ValueError) as error:
             raise DamagedFrames(f"the attributes of the frames at {location.uri} are damaged", digest=digest) from error
-        self._store = ShardStore(location.zarr_store(read_only=True), chunks_of(self.crops), self.checksums)
+        self._store = ShardStore(location.zarr_store(read_only=True), chunks_of(self.crops), self.indices)
 
     @property
     def complete(self) -> bool:
@@ -127,7 +128,7 @@ class FrameCache:
         return cls.open(location, digest)
 
     def read(self, name: str, frames: slice = _ALL, rows: slice = _ALL, columns: slice = _ALL) -> np.ndarray:
-        """Read a crop, uint8 or uint16 (T, h, w); whole chunks (multiples of 64) are the cheapest.
+        """Read a crop, uint8 or uint16 (T, h, w); whole shards, or multiples of 64 pixels, are the cheapest.
 
         Raises:
             StoreError: no such crop, or it cannot be read; DamagedFrames: it is damaged.

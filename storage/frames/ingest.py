@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import zarr
@@ -17,21 +17,21 @@ from glint.storage.errors import InputError
 from glint.storage.footage.source import Footage
 from glint.storage.frames.layout import (
     LAYOUT_VERSION,
-    SHARD,
     chunks_of,
     create_arrays,
     metadata_digests,
     open_array,
+    shard_frames,
 )
-from glint.storage.frames.shard_checksums import ShardStore
+from glint.storage.frames.shard_store import ShardStore
 from glint.storage.fsync import flush
 from glint.storage.locations.location import Location
 from glint.storage.seals import is_sealed, sealed
 
 Progress = Callable[[int, int | None], None]
 
-_MAX_PENDING = 2
-"""Shards that wait to be written; decoding pauses beyond."""
+_MAX_PENDING = 1
+"""Shards that are being written while the next one is decoded; decoding pauses beyond."""
 
 
 def check_crops(crops: Mapping[str, Region], footage: Footage) -> None:
@@ -69,10 +69,12 @@ def open_group(folder: Location, footage: Footage, crops: Mapping[str, Region], 
 
     source: what tells the footage's files from others (JSON); an incomplete cache of other files is begun anew.
     """
+    shard = shard_frames(crops, footage.bits, footage.count)
     attributes: dict[str, Any] = {
         "name": folder.name,
         "layout": LAYOUT_VERSION,
         "bits": footage.bits,
+        "shard_frames": shard,
         "frame_size": [footage.height, footage.width],
         "crops": {name: crop.model_dump() for name, crop in crops.items()},
     }
@@ -83,14 +85,14 @@ def open_group(folder: Location, footage: Footage, crops: Mapping[str, Region], 
         is_ours = is_sealed(stored) and all(stored.get(key) == value for key, value in attributes.items())
         is_current = is_ours and (stored["total"] is not None or stored["source"] == source)
         if is_current and stored["arrays"] == metadata_digests(group, crops):
-            verified = ShardStore(store, chunks, stored["checksums"])
+            verified = ShardStore(store, chunks, stored["indices"])
             return zarr.open_group(verified, mode="r+", use_consolidated=False)
     except (FileNotFoundError, ValueError, TypeError, KeyError):
         pass
     group = zarr.open_group(ShardStore(store, chunks, {}), mode="w", use_consolidated=False)
-    length = max(1, -(-footage.count // SHARD)) * SHARD
-    create_arrays(group, length, footage.bits, crops)
-    attributes |= {"source": source, "arrays": metadata_digests(group, crops), "checksums": {}}
+    length = max(1, -(-footage.count // shard)) * shard
+    create_arrays(group, length, footage.bits, crops, shard)
+    attributes |= {"source": source, "arrays": metadata_digests(group, crops), "indices": {}}
     group.attrs.put(sealed({**attributes, "frames": 0, "total": None, "warnings": []}))
     return group
 
@@ -104,13 +106,14 @@ def write_frames(
     progress: Progress | None,
 ) -> "ShardWriter":
     """Write all frames from the shard of frame `start` on; return the writer, which is to be finished."""
-    start -= start % SHARD
+    size = int(cast(int, group.attrs["shard_frames"]))
+    start -= start % size
     writer = ShardWriter(folder, group, tuple(crops), start, footage.count or None, progress)
     done = start
     # This thread decodes, the other one compresses and writes.
     with ThreadPoolExecutor(1) as executor:
         pending: deque[Future[None]] = deque()
-        for shard in _shards(footage, crops, start):
+        for shard in _shards(footage, crops, start, size):
             if len(pending) >= _MAX_PENDING:
                 pending.popleft().result()
             pending.append(executor.submit(writer.write, shard))
@@ -124,9 +127,9 @@ def write_frames(
 
 @dataclass
 class _Shard:
-    """SHARD frames from frame `start` on, the last shard's padded with zeros.
+    """The frames of a shard from frame `start` on, the last shard's padded with zeros.
 
-    crops: (SHARD, height, width) by name; length: frames without padding.
+    crops: (shard's frames, height, width) by name; length: frames without padding.
     """
 
     start: int
@@ -155,10 +158,12 @@ class ShardWriter:
         if shard.start != self._written:
             return  # A shard before this one failed; counting this one would count the failed one too.
         for name, array in self._arrays.items():
-            if array.shape[0] < shard.start + SHARD:
-                array.resize((max(2 * array.shape[0], shard.start + SHARD), *array.shape[1:]))
-            array[shard.start : shard.start + SHARD] = shard.crops[name]
-            self._flush(name, shard.start // SHARD)
+            frames = shard.crops.pop(name)
+            end = shard.start + len(frames)
+            if array.shape[0] < end:
+                array.resize((max(2 * array.shape[0], end), *array.shape[1:]))
+            array[shard.start : end] = frames
+            self._flush(name, shard.start // len(frames))
         self._written = shard.start + shard.length
         self._count(frames=self._written)
         if self._progress is not None:
@@ -174,27 +179,27 @@ class ShardWriter:
     def _count(self, **facts: Any) -> None:
         store = self._group.store
         assert isinstance(store, ShardStore)
-        self._group.attrs.put(sealed({**self._group.attrs, **facts, "checksums": store.checksums}))
+        self._group.attrs.put(sealed({**self._group.attrs, **facts, "indices": store.indices}))
 
     def _flush(self, name: str, number: int) -> None:
         if self._folder.local is not None:
             flush(self._folder.local / name / "c" / str(number) / "0" / "0")
 
 
-def _shards(footage: Footage, crops: Mapping[str, Region], start: int) -> Iterator[_Shard]:
-    """Yield the crops of SHARD frames at a time."""
+def _shards(footage: Footage, crops: Mapping[str, Region], start: int, size: int) -> Iterator[_Shard]:
+    """Yield the crops of `size` frames at a time."""
     windows = {name: (crop.rows, crop.columns) for name, crop in crops.items()}
     dtype = np.dtype(f"uint{footage.bits}")
     shard: _Shard | None = None
     for number, frame in enumerate(footage.frames(start), start):
         if shard is None:
             # New arrays for each shard: the writer still reads those of the last.
-            stacks = {name: np.zeros((SHARD, crop.height, crop.width), dtype) for name, crop in crops.items()}
+            stacks = {name: np.zeros((size, crop.height, crop.width), dtype) for name, crop in crops.items()}
             shard = _Shard(number, stacks)
         for name, window in windows.items():
             shard.crops[name][shard.length] = frame[window]
         shard.length += 1
-        if shard.length == SHARD:
+        if shard.length == size:
             yield shard
             shard = None
     if shard is not None:

@@ -11,7 +11,6 @@ from glint.storage.errors import DamagedError, StoreError, StoreUnreachable
 from glint.storage.frames.cache import FrameCache
 from glint.storage.frames.errors import DamagedFrames
 from glint.storage.frames.eviction import cached_frames
-from glint.storage.frames.layout import SHARD
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository, object_ids
 from glint.storage.versions.stage_results import WHOLE_OBJECT
@@ -169,8 +168,8 @@ def _verify_frames(location: Location, digest: str) -> tuple[int, list[Damage]]:
     try:
         cache = FrameCache.open(location, digest)
         for name in cache.crops:
-            for start in range(0, cache.frames, SHARD):
-                read += cache.read(name, slice(start, start + SHARD)).nbytes
+            for start in range(0, cache.frames, cache.shard_frames):
+                read += cache.read(name, slice(start, start + cache.shard_frames)).nbytes
     except StoreUnreachable:
         raise
     except (DamagedFrames, StoreError) as error:

@@ -1,6 +1,6 @@
 """Geometry of a capture as the survey left it: frame, region, spheres, crops, camera, scale."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -51,9 +51,7 @@ class CaptureGeometry:
     @cached_property
     def crops(self) -> dict[str, Region]:
         """Crops of the full frame by name: `object`, `sphere-0`, .."""
-        return {OBJECT: self.region} | {
-            sphere_name(number): self._crop(sphere) for number, sphere in enumerate(self.spheres)
-        }
+        return crops_of(self.region, self.spheres, self.frame_size[::-1])
 
     def camera_within(self, crop: Region) -> np.ndarray | None:
         """Return the perspective camera's matrix (3, 3) in the pixels of a crop; None: orthographic."""
@@ -69,12 +67,20 @@ class CaptureGeometry:
             else view_vectors(self.camera, (region.height, region.width), region.x, region.y)
         )
 
-    def _crop(self, sphere: Sphere) -> Region:
-        left = max(int(sphere.x - sphere.radius) - SPHERE_MARGIN_PX, 0)
-        top = max(int(sphere.y - sphere.radius) - SPHERE_MARGIN_PX, 0)
-        right = min(int(sphere.x + sphere.radius) + SPHERE_MARGIN_PX + 2, self.frame_size[0])
-        bottom = min(int(sphere.y + sphere.radius) + SPHERE_MARGIN_PX + 2, self.frame_size[1])
-        return Region(x=left, y=top, width=right - left, height=bottom - top)
+
+def crops_of(region: Region, spheres: Sequence[Sphere], size: tuple[int, int]) -> dict[str, Region]:
+    """Return the crops of a full frame of `size` (rows, columns) by name: `object`, `sphere-0`, .."""
+    return {OBJECT: region} | {
+        sphere_name(number): _around_sphere(sphere, size) for number, sphere in enumerate(spheres)
+    }
+
+
+def _around_sphere(sphere: Sphere, size: tuple[int, int]) -> Region:
+    left = max(int(sphere.x - sphere.radius) - SPHERE_MARGIN_PX, 0)
+    top = max(int(sphere.y - sphere.radius) - SPHERE_MARGIN_PX, 0)
+    right = min(int(sphere.x + sphere.radius) + SPHERE_MARGIN_PX + 2, size[1])
+    bottom = min(int(sphere.y + sphere.radius) + SPHERE_MARGIN_PX + 2, size[0])
+    return Region(x=left, y=top, width=right - left, height=bottom - top)
 
 
 def sphere_name(number: int) -> str:

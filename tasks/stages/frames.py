@@ -1,5 +1,6 @@
 """Frames: the video decoded once, cropped to the object and to each sphere, and cut into chunks."""
 
+from collections.abc import Mapping
 from functools import lru_cache, partial
 from hashlib import sha256
 from time import monotonic
@@ -7,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from glint.storage.catalogue.loading import Region
 from glint.storage.errors import StoreError
 from glint.storage.footage.source import Footage, open_footage
 from glint.storage.frames.cache import FrameCache, cache_digest
@@ -37,10 +39,15 @@ def frames(inputs: StageInputs, progress: Progress) -> StageOutput:
     """
     digest, address = _digest(inputs), inputs.file("frames")
     assert address is not None
-    with open_footage(address) as footage:
-        recorder = ThumbnailRecorder(footage)
-        cache = _complete(inputs.location, digest) or _ingest(inputs, digest, recorder, progress)
-        arrays = dict(recorder.arrays())
+    survey = inputs.load("survey")
+    if PICTURES in survey.arrays:
+        arrays = {name: survey.read(name) for name in (PICTURES, NUMBERS)}
+        cache = open_cache(inputs, digest, progress)
+    else:
+        with open_footage(address) as footage:
+            recorder = ThumbnailRecorder(footage)
+            cache = _ingest(inputs, digest, recorder, progress)
+            arrays = dict(recorder.arrays())
     background, peak = levels(cache)
     arrays |= {"background": background, "peak": peak}
     return StageOutput(
@@ -57,14 +64,39 @@ def open_frames(results: CaptureResults) -> FrameCache:
     Raises:
         InputError: the video cannot be read; StoreError: the store fails.
     """
-    digest = str(results.load("frames").record["cache"])
+    return open_cache(results, str(results.load("frames").record["cache"]))
+
+
+def open_cache(results: CaptureResults, digest: str, progress: Progress | None = None) -> FrameCache:
+    """Open a cache of the capture's frames, filled from the video where it is gone or incomplete.
+
+    Raises:
+        InputError: the video cannot be read; StoreError: the store fails.
+    """
     cache = _complete(results.location, digest)
     if cache is not None:
         return cache
     address = results.file("frames")
     assert address is not None
     with open_footage(address) as footage:
-        return _ingest(results, digest, footage)
+        return _ingest(results, digest, footage, progress)
+
+
+def fill_cache(
+    results: CaptureResults,
+    digest: str,
+    crops: Mapping[str, Region],
+    source: Footage,
+    progress: Progress | None = None,
+) -> FrameCache:
+    """Store the crops of all frames of `source`, unless they are stored.
+
+    Raises:
+        InputError: the video cannot be read; StoreError: the store fails.
+    """
+    return _complete(results.location, digest) or FrameCache.ingest(
+        source, results.location, digest, crops, progress, partial(_unchanged, results)
+    )
 
 
 def load_levels(results: CaptureResults) -> tuple[np.ndarray, np.ndarray]:
@@ -127,8 +159,7 @@ def _ingest(results: CaptureResults, digest: str, footage: Footage, progress: Pr
     """Decode the video, moved back where the camera was shaken, into the cache."""
     survey = results.load("survey")
     source = StabilizedFootage(footage, survey) if survey.record["stabilization"]["applied"] else footage
-    crops = load_geometry(results).crops
-    return FrameCache.ingest(source, results.location, digest, crops, progress, partial(_unchanged, results))
+    return fill_cache(results, digest, load_geometry(results).crops, source, progress)
 
 
 def _unchanged(results: CaptureResults) -> list[list[Any]]:

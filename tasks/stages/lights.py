@@ -42,8 +42,6 @@ SPHERES, FILE = "spheres", "file"
 """Where the lights of a capture come from, as its record names it."""
 BLOCK_FRAMES = 1024
 """Frames whose highlights are measured at once."""
-OBJECT_BLOCK_FRAMES = 128
-"""Frames of the object that are held at once."""
 MAX_BEFORE_OBJECT_SHARE = 0.2
 """Share of the frames beyond which a bright border is no light before the object but an overexposed background."""
 MIN_BEFORE_OBJECT_SHARE, BEFORE_OBJECT_COST_DEG = 0.01, 1.0
@@ -192,8 +190,8 @@ def _is_light_before_object(inputs: StageInputs, cache: FrameCache) -> np.ndarra
     """Return whether the light itself stands before the object, (T,) bool."""
     background, _ = load_levels(inputs)
     blocks = [
-        is_light_before_object(cache.read(OBJECT, slice(start, start + OBJECT_BLOCK_FRAMES)), background)
-        for start in range(0, cache.frames, OBJECT_BLOCK_FRAMES)
+        is_light_before_object(cache.read(OBJECT, slice(start, start + cache.shard_frames)), background)
+        for start in range(0, cache.frames, cache.shard_frames)
     ]
     before = np.concatenate(blocks)
     return before if before.mean() <= MAX_BEFORE_OBJECT_SHARE else np.zeros_like(before)

@@ -1,7 +1,7 @@
 """Survey: what the video is, whether its camera stood still, where the spheres and the object are."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -9,36 +9,22 @@ import numpy as np
 from glint.storage.catalogue import models
 from glint.storage.catalogue.loading import Region
 from glint.storage.errors import InputError
-from glint.storage.footage.source import Footage, open_footage
+from glint.storage.footage.source import open_footage
 from glint.storage.inputs.masks_and_truth import camera_matrix, read_mask
-from glint.tasks.algorithms.frames.frame_sample import FrameSample
 from glint.tasks.algorithms.geometry.perspective import Cone
-from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, find_spheres, spread
+from glint.tasks.algorithms.lighting.sphere_detection import find_spheres
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.parameters import SurveyParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
+from glint.tasks.stages.capture_geometry import crops_of
+from glint.tasks.stages.first_pass import SampleRecorder, discard_stored, sampled_and_stored
 from glint.tasks.stages.sphere_doubts import confirm_given
 from glint.tasks.stages.stabilization import Shake, measure_shake
 
-SAMPLE_BYTES = 256 << 20
-"""Most bytes of frames that are held in full size."""
-
 SHADED_REACH = 1.1
 """Half the side of the square around a sphere in which nothing counts as standing still, in radii."""
-
-
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """The full frame over time.
-
-    peak: temporal maximum (H, W) float32, 0 to 255; frames: some (T, H, W) uint8; reduced: more of them, smaller.
-    """
-
-    peak: np.ndarray
-    frames: np.ndarray
-    reduced: FrameSample
 
 
 def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
@@ -59,9 +45,27 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
         seek_spheres = not given_spheres and inputs.file("lights") is None
         seek_mask = mask is None
         needs_sample = inputs.file("lights") is None or seek_mask
-        sample = take_sample(footage, parameters.sample, progress) if needs_sample else None
-        spheres = [Sphere(sphere.x, sphere.y, sphere.radius) for sphere in given_spheres]
-        check_spheres(spheres, size)
+        given = [Sphere(sphere.x, sphere.y, sphere.radius) for sphere in given_spheres]
+        check_spheres(given, size)
+        region, spheres = given_region or mask_region, given
+        if region is not None:
+            _check_region(region, size)
+
+        def shake_of(region: Region, spheres: Sequence[Sphere]) -> Shake:
+            # Whoever gives spheres or a mask has read them off the first frame.
+            if not parameters.stabilize:
+                return Shake({"shake_pixels": None, "applied": False})
+            return measure_shake(footage, bool(given_spheres or mask), _moving_parts(region, spheres, size))
+
+        sample, arrays, shake, crops = None, dict[str, np.ndarray](), None, None
+        if needs_sample and region is not None and not seek_spheres:
+            shake = shake_of(region, given)
+            crops = None if shake.record["applied"] else crops_of(region, given, size)
+        if crops is not None:
+            sample, thumbnails = sampled_and_stored(inputs, footage, parameters.sample, crops, progress)
+            arrays |= thumbnails
+        elif needs_sample:
+            sample = SampleRecorder(footage, parameters.sample, progress).sample()
         warnings = list[StageWarning]()
         if sample is not None and seek_spheres:
             detection = find_spheres(sample.frames, sample.peak, camera=camera)
@@ -69,18 +73,15 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
             warnings = [StageWarning(sentence, "sphere") for sentence in detection.contradicting]
         elif sample is not None and inputs.file("lights") is None:
             spheres, warnings = confirm_given(sample.frames, spheres, camera)
-        region, arrays = given_region or mask_region, dict[str, np.ndarray]()
-        if region is not None:
-            _check_region(region, size)
         if sample is not None and seek_mask:
             estimate = sample.reduced.estimate_mask(spheres, _within(region, size))
             region = region or around(estimate, 2 * parameters.margin)
             arrays["mask"] = estimate[region.rows, region.columns]
         assert region is not None
-        # Whoever gives spheres or a mask has read them off the first frame.
-        shake = Shake({"shake_pixels": None, "applied": False})
-        if parameters.stabilize:
-            shake = measure_shake(footage, bool(given_spheres or mask), _moving_parts(region, spheres, size))
+        if shake is None or _circles(spheres) != _circles(given):
+            shake = shake_of(region, spheres)
+        if crops is not None and (shake.record["applied"] or crops != crops_of(region, spheres, size)):
+            discard_stored(inputs, crops)
         record = {
             "frame_size": [footage.width, footage.height],
             "frames_claimed": footage.count,
@@ -99,29 +100,6 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
         counts={"spheres": len(spheres)},
         warnings=[*warnings, *shake.warnings],
     )
-
-
-def take_sample(footage: Footage, count: int, progress: Progress) -> Sample:
-    """Compute the maximum of about `count` frames spread over a video; keep them reduced, and a few in full size."""
-    expected = footage.count or 10 * count
-    step = max(1, expected // count)
-    frame_bytes = footage.width * footage.height * footage.bits // 8
-    held = max(5, min(count, 2 * FIT_FRAMES, SAMPLE_BYTES // frame_bytes))
-    interval = max(1, -(-(expected // step) // held))
-    kept: list[np.ndarray] = []
-    peak: np.ndarray | None = None
-    reduced = FrameSample(footage.height, footage.width, expected // step)
-    for number, frame in enumerate(footage.frames(step=step)):
-        peak = frame.copy() if peak is None else np.maximum(peak, frame, out=peak)
-        if number % interval == 0:
-            kept.append(frame.copy())
-        reduced.add(frame)
-        progress(number * step, footage.count or None)
-    if peak is None:
-        raise InputError(f"{footage.uri} holds no frame", "record or copy it again")
-    scale = np.float32(1.0 if footage.bits == 8 else 1.0 / 257.0)
-    some = spread(np.stack(kept), 2 * FIT_FRAMES)
-    return Sample(peak.astype(np.float32) * scale, some if footage.bits == 8 else (some >> 8).astype(np.uint8), reduced)
 
 
 def _within(region: Region | None, size: tuple[int, int]) -> np.ndarray | None:
@@ -168,6 +146,10 @@ def _pixel_size(sphere: models.Sphere, camera: np.ndarray | None) -> float:
     cone = Cone.from_ellipse(sphere.x, sphere.y, sphere.radius, camera)
     distance = sphere.diameter_mm / (2.0 * cone.sine) * abs(float(cone.axis[2]))
     return distance / float(np.sqrt(camera[0, 0] * camera[1, 1]))
+
+
+def _circles(spheres: Sequence[Sphere]) -> list[tuple[float, float, float]]:
+    return [(sphere.x, sphere.y, sphere.radius) for sphere in spheres]
 
 
 def check_spheres(spheres: list[Sphere], size: tuple[int, int]) -> None:

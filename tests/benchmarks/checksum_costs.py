@@ -21,7 +21,7 @@ from zarr.codecs import Crc32cCodec
 
 from glint.storage import seals
 from glint.storage.frames import cache, ingest
-from glint.storage.frames.shard_checksums import ShardStore
+from glint.storage.frames.shard_store import ShardStore
 from glint.storage.versions import checksums, snapshots
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.publish import publish

@@ -1,8 +1,10 @@
 """Peak memory of `glint run`: of its largest process, and of all its processes together.
 
-    python -m tests.benchmarks.memory [--frames 8000 32000] [--large]
+    python -m tests.benchmarks.memory [--frames 8000 32000] [--large h264|hevc10|photographs] [--keep FOLDER]
 
---large: one object of 2,000 x 1,770 pixels and 500 frames (a simulated capture, enlarged four times) instead.
+--large: one object of 2,000 x 1,770 pixels (a simulated capture, enlarged four times) in frames of 4K video, H.264 or
+HEVC of 10 bits, or in photographs of 24 megapixels. The seconds of each stage are printed too. --keep: where to leave
+the captures, which are not made again.
 """
 
 import argparse
@@ -12,18 +14,25 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import av
 import cv2
 import numpy as np
 import psutil
 
-from glint.storage.catalogue.loading import Capture, Catalogue, Region, Sphere, load, write
+from glint.storage.catalogue.loading import Capture, Catalogue, Region, Sphere, load
+from glint.storage.catalogue.loading import write as write_catalogue
 from glint.storage.export.image_files import write_png
 from glint.storage.footage.source import open_footage
+from glint.tasks.engine.references import CaptureReference
+from glint.tasks.pipeline import NAMES
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
 
 ENLARGED = 4
+CODECS = {"h264": ("libx264", "yuv420p"), "hevc10": ("libx265", "yuv420p10le")}
+SIZES = {"h264": (3840, 2160), "hevc10": (3840, 2160), "photographs": (6000, 4000)}
+"""Width and height of a frame in pixels."""
 
 
 def peak_memory(catalogue: Path, store: Path) -> tuple[float, float, float]:
@@ -56,65 +65,93 @@ def peak_memory(catalogue: Path, store: Path) -> tuple[float, float, float]:
     return largest, together, time.monotonic() - started
 
 
-def enlarged(catalogue: Path, out: Path) -> Path:
-    """The catalogue's capture with frames and mask four times as large in both axes."""
+def enlarged(catalogue: Path, out: Path, kind: str) -> Path:
+    """The catalogue's capture with frames and mask four times as large in both axes, in frames of the kind's size."""
     small = load(catalogue).objects[0].captures[0]
     assert small.region is not None and small.mask is not None
     out.mkdir()
+    width, height = SIZES[kind]
 
-    def larger(picture: np.ndarray) -> np.ndarray:
-        return cv2.resize(picture, None, fx=ENLARGED, fy=ENLARGED, interpolation=cv2.INTER_LINEAR)
+    def larger(picture: Any) -> np.ndarray:
+        whole = cv2.resize(picture, None, fx=ENLARGED, fy=ENLARGED, interpolation=cv2.INTER_LINEAR)[:height, :width]
+        below, right = height - whole.shape[0], width - whole.shape[1]
+        return cv2.copyMakeBorder(whole, 0, below, 0, right, cv2.BORDER_REPLICATE)
 
     def frames() -> Iterator[np.ndarray]:
         with open_footage(small.frames) as footage:
             yield from map(larger, footage.frames())
 
-    with av.open(str(out / "video.mp4"), "w") as container:
-        stream = None
-        for picture in frames():
-            if stream is None:
-                stream = container.add_stream("libx264", rate=25, options={"crf": "18", "preset": "ultrafast"})
-                stream.height, stream.width = picture.shape
-                stream.pix_fmt = "yuv420p"
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="gray").reformat(format="yuv420p")))
-        assert stream is not None
-        container.mux(stream.encode())
-    mask = cv2.imread(small.mask, cv2.IMREAD_GRAYSCALE)
-    write_png(out / "mask.png", larger(mask) > 127)
+    if kind == "photographs":
+        (out / "photographs").mkdir()
+        for number, picture in enumerate(frames()):
+            cv2.imwrite(str(out / "photographs" / f"{number:03}.jpg"), picture)
+    else:
+        write(out / "video.mp4", frames(), *CODECS[kind])
+    write_png(out / "mask.png", larger(cv2.imread(small.mask, cv2.IMREAD_GRAYSCALE)) > 127)
     half = (ENLARGED - 1) / 2
-    ball = small.spheres[0]
+    spheres = [
+        Sphere(x=sphere.x * ENLARGED + half, y=sphere.y * ENLARGED + half, radius=sphere.radius * ENLARGED)
+        for sphere in small.spheres
+    ]
     large = Capture(
         id="front",
-        frames=str(out / "video.mp4"),
-        spheres=(Sphere(x=ball.x * ENLARGED + half, y=ball.y * ENLARGED + half, radius=ball.radius * ENLARGED),),
+        frames=str(out / ("photographs" if kind == "photographs" else "video.mp4")),
+        spheres=tuple(spheres),
         region=Region(**{name: value * ENLARGED for name, value in small.region.model_dump().items()}),
         mask=str(out / "mask.png"),
     )
     entry = {"id": "large", "captures": [large.model_dump(mode="json", exclude_defaults=True)]}
-    write(Catalogue.model_validate({"schema": 1, "name": "large", "objects": [entry]}), out / "catalogue.yaml")
+    write_catalogue(
+        Catalogue.model_validate({"schema": 1, "name": "large", "objects": [entry]}), out / "catalogue.yaml"
+    )
     return out / "catalogue.yaml"
+
+
+def write(path: Path, frames: Iterator[np.ndarray], codec: str, pixels: str) -> None:
+    """Write a video."""
+    with av.open(str(path), "w") as container:
+        stream: Any = None
+        for picture in frames:
+            if stream is None:
+                stream = container.add_stream(codec, rate=25, options={"crf": "20", "preset": "ultrafast"})
+                stream.height, stream.width = picture.shape
+                stream.pix_fmt = pixels
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="gray").reformat(format=pixels)))
+        assert stream is not None
+        container.mux(stream.encode())
 
 
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--frames", type=int, nargs="+", default=[8000, 32000])
-    parser.add_argument("--large", action="store_true")
+    parser.add_argument("--large", choices=SIZES)
+    parser.add_argument("--keep", type=Path)
     arguments = parser.parse_args()
-    for count in [500] if arguments.large else arguments.frames:
-        with tempfile.TemporaryDirectory() as folder:
-            options = CaptureOptions(frames=count, scale=2.0 if arguments.large else 1.0)
-            catalogue = simulate("hemisphere", Path(folder) / "captures", options).catalogue
-            if arguments.large:
-                catalogue = enlarged(catalogue, Path(folder) / "large")
+    for count in arguments.frames:
+        with tempfile.TemporaryDirectory() as temporary:
+            folder = Path(temporary) if arguments.keep is None else arguments.keep / f"{arguments.large}-{count}"
+            catalogue = folder / ("large" if arguments.large else "captures") / "catalogue.yaml"
+            if not catalogue.exists():
+                options = CaptureOptions(frames=count, scale=2.0 if arguments.large else 1.0)
+                made = simulate("hemisphere", folder / "captures", options).catalogue
+                catalogue = enlarged(made, folder / "large", arguments.large) if arguments.large else made
             region = load(catalogue).objects[0].captures[0].region
             assert region is not None
-            largest, together, seconds = peak_memory(catalogue, Path(folder) / "store")
+            store = Path(temporary) / "store"
+            largest, together, seconds = peak_memory(catalogue, store)
             print(
                 f"{count} frames of {region.width} x {region.height}: largest process {largest:.0f} MB,"
-                f" all together {together:.0f} MB, {seconds:.0f} s",
+                f" all together {together:.0f} MB, {seconds:.0f} s ({stage_seconds(catalogue, store)})",
                 flush=True,
             )
+
+
+def stage_seconds(catalogue: Path, store: Path) -> str:
+    """The seconds of each stage."""
+    entry = load(catalogue).objects[0]
+    context = CaptureReference(str(catalogue), entry.id, entry.captures[0].id, str(store), "memory").context()
+    return ", ".join(f"{name} {context.load(name).record['seconds']:.1f}" for name in NAMES)
 
 
 if __name__ == "__main__":

@@ -22,8 +22,8 @@ from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.lighting.lights import Lights, find_lights, merge_spheres
 from glint.tasks.algorithms.lighting.sphere_detection import find_spheres
 from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.stages.first_pass import Sample, SampleRecorder
 from glint.tasks.stages.sphere_doubts import confirm_given, sphere_doubts
-from glint.tasks.stages.survey import Sample, take_sample
 
 SAMPLE_FRAMES = 200
 SILENT_DEG = 2.5
@@ -63,7 +63,7 @@ def read_frames(video: Path) -> np.ndarray:
 def read_sample(video: Path) -> Sample:
     """The survey's sample of a video."""
     with open_footage(str(video)) as footage:
-        return take_sample(footage, SAMPLE_FRAMES, lambda done, total: None)
+        return SampleRecorder(footage, SAMPLE_FRAMES, lambda done, total: None).sample()
 
 
 def lights_of_sphere(frames: np.ndarray, sphere: Sphere) -> Lights:

@@ -19,7 +19,8 @@ from glint.storage.catalogue.loading import Region
 from glint.storage.errors import InputError, StoreError
 from glint.storage.footage.source import Footage, open_footage
 from glint.storage.frames.cache import FrameCache, cache_digest
-from glint.storage.frames.layout import SHARD
+from glint.storage.frames.layout import MAX_SHARD_BYTES, shard_frames
+from glint.storage.frames.layout import SHARD_FRAMES as SHARD
 from glint.storage.locations.location import Location
 from tests.storage.footage.videos import ramp, write_images, write_video
 
@@ -86,6 +87,25 @@ def test_the_cache_is_what_decoding_gives(tmp_path: Path, count: int) -> None:
     assert cache.warnings == ()
     assert reported == [(min(end, count), count) for end in range(SHARD, count + SHARD, SHARD)]
     _same(FrameCache.open(_place(tmp_path), "d"), frames)
+
+
+def test_shards_are_as_long_as_memory_allows() -> None:
+    small, large = Region(x=0, y=0, width=240, height=250), Region(x=0, y=0, width=6000, height=4000)
+    assert [shard_frames({"object": small}, 8, count) for count in (0, 300, 600, 8000)] == [64, 64, 128, 128]
+    assert shard_frames({"object": Region(x=0, y=0, width=2000, height=1770)}, 8, 3000) == 64
+    for bits in (8, 16):
+        length = shard_frames({"object": large, "sphere-0": small}, bits, 60)
+        assert 8 <= length < 64 and length * 6016 * 4032 * bits // 8 <= MAX_SHARD_BYTES
+
+
+def test_long_shards_hold_what_decoding_gives(tmp_path: Path) -> None:
+    frames = np.random.default_rng(0).integers(0, 256, (1030, 30, 90), np.uint8)
+    path = write_video(tmp_path / "video.mkv", list(frames), "ffv1", "gray")
+    crops = {"object": Region(x=0, y=0, width=90, height=30)}
+    cache = FrameCache.ingest(open_footage(path), _place(tmp_path), "d", crops)
+    assert cache.shard_frames == 128
+    assert np.array_equal(cache.read("object"), frames)
+    assert np.array_equal(cache.read("object", slice(250, 260), columns=slice(60, 70)), frames[250:260, :, 60:70])
 
 
 def test_part_of_the_frames_and_pixels(tmp_path: Path, video: tuple[Path, np.ndarray]) -> None:

@@ -37,15 +37,16 @@ def test_reading_all_tiles_reads_what_is_stored_once(
     with open_footage(video) as footage:
         cache = FrameCache.ingest(footage, Location.parse(tmp_path / "store"), "digest", {"object": region})
     stored = sum(path.stat().st_size for path in (tmp_path / "store").rglob("c/*/*/*"))
-    read, store = list[int](), type(cache._store._store)
-    get = store.get
+    read = list[int]()
+    store: Any = type(cache._store._store)
+    get = store.get_sync
 
-    async def counted(self: Any, *arguments: Any, **options: Any) -> Any:
-        value = await get(self, *arguments, **options)
+    def counted(self: Any, *arguments: Any, **options: Any) -> Any:
+        value = get(self, *arguments, **options)
         read.append(0 if value is None else len(value))
         return value
 
-    monkeypatch.setattr(store, "get", counted)
+    monkeypatch.setattr(store, "get_sync", counted)
     for rows, columns in tiles_of((256, 320), pixel_bytes):
         cache.read("object", rows=rows, columns=columns)
     assert stored > noise.size * 0.9

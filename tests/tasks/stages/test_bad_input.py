@@ -187,10 +187,10 @@ def test_unwritable_store(simulated: Path, tmp_path: Path) -> None:
 
 
 def test_full_disk(simulated: Path, tmp_path: Path) -> None:
-    """A store on two megabytes says that it is full, keeps what was acknowledged, and goes on when there is room."""
+    """A small store says that it is full, keeps what was acknowledged, and goes on when there is room."""
     place = tmp_path / "small"
     place.mkdir()
-    made = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", str(place)], capture_output=True)
+    made = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", str(place)], capture_output=True)
     if made.returncode != 0:
         pytest.skip("needs the right to mount a small file system")
     try:

@@ -1,0 +1,122 @@
+"""The first pass over a video: sampled for the survey, and stored on the way where its crops are known already."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from glint.storage.catalogue.loading import Region
+from glint.storage.errors import InputError
+from glint.storage.footage.source import Footage
+from glint.storage.footage.wrapper import FootageWrapper
+from glint.storage.frames.cache import cache_digest
+from glint.storage.frames.eviction import discard_frames
+from glint.tasks.algorithms.frames.frame_sample import FrameSample
+from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, spread
+from glint.tasks.engine.stage import Progress
+from glint.tasks.engine.stage_inputs import StageInputs
+from glint.tasks.stages.frames import fill_cache
+from glint.tasks.stages.thumbnails import ThumbnailRecorder
+
+SAMPLE_BYTES = 256 << 20
+"""Most bytes of frames that are held in full size."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """The full frame over time.
+
+    peak: temporal maximum (H, W) float32, 0 to 255; frames: some (T, H, W) uint8; reduced: more of them, smaller.
+    """
+
+    peak: np.ndarray
+    frames: np.ndarray
+    reduced: FrameSample
+
+
+class SampleRecorder(FootageWrapper):
+    """A video that keeps the maximum of about `count` of the frames that pass, these reduced, and a few in full size.
+
+    progress: called with the number of each of them.
+    """
+
+    def __init__(self, footage: Footage, count: int, progress: Progress) -> None:
+        """Watch a video."""
+        super().__init__(footage)
+        self._progress, expected = progress, footage.count or 10 * count
+        self._step, self._expected = max(1, expected // count), expected
+        frame_bytes = footage.width * footage.height * footage.bits // 8
+        held = max(5, min(count, 2 * FIT_FRAMES, SAMPLE_BYTES // frame_bytes))
+        self._interval = max(1, -(-(expected // self._step) // held))
+        self._begin()
+
+    @property
+    def has_all(self) -> bool:
+        """Whether the frames passed from the first one on."""
+        return self._peak is not None
+
+    def frames(self, start: int = 0, step: int = 1) -> Iterator[np.ndarray]:
+        """Yield the luma (H, W) of frames start, start + step, .."""
+        self._begin()
+        for number, frame in enumerate(self._footage.frames(start, step)):
+            position = start + number * step
+            if start == 0 and position % self._step == 0:
+                self._add(position, frame)
+            yield frame
+
+    def sample(self) -> Sample:
+        """Return the sample; of frames that did not pass, in a pass of its own.
+
+        Raises:
+            InputError: the video holds no frame.
+        """
+        if not self.has_all:
+            for _ in self.frames(step=self._step):
+                pass
+        if self._peak is None:
+            raise InputError(f"{self.uri} holds no frame", "record or copy it again")
+        scale = np.float32(1.0 if self.bits == 8 else 1.0 / 257.0)
+        some = spread(np.stack(self._kept), 2 * FIT_FRAMES)
+        some = some if self.bits == 8 else (some >> 8).astype(np.uint8)
+        return Sample(self._peak.astype(np.float32) * scale, some, self._reduced)
+
+    def _begin(self) -> None:
+        self._peak: np.ndarray | None = None
+        self._kept: list[np.ndarray] = []
+        self._reduced = FrameSample(self.height, self.width, self._expected // self._step)
+
+    def _add(self, position: int, frame: np.ndarray) -> None:
+        self._peak = frame.copy() if self._peak is None else np.maximum(self._peak, frame, out=self._peak)
+        if position // self._step % self._interval == 0:
+            self._kept.append(frame.copy())
+        self._reduced.add(frame)
+        self._progress(position, self.count or None)
+
+
+def sampled_and_stored(
+    inputs: StageInputs, footage: Footage, count: int, crops: Mapping[str, Region], progress: Progress
+) -> tuple[Sample, Mapping[str, np.ndarray]]:
+    """Return a sample of about `count` frames, and thumbnails, of a pass in which the cache of frames is filled.
+
+    crops: by name, in pixels of the full frame.
+
+    Raises:
+        InputError: the video cannot be read; StoreError: the store cannot be written.
+    """
+    recorder = SampleRecorder(footage, count, progress)
+    thumbnails = ThumbnailRecorder(recorder)
+    fill_cache(inputs, _digest(inputs, crops), crops, thumbnails)
+    if not recorder.has_all:
+        # The cache, or its beginning, was there.
+        for _ in thumbnails.frames():
+            pass
+    return recorder.sample(), thumbnails.arrays()
+
+
+def discard_stored(inputs: StageInputs, crops: Mapping[str, Region]) -> None:
+    """Remove what `sampled_and_stored` stored of crops that turned out to be wrong."""
+    discard_frames(inputs.location, _digest(inputs, crops))
+
+
+def _digest(inputs: StageInputs, crops: Mapping[str, Region]) -> str:
+    return cache_digest(inputs.digest("frames") or "", crops)

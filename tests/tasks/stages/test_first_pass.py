@@ -1,0 +1,86 @@
+"""A video whose crops the catalogue gives is decoded once, and the result is that of two passes."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from glint.storage.footage.source import open_footage
+from glint.storage.footage.video import Video
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
+from glint.tasks.stages.first_pass import SampleRecorder
+from glint.tasks.stages.frames import load_thumbnails, open_frames
+from glint.tasks.stages.thumbnails import ThumbnailRecorder
+from tests.tasks.make_context import make_context, perform_all
+
+
+@pytest.fixture
+def passes(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int]]:
+    """First frame and step of each pass over a video."""
+    made, frames = list[tuple[int, int]](), Video.frames
+
+    def counted(self: Video, start: int = 0, step: int = 1) -> Iterator[np.ndarray]:
+        made.append((start, step))
+        return frames(self, start, step)
+
+    monkeypatch.setattr(Video, "frames", counted)
+    return made
+
+
+def _check_frames(work: CaptureContext) -> None:
+    """Check the stored frames and thumbnails against the video."""
+    cache, geometry = open_frames(work), load_geometry(work)
+    assert cache.crops == geometry.crops
+    with open_footage(str(work.file("frames"))) as footage:
+        recorder = ThumbnailRecorder(footage)
+        crops = [frame[geometry.region.rows, geometry.region.columns] for frame in recorder.frames()]
+        expected = recorder.arrays()
+    assert np.array_equal(cache.read(OBJECT), np.stack(crops))
+    for stored, taken in zip(load_thumbnails(work), expected.values(), strict=True):
+        assert np.array_equal(stored, taken)
+
+
+def test_given_crops_are_stored_while_the_video_is_sampled(
+    simulated: Path, tmp_path: Path, passes: list[tuple[int, int]]
+) -> None:
+    work = make_context(simulated, tmp_path / "store", {"survey": {"stabilize": False}})
+    perform_all(work, "frames")
+    assert passes == [(0, 1)]
+    _check_frames(work)
+
+
+def test_a_sphere_that_the_survey_moves_is_cropped_at_its_new_place(simulated: Path, tmp_path: Path) -> None:
+    given = make_context(simulated, tmp_path / "store").capture.spheres[0]
+    wrong = given.model_dump(mode="json") | {"x": given.x + 0.15 * given.radius}
+    work = make_context(simulated, tmp_path / "store", spheres=[wrong])
+    perform_all(work, "frames")
+    assert load_geometry(work).spheres[0].x != wrong["x"]
+    _check_frames(work)
+    stored = [entry.name for entry in (tmp_path / "store/frames").iterdir() if entry.is_dir()]
+    assert stored == [open_frames(work).digest], "nothing is left of the wrong crops"
+
+
+def test_a_sample_is_the_same_however_it_is_taken(simulated: Path, tmp_path: Path) -> None:
+    def ignore(done: int, total: int | None) -> None:
+        pass
+
+    samples: list[Any] = []
+    address = str(make_context(simulated, tmp_path / "store").file("frames"))
+    for step in (None, 1):
+        with open_footage(address) as footage:
+            recorder = SampleRecorder(footage, 40, ignore)
+            if step is not None:
+                for _ in recorder.frames():
+                    pass
+                assert recorder.has_all
+            samples.append(recorder.sample())
+    assert np.array_equal(samples[0].peak, samples[1].peak) and np.array_equal(samples[0].frames, samples[1].frames)
+    with open_footage(address) as footage:
+        recorder = SampleRecorder(footage, 40, ignore)
+        for _ in recorder.frames(start=8):
+            pass
+        assert not recorder.has_all, "frames before the first one that passed are missing"
+        assert np.array_equal(recorder.sample().peak, samples[0].peak)
