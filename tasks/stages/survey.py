@@ -106,7 +106,7 @@ def take_sample(footage: Footage, count: int, progress: Progress) -> Sample:
     expected = footage.count or 10 * count
     step = max(1, expected // count)
     frame_bytes = footage.width * footage.height * footage.bits // 8
-    held = max(5, min(count, 2 * FIT_FRAMES, SAMPLE_BYTES // frame_bytes))
+    held = max(5, min(count, FIT_FRAMES, SAMPLE_BYTES // frame_bytes))
     interval = max(1, -(-(expected // step) // held))
     kept: list[np.ndarray] = []
     peak: np.ndarray | None = None
@@ -120,7 +120,7 @@ def take_sample(footage: Footage, count: int, progress: Progress) -> Sample:
     if peak is None:
         raise InputError(f"{footage.uri} holds no frame", "record or copy it again")
     scale = np.float32(1.0 if footage.bits == 8 else 1.0 / 257.0)
-    some = spread(np.stack(kept), 2 * FIT_FRAMES)
+    some = spread(np.stack(kept), FIT_FRAMES)
     return Sample(peak.astype(np.float32) * scale, some if footage.bits == 8 else (some >> 8).astype(np.uint8), reduced)
 
 
