@@ -34,7 +34,7 @@ STAGES = (
         catalogue_keys=("spheres", "region", "pixel_size", "camera"),
         files=("frames", "mask", "lights"),
         progress_unit="frames",
-        version=4,
+        version=5,
     ),
     Stage(
         "frames",

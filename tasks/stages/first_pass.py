@@ -46,7 +46,7 @@ class SampleRecorder(FootageWrapper):
         self._progress, expected = progress, footage.count or 10 * count
         self._step, self._expected = max(1, expected // count), expected
         frame_bytes = footage.width * footage.height * footage.bits // 8
-        held = max(5, min(count, 2 * FIT_FRAMES, SAMPLE_BYTES // frame_bytes))
+        held = max(5, min(count, FIT_FRAMES, SAMPLE_BYTES // frame_bytes))
         self._interval = max(1, -(-(expected // self._step) // held))
         self._begin()
 
@@ -76,7 +76,7 @@ class SampleRecorder(FootageWrapper):
         if self._peak is None:
             raise InputError(f"{self.uri} holds no frame", "record or copy it again")
         scale = np.float32(1.0 if self.bits == 8 else 1.0 / 257.0)
-        some = spread(np.stack(self._kept), 2 * FIT_FRAMES)
+        some = spread(np.stack(self._kept), FIT_FRAMES)
         some = some if self.bits == 8 else (some >> 8).astype(np.uint8)
         return Sample(self._peak.astype(np.float32) * scale, some, self._reduced)
 

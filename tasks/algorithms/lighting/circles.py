@@ -69,6 +69,11 @@ class RaySamples:
     reach: int
     angles: np.ndarray
 
+    @property
+    def radii(self) -> np.ndarray:
+        """Radii (N,) of the samples in pixels."""
+        return self.start + self.spacing * np.arange(self.levels.shape[2])
+
 
 def sample_rays(
     frames: Sequence[np.ndarray], x: float, y: float, min_radius: float, max_radius: float, rays: int = RAYS

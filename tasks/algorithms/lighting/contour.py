@@ -67,17 +67,24 @@ class ContourFit:
     start_contrast: float = 0.0
 
 
-def level_evidence(samples: RaySamples) -> EdgeEvidence:
-    """Measure the evidence, 0..1 before what lies outside counts against it, of changes of log levels along rays."""
+def level_evidence(samples: RaySamples, used: np.ndarray | None = None) -> EdgeEvidence:
+    """Measure the evidence, 0..1 before what lies outside counts against it, of changes of log levels along rays.
+
+    Args:
+        samples: of all frames.
+        used: (T, A) bool, the rays of each frame that count; at least one frame of each ray.
+    """
+    counts = np.ones(samples.levels.shape[:2], np.float32) if used is None else used.astype(np.float32)
     single, mean = np.zeros((2, *samples.valid.shape), np.float32)
-    for frame in samples.levels if samples.valid.any() else ():
-        change = _change(frame, samples.reach) / (2 * samples.reach * samples.spacing)
+    for frame, count in zip(samples.levels, counts[:, :, None], strict=True) if samples.valid.any() else ():
+        change = change_along_rays(frame, samples.reach) / (2 * samples.reach * samples.spacing)
         usual = median_of(np.abs(change[samples.valid][::3])) + MIN_CHANGE
         square = np.minimum((change / usual) ** 2, 1e3)
-        single += square / (square + HALF_FRAME_RATIO)
-        mean += square
-    single, mean = single / len(samples.levels), mean / len(samples.levels)
-    return _evidence(samples, (1.0 - MEAN_WEIGHT) * single + MEAN_WEIGHT * mean / (mean + HALF_MEAN_RATIO))
+        single += count * square / (square + HALF_FRAME_RATIO)
+        mean += count * square
+    total = counts.sum(axis=0)[:, None]
+    single, mean = single / total, mean / total
+    return net_evidence(samples, (1.0 - MEAN_WEIGHT) * single + MEAN_WEIGHT * mean / (mean + HALF_MEAN_RATIO))
 
 
 def variation_evidence(samples: RaySamples) -> EdgeEvidence:
@@ -88,18 +95,18 @@ def variation_evidence(samples: RaySamples) -> EdgeEvidence:
     """
     valid = samples.valid
     if not valid.any():
-        return _evidence(samples, np.zeros(valid.shape, np.float32))
+        return net_evidence(samples, np.zeros(valid.shape, np.float32))
     rays = max(1, 2 * round(VARIATION_ARC_DEG * valid.shape[0] / 720.0) + 1)
     variation = np.log(samples.levels.std(axis=0) + MIN_VARIATION)
     around = np.pad(variation, ((rays // 2, rays // 2), (0, 0)), mode="wrap")
     smooth = cv2.blur(around, (1, rays))[rays // 2 : rays // 2 + valid.shape[0]]
-    change = _change(smooth, samples.reach)
+    change = change_along_rays(smooth, samples.reach)
     usual = float(np.median(np.abs(change[valid]))) + MIN_VARIATION_CHANGE
     square = (np.maximum(change, 0.0) / usual) ** 2
-    return _evidence(samples, square / (square + HALF_VARIATION_RATIO))
+    return net_evidence(samples, square / (square + HALF_VARIATION_RATIO))
 
 
-def _evidence(samples: RaySamples, evidence: np.ndarray) -> EdgeEvidence:
+def net_evidence(samples: RaySamples, evidence: np.ndarray) -> EdgeEvidence:
     """Return evidence (A, N) with what lies outside the frame left out, and what lies outside an edge subtracted."""
     evidence = np.where(samples.valid, evidence, np.float32(0.0))
     gap = max(1, round(OUTER_GAP_PX / samples.spacing))
@@ -107,7 +114,7 @@ def _evidence(samples: RaySamples, evidence: np.ndarray) -> EdgeEvidence:
     return EdgeEvidence(samples.x, samples.y, evidence, samples.start, samples.spacing, samples.angles)
 
 
-def _change(values: np.ndarray, reach: int) -> np.ndarray:
+def change_along_rays(values: np.ndarray, reach: int) -> np.ndarray:
     """Return the differences of values (A, N) between `reach` samples farther out and farther in; 0 at the ends."""
     change = np.zeros_like(values)
     change[:, reach:-reach] = values[:, 2 * reach :] - values[:, : -2 * reach]
@@ -149,13 +156,13 @@ def fit_contour(
     evidence = level_evidence(samples)
     fit = _best_fit(evidence, (x, y, radius), centre_reach, radius_reach)
     if len(frames) >= MIN_VARIATION_FRAMES:
-        fit = _centred_by_variation(evidence, variation_evidence(samples), fit)
+        fit = centred_by_variation(evidence, variation_evidence(samples), fit)
     start = evidence.scores(np.zeros(1), radius * np.append(1.0, np.linspace(*OUTSIDE_RATIOS, 8)) - INWARD_SHIFT_PX)
     start = start.ravel()
     return replace(fit, start_contrast=float(start[0] - start[1:].mean()))
 
 
-def _centred_by_variation(levels: EdgeEvidence, variation: EdgeEvidence, fit: ContourFit) -> ContourFit:
+def centred_by_variation(levels: EdgeEvidence, variation: EdgeEvidence, fit: ContourFit) -> ContourFit:
     """Return the fit to the evidence of levels and of variation together; the given fit where they disagree.
 
     Blur and haze move the variation's edge inward or outward, so it is moved to the radius of the levels' edge first:
@@ -171,7 +178,7 @@ def _centred_by_variation(levels: EdgeEvidence, variation: EdgeEvidence, fit: Co
         levels, evidence=(1.0 - VARIATION_WEIGHT) * levels.evidence + np.float32(VARIATION_WEIGHT) * aligned
     )
     middle = 0.5 * (fit.x + varying.x) - levels.x, 0.5 * (fit.y + varying.y) - levels.y
-    combined = _fine_fit(together, *middle, fit.radius)
+    combined = fine_fit(together, *middle, fit.radius)
     half = 0.5 * np.array([varying.x - fit.x, varying.y - fit.y, 0.0])  # Systematic: either may be the wrong one.
     return replace(combined, covariance=combined.covariance + np.outer(half, half), contrast=fit.contrast)
 
@@ -184,10 +191,10 @@ def _best_fit(
     radii = np.arange(1.0 - radius_reach, 1.0 + radius_reach + 1e-6, COARSE_STEP_RATIO) * radius
     profile = radius_profile(evidence.moved(right, down), centre_reach * radius, radii, COARSE_STEP_RATIO * radius)
     best = int(profile[:, 2].argmax())
-    return _fine_fit(evidence, right + profile[best, 0], down + profile[best, 1], float(radii[best]))
+    return fine_fit(evidence, right + profile[best, 0], down + profile[best, 1], float(radii[best]))
 
 
-def _fine_fit(evidence: EdgeEvidence, right: float, down: float, radius: float) -> ContourFit:
+def fine_fit(evidence: EdgeEvidence, right: float, down: float, radius: float) -> ContourFit:
     """Return mean and covariance of the circles near one whose centre is offset by (right, down)."""
     step = FINE_STEP_RATIO * radius
     reach = FINE_REACH_RATIO * radius

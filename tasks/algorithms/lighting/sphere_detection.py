@@ -32,8 +32,9 @@ from glint.tasks.algorithms.lighting.sphere_tests import consistent_spheres, hig
 from glint.tasks.algorithms.lighting.spheres import Sphere, measure_sphere
 
 MAX_SPHERES = 8
-SEED_FRAMES, FIT_FRAMES = 12, 32
-"""Frames, spread over the capture, in which spheres are sought, and by which they are measured."""
+SEED_FRAMES, CANDIDATE_FRAMES, FIT_FRAMES = 12, 32, 64
+"""Frames, spread over the capture, in which spheres are sought, and by which candidates and then spheres are
+measured."""
 SEEDS_PER_IMAGE = 25
 """Strongest circles of each image and level that are examined as spheres."""
 SEED_RADIUS_RATIOS = 0.92, 1.75
@@ -103,7 +104,7 @@ def find_spheres(
     for level in pyramid(few, maximum):
         candidates += _candidates(level, max(min_radius / level.scale, MIN_LEVEL_RADIUS_PX))
     candidates = distinct(candidates, 0.04)[:MAX_REFINED]
-    many = spread(frames, FIT_FRAMES)
+    many = spread(frames, CANDIDATE_FRAMES)
     refined = distinct([_refined(many, few, maximum, sphere, camera) for sphere in candidates], 0.06)
     accepted, rejected = list[Sphere](), list[str]()
     for sphere in _outermost([sphere for sphere in refined if sphere.score >= min_score]):
@@ -121,7 +122,10 @@ def find_spheres(
         raise UnusableCapture(
             f"no chrome sphere found in a frame of {maximum.shape[1]} x {maximum.shape[0]}{reasons}", SPHERE_REMEDY
         )
-    return Detection(accepted, contradicting)
+    all_frames = spread(frames, FIT_FRAMES)
+    measured = [measure_sphere(all_frames, sphere, camera=camera, refined=True) for sphere in accepted]
+    spheres = [replace(after, score=before.score) for before, after in zip(accepted, measured, strict=True)]
+    return Detection(spheres, contradicting)
 
 
 def spread(frames: np.ndarray, count: int) -> np.ndarray:

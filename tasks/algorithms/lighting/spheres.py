@@ -10,6 +10,7 @@ import numpy as np
 
 from glint.tasks.algorithms.geometry.perspective import VirtualCamera
 from glint.tasks.algorithms.lighting.contour import ContourFit, fit_contour
+from glint.tasks.algorithms.lighting.contour_refinement import refine_contour
 from glint.tasks.algorithms.lighting.pyramid import log_frames, reduced_image
 
 FINE_RADIUS_PX = 300.0
@@ -76,6 +77,7 @@ def measure_sphere(
     centre_reach: float = 0.03,
     radius_reach: float = 0.04,
     camera: np.ndarray | None = None,
+    refined: bool = False,
 ) -> Sphere:
     """Measure a sphere near a known place; its score becomes the contrast of its contour.
 
@@ -86,8 +88,9 @@ def measure_sphere(
         radius_reach: distance searched in radius, in radii.
         camera: perspective camera's matrix (3, 3); the sphere is then measured by a virtual camera aimed at it, which
             sees its contour as a circle.
+        refined: allow for shadows and mirrored objects, in three times the time.
     """
-    return _measured(frames, sphere, centre_reach, radius_reach, camera)[0]
+    return _measured(frames, sphere, centre_reach, radius_reach, camera, refined)[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +111,7 @@ def confirm_sphere(
 
     Args: see `measure_sphere`.
     """
-    fit, start_contrast = _measured(frames, given, GIVEN_REACH_RATIO, GIVEN_REACH_RATIO, camera)
+    fit, start_contrast = _measured(frames, given, GIVEN_REACH_RATIO, GIVEN_REACH_RATIO, camera, refined=True)
     if fit.score < MIN_CLEAR_CONTRAST:
         deviation = UNKNOWN_DEVIATION_RATIO * given.radius
         return ConfirmedSphere(replace(given, centre_sd=deviation, radius_sd=deviation), fit, False, False)
@@ -136,13 +139,14 @@ def _measured(
     centre_reach: float,
     radius_reach: float,
     camera: np.ndarray | None,
+    refined: bool,
 ) -> tuple[Sphere, float]:
     """Return the measured sphere and the contrast of the circle that it began with; see `measure_sphere`."""
     if camera is not None:
         virtual = VirtualCamera.aimed_at(sphere.x, sphere.y, sphere.radius, camera)
         centred = replace(sphere, x=virtual.centre, y=virtual.centre)
         warped = [virtual.warp(np.asarray(frame, np.float32)) for frame in frames]
-        circle, start = _measured(warped, centred, centre_reach, radius_reach, None)
+        circle, start = _measured(warped, centred, centre_reach, radius_reach, None, refined)
         x, y, radius = virtual.project_back(circle.x, circle.y, circle.radius)
         return replace(circle, x=x, y=y, radius=radius), start
     margin = (1.0 + CROP_MARGIN_RATIO + centre_reach + radius_reach) * sphere.radius
@@ -160,6 +164,8 @@ def _measured(
         centre_reach=centre_reach,
         radius_reach=radius_reach,
     )
+    if refined:
+        fit = refine_contour(crops, fit)
     return _sphere_of(fit, scale, left + shift, top + shift), fit.start_contrast
 
 
