@@ -26,6 +26,7 @@ from glint.tasks.algorithms.labelling.weights import (
     FieldWeights,
     GraphCutWeights,
 )
+from glint.tasks.algorithms.prior.flat_faces import FlatFaces, flat_faces
 from glint.tasks.algorithms.prior.smooth_normals import (
     MAX_NODES,
     SmoothNormalField,
@@ -85,6 +86,7 @@ class Alternation:
     confidence: np.ndarray = field(init=False)
     initial: np.ndarray = field(init=False)
     smooth: np.ndarray = field(init=False)
+    faces: FlatFaces | None = field(init=False)
     history: list[Iteration] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -100,6 +102,7 @@ class Alternation:
         self.take_marks(None)
         self.labels = np.zeros(self.normals.shape[:3], dtype=bool)
         self.known, self.values = self.marked, self.marked_normals
+        self.faces = None
         self.confidence = np.full(self.mask.shape, np.nan)
         self.smooth = self.initial = self.solve_field(self.known, self.values)
         self.history = []
@@ -127,7 +130,13 @@ class Alternation:
         # A mark with a cluster is averaged with it and so less noisy; a mark alone must hold against its neighbours.
         mark = np.where(self.labels.any(axis=0), weights.marked, weights.mark_alone)
         pull = np.where(self.marked & known, mark, pull)
-        return (surface or self.surface).solve(np.where(known[..., None], values, targets), pull, self.expected)
+        targets = np.where(known[..., None], values, targets)
+        if self.faces is not None:
+            # A face that showed the light is known all over, the others only where nothing else is.
+            plane = np.where(self.faces.observed, ~self.marked, ~known) & (self.faces.weights > 0)
+            targets = np.where(plane[..., None], self.faces.normals, targets)
+            pull = np.where(plane, self.faces.weights, pull)
+        return (surface or self.surface).solve(targets, pull, self.expected)
 
     def iterate(self, max_iterations: int, convergence_tolerance: float, min_confidence: float) -> None:
         """Alternate labelling and field until the labels settle."""
@@ -150,6 +159,8 @@ class Alternation:
         """Label all nodes against the present field; return the number of pixels whose labels changed."""
         weights, error = self.graph_cut_weights, self.field_error
         observed = self.known & self.labels.any(axis=0)
+        if self.faces is not None:
+            observed |= self.faces.observed
         # The field is trusted near what shaped it: the contour too, unless expected normals took its place.
         sources = observed if self.expected is not None else self.rim | observed
         spread = field_spread(sources, self.local_scale, error.floor, error.slope, error.ceiling)
@@ -168,6 +179,15 @@ class Alternation:
         accepted = np.where(self.known[..., None], self.values, np.nan)
         self.expected = surface_of_revolution_normals(self.mask, accepted, self.normals, plain, relative_weights)
         if self.expected is None:
+            return False
+        self.smooth = self.solve_field(self.known, self.values)
+        return True
+
+    def adopt_faces(self) -> bool:
+        """Make flat faces part of the field if the accepted normals show any."""
+        accepted = np.where(self.known[..., None], self.values, np.nan)
+        self.faces = flat_faces(accepted, self.smooth, self.mask, self.scale)
+        if self.faces is None:
             return False
         self.smooth = self.solve_field(self.known, self.values)
         return True
