@@ -9,12 +9,14 @@ import numpy as np
 
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
 from glint.tasks.algorithms.candidates.shading import shading_log_ratio
-from glint.tasks.algorithms.geometry.vectors import unit
+from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.labelling.answers import mark_influence, sheet_graph
 from glint.tasks.algorithms.labelling.confidence import (
+    face_confidence,
     field_confidence,
     field_error_slope,
     observed_confidence,
+    probability_within_tolerance,
     sheet_confidence,
 )
 from glint.tasks.algorithms.labelling.graph_cut import HARD_CONSTRAINT, graph_cut, keep_best_per_pixel, unary_log_ratio
@@ -26,6 +28,7 @@ from glint.tasks.algorithms.labelling.weights import (
     FieldWeights,
     GraphCutWeights,
 )
+from glint.tasks.algorithms.prior.faces import find_faces
 from glint.tasks.algorithms.prior.flat_faces import FlatFaces, flat_faces
 from glint.tasks.algorithms.prior.smooth_normals import (
     MAX_NODES,
@@ -45,6 +48,12 @@ MARKED_SHEET_CONFIDENCE = 0.97
 """Confidence of accepted normals beside a true mark on the same sheet."""
 DRAFT_NODES = 7_000
 """Grid nodes of the field of a draft: a third of the time, and the squared error of the normals is 1% larger."""
+MAX_FACE_ERROR_DEG = 2.0
+"""Mean angle between flat faces and a surface of revolution from which the object is faceted instead."""
+MAX_REFUTATIONS = 3
+"""Rounds in which flat faces are looked for, and false ones refuted."""
+REFUTED_DEG, REFUTED_NATS = 3.0, 10.0
+"""Angle up to which a candidate belongs to an apparent face that is refuted, and what that takes from its evidence."""
 HELD_OUT_MAX_NODES = 5_000
 """Grid nodes of the coarser field that predicts held-out sheets: it is solved once per sheet."""
 
@@ -116,9 +125,16 @@ class Alternation:
         self.evidence = self.unmarked_evidence + MARKED_SHEET_NATS * self.influence
 
     def solve_field(
-        self, known: np.ndarray, values: np.ndarray, surface: SmoothNormalField | None = None
+        self,
+        known: np.ndarray,
+        values: np.ndarray,
+        surface: SmoothNormalField | None = None,
+        faces: FlatFaces | None = None,
     ) -> np.ndarray:
-        """Solve the field (H, W, 3) from normals `values` at `known` pixels (H, W) and the contour or expectation."""
+        """Solve the field (H, W, 3) from normals `values` at `known` pixels (H, W), contour or expectation, and faces.
+
+        surface: None for that of the view.
+        """
         weights = self.field_weights
         if self.expected is None:
             targets, pull = self.outward, np.where(self.rim, weights.rim, 0.0)
@@ -131,11 +147,11 @@ class Alternation:
         mark = np.where(self.labels.any(axis=0), weights.marked, weights.mark_alone)
         pull = np.where(self.marked & known, mark, pull)
         targets = np.where(known[..., None], values, targets)
-        if self.faces is not None:
+        if faces is not None:
             # A face that showed the light is known all over, the others only where nothing else is.
-            plane = np.where(self.faces.observed, ~self.marked, ~known) & (self.faces.weights > 0)
-            targets = np.where(plane[..., None], self.faces.normals, targets)
-            pull = np.where(plane, self.faces.weights, pull)
+            plane = np.where(faces.observed, ~self.marked, ~known) & (faces.weights > 0)
+            targets = np.where(plane[..., None], faces.normals, targets)
+            pull = np.where(plane, faces.weights, pull)
         return (surface or self.surface).solve(targets, pull, self.expected)
 
     def iterate(self, max_iterations: int, convergence_tolerance: float, min_confidence: float) -> None:
@@ -145,7 +161,7 @@ class Alternation:
             self.values = _accepted_normals(self.normals, self.labels, self.marked_normals)
             self.confidence = self.with_marks(observed_confidence(self.values, self.scale))
             self.known = self.confidence >= min_confidence
-            self.smooth = self.solve_field(self.known, self.values)
+            self.smooth = self.solve_field(self.known, self.values, faces=self.faces)
             self.history = [*self.history, Iteration(int(self.labels.any(axis=0).sum()), changed)]
             if changed <= convergence_tolerance * self.mask.sum():
                 break
@@ -180,16 +196,29 @@ class Alternation:
         self.expected = surface_of_revolution_normals(self.mask, accepted, self.normals, plain, relative_weights)
         if self.expected is None:
             return False
+        faces = find_faces(accepted, self.mask, self.scale)
+        pixels = np.any([face.pixels for face in faces], axis=0) if faces else np.zeros_like(self.mask)
+        if pixels.any() and angles(self.expected[pixels], accepted[pixels]).mean() > MAX_FACE_ERROR_DEG:
+            # A prism seen from its front has the silhouette of a cylinder, and a cylinder has no flat faces.
+            self.expected = None
+            return False
         self.smooth = self.solve_field(self.known, self.values)
         return True
 
-    def adopt_faces(self) -> bool:
+    def adopt_faces(self, min_confidence: float) -> bool:
         """Make flat faces part of the field if the accepted normals show any."""
-        accepted = np.where(self.known[..., None], self.values, np.nan)
-        self.faces = flat_faces(accepted, self.smooth, self.mask, self.scale)
-        if self.faces is None:
-            return False
-        self.smooth = self.solve_field(self.known, self.values)
+        for _ in range(MAX_REFUTATIONS):
+            accepted = np.where(self.known[..., None], self.values, np.nan)
+            self.faces = flat_faces(accepted, self.normals, self.smooth, self.mask, self.scale)
+            if self.faces is None:
+                return False
+            self.smooth = self.solve_field(self.known, self.values, faces=self.faces)
+            false = angles(self.normals, self.faces.refuted[None]) < REFUTED_DEG
+            if not false.any():
+                break
+            # What a false face hid may be another face, so faces are looked for again without it.
+            self.evidence = self.evidence - REFUTED_NATS * false
+            self.iterate(1, 0.0, min_confidence)
         return True
 
     def final_confidence(self, min_confidence: float) -> np.ndarray:
@@ -216,6 +245,11 @@ class Alternation:
         )
         certain = self.known & (observed >= min_confidence)
         between = field_confidence(certain, self.rim, slope, self.scale)
+        if self.faces is not None:
+            between = np.where(np.isfinite(self.faces.spread), probability_within_tolerance(self.faces.spread), between)
+            agrees = angles(self.values, self.faces.normals) < REFUTED_DEG
+            proven = face_confidence(self.faces.residual)
+            observed = np.where(agrees, np.fmax(observed, proven), observed)
         return np.where(np.isfinite(self.confidence), observed, between)
 
 

@@ -95,7 +95,7 @@ def reconstruct_normals(
         state.take_marks(marks)
         state.iterate(max_iterations, convergence_tolerance, min_confidence)
     is_symmetric = expected is None and symmetry and state.adopt_symmetry()
-    if is_symmetric or (expected is None and flat_faces and state.adopt_faces()):
+    if is_symmetric or (expected is None and flat_faces and state.adopt_faces(min_confidence)):
         state.iterate(max_iterations, convergence_tolerance, min_confidence)
 
     accepted = np.isfinite(state.confidence)

@@ -4,14 +4,29 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glint.tasks.algorithms.prior.creases import crease_direction, crease_residual, creases, face_edges, rounding_radius
-from glint.tasks.algorithms.prior.faces import find_faces
+from glint.tasks.algorithms.prior.creases import (
+    SILHOUETTE,
+    Edge,
+    crease_direction,
+    crease_residual,
+    creases,
+    face_edges,
+    rounding_radius,
+)
+from glint.tasks.algorithms.prior.faces import Face, find_faces
+from glint.tasks.algorithms.prior.rounded_edges import rounding_evidence
 from glint.tasks.algorithms.prior.unseen_faces import unseen_faces
 
 FACE_WEIGHT, UNSEEN_WEIGHT = 1.0, 0.1
-"""Weights of a squared difference per pixel in the field: of a face's normal, and of one that never showed the light."""
+"""Weights per pixel in the field: of a face that showed the light, and of one that never did."""
 MIN_CREASE_TURN_DEG = 20.0
 """Angle between two creases from which they are independent evidence for a face."""
+
+ROUNDED_SHARE, CUT_OFF_SHARE = 0.9, 0.65
+"""Share of a face's edges that must show their rounding to prove that edges are rounded, and below which, on such an
+object, an apparent face is refuted."""
+MIN_TESTED_INRADII = 1.0
+"""Length in inradii of edges that either needs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +36,8 @@ class FlatFaces:
     normals: (H, W, 3) float32, NaN outside faces. weights: (H, W), theirs in the field. observed: (H, W) bool, faces
     that showed the light. spread: (H, W), standard deviation per axis in radians of the other faces' normals, NaN
     elsewhere. residual: (H, W), RMS residual of the creases of an observed face in standard deviations; NaN where fewer
-    than two independent ones are known.
+    than two independent ones are known. refuted: (H, W, 3) float32, normals of apparent faces that are cut off instead
+    of bending away at their edges, NaN elsewhere; they are no part of the rest.
     """
 
     normals: np.ndarray
@@ -29,44 +45,79 @@ class FlatFaces:
     observed: np.ndarray
     spread: np.ndarray
     residual: np.ndarray
+    refuted: np.ndarray
 
 
-def flat_faces(accepted: np.ndarray, field: np.ndarray, mask: np.ndarray, scale: float) -> FlatFaces | None:
+def flat_faces(
+    accepted: np.ndarray, candidates: np.ndarray, field: np.ndarray, mask: np.ndarray, scale: float
+) -> FlatFaces | None:
     """Find the flat faces of an object, and estimate those that never showed the light; None without any.
 
     Args:
         accepted: (H, W, 3), accepted normals, NaN elsewhere.
+        candidates: (K, H, W, 3), NaN where there is none; they show whether edges are rounded.
         field: (H, W, 3), the smooth normal field.
         mask: (H, W) bool.
         scale: inradius of the mask in pixels.
     """
-    faces = find_faces(accepted, mask, scale)
-    if not faces:
+    found = find_faces(accepted, mask, scale)
+    if not found:
         return None
-    edges = face_edges(faces, mask, scale)
+    faces, refuted = _tested(found, candidates, mask, scale)
+    shape = mask.shape
     result = FlatFaces(
-        np.full((*mask.shape, 3), np.nan, np.float32),
-        np.zeros(mask.shape),
-        np.zeros(mask.shape, bool),
-        np.full(mask.shape, np.nan),
-        np.full(mask.shape, np.nan),
+        normals=np.full((*shape, 3), np.nan, np.float32),
+        weights=np.zeros(shape),
+        observed=np.zeros(shape, bool),
+        spread=np.full(shape, np.nan),
+        residual=np.full(shape, np.nan),
+        refuted=np.full((*shape, 3), np.nan, np.float32),
     )
-    between = creases(edges)
-    known = np.isfinite(accepted[..., 0])
+    for face in refuted:
+        result.refuted[face.pixels] = face.normal
+    edges = face_edges(faces, mask, scale)
+    known = np.isfinite(accepted[..., 0]) & np.isnan(result.refuted[..., 0])
     rounding = rounding_radius(edges, faces, scale)
     for unseen in unseen_faces(faces, edges, known, field, mask, scale, rounding):
         result.normals[unseen.pixels] = unseen.normal
         result.weights[unseen.pixels] = UNSEEN_WEIGHT
         result.spread[unseen.pixels] = unseen.spread
-    for number, face in reversed(list(enumerate(faces))):
-        own = [(pair, along) for pair, along in between.items() if number in pair]
-        directions = np.array([crease_direction(along, face.normal) for _, along in own]).reshape(-1, 3)
-        turns = np.abs(directions @ directions.T) < np.cos(np.radians(MIN_CREASE_TURN_DEG))
+    residuals = _crease_residuals(faces, edges)
+    for face, residual in reversed(list(zip(faces, residuals, strict=True))):
         result.normals[face.hull] = face.normal
         result.weights[face.hull] = FACE_WEIGHT
         result.observed[face.hull] = True
         result.spread[face.hull] = np.nan
-        if turns.any():
-            residuals = [crease_residual(along, faces[a].normal, faces[b].normal) for (a, b), along in own]
-            result.residual[face.hull] = np.sqrt(np.mean(np.square(residuals)))
+        result.residual[face.hull] = residual
+    return result
+
+
+def _tested(faces: list[Face], candidates: np.ndarray, mask: np.ndarray, scale: float) -> tuple[list[Face], list[Face]]:
+    """Return the faces that stand the test of their edges, and those that do not.
+
+    No face is refuted unless another shows that edges of this object are rounded enough to be seen.
+    """
+    edges = [edge for edge in face_edges(faces, mask, scale) if edge.behind != SILHOUETTE]
+    evidence = [
+        rounding_evidence([edge for edge in edges if edge.face == number], face, candidates, scale)
+        for number, face in enumerate(faces)
+    ]
+    is_rounded = any(share >= ROUNDED_SHARE and length >= MIN_TESTED_INRADII * scale for share, length in evidence)
+    fails = [
+        is_rounded and share < CUT_OFF_SHARE and length >= MIN_TESTED_INRADII * scale for share, length in evidence
+    ]
+    kept = [face for face, failed in zip(faces, fails, strict=True) if not failed]
+    return kept, [face for face, failed in zip(faces, fails, strict=True) if failed]
+
+
+def _crease_residuals(faces: list[Face], edges: list[Edge]) -> list[float]:
+    """Return the RMS residual of each face's creases with other faces, NaN with fewer than two independent ones."""
+    between = creases(edges)
+    result = []
+    for number, face in enumerate(faces):
+        own = [(pair, along) for pair, along in between.items() if number in pair]
+        directions = np.array([crease_direction(along, face.normal) for _, along in own]).reshape(-1, 3)
+        turns = np.abs(directions @ directions.T) < np.cos(np.radians(MIN_CREASE_TURN_DEG))
+        squares = [crease_residual(along, faces[a].normal, faces[b].normal) ** 2 for (a, b), along in own]
+        result.append(float(np.sqrt(np.mean(squares))) if turns.any() else float("nan"))
     return result
