@@ -9,7 +9,7 @@ import numpy as np
 
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
 from glint.tasks.algorithms.candidates.shading import shading_log_ratio
-from glint.tasks.algorithms.geometry.vectors import angles, unit
+from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.answers import mark_influence, sheet_graph
 from glint.tasks.algorithms.labelling.confidence import (
     face_confidence,
@@ -21,15 +21,14 @@ from glint.tasks.algorithms.labelling.confidence import (
 )
 from glint.tasks.algorithms.labelling.graph_cut import HARD_CONSTRAINT, graph_cut, keep_best_per_pixel, unary_log_ratio
 from glint.tasks.algorithms.labelling.integrability import shape_log_ratio
-from glint.tasks.algorithms.labelling.results import Iteration
+from glint.tasks.algorithms.labelling.results import Iteration, accepted_normals, accepted_weights
 from glint.tasks.algorithms.labelling.segments import held_out_residual, segment_sheets, sheet_means
 from glint.tasks.algorithms.labelling.weights import (
     FieldError,
     FieldWeights,
     GraphCutWeights,
 )
-from glint.tasks.algorithms.prior.faces import find_faces
-from glint.tasks.algorithms.prior.flat_faces import FlatFaces, flat_faces
+from glint.tasks.algorithms.prior.flat_faces import FlatFaces, flat_faces, has_other_faces
 from glint.tasks.algorithms.prior.smooth_normals import (
     MAX_NODES,
     SmoothNormalField,
@@ -48,8 +47,6 @@ MARKED_SHEET_CONFIDENCE = 0.97
 """Confidence of accepted normals beside a true mark on the same sheet."""
 DRAFT_NODES = 7_000
 """Grid nodes of the field of a draft: a third of the time, and the squared error of the normals is 1% larger."""
-MAX_FACE_ERROR_DEG = 2.0
-"""Mean angle between flat faces and a surface of revolution from which the object is faceted instead."""
 MAX_REFUTATIONS = 3
 """Rounds in which flat faces are looked for, and false ones refuted."""
 REFUTED_DEG, REFUTED_NATS = 3.0, 10.0
@@ -67,11 +64,12 @@ class Alternation:
     is_draft: whether the field is a coarser one. evidence (K, H, W): log-likelihood ratio of a true against a false
     highlight, by the sheet's shape, by shading and by marks. labels (K, H, W) bool: exterior nodes. values (H, W, 3):
     accepted normals, NaN elsewhere. confidence (H, W): theirs, NaN elsewhere. known (H, W) bool: where they enter the
-    field. initial, smooth (H, W, 3): the first field, and the present one.
+    field. initial, smooth (H, W, 3): the first field, and the present one. weights (K, H, W): of the clusters.
     """
 
     normals: np.ndarray
     shading: np.ndarray
+    weights: np.ndarray
     mask: np.ndarray
     expected: np.ndarray | None
     graph_cut_weights: GraphCutWeights
@@ -148,17 +146,14 @@ class Alternation:
         pull = np.where(self.marked & known, mark, pull)
         targets = np.where(known[..., None], values, targets)
         if faces is not None:
-            # A face that showed the light is known all over, the others only where nothing else is.
-            plane = np.where(faces.observed, ~self.marked, ~known) & (faces.weights > 0)
-            targets = np.where(plane[..., None], faces.normals, targets)
-            pull = np.where(plane, faces.weights, pull)
+            targets, pull = faces.constrain(targets, pull, known, self.marked)
         return (surface or self.surface).solve(targets, pull, self.expected)
 
     def iterate(self, max_iterations: int, convergence_tolerance: float, min_confidence: float) -> None:
         """Alternate labelling and field until the labels settle."""
         for _ in range(max_iterations):
             changed = self.label()
-            self.values = _accepted_normals(self.normals, self.labels, self.marked_normals)
+            self.values = accepted_normals(self.normals, self.labels, self.marked_normals)
             self.confidence = self.with_marks(observed_confidence(self.values, self.scale))
             self.known = self.confidence >= min_confidence
             self.smooth = self.solve_field(self.known, self.values, faces=self.faces)
@@ -196,9 +191,8 @@ class Alternation:
         self.expected = surface_of_revolution_normals(self.mask, accepted, self.normals, plain, relative_weights)
         if self.expected is None:
             return False
-        faces = find_faces(accepted, self.mask, self.scale)
-        pixels = np.any([face.pixels for face in faces], axis=0) if faces else np.zeros_like(self.mask)
-        if pixels.any() and angles(self.expected[pixels], accepted[pixels]).mean() > MAX_FACE_ERROR_DEG:
+        lights = accepted_weights(self.weights, self.labels)
+        if has_other_faces(self.expected, accepted, lights, self.mask, self.scale):
             # A prism seen from its front has the silhouette of a cylinder, and a cylinder has no flat faces.
             self.expected = None
             return False
@@ -209,14 +203,15 @@ class Alternation:
         """Make flat faces part of the field if the accepted normals show any."""
         for _ in range(MAX_REFUTATIONS):
             accepted = np.where(self.known[..., None], self.values, np.nan)
-            self.faces = flat_faces(accepted, self.normals, self.smooth, self.mask, self.scale)
+            lights = accepted_weights(self.weights, self.labels)
+            self.faces = flat_faces(accepted, lights, self.normals, self.smooth, self.mask, self.scale)
             if self.faces is None:
                 return False
             self.smooth = self.solve_field(self.known, self.values, faces=self.faces)
             false = angles(self.normals, self.faces.refuted[None]) < REFUTED_DEG
             if not false.any():
                 break
-            # What a false face hid may be another face, so faces are looked for again without it.
+            # What a false face hid may be another one.
             self.evidence = self.evidence - REFUTED_NATS * false
             self.iterate(1, 0.0, min_confidence)
         return True
@@ -246,18 +241,8 @@ class Alternation:
         certain = self.known & (observed >= min_confidence)
         between = field_confidence(certain, self.rim, slope, self.scale)
         if self.faces is not None:
-            between = np.where(np.isfinite(self.faces.spread), probability_within_tolerance(self.faces.spread), between)
+            is_unseen = np.isfinite(self.faces.spread)
+            between = np.where(is_unseen, probability_within_tolerance(self.faces.spread), between)
             agrees = angles(self.values, self.faces.normals) < REFUTED_DEG
-            proven = face_confidence(self.faces.residual)
-            observed = np.where(agrees, np.fmax(observed, proven), observed)
+            observed = np.where(agrees, np.fmax(observed, face_confidence(self.faces.residual)), observed)
         return np.where(np.isfinite(self.confidence), observed, between)
-
-
-def _accepted_normals(normals: np.ndarray, labels: np.ndarray, marked: np.ndarray) -> np.ndarray:
-    """Return the accepted normal of each pixel (H, W, 3), NaN where there is none.
-
-    It is that of the exterior node or of the mark, and the direction midway between them where a pixel has both.
-    """
-    chosen = np.take_along_axis(normals, labels.argmax(axis=0)[None, :, :, None], axis=0)[0]
-    chosen = np.where(labels.any(axis=0)[..., None], chosen, np.nan)
-    return unit(np.where(np.isnan(chosen), marked, np.where(np.isnan(marked), chosen, chosen + marked)))

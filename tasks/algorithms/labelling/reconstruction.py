@@ -140,7 +140,15 @@ def settle(
         raise ValueError("the expected normals leave pixels of the mask out")
     normals = np.where(mask[None, :, :, None], normals, np.nan)
     state = Alternation(
-        normals, clusters.shading, mask, expected, graph_cut_weights, field_weights, field_error, is_draft=draft
+        normals,
+        clusters.shading,
+        clusters.weight,
+        mask,
+        expected,
+        graph_cut_weights,
+        field_weights,
+        field_error,
+        is_draft=draft,
     )
     state.iterate(max_iterations, convergence_tolerance, min_confidence)
     return state

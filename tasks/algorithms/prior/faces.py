@@ -24,11 +24,16 @@ by 3.4 degrees on that length."""
 MIN_WINDOW_PX = 2
 MIN_WINDOW_SHARE = 0.6
 """Share of the window's pixels that have the same normal, since marks of other paths leave holes in a face."""
-MAX_SCATTER_DEG = 0.6
-"""Eightieth percentile of the angles to a face's normal; on faces they are near 0."""
+MAX_SCATTER_DEG = 2.0
+"""Eightieth percentile of the angles to the median normal of a region in which neighbours are equal."""
 MIN_FACE_INRADII = 0.075
 """Inradius of the smallest face, in those of the object: 4 times the length on which a surface as curved as the object
 turns by FLAT_DEG."""
+MIN_FACE_PX = 4.5
+"""Inradius in pixels of the smallest face."""
+MIN_LIGHTS = 1.4
+"""Lights at a distance from one another that a face must have shown: a single light is seen in one and the same half
+vector all over the highlight, whatever the surface."""
 SAME_FACE_DEG = 4.0
 """Degrees up to which two regions are parts of one face: other light paths divide it and hide some of its frames."""
 MAX_FOREIGN_SHARE = 0.25
@@ -44,11 +49,12 @@ class Face:
     hull: np.ndarray
 
 
-def find_faces(accepted: np.ndarray, mask: np.ndarray, scale: float) -> list[Face]:
+def find_faces(accepted: np.ndarray, lights: np.ndarray, mask: np.ndarray, scale: float) -> list[Face]:
     """Find the flat faces of accepted normals, largest first.
 
     Args:
         accepted: (H, W, 3) unit, camera frame, NaN where there is none.
+        lights: (H, W), weights of their clusters: how many lights at a distance from one another they come from.
         mask: (H, W) bool.
         scale: inradius of the mask in pixels.
     """
@@ -63,12 +69,12 @@ def find_faces(accepted: np.ndarray, mask: np.ndarray, scale: float) -> list[Fac
         core = parts == part + 1
         normal = unit(np.median(values[core], axis=0))
         error = angles(values, normal)
-        if np.percentile(error[core], 80) > MAX_SCATTER_DEG:
+        if np.percentile(error[core], 80) > MAX_SCATTER_DEG or np.median(lights[core]) < MIN_LIGHTS:
             continue
         pixels = _touching(np.nan_to_num(error, nan=180.0) < FACE_DEG, core)
         taken = np.any([face.pixels for face in faces], axis=0) if faces else np.zeros_like(mask)
         pixels &= ~taken
-        if ndimage.distance_transform_edt(np.pad(pixels, 1)).max() < MIN_FACE_INRADII * scale:
+        if ndimage.distance_transform_edt(np.pad(pixels, 1)).max() < max(MIN_FACE_INRADII * scale, MIN_FACE_PX):
             continue
         faces = _with_region(faces, normal, pixels, values, mask)
     return sorted(faces, key=lambda face: -int(face.pixels.sum()))

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.prior.creases import (
     SILHOUETTE,
     Edge,
@@ -17,11 +18,13 @@ from glint.tasks.algorithms.prior.faces import Face, find_faces
 from glint.tasks.algorithms.prior.rounded_edges import rounding_evidence
 from glint.tasks.algorithms.prior.unseen_faces import unseen_faces
 
-FACE_WEIGHT, UNSEEN_WEIGHT = 1.0, 0.1
+FACE_WEIGHT, UNSEEN_WEIGHT = 1.0, 0.03
 """Weights per pixel in the field: of a face that showed the light, and of one that never did."""
 MIN_CREASE_TURN_DEG = 20.0
 """Angle between two creases from which they are independent evidence for a face."""
 
+MAX_FACE_ERROR_DEG = 2.0
+"""Mean angle between flat faces and another surface from which the object is faceted instead."""
 ROUNDED_SHARE, CUT_OFF_SHARE = 0.9, 0.65
 """Share of a face's edges that must show their rounding to prove that edges are rounded, and below which, on such an
 object, an apparent face is refuted."""
@@ -47,20 +50,38 @@ class FlatFaces:
     residual: np.ndarray
     refuted: np.ndarray
 
+    def constrain(
+        self, targets: np.ndarray, weights: np.ndarray, known: np.ndarray, marked: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the field's targets (H, W, 3) and their weights (H, W) with the faces among them.
+
+        A face that showed the light is known all over but at marks, the others only where nothing else is.
+
+        known, marked: (H, W) bool, pixels of accepted and of marked normals.
+        """
+        applies = np.where(self.observed, ~marked, ~known) & (self.weights > 0)
+        return np.where(applies[..., None], self.normals, targets), np.where(applies, self.weights, weights)
+
 
 def flat_faces(
-    accepted: np.ndarray, candidates: np.ndarray, field: np.ndarray, mask: np.ndarray, scale: float
+    accepted: np.ndarray,
+    lights: np.ndarray,
+    candidates: np.ndarray,
+    field: np.ndarray,
+    mask: np.ndarray,
+    scale: float,
 ) -> FlatFaces | None:
     """Find the flat faces of an object, and estimate those that never showed the light; None without any.
 
     Args:
         accepted: (H, W, 3), accepted normals, NaN elsewhere.
+        lights: (H, W), weights of their clusters (see `find_faces`).
         candidates: (K, H, W, 3), NaN where there is none; they show whether edges are rounded.
         field: (H, W, 3), the smooth normal field.
         mask: (H, W) bool.
         scale: inradius of the mask in pixels.
     """
-    found = find_faces(accepted, mask, scale)
+    found = find_faces(accepted, lights, mask, scale)
     if not found:
         return None
     faces, refuted = _tested(found, candidates, mask, scale)
@@ -90,6 +111,20 @@ def flat_faces(
         result.spread[face.hull] = np.nan
         result.residual[face.hull] = residual
     return result
+
+
+def has_other_faces(
+    surface: np.ndarray, accepted: np.ndarray, lights: np.ndarray, mask: np.ndarray, scale: float
+) -> bool:
+    """Return whether accepted normals show flat faces that a surface with normals `surface` (H, W, 3) has not.
+
+    For the rest see `flat_faces`.
+    """
+    faces = find_faces(accepted, lights, mask, scale)
+    if not faces:
+        return False
+    pixels = np.any([face.pixels for face in faces], axis=0)
+    return bool(angles(surface[pixels], accepted[pixels]).mean() > MAX_FACE_ERROR_DEG)
 
 
 def _tested(faces: list[Face], candidates: np.ndarray, mask: np.ndarray, scale: float) -> tuple[list[Face], list[Face]]:

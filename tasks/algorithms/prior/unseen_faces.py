@@ -29,7 +29,7 @@ JOINT_INRADII = 0.3
 """Distance in inradii of two edges' ends from one corner, since corners are rounded."""
 MAX_CORNER_DEG = 165.0
 """Largest angle of one face's corner; if the part without a face is wider, it holds at least two faces."""
-MAX_OVERHANG, MIN_OVERHANG_INRADII = 0.6, 0.1
+MAX_OVERHANG, MIN_OVERHANG_INRADII = 0.4, 0.1
 """How far a face extends beside the ends of its edge: per pixel of distance from it, and at least, in inradii."""
 MIN_PART_SHARE, MIN_PART_INRADII = 0.01, 0.08
 """Size of the smallest part without a face, as a share of the mask, and its inradius in the mask's."""
