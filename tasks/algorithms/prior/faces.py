@@ -62,8 +62,7 @@ def find_faces(accepted: np.ndarray, lights: np.ndarray, mask: np.ndarray, scale
     radius = max(MIN_WINDOW_PX, round(WINDOW_INRADII * scale))
     flat = flat_pixels(values, radius, float(np.cos(np.radians(FLAT_DEG))), MIN_WINDOW_SHARE)
     faces: list[Face] = []
-    # Beside a crease less than the least share of a window is equal, so the cores of two faces do not touch.
-    parts, count = ndimage.label(flat)
+    parts, count = ndimage.label(flat & ~_at_crease(values, flat))
     sizes = np.bincount(parts.ravel(), minlength=count + 1)[1:]
     for part in np.argsort(-sizes):
         core = parts == part + 1
@@ -78,6 +77,17 @@ def find_faces(accepted: np.ndarray, lights: np.ndarray, mask: np.ndarray, scale
             continue
         faces = _with_region(faces, normal, pixels, values, mask)
     return sorted(faces, key=lambda face: -int(face.pixels.sum()))
+
+
+def _at_crease(normals: np.ndarray, flat: np.ndarray) -> np.ndarray:
+    """Return the flat pixels (H, W) bool that touch one with another normal (H, W, 3), as two faces do."""
+    result = np.zeros_like(flat)
+    for axis in (0, 1):
+        first, second = (np.moveaxis(array, axis, 0) for array in (normals, flat))
+        differs = (angles(first[1:], first[:-1]) > 2.0 * FLAT_DEG) & second[1:] & second[:-1]
+        np.moveaxis(result, axis, 0)[1:] |= differs
+        np.moveaxis(result, axis, 0)[:-1] |= differs
+    return result
 
 
 def _with_region(

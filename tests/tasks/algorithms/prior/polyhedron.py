@@ -5,11 +5,11 @@ import numpy as np
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
 
 SHAPE = (160, 160)
-PYRAMID = unit(np.array([[0.5, 0.25, 1.0], [-0.5, 0.25, 1.0], [0.0, -1.6, 1.0]]))
+PYRAMID = unit(np.array([[0.6, 0.5, 1.0], [-0.6, 0.5, 1.0], [0.0, -1.3, 1.0]]))
 """Normals (3, 3) of a three-sided pyramid: two faces that the light can show, and the third beyond 45 degrees."""
 
 
-def polyhedron_normals(faces: np.ndarray, rounding: float = 1.0, height: float = 60.0) -> np.ndarray:
+def polyhedron_normals(faces: np.ndarray, rounding: float = 1.0, height: float = 38.0) -> np.ndarray:
     """Return the normals (H, W, 3) of the solid above z = 0 below planes through (0, 0, height), NaN beside it.
 
     faces: (N, 3), unit normals. rounding: length in pixels over which an edge bends, the soft minimum's.
