@@ -1,8 +1,8 @@
 """Creases: the straight edges of flat faces, what lies behind each, and whether two faces meet as their normals say.
 
 Where two planes meet, the gradients of their depths differ by a vector perpendicular to the image of the crease, since
-the depth along it is the same on both. That tests two faces that were observed, and restricts a face that never showed
-the light to the normals perpendicular to its creases.
+the depth along it is the same on both (Mackworth 1973). That tests two faces that were observed, and restricts a face
+that never showed the light to the normals perpendicular to its creases.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ CORNER_INRADII, MIN_CORNER_PX = 0.03, 1.5
 """Deviation of a polygon from a face's contour, in inradii, and at least, in pixels."""
 MIN_EDGE_INRADII = 0.15
 """Length in inradii of the shortest edge that is used."""
-REACH_INRADII = 0.25
+GAP_INRADII = 0.25
 """Distance in inradii over which an edge may be rounded: what is nearer to it lies behind the crease."""
 BEHIND_SHARE = 0.6
 """Share of an edge behind which one and the same thing must lie."""
@@ -83,9 +83,9 @@ def _behind(
     start: np.ndarray, end: np.ndarray, outward: np.ndarray, number: int, owner: np.ndarray, scale: float
 ) -> int:
     """Return what lies behind an edge of face `number`; owner (H, W): number of the face at each pixel, or its code."""
-    reach = max(3, round(REACH_INRADII * scale))
+    gap = max(3, round(GAP_INRADII * scale))
     along = np.linspace(0.15, 0.85, 21)[:, None, None]
-    points = start + along * (end - start) + np.arange(1, reach + 1)[None, :, None] * outward
+    points = start + along * (end - start) + np.arange(1, gap + 1)[None, :, None] * outward
     columns, rows = np.round(points[..., 0]).astype(int), np.round(-points[..., 1]).astype(int)
     inside = (columns >= 0) & (columns < owner.shape[1]) & (rows >= 0) & (rows < owner.shape[0])
     codes = np.where(inside, owner[np.clip(rows, 0, owner.shape[0] - 1), np.clip(columns, 0, owner.shape[1] - 1)], -1)

@@ -81,10 +81,10 @@ def flat_faces(
         mask: (H, W) bool.
         scale: inradius of the mask in pixels.
     """
-    found = find_faces(accepted, lights, mask, scale)
-    if not found:
+    apparent = find_faces(accepted, lights, mask, scale)
+    if not apparent:
         return None
-    faces, refuted = _tested(found, candidates, mask, scale)
+    faces, refuted = _tested(apparent, candidates, mask, scale)
     shape = mask.shape
     result = FlatFaces(
         normals=np.full((*shape, 3), np.nan, np.float32),

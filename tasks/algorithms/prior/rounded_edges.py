@@ -15,9 +15,9 @@ STRIP_INRADII, MIN_STRIP_PX = 0.12, 5
 """Width in inradii of the strip outside an edge in which its rounding is looked for, and at least, in pixels."""
 MAX_CREASE_DEG = 4.0
 """Degrees from the perpendicular to the crease within which a candidate may belong to the rounded edge."""
-MIN_TURN_DEG = 4.0
+MIN_ROUNDING_DEG = 4.0
 """Degrees by which such a candidate turns away from the face at least."""
-TESTED_TURN_DEG, OBSERVABLE_DEG = 10.0, 44.0
+TESTED_TURN_DEG, TESTED_SLANT_DEG = 10.0, 44.0
 """An edge is tested if a normal turned outwards by so many degrees is still within this angle of the view vector."""
 
 
@@ -30,7 +30,7 @@ def rounded_share(edge: Edge, face: Face, candidates: np.ndarray, scale: float) 
     outward = np.cross(direction, face.normal)
     outward *= np.sign(outward[:2] @ edge.outward) or 1.0
     turned = np.cos(np.radians(TESTED_TURN_DEG)) * face.normal + np.sin(np.radians(TESTED_TURN_DEG)) * outward
-    if turned[2] < np.cos(np.radians(OBSERVABLE_DEG)):
+    if turned[2] < np.cos(np.radians(TESTED_SLANT_DEG)):
         return float("nan")
     along = np.linspace(0.1, 0.9, max(5, int(edge.length)))[:, None, None]
     width = max(MIN_STRIP_PX, round(STRIP_INRADII * scale))
@@ -40,7 +40,7 @@ def rounded_share(edge: Edge, face: Face, candidates: np.ndarray, scale: float) 
     inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
     normals = candidates[:, np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)]
     is_rounded = np.abs(normals @ direction) < np.sin(np.radians(MAX_CREASE_DEG))
-    is_rounded &= (angles(normals, face.normal) > MIN_TURN_DEG) & ((normals - face.normal) @ outward > 0) & inside
+    is_rounded &= (angles(normals, face.normal) > MIN_ROUNDING_DEG) & ((normals - face.normal) @ outward > 0) & inside
     return float(is_rounded.any(axis=(0, 2)).mean())
 
 

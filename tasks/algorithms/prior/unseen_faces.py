@@ -21,7 +21,7 @@ CREASE_DEG = 3.0
 """Standard deviation of a crease's direction, by its edge in the picture and the normal of the observed face."""
 FIELD_DEG = 25.0
 """Standard deviation of the smooth field where a face never showed the light."""
-OBSERVABLE_DEG, OBSERVED_LOG_PENALTY = 43.0, 3.0
+FLASHING_DEG, OBSERVED_LOG_PENALTY = 43.0, 3.0
 """Angle from the view vector up to which a face should have shown the light, and nats against one that did not."""
 CONCAVE_LOG_PENALTY = 2.3
 """Nats against a face that turns towards the observed one: solids are mostly convex."""
@@ -66,8 +66,8 @@ def unseen_faces(
     """
     # A few accepted pixels do not make a part observed: what lies in the middle of many does.
     density = ndimage.uniform_filter(known.astype(float), 2 * max(2, round(0.06 * scale)) + 1)
-    seen = np.any([face.hull for face in faces], axis=0) | (density > MAX_ACCEPTED_SHARE)
-    unseen = mask & ~seen
+    observed = np.any([face.hull for face in faces], axis=0) | (density > MAX_ACCEPTED_SHARE)
+    unseen = mask & ~observed
     open_edges = [edge for edge in edges if edge.behind == UNSEEN and _borders(edge, unseen, scale)]
     groups = _corners(open_edges, scale)
     # What is nearest to an edge at the silhouette lies behind that one, and nothing is known of it.
@@ -92,8 +92,8 @@ def _behind_edges(group: list[Edge], unseen: np.ndarray, scale: float) -> np.nda
     for edge in group:
         height = (points - edge.start) @ edge.outward
         along = (points - edge.start) @ unit(edge.end - edge.start)
-        beside = np.maximum(-along, along - edge.length)
-        behind |= (height > 0) & (beside < np.maximum(MAX_OVERHANG * height, MIN_OVERHANG_INRADII * scale))
+        overhang = np.maximum(-along, along - edge.length)
+        behind |= (height > 0) & (overhang < np.maximum(MAX_OVERHANG * height, MIN_OVERHANG_INRADII * scale))
     result = np.zeros(unseen.shape, bool)
     result[rows, columns] = behind
     return result
@@ -149,14 +149,14 @@ def _is_corner(first: Edge, second: Edge, scale: float) -> bool:
     distance, p, q = min(ends, key=lambda end: end[0])
     if distance > JOINT_INRADII * scale:
         return False
-    away = [unit(edge.start + edge.end - 2.0 * end) for edge, end in ((first, p), (second, q))]
-    angle = _turn(away[0], away[1], first.outward)
-    return angle < MAX_CORNER_DEG and abs(angle - _turn(away[1], away[0], second.outward)) < 1e-6
+    directions = [unit(edge.start + edge.end - 2.0 * end) for edge, end in ((first, p), (second, q))]
+    angle = _turn(directions[0], directions[1], first.outward)
+    return angle < MAX_CORNER_DEG and abs(angle - _turn(directions[1], directions[0], second.outward)) < 1e-6
 
 
-def _turn(start: np.ndarray, end: np.ndarray, towards: np.ndarray) -> float:
-    """Return the angle in degrees, 0 to 360, from one direction (2,) to another, turning as from start to `towards`."""
-    sign = 1.0 if start[0] * towards[1] - start[1] * towards[0] > 0 else -1.0
+def _turn(start: np.ndarray, end: np.ndarray, side: np.ndarray) -> float:
+    """Return the angle in degrees, 0 to 360, from one direction (2,) to another, turning as from start to `side`."""
+    sign = 1.0 if start[0] * side[1] - start[1] * side[0] > 0 else -1.0
     return float(np.degrees(sign * np.arctan2(start[0] * end[1] - start[1] * end[0], start @ end)) % 360.0)
 
 
@@ -187,7 +187,7 @@ def _estimate(group: list[Edge], faces: list[Face], field: np.ndarray, pixels: n
     normals = np.column_stack([x, y, np.sqrt(1.0 - x**2 - y**2)])
     mean_field = unit(field[pixels].mean(axis=0))
     log_posterior = -(angles(normals, mean_field) ** 2) / (2.0 * FIELD_DEG**2)
-    log_posterior -= OBSERVED_LOG_PENALTY * (normals[:, 2] > np.cos(np.radians(OBSERVABLE_DEG)))
+    log_posterior -= OBSERVED_LOG_PENALTY * (normals[:, 2] > np.cos(np.radians(FLASHING_DEG)))
     for edge in group:
         normal = faces[edge.face].normal
         slope = np.degrees(np.arcsin(np.clip(normals @ edge.direction(normal), -1.0, 1.0)))

@@ -23,7 +23,7 @@ PRESETS = {
     "faceted-bottle": Preset(200, 330, 2400),
 }
 """Sizes and lengths of the paper's Tables 2 and 3, and of a bottle of flat faces that is not in the paper."""
-SHAPES = (*PRESETS, "bird", "hexagonal-prism", "cut-cube")
+SHAPES = (*PRESETS, "bird", "hexagonal-prism", "cut-cube", "gem")
 """All shapes that can be simulated; those without a preset are a second figurine and solids of flat faces."""
 DEFAULT_PRESET = Preset(240, 220, 2000)
 """Size and length of shapes without a preset of their own."""

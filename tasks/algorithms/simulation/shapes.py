@@ -1,6 +1,7 @@
 """Shapes of simulated objects: closed glass surfaces, y up, scaled to fill the object's region in the frame.
 
-After the objects of the paper's section 5 (hemisphere, cylinder, jug, fish, two glasses), and a second figurine.
+After the objects of the paper's section 5 (hemisphere, cylinder, jug, fish, two glasses), a second figurine, and solids
+of flat faces.
 Lengths inside the makers are arbitrary units; `build_solids` scales them to pixels.
 """
 
@@ -174,13 +175,25 @@ def _faceted_bottle() -> list[Solid]:
 
 def _hexagonal_prism() -> list[Solid]:
     faces = [*_ring_of_planes(6, 0.0, 70.0, 20.0), (0.0, 1.0, 0.0, 60.0), (0.0, -1.0, 0.0, 60.0)]
-    return [from_implicit(polyhedron(faces, 1.2), np.full(3, -90.0), np.full(3, 90.0), 1.6)]
+    return [from_implicit(polyhedron(faces, 1.2), np.full(3, -90.0), np.full(3, 90.0), 2.5)]
 
 
 def _cut_cube() -> list[Solid]:
     faces = [*_ring_of_planes(4, 0.0, 70.0, 33.0), (0.0, 1.0, 0.0, 70.0), (0.0, -1.0, 0.0, 70.0)]
     corners = [*_ring_of_planes(4, 35.26, 92.0, 78.0), *_ring_of_planes(4, -35.26, 92.0, 78.0)]
-    return [from_implicit(polyhedron([*faces, *corners], 1.2), np.full(3, -100.0), np.full(3, 100.0), 1.6)]
+    return [from_implicit(polyhedron([*faces, *corners], 1.2), np.full(3, -100.0), np.full(3, 100.0), 2.5)]
+
+
+def _gem() -> list[Solid]:
+    """Return a convex solid of 22 faces in arbitrary directions, at least 32 degrees from one another."""
+    generator, faces = np.random.default_rng(2), np.zeros((0, 3))
+    while len(faces) < 22:
+        face = generator.normal(size=3)
+        face /= np.linalg.norm(face)
+        if (faces @ face < np.cos(np.radians(32.0))).all():
+            faces = np.vstack([faces, face])
+    planes = [(*face, 70.0 + 15.0 * generator.random()) for face in faces]
+    return [from_implicit(polyhedron(planes, 2.0), np.full(3, -120.0), np.full(3, 120.0), 2.5)]
 
 
 def _inclusion(solid: Solid) -> Solid:
@@ -199,4 +212,5 @@ _MAKERS = {
     "faceted-bottle": _faceted_bottle,
     "hexagonal-prism": _hexagonal_prism,
     "cut-cube": _cut_cube,
+    "gem": _gem,
 }
