@@ -31,14 +31,14 @@ def evaluate(
         str | None,
         typer.Argument(
             metavar="CATALOGUE",
-            help="Catalogue of captures with ground truth (default: the paper's six, simulated).",
+            help="Catalogue of captures with ground truth (default: the presets, simulated).",
         ),
     ] = None,
     quick: Annotated[
         bool, typer.Option("--quick", help="Simulate smaller and shorter captures; takes about a minute.")
     ] = False,
     degraded: Annotated[
-        bool, typer.Option("--degraded", help="Simulate degraded captures instead of the paper's six.")
+        bool, typer.Option("--degraded", help="Simulate degraded captures instead of the presets.")
     ] = False,
     perturbed: Annotated[
         bool,

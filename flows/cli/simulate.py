@@ -38,7 +38,8 @@ def simulate(
         str,
         typer.Argument(
             metavar="SHAPE",
-            help="hemisphere, cylinder, jug, fish, wine-glass, water-glass, bird; `all` for the paper's six.",
+            help="hemisphere, cylinder, jug, fish, wine-glass, water-glass, faceted-bottle, bird, hexagonal-prism, "
+            "cut-cube, gem; `all` for the paper's six and the bottle.",
         ),
     ],
     out: Annotated[
@@ -70,7 +71,7 @@ def simulate(
 
 
 def simulate_presets(out: Path, scale: float, frames: int | None, console: "Sink") -> Path:
-    """Simulate the paper's six captures, except those that exist with the same options; return the catalogue's path."""
+    """Simulate the presets, except those that exist with the same options; return the catalogue's path."""
     from glint.tasks.simulation.simulate import PRESETS, CaptureOptions
 
     options = CaptureOptions(frames=frames, scale=scale)

@@ -9,23 +9,26 @@ import numpy as np
 
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
 from glint.tasks.algorithms.candidates.shading import shading_log_ratio
-from glint.tasks.algorithms.geometry.vectors import unit
+from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.answers import mark_influence, sheet_graph
 from glint.tasks.algorithms.labelling.confidence import (
+    face_confidence,
     field_confidence,
     field_error_slope,
     observed_confidence,
+    probability_within_tolerance,
     sheet_confidence,
 )
 from glint.tasks.algorithms.labelling.graph_cut import HARD_CONSTRAINT, graph_cut, keep_best_per_pixel, unary_log_ratio
 from glint.tasks.algorithms.labelling.integrability import shape_log_ratio
-from glint.tasks.algorithms.labelling.results import Iteration
+from glint.tasks.algorithms.labelling.results import Iteration, accepted_normals, accepted_weights
 from glint.tasks.algorithms.labelling.segments import held_out_residual, segment_sheets, sheet_means
 from glint.tasks.algorithms.labelling.weights import (
     FieldError,
     FieldWeights,
     GraphCutWeights,
 )
+from glint.tasks.algorithms.prior.flat_faces import FlatFaces, flat_faces, has_other_faces
 from glint.tasks.algorithms.prior.smooth_normals import (
     MAX_NODES,
     SmoothNormalField,
@@ -44,6 +47,10 @@ MARKED_SHEET_CONFIDENCE = 0.97
 """Confidence of accepted normals beside a true mark on the same sheet."""
 DRAFT_NODES = 7_000
 """Grid nodes of the field of a draft: a third of the time, and the squared error of the normals is 1% larger."""
+MAX_REFUTATIONS = 3
+"""Rounds in which flat faces are looked for, and false ones refuted."""
+REFUTED_DEG, REFUTED_NATS = 3.0, 10.0
+"""Angle up to which a candidate belongs to an apparent face that is refuted, and what that takes from its evidence."""
 HELD_OUT_MAX_NODES = 5_000
 """Grid nodes of the coarser field that predicts held-out sheets: it is solved once per sheet."""
 
@@ -57,11 +64,12 @@ class Alternation:
     is_draft: whether the field is a coarser one. evidence (K, H, W): log-likelihood ratio of a true against a false
     highlight, by the sheet's shape, by shading and by marks. labels (K, H, W) bool: exterior nodes. values (H, W, 3):
     accepted normals, NaN elsewhere. confidence (H, W): theirs, NaN elsewhere. known (H, W) bool: where they enter the
-    field. initial, smooth (H, W, 3): the first field, and the present one.
+    field. initial, smooth (H, W, 3): the first field, and the present one. weights (K, H, W): of the clusters.
     """
 
     normals: np.ndarray
     shading: np.ndarray
+    weights: np.ndarray
     mask: np.ndarray
     expected: np.ndarray | None
     graph_cut_weights: GraphCutWeights
@@ -85,6 +93,7 @@ class Alternation:
     confidence: np.ndarray = field(init=False)
     initial: np.ndarray = field(init=False)
     smooth: np.ndarray = field(init=False)
+    faces: FlatFaces | None = field(init=False)
     history: list[Iteration] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -100,6 +109,7 @@ class Alternation:
         self.take_marks(None)
         self.labels = np.zeros(self.normals.shape[:3], dtype=bool)
         self.known, self.values = self.marked, self.marked_normals
+        self.faces = None
         self.confidence = np.full(self.mask.shape, np.nan)
         self.smooth = self.initial = self.solve_field(self.known, self.values)
         self.history = []
@@ -113,9 +123,16 @@ class Alternation:
         self.evidence = self.unmarked_evidence + MARKED_SHEET_NATS * self.influence
 
     def solve_field(
-        self, known: np.ndarray, values: np.ndarray, surface: SmoothNormalField | None = None
+        self,
+        known: np.ndarray,
+        values: np.ndarray,
+        surface: SmoothNormalField | None = None,
+        faces: FlatFaces | None = None,
     ) -> np.ndarray:
-        """Solve the field (H, W, 3) from normals `values` at `known` pixels (H, W) and the contour or expectation."""
+        """Solve the field (H, W, 3) from normals `values` at `known` pixels (H, W), contour or expectation, and faces.
+
+        surface: None for that of the view.
+        """
         weights = self.field_weights
         if self.expected is None:
             targets, pull = self.outward, np.where(self.rim, weights.rim, 0.0)
@@ -127,16 +144,19 @@ class Alternation:
         # A mark with a cluster is averaged with it and so less noisy; a mark alone must hold against its neighbours.
         mark = np.where(self.labels.any(axis=0), weights.marked, weights.mark_alone)
         pull = np.where(self.marked & known, mark, pull)
-        return (surface or self.surface).solve(np.where(known[..., None], values, targets), pull, self.expected)
+        targets = np.where(known[..., None], values, targets)
+        if faces is not None:
+            targets, pull = faces.constrain(targets, pull, known, self.marked)
+        return (surface or self.surface).solve(targets, pull, self.expected)
 
     def iterate(self, max_iterations: int, convergence_tolerance: float, min_confidence: float) -> None:
         """Alternate labelling and field until the labels settle."""
         for _ in range(max_iterations):
             changed = self.label()
-            self.values = _accepted_normals(self.normals, self.labels, self.marked_normals)
+            self.values = accepted_normals(self.normals, self.labels, self.marked_normals)
             self.confidence = self.with_marks(observed_confidence(self.values, self.scale))
             self.known = self.confidence >= min_confidence
-            self.smooth = self.solve_field(self.known, self.values)
+            self.smooth = self.solve_field(self.known, self.values, faces=self.faces)
             self.history = [*self.history, Iteration(int(self.labels.any(axis=0).sum()), changed)]
             if changed <= convergence_tolerance * self.mask.sum():
                 break
@@ -150,6 +170,8 @@ class Alternation:
         """Label all nodes against the present field; return the number of pixels whose labels changed."""
         weights, error = self.graph_cut_weights, self.field_error
         observed = self.known & self.labels.any(axis=0)
+        if self.faces is not None:
+            observed |= self.faces.observed
         # The field is trusted near what shaped it: the contour too, unless expected normals took its place.
         sources = observed if self.expected is not None else self.rim | observed
         spread = field_spread(sources, self.local_scale, error.floor, error.slope, error.ceiling)
@@ -169,7 +191,29 @@ class Alternation:
         self.expected = surface_of_revolution_normals(self.mask, accepted, self.normals, plain, relative_weights)
         if self.expected is None:
             return False
+        lights = accepted_weights(self.weights, self.labels)
+        if has_other_faces(self.expected, accepted, lights, self.mask, self.scale):
+            # A prism seen from its front has the silhouette of a cylinder, and a cylinder has no flat faces.
+            self.expected = None
+            return False
         self.smooth = self.solve_field(self.known, self.values)
+        return True
+
+    def adopt_faces(self, min_confidence: float) -> bool:
+        """Make flat faces part of the field if the accepted normals show any."""
+        for _ in range(MAX_REFUTATIONS):
+            accepted = np.where(self.known[..., None], self.values, np.nan)
+            lights = accepted_weights(self.weights, self.labels)
+            self.faces = flat_faces(accepted, lights, self.normals, self.smooth, self.mask, self.scale)
+            if self.faces is None:
+                return False
+            self.smooth = self.solve_field(self.known, self.values, faces=self.faces)
+            false = angles(self.normals, self.faces.refuted[None]) < REFUTED_DEG
+            if not false.any():
+                break
+            # What a false face hid may be another one.
+            self.evidence = self.evidence - REFUTED_NATS * false
+            self.iterate(1, 0.0, min_confidence)
         return True
 
     def final_confidence(self, min_confidence: float) -> np.ndarray:
@@ -196,14 +240,9 @@ class Alternation:
         )
         certain = self.known & (observed >= min_confidence)
         between = field_confidence(certain, self.rim, slope, self.scale)
+        if self.faces is not None:
+            is_unseen = np.isfinite(self.faces.spread)
+            between = np.where(is_unseen, probability_within_tolerance(self.faces.spread), between)
+            agrees = angles(self.values, self.faces.normals) < REFUTED_DEG
+            observed = np.where(agrees, np.fmax(observed, face_confidence(self.faces.residual)), observed)
         return np.where(np.isfinite(self.confidence), observed, between)
-
-
-def _accepted_normals(normals: np.ndarray, labels: np.ndarray, marked: np.ndarray) -> np.ndarray:
-    """Return the accepted normal of each pixel (H, W, 3), NaN where there is none.
-
-    It is that of the exterior node or of the mark, and the direction midway between them where a pixel has both.
-    """
-    chosen = np.take_along_axis(normals, labels.argmax(axis=0)[None, :, :, None], axis=0)[0]
-    chosen = np.where(labels.any(axis=0)[..., None], chosen, np.nan)
-    return unit(np.where(np.isnan(chosen), marked, np.where(np.isnan(marked), chosen, chosen + marked)))

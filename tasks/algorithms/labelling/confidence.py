@@ -21,6 +21,9 @@ SHEET_LOGIT = (4.7, -0.9, -2.0, 0.8, -1.7)
 """The same by its sheet: constant, then roughness, curl, the sheet's mean evidence and its held-out residual.
 
 Fitted to simulated captures of 600 to 1,200 frames of fish, bird, jug and glasses."""
+FACE_CONFIDENCE, MAX_FACE_RESIDUAL = 0.99, 4.0
+"""Confidence in a flat face whose creases agree with all its neighbours, and the residual that scales its decrease: at
+a residual of 1 it is 0.96."""
 OCCLUDING_CONTOUR_SHARE = 0.7
 """Share of silhouettes that are occluding contours and not creases or cuts; bounds confidence in extrapolation."""
 DEFAULT_SLOPE_DEG = 150.0
@@ -81,6 +84,14 @@ def sheet_confidence(normals: np.ndarray, evidence: np.ndarray, residual: np.nda
     """
     _, roughness, curl = sheet_quality(normals, scale)
     return _logistic(SHEET_LOGIT, roughness, np.minimum(curl, 2.0), evidence, residual)
+
+
+def face_confidence(residual: np.ndarray) -> np.ndarray:
+    """Return the confidence of observed flat faces by the RMS residual (...) of two or more independent creases.
+
+    NaN without them: paths that cross the glass along a single crease give false faces that agree with it exactly.
+    """
+    return np.asarray(FACE_CONFIDENCE * np.exp(-np.square(residual) / (2.0 * MAX_FACE_RESIDUAL**2)))
 
 
 def _logistic(weights: tuple[float, ...], *cues: np.ndarray) -> np.ndarray:

@@ -47,6 +47,7 @@ def reconstruct_normals(
     marks: Marks | None = None,
     expected: np.ndarray | None = None,
     symmetry: bool = True,
+    flat_faces: bool = True,
     max_iterations: int = 10,
     convergence_tolerance: float = 0.002,
     min_confidence: float = 0.5,
@@ -65,7 +66,8 @@ def reconstruct_normals(
         expected: (H, W, 3) normals known beforehand, as from a visual hull, finite in the mask; they replace the
             occluding contour as data of the field.
         symmetry: whether a surface of revolution may be detected and become the expected field.
-        max_iterations: at most so many, before and again after a surface of revolution is found.
+        flat_faces: whether flat faces may be detected, where there is no surface of revolution.
+        max_iterations: at most so many, before and again after a surface of revolution or flat faces are found.
         convergence_tolerance: share of the mask whose labels may still change in the last iteration.
         min_confidence: accepted normals of lower confidence do not enter the field.
         graph_cut_weights, field_weights, field_error: see `weights`.
@@ -92,7 +94,8 @@ def reconstruct_normals(
         # Labels settle without marks first: started with them, a single mark may tip sheets that it has no part in.
         state.take_marks(marks)
         state.iterate(max_iterations, convergence_tolerance, min_confidence)
-    if expected is None and symmetry and state.adopt_symmetry():
+    is_symmetric = expected is None and symmetry and state.adopt_symmetry()
+    if is_symmetric or (expected is None and flat_faces and state.adopt_faces(min_confidence)):
         state.iterate(max_iterations, convergence_tolerance, min_confidence)
 
     accepted = np.isfinite(state.confidence)
@@ -137,7 +140,15 @@ def settle(
         raise ValueError("the expected normals leave pixels of the mask out")
     normals = np.where(mask[None, :, :, None], normals, np.nan)
     state = Alternation(
-        normals, clusters.shading, mask, expected, graph_cut_weights, field_weights, field_error, is_draft=draft
+        normals,
+        clusters.shading,
+        clusters.weight,
+        mask,
+        expected,
+        graph_cut_weights,
+        field_weights,
+        field_error,
+        is_draft=draft,
     )
     state.iterate(max_iterations, convergence_tolerance, min_confidence)
     return state

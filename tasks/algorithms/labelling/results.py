@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from glint.tasks.algorithms.geometry.vectors import unit
+
 PROVENANCE = ("outside", "observed", "marked", "silhouette", "filled")
 """Names of the codes in `Reconstruction.provenance`."""
 OUTSIDE, OBSERVED, MARKED, SILHOUETTE, FILLED = range(len(PROVENANCE))
@@ -35,3 +37,18 @@ class Reconstruction:
     provenance: np.ndarray
     confidence: np.ndarray
     iterations: tuple[Iteration, ...]
+
+
+def accepted_normals(normals: np.ndarray, labels: np.ndarray, marked: np.ndarray) -> np.ndarray:
+    """Return the accepted normal of each pixel (H, W, 3), NaN where there is none.
+
+    It is that of the exterior node or of the mark, and the direction midway between them where a pixel has both.
+    """
+    chosen = np.take_along_axis(normals, labels.argmax(axis=0)[None, :, :, None], axis=0)[0]
+    chosen = np.where(labels.any(axis=0)[..., None], chosen, np.nan)
+    return unit(np.where(np.isnan(chosen), marked, np.where(np.isnan(marked), chosen, chosen + marked)))
+
+
+def accepted_weights(weights: np.ndarray, labels: np.ndarray) -> np.ndarray:
+    """Return the weights (H, W) of the accepted clusters, of weights and labels (K, H, W); any where none is."""
+    return np.take_along_axis(weights, labels.argmax(axis=0)[None], axis=0)[0]

@@ -62,6 +62,21 @@ def capsule(
     return function
 
 
+def polyhedron(faces: list[tuple[float, ...]], rounding: float) -> ImplicitFunction:
+    """Return a convex polyhedron of faces (n_x, n_y, n_z, distance), each a unit outward normal and a plane's distance.
+
+    rounding: edges bend over a few times this length, in the unit of the points; f is at most the signed distance.
+    """
+    plane = np.array(faces, float)
+
+    def function(points: np.ndarray) -> np.ndarray:
+        values = plane[:, :3] @ points.T - plane[:, 3:]
+        maximum = values.max(axis=0)
+        return np.asarray(maximum + rounding * np.log(np.exp((values - maximum) / rounding).sum(axis=0)))
+
+    return function
+
+
 def union(functions: list[ImplicitFunction], blend: float) -> ImplicitFunction:
     """Return the smooth union of solids; `blend` is the radius, in the unit of the points, over which they merge."""
 

@@ -20,10 +20,11 @@ PRESETS = {
     "fish": Preset(259, 252, 1512),
     "wine-glass": Preset(153, 324, 3133),
     "water-glass": Preset(153, 279, 3383),
+    "faceted-bottle": Preset(200, 330, 2400),
 }
-"""Sizes and lengths of the paper's Tables 2 and 3."""
-SHAPES = (*PRESETS, "bird")
-"""All shapes that can be simulated; the bird, a second figurine, is not in the paper."""
+"""Sizes and lengths of the paper's Tables 2 and 3, and of a bottle of flat faces that is not in the paper."""
+SHAPES = (*PRESETS, "bird", "hexagonal-prism", "cut-cube", "gem")
+"""All shapes that can be simulated; those without a preset are a second figurine and solids of flat faces."""
 DEFAULT_PRESET = Preset(240, 220, 2000)
 """Size and length of shapes without a preset of their own."""
 

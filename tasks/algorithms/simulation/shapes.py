@@ -1,6 +1,7 @@
 """Shapes of simulated objects: closed glass surfaces, y up, scaled to fill the object's region in the frame.
 
-After the objects of the paper's section 5 (hemisphere, cylinder, jug, fish, two glasses), and a second figurine.
+After the objects of the paper's section 5 (hemisphere, cylinder, jug, fish, two glasses), a second figurine, and solids
+of flat faces.
 Lengths inside the makers are arbitrary units; `build_solids` scales them to pixels.
 """
 
@@ -12,12 +13,20 @@ from itertools import pairwise
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from glint.tasks.algorithms.meshing.implicit import ImplicitFunction, capsule, ellipsoid, union
+from glint.tasks.algorithms.meshing.implicit import ImplicitFunction, capsule, ellipsoid, polyhedron, union
 from glint.tasks.algorithms.simulation.solids import MATTE, Solid, as_cavity, from_implicit, revolve
 
 REGION_MARGIN_PX = 8.0
 """Distance between the object and its region's border."""
-TILT_DEG = {"hemisphere": 62.0, "cylinder": 6.0, "wine-glass": 14.0, "water-glass": 14.0}
+TILT_DEG = {
+    "hemisphere": 62.0,
+    "cylinder": 6.0,
+    "wine-glass": 14.0,
+    "water-glass": 14.0,
+    "faceted-bottle": 22.0,
+    "hexagonal-prism": 35.0,
+    "cut-cube": 35.0,
+}
 """Angle by which the camera looks down on an upright object; 0 where none is given."""
 PROFILE_STEP = 0.5
 """Spacing, in units, of the points between which a profile is smoothed."""
@@ -142,6 +151,51 @@ def _bird() -> list[Solid]:
     return [glass, as_cavity(hollow)]
 
 
+def _ring_of_planes(sides: int, elevation: float, distance: float, turn: float) -> list[tuple[float, ...]]:
+    """Return the faces (n_x, n_y, n_z, distance) of a ring about the y axis; angles in degrees, 0 faces the camera."""
+    up, out = np.sin(np.radians(elevation)), np.cos(np.radians(elevation))
+    angles = np.radians(turn) + 2.0 * np.pi * np.arange(sides) / sides
+    return [(out * np.sin(angle), up, out * np.cos(angle), distance) for angle in angles]
+
+
+def _faceted_bottle() -> list[Solid]:
+    """Return an octagonal bottle of solid glass, with slanting shoulders and a round neck under a faceted stopper."""
+    body = [*_ring_of_planes(8, 0.0, 60.0, 12.0), *_ring_of_planes(8, 48.0, 88.0, 12.0)]
+    stopper = [*_ring_of_planes(6, 0.0, 26.0, 20.0), (0.0, 1.0, 0.0, 150.0), (0.0, -1.0, 0.0, -112.0)]
+    glass = union(
+        [
+            polyhedron([*body, (0.0, -1.0, 0.0, 110.0)], 1.0),
+            capsule((0, 60, 0), (0, 120, 0), 18.0, 18.0),
+            polyhedron(stopper, 1.0),
+        ],
+        1.5,
+    )
+    return [from_implicit(glass, np.array([-72, -116, -72]), np.array([72, 156, 72]), 1.6)]
+
+
+def _hexagonal_prism() -> list[Solid]:
+    faces = [*_ring_of_planes(6, 0.0, 70.0, 20.0), (0.0, 1.0, 0.0, 60.0), (0.0, -1.0, 0.0, 60.0)]
+    return [from_implicit(polyhedron(faces, 1.2), np.full(3, -90.0), np.full(3, 90.0), 2.5)]
+
+
+def _cut_cube() -> list[Solid]:
+    faces = [*_ring_of_planes(4, 0.0, 70.0, 33.0), (0.0, 1.0, 0.0, 70.0), (0.0, -1.0, 0.0, 70.0)]
+    corners = [*_ring_of_planes(4, 35.26, 92.0, 78.0), *_ring_of_planes(4, -35.26, 92.0, 78.0)]
+    return [from_implicit(polyhedron([*faces, *corners], 1.2), np.full(3, -100.0), np.full(3, 100.0), 2.5)]
+
+
+def _gem() -> list[Solid]:
+    """Return a convex solid of 22 faces in arbitrary directions, at least 32 degrees from one another."""
+    generator, faces = np.random.default_rng(2), np.zeros((0, 3))
+    while len(faces) < 22:
+        face = generator.normal(size=3)
+        face /= np.linalg.norm(face)
+        if (faces @ face < np.cos(np.radians(32.0))).all():
+            faces = np.vstack([faces, face])
+    planes = [(*face, 70.0 + 15.0 * generator.random()) for face in faces]
+    return [from_implicit(polyhedron(planes, 2.0), np.full(3, -120.0), np.full(3, 120.0), 2.5)]
+
+
 def _inclusion(solid: Solid) -> Solid:
     """Return a solid as a coloured inclusion in glass."""
     return replace(solid, inner=True, colour=(0.75, 0.35, 0.2))
@@ -155,4 +209,8 @@ _MAKERS = {
     "wine-glass": _wine_glass,
     "water-glass": _water_glass,
     "bird": _bird,
+    "faceted-bottle": _faceted_bottle,
+    "hexagonal-prism": _hexagonal_prism,
+    "cut-cube": _cut_cube,
+    "gem": _gem,
 }

@@ -8,6 +8,8 @@ from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.labelling.results import PROVENANCE, Reconstruction
 from glint.tasks.algorithms.labelling.weights import FieldWeights
+from tests.tasks.algorithms.prior.beaker import observable
+from tests.tasks.algorithms.prior.polyhedron import PYRAMID, face_numbers, polyhedron_normals
 
 Scene = tuple[SimpleNamespace, np.ndarray, np.ndarray]
 
@@ -33,7 +35,8 @@ def pebble(size: int = 90, seed: int = 0) -> Scene:
 def clusters_of(normals: np.ndarray) -> SimpleNamespace:
     """Candidates (K, H, W, 3) of whose shading nothing is known."""
     observations = np.isfinite(normals[..., 0]).sum(axis=0)
-    return SimpleNamespace(normals=normals, shading=np.full(normals.shape[:3], np.nan), observations=observations)
+    unknown, single = np.full(normals.shape[:3], np.nan), np.ones(normals.shape[:3])
+    return SimpleNamespace(normals=normals, shading=unknown, weight=single, observations=observations)
 
 
 @pytest.fixture(scope="module")
@@ -157,3 +160,20 @@ def test_the_noise_of_accepted_normals_is_smoothed_away(scene: Scene, result: Re
     taken = result.provenance == PROVENANCE.index("observed")
     raw = np.take_along_axis(clusters.normals, result.labels.argmax(axis=0)[None, :, :, None], axis=0)[0]
     assert np.median(angles(result.normals, truth)[taken]) < 0.7 * np.median(angles(raw, truth)[taken])
+
+
+@pytest.mark.long
+def test_flat_faces_come_right_where_no_light_was_seen() -> None:
+    truth = polyhedron_normals(PYRAMID)
+    mask = np.isfinite(truth[..., 0])
+    noise = np.random.default_rng(1).normal(0.0, 0.002, truth.shape)
+    clusters = clusters_of(unit(observable(truth) + noise)[None].astype(np.float32))
+    clusters.weight *= 2.0
+    with_faces = reconstruct_normals(clusters, mask)
+    without = reconstruct_normals(clusters, mask, flat_faces=False)
+    unseen = mask & (face_numbers(PYRAMID) == 2)
+    error, former = (angles(result.normals, truth)[unseen].mean() for result in (with_faces, without))
+    assert error < 0.7 * former
+    assert angles(with_faces.normals, truth)[mask & ~unseen].mean() < 1.5
+    # What follows from creases alone is not as sure as what was seen.
+    assert np.median(with_faces.confidence[unseen]) < 0.95
