@@ -48,7 +48,8 @@ def location(tmp_path_factory: pytest.TempPathFactory) -> Location:
     repository.save("front", "labels", "hostile", {name: labels.read(name) for name in labels.arrays}, record)
     save_sphere(repository, "back", scale_known=False)
     views = [
-        {"capture": name, "pose": "turntable", "camera_to_world": np.eye(4).tolist()} for name in ("front", "back")
+        {"capture": name, "pose": "turntable", "camera_to_world": np.eye(4).tolist(), "share": 0.5}
+        for name in ("front", "back")
     ]
     save_model(repository, Sphere((0.0, 0.0, 0.0), 6.0), views)
     repository.publish(["front", "back", WHOLE_OBJECT], {"run": "r", "catalogue": f"a/{HOSTILE}", "note": HOSTILE})
