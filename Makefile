@@ -19,9 +19,9 @@ test-unit: .venv/ready
 test-all: lint
 	$(PYTHON) -m pytest -q
 
-# Ratios within one run, each beside its bar; minutes on a quiet machine.
+# Ratios within one run, each beside its bar and the last release's; minutes on a quiet machine.
 bench: .venv/ready
-	$(PYTHON) -m tests.benchmarks.startup
+	$(PYTHON) -m tests.benchmarks.startup --repeat 1
 	$(PYTHON) -m tests.benchmarks.pipeline_speed --repeat 1
 	$(PYTHON) -m tests.benchmarks.orchestration --captures 8 --frames 500
 

@@ -110,7 +110,8 @@ class TaskRunReporter:
         now = time.monotonic()
         if not event.total or now - self._updated < ARTIFACT_SECONDS:
             return
-        self._updated, percent = now, min(100.0, 100.0 * event.done / event.total)
+        # The bar is the capture's: one of a stage would be full again and again.
+        self._updated, percent = now, 100.0 * (event.share or 0.0)
         text = event.stage + left_in_words(event.seconds_left)
         if self._bar is None:
             key = artifact_key(f"{self._capture} progress")

@@ -34,7 +34,8 @@ class StageStarted:
 class StageProgress:
     """`done` of `total` units (None: unknown) of a stage are done after `seconds`.
 
-    seconds_left: until the capture ends, None as long as it is not known.
+    seconds_left: until the capture ends; share: the part of the capture's time that has passed, below 1; both None as
+    long as they are not known.
     """
 
     kind: ClassVar[str] = "progress"
@@ -45,6 +46,7 @@ class StageProgress:
     seconds: float = 0.0
     unit: str = "parts"
     seconds_left: float | None = None
+    share: float | None = None
 
     @property
     def rate(self) -> float | None:

@@ -35,8 +35,6 @@ def running_rows(store: str) -> list[dict[str, Any]]:
     for run in captures:
         artifact, stage = progress.get(run.id), stages.get(run.id)
         shown = "" if artifact is None else str(artifact.description).partition(", ")[0]  # the time left follows
-        if artifact is not None and stage not in (None, shown):
-            artifact, shown = None, ""  # of an earlier stage
         rows.append(
             {
                 "running": run.name,

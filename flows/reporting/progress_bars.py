@@ -1,7 +1,9 @@
 """Progress on a terminal: a bar for each running capture, and a line above for each that has ended."""
 
 import threading
+import time
 from contextlib import AbstractContextManager
+from dataclasses import replace
 
 from rich.console import Console
 from rich.markup import escape
@@ -22,6 +24,8 @@ from glint.flows.reporting.events import (
 )
 
 _STYLES = {"capture": "green", "failed": "bold red", "warning": "yellow"}
+MIN_LEFT_SECONDS = 1.0
+"""Time left that is shown at least: what is in progress has not ended."""
 
 
 class _Clock(ProgressColumn):
@@ -33,6 +37,16 @@ class _Clock(ProgressColumn):
         return Text(f"{minutes}:{seconds:02}", style="progress.elapsed")
 
 
+class _Counted(ProgressColumn):
+    """What is done and the time left, which passes also while no event comes."""
+
+    def render(self, task: Task) -> Text:
+        """Return both in words."""
+        end = task.fields["end"]
+        left = None if end is None else max(MIN_LEFT_SECONDS, end - time.monotonic())
+        return Text(task.fields["counted"] + left_in_words(left))
+
+
 class ProgressBars(AbstractContextManager["ProgressBars"]):
     """Console sink that draws progress bars."""
 
@@ -41,7 +55,7 @@ class ProgressBars(AbstractContextManager["ProgressBars"]):
             TextColumn("{task.description}"),
             TextColumn("[cyan]{task.fields[stage]}"),
             BarColumn(bar_width=30),
-            TextColumn("{task.fields[counted]}"),
+            _Counted(),
             _Clock(),
             console=console or Console(stderr=True),
             transient=True,
@@ -79,21 +93,24 @@ class ProgressBars(AbstractContextManager["ProgressBars"]):
     def _update(self, event: StageStarted | StageProgress | StageEnded) -> None:
         if event.capture not in self._bars:
             name = escape(event.capture)
-            self._bars[event.capture] = self._progress.add_task(name, total=None, stage="", counted="")
+            self._bars[event.capture] = self._progress.add_task(name, total=None, stage="", counted="", end=None)
         bar = self._bars[event.capture]
         if isinstance(event, StageEnded):
             self._progress.update(bar, stage=event.stage, counted="done")
             return
-        total, rate = getattr(event, "total", None), getattr(event, "rate", None)
-        left = getattr(event, "seconds_left", None)
-        text = counted(event) + ("" if rate is None else f"  {rate:.0f} frames/s") + left_in_words(left)
-        done = float(event.done)
-        if left is not None:  # the bar is the whole capture's as soon as its length is known
-            elapsed = next(task.elapsed or 0.0 for task in self._progress.tasks if task.id == bar)
-            done, total = elapsed, elapsed + left
-        self._progress.update(bar, completed=done, total=total, stage=event.stage, counted=text)
+        rate = getattr(event, "rate", None)
+        text = counted(event) + ("" if rate is None else f"  {rate:.0f} frames/s")
+        self._progress.update(bar, stage=event.stage, counted=text)
+        if isinstance(event, StageProgress) and event.share is not None:  # before, the bar only shows that work goes on
+            self._progress.update(bar, completed=event.share, total=1.0, end=_end_of(event))
 
     def _show_run(self, event: RunProgress) -> None:
         if self._run is None:
-            self._run = self._progress.add_task("run", total=event.total, stage="", counted="")
-        self._progress.update(self._run, completed=event.done, total=event.total, counted=sentence(event))
+            self._run = self._progress.add_task("run", total=event.total, stage="", counted="", end=None)
+        text = sentence(replace(event, seconds_left=None))
+        self._progress.update(self._run, completed=event.done, total=event.total, counted=text, end=_end_of(event))
+
+
+def _end_of(event: StageProgress | RunProgress) -> float | None:
+    """Return when what an event is about will end, on the monotonic clock; None: not known."""
+    return None if event.seconds_left is None else time.monotonic() + event.seconds_left

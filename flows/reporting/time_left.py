@@ -29,6 +29,8 @@ OTHER_MS = 30.0
 """Work of the other stages."""
 MIN_SHARE = 0.05
 """Part of a stage from which its own progress says how long it takes."""
+MAX_SHARE = 0.99
+"""Part of its time that a capture in progress has behind it at most: what is left may be less than is known."""
 MIN_SECONDS = 1.0
 """Seconds after which a stage's own progress counts; also the interval of reports about the run."""
 MIN_WORK_MS = 500.0
@@ -37,8 +39,9 @@ MIN_WORK_MS = 500.0
 
 @dataclass(slots=True)
 class _Capture:
-    """What is known of a capture in progress: frames of its video, stages that have ended, the current one."""
+    """What is known of a capture in progress: its begin, frames, stages that have ended, the current one."""
 
+    began: float = 0.0
     frames: int | None = None
     ended: set[str] = field(default_factory=set)
     stage: str = ""
@@ -70,7 +73,7 @@ class TimeLeft:
         with self._lock:
             self._update(event, now)
             if isinstance(event, StageProgress) and event.capture in self._captures:
-                event = replace(event, seconds_left=_rounded(self._left(self._captures[event.capture], now)))
+                event = self._with_time_left(event, self._captures[event.capture], now)
             is_end = isinstance(event, CaptureEnded | CaptureFailed) and event.capture in self._expected
             is_due = bool(self._captures) and now - self._reported >= MIN_SECONDS
             is_cached = isinstance(event, CaptureEnded) and bool(event.cached)
@@ -88,7 +91,7 @@ class TimeLeft:
     def _update(self, event: Event, now: float) -> None:
         match event:
             case StageStarted() if event.stage in self._stages:
-                capture = self._captures.setdefault(event.capture, _Capture())
+                capture = self._captures.setdefault(event.capture, _Capture(now))
                 capture.stage, capture.started, capture.share = event.stage, now, 0.0
                 self._lanes = max(self._lanes, len(self._captures))
             case StageProgress() if event.capture in self._captures:
@@ -111,6 +114,12 @@ class TimeLeft:
                 if ended is not None and ended.frames is not None:
                     self._frames.append(ended.frames)
 
+    def _with_time_left(self, event: StageProgress, capture: _Capture, now: float) -> StageProgress:
+        left, passed = self._left(capture, now), now - capture.began
+        if left is None:
+            return event
+        return replace(event, seconds_left=round(left, 1), share=round(min(MAX_SHARE, passed / (passed + left)), 3))
+
     def _report(self, now: float) -> RunProgress:
         self._reported = now
         names = self._expected | self._captures.keys()
@@ -119,13 +128,12 @@ class TimeLeft:
     def _left_of_run(self, names: Collection[str], now: float) -> float | None:
         """Return the seconds until the last capture ends, as many side by side as there have been; None: not known."""
         running = [self._left(capture, now) for capture in self._captures.values()]
-        waiting = len(names) - len(self._captures) - len(self._done.intersection(names))
-        lengths = self._frames + [capture.frames for capture in self._captures.values() if capture.frames]
-        if None in running or (waiting and not lengths):
-            return None
         known = [seconds for seconds in running if seconds is not None]
+        # A capture whose length is not known yet counts as one that has not begun.
+        waiting = len(names) - len(known) - len(self._done.intersection(names))
+        lengths = self._frames + [capture.frames for capture in self._captures.values() if capture.frames]
         if waiting:
-            whole = self._left(_Capture(sum(lengths) // len(lengths)), now)
+            whole = self._left(_Capture(now, sum(lengths) // len(lengths)), now) if lengths else None
             if whole is None:
                 return None
             known += [whole] * waiting

@@ -150,7 +150,6 @@ class Listing:
             } | {row.capture: row for row in rows}
             self._stamps[object_id] = stamp
             self._revision += 1
-            self._states.learn(rows)
             self._ended.wait(REST_SHARE * (time.monotonic() - started))
         self._is_complete = True
 

@@ -2,7 +2,7 @@
 
 import os
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
 from typing import Any
@@ -37,7 +37,6 @@ class Row:
     seconds_left: float | None = None
     error: str = ""
     remedy: str = ""
-    seconds: dict[str, float] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -91,7 +90,6 @@ def object_rows(location: Location, object_id: str) -> list[Row]:
                 version=version.name if version is not None and is_published else "",
                 date=version.time.isoformat(timespec="seconds") if version is not None and is_published else "",
                 stage="" if is_published else summary.stage,
-                seconds=dict(summary.seconds),
             )
         )
     return rows

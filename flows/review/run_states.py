@@ -5,24 +5,19 @@ The server is asked only while a view is open. Runs that the page itself has sta
 
 import threading
 import time
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
-from statistics import median
 from typing import Any
 
 from glint.flows.review.object_rows import Row
-from glint.flows.review.runs import Run, Runs
+from glint.flows.review.runs import Runs
 from glint.storage.catalogue.models import MODEL
-from glint.tasks.review.summary import seconds_left
 
 POLLING_SECONDS = 3.0
 """Seconds from one question to the next."""
 WANTED_SECONDS = 15.0
 """Seconds after the last look at a view for which the server is still asked."""
-KEPT_SECONDS = 200
-"""Captures whose seconds by stage are kept, to estimate those of a capture that has not run."""
 
 
 class RunStates:
@@ -32,8 +27,6 @@ class RunStates:
         self._store, self._runs = store, runs
         self._running: dict[str, dict[str, Any]] = {}
         self._failed: dict[str, dict[str, Any]] = {}
-        self._seconds: dict[str, list[float]] = {}
-        self._typical: dict[str, float] = {}
         self._polls, self._asked = 0, -WANTED_SECONDS
         self._ended = threading.Event()
 
@@ -54,15 +47,6 @@ class RunStates:
         """A number that grows with every change."""
         return self._polls + self._runs.revision
 
-    def learn(self, rows: Sequence[Row]) -> None:
-        """Remember how long the stages of these captures took."""
-        for row in rows:
-            for stage, seconds in row.seconds.items():
-                known = self._seconds.setdefault(stage, [])
-                known.append(seconds)
-                del known[:-KEPT_SECONDS]
-        self._typical = {stage: median(known) for stage, known in self._seconds.items()}
-
     def names(self) -> list[str]:
         """Return the captures that run, or whose last run failed."""
         names = sorted({*self._running, *self._failed})
@@ -72,11 +56,11 @@ class RunStates:
         """Return the row with what is going on, or how its last run failed."""
         own = self._runs.of(row.name)
         if own is not None and own.state == "running":
-            return self._with_own_run(row, own)
+            return replace(row, state="running", stage=own.stage, progress=own.share, seconds_left=own.seconds_left)
         running = self._running.get(row.name)
         if running is not None and own is None:
             share = running["progress"]
-            left = seconds_left(running["stage"], share or 0.0, row.seconds, self._typical)
+            left = _seconds_left(share, running["since"])
             return replace(row, state="running", stage=running["stage"], progress=share, seconds_left=left)
         if own is not None and own.state == "failed":
             return replace(row, state="failed", error=own.error, remedy=own.remedy)
@@ -84,11 +68,6 @@ class RunStates:
         if failed is not None and own is None and not _is_later(row.date, failed["ended"]):
             return replace(row, state="failed", stage=failed["stage"], error=failed["error"])
         return row
-
-    def _with_own_run(self, row: Row, run: Run) -> Row:
-        share = run.done / run.total if run.total else None
-        left = seconds_left(run.stage, share or 0.0, row.seconds, self._typical)
-        return replace(row, state="running", stage=run.stage, progress=share, seconds_left=left)
 
     def _keep(self) -> None:
         while not self._ended.is_set():
@@ -114,6 +93,17 @@ class RunStates:
         if (running, failed) != (self._running, self._failed):
             self._running, self._failed = running, failed
             self._polls += 1
+
+
+def _seconds_left(share: float | None, since: str) -> float | None:
+    """Return the seconds that a run on the server has left.
+
+    share: part of its time that had passed when the run reported it last; since: ISO date of its begin.
+    """
+    if not share or not since:
+        return None
+    begin = datetime.fromisoformat(since)
+    return round((datetime.now(begin.tzinfo) - begin).total_seconds() * (1.0 / share - 1.0), 1)
 
 
 def _is_later(date: str, other_date: str) -> bool:

@@ -23,7 +23,8 @@ READ_SECONDS = 0.2
 @dataclass
 class Run:
     """A run of one capture. state: running, done or failed; lines: what it reported, as events of `glint run --json`;
-    stages: seconds by stage that has ended, None where its result was stored already."""
+    share: part of its time that has passed, seconds_left: until it ends, both None before they are known; stages:
+    seconds by stage that has ended, None where its result was stored already."""
 
     capture: str
     started: float = field(default_factory=time.time)
@@ -32,6 +33,8 @@ class Run:
     done: int = 0
     total: int | None = None
     unit: str = ""
+    share: float | None = None
+    seconds_left: float | None = None
     error: str = ""
     remedy: str = ""
     version: str = ""
@@ -131,6 +134,7 @@ def note(run: Run, event: dict[str, Any]) -> None:
         if kind == "progress":
             run.stage, run.done = event["stage"], event.get("done", 0)
             run.total, run.unit = event.get("total"), event.get("unit", "")
+            run.share, run.seconds_left = event.get("share", run.share), event.get("seconds_left", run.seconds_left)
         elif kind == "stage":
             run.stages[event["stage"]] = None if event.get("cached") else event["seconds"]
         elif kind == "failed":

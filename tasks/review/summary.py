@@ -49,22 +49,6 @@ def summary_of(records: Records) -> CaptureSummary:
     )
 
 
-def seconds_left(stage: str, done: float, seconds: Mapping[str, float], typical: Mapping[str, float]) -> float | None:
-    """Return the seconds that a running capture still takes; None: nothing is known of its stages.
-
-    stage: the one that is running; done: its finished share; seconds: by stage, of the capture's last run; typical: the
-    same of other captures, for stages that it has not had.
-    """
-    names = [item.name for item in STAGES]
-    if stage not in names:
-        return None
-    left = names[names.index(stage) :]
-    known = [seconds.get(name, typical.get(name)) for name in left]
-    if known[0] is None:
-        return None
-    return known[0] * (1.0 - done) + sum(value for value in known[1:] if value is not None)
-
-
 def _count(records: Records, stage: str, name: str) -> float | None:
     if stage not in records:
         return None

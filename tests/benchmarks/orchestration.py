@@ -25,6 +25,7 @@ from glint.tasks.engine.stage import perform, stage_keys
 from glint.tasks.pipeline import STAGES
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from glint.tasks.warm_up import warm_up
+from tests.benchmarks.ratios import line
 
 RUN = [sys.executable, "-c", "from glint.flows.cli.main import main; main()", "run"]
 POOL_BAR, WORKERS_BAR = 1.1, 1.7
@@ -100,14 +101,11 @@ def main() -> None:
             flush=True,
         )
         two, before = by_run(catalogue, folder / "two", 2)
-        print(
-            f"glint run, two workers {two:.1f} s ({two / alone:.2f} times, bar {POOL_BAR}), after {before:.1f} s",
-            flush=True,
-        )
+        print(f"glint run, two workers {two:.1f} s, after {before:.1f} s")
+        print(line("run with two workers / stages in two processes", two / alone, POOL_BAR), flush=True)
         one, _ = by_run(catalogue, folder / "one", 1)
-        print(
-            f"glint run, one worker {one:.1f} s: two are {one / two:.2f} times as fast, bar {WORKERS_BAR}", flush=True
-        )
+        print(f"glint run, one worker {one:.1f} s")
+        print(line("two workers / one", one / two, WORKERS_BAR, least=True), flush=True)
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ from statistics import median
 
 from glint.storage.catalogue.loading import Catalogue, load, write
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
+from tests.benchmarks.ratios import line
 
 IMPORTS = [sys.executable, "-c", "import prefect, distributed, zarr, icechunk"]
 RUN = [sys.executable, "-m", "glint", "run"]
@@ -111,26 +112,17 @@ def measure(folder: Path, captures: int, repeat: int) -> None:
     unit = median(timing.wall for timing in imports)
     processor = median(timing.processor for timing in imports)
     stages = median(timing.stages for timing in little)
-    print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors, {captures} captures; times the imports")
-    for name, seconds, of_processor, bar in (
-        ("imports of the four libraries", unit, processor, 1.0),
-        (
-            "unchanged: first line",
-            median(timing.first_line for timing in idle),
-            0.0,
-            FIRST_LINE_BAR_S / QUIET_IMPORTS_S,
-        ),
-        ("unchanged", _wall(idle), _processor(idle), UNCHANGED_BAR),
-        (
-            "last stages of one capture, without these stages",
-            _wall(little) - stages,
-            _processor(little),
-            CHANGED_BAR_S / QUIET_IMPORTS_S,
-        ),
-        ("cold: first stage", cold.first_stage, 0.0, COLD_BAR_S / QUIET_IMPORTS_S),
+    print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors, {captures} captures")
+    print(f"imports of the four libraries: {unit:.1f} s, of processor {processor:.1f} s", flush=True)
+    for name, seconds, bar in (
+        ("first line of an unchanged run", median(timing.first_line for timing in idle), FIRST_LINE_BAR_S),
+        ("unchanged catalogue", _wall(idle), UNCHANGED_BAR * QUIET_IMPORTS_S),
+        ("changed last stages of one capture, beyond them", _wall(little) - stages, CHANGED_BAR_S),
+        ("cold until the first stage", cold.first_stage, COLD_BAR_S),
     ):
-        share = f", of processor {of_processor:.1f} s {of_processor / processor:.2f}" if of_processor else ""
-        print(f"{name}: {seconds:.1f} s {seconds / unit:.2f} (bar {bar:.2f}){share}")
+        print(line(f"{name} / imports", seconds / unit, bar / QUIET_IMPORTS_S))
+    for name, of_processor in (("unchanged catalogue", _processor(idle)), ("changed last stages", _processor(little))):
+        print(f"{name}: {of_processor / processor:.2f} of the imports' seconds of processor", flush=True)
 
 
 def _processor(timings: list[Timing]) -> float:

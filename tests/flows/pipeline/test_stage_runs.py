@@ -173,7 +173,7 @@ def test_warnings_are_logged_and_progress_moves_one_bar() -> None:
     frames = StageRecord("frames", "k", False, 2.5, {"frames": 300}, (StageWarning("the camera moved", "camera"),))
     events: list[Event | float] = [
         StageStarted(NAME, "frames"),
-        StageProgress(NAME, "frames", 75, 300, 1.0),
+        StageProgress(NAME, "frames", 150, 300, 1.0, share=0.25),
         StageProgress("other/front", "labels", 1, 2, 1.0),
         *end_events(NAME, frames),
     ]

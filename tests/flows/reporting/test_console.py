@@ -2,6 +2,7 @@ import io
 import json
 import sys
 import threading
+import time
 
 import pytest
 from rich.console import Console
@@ -87,10 +88,15 @@ def test_bars_show_what_runs_and_leave_lines_of_what_ended() -> None:
         bars._progress.refresh()
         assert "1200/8000 frames  800 frames/s" in stream.getvalue()
         assert "glass/[front]" in stream.getvalue()
-        bars.emit(StageProgress("glass/[front]", "frames", 8000, 8000, 9.0, "frames", seconds_left=40.0))
+        bars.emit(StageProgress("glass/[front]", "frames", 8000, 8000, 9.0, "frames", seconds_left=40.0, share=0.08))
         bars.emit(StageEnded("glass/[front]", "frames", 9.0))
         (bar,) = bars._progress.tasks
         assert not bar.finished and bar.percentage < 10.0, "the bar is the capture's, and the clock goes on"
+        bars._progress.refresh()
+        assert "done, about 40 s left" in stream.getvalue()
+        bars._progress.update(bar.id, end=time.monotonic() + 20.0)
+        bars._progress.refresh()
+        assert ", about 20 s left" in stream.getvalue(), "time passes without events"
         bars.emit(RunProgress(2, 5, 40.0))
         bars._progress.refresh()
         assert "2 of 5 captures, about 40 s left" in stream.getvalue()

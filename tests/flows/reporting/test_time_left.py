@@ -13,7 +13,7 @@ from glint.flows.reporting.events import (
     left_in_words,
     sentence,
 )
-from glint.flows.reporting.time_left import MS, MS_PER_FRAME, OTHER_MS, TimeLeft
+from glint.flows.reporting.time_left import MAX_SHARE, MS, MS_PER_FRAME, OTHER_MS, TimeLeft
 from glint.tasks.pipeline import NAMES
 
 FRAMES = 8000
@@ -50,6 +50,9 @@ def test_a_capture_tells_what_it_has_left_once_its_frames_show_the_speed() -> No
     assert {event.seconds_left for _, event in told if event.stage == "survey"} == {None}
     known = [(end - now, event.seconds_left) for now, event in told if event.seconds_left is not None]
     assert len(known) > len(told) * 0.85
+    shares = [event.share for _, event in told if event.share is not None]
+    assert shares == sorted(shares) and 0.0 < shares[0] < 0.2
+    assert shares[-1] == MAX_SHARE, "a full bar never stands still"
     for true, left in known:
         assert left == pytest.approx(true, abs=0.2 + 0.02 * true)
 
@@ -66,6 +69,16 @@ def test_a_run_counts_its_captures_and_the_time_of_those_that_have_not_begun() -
     (_, failed) = time_left.follow(CaptureFailed(names[2], "no light"), whole + 1)
     assert isinstance(failed, RunProgress)
     assert failed.done == 3 and failed.seconds_left == pytest.approx(2 * whole, rel=0.02)
+
+
+def test_a_capture_whose_length_is_not_known_yet_counts_as_one_to_come() -> None:
+    time_left = TimeLeft(NAMES)
+    names = [f"glass/{number}" for number in range(3)]
+    time_left.expect(names)
+    played(time_left, names[0], 0.0)
+    whole = sum(SECONDS.values())
+    *_, report = time_left.follow(StageStarted(names[1], "survey"), whole + 2.0)
+    assert isinstance(report, RunProgress) and report.seconds_left == pytest.approx(2 * whole, rel=0.02)
 
 
 def test_captures_side_by_side_share_the_time() -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.pipeline import NAMES
-from glint.tasks.review.summary import seconds_left, summary_of
+from glint.tasks.review.summary import summary_of
 
 
 def records(*warnings: StageWarning, observed: int = 700, stages: tuple[str, ...] = tuple(NAMES)) -> dict[str, Any]:
@@ -51,10 +51,3 @@ def test_before_the_clusters_there_is_no_verdict() -> None:
     assert summary.verdict is None and summary.confident is None and summary.stage == "lights"
     nothing = summary_of({})
     assert nothing.verdict is None and nothing.stage == ""
-
-
-def test_the_time_left_is_that_of_the_stages_to_come() -> None:
-    own, typical = {"labels": 4.0}, {"labels": 100.0, "depth": 3.0, "surface": 1.0}
-    assert seconds_left("labels", 0.25, own, typical) == pytest.approx(3.0 + 3.0 + 1.0)
-    assert seconds_left("labels", 0.0, {}, {}) is None
-    assert seconds_left("", 0.0, own, typical) is None
