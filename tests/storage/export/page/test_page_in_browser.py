@@ -131,7 +131,7 @@ def test_a_dragged_light_is_drawn_coarsely_and_then_wholly(page: browser.Page) -
       const whole = [mean(), canvas.width];
       relight.draw(4);
       const coarse = [mean(), canvas.width];
-      relight.cost = 16 * 33;
+      relight.cost = 16 * 16;
       relight.set({ light: [0.3, 0, 0.954] });
       const moving = relight.asked;
       await new Promise((done) => setTimeout(done, 600));
