@@ -8,6 +8,7 @@ import numpy as np
 from scipy import sparse
 
 from glint.storage.errors import InputError
+from glint.storage.frames.layout import CHUNK_PX
 from glint.storage.inputs.markup import AnnotationEntry
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.marked_tracks import Tracks, join_tracks
@@ -28,12 +29,10 @@ from glint.tasks.stages.clusters import faced, load_clusters
 from glint.tasks.stages.frames import open_frames
 from glint.tasks.stages.labels import field_weights, graph_cut_weights, reconstruct
 from glint.tasks.stages.light_distance import load_near_light
-from glint.tasks.stages.markup import corrected, faced_marks, load_marks, marks_in_region
+from glint.tasks.stages.markup import corrected, corrected_tracks, faced_marks, load_marks, marks_in_region
 
-BLOCK = 64
-"""Frames and pixels of a block that is read at once: a chunk of the cache of frames."""
 KEPT_BLOCKS = 8
-"""Parts of the frames that are kept for the next highlight: at most 7 MB for one."""
+"""Parts of the frames that are kept for the next highlight."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +63,7 @@ class CaptureQuestions:
         self.clusters: Clusters = load_clusters(work)
         self.thresholds: np.ndarray = work.load("thresholds").read("thresholds")
         self._initial = work.load("silhouette").read("initial")
-        self._half_vectors = work.load("lights").read("half_vectors")
+        self.half_vectors: np.ndarray = work.load("lights").read("half_vectors")
         self._near_light = load_near_light(work)
         self._cache = open_frames(work)
         self._settled: Alternation | None = None
@@ -73,11 +72,6 @@ class CaptureQuestions:
         self._blocks = lru_cache(maxsize=KEPT_BLOCKS)(self._read_blocks)
         self._followed = lru_cache(maxsize=1024)(self._follow)
         self.tracks = lru_cache(maxsize=64)(self._track)
-
-    @property
-    def half_vectors(self) -> np.ndarray:
-        """Half vectors (T, 3) of the frames, NaN where the light was rejected."""
-        return self._half_vectors
 
     @cached_property
     def candidate_pixels(self) -> np.ndarray:
@@ -91,7 +85,7 @@ class CaptureQuestions:
     def frames_lit_at(self, row: int, column: int) -> np.ndarray:
         """Return the frames with a light in which a pixel of the region is lit, ascending."""
         lit = self._levels(row, column) > self.thresholds[row, column]
-        return np.flatnonzero(lit & np.isfinite(self._half_vectors[:, 0]))
+        return np.flatnonzero(lit & np.isfinite(self.half_vectors[:, 0]))
 
     def marks(self, annotations: list[AnnotationEntry]) -> Marks | None:
         """Return annotations and their tracks as marks; None where there are none."""
@@ -188,38 +182,32 @@ class CaptureQuestions:
         return sheet_graph(np.where(self.mask[None, :, :, None], self.clusters.normals, np.nan).astype(np.float32))
 
     def _track(self, annotations: tuple[AnnotationEntry, ...]) -> Tracks:
-        late = [item.frame for item in annotations if item.frame >= len(self._half_vectors)]
+        late = [item.frame for item in annotations if item.frame >= len(self.half_vectors)]
         if late:
-            raise InputError(f"a mark is at frame {late[0]:,}", f"the last one is {len(self._half_vectors) - 1:,}")
+            raise InputError(f"a mark is at frame {late[0]:,}", f"the last one is {len(self.half_vectors) - 1:,}")
         region = self.geometry.region
         tracks = join_tracks(
             marks_in_region(annotations, region),
             lambda mark, span: self._followed(mark.frame, mark.x, mark.y, span.start, span.stop),
-            self._half_vectors,
+            self.half_vectors,
             (region.x, region.y),
         )
-        marks = tracks.marks
-        if not len(marks.kind):
-            return tracks
-        seen_at = corrected(marks.half_vectors, marks.pixels, self._near_light, self.geometry)
-        return replace(tracks, marks=replace(marks, half_vectors=seen_at))
+        return corrected_tracks(tracks, self._near_light, self.geometry)
 
     def _follow(self, frame: int, x: float, y: float, start: int, stop: int) -> list[tuple[int, int, int]]:
         span = slice(start, stop)
         return list(follow_highlight(Mark(frame, x, y, True), span, self._window, self.thresholds, self.mask))
 
     def _window(self, frames: slice, rows: slice, columns: slice) -> np.ndarray:
-        """Read a part of the frames out of whole blocks, which neighbouring highlights share."""
-        whole = [(part.start // BLOCK, -(-part.stop // BLOCK)) for part in (frames, rows, columns)]
-        parts = (frames, rows, columns)
-        inner = (
-            slice(part.start - first * BLOCK, part.stop - first * BLOCK)
-            for part, (first, _) in zip(parts, whole, strict=True)
-        )
-        return np.asarray(self._blocks(*whole)[tuple(inner)])
+        """Read a part of the frames out of whole chunks of the cache, which neighbouring highlights share."""
+        parts, chunk = (frames, rows, columns), (self._cache.shard_frames, CHUNK_PX, CHUNK_PX)
+        starts = [part.start // size * size for part, size in zip(parts, chunk, strict=True)]
+        ends = [-(-part.stop // size) * size for part, size in zip(parts, chunk, strict=True)]
+        inner = (slice(part.start - start, part.stop - start) for part, start in zip(parts, starts, strict=True))
+        return np.asarray(self._blocks(*zip(starts, ends, strict=True))[tuple(inner)])
 
     def _read_blocks(self, *whole: tuple[int, int]) -> np.ndarray:
-        return self._cache.read(OBJECT, *(slice(first * BLOCK, last * BLOCK) for first, last in whole))
+        return self._cache.read(OBJECT, *(slice(start, end) for start, end in whole))
 
     def _highlight(self, question: Question) -> tuple[int, int, int] | None:
         normals = self.clusters.normals
@@ -227,8 +215,8 @@ class CaptureQuestions:
 
     def half_vectors_of(self, row: int, column: int) -> np.ndarray:
         """Return the half vectors (T, 3) of the frames as seen at a pixel of the region."""
-        pixels = np.tile(np.array([[row, column]]), (len(self._half_vectors), 1))
-        return corrected(self._half_vectors, pixels, self._near_light, self.geometry)
+        pixels = np.tile(np.array([[row, column]]), (len(self.half_vectors), 1))
+        return corrected(self.half_vectors, pixels, self._near_light, self.geometry)
 
     def _read_frame(self, frame: int) -> np.ndarray:
         return np.asarray(self._cache.read(OBJECT, slice(frame, frame + 1))[0])

@@ -15,14 +15,13 @@ Records = Mapping[str, tuple[str, Mapping[str, Any]]]
 @dataclass(frozen=True, slots=True)
 class CaptureSummary:
     """verdict: None before the clusters are known; warnings: the dearest first; confident, observed: shares of the
-    object, None before they are known; stage: the last one that has a result; seconds: by stage."""
+    object, None before they are known; stage: the last one that has a result."""
 
     verdict: Verdict | None
     warnings: tuple[StageWarning, ...]
     confident: float | None
     observed: float | None
     stage: str
-    seconds: Mapping[str, float]
 
     @property
     def is_doubtful(self) -> bool:
@@ -45,7 +44,6 @@ def summary_of(records: Records) -> CaptureSummary:
         _count(records, "labels", "confident share"),
         share,
         present[-1] if present else "",
-        {stage: float(records[stage][1].get("seconds") or 0.0) for stage in present},
     )
 
 

@@ -13,7 +13,15 @@ from glint.tasks.algorithms.labelling.confidence import with_input_doubt
 from glint.tasks.algorithms.labelling.dual_layer import reconstruct_dual_layer
 from glint.tasks.algorithms.labelling.light_evidence import light_evidence
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
-from glint.tasks.algorithms.labelling.results import FILLED, MARKED, OBSERVED, OUTSIDE, PROVENANCE, Reconstruction
+from glint.tasks.algorithms.labelling.results import (
+    FILLED,
+    MARKED,
+    OBSERVED,
+    OUTSIDE,
+    PROVENANCE,
+    Reconstruction,
+    exterior_normals,
+)
 from glint.tasks.algorithms.labelling.weights import FieldWeights, GraphCutWeights
 from glint.tasks.algorithms.labelling.winner_takes_all import reconstruct_winner
 from glint.tasks.algorithms.near_light.half_vector_error import combined_error
@@ -86,18 +94,8 @@ def _camera_doubt(inputs: StageInputs, clusters: Clusters, labels: np.ndarray) -
     record, mask = inputs.load("lights").record, inputs.load("mask").read("mask")
     if record["camera"] is None:
         return CameraDoubt(np.zeros(mask.shape, np.float32))
-    normals = accepted_normals(clusters.normals, labels)
+    normals = exterior_normals(clusters.normals, labels)
     return doubt_camera(load_geometry(inputs), record["camera"], normals, float(record["spheres_error"]))
-
-
-def accepted_normals(candidates: np.ndarray, labels: np.ndarray) -> np.ndarray:
-    """Return the heaviest accepted candidate (H, W, 3) of each pixel, NaN without, of candidates (K, H, W, 3).
-
-    labels: (K, H, W), 1: accepted.
-    """
-    accepted = np.where((labels > 0)[..., None], candidates, np.nan)
-    first = np.isfinite(accepted[..., 0]).argmax(axis=0)
-    return np.take_along_axis(accepted, first[None, ..., None], axis=0)[0]
 
 
 def reconstruct(

@@ -47,11 +47,16 @@ def track_entries(results: CaptureResults, entries: Sequence[AnnotationEntry]) -
     thresholds = results.load("thresholds").read("thresholds")
     half_vectors = results.load("lights").read("half_vectors")
     tracks = track(marks, partial(cache.read, OBJECT), thresholds, half_vectors, mask, (region.x, region.y))
-    tracked = tracks.marks
-    if not len(tracked.kind):
+    return corrected_tracks(tracks, load_near_light(results), geometry)
+
+
+def corrected_tracks(tracks: Tracks, near_light: NearLight | None, geometry: CaptureGeometry) -> Tracks:
+    """Return tracks whose marks have half vectors as seen at their pixels."""
+    marks = tracks.marks
+    if not len(marks.kind):
         return tracks
-    seen_at = corrected(tracked.half_vectors, tracked.pixels, load_near_light(results), geometry)
-    return replace(tracks, marks=replace(tracked, half_vectors=seen_at))
+    seen_at = corrected(marks.half_vectors, marks.pixels, near_light, geometry)
+    return replace(tracks, marks=replace(marks, half_vectors=seen_at))
 
 
 def marks_in_region(entries: Sequence[AnnotationEntry], region: Region) -> list[Mark]:

@@ -124,11 +124,11 @@ def write(path: Path, frames: Iterator[np.ndarray], codec: str, pixels: str) -> 
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--frames", type=int, nargs="+", default=[8000, 32000])
+    parser.add_argument("--frames", type=int, nargs="+", help="default: 8000 32000, or 500 with --large")
     parser.add_argument("--large", choices=SIZES)
     parser.add_argument("--keep", type=Path)
     arguments = parser.parse_args()
-    for count in arguments.frames:
+    for count in arguments.frames or ([500] if arguments.large else [8000, 32000]):
         with tempfile.TemporaryDirectory() as temporary:
             folder = Path(temporary) if arguments.keep is None else arguments.keep / f"{arguments.large}-{count}"
             catalogue = folder / ("large" if arguments.large else "captures") / "catalogue.yaml"

@@ -16,6 +16,7 @@ import numpy as np
 from glint.storage.catalogue.loading import load
 from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.labelling.results import exterior_normals
 from glint.tasks.algorithms.near_light.focal_length_of_normals import focal_length_of_normals
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
@@ -24,7 +25,6 @@ from glint.tasks.simulation.simulate import SHAPES, CaptureOptions, simulate
 from glint.tasks.stages.camera_doubt import unknown_camera
 from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.clusters import load_clusters
-from glint.tasks.stages.labels import accepted_normals
 from tests.tasks.make_context import perform_all
 
 FOCAL_WIDTHS = (None, 2.4, 1.5, 0.9)
@@ -39,7 +39,7 @@ def measure(shape: str, focal: float | None, folder: Path, seed: int) -> str:
     records = perform_all(work, "labels")
     geometry, saved, mask = load_geometry(work), work.load("labels"), work.load("mask").read("mask")
     width = geometry.frame_size[0]
-    normals = accepted_normals(load_clusters(work).normals, saved.read("labels"))
+    normals = exterior_normals(load_clusters(work).normals, saved.read("labels"))
     estimate = focal_length_of_normals(normals, unknown_camera(geometry))
     assert capture.truth is not None
     truth = read_truth(capture.truth, (mask.shape[0], mask.shape[1])).normals

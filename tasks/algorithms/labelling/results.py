@@ -39,13 +39,18 @@ class Reconstruction:
     iterations: tuple[Iteration, ...]
 
 
+def exterior_normals(normals: np.ndarray, labels: np.ndarray) -> np.ndarray:
+    """Return the normal of each pixel's exterior node (H, W, 3), NaN without, of normals (K, H, W, 3) and labels."""
+    chosen = np.take_along_axis(normals, labels.argmax(axis=0)[None, :, :, None], axis=0)[0]
+    return np.where(labels.any(axis=0)[..., None], chosen, np.nan)
+
+
 def accepted_normals(normals: np.ndarray, labels: np.ndarray, marked: np.ndarray) -> np.ndarray:
     """Return the accepted normal of each pixel (H, W, 3), NaN where there is none.
 
     It is that of the exterior node or of the mark, and the direction midway between them where a pixel has both.
     """
-    chosen = np.take_along_axis(normals, labels.argmax(axis=0)[None, :, :, None], axis=0)[0]
-    chosen = np.where(labels.any(axis=0)[..., None], chosen, np.nan)
+    chosen = exterior_normals(normals, labels)
     return unit(np.where(np.isnan(chosen), marked, np.where(np.isnan(marked), chosen, chosen + marked)))
 
 

@@ -84,7 +84,7 @@ def level_evidence(samples: RaySamples, used: np.ndarray | None = None) -> EdgeE
         mean += count * square
     total = counts.sum(axis=0)[:, None]
     single, mean = single / total, mean / total
-    return net_evidence(samples, (1.0 - MEAN_WEIGHT) * single + MEAN_WEIGHT * mean / (mean + HALF_MEAN_RATIO))
+    return _net_evidence(samples, (1.0 - MEAN_WEIGHT) * single + MEAN_WEIGHT * mean / (mean + HALF_MEAN_RATIO))
 
 
 def variation_evidence(samples: RaySamples) -> EdgeEvidence:
@@ -93,20 +93,34 @@ def variation_evidence(samples: RaySamples) -> EdgeEvidence:
     The table varies with the light and with shadows; what the rim mirrors of it varies less, since haze and reflections
     of the room lie over it. Neighbouring rays are averaged: the table's texture does not vary by itself.
     """
+    rays = max(1, 2 * round(VARIATION_ARC_DEG * samples.valid.shape[0] / 720.0) + 1)
+    variation = np.log(samples.levels.std(axis=0) + MIN_VARIATION)
+    change = change_along_rays(averaged_over_rays(variation, rays), samples.reach)
+    return increase_evidence(samples, change, MIN_VARIATION_CHANGE, HALF_VARIATION_RATIO)
+
+
+def averaged_over_rays(values: np.ndarray, rays: int) -> np.ndarray:
+    """Return values (A, N) float32 averaged over an odd number of neighbouring rays."""
+    half = rays // 2
+    around = np.pad(values, ((half, half), (0, 0)), mode="wrap")
+    return np.asarray(cv2.blur(around, (1, rays)))[half : half + len(values)]
+
+
+def increase_evidence(samples: RaySamples, change: np.ndarray, least: float, half_ratio: float) -> EdgeEvidence:
+    """Measure the evidence of increases among changes (A, N) outward along the rays.
+
+    least: change below which there is only noise; half_ratio: squared increase, relative to the usual change, whose
+    evidence is one half.
+    """
     valid = samples.valid
     if not valid.any():
-        return net_evidence(samples, np.zeros(valid.shape, np.float32))
-    rays = max(1, 2 * round(VARIATION_ARC_DEG * valid.shape[0] / 720.0) + 1)
-    variation = np.log(samples.levels.std(axis=0) + MIN_VARIATION)
-    around = np.pad(variation, ((rays // 2, rays // 2), (0, 0)), mode="wrap")
-    smooth = cv2.blur(around, (1, rays))[rays // 2 : rays // 2 + valid.shape[0]]
-    change = change_along_rays(smooth, samples.reach)
-    usual = float(np.median(np.abs(change[valid]))) + MIN_VARIATION_CHANGE
+        return _net_evidence(samples, np.zeros(valid.shape, np.float32))
+    usual = float(np.median(np.abs(change[valid]))) + least
     square = (np.maximum(change, 0.0) / usual) ** 2
-    return net_evidence(samples, square / (square + HALF_VARIATION_RATIO))
+    return _net_evidence(samples, square / (square + half_ratio))
 
 
-def net_evidence(samples: RaySamples, evidence: np.ndarray) -> EdgeEvidence:
+def _net_evidence(samples: RaySamples, evidence: np.ndarray) -> EdgeEvidence:
     """Return evidence (A, N) with what lies outside the frame left out, and what lies outside an edge subtracted."""
     evidence = np.where(samples.valid, evidence, np.float32(0.0))
     gap = max(1, round(OUTER_GAP_PX / samples.spacing))

@@ -8,10 +8,9 @@ Without shadow a contour may have no contrast, and deviations need a mirrored ob
 but the median of the three fits is better than the first on almost all (`python -m tests.benchmarks.spheres_scenes`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import cv2
 import numpy as np
 
 from glint.tasks.algorithms.lighting.circles import EdgeEvidence, RaySamples, sample_rays
@@ -19,11 +18,12 @@ from glint.tasks.algorithms.lighting.contour import (
     MIN_VARIATION_FRAMES,
     OUTSIDE_RATIOS,
     ContourFit,
+    averaged_over_rays,
     centred_by_variation,
     change_along_rays,
     fine_fit,
+    increase_evidence,
     level_evidence,
-    net_evidence,
     variation_evidence,
 )
 
@@ -63,7 +63,7 @@ def refine_contour(frames: Sequence[np.ndarray], fit: ContourFit) -> ContourFit:
     """
     if len(frames) < MIN_VARIATION_FRAMES:
         return fit
-    fits = [fit, _refitted(frames, fit, with_deviation=False), _refitted(frames, fit, with_deviation=True)]
+    fits = [fit, _refitted(frames, fit, _without_shadows), _refitted(frames, fit, _without_shadows_and_objects)]
     circles = np.array([[circle.x, circle.y, circle.radius] for circle in fits])
     middle = np.median(circles, axis=0)
     spread = np.mean((circles - middle) ** 2, axis=0)
@@ -72,23 +72,29 @@ def refine_contour(frames: Sequence[np.ndarray], fit: ContourFit) -> ContourFit:
     return replace(fit, x=x, y=y, radius=radius, covariance=covariance)
 
 
-def _refitted(frames: Sequence[np.ndarray], fit: ContourFit, *, with_deviation: bool) -> ContourFit:
-    """Fit the contour without shadows; optionally by deviations from the table's levels where an object is mirrored,
-    and elsewhere by the variation over time too."""
+def _refitted(
+    frames: Sequence[np.ndarray], fit: ContourFit, measure: Callable[[RaySamples, float], ContourFit]
+) -> ContourFit:
+    """Measure the contour by samples around the fit, and again around what was measured."""
     for _ in range(REFITS):
-        samples = sample_rays(
-            frames, fit.x, fit.y, (1.0 - INNER_REACH_RATIO) * fit.radius, OUTSIDE_RATIOS[1] * fit.radius
-        )
-        evidence = level_evidence(samples, _lit(samples, fit.radius))
-        if not with_deviation:
-            fit = fine_fit(evidence, 0.0, 0.0, fit.radius)
-            continue
-        decreasing, weight = deviation_evidence(samples, fit.radius)
-        evidence = _mixed(evidence, decreasing, weight)
-        # What an object adds to the variation of the rim is not to be taken for the table's.
-        variation = _mixed(variation_evidence(samples), np.zeros_like(decreasing), weight)
-        fit = centred_by_variation(evidence, variation, fine_fit(evidence, 0.0, 0.0, fit.radius))
+        reach = (1.0 - INNER_REACH_RATIO) * fit.radius, OUTSIDE_RATIOS[1] * fit.radius
+        fit = measure(sample_rays(frames, fit.x, fit.y, *reach), fit.radius)
     return fit
+
+
+def _without_shadows(samples: RaySamples, radius: float) -> ContourFit:
+    """Fit the contour to the levels of rays that end on the table without a shadow."""
+    return fine_fit(level_evidence(samples, _lit(samples, radius)), 0.0, 0.0, radius)
+
+
+def _without_shadows_and_objects(samples: RaySamples, radius: float) -> ContourFit:
+    """Fit the contour by deviations from the table's levels where an object is mirrored, and elsewhere by levels
+    without shadows and by the variation over time."""
+    decreasing, weight = deviation_evidence(samples, radius)
+    evidence = _mixed(level_evidence(samples, _lit(samples, radius)), decreasing, weight)
+    # What an object adds to the variation of the rim is not to be taken for the table's.
+    variation = _mixed(variation_evidence(samples), np.zeros_like(decreasing), weight)
+    return centred_by_variation(evidence, variation, fine_fit(evidence, 0.0, 0.0, radius))
 
 
 def _mixed(evidence: EdgeEvidence, replacement: np.ndarray, weight: np.ndarray) -> EdgeEvidence:
@@ -114,15 +120,13 @@ def deviation_evidence(samples: RaySamples, radius: float) -> tuple[np.ndarray, 
     inside = (distance > RIM_GAP_PX) & (distance < max(RIM_REACH_PX, RIM_REACH_RATIO * radius))
     levels = samples.levels
     table = np.median(levels[:, :, outside] - np.median(levels[:, :, outside], axis=0), axis=2)
-    deviations = levels - _smooth_over_rays(table.T).T[:, :, None]
+    deviations = levels - averaged_over_rays(table.T, SERIES_RAYS).T[:, :, None]
     deviations -= np.median(deviations, axis=0)
-    deviation = _smooth_over_rays(np.sqrt(np.minimum(deviations**2, MAX_DEVIATION**2).mean(axis=0)))
+    deviation = averaged_over_rays(np.sqrt(np.minimum(deviations**2, MAX_DEVIATION**2).mean(axis=0)), SERIES_RAYS)
     rim = deviation[:, inside].mean(axis=1)
     ratio = rim / (deviation[:, outside].mean(axis=1) + MIN_DEVIATION)
     decrease = -change_along_rays(deviation, samples.reach) / (rim + MIN_DEVIATION)[:, None]
-    usual = float(np.median(np.abs(decrease[samples.valid]))) + MIN_DEVIATION
-    square = (np.maximum(decrease, 0.0) / usual) ** 2
-    evidence = net_evidence(samples, square / (square + HALF_DEVIATION_RATIO)).evidence
+    evidence = increase_evidence(samples, decrease, MIN_DEVIATION, HALF_DEVIATION_RATIO).evidence
     return evidence, np.clip(ratio - MIRRORING_RATIO, 0.0, 1.0)
 
 
@@ -130,10 +134,3 @@ def _table(samples: RaySamples, radius: float) -> np.ndarray:
     """Return which samples (N,) of a ray lie on the table beside the contour."""
     distance = samples.radii - radius
     return (distance > TABLE_GAP_PX) & (distance < max(TABLE_REACH_PX, TABLE_REACH_RATIO * radius))
-
-
-def _smooth_over_rays(values: np.ndarray) -> np.ndarray:
-    """Return values (A, N) averaged over neighbouring rays."""
-    half = SERIES_RAYS // 2
-    around = np.pad(values, ((half, half), (0, 0)), mode="wrap").astype(np.float32)
-    return np.asarray(cv2.blur(around, (1, SERIES_RAYS)))[half : half + len(values)]

@@ -29,6 +29,22 @@ EDGE_ERROR_PX, NORMAL_ERROR_DEG = 1.0, 1.5
 """Standard deviations of an edge's ends, and of a face's normal by the sparse lights."""
 
 
+def image_points(pixels: np.ndarray) -> np.ndarray:
+    """Return the positions (N, 2) of the set pixels (H, W) bool, x and y in pixels, y upwards, in the order of rows."""
+    return np.argwhere(pixels)[:, ::-1] * np.array([1.0, -1.0])
+
+
+def strip_pixels(
+    start: np.ndarray, end: np.ndarray, outward: np.ndarray, along: np.ndarray, distances: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows and columns (A, D) of the pixels beside an edge; they may lie outside the image.
+
+    along (A,): shares of the way from start to end; distances (D,): outwards, in pixels; for the rest see `Edge`.
+    """
+    points = start + along[:, None, None] * (end - start) + distances[None, :, None] * outward
+    return np.round(-points[..., 1]).astype(int), np.round(points[..., 0]).astype(int)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Edge:
     """A straight edge of a face.
@@ -47,6 +63,10 @@ class Edge:
     def length(self) -> float:
         """Return the length in pixels."""
         return float(np.linalg.norm(self.end - self.start))
+
+    def strip(self, along: np.ndarray, distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return rows and columns (A, D) of the pixels beside the edge (see `strip_pixels`)."""
+        return strip_pixels(self.start, self.end, self.outward, along, distances)
 
     def direction(self, normal: np.ndarray) -> np.ndarray:
         """Return the unit direction (3,) of the crease on a face with this unit normal (3,)."""
@@ -84,9 +104,7 @@ def _behind(
 ) -> int:
     """Return what lies behind an edge of face `number`; owner (H, W): number of the face at each pixel, or its code."""
     gap = max(3, round(GAP_INRADII * scale))
-    along = np.linspace(0.15, 0.85, 21)[:, None, None]
-    points = start + along * (end - start) + np.arange(1, gap + 1)[None, :, None] * outward
-    columns, rows = np.round(points[..., 0]).astype(int), np.round(-points[..., 1]).astype(int)
+    rows, columns = strip_pixels(start, end, outward, np.linspace(0.15, 0.85, 21), np.arange(1, gap + 1))
     inside = (columns >= 0) & (columns < owner.shape[1]) & (rows >= 0) & (rows < owner.shape[0])
     codes = np.where(inside, owner[np.clip(rows, 0, owner.shape[0] - 1), np.clip(columns, 0, owner.shape[1] - 1)], -1)
     # The first thing on the way outwards that is neither the face itself nor without a face.
@@ -137,7 +155,7 @@ def rounding_radius(edges: list[Edge], faces: list[Face], scale: float) -> float
         if edge.behind >= 0:
             difference = (faces[edge.behind].normal - faces[edge.face].normal)[:2] @ edge.outward
             middle = (edge.start + edge.end) / 2.0
-            other = np.argwhere(faces[edge.behind].hull)[:, ::-1] * np.array([1.0, -1.0])
-            gap = float(np.linalg.norm(other - middle, axis=1).min()) - 1.0
+            distances = np.linalg.norm(image_points(faces[edge.behind].hull) - middle, axis=1)
+            gap = float(distances.min()) - 1.0
             radii.append(gap / max(abs(float(difference)), 0.1))
     return float(np.median(radii)) if radii else DEFAULT_ROUNDING_INRADII * scale

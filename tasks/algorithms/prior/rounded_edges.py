@@ -32,10 +32,8 @@ def rounded_share(edge: Edge, face: Face, candidates: np.ndarray, scale: float) 
     turned = np.cos(np.radians(TESTED_TURN_DEG)) * face.normal + np.sin(np.radians(TESTED_TURN_DEG)) * outward
     if turned[2] < np.cos(np.radians(TESTED_SLANT_DEG)):
         return float("nan")
-    along = np.linspace(0.1, 0.9, max(5, int(edge.length)))[:, None, None]
-    width = max(MIN_STRIP_PX, round(STRIP_INRADII * scale))
-    points = edge.start + along * (edge.end - edge.start) + np.arange(-1, width)[None, :, None] * edge.outward
-    columns, rows = np.round(points[..., 0]).astype(int), np.round(-points[..., 1]).astype(int)
+    strip = max(MIN_STRIP_PX, round(STRIP_INRADII * scale))
+    rows, columns = edge.strip(np.linspace(0.1, 0.9, max(5, int(edge.length))), np.arange(-1, strip))
     height, width = candidates.shape[1:3]
     inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
     normals = candidates[:, np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)]

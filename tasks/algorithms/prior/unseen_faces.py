@@ -12,7 +12,7 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.vectors import angles, unit
-from glint.tasks.algorithms.prior.creases import UNSEEN, Edge
+from glint.tasks.algorithms.prior.creases import UNSEEN, Edge, image_points
 from glint.tasks.algorithms.prior.faces import Face
 
 GRID_STEP = 0.02
@@ -86,8 +86,7 @@ def unseen_faces(
 
 def _behind_edges(group: list[Edge], unseen: np.ndarray, scale: float) -> np.ndarray:
     """Return the pixels (H, W) bool of `unseen` that lie behind an edge of a group, and not far beside its ends."""
-    rows, columns = np.nonzero(unseen)
-    points = np.column_stack([columns, -rows]).astype(float)
+    points = image_points(unseen)
     behind = np.zeros(len(points), bool)
     for edge in group:
         height = (points - edge.start) @ edge.outward
@@ -95,7 +94,7 @@ def _behind_edges(group: list[Edge], unseen: np.ndarray, scale: float) -> np.nda
         overhang = np.maximum(-along, along - edge.length)
         behind |= (height > 0) & (overhang < np.maximum(MAX_OVERHANG * height, MIN_OVERHANG_INRADII * scale))
     result = np.zeros(unseen.shape, bool)
-    result[rows, columns] = behind
+    result[unseen] = behind
     return result
 
 
@@ -103,14 +102,13 @@ def _rounded(
     group: list[Edge], faces: list[Face], normal: np.ndarray, rounding: float, pixels: np.ndarray
 ) -> np.ndarray:
     """Return the pixels (H, W) bool of a face that belong to its rounded edges: there n_x, n_y are linear across."""
-    rows, columns = np.nonzero(pixels)
-    points = np.column_stack([columns, -rows]).astype(float)
+    points = image_points(pixels)
     rounded = np.zeros(len(points), bool)
     for edge in group:
         width = rounding * abs(float((normal - faces[edge.face].normal)[:2] @ edge.outward))
         rounded |= _distance(points, edge) < width
     result = np.zeros(pixels.shape, bool)
-    result[rows, columns] = rounded
+    result[pixels] = rounded
     return result
 
 
@@ -122,12 +120,9 @@ def _largest_part(pixels: np.ndarray) -> np.ndarray:
 
 def _borders(edge: Edge, pixels: np.ndarray, scale: float) -> bool:
     """Return whether a part (H, W) bool without a face lies along most of an edge, behind its rounding."""
-    along = np.linspace(0.2, 0.8, 13)[:, None, None]
-    offsets = np.arange(1, max(4, round(0.3 * scale)))[None, :, None]
-    points = edge.start + along * (edge.end - edge.start) + offsets * edge.outward
-    columns = np.clip(np.round(points[..., 0]).astype(int), 0, pixels.shape[1] - 1)
-    rows = np.clip(np.round(-points[..., 1]).astype(int), 0, pixels.shape[0] - 1)
-    return bool(pixels[rows, columns].any(axis=1).mean() > 0.6)
+    rows, columns = edge.strip(np.linspace(0.2, 0.8, 13), np.arange(1, max(4, round(0.3 * scale))))
+    inside = np.clip(rows, 0, pixels.shape[0] - 1), np.clip(columns, 0, pixels.shape[1] - 1)
+    return bool(pixels[inside].any(axis=1).mean() > 0.6)
 
 
 def _corners(edges: list[Edge], scale: float) -> list[list[Edge]]:
@@ -162,8 +157,7 @@ def _turn(start: np.ndarray, end: np.ndarray, side: np.ndarray) -> float:
 
 def _nearest_group(groups: list[list[Edge]], pixels: np.ndarray) -> np.ndarray:
     """Return the number of the group (H, W) whose edges are nearest, -1 outside the pixels (H, W)."""
-    rows, columns = np.nonzero(pixels)
-    points = np.column_stack([columns, -rows]).astype(float)
+    points = image_points(pixels)
     result = np.full(pixels.shape, -1)
     if groups:
         far = np.full(len(points), np.inf)

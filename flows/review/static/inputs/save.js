@@ -1,19 +1,19 @@
 // Saving: who saves, what was saved before, and what to do where somebody else has changed the same.
 
 import { ask } from "../api.js";
+import { Author, showConflict } from "../author.js";
 import { announce, element } from "../dom.js";
 
 export class SavePanel {
   constructor(view) {
     this.view = view;
-    this.author = element("input", { type: "text", maxlength: "80", placeholder: "Your name", "aria-label": "Your name, saved with every change", autocomplete: "name", onchange: () => localStorage.setItem("author", this.author.value) });
-    this.author.value = localStorage.getItem("author") ?? "";
+    this.author = new Author("change");
     this.button = element("button", { type: "button", onclick: () => this.save() }, "Save ", element("kbd", {}, "Ctrl+S"));
     this.undoButton = element("button", { type: "button", title: "Ctrl+Z", onclick: () => view.undo() }, "Undo");
     this.redoButton = element("button", { type: "button", title: "Ctrl+Y", onclick: () => view.history.redo() }, "Redo");
     this.conflict = element("div", { role: "alert" });
     this.revisions = element("ol", { class: "revisions" });
-    this.root = element("section", { class: "save" }, element("h2", {}, "Changes"), this.author, element("div", { class: "line" }, this.button, this.undoButton, this.redoButton), this.conflict, this.revisions);
+    this.root = element("section", { class: "save" }, element("h2", {}, "Changes"), this.author.input, element("div", { class: "line" }, this.button, this.undoButton, this.redoButton), this.conflict, this.revisions);
     this.show();
   }
 
@@ -29,20 +29,11 @@ export class SavePanel {
         revision.number === edits.undoable ? element("button", { type: "button", class: "quiet", onclick: () => this.takeBack(revision.number) }, "take back") : null)));
   }
 
-  get name() {
-    const name = this.author.value.trim();
-    if (!name) {
-      announce("Write your name: it is saved with every change.", "error");
-      this.author.focus();
-    }
-    return name;
-  }
-
   /** Saves what was changed; returns whether it is saved. */
   async save(base = this.view.edits.revision) {
     this.view.spheres.finish();
     if (!this.view.history.isDirty) return true;
-    const author = this.name;
+    const author = this.author.name;
     if (!author) return false;
     const changes = await this.view.changes();
     this.button.disabled = true;
@@ -70,15 +61,12 @@ export class SavePanel {
   async showConflict(conflicts) {
     const newest = await ask(`${this.view.capture.path}/edits`);
     const lines = conflicts.map(({ field, author, time }) => element("li", {}, `${author} changed ${field} at ${new Date(time).toLocaleTimeString("sv-SE")}`));
-    const keep = element("button", { type: "button", onclick: () => this.save(newest.revision) }, "Save mine over it");
-    const take = element("button", { type: "button", onclick: () => this.refresh() }, "Take theirs");
-    this.conflict.replaceChildren(element("div", { class: "conflict" }, element("b", {}, "Not saved: somebody else has changed the same."), element("ul", {}, lines),
-      element("p", {}, "Both stay in the history, whichever you choose."), element("div", { class: "line" }, keep, take)));
-    keep.focus();
+    const details = [element("ul", {}, lines), element("p", {}, "Both stay in the history, whichever you choose.")];
+    showConflict(this.conflict, "changed", details, { keep: () => this.save(newest.revision), take: () => this.refresh() });
   }
 
   async takeBack(revision) {
-    const author = this.name;
+    const author = this.author.name;
     if (!author) return;
     try {
       await ask(`${this.view.capture.path}/edits/undo`, { method: "POST", body: { revision, author } });

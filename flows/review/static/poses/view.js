@@ -1,6 +1,7 @@
 // The poses view: from where each view of an object was taken, all of them together.
 
 import { ask, capturePath, objectPath } from "../api.js";
+import { Author, showConflict } from "../author.js";
 import { announce, element } from "../dom.js";
 import { History } from "../inputs/history.js";
 import { RunPanel } from "../inputs/run.js";
@@ -28,8 +29,7 @@ class PosesView {
     this.views = [];
     this.take(known);
     this.plan = new Plan(this.views, (name) => capturePath(object, name), (number, angle) => this.put(number, { turntable: angle }), (number, before) => this.noted([[number, before]]));
-    this.author = element("input", { type: "text", maxlength: "80", placeholder: "Your name", "aria-label": "Your name, saved with every change", autocomplete: "name", onchange: () => localStorage.setItem("author", this.author.value) });
-    this.author.value = localStorage.getItem("author") ?? "";
+    this.author = new Author("change");
     this.button = element("button", { type: "button", onclick: () => this.save.save() }, "Save ", element("kbd", {}, "Ctrl+S"));
     this.undoButton = element("button", { type: "button", onclick: () => this.history.undo() }, "Undo");
     this.conflict = element("div", { role: "alert" });
@@ -46,7 +46,7 @@ class PosesView {
           this.views.length === 1 ? element("p", { class: "faint" }, "Only objects with several views need poses: a model is merged from them.") : null,
           element("table", {}, head, this.body)),
         element("section", {}, element("h2", {}, "All at once"), element("div", { class: "chips" }, tools.map(([text, action]) => element("button", { type: "button", onclick: action }, text)))),
-        element("section", { class: "save" }, element("h2", {}, "Changes"), this.author, element("div", { class: "line" }, this.button, this.undoButton), this.conflict),
+        element("section", { class: "save" }, element("h2", {}, "Changes"), this.author.input, element("div", { class: "line" }, this.button, this.undoButton), this.conflict),
         this.run.root));
     bind([
       ["Ctrl+z", "undo", () => this.history.undo()],
@@ -123,12 +123,8 @@ class PosesView {
   }
 
   async saveAll() {
-    const author = this.author.value.trim();
-    if (!author) {
-      announce("Write your name: it is saved with every change.", "error");
-      this.author.focus();
-      return false;
-    }
+    const author = this.author.name;
+    if (!author) return false;
     const conflicts = [];
     try {
       for (const { capture, pose } of this.views.filter(({ isChanged }) => isChanged)) {
@@ -151,14 +147,12 @@ class PosesView {
     this.conflict.replaceChildren();
     if (!conflicts.length) return;
     const lines = conflicts.map(({ capture, author, time }) => element("li", {}, `${capture}: ${author} changed its pose at ${new Date(time).toLocaleTimeString("sv-SE")}`));
-    const keep = element("button", { type: "button", onclick: () => {
+    const keep = () => {
       this.change(conflicts.map(({ capture, pose }) => [this.views.findIndex((view) => view.capture === capture), pose]));
       this.saveAll();
-    } }, "Save mine over it");
-    const take = element("button", { type: "button", onclick: () => this.conflict.replaceChildren() }, "Take theirs");
-    this.conflict.append(element("div", { class: "conflict" }, element("b", {}, "Not saved: somebody else has changed the same."), element("ul", {}, lines),
-      element("p", {}, "Both stay in the history, whichever you choose."), element("div", { class: "line" }, keep, take)));
-    keep.focus();
+    };
+    const details = [element("ul", {}, lines), element("p", {}, "Both stay in the history, whichever you choose.")];
+    showConflict(this.conflict, "changed", details, { keep, take: () => this.conflict.replaceChildren() });
   }
 }
 

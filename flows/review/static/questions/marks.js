@@ -1,6 +1,7 @@
 // The marks of the capture: what is saved, by whom it was changed meanwhile, and the list of all.
 
 import { ask } from "../api.js";
+import { showConflict } from "../author.js";
 import { announce, element } from "../dom.js";
 
 const same = (first, second) => ["frame", "x", "y"].every((name) => first[name] === second[name]);
@@ -98,12 +99,8 @@ export class Marks {
       if (isSaved) announce(`${other} has saved marks meanwhile: theirs and yours are both kept.`);
       return isSaved;
     }
-    const keep = element("button", { type: "button", onclick: () => this.save(change, own).then(() => this.onchange()) }, "Save mine over it");
-    const take = element("button", { type: "button", onclick: () => this.conflict.replaceChildren() }, "Take theirs");
-    this.conflict.replaceChildren(element("div", { class: "conflict" }, element("b", {}, "Not saved: somebody else has marked the same."),
-      element("p", {}, `${other} calls the highlight at x ${opposite.x}, y ${opposite.y} in frame ${opposite.frame.toLocaleString("en")} ${opposite.kind}. Both stay in the history, whichever you choose.`),
-      element("div", { class: "line" }, keep, take)));
-    keep.focus();
+    const details = element("p", {}, `${other} calls the highlight at x ${opposite.x}, y ${opposite.y} in frame ${opposite.frame.toLocaleString("en")} ${opposite.kind}. Both stay in the history, whichever you choose.`);
+    showConflict(this.conflict, "marked", details, { keep: () => this.save(change, own).then(() => this.onchange()), take: () => this.conflict.replaceChildren() });
     return false;
   }
 

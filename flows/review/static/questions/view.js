@@ -1,6 +1,7 @@
 // The questions view: is this highlight reflected by the outer surface? Answers are marks of the capture, saved at once.
 
 import { ask } from "../api.js";
+import { Author } from "../author.js";
 import { announce, element } from "../dom.js";
 import { bind } from "../keys.js";
 import { RunPanel } from "../inputs/run.js";
@@ -37,8 +38,7 @@ class QuestionsView {
     this.text = element("p", { class: "question", "aria-live": "polite" });
     this.change = element("p", { class: "faint", role: "status" });
     this.picture = element("img", { class: "normals", alt: "Normals with the answers", hidden: true });
-    this.author = element("input", { type: "text", maxlength: "80", placeholder: "Your name", "aria-label": "Your name, saved with every answer", autocomplete: "name", onchange: () => localStorage.setItem("author", this.author.value) });
-    this.author.value = localStorage.getItem("author") ?? "";
+    this.author = new Author("answer");
     this.marks = new Marks(this, () => this.marksChanged(), (mark) => this.go(mark));
     this.buttons = [
       ["True", "t", () => this.answer("true")],
@@ -60,7 +60,7 @@ class QuestionsView {
         element("div", { class: "line answers", role: "group", "aria-label": "Answer" }, this.buttons)),
       element("aside", { "aria-label": "Light and answers" },
         element("section", {}, element("h2", {}, "Loop and light"), this.loopPlace, this.number, element("div", { class: "line lights" }, this.sphere, this.light)),
-        element("section", {}, element("h2", {}, "Answers"), this.author, this.change, this.picture, this.more),
+        element("section", {}, element("h2", {}, "Answers"), this.author.input, this.change, this.picture, this.more),
         this.marks.root, this.run.root),
     ];
   }
@@ -159,12 +159,7 @@ class QuestionsView {
   }
 
   get name() {
-    const name = this.author.value.trim();
-    if (!name) {
-      announce("Write your name: it is saved with every answer.", "error");
-      this.author.focus();
-    }
-    return name;
+    return this.author.name;
   }
 
   async answer(kind) {

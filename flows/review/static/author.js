@@ -1,0 +1,32 @@
+// Who saves: a name that this browser remembers, and what is asked where somebody else has saved the same meanwhile.
+
+import { announce, element } from "./dom.js";
+
+const KEPT = "author";
+
+export class Author {
+  /** what: is saved with the name, as in "change". */
+  constructor(what) {
+    this.what = what;
+    this.input = element("input", { type: "text", maxlength: "80", placeholder: "Your name", "aria-label": `Your name, saved with every ${what}`, autocomplete: "name", onchange: () => localStorage.setItem(KEPT, this.input.value) });
+    this.input.value = localStorage.getItem(KEPT) ?? "";
+  }
+
+  /** The name; where there is none it is asked for. */
+  get name() {
+    const name = this.input.value.trim();
+    if (!name) {
+      announce(`Write your name: it is saved with every ${this.what}.`, "error");
+      this.input.focus();
+    }
+    return name;
+  }
+}
+
+/** Says in `place` that something was not saved, and lets a person choose; verb: what somebody else has done; details: elements on it. */
+export function showConflict(place, verb, details, { keep, take }) {
+  const own = element("button", { type: "button", onclick: keep }, "Save mine over it");
+  const theirs = element("button", { type: "button", onclick: take }, "Take theirs");
+  place.replaceChildren(element("div", { class: "conflict" }, element("b", {}, `Not saved: somebody else has ${verb} the same.`), details, element("div", { class: "line" }, own, theirs)));
+  own.focus();
+}
