@@ -4,6 +4,8 @@ Source of the smoothing: local linear regression with one-sided and centred wind
 chosen (the edge-preserving smoothing of Nagao and Matsuyama 1979).
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy import ndimage
 
@@ -18,14 +20,20 @@ STEM_HEIGHT_PX = 6.0
 """Height above a cone in which the stem's radius is looked for."""
 MIN_STEM_PX = 4.0
 """Least height of a profile above a cone for it to have a stem."""
+SLOPE_REACH_PX = 1.0
+"""Distance to both sides over which slopes are taken."""
 SHOULDER_SHARE = 0.03
 """Distance of the shoulder before a cone, as a share of the largest radius."""
 
 
-def smooth_profile(squared_radii: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def smooth_profile(
+    squared_radii: np.ndarray, heights: np.ndarray, after_corner: bool = False, before_corner: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the squared radii (N,) and their slopes (N,) without the staircase of pixels, corners kept.
 
     Lines are fitted to windows about and beside each height: the widest that fits is used.
+
+    after_corner, before_corner: whether the profile begins, and ends, at a corner.
     """
     radius = np.sqrt(squared_radii)
     step = heights[1] - heights[0]
@@ -33,13 +41,18 @@ def smooth_profile(squared_radii: np.ndarray, heights: np.ndarray) -> tuple[np.n
     value, slope = squared_radii.copy(), np.gradient(squared_radii, heights)
     for pixels, limit in WINDOWS_PX_AND_LIMITS:
         half_width = max(2, round(pixels / step))
-        line = _fitted_lines(squared_radii, half_width, step)
+        if 2 * half_width >= len(radius):
+            continue
+        *line, residual = _fitted_lines(squared_radii, half_width, step)
+        # A window must not cross a corner, beyond which something else begins.
+        residual[: half_width if after_corner else 0] = np.inf
+        residual[len(residual) - half_width if before_corner else len(residual) :] = np.inf
         for shift in (0, half_width, -half_width):
             # A one-sided window is the centred one of a neighbour `shift` samples away, extrapolated to this height.
-            line_value, line_slope, residual = (np.roll(values, shift) for values in line)
+            line_value, line_slope, line_residual = (np.roll(values, shift) for values in (*line, residual))
             line_value = line_value + line_slope * shift * step
             # An error of r^2 over 2 r is an error of r, in units of what a line may deviate.
-            error = residual / (2.0 * radius + 2.0) / limit * (1.0 if shift == 0 else ONE_SIDED_PENALTY)
+            error = line_residual / (2.0 * radius + 2.0) / limit * (1.0 if shift == 0 else ONE_SIDED_PENALTY)
             error[_wrapped(len(error), shift)] = np.inf
             # Narrower windows count only where no wider one fits.
             is_better = (error < best) & ~(best <= 1.0)
@@ -49,57 +62,115 @@ def smooth_profile(squared_radii: np.ndarray, heights: np.ndarray) -> tuple[np.n
     return np.maximum(value, 0.0), slope
 
 
-def trimmed_profile(
-    radii: np.ndarray, squared_radii: np.ndarray, slopes: np.ndarray, heights: np.ndarray, tilt: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Remove what the contour cannot rule out: cones that the camera sees edge-on above feet, flat ends and domes.
+def profile_of_contour(radii: np.ndarray, heights: np.ndarray, tilt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the profile of a surface of revolution from the largest circle inside its silhouette at each height.
 
-    Behind a corner of the profile the surface is assumed to be flat, behind a smooth shoulder to continue as a sphere.
+    Beside a sharp edge the contour is that of the edge, and the circles form a cone that the camera sees edge-on, above
+    as well as below: what lies there the contour does not show. Behind a corner of the profile the surface is assumed
+    to be flat, or to end, behind a smooth shoulder to continue as a sphere.
 
     Args:
-        radii: (N,), before they were smoothed.
-        squared_radii: (N,), smoothed.
-        slopes: (N,), of the squared radii.
+        radii: (N,), of the circles.
         heights: (N,), equidistant.
         tilt: of the upper end towards the camera, radians.
 
     Returns:
         Squared radii (N,) and their slopes (N,).
     """
-    if tilt < 0:
-        # The lower end faces the camera: turn the profile upside down.
-        kept, kept_slopes = trimmed_profile(radii[::-1], squared_radii[::-1], -slopes[::-1], -heights[::-1], -tilt)
-        return kept[::-1], -kept_slopes[::-1]
-    step = heights[1] - heights[0]
+    step = float(heights[1] - heights[0])
     # Slope of the radius along the axis at which the wall is parallel to the view.
-    edge_on = -1.0 / max(np.tan(tilt), MIN_TAN_TILT)
-    cones, count = ndimage.label(_edge_on_samples(radii, edge_on, step))
-    before = max(2, round(SHOULDER_SHARE * radii.max() / step))
-    kept = squared_radii.copy()
-    for cone in ndimage.find_objects(cones)[:count]:
-        below, above = cone[0].start, cone[0].stop
-        # The corner between a foot and its stem is rounded by the contour: the stem is what comes a little above.
-        has_stem = above * step < len(kept) * step - MIN_STEM_PX
-        stem = kept[above : above + round(STEM_HEIGHT_PX / step)].min() if has_stem else 0.0
-        shoulder = max(below - before, 0)
-        if slopes[shoulder] / (2.0 * max(radii[shoulder], 1.0)) > 0.4 * edge_on:
-            # The profile is not yet steep before the cone: a corner, with a flat end.
-            kept[below:above] = stem
-        else:
-            # A sphere's squared radius is a parabola of the height, with the second derivative -2.
-            distance = heights[below:above] - heights[shoulder]
-            kept[below:above] = np.maximum(kept[shoulder] + slopes[shoulder] * distance - distance**2, stem)
-        if stem == 0.0:
-            kept[above:] = 0.0
-            break
-    kept[-1] = 0.0
-    changed = ndimage.binary_dilation(kept != squared_radii, iterations=1)
+    edge_on = -1.0 / max(abs(np.tan(tilt)), MIN_TAN_TILT)
+    falling, rising = _cones(radii, edge_on, step), _mirrored(_cones(radii[::-1], edge_on, step), len(radii))
+    squared, slopes, assumed = _smooth_walls(radii, heights, [*falling, *rising])
+    kept = _without_cones(radii, squared, slopes, heights, falling, step)
+    below = _mirrored(rising, len(radii))
+    kept = _without_cones(radii[::-1], kept[::-1], -slopes[::-1], -heights[::-1], below, step)[::-1].copy()
+    kept[[0, -1]] = 0.0
+    changed = ndimage.binary_dilation((kept != squared) | assumed, iterations=1)
     return kept, np.where(changed, np.gradient(kept, heights), slopes)
 
 
-def _edge_on_samples(radii: np.ndarray, edge_on: float, step: float) -> np.ndarray:
+@dataclass(frozen=True, slots=True)
+class _Cone:
+    """Samples start to stop at which the camera sees the circles' envelope edge-on.
+
+    is_sharp: whether they begin at a corner of the profile.
+    """
+
+    start: int
+    stop: int
+    is_sharp: bool
+
+
+def _mirrored(cones: list[_Cone], length: int) -> list[_Cone]:
+    """Return the cones of a profile of so many samples turned upside down."""
+    return [_Cone(length - cone.stop, length - cone.start, cone.is_sharp) for cone in reversed(cones)]
+
+
+def _smooth_walls(
+    radii: np.ndarray, heights: np.ndarray, cones: list[_Cone]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Smooth what the contour shows, not across corners; return squared radii, slopes, and what it does not show."""
+    is_sharp, assumed = np.zeros(len(radii), bool), np.zeros(len(radii), bool)
+    for cone in cones:
+        assumed[cone.start : cone.stop] = True
+        is_sharp[cone.start : cone.stop] |= cone.is_sharp
+    squared, slopes = radii**2, np.gradient(radii**2, heights)
+    walls, count = ndimage.label(~is_sharp)
+    for (wall,) in ndimage.find_objects(walls)[:count]:
+        if wall.stop - wall.start > 2:
+            squared[wall], slopes[wall] = smooth_profile(
+                radii[wall] ** 2, heights[wall], after_corner=wall.start > 0, before_corner=wall.stop < len(radii)
+            )
+    return squared, slopes, assumed
+
+
+def _cones(radii: np.ndarray, edge_on: float, step: float) -> list[_Cone]:
+    """Return the cones at which the radius falls with the height."""
+    reach = max(1, round(SLOPE_REACH_PX / step))
+    labels, count = ndimage.label(_edge_on_samples(radii, edge_on, reach, step))
+    before = max(2, round(SHOULDER_SHARE * radii.max() / step))
+    cones = []
+    for (cone,) in ndimage.find_objects(labels)[:count]:
+        # Where the wall is not yet steep before the cone there is a corner.
+        last = max(cone.start - reach, 1)
+        first = max(last - before, 0)
+        slope = (radii[last] - radii[first]) / ((last - first) * step)
+        cones.append(_Cone(cone.start, cone.stop, bool(slope > 0.4 * edge_on)))
+    return cones
+
+
+def _without_cones(
+    radii: np.ndarray,
+    squared_radii: np.ndarray,
+    slopes: np.ndarray,
+    heights: np.ndarray,
+    cones: list[_Cone],
+    step: float,
+) -> np.ndarray:
+    """Return the squared radii (N,) with cones replaced at which the radius falls with the height."""
+    before = max(2, round(SHOULDER_SHARE * radii.max() / step))
+    kept = squared_radii.copy()
+    for cone in cones:
+        # The corner between a foot and its stem is rounded by the contour: the stem is what comes a little above.
+        has_stem = cone.stop * step < len(kept) * step - MIN_STEM_PX
+        stem = kept[cone.stop : cone.stop + round(STEM_HEIGHT_PX / step)].min() if has_stem else 0.0
+        inside = slice(cone.start, cone.stop)
+        if cone.is_sharp:
+            kept[inside] = stem
+        else:
+            # A sphere's squared radius is a parabola of the height, with the second derivative -2.
+            shoulder = max(cone.start - before, 0)
+            distance = heights[inside] - heights[shoulder]
+            kept[inside] = np.maximum(kept[shoulder] + slopes[shoulder] * distance - distance**2, stem)
+        if stem == 0.0:
+            kept[cone.stop :] = 0.0
+            break
+    return kept
+
+
+def _edge_on_samples(radii: np.ndarray, edge_on: float, reach: int, step: float) -> np.ndarray:
     """Return the samples (N,) bool at which radii (N,) fall nearly as steeply as a wall seen edge-on."""
-    reach = max(1, round(1.0 / step))
     before, after = np.append(np.zeros(reach), radii[:-reach]), np.append(radii[reach:], np.zeros(reach))
     slope = (after - before) / (2 * reach * step)
     return ndimage.binary_closing((slope < 0.7 * edge_on) & (radii > MIN_CONE_RADIUS_PX), iterations=reach)

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
-from glint.tasks.algorithms.prior.profile import smooth_profile, trimmed_profile
+from glint.tasks.algorithms.prior.profile import profile_of_contour
 from glint.tasks.algorithms.prior.reflection_axes import ReflectionAxis
 
 DEPTH_SAMPLES = 160
@@ -30,6 +30,8 @@ CONTOUR_SLOPE_WEIGHT = 5.0
 """Weight of the contour's slope at a height, in normals."""
 CONTOUR_SIGMA_PX = 1.5
 """Standard deviation of the smoothing along the contour, against the staircase of pixels."""
+END_CONE_DEG, END_PX = 25.0, 2.0
+"""Angle from the axis, and distance along it from the end of the wall, up to which normals belong to a flat end."""
 MIN_SIN_TILT = 0.02
 """Lower bound of the sine of the tilt by which circles are flattened to ellipses."""
 
@@ -68,9 +70,7 @@ class SurfaceOfRevolution:
 
         step: distance of the samples along the axis in pixels.
         """
-        contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-        longest = max(contours, key=len)[:, 0].astype(float)
-        contour = ndimage.gaussian_filter1d(longest, CONTOUR_SIGMA_PX, axis=0, mode="wrap")
+        contour = _contour(mask)
         position = np.stack(to_camera(contour[:, 0], contour[:, 1], mask.shape[1], mask.shape[0]), axis=-1) - axis.point
         side, up = position @ axis.normal, position @ axis.direction
         cos_tilt, sin_tilt = np.cos(tilt), max(abs(np.sin(tilt)), MIN_SIN_TILT)
@@ -80,11 +80,8 @@ class SurfaceOfRevolution:
         distance = np.subtract.outer(heights * (cos_tilt / sin_tilt), up / sin_tilt)
         np.multiply(distance, distance, out=distance)
         squared_distance = np.add(distance, side**2, out=distance).min(axis=1)
-        # The contour runs through the centres of the outermost pixels, half a pixel inside the edge.
-        squared_radii = (np.sqrt(squared_distance) + 0.5) ** 2
-        smooth, slopes = smooth_profile(squared_radii, heights)
-        smooth, slopes = trimmed_profile(np.sqrt(squared_radii), smooth, slopes, heights, tilt)
-        return cls(axis, tilt, heights, smooth, slopes / 2.0)
+        squared, slopes = profile_of_contour(np.sqrt(squared_distance), heights, tilt)
+        return cls(axis, tilt, heights, squared, slopes / 2.0)
 
     @property
     def upward(self) -> np.ndarray:
@@ -96,10 +93,25 @@ class SurfaceOfRevolution:
 
         far: instead those of the wall's inner side, where the rays leave the body.
         """
-        hits = self.intersect(x, y, far)
-        axial = -np.interp(hits.heights, self.heights, self.half_slopes)
-        normals = hits.outward + np.outer(axial, self.upward)
-        return np.asarray(unit(normals) * (-1.0 if far else 1.0))
+        return self._normals_at(self.intersect(x, y, far)) * (-1.0 if far else 1.0)
+
+    @property
+    def end_radius(self) -> float:
+        """Radius of the end that faces the camera."""
+        return float(np.sqrt(self.squared_radii[self._end]))
+
+    def is_end(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return whether rays at x, y (N,), camera frame, enter the body through the flat end that faces the camera."""
+        hits = self.intersect(x, y)
+        is_flat = self._normals_at(hits) @ (self.upward * np.sign(self.tilt)) > np.cos(np.radians(END_CONE_DEG))
+        return is_flat & (np.abs(hits.heights - self.heights[self._end]) < END_PX)
+
+    def shrunk(self, thickness: float) -> "SurfaceOfRevolution":
+        """Return the surface with its radii smaller by a thickness in pixels: the inner side of the wall."""
+        radii = np.sqrt(self.squared_radii)
+        inner = np.maximum(radii - thickness, 0.0)
+        share = inner / np.where(radii > 0.0, radii, 1.0)
+        return replace(self, squared_radii=inner**2, half_slopes=self.half_slopes * share)
 
     def intersect(self, x: np.ndarray, y: np.ndarray, far: bool = False) -> RayHits:
         """Intersect rays along -z at x, y (N,), camera frame, where they enter the body; far: where they leave it."""
@@ -152,6 +164,17 @@ class SurfaceOfRevolution:
         half_slopes = np.where(is_wall, -radii * np.tan(angle.clip(-1.4, 1.4)), self.half_slopes)
         return replace(self, half_slopes=half_slopes)
 
+    @property
+    def _end(self) -> int:
+        """Number of the last sample of the wall before the end that faces the camera."""
+        body = np.flatnonzero(self.squared_radii > 0.0)
+        return 0 if len(body) == 0 else int(body[-1] if self.tilt > 0 else body[0])
+
+    def _normals_at(self, hits: RayHits) -> np.ndarray:
+        """Return the unit normals (N, 3) that point out of the body."""
+        axial = -np.interp(hits.heights, self.heights, self.half_slopes)
+        return np.asarray(unit(hits.outward + np.outer(axial, self.upward)))
+
     def _image_position(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return positions (N,) perpendicular to the axis and along it, in the image."""
         position = np.stack([x, y], axis=-1) - self.axis.point
@@ -178,3 +201,16 @@ class SurfaceOfRevolution:
             enters = clearance(middle, side, up) > 0
             inside, outside = np.where(enters, middle, inside), np.where(enters, outside, middle)
         return np.where(is_inside.any(axis=1), inside, np.nan)
+
+
+def _contour(mask: np.ndarray) -> np.ndarray:
+    """Return the longest contour (N, 2) of a mask (H, W) bool: column and row, to a fraction of a pixel."""
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    pixels = max(contours, key=len)[:, 0].astype(float)
+    smooth = ndimage.gaussian_filter1d(pixels, CONTOUR_SIGMA_PX, axis=0, mode="wrap")
+    following, before = np.roll(smooth, -1, axis=0), np.roll(smooth, 1, axis=0)
+    along = np.asarray(unit(following - before))
+    turns = np.sign((smooth[:, 0] * following[:, 1] - smooth[:, 1] * following[:, 0]).sum())
+    outward = turns * np.column_stack([along[:, 1], -along[:, 0]])
+    # The centres of the outermost pixels lie half a pixel, a row or a column, inside the edge.
+    return np.asarray(smooth + 0.5 * np.abs(outward).max(axis=1, keepdims=True) * outward)

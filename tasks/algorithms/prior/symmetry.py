@@ -6,10 +6,13 @@ Accepted normals decide whether the object is one at all, its tilt, and the slop
 what neither highlights nor a smooth field can: feet, shoulders, flat ends, and the far wall seen through an opening.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.vectors import angles, to_camera
+from glint.tasks.algorithms.prior.opening import find_opening
 from glint.tasks.algorithms.prior.reflection_axes import ReflectionAxis, reflection_axes
 from glint.tasks.algorithms.prior.surface_of_revolution import SurfaceOfRevolution
 
@@ -31,14 +34,6 @@ FITTED_STEP_PX = 1.0
 """Step along the axis while the tilt is refined."""
 REFINED_ERROR_RATIO = 1.3
 """Ratio to the least error of those tilts up to which an axis is refined."""
-END_CONE_DEG = 25.0
-"""Angle from the axis within which normals belong to the end that faces the camera."""
-OPEN_END_DEG, OPEN_END_SHARE = 8.0, 0.5
-"""An end is an opening if this share of its pixels has a candidate within this angle of the far wall."""
-MIN_OPENING_SHARE = 0.005
-"""Share of the object's pixels through which the far wall must be visible."""
-MIN_OBSERVED_NZ = float(np.cos(np.radians(40.0)))
-"""n_z from which a normal is well within the data capture range of 45 degrees."""
 
 
 def surface_of_revolution_normals(
@@ -64,33 +59,24 @@ def surface_of_revolution_normals(
     surface = _fitted_surface(mask, accepted, limit)
     if surface is None:
         return None
+    opening = find_opening(surface, mask, candidates)
     rows, columns = np.nonzero(mask)
     x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
     known = np.isfinite(accepted[rows, columns, 0])
     weight = np.ones(len(rows)) if weights is None else weights[rows, columns]
-    surface = surface.with_fitted_slopes(x[known], y[known], accepted[rows, columns][known], weight[known])
-    normals = surface.normals(x, y)
+    measured = (x[known], y[known], accepted[rows, columns][known], weight[known])
+    normals = surface.with_fitted_slopes(*measured).normals(x, y)
     if not np.isfinite(normals[:, 0]).any():
         return None
-    is_end = normals @ (surface.upward * np.sign(surface.tilt)) > np.cos(np.radians(END_CONE_DEG))
-    if is_end.any():
-        far_wall = surface.normals(x[is_end], y[is_end], far=True)
-        if _is_opening(far_wall, candidates[:, rows[is_end], columns[is_end]], len(rows)):
-            normals[is_end] = np.where(far_wall[:, 2:] > 0, far_wall, normals[is_end])
+    if opening is not None:
+        opening = replace(opening, surface=opening.surface.with_fitted_slopes(*measured))
+        around = opening.around[rows, columns]
+        normals[around] = opening.normals(x[around], y[around])
     result = np.full((*mask.shape, 3), np.nan, np.float32)
     result[rows, columns] = normals
     # Rays at the contour may miss the surface: such pixels get the normal of the nearest pixel.
     nearest = ndimage.distance_transform_edt(np.isnan(result[..., 0]), return_distances=False, return_indices=True)
     return np.where(mask[..., None], result[tuple(nearest)], np.nan)
-
-
-def _is_opening(far_wall: np.ndarray, candidates: np.ndarray, object_pixels: int) -> bool:
-    """Return whether the N pixels of an end show the far wall: normals (N, 3), and candidates (K, N, 3) there."""
-    observable = far_wall[:, 2] > MIN_OBSERVED_NZ
-    if not observable.sum() > MIN_OPENING_SHARE * object_pixels:
-        return False
-    error = np.nan_to_num(angles(candidates, far_wall[None]), nan=180.0).min(axis=0)
-    return bool((error < OPEN_END_DEG)[observable].mean() > OPEN_END_SHARE)
 
 
 def _fitted_surface(mask: np.ndarray, accepted: np.ndarray, limit: float) -> SurfaceOfRevolution | None:
@@ -108,7 +94,12 @@ def _fitted_surface(mask: np.ndarray, accepted: np.ndarray, limit: float) -> Sur
         return surface_error(SurfaceOfRevolution.from_silhouette(mask, axis, tilt, step), stride)
 
     def surface_error(surface: SurfaceOfRevolution, stride: int = 1) -> float:
-        error = np.nan_to_num(angles(surface.normals(x[::stride], y[::stride]), normals[::stride]), nan=ERROR_CAP_DEG)
+        error = angles(surface.normals(x[::stride], y[::stride]), normals[::stride])
+        # An end may be open: counted as wrong, the normals of the far wall would favour tilts that hide it.
+        is_end = surface.is_end(x[::stride], y[::stride])
+        far = surface.normals(x[::stride][is_end], y[::stride][is_end], far=True)
+        error[is_end] = np.fmin(error[is_end], angles(far, normals[::stride][is_end]))
+        error = np.nan_to_num(error, nan=ERROR_CAP_DEG)
         return float(np.minimum(error, ERROR_CAP_DEG).mean())
 
     least_error, best = limit, None

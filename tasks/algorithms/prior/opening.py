@@ -1,0 +1,170 @@
+"""Openings of surfaces of revolution: whether the end that faces the camera is open, how thick the wall is at its lip.
+
+Through an opening the far wall's inner side is seen, and it glints. Between it and the near wall lies the lip, whose
+normals are those of a flat end. Where near wall, lip and far wall meet shows the tilt too.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from glint.tasks.algorithms.geometry.vectors import angles, to_camera
+from glint.tasks.algorithms.prior.surface_of_revolution import SurfaceOfRevolution
+
+AGREES_DEG, OPEN_END_SHARE = 8.0, 0.5
+"""An end is an opening if this share of its pixels has a candidate within this angle of the far wall."""
+MIN_OPENING_SHARE = 0.005
+"""Share of the object's pixels through which the far wall must be visible."""
+MIN_OBSERVED_NZ = float(np.cos(np.radians(40.0)))
+"""n_z from which a normal is well within the data capture range of 45 degrees."""
+MAX_LIP, LIP_STEP = 0.3, 0.005
+"""Largest thickness of a lip, and the step at which it is looked for, in radii of the end."""
+FOOTPRINT_PX = 0.5
+"""How far from the lip a pixel must lie to show a wall alone."""
+TILTS_DEG = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
+"""Changes of the tilt that are tried: accepted normals show it to a degree."""
+PEAK_REACH = 2
+"""Tilts to each side of the best through whose scores a parabola is laid."""
+AROUND_PX = 4
+"""Distance from the end up to which pixels show where it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Opening:
+    """An end that faces the camera and is open.
+
+    surface: the outer wall, its tilt such that the end agrees best with the candidates. lip: thickness of the wall
+    there, pixels. around: (H, W) bool, the pixels of the end and those beside it.
+    """
+
+    surface: SurfaceOfRevolution
+    lip: float
+    around: np.ndarray
+
+    def normals(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return the unit normals (N, 3) at x, y (N,), camera frame: of near wall, lip, and the far wall's inner side.
+
+        NaN where rays miss the surface.
+        """
+        normals = self.surface.normals(x, y)
+        is_wall = self.surface.is_end(x, y)
+        is_wall[is_wall] = _depth(self.surface, x[is_wall], y[is_wall]) >= self.lip
+        inner = self.surface.shrunk(self.lip).normals(x[is_wall], y[is_wall], far=True)
+        normals[is_wall] = np.where(inner[:, 2:] > 0.0, inner, normals[is_wall])
+        return normals
+
+
+def find_opening(surface: SurfaceOfRevolution, mask: np.ndarray, candidates: np.ndarray) -> Opening | None:
+    """Return the opening of the end that faces the camera, None if that is closed.
+
+    The tilt is changed for the end alone: a foot far from it holds the tilt that fits the whole silhouette.
+
+    Args:
+        surface: fitted inside the silhouette.
+        mask: (H, W) bool, the silhouette.
+        candidates: (K, H, W, 3), NaN where there is none.
+    """
+    rows, columns = np.nonzero(mask)
+    x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
+    around = np.zeros(mask.shape, bool)
+    around[rows, columns] = surface.is_end(x, y)
+    around = mask & ndimage.binary_dilation(around, iterations=AROUND_PX)
+    chosen = around[rows, columns]
+    x, y, seen = x[chosen], y[chosen], candidates[:, around]
+    least = MIN_OPENING_SHARE * len(rows)
+    if _fit(surface, x, y, seen, least) is None:
+        return None
+    surfaces = [
+        SurfaceOfRevolution.from_silhouette(mask, surface.axis, surface.tilt + np.radians(turn)) if turn else surface
+        for turn in TILTS_DEG
+    ]
+    fits = [_fit(tilted, x, y, seen, least) for tilted in surfaces]
+    best = _peak(np.array([np.nan if fit is None else fit.score for fit in fits]))
+    fit = fits[best]
+    assert fit is not None
+    return Opening(surfaces[best], fit.lip, around)
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """Thickness of a lip, and how many pixels agree with the wall that is seen there, less those that do not."""
+
+    lip: float
+    score: float
+
+
+def _peak(scores: np.ndarray) -> int:
+    """Return the number of the score (N,) nearest to the vertex of a parabola through the best one and those beside it.
+
+    NaN are left out.
+    """
+    best = int(np.nanargmax(scores))
+    near = np.arange(max(best - PEAK_REACH, 0), min(best + PEAK_REACH + 1, len(scores)))
+    near = near[np.isfinite(scores[near])]
+    if len(near) < 3:
+        return best
+    curvature, slope, _ = np.polyfit(near, scores[near], 2)
+    if curvature >= 0.0:
+        return best
+    vertex = np.clip(-slope / (2.0 * curvature), near[0], near[-1])
+    return int(near[np.argmin(np.abs(near - vertex))])
+
+
+def inner_wall_normals(surface: SurfaceOfRevolution, opening: Opening, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return the normals (N, 3) of the far wall's inner side where it is seen through an opening, NaN elsewhere.
+
+    Args:
+        surface: the outer wall.
+        opening: of its end.
+        x: (N,), camera frame.
+        y: (N,).
+    """
+    is_wall = surface.is_end(x, y) & (_depth(surface, x, y) >= opening.lip)
+    normals = np.full((len(x), 3), np.nan)
+    normals[is_wall] = surface.shrunk(opening.lip).normals(x[is_wall], y[is_wall], far=True)
+    return np.where(normals[:, 2:] > 0.0, normals, np.nan)
+
+
+def _fit(
+    surface: SurfaceOfRevolution, x: np.ndarray, y: np.ndarray, candidates: np.ndarray, least: float
+) -> _Fit | None:
+    """Fit the lip to candidates (K, N, 3) of pixels (N,) around the end; None if the end is closed.
+
+    least: number of pixels that must show the far wall.
+    """
+    is_end = surface.is_end(x, y)
+    sign = _agreement(surface.normals(x[~is_end], y[~is_end]), candidates[:, ~is_end])
+    # Pixels of the near wall that show the lip too agree with neither.
+    edge = FOOTPRINT_PX * surface.axis.direction * np.sign(surface.tilt)
+    beside = float(sign[~surface.is_end(x[~is_end] + edge[0], y[~is_end] + edge[1])].sum())
+    x, y = x[is_end], y[is_end]
+    sign = _agreement(surface.normals(x, y, far=True), candidates[:, is_end])
+    if not np.count_nonzero(sign) > least:
+        return None
+    # A pixel on the inner edge shows the lip too, and the plane of the end is foreshortened along the view.
+    outward = surface.intersect(x, y).outward
+    across = outward[:, :2] @ surface.axis.normal
+    distance = np.linalg.norm(outward, axis=1)
+    along = np.sqrt(np.maximum(distance**2 - across**2, 0.0)) / np.sin(abs(surface.tilt))
+    depth = surface.end_radius - distance - FOOTPRINT_PX * np.hypot(across, along) / np.maximum(distance, 1e-9)
+    order = np.argsort(-depth)
+    total = np.concatenate([[0.0], np.cumsum(sign[order])])
+    thickness = np.arange(0.0, MAX_LIP, LIP_STEP) * surface.end_radius
+    count = np.searchsorted(-depth[order], -thickness, side="right")
+    best = int(np.argmax(total[count]))
+    inside = sign[order][: count[best]]
+    if not (inside > 0).sum() > OPEN_END_SHARE * np.count_nonzero(inside):
+        return None
+    return _Fit(float(thickness[best]), beside + float(total[count[best]]))
+
+
+def _agreement(normals: np.ndarray, candidates: np.ndarray) -> np.ndarray:
+    """Return 1 where a candidate (K, N, 3) agrees with the normal (N, 3), -1 where none does, 0 if none is expected."""
+    error = np.nan_to_num(angles(candidates, normals[None]), nan=180.0).min(axis=0, initial=180.0)
+    return np.where(normals[:, 2] > MIN_OBSERVED_NZ, np.where(error < AGREES_DEG, 1.0, -1.0), 0.0)
+
+
+def _depth(surface: SurfaceOfRevolution, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return how far inside the end's edge rays at x, y (N,) meet its plane, in pixels."""
+    return np.asarray(surface.end_radius - np.linalg.norm(surface.intersect(x, y).outward, axis=1))
