@@ -71,15 +71,15 @@ def find_opening(surface: SurfaceOfRevolution, mask: np.ndarray, candidates: np.
     around[rows, columns] = surface.is_end(x, y)
     around = mask & ndimage.binary_dilation(around, iterations=AROUND_PX)
     chosen = around[rows, columns]
-    x, y, seen = x[chosen], y[chosen], candidates[:, around]
+    x, y, observed = x[chosen], y[chosen], candidates[:, around]
     least = MIN_OPENING_SHARE * len(rows)
-    if _fit(surface, x, y, seen, least) is None:
+    if _fit(surface, x, y, observed, least) is None:
         return None
     surfaces = [
         SurfaceOfRevolution.from_silhouette(mask, surface.axis, surface.tilt + np.radians(turn)) if turn else surface
         for turn in TILTS_DEG
     ]
-    fits = [_fit(tilted, x, y, seen, least) for tilted in surfaces]
+    fits = [_fit(tilted, x, y, observed, least) for tilted in surfaces]
     best = _peak(np.array([np.nan if fit is None else fit.score for fit in fits]))
     fit = fits[best]
     assert fit is not None
