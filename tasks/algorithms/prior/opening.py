@@ -111,21 +111,6 @@ def _peak(scores: np.ndarray) -> int:
     return int(near[np.argmin(np.abs(near - vertex))])
 
 
-def inner_wall_normals(surface: SurfaceOfRevolution, opening: Opening, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return the normals (N, 3) of the far wall's inner side where it is seen through an opening, NaN elsewhere.
-
-    Args:
-        surface: the outer wall.
-        opening: of its end.
-        x: (N,), camera frame.
-        y: (N,).
-    """
-    is_wall = surface.is_end(x, y) & (_depth(surface, x, y) >= opening.lip)
-    normals = np.full((len(x), 3), np.nan)
-    normals[is_wall] = surface.shrunk(opening.lip).normals(x[is_wall], y[is_wall], far=True)
-    return np.where(normals[:, 2:] > 0.0, normals, np.nan)
-
-
 def _fit(
     surface: SurfaceOfRevolution, x: np.ndarray, y: np.ndarray, candidates: np.ndarray, least: float
 ) -> _Fit | None:
