@@ -21,10 +21,12 @@ PRESETS = {
     "wine-glass": Preset(153, 324, 3133),
     "water-glass": Preset(153, 279, 3383),
     "faceted-bottle": Preset(200, 330, 2400),
+    "puppy": Preset(230, 300, 2400),
 }
-"""Sizes and lengths of the paper's Tables 2 and 3, and of a bottle of flat faces that is not in the paper."""
-SHAPES = (*PRESETS, "bird", "hexagonal-prism", "cut-cube", "gem")
-"""All shapes that can be simulated; those without a preset are a second figurine and solids of flat faces."""
+"""Sizes and lengths of the paper's Tables 2 and 3, and of a bottle of flat faces and a figurine with overlapping limbs,
+which are not in the paper."""
+SHAPES = (*PRESETS, "bird", "elephant", "teddy-bear", "hexagonal-prism", "cut-cube", "gem")
+"""All shapes that can be simulated; those without a preset are further figurines and solids of flat faces."""
 DEFAULT_PRESET = Preset(240, 220, 2000)
 """Size and length of shapes without a preset of their own."""
 

@@ -1,7 +1,7 @@
 """Shapes of simulated objects: closed glass surfaces, y up, scaled to fill the object's region in the frame.
 
-After the objects of the paper's section 5 (hemisphere, cylinder, jug, fish, two glasses), a second figurine, and solids
-of flat faces.
+After the objects of the paper's section 5 (hemisphere, cylinder, jug, fish, two glasses), figurines, and solids of
+flat faces.
 Lengths inside the makers are arbitrary units; `build_solids` scales them to pixels.
 """
 
@@ -14,6 +14,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from glint.tasks.algorithms.meshing.implicit import ImplicitFunction, capsule, ellipsoid, polyhedron, union
+from glint.tasks.algorithms.simulation.figurines import elephant, puppy, teddy_bear
 from glint.tasks.algorithms.simulation.solids import MATTE, Solid, as_cavity, from_implicit, revolve
 
 REGION_MARGIN_PX = 8.0
@@ -151,6 +152,18 @@ def _bird() -> list[Solid]:
     return [glass, as_cavity(hollow)]
 
 
+def _puppy() -> list[Solid]:
+    return [from_implicit(puppy(), np.array([-72, -124, -50]), np.array([70, 106, 86]), 1.6)]
+
+
+def _teddy_bear() -> list[Solid]:
+    return [from_implicit(teddy_bear(), np.array([-80, -122, -60]), np.array([98, 110, 112]), 1.6)]
+
+
+def _elephant() -> list[Solid]:
+    return [from_implicit(elephant(), np.array([-102, -118, -62]), np.array([140, 74, 62]), 1.6)]
+
+
 def _ring_of_planes(sides: int, elevation: float, distance: float, turn: float) -> list[tuple[float, ...]]:
     """Return the faces (n_x, n_y, n_z, distance) of a ring about the y axis; angles in degrees, 0 faces the camera."""
     up, out = np.sin(np.radians(elevation)), np.cos(np.radians(elevation))
@@ -208,7 +221,10 @@ _MAKERS = {
     "fish": _fish,
     "wine-glass": _wine_glass,
     "water-glass": _water_glass,
+    "puppy": _puppy,
+    "teddy-bear": _teddy_bear,
     "bird": _bird,
+    "elephant": _elephant,
     "faceted-bottle": _faceted_bottle,
     "hexagonal-prism": _hexagonal_prism,
     "cut-cube": _cut_cube,

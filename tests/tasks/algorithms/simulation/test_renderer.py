@@ -15,6 +15,7 @@ from glint.tasks.algorithms.simulation.renderer import prepare_renderer
 from glint.tasks.algorithms.simulation.shapes import build_solids
 from glint.tasks.algorithms.simulation.solids import GLASS, sphere
 from glint.tasks.simulation.simulate import PRESETS, SHAPES, CaptureOptions, simulate
+from tests.benchmarks.overlapping_limbs import depth_steps
 
 RADIUS = 30.0
 
@@ -105,6 +106,15 @@ def test_the_jug_has_a_hole(grid: tuple[np.ndarray, np.ndarray]) -> None:
     mask = np.isfinite(Scene(build_solids("jug", 140, 210)).truth(x, y).depth).astype(np.uint8)
     outlines, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     assert max(len(outline) for outline in outlines[1:]) > 30
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("shape", "overlaps"), [("puppy", True), ("elephant", True), ("hemisphere", False)])
+def test_limbs_of_figurines_stand_before_the_body(shape: str, overlaps: bool) -> None:
+    x, y = np.meshgrid(np.arange(-60.0, 61), np.arange(55.0, -56, -1))
+    depth = Scene(build_solids(shape, 120, 110)).truth(x, y).depth
+    steps = depth_steps(depth) | depth_steps(depth.T).T
+    assert steps.sum() > 100 if overlaps else steps.sum() < 10
 
 
 @pytest.mark.long

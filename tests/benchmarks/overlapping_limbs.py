@@ -1,0 +1,107 @@
+"""Overlapping limbs: how much of the error of figurines lies beside contours and creases inside their silhouettes.
+
+    python -m tests.benchmarks.overlapping_limbs [SHAPE ...] [--views 1] [--seed 5] [--folder DIR]
+
+Of each capture it prints the squared errors of the normals (observed pixels / whole mask); and for two kinds of true
+curves inside the silhouette, occluding contours alone and all curves across which the normal turns, the share of the
+mask within 0.2 inradii of one, and the share of the squared error there. A shape that is not a preset has 1,500 frames
+and 0.8 of its size.
+"""
+
+import argparse
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from scipy import ndimage
+
+from glint.storage.catalogue.loading import Capture, load
+from glint.storage.inputs.masks_and_truth import read_truth
+from glint.tasks.algorithms.candidates.shading import without_shading
+from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
+from glint.tasks.algorithms.prior.smooth_normals import inradius
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.engine.parameters import Parameters
+from glint.tasks.simulation.simulate import PRESETS, CaptureOptions, simulate
+from glint.tasks.stages.clusters import load_clusters
+from tests.tasks.make_context import perform_all
+
+FIGURINES = ("puppy", "elephant", "teddy-bear", "bird")
+NEAR_INRADII = 0.2
+"""Distance to a curve up to which a pixel lies beside it."""
+MIN_STEP_PX, MIN_STEP_RATIO, MAX_FAR_SLOPE = 3.0, 1.3, 3.0
+"""A depth step exceeds this many pixels and this many times the slopes beside it, that of the far side being limited:
+the near surface curves away with a slope that grows towards its contour without bound."""
+MIN_TURN_DEG = 25.0
+"""Angle between the normals of neighbouring pixels from which a curve runs between them."""
+
+
+def depth_steps(depth: np.ndarray) -> np.ndarray:
+    """Return the pixels (H, W) bool on either side of a depth step to the right neighbour.
+
+    depth: (H, W), towards the camera, NaN outside the mask.
+    """
+    rise = np.diff(depth, axis=1)
+    # Where there is no further neighbour, the slope counts as zero.
+    before = np.nan_to_num(np.abs(np.pad(rise, ((0, 0), (1, 0)))[:, :-1]))
+    after = np.nan_to_num(np.abs(np.pad(rise, ((0, 0), (0, 1)))[:, 1:]))
+    near, far = np.where(rise > 0, after, before), np.where(rise > 0, before, after)
+    with np.errstate(invalid="ignore"):
+        is_step = np.abs(rise) > MIN_STEP_PX + MIN_STEP_RATIO * (near + np.minimum(far, MAX_FAR_SLOPE))
+    return np.pad(is_step, ((0, 0), (0, 1))) | np.pad(is_step, ((0, 0), (1, 0)))
+
+
+def turns(normals: np.ndarray) -> np.ndarray:
+    """Return the pixels (H, W) bool whose normal differs much from that of the right neighbour; normals (H, W, 3)."""
+    turn = np.nan_to_num(angles(normals[:, 1:], normals[:, :-1])) > MIN_TURN_DEG
+    return np.pad(turn, ((0, 0), (0, 1))) | np.pad(turn, ((0, 0), (1, 0)))
+
+
+def measure(capture: Capture, store: Path) -> str:
+    """Return a line on one capture, whose results are kept in a store."""
+    work = CaptureContext(str(store), "object", capture, Parameters(), "overlapping limbs")
+    perform_all(work, "clusters")
+    clusters, mask = without_shading(load_clusters(work)), work.load("mask").read("mask")
+    assert capture.truth is not None
+    truth = read_truth(capture.truth, (mask.shape[0], mask.shape[1]))
+    assert truth.normals is not None and truth.depth is not None
+    result = reconstruct_normals(clusters, mask)
+    squared = ((result.normals - truth.normals) ** 2).sum(axis=-1)
+    known = mask & np.isfinite(squared)
+    depth = np.where(mask, truth.depth, np.nan)
+    steps = depth_steps(depth) | depth_steps(depth.T).T
+    turning = steps | turns(truth.normals) | turns(truth.normals.swapaxes(0, 1)).T
+
+    def shares(curves: np.ndarray) -> str:
+        if not curves.any():
+            return "0% of the mask with 0%"
+        near = ndimage.distance_transform_edt(~curves) <= NEAR_INRADII * inradius(mask)
+        return f"{near[known].mean():.0%} of the mask with {squared[known & near].sum() / squared[known].sum():.0%}"
+
+    pair = f"{squared[known & (clusters.observations > 0)].mean():.4f} / {squared[known].mean():.4f}"
+    return f"{pair}; beside contours {shares(steps)} of the error; beside all curves {shares(turning)}"
+
+
+def main() -> None:
+    """Print a line per capture as it is measured."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("shapes", nargs="*", metavar="SHAPE")
+    parser.add_argument("--views", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=5)
+    parser.add_argument("--folder", type=Path, help="folder for captures and stores; a temporary one by default")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = options.folder or Path(temporary)
+        for shape in options.shapes or FIGURINES:
+            size = {} if shape in PRESETS else {"frames": 1500, "scale": 0.8}
+            simulated = CaptureOptions(seed=options.seed, views=options.views, **size)
+            record = simulate(shape, folder / shape, simulated)
+            for capture in load(record.catalogue).object(shape).captures:
+                store = folder / shape / f"store-{capture.id}"
+                alone = capture.model_copy(update={"pose": None})
+                print(f"{shape}/{capture.id}: {measure(alone, store)}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
