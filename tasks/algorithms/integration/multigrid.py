@@ -26,8 +26,8 @@ OVERCORRECTION = np.float32(1.8)
 class Hierarchy(NamedTuple):
     """The levels of a grid graph one behind the other, finest first; compiled functions take it whole.
 
-    down, across, inverse: (N,) float32, weights and inverse diagonal of all levels, each (H + 2, W + 2) with a border of
-        zeros. source, solution: (N,) float32, space for a cycle.
+    down, across, inverse: (N,) float32, weights and inverse diagonal of all levels, each (H + 2, W + 2) with a border
+        of zeros. source, solution: (N,) float32, space for a cycle.
     start: (L + 1,) int64, where each level begins; shape: (L, 2) int64.
     """
 
