@@ -40,10 +40,10 @@ SHARPENING = 2.0
 BILATERAL_ROUNDS = 20
 """Limit of the rounds of a bilateral start: it need not converge."""
 LARGEST_SHARE = 0.999
-"""Quantile of differences or misfits that the first round of a graduated solution takes for the largest."""
+"""Quantile of the differences between sides at which the first bilateral round has the inverse of its slope."""
 MISFIT_SCALE = 6.0
 """Final scale of the loss, standard deviations of the expected rise."""
-NOISE_SCALE = 3.5
+NOISE_SCALE = 4.0
 """Largest misfit, in the same unit, up to which a continuous surface explains the normals."""
 BILATERAL_SCALE = 10.0
 """First scale after a bilateral start: its own steps have no weight, and what it got wrong may still be mended."""
@@ -177,15 +177,14 @@ def _change(height: np.ndarray, previous: np.ndarray, mask: np.ndarray) -> float
 
 
 def _largest_misfit(rises: ExpectedRises, height: np.ndarray) -> float:
-    """Return the largest misfits of a height, standard deviations of the expected rise."""
-    misfits, known = [], []
+    """Return the largest misfit of a height, standard deviations of the expected rise."""
+    largest = 0.0
     for axis in range(2):
         # The edges from the last row or column lead nowhere.
-        precision = np.delete(rises.precision[axis], -1, axis)
-        misfits.append(np.sqrt(precision) * np.abs(np.diff(height, axis=axis) - np.delete(rises.mean[axis], -1, axis)))
-        known.append(precision > 0.0)
-    values = np.concatenate([misfit[inside] for misfit, inside in zip(misfits, known, strict=True)])
-    return float(np.quantile(values, LARGEST_SHARE)) if len(values) else 0.0
+        mean, precision = (np.delete(values[axis], -1, axis) for values in (rises.mean, rises.precision))
+        misfit = np.sqrt(precision) * np.abs(np.diff(height, axis=axis) - mean)
+        largest = max(largest, float(misfit.max(initial=0.0)))
+    return largest
 
 
 def misfit_energy(edges: GridEdges, height: np.ndarray, sharpness: float) -> float:
