@@ -117,9 +117,9 @@ def _hierarchy(down: np.ndarray, across: np.ndarray) -> Hierarchy:
         levels.append(_aggregate(*levels[-1]))
     shape = np.array([level.shape for level, _ in levels])
     start = np.concatenate([[0], np.cumsum(shape.prod(axis=1))])
-    parts = [np.concatenate([part.ravel() for part in kind]) for kind in zip(*levels, strict=True)]
+    downs, acrosses = (np.concatenate([part.ravel() for part in parts]) for parts in zip(*levels, strict=True))
     inverse = np.concatenate([_inverse_diagonal(*level).ravel() for level in levels])
-    return Hierarchy(*parts, inverse, np.zeros_like(inverse), np.zeros_like(inverse), start, shape)
+    return Hierarchy(downs, acrosses, inverse, np.zeros_like(inverse), np.zeros_like(inverse), start, shape)
 
 
 def _inverse_diagonal(down: np.ndarray, across: np.ndarray) -> np.ndarray:
