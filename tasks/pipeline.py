@@ -142,8 +142,8 @@ STAGES = (
         parameters.DepthParameters,
         reads=("survey", "mask", "labels"),
         arrays={"depth": ArraySchema("HW", "f", "mask"), "provenance": ArraySchema("HW", "u")},
-        peak_bytes=_per_pixel(250),
-        version=3,
+        peak_bytes=_per_pixel(400),
+        version=4,
     ),
     Stage(
         "surface",

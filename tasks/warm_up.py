@@ -30,4 +30,6 @@ def warm_up() -> None:
     clusters = cluster_pixels(frames, thresholds, half_vectors, inverse_density_weights(half_vectors))
     result = reconstruct_normals(clusters, mask)
     depth = integrate(result.normals, mask, confidence=result.confidence).depth
+    # What finds steps runs only where there are some.
+    integrate(np.where(rows[..., None] < 0.0, normals, normals[:, ::-1]), mask)
     draw_surface(mesh_from_depth(depth, mask, result.normals, max_slope=1e3), size=16)

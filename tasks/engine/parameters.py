@@ -110,7 +110,7 @@ class DepthParameters(StageParameters):
     """method, sharpness, rounds: of the integration; use_confidence: whether confidence weighs the normals."""
 
     method: Literal["bilateral", "least-squares"] = "bilateral"
-    sharpness: Positive = 5.25
+    sharpness: Positive = 2.0
     rounds: Count = 30
     use_confidence: bool = True
 

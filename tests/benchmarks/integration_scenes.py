@@ -15,9 +15,6 @@ CAMERA_DISTANCE = 3.0
 STEP_PX = 0.5
 """Distance in pixels along the normal, beyond what the normals at both ends allow, from which an edge is a step."""
 
-FADE = 0.75
-"""Share of the picture over which steps of stairs fade out."""
-
 Field = Callable[[np.ndarray], np.ndarray]
 
 
@@ -45,28 +42,6 @@ def with_noise(scene: Scene, degrees: float, seed: int = 0) -> Scene:
     noisy /= np.linalg.norm(noisy, axis=-1, keepdims=True)
     noisy[..., 2] = np.maximum(noisy[..., 2], 0.0) if scene.camera is None else noisy[..., 2]
     return Scene(noisy, scene.mask, scene.camera, scene.height, scene.piece, scene.steps)
-
-
-def stairs(size: int, step: float, count: int = 3, bend: float = 0.0, tilt: float = 0.0) -> Scene:
-    """Draw treads that rise out of one slope: `step` is the height of each step in sizes of the picture.
-
-    The steps have their full height along the upper edge and fade out towards the lower one: to cut across a tread
-    would take a longer step than to continue the true ones. `bend` and `tilt` shape the slope.
-    """
-    rows, columns = np.indices((size, size)) / size
-    share = np.clip((0.9 - rows) / FADE, 0.0, 1.0)
-    rise, slope = share * share * (3 - 2 * share), 6 * share * (share - 1) / FADE
-    tread = np.minimum((columns * count).astype(int), count - 1)
-    # Treads rise in an uneven order, so that steps lead up and down.
-    level = np.array([0.0, 2.0, 1.0, 3.0, 2.0, 0.0, 1.0, 3.0])[tread] * step
-    height = level * rise + bend * ((columns - 0.5) ** 2 + (rows - 0.5) ** 2) + tilt * columns
-    p, q = 2 * bend * (columns - 0.5) + tilt, level * slope + 2 * bend * (rows - 0.5)
-    normals = np.stack([-p, q, np.ones_like(p)], axis=-1)
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    whole = np.ones((size, size), bool)
-    borders = [int(np.argmax(tread[0] == k)) for k in range(1, count)]
-    steps = tuple((slice(0, size // 10), border - 1) for border in borders)
-    return Scene(normals, whole, None, height * size, whole, steps)
 
 
 def pleats(size: int, depth: float, count: int = 2) -> Scene:
@@ -222,6 +197,16 @@ def _box(centre: tuple[float, float, float], half: tuple[float, float, float], t
     return distance
 
 
+def _staircase(about_x: float, about_y: float, count: int = 4) -> Field:
+    """A staircase with treads and risers, turned by degrees."""
+    (c, s), (e, t) = ((np.cos(angle), np.sin(angle)) for angle in np.radians((about_x, about_y)))
+    rotation = np.array([[e, 0, t], [0, 1, 0], [-t, 0, e]]) @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    heights = [(k + 1) * 0.25 / count for k in range(count)]
+    depths = [0.275 - k * 0.25 / count for k in range(count)]
+    boxes = [_box((0.0, -0.27 + y, -0.3 + z), (0.22, y, z), 0.0) for y, z in zip(heights, depths, strict=True)]
+    return lambda points: _union(*boxes)(points @ rotation)
+
+
 FIELDS: dict[str, Field] = {
     "ball": _sphere((0.0, 0.0, 0.0), 0.42),
     "arm": _union(_sphere((0.0, 0.05, -0.1), 0.38), _capsule((0.0, 0.28, 0.1), (-0.12, -0.25, 0.42), 0.06)),
@@ -233,6 +218,7 @@ FIELDS: dict[str, Field] = {
     "bowl": _bowl(0.42, 0.06, 35.0),
     "cup": _bowl(0.42, 0.03, 15.0),
     "boxes": _union(_box((-0.1, -0.05, -0.2), (0.25, 0.3, 0.1), 25.0), _box((0.1, 0.1, 0.05), (0.16, 0.1, 0.2), 20.0)),
+    "staircase": _staircase(35.0, 25.0),
     "limbs": _union(
         _capsule((-0.25, 0.3, -0.2), (-0.2, -0.35, 0.0), 0.09),
         _capsule((-0.25, 0.3, -0.2), (0.3, -0.1, 0.25), 0.09),

@@ -20,7 +20,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from glint.tasks.algorithms.integration.bilateral import integrate
-from tests.benchmarks.integration_scenes import FIELDS, Scene, pleats, stairs, traced, with_noise
+from tests.benchmarks.integration_scenes import FIELDS, Scene, pleats, traced, with_noise
+from tests.benchmarks.integration_sheets import flap, risers, stairs
 
 LEAST_ERROR_PX = 0.01
 """Added to errors before geometric means, so that an exact scene does not outweigh all."""
@@ -32,6 +33,10 @@ def scenes(size: int) -> Iterator[tuple[str, Scene]]:
     """Yield all scenes of a size with their names; those under perspective end in `P`."""
     for step, bend, tilt in ((0.02, 0.0, 0.0), (0.06, 0.6, 0.3), (0.2, 0.6, 0.0), (0.4, -0.6, -0.5)):
         yield f"stairs {step:g}", stairs(size, step, bend=bend, tilt=tilt)
+    for lift in (0.05, 0.2):
+        yield f"flap {lift:g}", flap(size, lift)
+    for width, slope in ((1, 5.0), (2, 3.0), (3, 6.0)):
+        yield f"risers {width:d} {slope:g}", risers(size, width, slope)
     for depth in (0.15, 0.3):
         yield f"pleats {depth:g}", pleats(size, depth)
     for name, field in FIELDS.items():

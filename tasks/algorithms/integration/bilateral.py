@@ -1,12 +1,11 @@
-"""Depth from normals inside a mask by bilateral normal integration, weighted by confidence, with a free boundary.
+"""Depth from normals inside a mask, weighted by confidence, with steps where they are required and a free boundary.
 
-After Cao, Santo, Shi, Okura and Matsushita, Bilateral Normal Integration, ECCV 2022. Every edge between neighbouring
-pixels has two predictions of the rise of height along it, from the normals at either end (`edges`). Masked least
-squares averages them. Bilateral integration lets each pixel assume that the surface is continuous on at least one side:
-a sigmoid divides the pixel's weight between its two sides, found by iteratively reweighted least squares, so that an
-edge whose two ends both reject it becomes a step. Each iteration solves weighted Poisson equations (`multigrid`);
-`reweighting` chooses the start and how the two sides are compared. Connected components are integrated one by one:
-offsets between them cannot be known from one view.
+Every edge between neighbouring pixels has two predictions of the rise of height along it, from the normals at either
+end (`edges`). Where the surface is continuous it rises by their mean, with a known precision (`expected_rises`);
+elsewhere it has a step. Which edges are steps is found by iteratively reweighted least squares from several starts
+(`reweighting`). Two of these are after Cao, Santo, Shi, Okura and Matsushita, Bilateral Normal Integration, ECCV 2022:
+each pixel assumes that the surface is continuous on at least one side. Each iteration solves weighted Poisson equations
+(`multigrid`). Connected components are integrated one by one: offsets between them cannot be known from one view.
 """
 
 from dataclasses import dataclass
@@ -81,7 +80,7 @@ def integrate(
         mask: (H, W) bool.
         confidence: (H, W) >= 0, weight of each normal; where it is zero or NaN, or the normal is NaN, the pixel follows
             its neighbours.
-        method: bilateral, or least squares alone.
+        method: bilateral for a height with steps, or least squares alone.
         camera: (3, 3) intrinsic matrix in pixels of these arrays, whose pixel (0, 0) is the centre of the top-left one;
             None for an orthographic camera.
         sharpness: see SHARPNESS.
@@ -102,11 +101,10 @@ def integrate(
         camera = np.array(camera, float) - [[0, 0, window[1].start], [0, 0, window[0].start], [0, 0, 0]]
     edges = grid_edges(filled, inner, weight, camera, least_cosines(inner))
     if method == "bilateral":
-        height, rounds, converged = robust(edges, inner, sharpness, max_rounds, tolerance)
-        energy = misfit_energy(edges, height, sharpness)
+        solution = robust(edges, inner, sharpness, max_rounds, tolerance)
     else:
-        (height, converged), rounds = least_squares(edges), 0
-        energy = misfit_energy(edges, height, 0.0)
+        solution, sharpness = least_squares(edges), 0.0
+    height, energy = solution.height, misfit_energy(edges, solution.height, sharpness)
 
     # The equations tie no two components, so only the mean of each is left to fix.
     numbers = components[window]
@@ -115,7 +113,7 @@ def integrate(
         height = np.exp(-height / focal_length(camera))
     depth = np.full(mask.shape, np.nan, np.float32)
     depth[window][inner] = height[inner]
-    return Depth(depth, components, rounds, converged, energy / int(inner.sum()), camera is not None)
+    return Depth(depth, components, solution.rounds, solution.converged, energy / int(inner.sum()), camera is not None)
 
 
 def _weighted_normals(

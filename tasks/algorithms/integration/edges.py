@@ -15,8 +15,8 @@ from numba import njit
 
 MAX_SIGMOID_ARGUMENT = 40.0
 """Arguments of the sigmoid are clipped to this, so that the exponential stays finite and the weights positive."""
-STEP_POWER = 0.25
-"""Power of a step in the sum of discontinuities: a few large steps count less than many small ones."""
+STEP_PX = 0.25
+"""Step, along the normal, from which an edge counts as a whole one."""
 
 
 class GridEdges(NamedTuple):
@@ -137,15 +137,15 @@ def compare_sides(
 
 
 @njit(cache=True, nogil=True)
-def discontinuity(
+def step_length(
     edges: GridEdges,
     height: np.ndarray,
 ) -> float:
-    """Compute how much of a height (H, W) is discontinuous: the sum of the edges' steps to the power STEP_POWER.
+    """Compute the length in pixels of a height's (H, W) steps: the number of edges that are steps.
 
     An edge's step is the part of its rise, along the steeper
     normal and in pixels, that lies outside of what the two ends predict: a crease, with a rise between both, has none.
-    The less certain of the two normals weighs it.
+    One of less than STEP_PX counts in proportion. The less certain of the two normals weighs it.
     """
     inside, forward_rise, backward_rise, cos_incidence, weight = edges
     rows, columns = height.shape
@@ -160,7 +160,7 @@ def discontinuity(
                     high = max(forward_rise[axis, i, j], backward_rise[axis, i, j])
                     step = max(low - rise, rise - high, 0.0)
                     cosine = min(cos_incidence[i, j], cos_incidence[i + di, j + dj])
-                    total += min(weight[i, j], weight[i + di, j + dj]) * (cosine * step) ** STEP_POWER
+                    total += min(weight[i, j], weight[i + di, j + dj]) * min(cosine * step / STEP_PX, 1.0)
     return total
 
 

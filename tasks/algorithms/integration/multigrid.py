@@ -10,12 +10,10 @@ Laplacian stays a grid Laplacian when 2 x 2 pixels become one and the weights be
 the same two arrays, a quarter as large.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from scipy.sparse.linalg import LinearOperator, cg
 
 COARSEST_SIDE_PX = 6
 """Longest side of the coarsest level, which is solved by repeated sweeps."""
@@ -25,13 +23,21 @@ OVERCORRECTION = np.float32(1.8)
 """Factor of coarse corrections: blocks are constant inside, which makes the coarse graph too stiff."""
 
 
-@dataclass(frozen=True, slots=True)
-class GridLevel:
-    """A level of the hierarchy, padded by a border of zeros: weights and inverse diagonal, (H + 2, W + 2) float32."""
+class Hierarchy(NamedTuple):
+    """The levels of a grid graph one behind the other, finest first; compiled functions take it whole.
+
+    down, across, inverse: (N,) float32, weights and inverse diagonal of all levels, each (H + 2, W + 2) with a border
+        of zeros. source, solution: (N,) float32, space for a cycle.
+    start: (L + 1,) int64, where each level begins; shape: (L, 2) int64.
+    """
 
     down: np.ndarray
     across: np.ndarray
     inverse: np.ndarray
+    source: np.ndarray
+    solution: np.ndarray
+    start: np.ndarray
+    shape: np.ndarray
 
 
 def solve_poisson(
@@ -55,76 +61,118 @@ def solve_poisson(
         The solution (H, W) float64, with an arbitrary constant on each component, which L leaves free; the number of
         iterations; and whether the tolerance was reached within the limit.
     """
-    down, across = weights
-    levels = _hierarchy(down, across)
-    shape, size, iterations = source.shape, source.size, 0
-
-    def laplacian(x: np.ndarray) -> np.ndarray:
-        return _laplacian(down, across, x.reshape(shape)).ravel()
-
-    def precondition(residual: np.ndarray) -> np.ndarray:
-        # The cycle works in single precision: scaled, so that no residual is too small for it.
-        scale = float(np.abs(residual).max()) or 1.0
-        padded = np.zeros((shape[0] + 2, shape[1] + 2), np.float32)
-        padded[1:-1, 1:-1] = (residual / scale).reshape(shape)
-        return scale * _w_cycle(levels, 0, padded)[1:-1, 1:-1].astype(np.float64).ravel()
-
-    def count(_: np.ndarray) -> None:
-        nonlocal iterations
-        iterations += 1
-
-    solution, status = cg(
-        _operator(size, laplacian),
-        source.ravel(),
-        x0=start.ravel(),
-        rtol=tolerance,
-        maxiter=max_iterations,
-        M=_operator(size, precondition),
-        callback=count,
+    down, across = (np.ascontiguousarray(part, np.float64) for part in weights)
+    solution = np.array(start, np.float64)
+    iterations, converged = _conjugate_gradients(
+        _hierarchy(down, across), down, across, np.asarray(source, np.float64), solution, tolerance, max_iterations
     )
-    return solution.reshape(shape), iterations, status == 0
+    return solution, iterations, converged
 
 
-def _operator(size: int, function: Callable[[np.ndarray], np.ndarray]) -> LinearOperator:
-    return LinearOperator((size, size), matvec=function, dtype=np.float64)
+@njit(cache=True, nogil=True)
+def _conjugate_gradients(
+    levels: Hierarchy,
+    down: np.ndarray,
+    across: np.ndarray,
+    source: np.ndarray,
+    x: np.ndarray,
+    tolerance: float,
+    max_iterations: int,
+) -> tuple[int, bool]:
+    """Improve x (H, W) in place by preconditioned conjugate gradients, see `solve_poisson`."""
+    bound = tolerance * np.sqrt((source * source).sum())
+    residual = source - _laplacian(down, across, x)
+    direction, previous = np.zeros_like(x), 1.0
+    for iteration in range(max_iterations + 1):
+        if np.sqrt((residual * residual).sum()) <= bound:
+            return iteration, True
+        if iteration == max_iterations:
+            break
+        preconditioned = _precondition(levels, residual)
+        product = (residual * preconditioned).sum()
+        direction = preconditioned + (product / previous) * direction if iteration else preconditioned
+        previous = product
+        image = _laplacian(down, across, direction)
+        step = product / (direction * image).sum()
+        x += step * direction
+        residual -= step * image
+    return max_iterations, False
 
 
-def _hierarchy(down: np.ndarray, across: np.ndarray) -> list[GridLevel]:
-    """Build the levels of the grid graph (H, W), finest first."""
-    levels = [_level(np.pad(down, 1).astype(np.float32), np.pad(across, 1).astype(np.float32))]
-    while max(levels[-1].down.shape) - 2 > COARSEST_SIDE_PX:
-        levels.append(_level(*_aggregate(levels[-1].down, levels[-1].across)))
-    return levels
+@njit(cache=True, nogil=True)
+def _precondition(levels: Hierarchy, residual: np.ndarray) -> np.ndarray:
+    """Return one cycle's answer (H, W) to a residual."""
+    source, solution = _view(levels, levels.source, 0), _view(levels, levels.solution, 0)
+    # The cycle works in single precision: scaled, so that no residual is too small for it.
+    scale = np.abs(residual).max()
+    source[1:-1, 1:-1] = residual / scale
+    _w_cycle(levels)
+    return scale * solution[1:-1, 1:-1].astype(np.float64)
 
 
-def _level(down: np.ndarray, across: np.ndarray) -> GridLevel:
-    """Complete a level by the inverse of the Laplacian's diagonal: 0 at pixels without edges, which stay 0."""
+def _hierarchy(down: np.ndarray, across: np.ndarray) -> Hierarchy:
+    """Build the levels of the grid graph (H, W)."""
+    levels = [(np.pad(down, 1).astype(np.float32), np.pad(across, 1).astype(np.float32))]
+    while max(levels[-1][0].shape) - 2 > COARSEST_SIDE_PX:
+        levels.append(_aggregate(*levels[-1]))
+    shape = np.array([level.shape for level, _ in levels])
+    start = np.concatenate([[0], np.cumsum(shape.prod(axis=1))])
+    downs, acrosses = (np.concatenate([part.ravel() for part in parts]) for parts in zip(*levels, strict=True))
+    inverse = np.concatenate([_inverse_diagonal(*level).ravel() for level in levels])
+    return Hierarchy(downs, acrosses, inverse, np.zeros_like(inverse), np.zeros_like(inverse), start, shape)
+
+
+def _inverse_diagonal(down: np.ndarray, across: np.ndarray) -> np.ndarray:
+    """Return the inverse of the Laplacian's diagonal: 0 at pixels without edges, which stay 0."""
     diagonal = down + across
     diagonal[1:] += down[:-1]
     diagonal[:, 1:] += across[:, :-1]
-    inverse = np.where(diagonal > 0.0, 1.0 / np.maximum(diagonal, np.float32(1e-30)), np.float32(0.0))
-    return GridLevel(down, across, inverse)
+    return np.where(diagonal > 0.0, 1.0 / np.maximum(diagonal, np.float32(1e-30)), np.float32(0.0))
 
 
-def _w_cycle(levels: list[GridLevel], depth: int, source: np.ndarray) -> np.ndarray:
-    """Apply one symmetric W-cycle, started at zero, to a padded right-hand side (H + 2, W + 2) float32."""
-    level = levels[depth]
-    x = np.zeros_like(source)
-    # The colours are swept in one order before the coarse correction and in reverse after it, which keeps the cycle
-    # symmetric; so does the reversal half-way through the sweeps of the coarsest level.
-    if depth == len(levels) - 1:
-        for colour in (0, 1) * COARSEST_SWEEPS + (1, 0) * COARSEST_SWEEPS:
-            _relax(level.down, level.across, level.inverse, source, x, colour)
-        return x
-    for colour in (0, 1):
-        _relax(level.down, level.across, level.inverse, source, x, colour)
-    # Two coarse visits on all levels but the finest, where they would cost most.
-    for _ in range(1 if depth == 0 else 2):
-        coarse = _restrict_residual(level.down, level.across, source, x)
-        _add_correction(x, _w_cycle(levels, depth + 1, coarse), level.inverse, OVERCORRECTION)
-    for colour in (1, 0):
-        _relax(level.down, level.across, level.inverse, source, x, colour)
-    return x
+@njit(cache=True, nogil=True)
+def _view(levels: Hierarchy, values: np.ndarray, depth: int) -> np.ndarray:
+    """Return one level (H + 2, W + 2) of one of the hierarchy's arrays."""
+    height, width = levels.shape[depth]
+    return values[levels.start[depth] : levels.start[depth + 1]].reshape((height, width))
+
+
+@njit(cache=True, nogil=True)
+def _w_cycle(levels: Hierarchy) -> None:
+    """Apply one symmetric W-cycle, started at zero, to the finest source, and leave its answer in the solution."""
+    last = len(levels.shape) - 1
+    left = np.zeros(last + 1, np.int64)
+    depth, entered = 0, True
+    # A loop instead of a recursion, which numba does not cache.
+    while depth >= 0:
+        if entered:
+            _view(levels, levels.solution, depth)[:] = 0.0
+            _smooth(levels, depth, COARSEST_SWEEPS if depth == last else 1, 0)
+            # Two coarse visits on all levels but the finest, where they would cost most.
+            left[depth] = 0 if depth == last else 1 if depth == 0 else 2
+        else:
+            correction, inverse = _view(levels, levels.solution, depth + 1), _view(levels, levels.inverse, depth)
+            _add_correction(_view(levels, levels.solution, depth), correction, inverse, OVERCORRECTION)
+        entered = left[depth] > 0
+        if entered:
+            left[depth] -= 1
+            _restrict_residual(levels, depth)
+            depth += 1
+        else:
+            # The colours are swept in reverse after the coarse correction, and half-way through the sweeps of the
+            # coarsest level, which keeps the cycle symmetric.
+            _smooth(levels, depth, COARSEST_SWEEPS if depth == last else 1, 1)
+            depth -= 1
+
+
+@njit(cache=True, nogil=True)
+def _smooth(levels: Hierarchy, depth: int, sweeps: int, colour: int) -> None:
+    """Sweep a level's pixels of one colour of the chequerboard, then the others, `sweeps` times."""
+    down, across = _view(levels, levels.down, depth), _view(levels, levels.across, depth)
+    inverse, source = _view(levels, levels.inverse, depth), _view(levels, levels.source, depth)
+    for _ in range(sweeps):
+        _relax(down, across, inverse, source, _view(levels, levels.solution, depth), colour)
+        _relax(down, across, inverse, source, _view(levels, levels.solution, depth), 1 - colour)
 
 
 @njit(cache=True, nogil=True)
@@ -175,21 +223,23 @@ def _relax(
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def _restrict_residual(down: np.ndarray, across: np.ndarray, source: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return the residual source - L x, summed over blocks of 2 x 2 pixels and padded."""
+def _restrict_residual(levels: Hierarchy, depth: int) -> None:
+    """Write a level's residual source - L x, summed over blocks of 2 x 2 pixels, to the source of the next."""
+    down, across = _view(levels, levels.down, depth), _view(levels, levels.across, depth)
+    source, x = _view(levels, levels.source, depth), _view(levels, levels.solution, depth)
+    out = _view(levels, levels.source, depth + 1)
     height, width = x.shape
-    out = np.zeros(((height - 1) // 2 + 2, (width - 1) // 2 + 2), np.float32)
+    out[:] = 0.0
     for i in range(1, height - 1):
         for j in range(1, width - 1):
             centre = x[i, j]
             flow = down[i, j] * (x[i + 1, j] - centre) + down[i - 1, j] * (x[i - 1, j] - centre)
             flow += across[i, j] * (x[i, j + 1] - centre) + across[i, j - 1] * (x[i, j - 1] - centre)
             out[(i + 1) // 2, (j + 1) // 2] += source[i, j] + flow
-    return out
 
 
 @njit(cache=True, nogil=True)
-def _add_correction(x: np.ndarray, correction: np.ndarray, inverse: np.ndarray, scale: float) -> None:
+def _add_correction(x: np.ndarray, correction: np.ndarray, inverse: np.ndarray, scale: np.float32) -> None:
     """Add a coarse correction, constant over blocks of 2 x 2 pixels and scaled, to x in place."""
     height, width = x.shape
     for i in range(1, height - 1):

@@ -1,12 +1,15 @@
 """Heights of a region's edges by least squares and by iteratively reweighted least squares, and the choice among them.
 
-The start is the masked least-squares solution, and the sides are compared by their misfits, so that both count alike on
-smooth curved parts. Where large steps have bent the start all misfits are large and early decisions are wrong ones. So
-two more attempts compare the publication's rises (large beyond an occluding contour) as well, or alone, with a sigmoid
-that starts as flat as the largest differences require and sharpens from round to round (graduated non-convexity, Blake
-and Zisserman 1987). A graduated attempt ends when the height no longer changes; clearly sparser discontinuities win
-(Kim, Jung and Lee 2024). Without a step of a pixel there is nothing to attempt.
+Weighted by the precision of the expected rises alone, least squares is right where the surface is continuous; if no
+misfit exceeds the noise there is nothing else to do. Otherwise some edges are steps, and which ones is no convex
+problem. Three attempts start differently: two where the two sides of each pixel are compared (bilateral), which sees
+occluding contours; one from evidence in the normals, which sees steps that fade out of a slope. Each ends in the same
+problem, a redescending loss of the misfits whose scale falls from round to round to the noise (graduated non-convexity,
+Blake and Zisserman 1987), until the height no longer changes. The attempt with the shortest steps wins.
 """
+
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,112 +18,180 @@ from glint.tasks.algorithms.integration.edges import (
     assemble,
     bilateral_weights,
     compare_sides,
-    discontinuity,
+    step_length,
+)
+from glint.tasks.algorithms.integration.expected_rises import (
+    ExpectedRises,
+    curl_evidence,
+    expected_rises,
+    normal_evidence,
+    poisson_source,
+    robust_weights,
 )
 from glint.tasks.algorithms.integration.multigrid import solve_poisson
 
-SHARPNESS = 5.25
-"""Slope of the sigmoid between a pixel's two sides where misfits are compared, per square pixel along the normal."""
-GRADUATED_SHARPNESS = 2.0
-"""Final slope where rises are compared too: they are larger than misfits on all slopes."""
+SHARPNESS = 2.0
+"""Final slope of the sigmoid between a pixel's two sides, per square pixel along the normal."""
 RISE_SHARES = (0.5, 1.0)
-"""Shares of the squared rise in the comparison of a pixel's sides, per graduated attempt; the rest is the squared
-misfit. With 0.5 limbs before a body come free; with 1 faces with edges stay together, whose creases are no steps."""
+"""Shares of the squared rise in the comparison of a pixel's sides, per bilateral start; the rest is the squared misfit.
+With 0.5 limbs before a body come free; with 1 faces with edges stay together, whose creases are no steps."""
 SHARPENING = 2.0
 """Factor of the sigmoid's slope from round to round."""
-UNDECIDED_SHARE = 0.999
-"""Quantile of the differences between sides at which the first graduated round has the inverse of its slope."""
-LEAST_STEP_PX = 1.0
-"""Step, by that quantile of misfits after the first attempt, up to which no graduated attempt is made."""
-LEAST_COSINE = 0.3
-"""Cosine of incidence (73 degrees) from which a pixel's misfit shows a step: steeper ones misfit at every rim."""
-SPARSER = 0.95
-"""Ratio of the discontinuity below which a graduated attempt replaces the one that compares misfits alone."""
-MISFIT_ROUNDS = 9
-"""Limit of the rounds that compare misfits alone: more of them sharpen steps that the normals do not support."""
+BILATERAL_ROUNDS = 20
+"""Limit of the rounds of a bilateral start: it need not converge."""
+LARGEST_SHARE = 0.999
+"""Quantile of the differences between sides at which the first bilateral round has the inverse of its slope."""
+MISFIT_SCALE = 6.0
+"""Final scale of the loss, standard deviations of the expected rise."""
+NOISE_SCALE = 4.0
+"""Largest misfit, in the same unit, up to which a continuous surface explains the normals."""
+BILATERAL_SCALE = 10.0
+"""First scale after a bilateral start: its own steps have no weight, and what it got wrong may still be mended."""
+SHRINKING = 0.7
+"""Factor of the scale from round to round."""
+EVIDENCE_SCALE = 3.0
+"""Significance of a step's evidence at which its scale falls, or its weight, to half."""
+CONTOUR_LENGTHS, LINE_LENGTHS = (2,), (2, 4, 8, 16)
+"""Squares on both sides of an edge over which curl is summed: after a bilateral start short lines, which follow
+contours; else long ones too, which see straight steps through noise, and changes of the normal."""
+CONTOUR_POWER, LINE_POWER = 1.0, 2.0
+"""Powers of the fall of the weight with that evidence."""
 MAX_ROUNDS = 30
-"""Limit of an attempt's reweighted solutions: some steps flicker between two neighbouring pixels for ever."""
+"""Limit of an attempt's reweighted solutions."""
 TOLERANCE_PX = 5e-3
 """Root mean square change of the height in a round below which the rounds end."""
 WEIGHT_POWER, RISE_POWER = 2.0, 1.0
-"""Powers of that cosine with which a pixel weighs an edge, and with which the two ends' rises are averaged: at 1 the
-average is the rise by the mean of the two normals, which is exact on circular arcs."""
+"""Powers of the cosine of incidence with which a pixel weighs an edge in a bilateral start, and with which the rises of
+the two ends are averaged: at 1 the average is the rise by the mean of the two normals, exact on circular arcs."""
 MIN_EDGE_WEIGHT = 1e-10
-"""Weight left to an edge that both its ends reject: the two sides of a step stay one component."""
+"""Weight left to an edge that is a step, as a share of the largest: the two sides stay one component."""
 LEAST_SQUARES_TOLERANCE, REWEIGHTED_TOLERANCE = 1e-5, 1e-3
-"""Relative residuals at which the solver stops: for the start, and for each iteration, which begins near its end."""
+"""Relative residuals at which the solver stops: for least squares, and for each round, which begins near its end."""
 
 
-def least_squares(edges: GridEdges) -> tuple[np.ndarray, bool]:
-    """Solve for the height (H, W) with both ends of each edge weighted alike; return it and whether it converged."""
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """A height (H, W) float64, the rounds it took, and whether the last one changed it by less than the tolerance."""
+
+    height: np.ndarray
+    rounds: int
+    converged: bool
+
+
+def least_squares(edges: GridEdges) -> Solution:
+    """Solve for the height with all edges and both ends of each weighted alike."""
     equal = np.full(edges.forward_rise.shape, 0.5)
     weights, source = assemble(edges, equal, 0.0, 0.0, MIN_EDGE_WEIGHT)
     height, _, converged = solve_poisson(weights, source, np.zeros(source.shape), tolerance=LEAST_SQUARES_TOLERANCE)
-    return height, converged
+    return Solution(height, 0, converged)
 
 
-def robust(
-    edges: GridEdges, mask: np.ndarray, sharpness: float, max_rounds: int, tolerance: float
-) -> tuple[np.ndarray, int, bool]:
-    """Solve for the height (H, W); return it, the rounds of all attempts, and whether its own rounds converged.
+def robust(edges: GridEdges, mask: np.ndarray, sharpness: float, max_rounds: int, tolerance: float) -> Solution:
+    """Solve for the height with steps where the normals require them; `rounds` are those of all attempts."""
+    rises = expected_rises(edges)
+    plain = least_squares(edges)
+    even = np.ones(rises.mean.shape)
+    start = _weighted(rises, even, plain.height, LEAST_SQUARES_TOLERANCE)
+    if _largest_misfit(rises, start) <= NOISE_SCALE:
+        return _graduated(rises, even, mask, start, MISFIT_SCALE, max_rounds, tolerance)
+    best, shortest, rounds = plain, step_length(edges, plain.height), 0
+    for attempt in _attempts(edges, rises, mask, plain.height, (sharpness, max_rounds, tolerance)):
+        length = step_length(edges, attempt.height)
+        rounds += attempt.rounds
+        if length < shortest:
+            best, shortest = attempt, length
+    return Solution(best.height, rounds, best.converged)
 
-    The first attempt compares misfits alone. It is replaced where a graduated one is clearly less discontinuous, or by
-    least squares, where all begin, if that is the least discontinuous.
-    """
-    start, solved = least_squares(edges)
-    few = min(MISFIT_ROUNDS, max_rounds)
-    best, rounds, converged = _reweighted(edges, mask, start, (0.0, sharpness, sharpness), few, tolerance)
-    least, least_of_start = discontinuity(edges, best), discontinuity(edges, start)
-    if least_of_start < least:
-        best, least, converged = start, least_of_start, solved
-    bound = SPARSER * least
-    flat = mask & (edges.cos_incidence >= LEAST_COSINE)
-    if not flat.any() or _largest(compare_sides(edges, best, 0.0)[0], flat) <= LEAST_STEP_PX**2:
-        return best, rounds, converged
+
+def _attempts(
+    edges: GridEdges, rises: ExpectedRises, mask: np.ndarray, height: np.ndarray, limits: tuple[float, int, float]
+) -> Iterator[Solution]:
+    """Yield the solutions of all starts, given the height of least squares and the last arguments of `robust`."""
+    sharpness, max_rounds, tolerance = limits
+    evidence = curl_evidence(edges, rises, CONTOUR_LENGTHS)
+    softness = (1.0 + evidence / EVIDENCE_SCALE**2) ** -CONTOUR_POWER
     for rise_share in RISE_SHARES:
-        difference = compare_sides(edges, start, rise_share)[0]
-        first = min(GRADUATED_SHARPNESS, 1.0 / max(_largest(difference, mask), 1e-12))
-        slopes = (rise_share, first, GRADUATED_SHARPNESS)
-        height, completed, ended = _reweighted(edges, mask, start, slopes, max_rounds, tolerance)
-        rounds += completed
-        total = discontinuity(edges, height)
-        if total < bound:
-            best, bound, converged = height, total, ended
-    return best, rounds, converged
+        start, before = _bilateral(edges, mask, height, rise_share, sharpness, tolerance)
+        solution = _graduated(rises, softness, mask, start, BILATERAL_SCALE, max_rounds, tolerance)
+        yield Solution(solution.height, before + solution.rounds, solution.converged)
+    evidence = curl_evidence(edges, rises, LINE_LENGTHS) + normal_evidence(edges, rises)
+    softness = (1.0 + evidence / EVIDENCE_SCALE**2) ** -LINE_POWER
+    start = _weighted(rises, softness, height, REWEIGHTED_TOLERANCE)
+    first = max(MISFIT_SCALE, _largest_misfit(rises, start))
+    yield _graduated(rises, softness, mask, start, first, max_rounds, tolerance)
 
 
-def _largest(difference: np.ndarray, mask: np.ndarray) -> float:
-    return float(np.quantile(np.abs(difference[:, mask]), UNDECIDED_SHARE))
+def _weighted(rises: ExpectedRises, softness: np.ndarray, height: np.ndarray, tolerance: float) -> np.ndarray:
+    """Solve for the height from a first one by least squares, weighted by precision and softness (2, H, W)."""
+    weights = rises.precision * softness
+    weights = np.where(rises.precision > 0.0, np.maximum(weights / (weights.max() or 1.0), MIN_EDGE_WEIGHT), 0.0)
+    return solve_poisson(weights, poisson_source(weights, rises.mean), height, tolerance=tolerance)[0]
 
 
-def _reweighted(
-    edges: GridEdges,
+def _graduated(
+    rises: ExpectedRises,
+    softness: np.ndarray,
     mask: np.ndarray,
     height: np.ndarray,
-    comparison: tuple[float, float, float],
+    scale: float,
     max_rounds: int,
     tolerance: float,
-) -> tuple[np.ndarray, int, bool]:
-    """Solve by iteratively reweighted least squares from a height (H, W).
-
-    `comparison` is the share of the rise and the slopes of the sigmoid in the first round and in the end. Returns the
-    height, the number of rounds, and whether the last one changed it by less than the tolerance.
-    """
-    rise_share, slope, sharpness = comparison
+) -> Solution:
+    """Solve from a height by a redescending loss, whose scale falls from `scale`; it is less where edges are soft."""
     for completed in range(1, max_rounds + 1):
-        shares = bilateral_weights(compare_sides(edges, height, rise_share)[0], slope)
+        weights = robust_weights(rises, height, softness, scale, MIN_EDGE_WEIGHT)
+        previous = height
+        source = poisson_source(weights, rises.mean)
+        height, _, solved = solve_poisson(weights, source, height, tolerance=REWEIGHTED_TOLERANCE)
+        if scale <= MISFIT_SCALE and _change(height, previous, mask) <= tolerance:
+            return Solution(height, completed, solved)
+        scale = max(scale * SHRINKING, MISFIT_SCALE)
+    return Solution(height, max_rounds, False)
+
+
+def _bilateral(
+    edges: GridEdges, mask: np.ndarray, height: np.ndarray, rise_share: float, sharpness: float, tolerance: float
+) -> tuple[np.ndarray, int]:
+    """Solve from a height by dividing each pixel between its sides; return the height and the rounds.
+
+    The sigmoid starts as flat as the largest differences between sides require.
+    """
+    slope = sharpness
+    for completed in range(1, BILATERAL_ROUNDS + 1):
+        difference = compare_sides(edges, height, rise_share)[0]
+        if completed == 1:
+            largest = float(np.quantile(np.abs(difference[:, mask]), LARGEST_SHARE))
+            slope = min(sharpness, 1.0 / max(largest, 1e-12))
+        shares = bilateral_weights(difference, slope)
         weights, source = assemble(edges, shares, WEIGHT_POWER, RISE_POWER, MIN_EDGE_WEIGHT)
         previous = height
-        height, _, solved = solve_poisson(weights, source, height, tolerance=REWEIGHTED_TOLERANCE)
-        change = float(np.sqrt(np.mean((height - previous)[mask] ** 2)))
-        if slope >= sharpness and change <= tolerance:
-            return height, completed, solved
+        height = solve_poisson(weights, source, height, tolerance=REWEIGHTED_TOLERANCE)[0]
+        if slope >= sharpness and _change(height, previous, mask) <= tolerance:
+            break
         slope = min(slope * SHARPENING, sharpness)
-    return height, max_rounds, False
+    return height, completed
+
+
+def _change(height: np.ndarray, previous: np.ndarray, mask: np.ndarray) -> float:
+    return float(np.sqrt(np.mean((height - previous)[mask] ** 2)))
+
+
+def _largest_misfit(rises: ExpectedRises, height: np.ndarray) -> float:
+    """Return the largest misfit of a height, standard deviations of the expected rise."""
+    largest = 0.0
+    for axis in range(2):
+        # The edges from the last row or column lead nowhere.
+        mean, precision = (np.delete(values[axis], -1, axis) for values in (rises.mean, rises.precision))
+        misfit = np.sqrt(precision) * np.abs(np.diff(height, axis=axis) - mean)
+        largest = max(largest, float(misfit.max(initial=0.0)))
+    return largest
 
 
 def misfit_energy(edges: GridEdges, height: np.ndarray, sharpness: float) -> float:
-    """Return the sum of the weighted squared misfits along the normals, square pixels."""
+    """Return the sum of the weighted squared misfits along the normals, square pixels.
+
+    Each pixel's weight is divided between its two sides along each axis by a sigmoid, equally if `sharpness` is zero.
+    """
     difference, following, preceding = compare_sides(edges, height, 0.0)
     share = bilateral_weights(difference, sharpness)
     return float((edges.weight * (share * following + (1.0 - share) * preceding)).sum())
