@@ -25,8 +25,19 @@ PRESETS = {
 }
 """Sizes and lengths of the paper's Tables 2 and 3, and of a bottle of flat faces and a figurine with overlapping limbs,
 which are not in the paper."""
-SHAPES = (*PRESETS, "bird", "elephant", "teddy-bear", "hexagonal-prism", "cut-cube", "gem")
-"""All shapes that can be simulated; those without a preset are further figurines and solids of flat faces."""
+SHAPES = (
+    *PRESETS,
+    "goblet",
+    "tumbler",
+    "coupe",
+    "bird",
+    "elephant",
+    "teddy-bear",
+    "hexagonal-prism",
+    "cut-cube",
+    "gem",
+)
+"""All shapes that can be simulated; those without a preset are other glasses, figurines and solids of flat faces."""
 DEFAULT_PRESET = Preset(240, 220, 2000)
 """Size and length of shapes without a preset of their own."""
 

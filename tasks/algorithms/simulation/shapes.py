@@ -1,13 +1,13 @@
 """Shapes of simulated objects: closed glass surfaces, y up, scaled to fill the object's region in the frame.
 
-After the objects of the paper's section 5 (hemisphere, cylinder, jug, fish, two glasses), figurines, and solids of
-flat faces.
+After the objects of the paper's section 5 (hemisphere, cylinder, jug, fish, two glasses), other glasses,
+figurines, and solids of flat faces.
 Lengths inside the makers are arbitrary units; `build_solids` scales them to pixels.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +15,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from glint.tasks.algorithms.meshing.implicit import ImplicitFunction, capsule, ellipsoid, polyhedron, union
 from glint.tasks.algorithms.simulation.figurines import elephant, puppy, teddy_bear
+from glint.tasks.algorithms.simulation.glasses import GLASS_TILT_DEG, GLASSES
 from glint.tasks.algorithms.simulation.solids import MATTE, Solid, as_cavity, from_implicit, revolve
 
 REGION_MARGIN_PX = 8.0
@@ -22,8 +23,7 @@ REGION_MARGIN_PX = 8.0
 TILT_DEG = {
     "hemisphere": 62.0,
     "cylinder": 6.0,
-    "wine-glass": 14.0,
-    "water-glass": 14.0,
+    **GLASS_TILT_DEG,
     "faceted-bottle": 22.0,
     "hexagonal-prism": 35.0,
     "cut-cube": 35.0,
@@ -100,14 +100,8 @@ def _cylinder() -> list[Solid]:
     return [_revolve_rounded([(0.0, -140.0), (50.0, -140.0), (50.0, 140.0), (0.0, 140.0)], 1.2)]
 
 
-def _wine_glass() -> list[Solid]:
-    outside = [(0, -150), (52, -150), (52, -146), (10, -140), (5, -130), (5, -50), (10, -45), (40, -20), (58, 20)]
-    inside = [(58, 70), (50, 140), (47.5, 140), (55, 70), (55, 20), (38, -16), (8, -40), (0, -41)]
-    return [_revolve_rounded([*outside, *inside], 1.0)]
-
-
-def _water_glass() -> list[Solid]:
-    return [_revolve_rounded([(0, -120), (55, -120), (70, 120), (66, 120), (51, -106), (0, -106)], 1.0)]
+def _glass(name: str) -> list[Solid]:
+    return [_revolve_rounded(GLASSES[name], 1.0)]
 
 
 def _jug() -> list[Solid]:
@@ -219,8 +213,7 @@ _MAKERS = {
     "cylinder": _cylinder,
     "jug": _jug,
     "fish": _fish,
-    "wine-glass": _wine_glass,
-    "water-glass": _water_glass,
+    **{name: partial(_glass, name) for name in GLASSES},
     "puppy": _puppy,
     "teddy-bear": _teddy_bear,
     "bird": _bird,
