@@ -11,7 +11,7 @@ from prefect.cache_policies import NO_CACHE
 from glint.flows.pipeline.context import run_context
 from glint.flows.pipeline.dispatch import capacity, scatter_map, task_key, wait_for
 from glint.flows.pipeline.prefect_sink import TaskRunReporter
-from glint.flows.pipeline.worker import end_events, run_stages
+from glint.flows.pipeline.worker import end_events, make_page, run_stages
 from glint.flows.reporting.artifacts import create_page_artifact
 from glint.flows.reporting.events import ProgressThrottle, StageStarted
 from glint.flows.runtime.retry import retry_on_disconnect
@@ -20,7 +20,6 @@ from glint.storage.inputs.preflight import check_inputs
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import StageRecord, perform, stage_keys
 from glint.tasks.engine.stage_function import ImportedFunction
-from glint.tasks.figures.capture_page import capture_page
 from glint.tasks.pipeline import NAMES, STAGES
 
 PARALLEL = next(number for number, stage in enumerate(STAGES) if stage.parallel_tiles)
@@ -54,7 +53,9 @@ def process_capture(capture: CaptureContext, n_captures: int = 1) -> list[StageR
     check_inputs(capture.capture)
     with context.cancellable(), context.prefect.attach(capture.name) as reporter:
         records = run_on_workers(capture, reporter)
-    page = capture_page(capture, records, n_captures)
+        key = task_key(capture.name, "page")
+        made = context.client.submit(make_page, capture, records, n_captures, pure=False, key=key)
+        page = wait_for(made, capture.name, reporter)
     retry_on_disconnect(create_page_artifact, capture.name, page)
     return records
 

@@ -39,8 +39,8 @@ def task_key(capture: str, stages: str) -> str:
     return f"{_key_prefix(capture, stages)}-{uuid4().hex}"
 
 
-def wait_for(future: Future, capture: str, reporter: TaskRunReporter) -> Any:
-    """Return the result of a capture's task.
+def wait_for(future: Future, work: str, reporter: TaskRunReporter | None = None) -> Any:
+    """Return the result of a task; work: capture or object, whose stage the reporter knows.
 
     Raises:
         ClusterError: its worker died twice; else what the task raised.
@@ -48,7 +48,7 @@ def wait_for(future: Future, capture: str, reporter: TaskRunReporter) -> Any:
     try:
         return future.result()
     except KilledWorker as error:
-        raise worker_died(f"{capture} {reporter.stage}") from error
+        raise worker_died(work if reporter is None else f"{work} {reporter.stage}") from error
 
 
 def scatter_map[Task, Shared, Result](

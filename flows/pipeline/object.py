@@ -16,19 +16,22 @@ from glint.flows.errors import USER_ERRORS, message_and_remedy
 from glint.flows.object_captures import ObjectCaptures
 from glint.flows.pipeline.capture import process_capture
 from glint.flows.pipeline.context import run_context
+from glint.flows.pipeline.dispatch import task_key, wait_for
 from glint.flows.pipeline.drift import report_drifts
 from glint.flows.pipeline.model import process_model
+from glint.flows.pipeline.worker import publish_captures
 from glint.flows.reporting.events import CaptureEnded, CaptureFailed, CaptureWarning, Message
 from glint.flows.results import CaptureResult, ObjectResult, final_state
 from glint.storage.catalogue.models import MODEL
 from glint.storage.errors import InputError
 from glint.storage.locking.locks import run_lock
+from glint.storage.versions.repository import Version
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import load_catalogue
 from glint.tasks.engine.stage import StageRecord, stage_keys
 from glint.tasks.model.model_key import wants_model
 from glint.tasks.pipeline import STAGES
-from glint.tasks.publish import check_catalogue, publish
+from glint.tasks.publish import check_catalogue
 from glint.tasks.version_diff import Drift, drifts
 
 SURVEY = STAGES[0]
@@ -79,7 +82,7 @@ def process_object(captures: ObjectCaptures, drift: float | None) -> ObjectResul
             has_model = wants_model(captures.all)
             if has_model:
                 results += (run_model(captures.all),)
-            version = publish(completed, first.run, captures.catalogue, model=has_model and not results[-1].error)
+            version = publish_on_worker(completed, captures.catalogue, has_model and not results[-1].error)
             changes = list[Drift]()
             names = first.repository.version_names()
             if drift is not None and version.created and len(names) > 1:
@@ -143,6 +146,23 @@ def run_model(captures: Sequence[CaptureContext]) -> CaptureResult:
     """Merge the views of an object; a failure is the model's alone, the captures are published nevertheless."""
     object_id = captures[0].object_id
     return run_reported(object_id, MODEL, partial(process_model, captures, f"{object_id}/{MODEL}"))
+
+
+def publish_on_worker(captures: Sequence[CaptureContext], catalogue: str, model: bool) -> Version:
+    """Have a worker publish captures of one object; see `publish`."""
+    context, first = run_context(), captures[0]
+    with context.cancellable():
+        future = context.client.submit(
+            publish_captures,
+            captures,
+            first.run,
+            catalogue,
+            model,
+            pure=False,
+            key=task_key(first.object_id, "version"),
+        )
+        version: Version = wait_for(future, first.object_id)
+    return version
 
 
 def run_reported(object_id: str, capture_id: str, process: Callable[[], Sequence[StageRecord]]) -> CaptureResult:

@@ -12,10 +12,12 @@ from glint.flows.reporting.events import (
     StageStarted,
     publish_from_worker,
 )
+from glint.storage.versions.repository import Version
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import StageRecord, perform
 from glint.tasks.memory import largest_need
 from glint.tasks.pipeline import BY_NAME
+from glint.tasks.publish import publish
 
 PROGRESS_SECONDS = 0.5
 """Interval at which a worker reports a stage's progress."""
@@ -46,6 +48,20 @@ def run_stages(
             check_bytes(limit, needed, f"{largest} of {capture.name}")
         records.append(record)
     return records
+
+
+@sent_from_worker()
+def make_page(capture: CaptureContext, records: Sequence[StageRecord], n_captures: int) -> str:
+    """Make the page of a capture on a Dask worker; see `capture_page`."""
+    from glint.tasks.figures.capture_page import capture_page
+
+    return capture_page(capture, records, n_captures)
+
+
+@sent_from_worker()
+def publish_captures(captures: Sequence[CaptureContext], run: str, catalogue: str, model: bool) -> Version:
+    """Publish captures of one object on a Dask worker, which also checks their arrays; see `publish`."""
+    return publish(captures, run, catalogue, model)
 
 
 @sent_from_worker()

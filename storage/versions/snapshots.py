@@ -17,10 +17,8 @@ from glint.storage.errors import DamagedError, StoreError, damaged
 from glint.storage.locations.error_translation import UNKNOWN_CAUSE_REMEDY, store_errors, translate
 from glint.storage.locations.location import Location
 from glint.storage.seals import is_sealed
+from glint.storage.versions.icechunk_config import CONFIG
 from glint.storage.versions.stage_results import Keys, StageResult, read_capture
-
-# By default the cache of snapshots takes a hundred megabytes for each open object; only the newest are read again.
-_CONFIG = icechunk.RepositoryConfig(caching=icechunk.CachingConfig(num_snapshot_nodes=10_000, num_chunk_refs=100_000))
 
 _checked: WeakKeyDictionary[icechunk.Repository, set[str]] = WeakKeyDictionary()
 """Snapshots whose files were compared with their names, by open repository: listing a large one takes milliseconds."""
@@ -54,7 +52,7 @@ def open_repository(location: Location) -> icechunk.Repository:
     Raises:
         RepositoryNotFoundError: there is none.
     """
-    return icechunk.Repository.open(location.icechunk_storage(), config=_CONFIG)
+    return icechunk.Repository.open(location.icechunk_storage(), config=CONFIG)
 
 
 def open_existing(location: Location, object_id: str) -> icechunk.Repository | None:

@@ -10,10 +10,15 @@ NZ_FLOOR = 0.05
 """Lower bound of n_z in gradients, which keeps those of occluding-contour normals (n_z = 0) finite."""
 
 
+def lengths(vectors: np.ndarray) -> np.ndarray:
+    """Return the lengths (...) of vectors (..., 3); several times as fast as `numpy.linalg.norm` along a short axis."""
+    return np.asarray(np.sqrt(np.einsum("...i,...i->...", vectors, vectors)))
+
+
 def unit(vectors: np.ndarray) -> np.ndarray:
     """Return vectors (..., 3) scaled to unit length; zero vectors become NaN."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+        return vectors / lengths(vectors)[..., None]
 
 
 def half_vectors_of(lights: np.ndarray) -> np.ndarray:
@@ -40,7 +45,7 @@ def angles(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
     They follow from the chord, since the arc cosine of the dot product loses its digits for small angles.
     """
-    return np.degrees(2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(first - second, axis=-1), 0.0, 1.0)))
+    return np.degrees(2.0 * np.arcsin(np.clip(0.5 * lengths(first - second), 0.0, 1.0)))
 
 
 def to_camera(columns: np.ndarray, rows: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:

@@ -19,15 +19,11 @@ from glint.tasks.algorithms.labelling.confidence import (
     probability_within_tolerance,
     sheet_confidence,
 )
-from glint.tasks.algorithms.labelling.graph_cut import HARD_CONSTRAINT, graph_cut, keep_best_per_pixel, unary_log_ratio
+from glint.tasks.algorithms.labelling.graph_cut import HARD_CONSTRAINT, GraphCut, keep_best_per_pixel, unary_log_ratio
 from glint.tasks.algorithms.labelling.integrability import shape_log_ratio
 from glint.tasks.algorithms.labelling.results import Iteration, accepted_normals, accepted_weights
 from glint.tasks.algorithms.labelling.segments import held_out_residual, segment_sheets, sheet_means
-from glint.tasks.algorithms.labelling.weights import (
-    FieldError,
-    FieldWeights,
-    GraphCutWeights,
-)
+from glint.tasks.algorithms.labelling.weights import FieldError, FieldWeights, GraphCutWeights
 from glint.tasks.algorithms.prior.flat_faces import FlatFaces, flat_faces, has_other_faces
 from glint.tasks.algorithms.prior.smooth_normals import (
     MAX_NODES,
@@ -117,10 +113,10 @@ class Alternation:
     def take_marks(self, marks: Marks | None) -> None:
         """Let marks speak from now on."""
         self.marked, self.marked_normals, self.pins = mark_constraints(marks, self.normals, self.mask)
-        self.influence = np.zeros(self.pins.shape)
+        self.influence, self.evidence = np.zeros(self.pins.shape, np.float32), self.unmarked_evidence
         if self.pins.any():
             self.influence = mark_influence(*sheet_graph(self.normals), self.pins, self.scale)
-        self.evidence = self.unmarked_evidence + MARKED_SHEET_NATS * self.influence
+            self.evidence = self.unmarked_evidence + MARKED_SHEET_NATS * self.influence
 
     def solve_field(
         self,
@@ -151,8 +147,9 @@ class Alternation:
 
     def iterate(self, max_iterations: int, convergence_tolerance: float, min_confidence: float) -> None:
         """Alternate labelling and field until the labels settle."""
+        graph = GraphCut(self.normals, self.graph_cut_weights.strength, self.graph_cut_weights.contrast)
         for _ in range(max_iterations):
-            changed = self.label()
+            changed = self.label(graph)
             self.values = accepted_normals(self.normals, self.labels, self.marked_normals)
             self.confidence = self.with_marks(observed_confidence(self.values, self.scale))
             self.known = self.confidence >= min_confidence
@@ -166,8 +163,8 @@ class Alternation:
         influence = np.where(self.labels, self.influence, 0.0).max(axis=0)
         return np.where(self.marked, 1.0, np.maximum(confidence, MARKED_SHEET_CONFIDENCE * influence))
 
-    def label(self) -> int:
-        """Label all nodes against the present field; return the number of pixels whose labels changed."""
+    def label(self, graph: GraphCut) -> int:
+        """Label all nodes of a graph against the present field; return the number of pixels whose labels changed."""
         weights, error = self.graph_cut_weights, self.field_error
         observed = self.known & self.labels.any(axis=0)
         if self.faces is not None:
@@ -176,10 +173,10 @@ class Alternation:
         sources = observed if self.expected is not None else self.rim | observed
         spread = field_spread(sources, self.local_scale, error.floor, error.slope, error.ceiling)
         ratios = unary_log_ratio(self.normals, self.smooth, spread, weights.prior) + self.evidence
-        ratios = np.where(self.pins != 0, self.pins * HARD_CONSTRAINT, ratios)
+        if self.pins.any():
+            ratios = np.where(self.pins != 0, self.pins * HARD_CONSTRAINT, ratios)
         previous = self.labels
-        cut = graph_cut(self.normals, ratios, weights.strength, weights.contrast)
-        self.labels = keep_best_per_pixel(cut, ratios)
+        self.labels = keep_best_per_pixel(graph.cut(ratios), ratios)
         return int((previous != self.labels).any(axis=0).sum())
 
     def adopt_symmetry(self) -> bool:

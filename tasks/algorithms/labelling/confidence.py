@@ -10,8 +10,9 @@ blocks of accepted normals are held out, and its error is taken to grow linearly
 from collections.abc import Callable
 
 import numpy as np
-from scipy import ndimage
 
+from glint.tasks.algorithms.geometry.blur import gaussian_blur
+from glint.tasks.algorithms.geometry.distance import distance_inside
 from glint.tasks.algorithms.geometry.vectors import angles, gradients, unit
 
 TOLERANCE_RAD = np.radians(5.0)
@@ -52,12 +53,12 @@ def sheet_quality(normals: np.ndarray, scale: float) -> tuple[np.ndarray, np.nda
     normal, in tolerances. Curl: |p_y - q_x| over the norm of the gradients' Jacobian, 0 for a surface.
     """
     known = np.isfinite(normals[..., 0])
-    cover = ndimage.gaussian_filter(known.astype(float), max(2.0, 0.08 * scale))
-    weight = np.maximum(ndimage.gaussian_filter(known.astype(float), 2.0), 1e-6)
+    cover = gaussian_blur(known, max(2.0, 0.08 * scale))
+    weight = np.maximum(gaussian_blur(known, 2.0), 1e-6)
 
     # Normalised convolution: gaps neither pull the mean nor spread.
     def local_mean(values: np.ndarray) -> np.ndarray:
-        return ndimage.gaussian_filter(np.where(known, values, 0.0), 2.0) / weight
+        return gaussian_blur(np.where(known, values, 0.0), 2.0) / weight
 
     mean = unit(np.stack([local_mean(normals[..., axis]) for axis in range(3)], axis=-1))
     roughness = np.radians(angles(normals, mean)) / TOLERANCE_RAD
@@ -121,7 +122,7 @@ def field_error_slope(predict: Callable[[np.ndarray], np.ndarray], normals: np.n
         tested = known & ~kept
         if not (kept.any() and tested.any()):
             continue
-        distance = ndimage.distance_transform_edt(~kept)[tested]
+        distance = distance_inside(~kept)[tested]
         error = np.radians(angles(predict(kept)[tested], normals[tested]))
         ratios.append(error / (distance + MIN_DISTANCE_PX))
     if not ratios:
@@ -159,9 +160,9 @@ def field_confidence(known: np.ndarray, rim: np.ndarray, slope: float, scale: fl
     def confidence_from(sources: np.ndarray) -> np.ndarray:
         if not sources.any():
             return np.zeros(sources.shape)
-        distance = ndimage.distance_transform_edt(~sources) + MIN_DISTANCE_PX
+        distance = distance_inside(~sources) + MIN_DISTANCE_PX
         return probability_within_tolerance(slope * distance)
 
-    surrounded = np.minimum(1.3 * ndimage.gaussian_filter(known.astype(float), max(2.0, 0.08 * scale)), 1.0)
+    surrounded = np.minimum(1.3 * gaussian_blur(known, max(2.0, 0.08 * scale)), 1.0)
     inside = OCCLUDING_CONTOUR_SHARE + (1.0 - OCCLUDING_CONTOUR_SHARE) * surrounded
     return np.maximum(inside * confidence_from(known), OCCLUDING_CONTOUR_SHARE * confidence_from(rim))

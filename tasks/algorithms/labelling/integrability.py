@@ -58,6 +58,7 @@ def sheet_jacobian(normals: np.ndarray, step: int) -> np.ndarray:
     """
     layers, height, width, _ = normals.shape
     result = np.full((layers, height, width, 3), np.nan, np.float32)
+    products, sums = np.zeros((3, 3)), np.zeros((3, 2))
     for k in range(layers):
         for y in range(height):
             for x in range(width):
@@ -65,8 +66,8 @@ def sheet_jacobian(normals: np.ndarray, step: int) -> np.ndarray:
                 if np.isnan(centre[0]):
                     continue
                 # Normal equations of the two planes p, q = c0 + c1 x + c2 y: A^T A and A^T (p, q).
-                products = np.zeros((3, 3))
-                sums = np.zeros((3, 2))
+                products[:] = 0.0
+                sums[:] = 0.0
                 support = 0
                 for down in range(-3, 4):
                     for right in range(-3, 4):
@@ -95,8 +96,19 @@ def sheet_jacobian(normals: np.ndarray, step: int) -> np.ndarray:
                     continue
                 for a in range(3):
                     products[a, a] += RIDGE
-                plane = np.linalg.solve(products, sums)
-                result[k, y, x, 0] = plane[2, 0] - plane[1, 1]
-                result[k, y, x, 1] = np.sqrt((plane[1:] ** 2).sum())
-                result[k, y, x, 2] = -plane[1, 0] - plane[2, 1]
+                # The slopes by Cramer's rule: rows 1 and 2 of the inverse are cofactors over the determinant.
+                a00, a01, a02 = products[0, 0], products[0, 1], products[0, 2]
+                a11, a12, a22 = products[1, 1], products[1, 2], products[2, 2]
+                along_x = (a02 * a12 - a01 * a22, a00 * a22 - a02 * a02, a01 * a02 - a00 * a12)
+                along_y = (a01 * a12 - a02 * a11, a01 * a02 - a00 * a12, a00 * a11 - a01 * a01)
+                determinant = a00 * (a11 * a22 - a12 * a12) + a01 * along_x[0] + a02 * along_y[0]
+                p_x = p_y = q_x = q_y = 0.0
+                for a in range(3):
+                    p_x += along_x[a] * sums[a, 0] / determinant
+                    q_x += along_x[a] * sums[a, 1] / determinant
+                    p_y += along_y[a] * sums[a, 0] / determinant
+                    q_y += along_y[a] * sums[a, 1] / determinant
+                result[k, y, x, 0] = p_y - q_x
+                result[k, y, x, 1] = np.sqrt(p_x**2 + p_y**2 + q_x**2 + q_y**2)
+                result[k, y, x, 2] = -p_x - q_y
     return result

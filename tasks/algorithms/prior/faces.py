@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from scipy import ndimage
 
+from glint.tasks.algorithms.geometry.distance import distance_inside
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 
 FLAT_DEG = 1.0
@@ -22,6 +23,8 @@ WINDOW_INRADII = 0.06
 """Radius in inradii of the window whose normals equal the one in its middle; a surface as curved as the object turns
 by 3.4 degrees on that length."""
 MIN_WINDOW_PX = 2
+WINDOW_SAMPLES = 12
+"""Pixels along the window's radius that are compared at most; of more, every n-th."""
 MIN_WINDOW_SHARE = 0.6
 """Share of the window's pixels that have the same normal, since marks of other paths leave holes in a face."""
 MAX_SCATTER_DEG = 2.0
@@ -67,13 +70,13 @@ def find_faces(accepted: np.ndarray, lights: np.ndarray, mask: np.ndarray, scale
     for part in np.argsort(-sizes):
         core = parts == part + 1
         normal = unit(np.median(values[core], axis=0))
-        error = angles(values, normal)
-        if np.percentile(error[core], 80) > MAX_SCATTER_DEG or np.median(lights[core]) < MIN_LIGHTS:
+        scatter = np.percentile(angles(values[core], normal), 80)
+        if scatter > MAX_SCATTER_DEG or np.median(lights[core]) < MIN_LIGHTS:
             continue
-        pixels = _touching(np.nan_to_num(error, nan=180.0) < FACE_DEG, core)
+        pixels = _touching(values @ normal.astype(np.float32) > np.cos(np.radians(FACE_DEG)), core)
         taken = np.any([face.pixels for face in faces], axis=0) if faces else np.zeros_like(mask)
         pixels &= ~taken
-        if ndimage.distance_transform_edt(np.pad(pixels, 1)).max() < max(MIN_FACE_INRADII * scale, MIN_FACE_PX):
+        if distance_inside(np.pad(pixels, 1)).max() < max(MIN_FACE_INRADII * scale, MIN_FACE_PX):
             continue
         faces = _with_region(faces, normal, pixels, values, mask)
     return sorted(faces, key=lambda face: -int(face.pixels.sum()))
@@ -107,8 +110,10 @@ def _with_region(
 
 def _touching(region: np.ndarray, core: np.ndarray) -> np.ndarray:
     """Return the pixels (H, W) bool of a region that are connected to its core."""
-    parts, _ = ndimage.label(region)
-    return np.isin(parts, np.unique(parts[core & region])) & region
+    parts, count = ndimage.label(region)
+    touches = np.zeros(count + 1, bool)
+    touches[parts[core & region]] = True
+    return touches[parts]
 
 
 def _hull(pixels: np.ndarray) -> np.ndarray:
@@ -124,9 +129,11 @@ def flat_pixels(normals: np.ndarray, radius: int, min_cosine: float, min_share: 
     """Return the pixels (H, W) bool around which most normals are the same as in the middle.
 
     normals: (H, W, 3), NaN where there is none; radius: of the window, a disc, in pixels; min_cosine: of the angle
-    within which two normals are the same; min_share: of the disc's pixels.
+    within which two normals are the same; min_share: of the disc's pixels (at most WINDOW_SAMPLES along its radius).
     """
     height, width, _ = normals.shape
+    step = max(1, radius // WINDOW_SAMPLES)
+    reach = radius // step * step
     result = np.zeros((height, width), np.bool_)
     for y in range(height):
         for x in range(width):
@@ -134,8 +141,8 @@ def flat_pixels(normals: np.ndarray, radius: int, min_cosine: float, min_share: 
             if np.isnan(centre[0]):
                 continue
             same, total = 0, 0
-            for down in range(-radius, radius + 1):
-                for right in range(-radius, radius + 1):
+            for down in range(-reach, reach + 1, step):
+                for right in range(-reach, reach + 1, step):
                     if down * down + right * right > radius * radius:
                         continue
                     total += 1

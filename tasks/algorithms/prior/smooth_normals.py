@@ -10,8 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
+from numba import njit
 from scipy import ndimage
 from scipy.sparse.linalg import splu
+
+from glint.tasks.algorithms.geometry.bilinear_grid import BilinearGrid
+from glint.tasks.algorithms.geometry.distance import distance_inside
 
 MAX_NODES = 30_000
 """Grid nodes of the solve; larger regions get one node for several pixels, which bounds time and memory."""
@@ -40,7 +44,7 @@ def contour_normals(mask: np.ndarray, blur: float = 2.0) -> tuple[np.ndarray, np
     for edge in (np.s_[0], np.s_[-1], np.s_[:, 0], np.s_[:, -1]):
         cut[edge] = mask[edge]
     if cut.any():
-        contour &= ndimage.distance_transform_edt(~cut) > 2 * blur
+        contour &= distance_inside(~cut) > 2 * blur
     smooth = ndimage.gaussian_filter(mask.astype(np.float32), blur, mode="nearest")
     down, right = np.gradient(smooth)
     normals = np.stack([-right, down, np.zeros_like(right)], axis=-1)
@@ -52,19 +56,17 @@ def contour_normals(mask: np.ndarray, blur: float = 2.0) -> tuple[np.ndarray, np
 
 def inradius(mask: np.ndarray) -> float:
     """Return the radius in pixels of the largest circle inside the mask (H, W): the object's scale in the image."""
-    return float(ndimage.distance_transform_edt(np.pad(mask, 1)).max())
+    return float(distance_inside(np.pad(mask, 1)).max())
 
 
 @dataclass(frozen=True, slots=True)
 class SmoothNormalField:
     """Interpolant of normals over a mask; built once, solved for changing constraints.
 
-    mask: (H, W) bool. sampling: (pixels, nodes), bilinear interpolation from the grid. smoothness: (nodes, nodes),
-    quadratic form of plate and tension.
+    grid: nodes of the interpolant. smoothness: (nodes, nodes), quadratic form of plate and tension.
     """
 
-    mask: np.ndarray
-    sampling: sparse.csr_matrix
+    grid: BilinearGrid
     smoothness: sparse.csc_matrix
 
     def solve(self, normals: np.ndarray, weights: np.ndarray, base: np.ndarray | None = None) -> np.ndarray:
@@ -78,19 +80,31 @@ class SmoothNormalField:
         Returns:
             Unit normals (H, W, 3) float32, n_z >= 0, NaN outside the mask.
         """
-        weight = weights[self.mask].astype(float)
-        expected = np.zeros((len(weight), 2)) if base is None else base[self.mask][:, :2].astype(float)
-        target = np.where(weight[:, None] > 0, normals[self.mask][:, :2], expected) - expected
+        expected = None if base is None else base[..., :2].astype(float)
+        target = normals[..., :2] if expected is None else normals[..., :2] - expected
         # Normal equations; symmetric and positive definite, so no pivoting is needed.
-        matrix = self.smoothness + self.sampling.T @ sparse.diags(weight) @ self.sampling
-        matrix = (matrix + MIN_DIAGONAL * sparse.identity(matrix.shape[0])).tocsc()
+        matrix, sums = self.grid.normal_equations(target, weights)
+        matrix = (self.smoothness + matrix + MIN_DIAGONAL * sparse.identity(matrix.shape[0])).tocsc()
         factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-        plane = expected + self.sampling @ factor.solve(self.sampling.T @ (weight[:, None] * target))
-        # Where the plate leaves the unit disc, the normal lies in the image plane.
-        plane /= np.maximum(np.linalg.norm(plane, axis=-1, keepdims=True), 1.0)
-        result = np.full((*self.mask.shape, 3), np.nan, np.float32)
-        result[self.mask] = np.column_stack([plane, np.sqrt(np.maximum(1.0 - (plane**2).sum(axis=-1), 0.0))])
+        plane = self.grid.interpolate(factor.solve(sums))
+        if expected is not None:
+            plane += expected
+        result = np.full((*plane.shape[:2], 3), np.nan, np.float32)
+        _lift(plane, self.grid.mask, result)
         return result
+
+
+@njit(cache=True, nogil=True)
+def _lift(plane: np.ndarray, mask: np.ndarray, normals: np.ndarray) -> None:
+    """Write the unit normals of (n_x, n_y) (H, W, 2) inside the mask to `normals` (H, W, 3)."""
+    for y in range(mask.shape[0]):
+        for x in range(mask.shape[1]):
+            if mask[y, x]:
+                # Where the plate leaves the unit disc, the normal lies in the image plane.
+                length = max(np.sqrt(plane[y, x, 0] ** 2 + plane[y, x, 1] ** 2), 1.0)
+                nx, ny = plane[y, x, 0] / length, plane[y, x, 1] / length
+                normals[y, x, 0], normals[y, x, 1] = nx, ny
+                normals[y, x, 2] = np.sqrt(max(1.0 - nx * nx - ny * ny, 0.0))
 
 
 def smooth_normal_field(
@@ -105,7 +119,7 @@ def smooth_normal_field(
         max_nodes: of the grid.
     """
     step = max(1, int(np.ceil(np.sqrt(mask.sum() / max_nodes))))
-    sampling, grid = _grid(mask, step)
+    grid = BilinearGrid.over(mask, step)
     tension = 1.0 / max(tension_length * inradius(mask), 1.0) ** 2
     # Membrane energy |grad n|^2 and plate energy n_xx^2 + n_yy^2 + 2 n_xy^2, as finite differences.
     first: list[Stencil] = [[(0, 0, -1.0), (0, 1, 1.0)], [(0, 0, -1.0), (1, 0, 1.0)]]
@@ -114,34 +128,9 @@ def smooth_normal_field(
         [(-1, 0, 1.0), (0, 0, -2.0), (1, 0, 1.0)],
     ]
     mixed: Stencil = [(0, 0, 2**0.5), (0, 1, -(2**0.5)), (1, 0, -(2**0.5)), (1, 1, 2**0.5)]
-    smoothness = sum(tension * _quadratic_form(grid, stencil) for stencil in first)
-    smoothness = smoothness + sum(_quadratic_form(grid, stencil) for stencil in [*second, mixed]) / step**2
-    return SmoothNormalField(mask, sampling, smoothness.tocsc())
-
-
-def _grid(mask: np.ndarray, step: int) -> tuple[sparse.csr_matrix, np.ndarray]:
-    """Return the bilinear interpolation (pixels, nodes) from every `step`-th pixel, and the grid of node numbers.
-
-    The grid (rows, columns) has -1 where no pixel of the mask needs a node.
-    """
-    rows, columns = np.nonzero(mask)
-    grid = np.full((mask.shape[0] // step + 2, mask.shape[1] // step + 2), -1)
-    corners, weights = [], []
-    for down in (0, 1):
-        for right in (0, 1):
-            weight = np.abs(1 - down - rows % step / step) * np.abs(1 - right - columns % step / step)
-            corners.append((rows // step + down, columns // step + right))
-            weights.append(weight)
-            used = weight > 0
-            grid[corners[-1][0][used], corners[-1][1][used]] = 0
-    grid[grid == 0] = np.arange((grid == 0).sum())
-    pixels = np.arange(len(rows))
-    sampling = sparse.csr_matrix((len(rows), grid.max() + 1))
-    for corner, weight in zip(corners, weights, strict=True):
-        used = weight > 0
-        part = (weight[used], (pixels[used], grid[corner][used]))
-        sampling = sampling + sparse.csr_matrix(part, shape=sampling.shape)
-    return sampling, grid
+    smoothness = sum(tension * _quadratic_form(grid.nodes, stencil) for stencil in first)
+    smoothness = smoothness + sum(_quadratic_form(grid.nodes, stencil) for stencil in [*second, mixed]) / step**2
+    return SmoothNormalField(grid, smoothness.tocsc())
 
 
 def _quadratic_form(grid: np.ndarray, stencil: Stencil) -> sparse.csr_matrix:
@@ -163,12 +152,12 @@ def thickness(mask: np.ndarray, levels: int = 12) -> np.ndarray:
     (Hildebrand and Ruegsegger 1997.) It is rounded down to `levels` radii. A fin is thin, and turns to its contour
     within a few pixels whatever the size of the body.
     """
-    depth = ndimage.distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1]
+    depth = distance_inside(np.pad(mask, 1))[1:-1, 1:-1]
     result = np.ones(mask.shape)
     for radius in np.geomspace(2.0, max(2.0, depth.max()), levels):
         core = depth >= radius
         if core.any():
-            result[ndimage.distance_transform_edt(~core) <= radius] = radius
+            result[distance_inside(~core) <= radius] = radius
     return result
 
 
@@ -190,6 +179,6 @@ def field_spread(
     """
     if not known.any():
         return np.full(known.shape, np.radians(ceiling_deg))
-    distance = ndimage.distance_transform_edt(~known)
+    distance = distance_inside(~known)
     spread = np.minimum(floor_deg + slope_deg * distance / np.maximum(scale, 1.0), ceiling_deg)
     return np.asarray(np.radians(spread))

@@ -68,9 +68,9 @@ class SurfaceOfRevolution:
     ) -> "SurfaceOfRevolution":
         """Return the largest surface with that axis and tilt (radians) inside a silhouette (H, W) bool.
 
-        step: distance of the samples along the axis in pixels.
+        step: distance of the samples along the axis in pixels, and about twice that of the contour's points.
         """
-        contour = _contour(mask)
+        contour = _contour(mask)[:: max(1, int(step / 2))]
         position = np.stack(to_camera(contour[:, 0], contour[:, 1], mask.shape[1], mask.shape[0]), axis=-1) - axis.point
         side, up = position @ axis.normal, position @ axis.direction
         cos_tilt, sin_tilt = np.cos(tilt), max(abs(np.sin(tilt)), MIN_SIN_TILT)

@@ -32,6 +32,8 @@ COARSE_STEP_PX, COARSE_STRIDE = 2.0, 8
 """Step along the axis, and subsampling of the normals, for the tilts tried first."""
 FITTED_STEP_PX = 1.0
 """Step along the axis while the tilt is refined."""
+FITTED_LENGTH_PX = 600.0
+"""Length of an object for which these steps are meant; those of a larger one are as many."""
 REFINED_ERROR_RATIO = 1.3
 """Ratio to the least error of those tilts up to which an axis is refined."""
 
@@ -90,8 +92,11 @@ def _fitted_surface(mask: np.ndarray, accepted: np.ndarray, limit: float) -> Sur
     x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
     normals = accepted[rows, columns]
 
+    inside = np.argwhere(mask)
+    enlarged = max(1.0, float(np.ptp(inside, axis=0).max()) / FITTED_LENGTH_PX)
+
     def mean_error(axis: ReflectionAxis, tilt: float, step: float = FITTED_STEP_PX, stride: int = 1) -> float:
-        return surface_error(SurfaceOfRevolution.from_silhouette(mask, axis, tilt, step), stride)
+        return surface_error(SurfaceOfRevolution.from_silhouette(mask, axis, tilt, enlarged * step), stride)
 
     def surface_error(surface: SurfaceOfRevolution, stride: int = 1) -> float:
         error = angles(surface.normals(x[::stride], y[::stride]), normals[::stride])

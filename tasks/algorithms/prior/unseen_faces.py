@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
+from glint.tasks.algorithms.geometry.distance import distance_inside
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.prior.creases import UNSEEN, Edge, image_points
 from glint.tasks.algorithms.prior.faces import Face
@@ -72,11 +73,11 @@ def unseen_faces(
     groups = _corners(open_edges, scale)
     # What is nearest to an edge at the silhouette lies behind that one, and nothing is known of it.
     nearest = _nearest_group([*groups, [edge for edge in edges if edge not in open_edges]], unseen)
-    inside = ndimage.distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1]
+    inside = distance_inside(np.pad(mask, 1))[1:-1, 1:-1]
     result = []
     for number, group in enumerate(groups):
         pixels = _largest_part((nearest == number) & _behind_edges(group, unseen, scale))
-        depth = ndimage.distance_transform_edt(np.pad(pixels, 1)).max()
+        depth = distance_inside(np.pad(pixels, 1)).max()
         if pixels.sum() >= MIN_PART_SHARE * mask.sum() and depth >= MIN_PART_INRADII * scale:
             face = _estimate(group, faces, field, pixels)
             flat = inside > 1.0 + rounding * (1.0 - float(np.hypot(*face.normal[:2])))

@@ -1,7 +1,7 @@
 import numpy as np
 
 from glint.tasks.algorithms.geometry.vectors import unit
-from glint.tasks.algorithms.labelling.graph_cut import HARD_CONSTRAINT, graph_cut, keep_best_per_pixel, unary_log_ratio
+from glint.tasks.algorithms.labelling.graph_cut import HARD_CONSTRAINT, GraphCut, keep_best_per_pixel, unary_log_ratio
 
 SIZE = 30
 
@@ -38,7 +38,7 @@ def test_a_few_decided_nodes_label_the_whole_sheet() -> None:
         for row in range(SIZE):
             ratios[right_layer[row, column], row, column] = 5.0
             ratios[1 - right_layer[row, column], row, column] = -5.0
-    labels = graph_cut(normals, ratios)
+    labels = GraphCut(normals).cut(ratios)
     true = np.take_along_axis(labels, right_layer[None], axis=0)[0]
     false = np.take_along_axis(labels, 1 - right_layer[None], axis=0)[0]
     assert true.mean() > 0.97 and false.mean() < 0.03
@@ -46,20 +46,28 @@ def test_a_few_decided_nodes_label_the_whole_sheet() -> None:
 
 def test_both_nodes_of_a_pixel_may_be_rejected() -> None:
     normals, _ = crossing_sheets()
-    assert not graph_cut(normals, np.full((2, SIZE, SIZE), -1.0, np.float32)).any()
+    assert not GraphCut(normals).cut(np.full((2, SIZE, SIZE), -1.0, np.float32)).any()
 
 
 def test_a_mark_decides_against_all_neighbours() -> None:
     normals, swap = crossing_sheets()
     ratios = np.full((2, SIZE, SIZE), -0.05, np.float32)
     ratios[np.where(swap, 1, 0)[15, 5], 15, 5] = HARD_CONSTRAINT
-    labels = graph_cut(normals, ratios)
+    labels = GraphCut(normals).cut(ratios)
     assert labels[np.where(swap, 1, 0)[15, 5], 15, 5]
+
+
+def test_a_second_cut_is_that_of_a_new_graph() -> None:
+    normals, _ = crossing_sheets()
+    first, second = np.random.default_rng(1).normal(size=(2, 2, SIZE, SIZE)).astype(np.float32) * 20.0
+    graph = GraphCut(normals)
+    assert graph.cut(first).any()
+    assert np.array_equal(graph.cut(second), GraphCut(normals).cut(second))
 
 
 def test_no_cluster_at_all() -> None:
     empty = np.full((3, 4, 5, 3), np.nan, np.float32)
-    assert not graph_cut(empty, np.full((3, 4, 5), np.nan, np.float32)).any()
+    assert not GraphCut(empty).cut(np.full((3, 4, 5), np.nan, np.float32)).any()
 
 
 def test_one_exterior_node_per_pixel_is_the_best() -> None:

@@ -1,0 +1,18 @@
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from glint.tasks.algorithms.geometry.blur import gaussian_blur
+from glint.tasks.algorithms.geometry.distance import distance_inside
+
+
+def test_distance_is_exact() -> None:
+    region = np.random.default_rng(0).random((150, 170)) < 0.995
+    assert np.allclose(distance_inside(region), ndimage.distance_transform_edt(region), atol=1e-4)
+
+
+@pytest.mark.parametrize(("sd", "tolerance"), [(2.0, 1e-5), (12.0, 1e-5), (30.0, 5e-3)])
+def test_blur_is_gaussian_also_where_it_is_made_in_a_smaller_image(sd: float, tolerance: float) -> None:
+    noise = np.random.default_rng(0).normal(size=(203, 250))
+    values = (ndimage.gaussian_filter(noise, 8.0) > 0).astype(float)
+    assert np.allclose(gaussian_blur(values, sd), ndimage.gaussian_filter(values, sd), atol=tolerance)
