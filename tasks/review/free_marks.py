@@ -16,7 +16,7 @@ from glint.tasks.questions.free_marks import (
     refusal,
 )
 from glint.tasks.questions.loops import facts_of
-from glint.tasks.review.questions import saved_marks, session_of
+from glint.tasks.review.questions import mark_authors, saved_marks, session_of
 
 KINDS = ("true", "false")
 
@@ -49,7 +49,8 @@ def meant_highlights(context: CaptureContext, frame: int | None, points: Sequenc
 
 
 def mark_tracks(context: CaptureContext) -> dict[str, Any]:
-    """Return the saved marks with their tracks (frame, x, y) in the full frame, and what contradicts them, as JSON.
+    """Return the saved marks with their authors (None: the catalogue has them), their tracks (frame, x, y) in the full
+    frame, and what contradicts them, as JSON.
 
     Raises:
         InputError: it has not run yet; StoreError: the store cannot be read.
@@ -58,9 +59,13 @@ def mark_tracks(context: CaptureContext) -> dict[str, Any]:
     held = session.questions
     with session.marking_lock:
         tracks = held.tracks(marks)
+    authors = mark_authors(context, revision)
     return {
         "revision": revision,
-        "marks": [mark.model_dump() | {"track": _path(held, tracks.path(number))} for number, mark in enumerate(marks)],
+        "marks": [
+            mark.model_dump() | {"author": authors.get(mark), "track": _path(held, tracks.path(number))}
+            for number, mark in enumerate(marks)
+        ],
         "problems": [*tracks.conflicts, *tracks.warnings],
     }
 

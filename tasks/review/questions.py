@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from glint.storage.edits.edits import Edits
+from glint.storage.edits.mark_authors import MarkAuthors
 from glint.storage.errors import InputError
 from glint.storage.export.image_files import colour_normals, encode_png
 from glint.storage.inputs.markup import AnnotationEntry, read_marks
@@ -47,11 +49,13 @@ class Labelling:
 class Session:
     """A capture that is asked about. A lock is held while one request computes, so that no other does the same.
 
-    keys: of the stages that it has, by stage. before: normals (H, W, 3) of the draft with the marks of the last run.
+    keys: of the stages that it has, by stage. authors: of its marks. before: normals (H, W, 3) of the draft with the
+    marks of the last run.
     """
 
     questions: CaptureQuestions
     keys: dict[str, str]
+    authors: MarkAuthors
     before: np.ndarray | None = None
     proposal_lock: Lock = field(default_factory=Lock)
     labelling_lock: Lock = field(default_factory=Lock)
@@ -89,9 +93,10 @@ def prepare(context: CaptureContext) -> None:
     Raises:
         InputError: it has not run yet; StoreError: the store cannot be read.
     """
-    session, (_, marks) = session_of(context), saved_marks(context)
+    session, (revision, marks) = session_of(context), saved_marks(context)
     _proposed(session, marks)
     _draft_before(session)
+    mark_authors(context, revision)
 
 
 def labelling(context: CaptureContext) -> dict[str, Any]:
@@ -125,11 +130,27 @@ def saved_marks(context: CaptureContext) -> tuple[int, Marks]:
     Raises:
         StoreError: the store cannot be read.
     """
-    edits, address = current_edits(context), context.file("markup")
+    edits = current_edits(context)
     revision = 0 if edits is None else edits.revision
     if edits is not None and edits.marks is not None:
         return revision, edits.marks
-    return revision, () if address is None else tuple(read_marks(address))
+    return revision, _given_marks(context)
+
+
+def mark_authors(context: CaptureContext, revision: int) -> dict[AnnotationEntry, str]:
+    """Return who set each mark of a capture until a revision; those of its catalogue have no author.
+
+    Raises:
+        InputError: it has not run yet; StoreError: the store cannot be read.
+    """
+    session = session_of(context)
+    with session.marking_lock:
+        return session.authors.at(Edits.open(context.location, context.object_id, create=False), revision)
+
+
+def _given_marks(context: CaptureContext) -> Marks:
+    address = context.file("markup")
+    return () if address is None else tuple(read_marks(address))
 
 
 def _labelled(context: CaptureContext, marks: Marks) -> Labelling:
@@ -176,7 +197,7 @@ def session_of(context: CaptureContext) -> Session:
     with _sessions_lock:
         session = _sessions.pop(key, None)
         if session is None:
-            session = Session(CaptureQuestions(context), keys)
+            session = Session(CaptureQuestions(context), keys, MarkAuthors(context.capture.id, _given_marks(context)))
         _sessions[key] = session
         while len(_sessions) > KEPT:
             del _sessions[next(iter(_sessions))]

@@ -129,8 +129,10 @@ export class Marks {
 
   show() {
     const rows = this.saved.map((mark, number) => {
-      const length = this.tracks.find((track) => same(track, mark))?.track.length;
-      const words = `frame ${mark.frame.toLocaleString("en")}, x ${mark.x}, y ${mark.y}${length ? `, followed through ${length} ${length === 1 ? "frame" : "frames"}` : ""}`;
+      const known = this.tracks.find((track) => same(track, mark) && track.kind === mark.kind);
+      const length = known?.track.length;
+      const by = known ? `${known.author ?? "catalogue"}: ` : "";
+      const words = `${by}frame ${mark.frame.toLocaleString("en")}, x ${mark.x}, y ${mark.y}${length ? `, followed through ${length} ${length === 1 ? "frame" : "frames"}` : ""}`;
       return element("li", { class: mark.kind }, element("button", { type: "button", class: "quiet", title: "Show it", onclick: () => this.ongo(mark) }, element("b", {}, mark.kind), ` ${words}`),
         element("button", { type: "button", class: "quiet", "aria-label": `Remove mark ${number + 1}`, title: "Remove", onclick: () => this.finish(this.remove(mark)) }, "×"));
     });
