@@ -31,30 +31,20 @@ export function cameraShapes(views) {
   return group;
 }
 
-/** The edges of a mesh between two triangles: their two corners, then the numbers of the triangles. */
-export function sharedEdges(triangles) {
-  const open = new Map(), edges = [];
-  for (let corner = 0; corner < triangles.length; corner++) {
-    const triangle = Math.floor(corner / 3), next = corner % 3 === 2 ? corner - 2 : corner + 1;
-    const first = Math.min(triangles[corner], triangles[next]), second = Math.max(triangles[corner], triangles[next]);
-    const key = first * 2 ** 26 + second, other = open.get(key);
-    if (other === undefined) open.set(key, triangle);
-    else edges.push(first, second, other, triangle);
-  }
-  return edges;
-}
-
-/** Lines on a mesh, for each view in its colour, along which it turns away from the view, as seen from far away: there its outline touches the surface. */
-export function outlineShapes(views, positions, triangles) {
-  const group = new Group(), edges = sharedEdges(triangles), corners = [new Vector3(), new Vector3(), new Vector3()];
-  const across = Array.from({ length: triangles.length / 3 }, (_, triangle) => {
-    corners.forEach((corner, i) => corner.fromArray(positions, 3 * triangles[3 * triangle + i]));
-    return corners[1].clone().sub(corners[0]).cross(corners[2].sub(corners[0]));
-  });
-  for (const [number, { toward }] of views.entries()) {
-    const direction = new Vector3(...toward), facing = across.map((normal) => normal.dot(direction) > 0), points = [];
-    for (let i = 0; i < edges.length; i += 4) {
-      if (facing[edges[i + 2]] !== facing[edges[i + 3]]) points.push(new Vector3().fromArray(positions, 3 * edges[i]), new Vector3().fromArray(positions, 3 * edges[i + 1]));
+/** Lines on a mesh, for each view in its colour, where its normals are across the view as seen from far away: there the view's outline touches it. */
+export function outlineShapes(views, positions, normals, triangles) {
+  const group = new Group(), values = new Float32Array(positions.length / 3);
+  for (const [number, { toward: [x, y, z] }] of views.entries()) {
+    for (let i = 0; i < values.length; i++) values[i] = normals[3 * i] * x + normals[3 * i + 1] * y + normals[3 * i + 2] * z;
+    const points = [];
+    for (let i = 0; i < triangles.length; i += 3) {
+      for (const [one, other] of [[0, 1], [1, 2], [2, 0]]) {
+        // Both triangles of an edge find the same point.
+        const [first, second] = [triangles[i + one], triangles[i + other]].sort((a, b) => a - b);
+        if (values[first] > 0 === values[second] > 0) continue;
+        const start = new Vector3().fromArray(positions, 3 * first), end = new Vector3().fromArray(positions, 3 * second);
+        points.push(start.lerp(end, values[first] / (values[first] - values[second])));
+      }
     }
     group.add(new LineSegments(new BufferGeometry().setFromPoints(points), new LineBasicMaterial({ color: viewColour(number) })));
   }

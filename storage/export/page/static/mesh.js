@@ -110,7 +110,8 @@ export class MeshView {
   /** Show where the outlines of views touch the surface; they are found when they are first asked for. */
   showOutlines(views, isShown) {
     if (isShown && !this.outlines) {
-      this.outlines = outlineShapes(views, this.geometry.getAttribute("position").array, this.triangles);
+      const [positions, normals] = ["position", "normal"].map((name) => this.geometry.getAttribute(name).array);
+      this.outlines = outlineShapes(views, positions, normals, this.triangles);
       this.outlines.scale.setScalar(OUTLINE_SCALE);
       this.outlines.position.copy(this.mesh.position).multiplyScalar(OUTLINE_SCALE);
       this.group.add(this.outlines);
