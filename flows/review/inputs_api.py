@@ -34,8 +34,10 @@ class DrawnSphere(BaseModel):
 
 @router.get("/inputs")
 def inputs(review: ReviewState, object_id: ObjectId, capture_id: CaptureId) -> dict[str, Any]:
-    """Return the capture's inputs, given and used, and its lights."""
-    return capture_inputs(review.context(object_id, capture_id))
+    """Return the capture's inputs, given and used, and its lights; what is shown now is asked about soon."""
+    context = review.context(object_id, capture_id)
+    review.preparation.show(context)
+    return capture_inputs(context)
 
 
 @router.get("/thumbnail", response_class=Response, responses=PNG)

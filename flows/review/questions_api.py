@@ -36,7 +36,10 @@ Part = Annotated[Literal["object", "sphere"], Query()]
 @router.get("")
 def proposed(review: ReviewState, object_id: ObjectId, capture_id: CaptureId) -> dict[str, Any]:
     """Return the next questions, the most valuable first, and the marks that the capture has."""
-    return questions(review.context(object_id, capture_id))
+    context = review.context(object_id, capture_id)
+    proposals = questions(context)
+    review.preparation.show(context)  # while the first loop is watched, all is made ready for its answer
+    return proposals
 
 
 @router.get("/loop", response_class=Response, responses=PNG)

@@ -4,6 +4,7 @@ from functools import lru_cache
 
 from glint import reading
 from glint.flows.review.listing import Listing
+from glint.flows.review.preparation import Preparation
 from glint.flows.review.runs import Runs
 from glint.storage.catalogue.loading import Capture
 from glint.storage.edits.edits import Edits
@@ -24,6 +25,7 @@ class Review:
         self.catalogue = None if catalogue is None else Location.parse(catalogue).uri
         self.runs = Runs(self.store, scheduler)
         self.listing = Listing(self.location, self.catalogue, self.runs)
+        self.preparation = Preparation()
 
     def start(self) -> None:
         """Begin to read the store in the background."""

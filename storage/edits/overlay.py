@@ -6,7 +6,6 @@ STORE/objects/<id>/inputs/, named by their content. They are a cache: written ag
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import obstore
@@ -19,7 +18,6 @@ from glint.storage.errors import InputError
 from glint.storage.inputs.digests import content_digest
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
-from glint.storage.versions.garbage import Garbage
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.snapshots import index_errors
 from glint.storage.versions.stage_results import StageResult
@@ -85,17 +83,6 @@ def _edited(repository: ObjectRepository, newest: RevisionCommit, entry: Capture
         )
     changes = {name: edits.changes[name] for name in edits.edited if name != "verdict"}
     return EditedEntry(entry.model_copy(update=values), EditsUsed(newest.number, changes) if changes else None)
-
-
-def remove_inputs(location: Location, object_id: str, min_age: timedelta, dry_run: bool) -> Garbage:
-    """Remove an object's edited inputs from the cache that are older than `min_age`; a run writes what it needs."""
-    limit, store = datetime.now(UTC) - min_age, location.child("objects", object_id).obstore()
-    with store_errors(location.uri, "listing edited inputs"):
-        listed = [meta for batch in obstore.list(store, prefix=FOLDER) for meta in batch]
-        old = {meta["path"]: meta["size"] for meta in listed if meta["last_modified"] < limit}
-        if old and not dry_run:
-            obstore.delete(store, list(old))
-    return Garbage(len(old), sum(old.values()))
 
 
 def _written(location: Location, group: StageResult, name: str) -> str:

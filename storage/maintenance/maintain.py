@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from datetime import timedelta
 from typing import Any
 
-from glint.storage.edits.overlay import remove_inputs
+from glint.storage import kept_values
+from glint.storage.edits import overlay
 from glint.storage.errors import StoreError
 from glint.storage.frames.eviction import cached_frames, over_budget, remove_frames
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import run_owner
 from glint.storage.maintenance.disk_space import disk_space
-from glint.storage.versions.garbage import Garbage
+from glint.storage.versions.garbage import Garbage, remove_old_files
 from glint.storage.versions.repository import ObjectRepository, object_ids
 
 UNITS = {"": 1, "B": 1, "KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12}
@@ -118,12 +119,13 @@ def _clean_object(
     try:
         repository = ObjectRepository.open(location, object_id, create=False)
         removed = [] if keep is None else repository.prune(keep, dry_run)
-        garbage = repository.garbage_collect(dry_run, age)
-        inputs = remove_inputs(location, object_id, age, dry_run)
+        garbages = [repository.garbage_collect(dry_run, age)]
+        for folder in (overlay.FOLDER, kept_values.KEPT_FOLDER):
+            garbages.append(remove_old_files(location, object_id, folder, age, dry_run))
     except StoreError as error:
         return Cleaning(object_id, 0, 0, str(error), failed=True)
     note = f"{'would remove' if dry_run else 'removed'} {', '.join(removed)}" if removed else ""
-    return Cleaning(object_id, garbage.objects + inputs.objects, garbage.bytes + inputs.bytes, note)
+    return Cleaning(object_id, sum(item.objects for item in garbages), sum(item.bytes for item in garbages), note)
 
 
 def _clean_frames(location: Location, budget: int | None, held: set[str], dry_run: bool) -> Cleaning:

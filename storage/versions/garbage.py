@@ -1,4 +1,4 @@
-"""Garbage collection of an object's repository: replaced results, and icechunk's copies of its own index."""
+"""Garbage collection of an object: replaced results, icechunk's copies of its index, and old files of caches."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -6,6 +6,7 @@ from datetime import UTC, datetime, timedelta
 import icechunk
 import obstore
 
+from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 from glint.storage.versions.snapshots import version_names
 
@@ -45,6 +46,20 @@ def prune(repository: icechunk.Repository, object_id: str, keep: int, dry_run: b
     for name in [] if dry_run else names:
         repository.delete_tag(name)
     return names
+
+
+def remove_old_files(location: Location, object_id: str, folder: str, min_age: timedelta, dry_run: bool) -> Garbage:
+    """Remove the files in an object's folder that are older than `min_age`: a cache, whose users write what they need.
+
+    location: of the store.
+    """
+    limit, store = datetime.now(UTC) - min_age, location.child("objects", object_id).obstore()
+    with store_errors(location.uri, f"listing {folder} of {object_id}"):
+        listed = [meta for batch in obstore.list(store, prefix=folder) for meta in batch]
+        old = {meta["path"]: meta["size"] for meta in listed if meta["last_modified"] < limit}
+        if old and not dry_run:
+            obstore.delete(store, list(old))
+    return Garbage(len(old), sum(old.values()))
 
 
 def delete_stale_branches(repository: icechunk.Repository, limit: datetime) -> None:

@@ -65,7 +65,7 @@ class CaptureQuestions:
         self._initial = work.load("silhouette").read("initial")
         self.half_vectors: np.ndarray = work.load("lights").read("half_vectors")
         self._near_light = load_near_light(work)
-        self._cache = open_frames(work)
+        self.cache = open_frames(work)
         self._settled: Alternation | None = None
         self._levels = lru_cache(maxsize=64)(self._read_levels)
         self.levels_of_frame = lru_cache(maxsize=8)(self._read_frame)
@@ -200,14 +200,14 @@ class CaptureQuestions:
 
     def _window(self, frames: slice, rows: slice, columns: slice) -> np.ndarray:
         """Read a part of the frames out of whole chunks of the cache, which neighbouring highlights share."""
-        parts, chunk = (frames, rows, columns), (self._cache.shard_frames, CHUNK_PX, CHUNK_PX)
+        parts, chunk = (frames, rows, columns), (self.cache.shard_frames, CHUNK_PX, CHUNK_PX)
         starts = [part.start // size * size for part, size in zip(parts, chunk, strict=True)]
         ends = [-(-part.stop // size) * size for part, size in zip(parts, chunk, strict=True)]
         inner = (slice(part.start - start, part.stop - start) for part, start in zip(parts, starts, strict=True))
         return np.asarray(self._blocks(*zip(starts, ends, strict=True))[tuple(inner)])
 
     def _read_blocks(self, *whole: tuple[int, int]) -> np.ndarray:
-        return self._cache.read(OBJECT, *(slice(start, end) for start, end in whole))
+        return self.cache.read(OBJECT, *(slice(start, end) for start, end in whole))
 
     def _highlight(self, question: Question) -> tuple[int, int, int] | None:
         normals = self.clusters.normals
@@ -219,8 +219,8 @@ class CaptureQuestions:
         return corrected(self.half_vectors, pixels, self._near_light, self.geometry)
 
     def _read_frame(self, frame: int) -> np.ndarray:
-        return np.asarray(self._cache.read(OBJECT, slice(frame, frame + 1))[0])
+        return np.asarray(self.cache.read(OBJECT, slice(frame, frame + 1))[0])
 
     def _read_levels(self, row: int, column: int) -> np.ndarray:
         pixel = slice(row, row + 1), slice(column, column + 1)
-        return np.asarray(self._cache.read(OBJECT, rows=pixel[0], columns=pixel[1])[:, 0, 0])
+        return np.asarray(self.cache.read(OBJECT, rows=pixel[0], columns=pixel[1])[:, 0, 0])

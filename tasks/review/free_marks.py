@@ -15,7 +15,8 @@ from glint.tasks.questions.free_marks import (
     highlights_at,
     refusal,
 )
-from glint.tasks.review.questions import facts_of, saved_marks, session_of
+from glint.tasks.questions.loops import facts_of
+from glint.tasks.review.questions import mark_authors, saved_marks, session_of
 
 KINDS = ("true", "false")
 
@@ -37,7 +38,7 @@ def meant_highlights(context: CaptureContext, frame: int | None, points: Sequenc
     if any(not (0 <= row < region.height and 0 <= column < region.width) for row, column in pixels[:1]):
         raise InputError(f"the pixel {points[0][0]}, {points[0][1]} lies outside the region", "choose one inside it")
     pixels = [(row, column) for row, column in pixels if 0 <= row < region.height and 0 <= column < region.width]
-    with session.lock:
+    with session.marking_lock:
         if len(pixels) > 1:
             groups = [highlights_along(held, frame, pixels)]
         elif frame is not None:
@@ -48,18 +49,23 @@ def meant_highlights(context: CaptureContext, frame: int | None, points: Sequenc
 
 
 def mark_tracks(context: CaptureContext) -> dict[str, Any]:
-    """Return the saved marks with their tracks (frame, x, y) in the full frame, and what contradicts them, as JSON.
+    """Return the saved marks with their authors (None: the catalogue has them), their tracks (frame, x, y) in the full
+    frame, and what contradicts them, as JSON.
 
     Raises:
         InputError: it has not run yet; StoreError: the store cannot be read.
     """
     session, (revision, marks) = session_of(context), saved_marks(context)
     held = session.questions
-    with session.lock:
+    with session.marking_lock:
         tracks = held.tracks(marks)
+    authors = mark_authors(context, revision)
     return {
         "revision": revision,
-        "marks": [mark.model_dump() | {"track": _path(held, tracks.path(number))} for number, mark in enumerate(marks)],
+        "marks": [
+            mark.model_dump() | {"author": authors.get(mark), "track": _path(held, tracks.path(number))}
+            for number, mark in enumerate(marks)
+        ],
         "problems": [*tracks.conflicts, *tracks.warnings],
     }
 
@@ -71,7 +77,7 @@ def _choice(
     layer = first.layer if first.layer is not None else 0
     question = held.sheet_of(layer, first.row, first.column)
     x, y = held.frame_position(first.row, first.column)
-    facts = facts_of(context, held, ShownQuestion(question, first.frame, x, y))
+    facts = facts_of(held, ShownQuestion(question, first.frame, x, y))
     del facts["wrong"]
     if first.layer is None:
         facts |= {"sheet": [], "accepted": None}

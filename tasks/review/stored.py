@@ -1,11 +1,14 @@
 """What the store holds of a capture; looking at one that never ran stores nothing."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import CaptureEdits
 from glint.storage.locations.location import Location
-from glint.storage.versions.repository import object_ids
+from glint.storage.versions.repository import ObjectRepository, object_ids
+from glint.storage.versions.snapshots import index_errors
 from glint.storage.versions.stage_results import check_name
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.review.summary import Records
@@ -29,7 +32,16 @@ def saved_records(context: CaptureContext) -> Records:
     """
     if not has_object(context.location, context.object_id):
         return {}
-    return context.repository.records(context.capture.id)
+    repository = context.repository
+    with index_errors(context.location.uri, "reading its results", context.object_id):
+        snapshot = repository.index.lookup_branch("work")
+    return _records_at(repository, context.capture.id, snapshot)
+
+
+@lru_cache(maxsize=64)
+def _records_at(repository: ObjectRepository, capture: str, snapshot: str) -> Records:
+    """Return the records of a snapshot, which never change; every request asks for them."""
+    return repository.records(capture, snapshot)
 
 
 def current_edits(context: CaptureContext) -> CaptureEdits | None:

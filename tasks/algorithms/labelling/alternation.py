@@ -6,6 +6,7 @@ Sections 4.1 and 4.2 of the paper, alternated; see `reconstruction`, which drive
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy import sparse
 
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
 from glint.tasks.algorithms.candidates.shading import shading_log_ratio
@@ -58,9 +59,10 @@ class Alternation:
     No array is changed in place, so that copies can go on independently.
 
     is_draft: whether the field is a coarser one. evidence (K, H, W): log-likelihood ratio of a true against a false
-    highlight, by the sheet's shape, by shading and by marks. labels (K, H, W) bool: exterior nodes. values (H, W, 3):
-    accepted normals, NaN elsewhere. confidence (H, W): theirs, NaN elsewhere. known (H, W) bool: where they enter the
-    field. initial, smooth (H, W, 3): the first field, and the present one. weights (K, H, W): of the clusters.
+    highlight, by the sheet's shape, by shading and by marks. sheets: the nodes' graph, None: made with each set of
+    marks. labels (K, H, W) bool: exterior nodes. values (H, W, 3): accepted normals, NaN elsewhere. confidence (H, W):
+    theirs, NaN elsewhere. known (H, W) bool: where they enter the field. initial, smooth (H, W, 3): the first field,
+    and the present one. weights (K, H, W): of the clusters.
     """
 
     normals: np.ndarray
@@ -79,6 +81,7 @@ class Alternation:
     outward: np.ndarray = field(init=False)
     evidence: np.ndarray = field(init=False)
     unmarked_evidence: np.ndarray = field(init=False)
+    sheets: tuple[np.ndarray, sparse.csr_matrix] | None = field(init=False)
     marked: np.ndarray = field(init=False)
     marked_normals: np.ndarray = field(init=False)
     pins: np.ndarray = field(init=False)
@@ -99,9 +102,9 @@ class Alternation:
         self.surface = smooth_normal_field(self.mask, self.field_weights.tension_length, nodes)
         self.rim, self.outward = contour_normals(self.mask)
         weights = self.graph_cut_weights
-        self.evidence = weights.shape_weight * shape_log_ratio(self.normals, self.scale)
-        self.evidence += weights.shading_weight * shading_log_ratio(self.shading)
-        self.unmarked_evidence = self.evidence
+        self.unmarked_evidence = weights.shape_weight * shape_log_ratio(self.normals, self.scale)
+        self.unmarked_evidence += weights.shading_weight * shading_log_ratio(self.shading)
+        self.sheets = sheet_graph(self.normals) if self.is_draft else None  # many sets of marks go on from a draft
         self.take_marks(None)
         self.labels = np.zeros(self.normals.shape[:3], dtype=bool)
         self.known, self.values = self.marked, self.marked_normals
@@ -115,7 +118,7 @@ class Alternation:
         self.marked, self.marked_normals, self.pins = mark_constraints(marks, self.normals, self.mask)
         self.influence, self.evidence = np.zeros(self.pins.shape, np.float32), self.unmarked_evidence
         if self.pins.any():
-            self.influence = mark_influence(*sheet_graph(self.normals), self.pins, self.scale)
+            self.influence = mark_influence(*(self.sheets or sheet_graph(self.normals)), self.pins, self.scale)
             self.evidence = self.unmarked_evidence + MARKED_SHEET_NATS * self.influence
 
     def solve_field(
@@ -180,12 +183,10 @@ class Alternation:
         return int((previous != self.labels).any(axis=0).sum())
 
     def adopt_symmetry(self) -> bool:
-        """Make a surface of revolution the expected field if the accepted normals support it."""
-        weights = self.field_weights
-        plain = self.surface.solve(self.outward, np.where(self.rim, weights.rim, 0.0))
-        relative_weights = np.where(self.marked, weights.marked / weights.observed, 1.0)
+        """Make a surface of revolution the expected field, where there was none, if the accepted normals support it."""
+        relative = np.where(self.marked, self.field_weights.marked / self.field_weights.observed, 1.0)
         accepted = np.where(self.known[..., None], self.values, np.nan)
-        self.expected = surface_of_revolution_normals(self.mask, accepted, self.normals, plain, relative_weights)
+        self.expected = surface_of_revolution_normals(self.mask, accepted, self.normals, self.initial, relative)
         if self.expected is None:
             return False
         lights = accepted_weights(self.weights, self.labels)

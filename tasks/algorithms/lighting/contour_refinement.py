@@ -50,18 +50,22 @@ MIRRORING_RATIO = 3.0
 more."""
 HALF_DEVIATION_RATIO = 4.0
 """Squared decrease of the deviation outward, relative to the usual one, whose evidence is one half."""
+MIN_REFINED_RADIUS_PX = 3.0
+"""Radius from which a contour has pixels enough inside, beside its rim, to be compared with the table's."""
 REFITS = 2
 """Fits, each sampled from the centre of the one before."""
 
 
 def refine_contour(frames: Sequence[np.ndarray], fit: ContourFit) -> ContourFit:
-    """Fit a contour without shadows and mirrored objects too, and return the median; the given fit for a few stills.
+    """Fit a contour without shadows and mirrored objects too, and return the median.
+
+    The given fit is returned for a few stills, and where it is too small.
 
     Args:
         frames: of `log_frames`, (H, W) each.
         fit: of `fit_contour`.
     """
-    if len(frames) < MIN_VARIATION_FRAMES:
+    if len(frames) < MIN_VARIATION_FRAMES or fit.radius < MIN_REFINED_RADIUS_PX:
         return fit
     fits = [fit, _refitted(frames, fit, _without_shadows), _refitted(frames, fit, _without_shadows_and_objects)]
     circles = np.array([[circle.x, circle.y, circle.radius] for circle in fits])

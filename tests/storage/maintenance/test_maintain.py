@@ -13,6 +13,7 @@ from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import Changes
 from glint.storage.edits.overlay import edited_entries
 from glint.storage.frames.eviction import CachedFrames, cached_frames, mark_used, over_budget
+from glint.storage.kept_values import keep, read_kept
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import run_lock
 from glint.storage.maintenance.disk_space import DiskSpace
@@ -77,6 +78,16 @@ def test_data_of_a_version_stay(tmp_path: Path) -> None:
     for number in range(3):
         result = repository.load("front", "surface", f"v{number + 1}")
         assert result.read_file("surface.ply") == mesh(number) and result.read("depth").shape == (2, 3)
+
+
+def test_kept_values_go_when_they_are_old(tmp_path: Path) -> None:
+    location = Location.parse(tmp_path)
+    save(location, mesh(0), "key")
+    keep(location, "glass", "0a", [1])
+    maintain(location, False, 1, timedelta(hours=1), None)
+    assert read_kept(location, "glass", "0a") == [1]
+    maintain(location, False, 1, NOW, None)
+    assert read_kept(location, "glass", "0a") is None
 
 
 def test_edits_stay_and_the_files_made_of_them_go(tmp_path: Path) -> None:

@@ -10,9 +10,13 @@ from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import load_catalogue
 from glint.tasks.engine.stage import perform, stage_keys
 from glint.tasks.pipeline import STAGES
+from glint.tasks.questions.capture_questions import CaptureQuestions
+from glint.tasks.questions.kept_proposals import propose_or_recall
+from glint.tasks.review import questions as review_questions
 from glint.tasks.review.capture_inputs import capture_inputs, check_mask, mask_picture
 from glint.tasks.review.pictures import THUMBNAIL_SIZE, first_frame, frame_picture, level_picture, thumbnail
 from glint.tasks.review.pixel_history import pixel_history
+from glint.tasks.review.questions import prepare, questions
 from glint.tasks.review.sphere_fit import fit_sphere
 from glint.tasks.review.stored import has_object
 from glint.tasks.stages.capture_geometry import load_geometry
@@ -114,3 +118,22 @@ def test_looking_at_a_capture_that_never_ran_stores_nothing(tmp_path: object, si
         with pytest.raises(InputError, match="before the first run"):
             refused()
     assert not has_object(Location.parse(str(tmp_path)), "hemisphere")
+
+
+def test_questions_are_prepared_and_kept_by_what_they_follow_from(
+    context: CaptureContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepare(context)
+    (session,) = (item for key, item in review_questions._sessions.items() if key[0] == context.store)
+    monkeypatch.setattr(review_questions, "_sessions", {})
+    first = questions(context)["questions"]
+    assert session.before is not None and first
+    # Another server finds them in the store, and asks the same of them.
+    monkeypatch.setattr(CaptureQuestions, "propose", lambda *_: pytest.fail("proposed again"))
+    monkeypatch.setattr(review_questions, "_sessions", {})
+    assert questions(context)["questions"] == first
+    held = review_questions.session_of(context)
+    mark = session.proposals[()][0].answer(is_true=True)
+    for keys, marks in ((held.keys | {"labels": "other"}, ()), (held.keys, (mark,))):
+        with pytest.raises(pytest.fail.Exception, match="proposed again"):
+            propose_or_recall(held.questions, keys, marks, review_questions.COUNT)

@@ -16,20 +16,34 @@ export class Marks {
     this.root = element("section", {}, element("h2", {}, "Marks"), this.conflict, this.list);
   }
 
-  /** Takes what the server has. */
+  /** Takes what the server has, and returns whether it does: answers may come in another order than their questions. */
   take({ marks, revision }) {
+    if (revision < this.revision) return false;
     this.saved = marks.map(({ frame, x, y, kind }) => ({ frame, x, y, kind }));
     this.revision = revision;
     this.show();
+    return true;
   }
 
   /** Asks for the paths of the marked highlights. */
   async follow() {
     const { marks, revision, problems } = await ask(`${this.path}/questions/tracks`, { signal: this.view.signal });
+    if (revision < this.revision) return;
     this.tracks = marks;
     this.problems = problems;
     this.take({ marks, revision });
     this.onchange();
+  }
+
+  /** Waits until a button's change is saved, and shows what follows from it; announces why it is not. */
+  async finish(request) {
+    try {
+      await request;
+      this.onchange();
+      await this.follow();
+    } catch (error) {
+      if (error.name !== "AbortError") announce(error.message, "error");
+    }
   }
 
   /** Adds marks and saves them; what somebody else has saved meanwhile is kept. Returns whether they are saved. */
@@ -71,13 +85,14 @@ export class Marks {
   async save(change, own) {
     const author = this.view.name;
     if (!author) return false;
-    this.conflict.replaceChildren();
     const before = this.saved;
     const marks = change(before);
     try {
       const { revision } = await this.send(marks, author);
       if (revision) this.steps.push({ revision: revision.number, own, before });
       this.take({ marks, revision: revision?.number ?? this.revision });
+      // Only now: where nothing could be saved, the choice stays.
+      this.conflict.replaceChildren();
       return true;
     } catch (error) {
       if (error.status !== 409) throw error;
@@ -100,16 +115,26 @@ export class Marks {
       return isSaved;
     }
     const details = element("p", {}, `${other} calls the highlight at x ${opposite.x}, y ${opposite.y} in frame ${opposite.frame.toLocaleString("en")} ${opposite.kind}. Both stay in the history, whichever you choose.`);
-    showConflict(this.conflict, "marked", details, { keep: () => this.save(change, own).then(() => this.onchange()), take: () => this.conflict.replaceChildren() });
+    showConflict(this.conflict, "marked", details, { keep: () => this.overrule(change, own), take: () => this.conflict.replaceChildren() });
     return false;
+  }
+
+  /** Saves over what somebody else has said; the choice stays until it is saved. */
+  async overrule(change, own) {
+    if (this.isOverruling) return;
+    this.isOverruling = true;
+    await this.finish(this.save(change, own));
+    this.isOverruling = false;
   }
 
   show() {
     const rows = this.saved.map((mark, number) => {
-      const length = this.tracks.find((track) => same(track, mark))?.track.length;
-      const words = `frame ${mark.frame.toLocaleString("en")}, x ${mark.x}, y ${mark.y}${length ? `, followed through ${length} ${length === 1 ? "frame" : "frames"}` : ""}`;
+      const known = this.tracks.find((track) => same(track, mark) && track.kind === mark.kind);
+      const length = known?.track.length;
+      const by = known ? `${known.author ?? "catalogue"}: ` : "";
+      const words = `${by}frame ${mark.frame.toLocaleString("en")}, x ${mark.x}, y ${mark.y}${length ? `, followed through ${length} ${length === 1 ? "frame" : "frames"}` : ""}`;
       return element("li", { class: mark.kind }, element("button", { type: "button", class: "quiet", title: "Show it", onclick: () => this.ongo(mark) }, element("b", {}, mark.kind), ` ${words}`),
-        element("button", { type: "button", class: "quiet", "aria-label": `Remove mark ${number + 1}`, title: "Remove", onclick: () => this.remove(mark).then(() => this.onchange()).catch((error) => announce(error.message, "error")) }, "×"));
+        element("button", { type: "button", class: "quiet", "aria-label": `Remove mark ${number + 1}`, title: "Remove", onclick: () => this.finish(this.remove(mark)) }, "×"));
     });
     const problems = this.problems.map((problem) => element("li", { class: "doubt" }, problem));
     this.list.replaceChildren(...(rows.length ? [...problems, ...rows] : [element("li", { class: "faint" }, "None yet.")]));

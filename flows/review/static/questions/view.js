@@ -191,19 +191,17 @@ class QuestionsView {
     });
   }
 
-  /** Saves one thing at a time, and shows the question and the change that follow. */
+  /** Saves one thing at a time, and shows the question and the change that follow; tracks may come later. */
   async save(request) {
     if (this.isBusy) return;
     this.isBusy = true;
     try {
-      await request();
+      await request().finally(() => (this.isBusy = false));
       if (this.mode !== "free") this.showQuestion();
       this.marksChanged();
       await this.marks.follow();
     } catch (error) {
       if (error.name !== "AbortError") announce(error.message, "error");
-    } finally {
-      this.isBusy = false;
     }
   }
 

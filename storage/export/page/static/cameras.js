@@ -31,6 +31,26 @@ export function cameraShapes(views) {
   return group;
 }
 
+/** Lines on a mesh, for each view in its colour, where its normals are across the view as seen from far away: there the view's outline touches it. */
+export function outlineShapes(views, positions, normals, triangles) {
+  const group = new Group(), values = new Float32Array(positions.length / 3);
+  for (const [number, { toward: [x, y, z] }] of views.entries()) {
+    for (let i = 0; i < values.length; i++) values[i] = normals[3 * i] * x + normals[3 * i + 1] * y + normals[3 * i + 2] * z;
+    const points = [];
+    for (let i = 0; i < triangles.length; i += 3) {
+      for (const [one, other] of [[0, 1], [1, 2], [2, 0]]) {
+        // Both triangles of an edge find the same point.
+        const [first, second] = [triangles[i + one], triangles[i + other]].sort((a, b) => a - b);
+        if (values[first] > 0 === values[second] > 0) continue;
+        const start = new Vector3().fromArray(positions, 3 * first), end = new Vector3().fromArray(positions, 3 * second);
+        points.push(start.lerp(end, values[first] / (values[first] - values[second])));
+      }
+    }
+    group.add(new LineSegments(new BufferGeometry().setFromPoints(points), new LineBasicMaterial({ color: viewColour(number) })));
+  }
+  return group;
+}
+
 /** The list of views: colour, name, share of the surface; a click looks from there. */
 export function viewList(views, unseen, onlook) {
   const percent = (share) => `${(100 * share).toFixed(share < 0.1 ? 1 : 0)} %`;

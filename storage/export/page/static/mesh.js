@@ -7,10 +7,12 @@ import {
 } from "./vendor/three/three.module.min.js";
 import { OrbitControls } from "./vendor/three/OrbitControls.js";
 import { NO_CONFIDENCE } from "./payload.js";
-import { UNSEEN, cameraShapes, viewColour } from "./cameras.js";
+import { UNSEEN, cameraShapes, outlineShapes, viewColour } from "./cameras.js";
 import { scaleColour } from "./lenses.js";
 
 const CLAY = 0xcfd2d3;
+/** Outlines lie on the surface; so much farther from its middle they are not hidden by it. */
+const OUTLINE_SCALE = 1.004;
 /** Code of a vertex that no view has seen. */
 const NO_VIEW = 255;
 const BACKGROUND = 0x121416;
@@ -61,6 +63,7 @@ export class MeshView {
     this.mesh = new Mesh(geometry, this.material);
     this.mesh.position.copy(center).negate();
     this.group.add(this.mesh);
+    this.outlines = null;
     // One unit of the scene is the radius of the mesh.
     this.group.scale.setScalar(1 / this.radius);
     this.cut = 0;
@@ -101,6 +104,19 @@ export class MeshView {
 
   showCameras(isShown) {
     this.cameras.visible = isShown;
+    this.ask();
+  }
+
+  /** Show where the outlines of views touch the surface; they are found when they are first asked for. */
+  showOutlines(views, isShown) {
+    if (isShown && !this.outlines) {
+      const [positions, normals] = ["position", "normal"].map((name) => this.geometry.getAttribute(name).array);
+      this.outlines = outlineShapes(views, positions, normals, this.triangles);
+      this.outlines.scale.setScalar(OUTLINE_SCALE);
+      this.outlines.position.copy(this.mesh.position).multiplyScalar(OUTLINE_SCALE);
+      this.group.add(this.outlines);
+    }
+    if (this.outlines) this.outlines.visible = isShown;
     this.ask();
   }
 

@@ -16,12 +16,14 @@ export class MeshPanel {
     this.views = make("div", {});
     this.hasCameras = make("input", { type: "checkbox", checked: true, onchange: () => this.view.showCameras(this.hasCameras.checked) });
     this.cameras = make("label", { className: "check" }, this.hasCameras, make("span", {}, "Show the cameras"));
+    this.hasOutlines = make("input", { type: "checkbox", onchange: () => this.showOutlines() });
+    this.outlines = make("label", { className: "check" }, this.hasOutlines, make("span", {}, "Show the outlines of the views"));
     this.cut = slider("Hide below confidence", { value: 0 }, (value) => value.toFixed(2), (value) => this.view.cutBelow(value));
     this.place = slider("Place of the cut", { min: -1, max: 1, value: 0.2 }, (value) => value.toFixed(2), () => this.section());
     this.axis = choices("Section", [["none", "None"], ["x", "Upright"], ["y", "Level"], ["z", "Facing"]], "none", (axis) => this.section(axis));
     this.isMeasuring = make("input", { type: "checkbox", onchange: () => this.view.measure(this.isMeasuring.checked) });
     this.size = make("p", { className: "mesh-size" });
-    this.controls = make("aside", { className: "controls" }, this.colour, this.views, this.cameras, this.cut, this.axis, this.place,
+    this.controls = make("aside", { className: "controls" }, this.colour, this.views, this.cameras, this.outlines, this.cut, this.axis, this.place,
       make("label", { className: "check" }, this.isMeasuring, make("span", {}, "Measure between two points")),
       button("View from the front", () => this.view.home()), this.size);
     this.place.hidden = true;
@@ -41,13 +43,18 @@ export class MeshPanel {
     if (arrays.source) colours.push(["source", "What each view saw"]);
     this.colour.replaceChildren(...(colours.length > 1 ? [choices("Colour", colours, "plain", (name) => this.view.colourBy(name))] : []));
     this.views.replaceChildren(...(views.length ? [viewList(views, capture.facts.unseen, (view) => this.view.lookFrom(view))] : []));
-    this.cameras.hidden = !views.length;
+    this.cameras.hidden = this.outlines.hidden = !views.length;
     this.view.setCameras(views);
     this.view.showCameras(this.hasCameras.checked);
+    this.showOutlines();
     this.view.colourBy("plain");
     this.cut.set(0);
     const { triangles, shown_triangles: shown } = capture.facts.mesh, number = (value) => value.toLocaleString("en");
     this.size.textContent = shown < triangles ? `${number(shown)} of ${number(triangles)} triangles shown` : `${number(triangles)} triangles`;
+  }
+
+  showOutlines() {
+    this.view.showOutlines(this.capture.facts.views ?? [], this.hasOutlines.checked);
   }
 
   section(axis = this.chosen) {

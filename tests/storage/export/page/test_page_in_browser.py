@@ -181,6 +181,22 @@ def test_confidence_cuts_the_mesh(page: browser.Page) -> None:
     assert page.evaluate(count) == whole
 
 
+def test_outlines_of_views_lie_where_the_surface_turns_away(page: browser.Page) -> None:
+    page.evaluate("glint.viewer.show('model')")
+    panel = "glint.viewer.meshes"
+    assert not page.evaluate(f"Boolean({panel}.view.outlines)")
+    page.evaluate(f"{panel}.hasOutlines.click()")
+    page.evaluate("new Promise((done) => setTimeout(done, 300))")
+    assert page.evaluate(f"{panel}.view.outlines.children.length") == 2
+    line = f"{panel}.view.outlines.children[0].geometry.getAttribute('position').array"
+    ends = values(page, line, np.float32).reshape(-1, 3)
+    # Both cameras look along -z: the outline of a sphere is its equator, a closed line.
+    assert np.hypot(ends[:, 0], ends[:, 1]).min() > 0.97 * 6.0 and np.abs(ends[:, 2]).max() < 0.05 * 6.0
+    assert not (np.unique(ends, axis=0, return_counts=True)[1] % 2).any()
+    page.evaluate(f"{panel}.hasOutlines.click()")
+    assert not page.evaluate(f"{panel}.view.outlines.visible")
+
+
 def test_two_clicks_measure_on_the_mesh(page: browser.Page) -> None:
     page.evaluate("glint.viewer.show('model')")
     view = "glint.viewer.meshes.view"

@@ -92,6 +92,14 @@ def test_a_given_circle_where_nothing_is_seen_is_doubted():
     assert confirmed.sphere.centre_sd == pytest.approx(1.0)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("radius", [1e-6, 0.5, 2.0, 8.0])
+def test_however_small_a_given_circle_is_something_finite_is_measured(radius):
+    frames = list(np.random.default_rng(0).integers(0, 255, (32, 80, 90)).astype(np.uint8))
+    fit = confirm_sphere(frames, Sphere(40.0, 30.0, radius)).fit
+    assert np.isfinite([fit.x, fit.y, fit.radius, fit.score]).all() and abs(fit.radius - radius) < radius
+
+
 @pytest.mark.parametrize("value", [0, 128, 255])
 def test_flat_images_have_no_sphere(value):
     flat = np.full((3, 120, 160), value, np.uint8)

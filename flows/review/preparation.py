@@ -1,0 +1,43 @@
+"""Preparation of the questions about the capture that is looked at, in the background: their view opens at once."""
+
+import threading
+from contextlib import suppress
+
+from glint.storage.errors import InputError, StoreError
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.review.questions import prepare
+
+
+class Preparation:
+    """Prepares one capture at a time; of those that wait the one that was shown last, since the others were left."""
+
+    def __init__(self) -> None:
+        self._waiting: CaptureContext | None = None
+        self._lock = threading.Lock()
+        self._thread: threading.Thread | None = None
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether all that was shown is prepared, or cannot be."""
+        return self._thread is None
+
+    def show(self, context: CaptureContext) -> None:
+        """Prepare a capture that is shown now; return at once."""
+        with self._lock:
+            self._waiting = context
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._work, name="prepare-questions", daemon=True)
+                self._thread.start()
+
+    def _work(self) -> None:
+        while (context := self._next()) is not None:
+            # It has not run yet, or cannot be read: the view says so when it is opened.
+            with suppress(InputError, StoreError):
+                prepare(context)
+
+    def _next(self) -> CaptureContext | None:
+        with self._lock:
+            context, self._waiting = self._waiting, None
+            if context is None:
+                self._thread = None
+            return context

@@ -1,0 +1,97 @@
+"""How a question is shown: a loop of the frames around its highlight, the sphere in them, and their half vectors."""
+
+from typing import Any
+
+import numpy as np
+
+from glint.storage.errors import InputError
+from glint.storage.export.image_files import encode_png
+from glint.storage.footage.luma import eight_bits
+from glint.tasks.questions.capture_questions import CaptureQuestions, ShownQuestion
+from glint.tasks.stages.capture_geometry import OBJECT
+
+LOOP_FRAMES = 24
+"""Frames that a loop shows before and after the question's own: two seconds at 24 frames per second."""
+WINDOW_PX = 56
+"""Pixels around a highlight that a loop shows, on each side."""
+
+
+def facts_of(held: CaptureQuestions, shown: ShownQuestion) -> dict[str, Any]:
+    """Return a question as JSON values.
+
+    Pixels are those of the full frame; `sheet`: pixels (x, y) of the sheet; `loop`: its frames and its window;
+    `lights`: x and y of the frames' half vectors, None where the light was rejected.
+
+    Raises:
+        InputError: its pixel lies outside the region.
+    """
+    question, region = shown.question, held.geometry.region
+    first, count = _loop(shown.frame, held.cache.frames)
+    left, top, width, height = _window(held, shown.x, shown.y)
+    sphere = _sphere_crop(held)
+    crop = None if sphere is None else held.geometry.crops[sphere]
+    lights = held.half_vectors[first : first + count, :2]
+    return {
+        "frame": shown.frame,
+        "x": shown.x,
+        "y": shown.y,
+        "accepted": question.exterior,
+        "wrong": round(question.wrong, 3),
+        "sheet": [
+            [int(column) + region.x, int(row) + region.y]
+            for row, column in zip(question.rows, question.columns, strict=True)
+        ],
+        "loop": {"first": first, "count": count, "x": left, "y": top, "width": width, "height": height},
+        "sphere": None if crop is None else {"width": crop.width, "height": crop.height},
+        "lights": [[round(float(x), 3), round(float(y), 3)] if np.isfinite(x) else None for x, y in lights],
+    }
+
+
+def loop_picture(held: CaptureQuestions, frame: int, x: int, y: int, part: str) -> bytes:
+    """Return the frames of a loop around a highlight, one below the other, as PNG.
+
+    part: `object`, the window around the highlight; `sphere`, the first chrome sphere.
+
+    Raises:
+        InputError: there is no such frame or sphere, or the pixel lies outside the region; StoreError: the store cannot
+            be read.
+    """
+    cache = held.cache
+    if frame >= cache.frames:
+        raise InputError(f"there is no frame {frame:,}", f"the last one is {cache.frames - 1:,}")
+    first, count = _loop(frame, cache.frames)
+    if part == OBJECT:
+        left, top, width, height = _window(held, x, y)
+        region = held.geometry.region
+        place = slice(top - region.y, top - region.y + height), slice(left - region.x, left - region.x + width)
+        frames = cache.read(OBJECT, slice(first, first + count), *place)
+    else:
+        sphere = _sphere_crop(held)
+        if sphere is None:
+            raise InputError(f"{held.work.name} has no chrome sphere", "its lights are known from a file")
+        frames = cache.read(sphere, slice(first, first + count))
+    return encode_png(eight_bits(np.ascontiguousarray(frames)).reshape(-1, frames.shape[2]))
+
+
+def _loop(frame: int, frames: int) -> tuple[int, int]:
+    """Return the first frame of a loop around `frame`, and their number."""
+    first = max(0, frame - LOOP_FRAMES)
+    return first, min(frames, frame + LOOP_FRAMES + 1) - first
+
+
+def _window(held: CaptureQuestions, x: int, y: int) -> tuple[int, int, int, int]:
+    """Return left, top, width and height of the window around a pixel, within the region.
+
+    Raises:
+        InputError: the pixel lies outside the region.
+    """
+    region = held.geometry.region
+    if not (region.x <= x < region.x + region.width and region.y <= y < region.y + region.height):
+        raise InputError(f"the pixel {x}, {y} lies outside the region", "choose one inside it")
+    left, top = max(region.x, x - WINDOW_PX), max(region.y, y - WINDOW_PX)
+    right = min(region.x + region.width, x + WINDOW_PX + 1)
+    return left, top, right - left, min(region.y + region.height, y + WINDOW_PX + 1) - top
+
+
+def _sphere_crop(held: CaptureQuestions) -> str | None:
+    return next((name for name in held.geometry.crops if name != OBJECT), None)
