@@ -5,7 +5,7 @@ figurines, and solids of flat faces.
 Lengths inside the makers are arbitrary units; `build_solids` scales them to pixels.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from itertools import pairwise
@@ -208,7 +208,7 @@ def _inclusion(solid: Solid) -> Solid:
     return replace(solid, inner=True, colour=(0.75, 0.35, 0.2))
 
 
-_MAKERS = {
+_MAKERS: dict[str, Callable[[], list[Solid]]] = {
     "hemisphere": _hemisphere,
     "cylinder": _cylinder,
     "jug": _jug,

@@ -13,6 +13,7 @@ from schemathesis.specs.openapi import checks as openapi_checks
 
 from glint.storage.edits.edits import Edits
 from glint.storage.locations.location import Location
+from tests import browser
 from tests.flows.review.conftest import ServedPage, serve
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
@@ -40,6 +41,10 @@ def fuzzed(stored: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) 
     folder = tmp_path_factory.mktemp("fuzzed")
     shutil.copytree(stored[0], folder / "store")
     page = serve(folder / "store", stored[1])
+    # Hypothesis goes through all modules, so none may be imported meanwhile, as the first questions have it.
+    address = f"{page.origin}/api/captures/hemisphere/front/questions"
+    requests.get(address, headers=page.session, timeout=TIMEOUT_S).raise_for_status()
+    browser.until(lambda: page.app.state.review.preparation.is_idle)
     yield page
     page.server.should_exit = True
 
