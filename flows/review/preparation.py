@@ -19,13 +19,13 @@ class Preparation:
     @property
     def is_idle(self) -> bool:
         """Whether all that was shown is prepared, or cannot be."""
-        return self._thread is None
+        return self._thread is None or not self._thread.is_alive()
 
     def show(self, context: CaptureContext) -> None:
         """Prepare a capture that is shown now; return at once."""
         with self._lock:
             self._waiting = context
-            if self._thread is None:
+            if self.is_idle:
                 self._thread = threading.Thread(target=self._work, name="prepare-questions", daemon=True)
                 self._thread.start()
 

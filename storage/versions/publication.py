@@ -195,10 +195,6 @@ def commit_version(
     return read_version(repository, object_id, version.name)
 
 
-def _seals(store: Any, capture: str) -> dict[str, str]:
-    return {stage: attributes[SEAL] for stage, attributes in stage_attributes(store, capture).items()}
-
-
 def _replacements(repository: icechunk.Repository, object_id: str, current: Version, keys: Keys) -> Keys:
     """Return those of the keys, of captures with nothing new, whose capture is damaged in `current`.
 
