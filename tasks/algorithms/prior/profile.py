@@ -5,6 +5,7 @@ chosen (the edge-preserving smoothing of Nagao and Matsuyama 1979).
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import ndimage
@@ -22,6 +23,8 @@ MIN_STEM_PX = 4.0
 """Least height of a profile above a cone for it to have a stem."""
 SLOPE_REACH_PX = 1.0
 """Distance to both sides over which slopes are taken."""
+MAX_STEM_GAP_PX = 2.0
+"""Gap between normals of a stem, along the axis, across which the stem goes on."""
 SHOULDER_SHARE = 0.03
 """Distance of the shoulder before a cone, as a share of the largest radius."""
 
@@ -62,7 +65,16 @@ def smooth_profile(
     return np.maximum(value, 0.0), slope
 
 
-def profile_of_contour(radii: np.ndarray, heights: np.ndarray, tilt: float) -> tuple[np.ndarray, np.ndarray]:
+class Plate(NamedTuple):
+    """Samples between which the contour shows nothing but the end of a stem: those of the plate's edge and the stem."""
+
+    edge: int
+    stem: int
+
+
+def profile_of_contour(
+    radii: np.ndarray, heights: np.ndarray, tilt: float
+) -> tuple[np.ndarray, np.ndarray, tuple[Plate, ...]]:
     """Return the profile of a surface of revolution from the largest circle inside its silhouette at each height.
 
     Beside a sharp edge the contour is that of the edge, and the circles form a cone that the camera sees edge-on, above
@@ -75,7 +87,7 @@ def profile_of_contour(radii: np.ndarray, heights: np.ndarray, tilt: float) -> t
         tilt: of the upper end towards the camera, radians.
 
     Returns:
-        Squared radii (N,) and their slopes (N,).
+        Squared radii (N,), their slopes (N,), and the plates that face the camera.
     """
     step = float(heights[1] - heights[0])
     # Slope of the radius along the axis at which the wall is parallel to the view.
@@ -87,7 +99,43 @@ def profile_of_contour(radii: np.ndarray, heights: np.ndarray, tilt: float) -> t
     kept = _without_cones(radii[::-1], kept[::-1], -slopes[::-1], -heights[::-1], below, step)[::-1].copy()
     kept[[0, -1]] = 0.0
     changed = ndimage.binary_dilation((kept != squared) | assumed, iterations=1)
-    return kept, np.where(changed, np.gradient(kept, heights), slopes)
+    facing = [Plate(cone.start - 1, cone.stop) for cone in falling if cone.is_sharp]
+    if tilt < 0.0:
+        facing = [Plate(cone.stop, cone.start - 1) for cone in rising if cone.is_sharp]
+    inside = range(1, len(kept) - 1)
+    plates = tuple(plate for plate in facing if plate.stem in inside and kept[plate.stem] > 0.0)
+    return kept, np.where(changed, np.gradient(kept, heights), slopes), plates
+
+
+def with_risen_plate(squared_radii: np.ndarray, heights: np.ndarray, plate: Plate, slopes: np.ndarray) -> np.ndarray:
+    """Return the squared radii (N,) with a plate that rises from its edge to its stem.
+
+    The stem goes on as far as normals show it, and as wide; from there a cone leads to the edge. Without normals it
+    rises half as far as the contour allows.
+
+    Args:
+        squared_radii: (N,).
+        heights: (N,), equidistant.
+        plate: within it the stem, drawn as far as the height of the edge.
+        slopes: (N,) of the radius along the axis, by normals; NaN where there are none.
+    """
+    radii, step = np.sqrt(squared_radii), float(heights[1] - heights[0])
+    sign = 1 if plate.edge > plate.stem else -1
+    last, radius = plate.stem, float(radii[plate.stem])
+    for sample in range(plate.stem + sign, plate.edge, sign):
+        if np.isfinite(slopes[sample]):
+            for between in range(last + sign, sample + sign, sign):
+                radius += float(slopes[sample]) * sign * step
+                radii[between] = radius
+            last = sample
+        elif abs(sample - last) * step > MAX_STEM_GAP_PX:
+            break
+    if last == plate.stem:
+        # It is somewhere between flat and edge-on.
+        last = (plate.stem + plate.edge) // 2
+    cone = np.arange(last, plate.edge + sign, sign)
+    radii[cone] = np.linspace(radii[last], radii[plate.edge], len(cone))
+    return np.asarray(radii**2)
 
 
 @dataclass(frozen=True, slots=True)

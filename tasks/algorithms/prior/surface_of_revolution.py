@@ -11,7 +11,7 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
-from glint.tasks.algorithms.prior.profile import profile_of_contour
+from glint.tasks.algorithms.prior.profile import Plate, profile_of_contour, with_risen_plate
 from glint.tasks.algorithms.prior.reflection_axes import ReflectionAxis
 
 DEPTH_SAMPLES = 160
@@ -53,7 +53,7 @@ class SurfaceOfRevolution:
 
     axis: its image. tilt: of its upper end towards the camera, radians. heights: (N,), samples along the axis.
     squared_radii: (N,) at these heights. half_slopes: (N,), half the slopes of the squared radii, that is radius times
-    its slope.
+    its slope. plates: that face the camera, drawn flat at the height of their edge.
     """
 
     axis: ReflectionAxis
@@ -61,6 +61,7 @@ class SurfaceOfRevolution:
     heights: np.ndarray
     squared_radii: np.ndarray
     half_slopes: np.ndarray
+    plates: tuple[Plate, ...] = ()
 
     @classmethod
     def from_silhouette(
@@ -80,8 +81,8 @@ class SurfaceOfRevolution:
         distance = np.subtract.outer(heights * (cos_tilt / sin_tilt), up / sin_tilt)
         np.multiply(distance, distance, out=distance)
         squared_distance = np.add(distance, side**2, out=distance).min(axis=1)
-        squared, slopes = profile_of_contour(np.sqrt(squared_distance), heights, tilt)
-        return cls(axis, tilt, heights, squared, slopes / 2.0)
+        squared, slopes, plates = profile_of_contour(np.sqrt(squared_distance), heights, tilt)
+        return cls(axis, tilt, heights, squared, slopes / 2.0, plates)
 
     @property
     def upward(self) -> np.ndarray:
@@ -125,6 +126,30 @@ class SurfaceOfRevolution:
         outward = np.column_stack([flat, forward * c])
         return RayHits(depths * s + up * c, outward)
 
+    def with_risen_plates(self, x: np.ndarray, y: np.ndarray, normals: np.ndarray) -> "SurfaceOfRevolution":
+        """Return the surface with plates that rise to their stems, as far as normals (N, 3) at x, y (N,) show these."""
+        surface = self
+        step = self.heights[1] - self.heights[0]
+        # A stem that is wider is hit higher: what a normal says of it is placed better the second time.
+        for _ in range(2 if self.plates else 0):
+            hits = surface.intersect(x, y)
+            slope = -np.tan(surface._slope_angles(hits, normals))
+            sample = np.rint((hits.heights - self.heights[0]) / step)
+            used = np.isfinite(sample) & (np.abs(slope) < np.tan(np.radians(MAX_WALL_SLOPE_DEG)))
+            place, length = sample[used].astype(int), len(self.heights)
+            count, total = (
+                ndimage.uniform_filter1d(np.bincount(place, values, minlength=length)[:length].astype(float), 3)
+                for values in (np.ones(len(place)), slope[used])
+            )
+            slopes = np.where(count >= 1.0, total / np.maximum(count, 1.0), np.nan)
+            squared = self.squared_radii
+            for plate in self.plates:
+                squared = with_risen_plate(squared, self.heights, plate, slopes)
+            changed = squared != self.squared_radii
+            half_slopes = np.where(changed, np.gradient(squared, self.heights) / 2.0, self.half_slopes)
+            surface = replace(self, squared_radii=squared, half_slopes=half_slopes)
+        return surface
+
     def with_fitted_slopes(
         self, x: np.ndarray, y: np.ndarray, normals: np.ndarray, weights: np.ndarray
     ) -> "SurfaceOfRevolution":
@@ -146,8 +171,7 @@ class SurfaceOfRevolution:
         # Slope angles: of the profile, and of the normals, from the circle's plane.
         angle = np.arctan2(-self.half_slopes, radii)
         is_wall = np.abs(angle) < np.radians(MAX_WALL_SLOPE_DEG)
-        radius = np.linalg.norm(hits.outward, axis=1)
-        measured = np.arctan2(radius * (normals @ self.upward), (normals * hits.outward).sum(axis=1))
+        measured = self._slope_angles(hits, normals)
         for _ in range(2):
             residual = measured - np.interp(hits.heights, self.heights, angle)
             used = np.isfinite(residual) & (np.abs(residual) < np.radians(MAX_SLOPE_CORRECTION_DEG))
@@ -174,6 +198,11 @@ class SurfaceOfRevolution:
         """Return the unit normals (N, 3) that point out of the body."""
         axial = -np.interp(hits.heights, self.heights, self.half_slopes)
         return np.asarray(unit(hits.outward + np.outer(axial, self.upward)))
+
+    def _slope_angles(self, hits: RayHits, normals: np.ndarray) -> np.ndarray:
+        """Return the angles (N,) of normals (N, 3) from their circles' planes, positive upward."""
+        radius = np.linalg.norm(hits.outward, axis=1)
+        return np.asarray(np.arctan2(radius * (normals @ self.upward), (normals * hits.outward).sum(axis=1)))
 
     def _image_position(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return positions (N,) perpendicular to the axis and along it, in the image."""

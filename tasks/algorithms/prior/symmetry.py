@@ -67,7 +67,7 @@ def surface_of_revolution_normals(
     known = np.isfinite(accepted[rows, columns, 0])
     weight = np.ones(len(rows)) if weights is None else weights[rows, columns]
     measured = (x[known], y[known], accepted[rows, columns][known], weight[known])
-    normals = surface.with_fitted_slopes(*measured).normals(x, y)
+    normals = surface.with_risen_plates(*measured[:3]).with_fitted_slopes(*measured).normals(x, y)
     if not np.isfinite(normals[:, 0]).any():
         return None
     if opening is not None:

@@ -45,3 +45,23 @@ def test_a_thin_foot_keeps_its_radius_and_both_its_edges(turned_over: bool) -> N
     for height, radius in ((-100.0, 5.9), (0.0, 57.8), (50.0, 68.4), (120.0, 64.1), (160.0, 59.6)):
         assert np.interp(height, heights, radii) == pytest.approx(radius, abs=0.5)
     assert radii[heights > 167.0].max() == 0.0
+
+
+def test_normals_of_the_stem_raise_the_plate_of_the_foot() -> None:
+    tilt = np.radians(14.0)
+    mask, axis = silhouette(tilt)
+    heights = np.arange(-185.0, 175.0, 0.5)
+    radii = np.interp(heights, GLASS[1:, 1], GLASS[1:, 0], left=0.0, right=0.0)
+    radii[(heights >= GLASS[0, 1]) & (heights <= GLASS[1, 1])] = GLASS[0, 0]
+    truth = SurfaceOfRevolution(axis, tilt, heights, radii**2, np.gradient(radii**2, heights) / 2.0)
+    rows, columns = np.nonzero(mask)
+    x, y = columns - (mask.shape[1] - 1) / 2, (mask.shape[0] - 1) / 2 - rows
+    normals = truth.normals(x, y)
+    is_observed = normals[:, 2] > np.cos(np.radians(42.0))
+    fitted = SurfaceOfRevolution.from_silhouette(mask, axis, tilt)
+    risen = fitted.with_risen_plates(x[is_observed], y[is_observed], normals[is_observed])
+    for height, radius in ((-155.0, 6.7), (-160.0, 9.2), (-164.0, 11.2), (-168.0, 31.3), (-171.0, 52.2)):
+        assert np.interp(height, risen.heights, np.sqrt(risen.squared_radii)) == pytest.approx(radius, abs=4.0)
+    unknown = fitted.with_risen_plates(x[:0], y[:0], normals[:0])
+    radii = np.interp((-163.0, -166.0, -169.0, -172.0), unknown.heights, np.sqrt(unknown.squared_radii))
+    assert radii == pytest.approx((6.0, 6.0, 32.0, 56.0), abs=4.0)
