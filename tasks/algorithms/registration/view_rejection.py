@@ -15,8 +15,8 @@ from glint.tasks.algorithms.registration.turntable import Turntable, views_on_tu
 
 MAX_RESIDUAL_PX = 1.0
 """Largest mean silhouette residual in pixels of a view that agrees with the others."""
-SEARCH_RAYS = 24
-"""Rays by which the angle of a rejected view is searched."""
+SEARCH_RAYS, LAST_RAYS = 24, 96
+"""Rays by which the angle of a rejected view is searched, and in the last step, in which few rays hardly differ."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,14 +70,14 @@ def _fitting_angle(number: int, kept: Sequence[int], posed: Sequence[View], tabl
     """Return the turntable angle at which view `number` agrees with the kept ones, None if there is none."""
     kept_views = [posed[index] for index in kept]
 
-    def residual(angle: float) -> float:
+    def residual(angle: float, rays: int = SEARCH_RAYS) -> float:
         angles = np.where(np.arange(len(table.angles)) == number, angle, table.angles)
         view = views_on_turntable(posed, replace(table, angles=angles))[number]
-        return float(silhouette_residuals([*kept_views, view], SEARCH_RAYS).mean())
+        return float(silhouette_residuals([*kept_views, view], rays).mean())
 
     candidates = np.arange(0.0, 360.0, 6.0)
     best = float(candidates[np.argmin([residual(angle) for angle in candidates])])
-    for step in (2.0, 0.5):
+    for step, rays in ((2.0, SEARCH_RAYS), (0.5, LAST_RAYS)):
         nearby = best + step * np.arange(-2, 3)
-        best = float(nearby[np.argmin([residual(angle) for angle in nearby])])
+        best = float(nearby[np.argmin([residual(angle, rays) for angle in nearby])])
     return best if residual(best) <= MAX_RESIDUAL_PX else None
