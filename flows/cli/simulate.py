@@ -38,9 +38,9 @@ def simulate(
         str,
         typer.Argument(
             metavar="SHAPE",
-            help="hemisphere, cylinder, jug, fish, wine-glass, water-glass, faceted-bottle, puppy, goblet, tumbler, "
-            "coupe, bird, elephant, teddy-bear, hexagonal-prism, cut-cube, gem; `all` for the paper's six, "
-            "the bottle and the puppy.",
+            help="hemisphere, cylinder, jug, fish, wine-glass, water-glass, faceted-bottle, puppy, mug, goblet, "
+            "tumbler, coupe, tankard, pitcher, bird, elephant, teddy-bear, hexagonal-prism, cut-cube, gem; `all` for "
+            "the paper's six, the bottle, the puppy and the mug.",
         ),
     ],
     out: Annotated[

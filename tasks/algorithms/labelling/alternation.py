@@ -35,7 +35,7 @@ from glint.tasks.algorithms.prior.smooth_normals import (
     smooth_normal_field,
     thickness,
 )
-from glint.tasks.algorithms.prior.symmetry import surface_of_revolution_normals
+from glint.tasks.algorithms.prior.symmetry import rotational_normals
 
 MARKED_SHEET_NATS = 30.0
 """Unary log-likelihood ratio that a mark gives its sheet's nodes beside it, nats: more than field and shape oppose, but
@@ -186,14 +186,16 @@ class Alternation:
         """Make a surface of revolution the expected field, where there was none, if the accepted normals support it."""
         relative = np.where(self.marked, self.field_weights.marked / self.field_weights.observed, 1.0)
         accepted = np.where(self.known[..., None], self.values, np.nan)
-        self.expected = surface_of_revolution_normals(self.mask, accepted, self.normals, self.initial, relative)
-        if self.expected is None:
+        surface = rotational_normals(self.mask, accepted, self.normals, self.initial, relative)
+        if surface is None:
             return False
+        body = np.isfinite(surface[..., :1])
         lights = accepted_weights(self.weights, self.labels)
-        if has_other_faces(self.expected, accepted, lights, self.mask, self.scale):
+        if has_other_faces(surface, np.where(body, accepted, np.nan), lights, self.mask, self.scale):
             # A prism seen from its front has the silhouette of a cylinder, and a cylinder has no flat faces.
-            self.expected = None
             return False
+        # What is no part of the body is as it was.
+        self.expected = np.where(body, surface, self.smooth)
         self.smooth = self.solve_field(self.known, self.values)
         return True
 

@@ -4,7 +4,7 @@ Meshing is by surface nets: S. F. F. Gibson, Constrained Elastic Surface Nets, M
 surface in place of the elastic relaxation. The blend is the log-sum-exp (soft minimum) of the solids.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -73,6 +73,34 @@ def polyhedron(faces: list[tuple[float, ...]], rounding: float) -> ImplicitFunct
         values = plane[:, :3] @ points.T - plane[:, 3:]
         maximum = values.max(axis=0)
         return np.asarray(maximum + rounding * np.log(np.exp((values - maximum) / rounding).sum(axis=0)))
+
+    return function
+
+
+def revolved(profile: Sequence[tuple[float, float]], rounding: float) -> ImplicitFunction:
+    """Return the solid of revolution about the y axis of a profile, grown by `rounding`, which rounds its convex edges.
+
+    profile: (radius, height), from the axis at the bottom to the axis at the top, joined by straight lines; f is the
+    signed distance to it where it does not cross itself.
+    """
+    start = np.array(profile, float)
+    end = np.roll(start, -1, axis=0)  # closed along the axis, from which no point is nearer
+    along = end - start
+    square = np.maximum((along**2).sum(axis=1), 1e-12)
+
+    def function(points: np.ndarray) -> np.ndarray:
+        flat = np.column_stack([np.hypot(points[:, 0], points[:, 2]), points[:, 1]])
+        distance, crossings = np.full(len(flat), np.inf), np.zeros(len(flat), int)
+        for number in range(len(start)):
+            offset = flat - start[number]
+            share = np.clip(offset @ along[number] / square[number], 0.0, 1.0)
+            if number < len(start) - 1:
+                distance = np.minimum(distance, np.hypot(*(offset - share[:, None] * along[number]).T))
+            # A point is inside where a line outward crosses the profile an odd number of times.
+            spans = (start[number, 1] > flat[:, 1]) != (end[number, 1] > flat[:, 1])
+            rise = along[number, 1] if along[number, 1] != 0.0 else 1.0
+            crossings += spans & (flat[:, 0] < start[number, 0] + (offset[:, 1] / rise) * along[number, 0])
+        return np.asarray(np.where(crossings % 2 == 1, -distance, distance) - rounding)
 
     return function
 

@@ -1,5 +1,8 @@
 """Reflection symmetry axes of a silhouette, each of which may be the image of an axis of revolution.
 
+What stands out on one side alone, a handle or a spout, breaks the symmetry: the rest has an axis of its own, about
+which its contour on one side is the mirror image of that on the other.
+
 Source: the score of a reflection is the overlap of the silhouette with its mirror image, maximized over angle and
 offset (Marola 1989).
 """
@@ -7,7 +10,9 @@ offset (Marola 1989).
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
+from glint.tasks.algorithms.geometry.distance import distance_inside
 from glint.tasks.algorithms.geometry.vectors import to_camera
 
 MIN_SYMMETRY_IOU = 0.96
@@ -18,6 +23,14 @@ SEED_STEP_DEG, FINAL_STEP_DEG = 3.0, 0.1
 """Steps in angle of the exhaustive search, and at which refinement ends."""
 MAX_SCORED_PIXELS = 4000
 """Pixels of the silhouette that are mirrored; of a larger one, every n-th."""
+MATCH_SIGMAS_PX = (6.0, 3.0, 1.0)
+"""Distances of mirrored contour from contour at which a point counts 1/e of a match, in turn."""
+MAX_AXIS_OFFSET = 0.5
+"""Distance of a body's axis from the silhouette's centroid that is tried, in inradii."""
+MIN_BODY_SHARE, MIN_MATCHED_SHARE = 0.6, 0.7
+"""Shares of a silhouette that its body must cover, and of the body's contour that must lie on the silhouette's."""
+CONTOUR_PX = 1.5
+"""Distance up to which a pixel is one of the contour."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,3 +89,60 @@ def reflection_axes(mask: np.ndarray, min_iou: float = MIN_SYMMETRY_IOU, count: 
         normal = np.array([np.cos(angle), np.sin(angle)])
         axes.append(ReflectionAxis(centre + offset * normal, normal, best))
     return sorted((axis for axis in axes if axis.iou >= min_iou), key=lambda axis: -axis.iou)[:count]
+
+
+def symmetric_bodies(mask: np.ndarray, count: int = 3) -> list[np.ndarray]:
+    """Return up to `count` symmetric parts (H, W) bool of a silhouette (H, W) bool that could be its body.
+
+    Each is where the silhouette and its mirror image overlap, for an axis about which much of the contour is the image
+    of contour.
+    """
+    depth = distance_inside(np.pad(mask, 1))[1:-1, 1:-1]
+    contour = mask & (depth < CONTOUR_PX)
+    to_contour = distance_inside(~contour)
+    rows, columns = np.nonzero(mask)
+    centre = np.array([columns.mean(), rows.mean()])
+    points = np.argwhere(contour)[:, ::-1].astype(float)
+    points = points[:: max(1, len(points) // MAX_SCORED_PIXELS)]
+
+    def mirrored(points: np.ndarray, angle: float, offset: float) -> np.ndarray:
+        normal = np.array([np.cos(angle), np.sin(angle)])
+        return points - 2.0 * np.outer((points - centre) @ normal - offset, normal)
+
+    def matched(angle: float, offset: float, sigma: float, stride: int = 1) -> float:
+        column, row = mirrored(points[::stride], angle, offset).T
+        distance = ndimage.map_coordinates(to_contour, [row, column], order=1, mode="nearest")
+        return float(np.exp(-((distance / sigma) ** 2)).mean())
+
+    # The best offset for each angle, then local maxima over the angle.
+    coarse = MATCH_SIGMAS_PX[0]
+    reach = MAX_AXIS_OFFSET * float(depth.max())
+    angles = np.radians(np.arange(0.0, 180.0, SEED_STEP_DEG))
+    offsets = np.arange(-reach, reach + 1.0, coarse / 2)
+    scores = np.array([[matched(angle, offset, coarse, stride=4) for offset in offsets] for angle in angles])
+    best = scores.max(axis=1)
+    peaks = np.flatnonzero((best >= np.roll(best, 1)) & (best >= np.roll(best, -1)))
+    bodies = []
+    for peak in peaks[np.argsort(-best[peaks])][:count]:
+        angle, offset = float(angles[peak]), float(offsets[scores[peak].argmax()])
+        turn, shift = np.radians(SEED_STEP_DEG / 2), coarse / 4
+        for sigma in MATCH_SIGMAS_PX:
+            # Coordinate search, with steps that are halved where no neighbour is better.
+            while turn * depth.max() > sigma / 8:
+                neighbours = [(angle + i * turn, offset + j * shift) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+                values = [matched(*neighbour, sigma) for neighbour in neighbours]
+                if max(values) > matched(angle, offset, sigma) + 1e-6:
+                    angle, offset = neighbours[values.index(max(values))]
+                else:
+                    turn, shift = turn / 2, shift / 2
+        column, row = np.rint(mirrored(np.column_stack([columns, rows]), angle, offset)).astype(int).T
+        inside = (column >= 0) & (column < mask.shape[1]) & (row >= 0) & (row < mask.shape[0])
+        overlap = np.zeros_like(mask)
+        overlap[rows, columns] = inside & mask[row.clip(0, mask.shape[0] - 1), column.clip(0, mask.shape[1] - 1)]
+        pieces, _ = ndimage.label(overlap)
+        body = pieces == np.bincount(pieces[pieces > 0], minlength=2).argmax()
+        edge = body & (distance_inside(np.pad(body, 1))[1:-1, 1:-1] < CONTOUR_PX)
+        share = float((to_contour[edge] <= CONTOUR_PX).mean())
+        if body.sum() >= MIN_BODY_SHARE * mask.sum() and share >= MIN_MATCHED_SHARE:
+            bodies.append(body)
+    return bodies

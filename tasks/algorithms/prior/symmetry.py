@@ -11,9 +11,10 @@ from dataclasses import replace
 import numpy as np
 from scipy import ndimage
 
+from glint.tasks.algorithms.geometry.distance import distance_inside
 from glint.tasks.algorithms.geometry.vectors import angles, to_camera
 from glint.tasks.algorithms.prior.opening import find_opening
-from glint.tasks.algorithms.prior.reflection_axes import ReflectionAxis, reflection_axes
+from glint.tasks.algorithms.prior.reflection_axes import ReflectionAxis, reflection_axes, symmetric_bodies
 from glint.tasks.algorithms.prior.surface_of_revolution import SurfaceOfRevolution
 
 MAX_TILT_DEG = 75
@@ -26,6 +27,8 @@ ERROR_CAP_DEG = 20.0
 """Cap of an angle, so that false normals do not decide the mean."""
 MAX_SMOOTH_ERROR_RATIO = 0.4
 """A surface of revolution is accepted only if its mean angular error is below this fraction of the smooth field's."""
+MAX_BODY_ERROR_DEG, MAX_BODY_ERROR_RATIO = 7.5, 0.6
+"""The same of a body with a handle, among whose accepted normals are some of the handle's."""
 MIN_NORMALS, SAMPLED_NORMALS = 20, 1500
 """Accepted normals without which no surface is fitted, and number of those compared for each tilt."""
 COARSE_STEP_PX, COARSE_STRIDE = 2.0, 8
@@ -34,8 +37,29 @@ FITTED_STEP_PX = 1.0
 """Step along the axis while the tilt is refined."""
 FITTED_LENGTH_PX = 600.0
 """Length of an object for which these steps are meant; those of a larger one are as many."""
+COVER_SIGMA = 0.05
+"""Standard deviation in inradii of the neighbourhood in which most accepted normals contradict a covered body."""
+MIN_COVERING_SHARE = 0.1
+"""Share of that neighbourhood which such normals must have."""
+HANDLE_PX = 2
+"""Half of the least width of a handle; what is thinner is the staircase of the contour."""
 REFINED_ERROR_RATIO = 1.3
 """Ratio to the least error of those tilts up to which an axis is refined."""
+
+
+def rotational_normals(
+    mask: np.ndarray,
+    accepted: np.ndarray,
+    candidates: np.ndarray,
+    field: np.ndarray,
+    weights: np.ndarray | None = None,
+) -> np.ndarray | None:
+    """Return the normals (H, W, 3) float32 of an object, or of its body, that is rotationally symmetric, else None.
+
+    NaN outside it. For the arguments see `surface_of_revolution_normals`.
+    """
+    normals = surface_of_revolution_normals(mask, accepted, candidates, field, weights)
+    return body_of_revolution_normals(mask, accepted, candidates, field, weights) if normals is None else normals
 
 
 def surface_of_revolution_normals(
@@ -44,6 +68,8 @@ def surface_of_revolution_normals(
     candidates: np.ndarray,
     field: np.ndarray | None = None,
     weights: np.ndarray | None = None,
+    max_error_deg: float = MAX_MEAN_ERROR_DEG,
+    max_error_ratio: float = MAX_SMOOTH_ERROR_RATIO,
 ) -> np.ndarray | None:
     """Return the normals (H, W, 3) float32 of a rotationally symmetric object, NaN outside; None if it is not one.
 
@@ -53,11 +79,12 @@ def surface_of_revolution_normals(
         candidates: (K, H, W, 3), NaN where there is none; they decide whether an end is an opening.
         field: (H, W, 3), the silhouette's smooth normal field, which the surface must fit much better than.
         weights: (H, W) of the accepted normals in the profile; None: 1 each.
+        max_error_deg, max_error_ratio: see MAX_MEAN_ERROR_DEG, MAX_SMOOTH_ERROR_RATIO.
     """
-    limit = MAX_MEAN_ERROR_DEG
+    limit = max_error_deg
     if field is not None and np.isfinite(accepted[..., 0]).any():
         error = np.minimum(angles(field, accepted), ERROR_CAP_DEG)
-        limit = min(limit, MAX_SMOOTH_ERROR_RATIO * float(error[np.isfinite(error)].mean()))
+        limit = min(limit, max_error_ratio * float(error[np.isfinite(error)].mean()))
     surface = _fitted_surface(mask, accepted, limit)
     if surface is None:
         return None
@@ -79,6 +106,47 @@ def surface_of_revolution_normals(
     # Rays at the contour may miss the surface: such pixels get the normal of the nearest pixel.
     nearest = ndimage.distance_transform_edt(np.isnan(result[..., 0]), return_distances=False, return_indices=True)
     return np.where(mask[..., None], result[tuple(nearest)], np.nan)
+
+
+def body_of_revolution_normals(
+    mask: np.ndarray,
+    accepted: np.ndarray,
+    candidates: np.ndarray,
+    field: np.ndarray,
+    weights: np.ndarray | None = None,
+) -> np.ndarray | None:
+    """Return the normals (H, W, 3) float32 of a body of revolution with a handle or the like, None if there is none.
+
+    They are NaN outside the body, and where accepted normals show that what stands out beside it goes on before it. For
+    the arguments see `surface_of_revolution_normals`.
+    """
+    limits = (MAX_BODY_ERROR_DEG, MAX_BODY_ERROR_RATIO)
+    least_error, best = np.inf, None
+    for body in symmetric_bodies(mask):
+        within = np.where(body[..., None], accepted, np.nan)
+        normals = surface_of_revolution_normals(body, within, candidates, field, weights, *limits)
+        if normals is not None:
+            error = _capped_angles(normals, accepted)[np.isfinite(accepted[..., 0])].mean()
+            if error < least_error:
+                least_error, best = error, np.where(_covered(mask, body, normals, within)[..., None], np.nan, normals)
+    return best
+
+
+def _capped_angles(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return the angles in degrees between normals, at most ERROR_CAP_DEG, which NaN counts as."""
+    return np.asarray(np.minimum(np.nan_to_num(angles(first, second), nan=ERROR_CAP_DEG), ERROR_CAP_DEG))
+
+
+def _covered(mask: np.ndarray, body: np.ndarray, normals: np.ndarray, accepted: np.ndarray) -> np.ndarray:
+    """Return where (H, W) bool a handle lies before its body, by accepted normals that are not the body's."""
+    known = np.isfinite(accepted[..., 0])
+    contradicts = known & (_capped_angles(normals, accepted) >= ERROR_CAP_DEG)
+    sigma = COVER_SIGMA * float(distance_inside(np.pad(mask, 1)).max())
+    share, count = (ndimage.gaussian_filter(values.astype(float), sigma) for values in (contradicts, known))
+    beside = ndimage.binary_opening(mask & ~body, iterations=HANDLE_PX)
+    # A handle goes on where it leaves the silhouette's outside; elsewhere such normals are false highlights.
+    pieces, _ = ndimage.label(beside | (share > np.maximum(count / 2.0, MIN_COVERING_SHARE)))
+    return np.isin(pieces, np.unique(pieces[beside]))
 
 
 def _fitted_surface(mask: np.ndarray, accepted: np.ndarray, limit: float) -> SurfaceOfRevolution | None:

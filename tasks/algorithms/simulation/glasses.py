@@ -1,4 +1,10 @@
-"""Profiles of glasses: the paper's wine glass and water glass, and others whose feet and lips differ from theirs."""
+"""Glasses: the paper's wine glass and water glass, others whose feet and lips differ, and vessels with handles."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from glint.tasks.algorithms.meshing.implicit import ImplicitFunction, capsule, revolved, union
 
 GLASSES = {
     "wine-glass": (
@@ -17,5 +23,54 @@ GLASSES = {
     ),
 }  # fmt: skip
 """Radius and height of the corners, from the bottom along the outside to the lip, and down the inside."""
-GLASS_TILT_DEG = {"wine-glass": 14.0, "water-glass": 14.0, "goblet": 20.0, "tumbler": 25.0, "coupe": 10.0}
+GLASS_TILT_DEG = {
+    "wine-glass": 14.0,
+    "water-glass": 14.0,
+    "goblet": 20.0,
+    "tumbler": 25.0,
+    "coupe": 10.0,
+    "mug": 22.0,
+    "tankard": 12.0,
+    "pitcher": 8.0,
+}
 """Angle by which the camera looks down on each."""
+
+
+def _handle(
+    attachments: tuple[float, float, float], reach: float, turn: float, radius: float
+) -> list[ImplicitFunction]:
+    """Return the rods of a handle.
+
+    attachments: radius of the wall, and the lower and the upper height at which the handle leaves it. reach: how far it
+    stands out. turn: degrees from the right towards the camera. radius: of the rods.
+    """
+    wall, low, high = attachments
+    angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 12)
+    out, height = wall - radius / 2 + reach * np.cos(angle), (low + high) / 2 + (high - low) / 2 * np.sin(angle)
+    across, forward = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    bow = np.column_stack([out * across, height, out * forward])
+    return [capsule(tuple(a), tuple(b), radius, radius) for a, b in pairwise(bow)]
+
+
+def mug() -> ImplicitFunction:
+    """Return a mug with a thick bottom, its handle to the right and towards the camera."""
+    profile = ((0, -68), (48, -68), (50, -62), (54, 68), (50, 68), (45, -48), (0, -50))
+    return union([revolved(profile, 2.0), *_handle((53.0, -34.0, 36.0), 36.0, 28.0, 7.5)], 2.0)
+
+
+def tankard() -> ImplicitFunction:
+    """Return a tall tankard with a foot, its handle to the left and away from the camera."""
+    profile = (
+        (0, -96), (58, -96), (58, -88), (46, -78), (44, -60), (52, -20), (46, 88), (42, 88), (47, -20), (39, -66),
+        (0, -70),
+    )  # fmt: skip
+    return union([revolved(profile, 1.5), *_handle((47.0, -30.0, 66.0), 32.0, 165.0, 6.5)], 2.0)
+
+
+def pitcher() -> ImplicitFunction:
+    """Return a solid bellied pitcher on a foot, its handle to the right."""
+    profile = (
+        (0, -104), (46, -104), (46, -98), (26, -90), (30, -80), (62, -40), (66, -10), (50, 40), (34, 64), (40, 96),
+        (38, 100), (0, 100),
+    )  # fmt: skip
+    return union([revolved(profile, 3.0), *_handle((40.0, 4.0, 84.0), 46.0, 8.0, 8.0)], 3.0)

@@ -22,14 +22,17 @@ PRESETS = {
     "water-glass": Preset(153, 279, 3383),
     "faceted-bottle": Preset(200, 330, 2400),
     "puppy": Preset(230, 300, 2400),
+    "mug": Preset(290, 270, 2400),
 }
-"""Sizes and lengths of the paper's Tables 2 and 3, and of a bottle of flat faces and a figurine with overlapping limbs,
-which are not in the paper."""
+"""Sizes and lengths of the paper's Tables 2 and 3, and of a bottle of flat faces, a figurine with overlapping limbs and
+a mug with a handle, which are not in the paper."""
 SHAPES = (
     *PRESETS,
     "goblet",
     "tumbler",
     "coupe",
+    "tankard",
+    "pitcher",
     "bird",
     "elephant",
     "teddy-bear",

@@ -15,7 +15,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from glint.tasks.algorithms.meshing.implicit import ImplicitFunction, capsule, ellipsoid, polyhedron, union
 from glint.tasks.algorithms.simulation.figurines import elephant, puppy, teddy_bear
-from glint.tasks.algorithms.simulation.glasses import GLASS_TILT_DEG, GLASSES
+from glint.tasks.algorithms.simulation.glasses import GLASS_TILT_DEG, GLASSES, mug, pitcher, tankard
 from glint.tasks.algorithms.simulation.solids import MATTE, Solid, as_cavity, from_implicit, revolve
 
 REGION_MARGIN_PX = 8.0
@@ -116,6 +116,18 @@ def _jug() -> list[Solid]:
     return [from_implicit(union(body + handle, 4.0), np.array([-82, -175, -82]), np.array([125, 175, 82]), 1.6)]
 
 
+def _mug() -> list[Solid]:
+    return [from_implicit(mug(), np.array([-64, -74, -64]), np.array([100, 74, 80]), 1.4)]
+
+
+def _tankard() -> list[Solid]:
+    return [from_implicit(tankard(), np.array([-92, -102, -64]), np.array([64, 94, 64]), 1.4)]
+
+
+def _pitcher() -> list[Solid]:
+    return [from_implicit(pitcher(), np.array([-74, -112, -74]), np.array([102, 108, 74]), 1.4)]
+
+
 def _fish() -> list[Solid]:
     parts: list[ImplicitFunction] = [
         ellipsoid((0, 0, 0), (92, 56, 34)),
@@ -214,6 +226,9 @@ _MAKERS: dict[str, Callable[[], list[Solid]]] = {
     "jug": _jug,
     "fish": _fish,
     **{name: partial(_glass, name) for name in GLASSES},
+    "mug": _mug,
+    "tankard": _tankard,
+    "pitcher": _pitcher,
     "puppy": _puppy,
     "teddy-bear": _teddy_bear,
     "bird": _bird,

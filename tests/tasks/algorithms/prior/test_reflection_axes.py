@@ -1,6 +1,6 @@
 import numpy as np
 
-from glint.tasks.algorithms.prior.reflection_axes import reflection_axes
+from glint.tasks.algorithms.prior.reflection_axes import reflection_axes, symmetric_bodies
 
 
 def pixels() -> tuple[np.ndarray, np.ndarray]:
@@ -18,3 +18,25 @@ def test_a_tilted_axis_is_found_where_it_is() -> None:
     best = axes[int(np.argmax(cosines))]
     assert max(cosines) > np.cos(np.radians(1.0))
     assert abs(float(best.point @ normal) - 7.0) < 1.0
+
+
+def handled() -> tuple[np.ndarray, np.ndarray]:
+    """Return the silhouettes (H, W) bool of a tapering vessel with a handle, and of the vessel alone."""
+    x, y = pixels()
+    vessel = (np.abs(y) < 70) & (np.abs(x + 15) < 34 + 0.12 * y)
+    ring = np.hypot(x - 22, y - 5)
+    return vessel | ((ring < 36) & (ring > 24)), vessel
+
+
+def test_the_body_beside_a_handle_is_found() -> None:
+    mask, vessel = handled()
+    assert reflection_axes(mask) == []
+    shares = [(body & vessel).sum() / (body | vessel).sum() for body in symmetric_bodies(mask)]
+    assert max(shares) > 0.99
+
+
+def test_a_flag_with_a_weight_has_no_body() -> None:
+    x, y = pixels()
+    flag = (np.abs(x + 40) < 10) & (np.abs(y) < 90) | (np.abs(y - 70) < 10) & (np.abs(x) < 50)
+    mask = flag | (np.hypot(x - 30, y - 20) < 28)
+    assert symmetric_bodies(mask) == []

@@ -3,7 +3,7 @@ import pytest
 
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.prior.reflection_axes import reflection_axes
-from glint.tasks.algorithms.prior.symmetry import surface_of_revolution_normals
+from glint.tasks.algorithms.prior.symmetry import body_of_revolution_normals, surface_of_revolution_normals
 from tests.tasks.algorithms.prior.beaker import SHAPE, beaker_normals, camera_positions, observable
 
 
@@ -60,3 +60,23 @@ def test_an_asymmetric_silhouette_has_no_axis() -> None:
 def test_without_accepted_normals_there_is_no_surface() -> None:
     x, y = camera_positions()
     assert surface_of_revolution_normals(np.hypot(x, y) < 60, np.full((*SHAPE, 3), np.nan), no_candidates()) is None
+
+
+def test_a_body_with_a_handle_is_found_but_not_where_the_handle_covers_it() -> None:
+    truth = beaker_normals(14.0)
+    body = np.isfinite(truth[..., 0])
+    x, y = camera_positions()
+    ring = np.hypot(x - 32, y)
+    handle = (ring < 34) & (ring > 20)
+    before = handle & (y < 0)  # its upper end is joined to the side, its lower one lies before the body
+    mask = body | handle
+    accepted = np.where(body[..., None], observable(truth), np.nan)
+    accepted = np.where(before[..., None], (-0.6, 0.0, 0.8), accepted)
+    flat = np.where(mask[..., None], (0.0, 0.0, 1.0), np.nan)
+    found = body_of_revolution_normals(mask, accepted, no_candidates(), flat)
+    assert found is not None
+    shown = body & np.isfinite(found[..., 0]) & ~before
+    assert shown.sum() > 0.9 * (body & ~before).sum()
+    assert np.median(angles(found, truth)[shown]) < 2.0
+    assert np.isnan(found[handle & ~body]).all()
+    assert np.isnan(found[before & body]).mean() > 0.9
