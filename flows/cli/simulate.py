@@ -39,8 +39,8 @@ def simulate(
         typer.Argument(
             metavar="SHAPE",
             help="hemisphere, cylinder, jug, fish, wine-glass, water-glass, faceted-bottle, puppy, mug, goblet, "
-            "tumbler, coupe, tankard, pitcher, bird, elephant, teddy-bear, hexagonal-prism, cut-cube, gem; `all` for "
-            "the paper's six, the bottle, the puppy and the mug.",
+            "tumbler, coupe, tankard, pitcher, hobnail-vase, ribbed-bottle, cut-bowl, bird, elephant, teddy-bear, "
+            "hexagonal-prism, cut-cube, gem; `all` for the paper's six, the bottle, the puppy and the mug.",
         ),
     ],
     out: Annotated[

@@ -30,9 +30,12 @@ from tests.tasks.make_context import perform_all
 FACETED = ("hexagonal-prism", "cut-cube", "gem", "faceted-bottle")
 
 
-def measure(capture: Capture, store: Path) -> str:
-    """Return a line on one capture, whose results are kept in a store."""
-    work = CaptureContext(str(store), "object", capture, Parameters(), "flat faces")
+def measure(capture: Capture, store: Path, hypothesis: str = "flat_faces") -> str:
+    """Return a line on one capture, whose results are kept in a store: without a hypothesis, and with it.
+
+    hypothesis: `flat_faces` or `symmetry`.
+    """
+    work = CaptureContext(str(store), "object", capture, Parameters(), hypothesis)
     perform_all(work, "clusters")
     clusters, mask = without_shading(load_clusters(work)), work.load("mask").read("mask")
     assert capture.truth is not None
@@ -50,7 +53,7 @@ def measure(capture: Capture, store: Path) -> str:
         pair = f"{squared[known & (clusters.observations > 0)].mean():.4f} / {squared[known].mean():.4f}"
         return f"{pair}, {confident.sum() / known.sum():.0%}, {right.mean() if right.size else np.nan:.1%} right"
 
-    without = reconstruct_normals(clusters, mask, settled=settled, flat_faces=False)
+    without = reconstruct_normals(clusters, mask, settled=settled, **{hypothesis: False})
     return f"without {errors(without)}; with {errors(reconstruct_normals(clusters, mask, settled=settled))}"
 
 

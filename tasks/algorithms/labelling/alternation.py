@@ -10,6 +10,7 @@ from scipy import sparse
 
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
 from glint.tasks.algorithms.candidates.shading import shading_log_ratio
+from glint.tasks.algorithms.faces.flat_faces import FlatFaces, flat_faces, has_other_faces
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.answers import mark_influence, sheet_graph
 from glint.tasks.algorithms.labelling.confidence import (
@@ -25,7 +26,6 @@ from glint.tasks.algorithms.labelling.integrability import shape_log_ratio
 from glint.tasks.algorithms.labelling.results import Iteration, accepted_normals, accepted_weights
 from glint.tasks.algorithms.labelling.segments import held_out_residual, segment_sheets, sheet_means
 from glint.tasks.algorithms.labelling.weights import FieldError, FieldWeights, GraphCutWeights
-from glint.tasks.algorithms.prior.flat_faces import FlatFaces, flat_faces, has_other_faces
 from glint.tasks.algorithms.prior.smooth_normals import (
     MAX_NODES,
     SmoothNormalField,
@@ -93,6 +93,7 @@ class Alternation:
     initial: np.ndarray = field(init=False)
     smooth: np.ndarray = field(init=False)
     faces: FlatFaces | None = field(init=False)
+    has_relief: bool = field(init=False)
     history: list[Iteration] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -108,7 +109,7 @@ class Alternation:
         self.take_marks(None)
         self.labels = np.zeros(self.normals.shape[:3], dtype=bool)
         self.known, self.values = self.marked, self.marked_normals
-        self.faces = None
+        self.faces, self.has_relief = None, False
         self.confidence = np.full(self.mask.shape, np.nan)
         self.smooth = self.initial = self.solve_field(self.known, self.values)
         self.history = []
@@ -186,16 +187,17 @@ class Alternation:
         """Make a surface of revolution the expected field, where there was none, if the accepted normals support it."""
         relative = np.where(self.marked, self.field_weights.marked / self.field_weights.observed, 1.0)
         accepted = np.where(self.known[..., None], self.values, np.nan)
-        surface = rotational_normals(self.mask, accepted, self.normals, self.initial, relative)
-        if surface is None:
+        rotational = rotational_normals(self.mask, accepted, self.normals, self.initial, relative)
+        if rotational is None:
             return False
+        surface, has_relief = rotational
         body = np.isfinite(surface[..., :1])
         lights = accepted_weights(self.weights, self.labels)
         if has_other_faces(surface, np.where(body, accepted, np.nan), lights, self.mask, self.scale):
             # A prism seen from its front has the silhouette of a cylinder, and a cylinder has no flat faces.
             return False
         # What is no part of the body is as it was.
-        self.expected = np.where(body, surface, self.smooth)
+        self.expected, self.has_relief = np.where(body, surface, self.smooth), has_relief
         self.smooth = self.solve_field(self.known, self.values)
         return True
 

@@ -7,6 +7,7 @@ what neither highlights nor a smooth field can: feet, shoulders, flat ends, and 
 """
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy import ndimage
@@ -15,6 +16,7 @@ from glint.tasks.algorithms.geometry.distance import distance_inside
 from glint.tasks.algorithms.geometry.vectors import angles, to_camera
 from glint.tasks.algorithms.prior.opening import find_opening
 from glint.tasks.algorithms.prior.reflection_axes import ReflectionAxis, reflection_axes, symmetric_bodies
+from glint.tasks.algorithms.prior.relief import find_relief
 from glint.tasks.algorithms.prior.surface_of_revolution import SurfaceOfRevolution
 
 MAX_TILT_DEG = 75
@@ -29,6 +31,10 @@ MAX_SMOOTH_ERROR_RATIO = 0.4
 """A surface of revolution is accepted only if its mean angular error is below this fraction of the smooth field's."""
 MAX_BODY_ERROR_DEG, MAX_BODY_ERROR_RATIO = 7.5, 0.6
 """The same of a body with a handle, among whose accepted normals are some of the handle's."""
+COLLAPSED_ERROR_RATIO = 1.5
+"""Ratio of its error to that with coarser steps from which a profile has collapsed."""
+MIN_RELIEF_DEG = 2.0
+"""Median angle of accepted normals from a fitted surface from which a relief is looked for."""
 MIN_NORMALS, SAMPLED_NORMALS = 20, 1500
 """Accepted normals without which no surface is fitted, and number of those compared for each tilt."""
 COARSE_STEP_PX, COARSE_STRIDE = 2.0, 8
@@ -47,19 +53,26 @@ REFINED_ERROR_RATIO = 1.3
 """Ratio to the least error of those tilts up to which an axis is refined."""
 
 
+class RotationalNormals(NamedTuple):
+    """Normals (H, W, 3) float32 of a rotationally symmetric object, NaN outside it; whether relief is among them."""
+
+    normals: np.ndarray
+    has_relief: bool
+
+
 def rotational_normals(
     mask: np.ndarray,
     accepted: np.ndarray,
     candidates: np.ndarray,
     field: np.ndarray,
     weights: np.ndarray | None = None,
-) -> np.ndarray | None:
-    """Return the normals (H, W, 3) float32 of an object, or of its body, that is rotationally symmetric, else None.
+) -> RotationalNormals | None:
+    """Return the normals of an object, or of its body, that is rotationally symmetric, else None.
 
-    NaN outside it. For the arguments see `surface_of_revolution_normals`.
+    For the arguments see `surface_of_revolution_normals`.
     """
-    normals = surface_of_revolution_normals(mask, accepted, candidates, field, weights)
-    return body_of_revolution_normals(mask, accepted, candidates, field, weights) if normals is None else normals
+    fit = (mask, accepted, candidates, field, weights)
+    return surface_of_revolution_normals(*fit) or body_of_revolution_normals(*fit)
 
 
 def surface_of_revolution_normals(
@@ -70,8 +83,8 @@ def surface_of_revolution_normals(
     weights: np.ndarray | None = None,
     max_error_deg: float = MAX_MEAN_ERROR_DEG,
     max_error_ratio: float = MAX_SMOOTH_ERROR_RATIO,
-) -> np.ndarray | None:
-    """Return the normals (H, W, 3) float32 of a rotationally symmetric object, NaN outside; None if it is not one.
+) -> RotationalNormals | None:
+    """Return the normals of a rotationally symmetric object; None if it is not one.
 
     Args:
         mask: (H, W) bool, the silhouette.
@@ -85,18 +98,27 @@ def surface_of_revolution_normals(
     if field is not None and np.isfinite(accepted[..., 0]).any():
         error = np.minimum(angles(field, accepted), ERROR_CAP_DEG)
         limit = min(limit, max_error_ratio * float(error[np.isfinite(error)].mean()))
-    surface = _fitted_surface(mask, accepted, limit)
-    if surface is None:
+    fitted = _fitted_surface(mask, accepted)
+    if fitted is None:
         return None
-    opening = find_opening(surface, mask, candidates)
+    error, surface = fitted
     rows, columns = np.nonzero(mask)
     x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
     known = np.isfinite(accepted[rows, columns, 0])
     weight = np.ones(len(rows)) if weights is None else weights[rows, columns]
     measured = (x[known], y[known], accepted[rows, columns][known], weight[known])
+    deviation = _capped_angles(surface.with_fitted_slopes(*measured).normals(*measured[:2]), measured[2])
+    relief = find_relief(mask, surface, *measured[:3]) if np.median(deviation) > MIN_RELIEF_DEG else None
+    if relief is not None:
+        surface = relief.surface
+    elif error > limit:
+        return None
+    opening = find_opening(surface, mask, candidates)
     normals = surface.with_risen_plates(*measured[:3]).with_fitted_slopes(*measured).normals(x, y)
     if not np.isfinite(normals[:, 0]).any():
         return None
+    if relief is not None:
+        normals = relief.normals(x, y, accepted[rows, columns], normals)
     if opening is not None:
         opening = replace(opening, surface=opening.surface.with_fitted_slopes(*measured))
         around = opening.around[rows, columns]
@@ -105,7 +127,7 @@ def surface_of_revolution_normals(
     result[rows, columns] = normals
     # Rays at the contour may miss the surface: such pixels get the normal of the nearest pixel.
     nearest = ndimage.distance_transform_edt(np.isnan(result[..., 0]), return_distances=False, return_indices=True)
-    return np.where(mask[..., None], result[tuple(nearest)], np.nan)
+    return RotationalNormals(np.where(mask[..., None], result[tuple(nearest)], np.nan), relief is not None)
 
 
 def body_of_revolution_normals(
@@ -114,8 +136,8 @@ def body_of_revolution_normals(
     candidates: np.ndarray,
     field: np.ndarray,
     weights: np.ndarray | None = None,
-) -> np.ndarray | None:
-    """Return the normals (H, W, 3) float32 of a body of revolution with a handle or the like, None if there is none.
+) -> RotationalNormals | None:
+    """Return the normals of a body of revolution with a handle or the like, None if there is none.
 
     They are NaN outside the body, and where accepted normals show that what stands out beside it goes on before it. For
     the arguments see `surface_of_revolution_normals`.
@@ -124,11 +146,13 @@ def body_of_revolution_normals(
     least_error, best = np.inf, None
     for body in symmetric_bodies(mask):
         within = np.where(body[..., None], accepted, np.nan)
-        normals = surface_of_revolution_normals(body, within, candidates, field, weights, *limits)
-        if normals is not None:
-            error = _capped_angles(normals, accepted)[np.isfinite(accepted[..., 0])].mean()
+        fitted = surface_of_revolution_normals(body, within, candidates, field, weights, *limits)
+        if fitted is not None:
+            error = _capped_angles(fitted.normals, accepted)[np.isfinite(accepted[..., 0])].mean()
             if error < least_error:
-                least_error, best = error, np.where(_covered(mask, body, normals, within)[..., None], np.nan, normals)
+                is_covered = _covered(mask, body, fitted.normals, within)
+                normals = np.where(is_covered[..., None], np.nan, fitted.normals)
+                least_error, best = error, fitted._replace(normals=normals)
     return best
 
 
@@ -149,8 +173,8 @@ def _covered(mask: np.ndarray, body: np.ndarray, normals: np.ndarray, accepted: 
     return np.isin(pieces, np.unique(pieces[beside]))
 
 
-def _fitted_surface(mask: np.ndarray, accepted: np.ndarray, limit: float) -> SurfaceOfRevolution | None:
-    """Return the surface with the least mean angle to the accepted normals (H, W, 3), if below `limit` degrees."""
+def _fitted_surface(mask: np.ndarray, accepted: np.ndarray) -> tuple[float, SurfaceOfRevolution] | None:
+    """Return the least mean angle in degrees to the accepted normals (H, W, 3), and the surface; None without any."""
     rows, columns = np.nonzero(mask & np.isfinite(accepted[..., 0]))
     if len(rows) < MIN_NORMALS:
         return None
@@ -175,7 +199,7 @@ def _fitted_surface(mask: np.ndarray, accepted: np.ndarray, limit: float) -> Sur
         error = np.nan_to_num(error, nan=ERROR_CAP_DEG)
         return float(np.minimum(error, ERROR_CAP_DEG).mean())
 
-    least_error, best = limit, None
+    least_error, best = ERROR_CAP_DEG, None
     tilts = np.radians(np.arange(-MAX_TILT_DEG, MAX_TILT_DEG + 1, 2 * TILT_STEP_DEG))
     coarse = {
         axis: [mean_error(axis, tilt, COARSE_STEP_PX, COARSE_STRIDE) for tilt in tilts]
@@ -197,6 +221,6 @@ def _fitted_surface(mask: np.ndarray, accepted: np.ndarray, limit: float) -> Sur
         if error < least_error:
             least_error, best = error, SurfaceOfRevolution.from_silhouette(mask, axis, tilt)
             # Trimming is discontinuous: with finer steps a profile can collapse that fits with coarser ones.
-            if surface_error(best) > limit:
+            if surface_error(best) > COLLAPSED_ERROR_RATIO * least_error:
                 best = SurfaceOfRevolution.from_silhouette(mask, axis, tilt, FITTED_STEP_PX)
-    return best
+    return None if best is None else (least_error, best)

@@ -16,6 +16,7 @@ from scipy.ndimage import gaussian_filter1d
 from glint.tasks.algorithms.meshing.implicit import ImplicitFunction, capsule, ellipsoid, polyhedron, union
 from glint.tasks.algorithms.simulation.figurines import elephant, puppy, teddy_bear
 from glint.tasks.algorithms.simulation.glasses import GLASS_TILT_DEG, GLASSES, mug, pitcher, tankard
+from glint.tasks.algorithms.simulation.relief import cut_bowl, hobnail_vase, ribbed_bottle
 from glint.tasks.algorithms.simulation.solids import MATTE, Solid, as_cavity, from_implicit, revolve
 
 REGION_MARGIN_PX = 8.0
@@ -24,6 +25,9 @@ TILT_DEG = {
     "hemisphere": 62.0,
     "cylinder": 6.0,
     **GLASS_TILT_DEG,
+    "hobnail-vase": 14.0,
+    "ribbed-bottle": 10.0,
+    "cut-bowl": 24.0,
     "faceted-bottle": 22.0,
     "hexagonal-prism": 35.0,
     "cut-cube": 35.0,
@@ -116,18 +120,6 @@ def _jug() -> list[Solid]:
     return [from_implicit(union(body + handle, 4.0), np.array([-82, -175, -82]), np.array([125, 175, 82]), 1.6)]
 
 
-def _mug() -> list[Solid]:
-    return [from_implicit(mug(), np.array([-64, -74, -64]), np.array([100, 74, 80]), 1.4)]
-
-
-def _tankard() -> list[Solid]:
-    return [from_implicit(tankard(), np.array([-92, -102, -64]), np.array([64, 94, 64]), 1.4)]
-
-
-def _pitcher() -> list[Solid]:
-    return [from_implicit(pitcher(), np.array([-74, -112, -74]), np.array([102, 108, 74]), 1.4)]
-
-
 def _fish() -> list[Solid]:
     parts: list[ImplicitFunction] = [
         ellipsoid((0, 0, 0), (92, 56, 34)),
@@ -156,18 +148,6 @@ def _bird() -> list[Solid]:
     glass = from_implicit(union(parts, 6.0), np.array([-135, -84, -60]), np.array([128, 84, 60]), 1.4)
     hollow = from_implicit(ellipsoid((6, -14, 0), (18, 14, 14)), np.array([-14, -30, -16]), np.array([26, 2, 16]), 1.4)
     return [glass, as_cavity(hollow)]
-
-
-def _puppy() -> list[Solid]:
-    return [from_implicit(puppy(), np.array([-72, -124, -50]), np.array([70, 106, 86]), 1.6)]
-
-
-def _teddy_bear() -> list[Solid]:
-    return [from_implicit(teddy_bear(), np.array([-80, -122, -60]), np.array([98, 110, 112]), 1.6)]
-
-
-def _elephant() -> list[Solid]:
-    return [from_implicit(elephant(), np.array([-102, -118, -62]), np.array([140, 74, 62]), 1.6)]
 
 
 def _ring_of_planes(sides: int, elevation: float, distance: float, turn: float) -> list[tuple[float, ...]]:
@@ -220,19 +200,33 @@ def _inclusion(solid: Solid) -> Solid:
     return replace(solid, inner=True, colour=(0.75, 0.35, 0.2))
 
 
+_IMPLICIT: dict[str, tuple[Callable[[], ImplicitFunction], Sequence[int], Sequence[int], float]] = {
+    "mug": (mug, (-64, -74, -64), (100, 74, 80), 1.4),
+    "tankard": (tankard, (-92, -102, -64), (64, 94, 64), 1.4),
+    "pitcher": (pitcher, (-74, -112, -74), (102, 108, 74), 1.4),
+    "hobnail-vase": (hobnail_vase, (-66, -94, -66), (66, 92, 66), 1.2),
+    "ribbed-bottle": (ribbed_bottle, (-64, -96, -64), (64, 102, 64), 1.2),
+    "cut-bowl": (cut_bowl, (-76, -52, -76), (76, 66, 76), 1.2),
+    "puppy": (puppy, (-72, -124, -50), (70, 106, 86), 1.6),
+    "teddy-bear": (teddy_bear, (-80, -122, -60), (98, 110, 112), 1.6),
+    "elephant": (elephant, (-102, -118, -62), (140, 74, 62), 1.6),
+}
+"""Makers of single solids, the corners of the box that each is meshed in, and the edge of its cells."""
+
+
+def _from_table(name: str) -> list[Solid]:
+    maker, low, high, cell = _IMPLICIT[name]
+    return [from_implicit(maker(), np.array(low), np.array(high), cell)]
+
+
 _MAKERS: dict[str, Callable[[], list[Solid]]] = {
     "hemisphere": _hemisphere,
     "cylinder": _cylinder,
     "jug": _jug,
     "fish": _fish,
     **{name: partial(_glass, name) for name in GLASSES},
-    "mug": _mug,
-    "tankard": _tankard,
-    "pitcher": _pitcher,
-    "puppy": _puppy,
-    "teddy-bear": _teddy_bear,
+    **{name: partial(_from_table, name) for name in _IMPLICIT},
     "bird": _bird,
-    "elephant": _elephant,
     "faceted-bottle": _faceted_bottle,
     "hexagonal-prism": _hexagonal_prism,
     "cut-cube": _cut_cube,

@@ -8,8 +8,8 @@ from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.labelling.results import PROVENANCE, Reconstruction
 from glint.tasks.algorithms.labelling.weights import FieldWeights
+from tests.tasks.algorithms.faces.polyhedron import PYRAMID, face_numbers, polyhedron_normals
 from tests.tasks.algorithms.prior.beaker import observable
-from tests.tasks.algorithms.prior.polyhedron import PYRAMID, face_numbers, polyhedron_normals
 
 Scene = tuple[SimpleNamespace, np.ndarray, np.ndarray]
 

@@ -23,12 +23,17 @@ def beaker_profile() -> tuple[np.ndarray, np.ndarray]:
     return radii, heights
 
 
-def beaker_normals(tilt: float, far: bool = False) -> np.ndarray:
-    """Return the normals (H, W, 3) of the beaker at a tilt in degrees, NaN beside it; far: of the wall's inner side."""
+def beaker_surface(tilt: float) -> SurfaceOfRevolution:
+    """Return the beaker at a tilt in degrees."""
     radii, heights = beaker_profile()
     slopes = np.gradient(radii**2, heights) / 2.0
     axis = ReflectionAxis(np.zeros(2), np.array([1.0, 0.0]), 1.0)
-    surface = SurfaceOfRevolution(axis, np.radians(tilt), heights, radii**2, slopes)
+    return SurfaceOfRevolution(axis, np.radians(tilt), heights, radii**2, slopes)
+
+
+def beaker_normals(tilt: float, far: bool = False) -> np.ndarray:
+    """Return the normals (H, W, 3) of the beaker at a tilt in degrees, NaN beside it; far: of the wall's inner side."""
+    surface = beaker_surface(tilt)
     x, y = camera_positions()
     return surface.normals(x.ravel(), y.ravel(), far).reshape(*SHAPE, 3)
 

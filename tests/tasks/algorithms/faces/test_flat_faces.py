@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
+from glint.tasks.algorithms.faces.creases import UNSEEN, crease_residual, creases, face_edges
+from glint.tasks.algorithms.faces.flat_faces import FlatFaces, flat_faces, has_other_faces
+from glint.tasks.algorithms.faces.observed_faces import MIN_LIGHTS, find_faces
 from glint.tasks.algorithms.geometry.vectors import angles, gradients, unit
-from glint.tasks.algorithms.prior.creases import UNSEEN, crease_residual, creases, face_edges
-from glint.tasks.algorithms.prior.faces import MIN_LIGHTS, find_faces
-from glint.tasks.algorithms.prior.flat_faces import FlatFaces, flat_faces, has_other_faces
 from glint.tasks.algorithms.prior.smooth_normals import contour_normals, inradius, smooth_normal_field
+from tests.tasks.algorithms.faces.polyhedron import PYRAMID, SHAPE, face_numbers, polyhedron_normals
 from tests.tasks.algorithms.prior.beaker import observable
-from tests.tasks.algorithms.prior.polyhedron import PYRAMID, SHAPE, face_numbers, polyhedron_normals
 
 LIGHTS = np.full(SHAPE, 2.0)
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from glint.tasks.algorithms.faces.observed_faces import Face
 from glint.tasks.algorithms.geometry.vectors import angles, gradients, unit
-from glint.tasks.algorithms.prior.faces import Face
 
 CORNER_INRADII, MIN_CORNER_PX = 0.03, 1.5
 """Deviation of a polygon from a face's contour, in inradii, and at least, in pixels."""

@@ -7,9 +7,9 @@ long as it stays within the observable range. The border of an apparent face is 
 
 import numpy as np
 
+from glint.tasks.algorithms.faces.creases import Edge
+from glint.tasks.algorithms.faces.observed_faces import Face
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.prior.creases import Edge
-from glint.tasks.algorithms.prior.faces import Face
 
 STRIP_INRADII, MIN_STRIP_PX = 0.12, 5
 """Width in inradii of the strip outside an edge in which its rounding is looked for, and at least, in pixels."""

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
+from glint.tasks.algorithms.faces.creases import UNSEEN, Edge, image_points
+from glint.tasks.algorithms.faces.observed_faces import Face
 from glint.tasks.algorithms.geometry.distance import distance_inside
 from glint.tasks.algorithms.geometry.vectors import angles, unit
-from glint.tasks.algorithms.prior.creases import UNSEEN, Edge, image_points
-from glint.tasks.algorithms.prior.faces import Face
 
 GRID_STEP = 0.02
 """Spacing of the normals that are compared, in n_x and n_y: uniform in the area that they show to the camera."""

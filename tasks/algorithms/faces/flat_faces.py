@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.prior.creases import (
+from glint.tasks.algorithms.faces.creases import (
     SILHOUETTE,
     Edge,
     crease_direction,
@@ -14,9 +13,10 @@ from glint.tasks.algorithms.prior.creases import (
     face_edges,
     rounding_radius,
 )
-from glint.tasks.algorithms.prior.faces import Face, find_faces
-from glint.tasks.algorithms.prior.rounded_edges import rounding_evidence
-from glint.tasks.algorithms.prior.unseen_faces import unseen_faces
+from glint.tasks.algorithms.faces.observed_faces import Face, find_faces
+from glint.tasks.algorithms.faces.rounded_edges import rounding_evidence
+from glint.tasks.algorithms.faces.unseen_faces import unseen_faces
+from glint.tasks.algorithms.geometry.vectors import angles
 
 FACE_WEIGHT, UNSEEN_WEIGHT = 1.0, 0.03
 """Weights per pixel in the field: of a face that showed the light, and of one that never did."""

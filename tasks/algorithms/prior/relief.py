@@ -1,0 +1,225 @@
+"""Relief that repeats round a surface of revolution: hobnails, ribs, cuts.
+
+Seen from the axis, a relief of n periods shows the same normals in each of them. Those of one period, which face the
+light differently from the next, fill what the others lack: flanks too steep for a highlight on one side of the vessel
+are seen on the other. Normals that repeat prove the relief, since false highlights do not.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import ndimage
+
+from glint.tasks.algorithms.geometry.vectors import angles, unit
+from glint.tasks.algorithms.prior.surface_of_revolution import SurfaceOfRevolution
+
+PERIODS = range(8, 61)
+"""Numbers of periods that are tried; fewer are the faces of a prism rather than a relief."""
+MIN_EXPLAINED = 0.6
+"""Share of the normals' variance about the surface of revolution that the relief of the other periods must explain; of
+objects without relief it explains less than 0.1."""
+MAX_ERROR_RATIO = 0.5
+"""Ratio of squared errors with the relief to those without it up to which a circle has it."""
+CIRCLE_SIGMA_PX = 4.0
+"""Standard deviation along the axis over which these are compared."""
+ERROR_CAP_DEG = 20.0
+"""Cap of an angle, so that false normals do not decide."""
+RELIEF_NORMALS, FIRST_STRIDE = 4000, 2
+"""Normals in which a relief is looked for, and subsampling of these for what is tried first."""
+CELL_SIGMA_PX = 1.0
+"""Standard deviation of the smoothing of the relief."""
+MIN_SUPPORT = 0.05
+"""Normals per square pixel from which they count as much as the surface without relief."""
+FIRST_TURNS_DEG, THICKNESSES = (-4.0, 0.0, 4.0), (0.0, 0.04)
+"""Corrections of the tilt, and depths of the relief as shares of the largest radius, that are tried first."""
+FINAL_TURN_DEG = 0.2
+"""Step of the tilt at which the refinement of both ends."""
+
+
+@dataclass(frozen=True, slots=True)
+class Relief:
+    """Relief on a surface of revolution.
+
+    surface: the one that touches the silhouette. thickness: in pixels, between it and the circles on which the relief
+    repeats. periods: round the axis. explained: see MIN_EXPLAINED.
+    """
+
+    surface: SurfaceOfRevolution
+    thickness: float
+    periods: int
+    explained: float
+
+    def normals(self, x: np.ndarray, y: np.ndarray, measured: np.ndarray, base: np.ndarray) -> np.ndarray:
+        """Return the unit normals (N, 3) with relief.
+
+        Args:
+            x: (N,), camera frame.
+            y: (N,).
+            measured: (N, 3), normals there, NaN where there are none.
+            base: (N, 3), those of the surface without relief, which remain where the relief shows nothing.
+        """
+        places = _Places.on(self.surface.shrunk(self.thickness), x, y)
+        known = np.isfinite(measured[:, 0]) & places.hit
+        circles = self._circles(places.at(known), measured[known], base[known])
+        sums = places.at(known).sums(measured[known], self.periods)
+        relief, support = places.sampled(sums, self.periods)
+        weight = np.where(places.hit, circles[places.row] * support / (support + MIN_SUPPORT), 0.0)[:, None]
+        result = np.where(weight > 0.0, weight * relief, 0.0) + (1.0 - weight) * base
+        # What would be turned away is hidden by a nearer part of the relief, whose contour is beside it.
+        result[:, 2] = np.maximum(result[:, 2], 0.0)
+        return np.asarray(unit(result))
+
+    def _circles(self, places: "_Places", normals: np.ndarray, base: np.ndarray) -> np.ndarray:
+        """Return the weight (rows,) of each circle: 1 where other periods predict normals (N, 3) far better."""
+        predicted, _ = places.held_out(normals, self.periods)
+        used = np.isfinite(predicted[:, 0])
+        with_relief, without = (
+            np.bincount(places.row[used], _capped_angles(other[used], normals[used]) ** 2, minlength=places.rows)
+            for other in (predicted, base)
+        )
+        with_relief, without = (ndimage.gaussian_filter1d(error, CIRCLE_SIGMA_PX) for error in (with_relief, without))
+        return np.asarray(ndimage.gaussian_filter1d((with_relief < MAX_ERROR_RATIO * without).astype(float), 1.0))
+
+
+def find_relief(
+    mask: np.ndarray, surface: SurfaceOfRevolution, x: np.ndarray, y: np.ndarray, normals: np.ndarray
+) -> Relief | None:
+    """Find the relief of a surface, and the tilt under which it repeats; None if there is none.
+
+    Args:
+        mask: (H, W) bool, the silhouette.
+        surface: the largest one in it.
+        x: (N,), camera frame.
+        y: (N,).
+        normals: (N, 3), measured there.
+    """
+    chosen = np.random.default_rng(0).permutation(len(x))[:RELIEF_NORMALS]
+    x, y, normals = x[chosen], y[chosen], normals[chosen]
+    radius = float(np.sqrt(surface.squared_radii.max()))
+
+    def fitted(tilt: float, thickness: float, periods: Iterable[int], stride: int = 1) -> Relief:
+        """Return the best of some numbers of periods, by every n-th normal."""
+        tilted = SurfaceOfRevolution.from_silhouette(mask, surface.axis, tilt, step=1.0)
+        places = _Places.on(tilted.shrunk(thickness), x[::stride], y[::stride])
+        share, hit = float(places.hit.mean()), places.at(places.hit)
+        used = normals[::stride][places.hit]
+        explained, count = max((hit.explained(used, count), count) for count in periods)
+        return Relief(tilted, thickness, count, share * explained)
+
+    starts = [
+        fitted(surface.tilt + np.radians(turn), share * radius, PERIODS, FIRST_STRIDE)
+        for turn in FIRST_TURNS_DEG
+        for share in THICKNESSES
+    ]
+    best = max(starts, key=lambda relief: relief.explained)
+    if best.explained < MIN_EXPLAINED / 2.0:
+        return None
+    # Coordinate search, with steps that are halved where no neighbour is better.
+    turn, step = np.radians(FIRST_TURNS_DEG[-1] / 2.0), THICKNESSES[1] / 2.0 * radius
+    while turn > np.radians(FINAL_TURN_DEG):
+        neighbours = [
+            fitted(best.surface.tilt + i * turn, max(0.0, best.thickness + j * step), (best.periods,))
+            for i, j in ((-1, 0), (1, 0), (0, -1), (0, 1))
+        ]
+        better = max(neighbours, key=lambda relief: relief.explained)
+        if better.explained > best.explained:
+            best = better
+        else:
+            turn, step = turn / 2.0, step / 2.0
+    if best.explained < MIN_EXPLAINED:
+        return None
+    return replace(best, surface=SurfaceOfRevolution.from_silhouette(mask, surface.axis, best.surface.tilt))
+
+
+@dataclass(frozen=True, slots=True)
+class _Places:
+    """Places of N points on a surface of revolution.
+
+    row: (N,) int, of the circle, heights in pixels. azimuth: (N,), radians, 0 towards the camera. frames: (N, 3, 3),
+    unit vectors outward, along the circle and along the axis. hit: (N,) bool, whether the ray meets the surface. rows,
+    girth: number of circles, and the length of the largest in pixels.
+    """
+
+    row: np.ndarray
+    azimuth: np.ndarray
+    frames: np.ndarray
+    hit: np.ndarray
+    rows: int
+    girth: float
+
+    @classmethod
+    def on(cls, surface: SurfaceOfRevolution, x: np.ndarray, y: np.ndarray) -> "_Places":
+        """Place the points where rays along -z at x, y (N,) enter a surface."""
+        hits, upward = surface.intersect(x, y), surface.upward
+        outward = np.asarray(unit(hits.outward))
+        side = np.append(surface.axis.normal, 0.0)
+        azimuth = np.arctan2(outward @ side, outward @ np.cross(side, upward))
+        hit = np.isfinite(azimuth) & np.isfinite(hits.heights)
+        row = np.rint(np.where(hit, hits.heights - surface.heights[0], 0.0)).astype(int)
+        frames = np.stack([outward, np.cross(upward, outward), np.broadcast_to(upward, outward.shape)], axis=1)
+        girth = 2.0 * np.pi * float(np.sqrt(surface.squared_radii.max()))
+        return cls(row, np.where(hit, azimuth, 0.0), frames, hit, int(np.ptp(surface.heights)) + 2, girth)
+
+    def at(self, chosen: np.ndarray) -> "_Places":
+        """Return the chosen (N,) bool of the points."""
+        return replace(
+            self, row=self.row[chosen], azimuth=self.azimuth[chosen], frames=self.frames[chosen], hit=self.hit[chosen]
+        )
+
+    def sums(self, normals: np.ndarray, periods: int) -> np.ndarray:
+        """Return smoothed sums (rows, columns, 4) over all periods: normals (N, 3) in their frames, and how many."""
+        columns = max(4, round(self.girth / periods))
+        column = np.floor(self._turns(periods) % 1.0 * columns).astype(int).clip(0, columns - 1)
+        local = np.einsum("nij,nj->in", self.frames, normals)
+        cells = self.row * columns + column
+        sums = [
+            np.bincount(cells, values, minlength=self.rows * columns).reshape(self.rows, columns)
+            for values in (*local, np.ones(len(cells)))
+        ]
+        return np.stack(
+            [ndimage.gaussian_filter(part, CELL_SIGMA_PX, mode=("constant", "wrap")) for part in sums], axis=-1
+        )
+
+    def sampled(self, sums: np.ndarray, periods: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the unit normals (N, 3) that `sums` of the relief say, camera frame, and their support (N,)."""
+        columns = sums.shape[1]
+        place = self._turns(periods) % 1.0 * columns - 0.5
+        first = np.floor(place).astype(int)
+        share = (place - first)[:, None]
+        local = (1.0 - share) * sums[self.row, first % columns] + share * sums[self.row, (first + 1) % columns]
+        return np.einsum("nij,ni->nj", self.frames, np.asarray(unit(local[:, :3]))), local[:, 3]
+
+    def held_out(self, normals: np.ndarray, periods: int) -> tuple[np.ndarray, np.ndarray]:
+        """Predict the normals (N, 3) of every other period by those between them: by relief, and by circles alone.
+
+        Both are NaN where too few others are near.
+        """
+        by_relief, by_circles = np.full((2, *normals.shape), np.nan)
+        is_odd = np.floor(self._turns(periods)) % 2 == 1
+        for predicted in (is_odd, ~is_odd):
+            sums = self.at(~predicted).sums(normals[~predicted], periods)
+            places = self.at(predicted)
+            relief, support = places.sampled(sums, periods)
+            circles, _ = places.sampled(sums.sum(axis=1, keepdims=True), periods)
+            enough = (support > MIN_SUPPORT)[:, None]
+            by_relief[predicted] = np.where(enough, relief, np.nan)
+            by_circles[predicted] = np.where(enough, circles, np.nan)
+        return by_relief, by_circles
+
+    def explained(self, normals: np.ndarray, periods: int) -> float:
+        """Return the share of the variance of normals (N, 3) about their circles' that a relief explains."""
+        by_relief, by_circles = self.held_out(normals, periods)
+        used = np.isfinite(by_relief[:, 0])
+        left, whole = (
+            float((_capped_angles(other[used], normals[used]) ** 2).sum()) for other in (by_relief, by_circles)
+        )
+        return 1.0 - left / max(whole, 1e-9)
+
+    def _turns(self, periods: int) -> np.ndarray:
+        return self.azimuth * (periods / (2.0 * np.pi))
+
+
+def _capped_angles(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return the angles in degrees between normals (N, 3), at most ERROR_CAP_DEG, which NaN counts as."""
+    return np.asarray(np.minimum(np.nan_to_num(angles(first, second), nan=ERROR_CAP_DEG), ERROR_CAP_DEG))
