@@ -93,7 +93,7 @@ class Alternation:
     initial: np.ndarray = field(init=False)
     smooth: np.ndarray = field(init=False)
     faces: FlatFaces | None = field(init=False)
-    has_relief: bool = field(init=False)
+    relief_fit: float = field(init=False)
     history: list[Iteration] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -109,7 +109,7 @@ class Alternation:
         self.take_marks(None)
         self.labels = np.zeros(self.normals.shape[:3], dtype=bool)
         self.known, self.values = self.marked, self.marked_normals
-        self.faces, self.has_relief = None, False
+        self.faces, self.relief_fit = None, 0.0
         self.confidence = np.full(self.mask.shape, np.nan)
         self.smooth = self.initial = self.solve_field(self.known, self.values)
         self.history = []
@@ -188,16 +188,16 @@ class Alternation:
         relative = np.where(self.marked, self.field_weights.marked / self.field_weights.observed, 1.0)
         accepted = np.where(self.known[..., None], self.values, np.nan)
         rotational = rotational_normals(self.mask, accepted, self.normals, self.initial, relative)
-        if rotational is None:
+        if rotational is None or rotational.relief_fit < self.relief_fit:
             return False
-        surface, has_relief = rotational
+        surface, relief_fit = rotational
         body = np.isfinite(surface[..., :1])
         lights = accepted_weights(self.weights, self.labels)
         if has_other_faces(surface, np.where(body, accepted, np.nan), lights, self.mask, self.scale):
             # A prism seen from its front has the silhouette of a cylinder, and a cylinder has no flat faces.
             return False
         # What is no part of the body is as it was.
-        self.expected, self.has_relief = np.where(body, surface, self.smooth), has_relief
+        self.expected, self.relief_fit = np.where(body, surface, self.smooth), relief_fit
         self.smooth = self.solve_field(self.known, self.values)
         return True
 

@@ -97,7 +97,7 @@ def reconstruct_normals(
     is_symmetric = expected is None and symmetry and state.adopt_symmetry()
     if is_symmetric or (expected is None and flat_faces and state.adopt_faces(min_confidence)):
         state.iterate(max_iterations, convergence_tolerance, min_confidence)
-    if state.has_relief and state.adopt_symmetry():
+    if state.relief_fit > 0.0 and state.adopt_symmetry():
         # Highlights that a relief explains show more of it.
         state.iterate(max_iterations, convergence_tolerance, min_confidence)
 

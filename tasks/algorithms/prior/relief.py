@@ -16,11 +16,11 @@ from glint.tasks.algorithms.prior.surface_of_revolution import SurfaceOfRevoluti
 
 PERIODS = range(8, 61)
 """Numbers of periods that are tried; fewer are the faces of a prism rather than a relief."""
-MIN_EXPLAINED = 0.6
-"""Share of the normals' variance about the surface of revolution that the relief of the other periods must explain; of
-objects without relief it explains less than 0.1."""
 MAX_ERROR_RATIO = 0.5
-"""Ratio of squared errors with the relief to those without it up to which a circle has it."""
+"""Ratio of squared errors up to which a circle has the relief: of normals predicted by other periods to those predicted
+by their circle alone."""
+MIN_RELIEF_SHARE = 0.12
+"""Share of the normals that must lie on such circles; on objects without relief it is 0.01 at most."""
 CIRCLE_SIGMA_PX = 4.0
 """Standard deviation along the axis over which these are compared."""
 ERROR_CAP_DEG = 20.0
@@ -42,13 +42,15 @@ class Relief:
     """Relief on a surface of revolution.
 
     surface: the one that touches the silhouette. thickness: in pixels, between it and the circles on which the relief
-    repeats. periods: round the axis. explained: see MIN_EXPLAINED.
+    repeats. periods: round the axis. fit: share of the capped squared error that it and,
+    on other circles, the surface explain. share: see MIN_RELIEF_SHARE.
     """
 
     surface: SurfaceOfRevolution
     thickness: float
     periods: int
-    explained: float
+    fit: float
+    share: float
 
     def normals(self, x: np.ndarray, y: np.ndarray, measured: np.ndarray, base: np.ndarray) -> np.ndarray:
         """Return the unit normals (N, 3) with relief.
@@ -73,12 +75,7 @@ class Relief:
     def _circles(self, places: "_Places", normals: np.ndarray, base: np.ndarray) -> np.ndarray:
         """Return the weight (rows,) of each circle: 1 where other periods predict normals (N, 3) far better."""
         predicted, _ = places.held_out(normals, self.periods)
-        used = np.isfinite(predicted[:, 0])
-        with_relief, without = (
-            np.bincount(places.row[used], _capped_angles(other[used], normals[used]) ** 2, minlength=places.rows)
-            for other in (predicted, base)
-        )
-        with_relief, without = (ndimage.gaussian_filter1d(error, CIRCLE_SIGMA_PX) for error in (with_relief, without))
+        with_relief, without = places.circle_errors(normals, predicted, base)
         return np.asarray(ndimage.gaussian_filter1d((with_relief < MAX_ERROR_RATIO * without).astype(float), 1.0))
 
 
@@ -102,32 +99,34 @@ def find_relief(
         """Return the best of some numbers of periods, by every n-th normal."""
         tilted = SurfaceOfRevolution.from_silhouette(mask, surface.axis, tilt, step=1.0)
         places = _Places.on(tilted.shrunk(thickness), x[::stride], y[::stride])
-        share, hit = float(places.hit.mean()), places.at(places.hit)
-        used = normals[::stride][places.hit]
-        explained, count = max((hit.explained(used, count), count) for count in periods)
-        return Relief(tilted, thickness, count, share * explained)
+        hit, used = places.at(places.hit), normals[::stride][places.hit]
+        base = tilted.normals(x[::stride][places.hit], y[::stride][places.hit])
+        fit, share, count = max((*hit.fit(used, base, count), count) for count in periods)
+        return Relief(tilted, thickness, count, fit * float(places.hit.mean()), share)
 
     starts = [
         fitted(surface.tilt + np.radians(turn), share * radius, PERIODS, FIRST_STRIDE)
         for turn in FIRST_TURNS_DEG
         for share in THICKNESSES
     ]
-    best = max(starts, key=lambda relief: relief.explained)
-    if best.explained < MIN_EXPLAINED / 2.0:
+    best = max(starts, key=lambda relief: relief.fit)
+    if best.share < MIN_RELIEF_SHARE / 2.0:
         return None
     # Coordinate search, with steps that are halved where no neighbour is better.
     turn, step = np.radians(FIRST_TURNS_DEG[-1] / 2.0), THICKNESSES[1] / 2.0 * radius
     while turn > np.radians(FINAL_TURN_DEG):
+        # A relief that lies deeper has fewer periods in the same width.
+        nearby = range(max(best.periods - 1, PERIODS[0]), min(best.periods + 1, PERIODS[-1]) + 1)
         neighbours = [
-            fitted(best.surface.tilt + i * turn, max(0.0, best.thickness + j * step), (best.periods,))
+            fitted(best.surface.tilt + i * turn, max(0.0, best.thickness + j * step), nearby)
             for i, j in ((-1, 0), (1, 0), (0, -1), (0, 1))
         ]
-        better = max(neighbours, key=lambda relief: relief.explained)
-        if better.explained > best.explained:
+        better = max(neighbours, key=lambda relief: relief.fit)
+        if better.fit > best.fit:
             best = better
         else:
             turn, step = turn / 2.0, step / 2.0
-    if best.explained < MIN_EXPLAINED:
+    if best.share < MIN_RELIEF_SHARE:
         return None
     return replace(best, surface=SurfaceOfRevolution.from_silhouette(mask, surface.axis, best.surface.tilt))
 
@@ -207,14 +206,25 @@ class _Places:
             by_circles[predicted] = np.where(enough, circles, np.nan)
         return by_relief, by_circles
 
-    def explained(self, normals: np.ndarray, periods: int) -> float:
-        """Return the share of the variance of normals (N, 3) about their circles' that a relief explains."""
+    def circle_errors(self, normals: np.ndarray, *predictions: np.ndarray) -> list[np.ndarray]:
+        """Return the sums (rows,) of squared angles of normals (N, 3) from predictions, where the first is finite."""
+        used = np.isfinite(predictions[0][:, 0])
+        errors = [
+            np.bincount(self.row[used], _capped_angles(other[used], normals[used]) ** 2, minlength=self.rows)
+            for other in predictions
+        ]
+        return [ndimage.gaussian_filter1d(error, CIRCLE_SIGMA_PX) for error in errors]
+
+    def fit(self, normals: np.ndarray, base: np.ndarray, periods: int) -> tuple[float, float]:
+        """Return how well a relief explains normals (N, 3), 1 at best, and the share of them on circles that have it.
+
+        base: (N, 3), the normals of the surface, which explain the other circles.
+        """
         by_relief, by_circles = self.held_out(normals, periods)
-        used = np.isfinite(by_relief[:, 0])
-        left, whole = (
-            float((_capped_angles(other[used], normals[used]) ** 2).sum()) for other in (by_relief, by_circles)
-        )
-        return 1.0 - left / max(whole, 1e-9)
+        left, whole = self.circle_errors(normals, by_relief, by_circles)
+        has_relief = (left < MAX_ERROR_RATIO * whole)[self.row] & np.isfinite(by_relief[:, 0])
+        error = _capped_angles(np.where(has_relief[:, None], by_relief, base), normals)
+        return 1.0 - float((error**2).mean()) / ERROR_CAP_DEG**2, float(has_relief.mean())
 
     def _turns(self, periods: int) -> np.ndarray:
         return self.azimuth * (periods / (2.0 * np.pi))

@@ -54,10 +54,10 @@ REFINED_ERROR_RATIO = 1.3
 
 
 class RotationalNormals(NamedTuple):
-    """Normals (H, W, 3) float32 of a rotationally symmetric object, NaN outside it; whether relief is among them."""
+    """Normals (H, W, 3) float32 of a rotationally symmetric object, NaN outside it; how well a relief fits, 0 without."""
 
     normals: np.ndarray
-    has_relief: bool
+    relief_fit: float
 
 
 def rotational_normals(
@@ -127,7 +127,7 @@ def surface_of_revolution_normals(
     result[rows, columns] = normals
     # Rays at the contour may miss the surface: such pixels get the normal of the nearest pixel.
     nearest = ndimage.distance_transform_edt(np.isnan(result[..., 0]), return_distances=False, return_indices=True)
-    return RotationalNormals(np.where(mask[..., None], result[tuple(nearest)], np.nan), relief is not None)
+    return RotationalNormals(np.where(mask[..., None], result[tuple(nearest)], np.nan), relief.fit if relief else 0.0)
 
 
 def body_of_revolution_normals(

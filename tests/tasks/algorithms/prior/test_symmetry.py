@@ -16,7 +16,7 @@ def test_a_surface_of_revolution_is_found_with_its_flat_end(tilt: float) -> None
     truth = beaker_normals(tilt)
     mask = np.isfinite(truth[..., 0])
     found = surface_of_revolution_normals(mask, observable(truth), no_candidates())
-    assert found is not None and not found.has_relief
+    assert found is not None and found.relief_fit == 0.0
     error = angles(found.normals, truth)[mask]
     assert np.median(error) < 2.0
     end = truth @ np.array([0.0, np.cos(np.radians(tilt)), np.sin(np.radians(tilt))]) * np.sign(tilt) > 0.99
