@@ -54,7 +54,7 @@ REFINED_ERROR_RATIO = 1.3
 
 
 class RotationalNormals(NamedTuple):
-    """Normals (H, W, 3) float32 of a rotationally symmetric object, NaN outside it; how well a relief fits, 0 without."""
+    """Normals (H, W, 3) float32 of a rotationally symmetric object, NaN outside it; how well its relief fits, or 0."""
 
     normals: np.ndarray
     relief_fit: float
