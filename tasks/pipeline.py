@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
+from glint.storage.footage.parts import HELD_BYTES
 from glint.storage.versions.array_schema import ArraySchema
 from glint.tasks.engine import parameters
 from glint.tasks.engine.stage import CaptureSize, Stage
@@ -23,7 +24,7 @@ def _per_pixel(peak_bytes: int) -> Callable[[CaptureSize], int]:
 
 
 def _frames_bytes(size: CaptureSize) -> int:
-    return (SHARDS_HELD * 64 * size.region_pixels + 8 * size.frame_pixels) * size.pixel_bytes
+    return HELD_BYTES + (SHARDS_HELD * 64 * size.region_pixels + 8 * size.frame_pixels) * size.pixel_bytes
 
 
 STAGES = (

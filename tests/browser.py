@@ -15,6 +15,9 @@ from websockets.sync.client import ClientConnection, connect
 PATIENCE = 60.0
 """Seconds for the browser's start, an answer of it, and a condition on a page."""
 
+CLOSING = 0.2
+"""Seconds for the browser's answer when a connection ends: none comes behind events that nobody has read."""
+
 
 def program() -> str | None:
     """The browser's command, None where it is not installed."""
@@ -104,7 +107,7 @@ class Browser:
         until(lambda: port.exists() and len(port.read_text().splitlines()) == 2)
         number, path = port.read_text().splitlines()
         self._origin = f"ws://127.0.0.1:{number}"
-        self._channels = [connect(self._origin + path, proxy=None, max_size=None)]
+        self._channels = [connect(self._origin + path, proxy=None, max_size=None, close_timeout=CLOSING)]
 
     def __enter__(self) -> "Browser":
         return self
@@ -120,7 +123,12 @@ class Browser:
         """A new tab."""
         self._channels[0].send(json.dumps({"id": 0, "method": "Target.createTarget", "params": {"url": "about:blank"}}))
         answer = json.loads(self._channels[0].recv(timeout=PATIENCE))
-        channel = connect(f"{self._origin}/devtools/page/{answer['result']['targetId']}", proxy=None, max_size=None)
+        channel = connect(
+            f"{self._origin}/devtools/page/{answer['result']['targetId']}",
+            proxy=None,
+            max_size=None,
+            close_timeout=CLOSING,
+        )
         self._channels.append(channel)
         return Page(channel)
 

@@ -30,6 +30,21 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def performed(tmp_path_factory: pytest.TempPathFactory, simulated: Path) -> Path:
+    """A store in which all stages of the simulated capture are performed, nothing is published; to be copied."""
+    from glint.tasks.engine.references import CaptureReference
+    from glint.tasks.engine.stage import perform, stage_keys
+    from glint.tasks.pipeline import STAGES
+
+    store = tmp_path_factory.mktemp("performed") / "store"
+    context = CaptureReference(str(simulated), "hemisphere", "front", str(store), "run").context()
+    keys = stage_keys(context, STAGES)
+    for stage in STAGES:
+        perform(context, stage, keys[stage.name])
+    return store
+
+
+@pytest.fixture(scope="session")
 def s3() -> Iterator[s3_gateway.Gateway]:
     """An S3 server with the bucket `store`; tests that need it are skipped where it is not installed."""
     if missing := s3_gateway.missing():

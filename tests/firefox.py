@@ -14,7 +14,7 @@ from typing import Any
 
 from websockets.sync.client import connect
 
-from tests.browser import PATIENCE, Channel, until
+from tests.browser import CLOSING, PATIENCE, Channel, until
 
 PORT_FILE = "WebDriverBiDiServer.json"
 SCREEN = "1280x1024x24"
@@ -59,7 +59,7 @@ class Firefox(Channel):
         until(lambda: port.exists() and port.stat().st_size > 0)
         place = json.loads(port.read_text())
         address = f"ws://{place['ws_host']}:{place['ws_port']}/session"
-        super().__init__(connect(address, proxy=None, max_size=None))
+        super().__init__(connect(address, proxy=None, max_size=None, close_timeout=CLOSING))
         self.command("session.new", capabilities={})
         self.command("session.subscribe", events=["log.entryAdded", "network.beforeRequestSent"])
         self._tab = self.command("browsingContext.getTree")["contexts"][0]["context"]

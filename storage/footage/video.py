@@ -1,6 +1,7 @@
 """Read a video as footage: its luma plane, upright, full range."""
 
 import contextlib
+import os
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -8,9 +9,12 @@ import av
 import numpy as np
 
 from glint.storage.errors import InputError
+from glint.storage.footage.decoding import decoded_frames, undamaged_frames
 from glint.storage.footage.images import MAX_PIXELS
 from glint.storage.footage.luma import LumaConverter
+from glint.storage.footage.parts import is_divisible
 from glint.storage.footage.remote_file import RemoteFile
+from glint.storage.footage.side_by_side import SideBySide
 from glint.storage.locations.location import Location
 from glint.storage.locations.time_limit import items_within_time, within_time
 
@@ -18,8 +22,8 @@ MIN_KEYFRAMES = 8
 """Keyframes from which on they stand for the whole video."""
 UNKNOWN_LENGTH_STEP = 64
 """Frames from one that is taken to the next in a video that does not state how many it has."""
-_MAX_DAMAGED_END = 64
-"""Consecutive damaged frames that are held back, since they may be the end of a truncated file."""
+MAX_DECODERS = 4
+"""Decoders of one video, each of which holds frames."""
 
 
 _FORMATS = (
@@ -71,7 +75,7 @@ class Video:
     def _read_head(self) -> LumaConverter:
         """Read codec and stated number of frames; return the converter of the first frame."""
         with _open(self._location) as container:
-            first = next(self._decoded(container), None)
+            first = next(decoded_frames(container), None)
             if first is None:
                 raise InputError(f"{self.uri} holds no frame that can be decoded", "record or copy it again")
             self.codec = container.streams.video[0].codec_context.name
@@ -83,26 +87,46 @@ class Video:
         done, first_time, last_time = 0, None, 0.0
         warnings: list[str] = []
         with _open(self._location) as container:
-            converter: LumaConverter | None = None
-            for frame in self._undamaged(container, warnings):
-                if done >= start and (done - start) % step == 0:
-                    if converter is None or not converter.is_same_format(frame):
-                        converter = LumaConverter(frame)
-                    if converter.shape != (self.height, self.width):
-                        height, width = converter.shape
-                        raise InputError(
-                            f"{self.uri} changes its size at frame {done}: {width} x {height}", "cut the video there"
-                        )
-                    yield converter.convert(frame)
-                else:
-                    yield None
-                if frame.time is not None:
-                    first_time, last_time = frame.time if first_time is None else first_time, frame.time
-                done += 1
+            for number, luma, time in self._numbered(container, start, step, warnings):
+                yield luma
+                done = number + 1
+                if time is not None:
+                    first_time, last_time = time if first_time is None else first_time, time
             if _is_truncated(container, done, last_time - (first_time or 0.0)):
                 total = f" of {self.count}" if self.count else ""
                 warnings.append(f"the video ends early: frames 0 to {done - 1}{total} can be read")
         self.warnings = warnings
+
+    def _numbered(
+        self, container: Any, start: int, step: int, warnings: list[str]
+    ) -> Iterator[tuple[int, np.ndarray | None, float | None]]:
+        """Yield number, luma (None: not wanted) and time of each frame; what is decoded again in vain has no luma."""
+
+        def is_wanted(number: int) -> bool:
+            return number >= start and (number - start) % step == 0
+
+        done, decoders = 0, min(MAX_DECODERS, os.cpu_count() or 1)
+        if decoders > 1 and is_divisible(container.streams.video[0]):
+            with contextlib.ExitStack() as stack:
+                containers = [stack.enter_context(_open(self._location)) for _ in range(decoders)]
+                side_by_side = SideBySide(containers, (self.height, self.width), self.bits)
+                for luma, time in side_by_side.frames(is_wanted):
+                    yield done, luma, time
+                    done += 1
+            if side_by_side.is_complete:
+                return
+        converter: LumaConverter | None = None
+        for number, frame in enumerate(undamaged_frames(container, warnings)):
+            if number < done or not is_wanted(number):
+                yield number, None, frame.time
+                continue
+            if converter is None or not converter.is_same_format(frame):
+                converter = LumaConverter(frame)
+            if converter.shape != (self.height, self.width):
+                height, width = converter.shape
+                message = f"{self.uri} changes its size at frame {number}: {width} x {height}"
+                raise InputError(message, "cut the video there")
+            yield number, converter.convert(frame), frame.time
 
     def spread(self, count: int) -> list[np.ndarray]:
         """Return about `count` frames spread over the video, luma (H, W), the first one first.
@@ -136,53 +160,6 @@ class Video:
                 return []
         same_size = all(frame.shape == (self.height, self.width) for frame in frames.values())
         return list(frames.values()) if same_size else []
-
-    def _undamaged(self, container: Any, warnings: list[str]) -> Iterator[av.VideoFrame]:
-        """Yield frames in order; damaged ones, with a warning, only if an undamaged frame follows them."""
-        damaged: list[av.VideoFrame] = []
-        index, undecodable = 0, list[int]()
-        for frame in self._decoded(container, undecodable):
-            if frame.is_corrupt and len(damaged) < _MAX_DAMAGED_END:
-                damaged.append(frame)
-            else:
-                if damaged:
-                    warnings.append(f"frames {index} to {index + len(damaged) - 1} are damaged in the file")
-                yield from damaged
-                index += len(damaged) + 1
-                damaged = []
-                yield frame
-        if damaged:
-            warnings.append(f"the video is damaged from frame {index} on")
-        if undecodable:
-            warnings.append(
-                f"{len(undecodable)} of its frames cannot be decoded and are left out, the first near {undecodable[0]}"
-            )
-
-    def _decoded(self, container: Any, undecodable: list[int] | None = None) -> Iterator[av.VideoFrame]:
-        """Yield the frames that can be decoded.
-
-        undecodable: for each packet that cannot be decoded, the number of frames before it is appended.
-        """
-        decoded = 0
-        stream = container.streams.video[0]
-        stream.thread_type = "AUTO"
-        packets = container.demux(stream)
-        while True:
-            try:
-                packet = next(packets, None)
-            except av.FFmpegError:
-                packet = None
-            try:
-                for frame in stream.decode(packet):
-                    decoded += 1
-                    yield frame
-            except av.FFmpegError:
-                if packet is None:
-                    return
-                if undecodable is not None:
-                    undecodable.append(decoded)
-            if packet is None or (packet.dts is None and packet.size == 0):
-                return
 
 
 @contextlib.contextmanager

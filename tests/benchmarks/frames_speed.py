@@ -1,12 +1,12 @@
 """Decoding, cropping and storing the frames of a video, as a ratio to reading it with OpenCV and doing nothing else.
 
-    python -m tests.benchmarks.frames_speed [VIDEO] [--frames N] [--repeat R] [--compressor lz4|zstd]
+    python -m tests.benchmarks.frames_speed [VIDEO] [--frames N] [--repeat R] [--compressor lz4|zstd] [--one-pass]
 
 VIDEO: a video of 408 x 244 pixels or more (default: the shared hemisphere capture, where it is there). A synthetic one
 of N frames (default 8,000) is measured beside it. The crops are an object's region and one around a sphere. Both ways
 take turns. Printed: codec and bit-rate; wall and processor seconds, and their ratios; the speed at which tiles of 64 x
 64 pixels over all frames are read; and the peak memory of a process that ingests all frames, and only a quarter of
-them.
+them. With --one-pass, no parts are decoded side by side.
 """
 
 import argparse
@@ -22,6 +22,7 @@ import av
 import cv2
 import numpy as np
 
+import glint.storage.footage.video
 import glint.storage.frames.layout
 from glint.storage.catalogue.loading import Region
 from glint.storage.footage.source import open_footage
@@ -114,7 +115,10 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=8000)
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--compressor", choices=("lz4", "zstd"), default=glint.storage.frames.layout.COMPRESSOR)
+    parser.add_argument("--one-pass", action="store_true")
     arguments = parser.parse_args()
+    if arguments.one_pass:
+        glint.storage.footage.video.MAX_DECODERS = 1
     glint.storage.frames.layout.COMPRESSOR = arguments.compressor
     print(f"load of the machine: {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors; {arguments.compressor}")
     with tempfile.TemporaryDirectory() as temporary:

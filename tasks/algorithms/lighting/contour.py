@@ -137,7 +137,7 @@ def change_along_rays(values: np.ndarray, reach: int) -> np.ndarray:
 
 def radius_profile(evidence: EdgeEvidence, reach: float, radii: np.ndarray, step: float) -> np.ndarray:
     """Return for each radius (K,) the best circle's (offset x, offset y, score), (K, 3), among nearby centres."""
-    offsets = np.arange(-reach, reach + 1e-6, step)
+    offsets = np.arange(-reach, reach + 0.001 * step, step)
     scores = evidence.scores(offsets, radii - INWARD_SHIFT_PX).reshape(-1, len(radii))
     best = scores.argmax(axis=0)
     return np.stack(
@@ -212,8 +212,8 @@ def fine_fit(evidence: EdgeEvidence, right: float, down: float, radius: float) -
     """Return mean and covariance of the circles near one whose centre is offset by (right, down)."""
     step = FINE_STEP_RATIO * radius
     reach = FINE_REACH_RATIO * radius
-    radii = radius + np.arange(-reach, reach + 1e-6, step)
-    offsets = np.arange(-reach, reach + 1e-6, 2.0 * step)
+    radii = radius + np.arange(-reach, reach + 0.001 * step, step)
+    offsets = np.arange(-reach, reach + 0.001 * step, 2.0 * step)
     shifted = evidence.moved(right, down)
     scores = shifted.scores(offsets, radii - INWARD_SHIFT_PX)
     best = float(scores.max())

@@ -60,8 +60,8 @@ def is_light_before_object(frames: np.ndarray, background: np.ndarray) -> np.nda
     frames: (T, H, W) uint8 or uint16 of the region; background (H, W): their temporal median.
     """
     largest = float(np.iinfo(frames.dtype).max)
-    # What is bright all the time, such as a window behind the object, is no light.
-    clipped = (frames > CLIPPED_SHARE * largest) & (background < 0.5 * largest)
+    # What is bright all the time, such as a window behind the object, is no light. Levels are compared as integers.
+    clipped = (frames > frames.dtype.type(CLIPPED_SHARE * largest)) & (background < 0.5 * largest)
     border = np.ones(background.shape, bool)
     border[BACKGROUND_BORDER_PX:-BACKGROUND_BORDER_PX, BACKGROUND_BORDER_PX:-BACKGROUND_BORDER_PX] = False
     border &= background < 0.5 * largest

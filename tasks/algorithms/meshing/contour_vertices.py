@@ -12,8 +12,10 @@ from glint.tasks.algorithms.integration.rim import RIM_PX, Contour, contour_heig
 def boundary_vertices(triangles: np.ndarray) -> np.ndarray:
     """Return the sorted numbers of the vertices on edges that only one of the triangles (M, 3) has."""
     edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
-    unique, counts = np.unique(edges, axis=0, return_counts=True)
-    return np.asarray(np.unique(unique[counts == 1]))
+    # An edge as one number sorts faster than as a row.
+    unique, counts = np.unique(edges[:, 0].astype(np.int64) << 32 | edges[:, 1], return_counts=True)
+    once = unique[counts == 1]
+    return np.unique(np.concatenate([once >> 32, once & 0xFFFFFFFF])).astype(triangles.dtype)
 
 
 def moves_to_contour(

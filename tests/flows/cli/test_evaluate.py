@@ -5,15 +5,22 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from typer.testing import CliRunner
 
+from glint.flows.cli import evaluate as cli_evaluate
 from glint.flows.cli import simulate as cli_simulate
+from glint.flows.cli.main import app
 from glint.flows.cli.simulate import simulate_degraded
 from glint.flows.reporting.events import Event
+from glint.flows.runtime import dask_cluster
+from glint.flows.runtime.dask_cluster import Cluster
 from glint.storage.catalogue.loading import load
+from glint.tasks.robustness import matrix
 from glint.tasks.simulation import simulate as tasks_simulate
 from glint.tasks.simulation.simulate import DEGRADED, CaptureOptions
 
@@ -87,24 +94,21 @@ def test_degraded_captures_are_evaluated_from_the_command_line(tmp_path: Path, h
 
 
 @pytest.mark.server
-def test_inputs_are_perturbed_from_the_command_line(tmp_path: Path, home: Path) -> None:
-    """The command as it is, on one small shape and a share of the perturbations."""
-    code = (
-        "import sys, glint.flows.cli.main as m, glint.tasks.robustness.matrix as x;"
-        "e = sys.modules['glint.flows.cli.evaluate'];"
-        f"e.PERTURBED_QUICK_OPTIONS = {SMALL!r}; x.QUICK = ('as-it-is', 'sphere-found', 'light-at-10-widths'); m.main()"
-    )
-    environment = {name: value for name, value in os.environ.items() if not name.startswith(("PREFECT", "GLINT"))}
-    environment |= {"GLINT_HOME": str(home), "PYTHONPATH": str(ROOT)}
-    words = ["evaluate", "--perturbed", "--quick", "--out", "out", "--only", "hemisphere/light-*"]
-    done = subprocess.run(
-        [sys.executable, "-c", code, *words], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=200
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    matrix = json.loads((tmp_path / "out" / "perturbed.json").read_text())
-    assert list(matrix) == ["as-it-is", "light-at-10-widths"]
-    assert matrix["light-at-10-widths"]["hemisphere"]["error_deg"] < 30.0
-    assert "| light at 10 widths | " in done.stdout
-    assert (tmp_path / "out" / "perturbed.md").read_text().startswith("| perturbation | hemisphere |")
-    entries = load(tmp_path / "out" / "perturbed" / "catalogue.yaml").object("hemisphere").captures
-    assert [entry.id for entry in entries] == list(matrix)
+def test_inputs_are_perturbed_from_the_command_line(
+    tmp_path: Path, cluster: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The command, on one small shape, a share of the perturbations, and the workers of the other tests."""
+    monkeypatch.setattr(dask_cluster, "Cluster", lambda **_: nullcontext(cluster))
+    monkeypatch.setattr(cli_evaluate, "PERTURBED_QUICK_OPTIONS", SMALL)
+    monkeypatch.setattr(matrix, "QUICK", ("as-it-is", "sphere-found", "light-at-10-widths"))
+    out = tmp_path / "out"
+    words = ["evaluate", "--perturbed", "--quick", "--out", str(out), "--only", "hemisphere/light-*"]
+    done = CliRunner().invoke(app, words, catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    measured = json.loads((out / "perturbed.json").read_text())
+    assert list(measured) == ["as-it-is", "light-at-10-widths"]
+    assert measured["light-at-10-widths"]["hemisphere"]["error_deg"] < 30.0
+    assert "| light at 10 widths | " in done.output
+    assert (out / "perturbed.md").read_text().startswith("| perturbation | hemisphere |")
+    entries = load(out / "perturbed" / "catalogue.yaml").object("hemisphere").captures
+    assert [entry.id for entry in entries] == list(measured)

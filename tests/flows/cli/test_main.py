@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -41,7 +42,7 @@ def home(tmp_path_factory: pytest.TempPathFactory):  # type: ignore[no-untyped-d
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory, simulated: Path, home: Path) -> Path:
-    """A folder with a catalogue of one good and one bad capture, run once."""
+    """A folder with a catalogue of one good and one bad capture."""
     folder = tmp_path_factory.mktemp("place")
     good = load(simulated).objects[0]
     bad = good.captures[0].model_copy(update={"id": "bad", "frames": str(folder / "missing.mp4")})
@@ -50,20 +51,55 @@ def place(tmp_path_factory: pytest.TempPathFactory, simulated: Path, home: Path)
     return folder
 
 
-def test_a_run_from_video_to_files(place: Path, home: Path) -> None:
-    first = glint("run", "catalogue.yaml", folder=place, home=home, check=1)
-    assert "missing.mp4" in first.stdout and "->" in first.stdout and "v1" in first.stdout
+@pytest.fixture(scope="module")
+def killed(place: Path, home: Path) -> list[dict[str, Any]]:
+    """The events of the first run of the catalogue, which is killed once the lights are stored."""
+    environment = os.environ | {"GLINT_HOME": str(home), "PYTHONPATH": str(ROOT)}
+    words = [*GLINT, "run", "catalogue.yaml", "--json"]
+    process = subprocess.Popen(
+        words, cwd=place, env=environment, stdout=subprocess.PIPE, text=True, start_new_session=True
+    )
+    events: list[dict[str, Any]] = []
+    assert process.stdout is not None
+    for line in process.stdout:
+        events.append(json.loads(line))
+        if events[-1]["kind"] == "stage" and events[-1]["stage"] == "lights":
+            os.killpg(process.pid, signal.SIGKILL)
+            break
+    process.wait(30)
+    process.stdout.close()
+    time.sleep(0.5)
+    return events
+
+
+@pytest.fixture(scope="module")
+def ran(killed: list[dict[str, Any]], place: Path, home: Path) -> subprocess.CompletedProcess[str]:
+    """The second run, which goes on where the first one was killed."""
+    return glint("run", "catalogue.yaml", folder=place, home=home, check=1)
+
+
+def test_a_run_says_what_it_waits_for(killed: list[dict[str, Any]]) -> None:
     address = r"http://127.0.0.1:\d+"
-    reading, starting, dashboard = first.stderr.splitlines()[:3]
+    reading, starting, dashboard = [event["text"] for event in killed if event["kind"] == "message"][:3]
     assert reading == "reading catalogue.yaml and what glint-store holds of it"
     assert starting == "starting the dashboard's server and worker processes"
     assert re.fullmatch(rf"dashboard {address}/glint/#\S+, workers \d+, Dask's dashboard {address}/status", dashboard)
-    second = glint("run", "catalogue.yaml", "--only", "hemisphere/front", "--json", folder=place, home=home)
-    events = [json.loads(line) for line in second.stdout.splitlines()]
+
+
+def test_a_killed_run_continues_where_it_stopped(ran: subprocess.CompletedProcess[str]) -> None:
+    assert "missing.mp4" in ran.stdout and "->" in ran.stdout and "v1" in ran.stdout
+    for stage in ("survey", "frames", "lights"):
+        assert f"hemisphere/front  {stage}  up to date" in ran.stderr
+    assert "hemisphere/front  surface  done in" in ran.stderr
+
+
+def test_from_video_to_files(ran: subprocess.CompletedProcess[str], place: Path, home: Path) -> None:
+    again = glint("run", "catalogue.yaml", "--only", "hemisphere/front", "--json", folder=place, home=home)
+    events = [json.loads(line) for line in again.stdout.splitlines()]
     assert [event["kind"] for event in events] == ["message", "capture", "summary"], "what is unchanged starts nothing"
     summary = events[-1]
-    assert summary["kind"] == "summary" and [row["result"] for row in summary["captures"]] == ["up to date"]
-    assert re.fullmatch(rf"{address}/glint/#\S+", summary["page"])
+    assert [row["result"] for row in summary["captures"]] == ["up to date"]
+    assert re.fullmatch(r"http://127.0.0.1:\d+/glint/#\S+", summary["page"])
     glint("export", "hemisphere", "--out", "out", folder=place, home=home)
     assert np.isfinite(np.load(place / "out" / "front" / "depth.npy")).any()
     assert "v1" in glint("history", "hemisphere", folder=place, home=home).stdout
@@ -135,35 +171,16 @@ def test_check_draws_pictures_and_reports_unusable_captures(place: Path, home: P
     assert {"coverage.png", "overview.png"} < pictures and any(name.startswith("keyframe_") for name in pictures)
 
 
-def test_evaluate_writes_table_json_and_pictures(place: Path, home: Path) -> None:
-    done = glint("evaluate", "catalogue.yaml", "--only", "hemisphere/front", folder=place, home=home)
+def test_evaluate_writes_table_json_and_pictures(
+    ran: subprocess.CompletedProcess[str], place: Path, home: Path
+) -> None:
+    words = ("catalogue.yaml", "--only", "hemisphere/front", "--store", "glint-store")
+    done = glint("evaluate", *words, folder=place, home=home)
     assert "winner takes all" in done.stdout
     facts = json.loads((place / "glint-evaluation" / "evaluation.json").read_text())
     errors = {method["method"]: method["whole"]["squared"] for method in facts[0]["methods"]}
     assert errors["glint"] < min(value for name, value in errors.items() if name != "glint")
     assert (place / "glint-evaluation" / "evaluation.png").stat().st_size > 10_000
-
-
-def test_a_killed_run_continues_where_it_stopped(place: Path, home: Path, simulated: Path) -> None:
-    environment = os.environ | {"GLINT_HOME": str(home), "PYTHONPATH": str(ROOT)}
-    words = [*GLINT, "run", str(simulated), "--store", "killed", "--json"]
-    process = subprocess.Popen(
-        words, cwd=place, env=environment, stdout=subprocess.PIPE, text=True, start_new_session=True
-    )
-    assert process.stdout is not None
-    for line in process.stdout:
-        event = json.loads(line)
-        if event["kind"] == "stage" and event["stage"] == "lights":
-            os.killpg(process.pid, signal.SIGKILL)
-            break
-    process.wait(30)
-    process.stdout.close()
-    time.sleep(0.5)
-    again = glint("run", str(simulated), "--store", "killed", "--json", folder=place, home=home)
-    stages = {
-        e["stage"]: e.get("cached", False) for e in map(json.loads, again.stdout.splitlines()) if e["kind"] == "stage"
-    }
-    assert stages["survey"] and stages["frames"] and stages["lights"] and not stages["surface"]
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import signal
 import time
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import cast
 
 import pytest
 from dask.utils import key_split
@@ -14,34 +14,9 @@ from glint.flows.errors import ClusterError
 from glint.flows.pipeline.dispatch import scatter_map, task_key, wait_for
 from glint.flows.pipeline.prefect_sink import TaskRunReporter
 from glint.flows.runtime.dask_cluster import Cluster
+from tests.flows.pipeline.sent_to_workers import die, die_once, late, slowly, times
 
 pytestmark = pytest.mark.server
-
-
-def slowly(seconds: float) -> str:
-    time.sleep(seconds)
-    return "done"
-
-
-def late() -> None:
-    raise TimeoutError("the task's own")
-
-
-def die(task: Any = None, shared: Any = None) -> None:
-    os._exit(1)
-
-
-def times(number: int, shared: int) -> int:
-    return number * shared
-
-
-def die_once(number: int, shared: str) -> int:
-    """End the worker that sees a mark first; its memory, and what was sent to it, goes with it."""
-    mark = Path(shared) / f"seen-{number}"
-    if number in (3, 4) and not mark.exists():
-        mark.touch()
-        os._exit(1)
-    return number**2
 
 
 REPORTER = cast(TaskRunReporter, SimpleNamespace(stage="labels"))

@@ -18,9 +18,8 @@ from glint.flows.review.access import Access
 from glint.flows.review.app import create_app
 from glint.storage.locations.location import Location
 from glint.tasks.engine.references import CaptureReference
-from glint.tasks.engine.stage import perform, stage_keys
-from glint.tasks.pipeline import STAGES
 from glint.tasks.publish import publish
+from glint.tasks.up_to_date import pending_stages
 from tests import browser
 
 playwright = pytest.importorskip("playwright.sync_api")
@@ -57,16 +56,15 @@ def serve(store: Path, catalogue: Path | None) -> ServedPage:
 
 
 @pytest.fixture(scope="module")
-def stored(tmp_path_factory: pytest.TempPathFactory, simulated: Path) -> tuple[Path, Path]:
-    """A store in which the simulated capture has run, and its catalogue, in a folder of their own."""
+def stored(tmp_path_factory: pytest.TempPathFactory, simulated: Path, performed: Path) -> tuple[Path, Path]:
+    """A store in which the simulated capture is published, and its catalogue, in a folder of their own."""
     folder = tmp_path_factory.mktemp("review")
     shutil.copytree(simulated.parent, folder / "captures")
     catalogue, store = folder / "captures" / simulated.name, folder / "store"
+    shutil.copytree(performed, store)
     reference = CaptureReference(Location.parse(catalogue).uri, "hemisphere", "front", str(store), "run")
     context = reference.context()
-    keys = stage_keys(context, STAGES)
-    for stage in STAGES:
-        perform(context, stage, keys[stage.name])
+    assert pending_stages(context) == ()
     publish([context], "test", reference.catalogue)
     return store, catalogue
 

@@ -43,10 +43,9 @@ def arrays_of(context: CaptureContext, last: str = LAST) -> dict[str, np.ndarray
 
 
 @pytest.fixture(scope="module")
-def values(simulated: Path, tmp_path_factory: pytest.TempPathFactory) -> Changes:
+def values(simulated: Path, performed: Path) -> Changes:
     """A sphere moved by two pixels, a mask with a corner less, and one mark."""
-    context = context_of(simulated, tmp_path_factory.mktemp("first"))
-    perform_until(context, "mask")
+    context = context_of(simulated, performed)
     region, small = context.load("survey").record["region"], context.load("mask").read("mask")
     width, height = context.load("survey").record["frame_size"]
     mask = np.zeros((height, width), bool)

@@ -30,6 +30,18 @@ VIEWS = 6
 
 
 @pytest.fixture(scope="module")
+def posed(tmp_path_factory: pytest.TempPathFactory) -> list[CaptureContext]:
+    """Six views that differ in their poses alone, no stage done."""
+    folder = tmp_path_factory.mktemp("posed")
+    made = simulate("fish", folder, CaptureOptions(frames=2, scale=0.1, sphere_radius=20.0, rays=1))
+    work = CaptureContext.of(load_catalogue(made.catalogue), "fish", made.captures[0], str(folder / "store"), "run")
+    return [
+        replace(work, capture=work.capture.model_copy(update={"id": f"view-{n:02d}", "pose": Pose(turntable=60.0 * n)}))
+        for n in range(VIEWS)
+    ]
+
+
+@pytest.fixture(scope="module")
 def works(tmp_path_factory: pytest.TempPathFactory) -> list[CaptureContext]:
     """Six small views of a fish, all stages done."""
     folder = tmp_path_factory.mktemp("turntable")
@@ -114,11 +126,12 @@ def once(works: list[CaptureContext]) -> list[CaptureContext]:
     return [replace(work, parameters=short) for work in works]
 
 
-def test_captures_without_poses_want_no_model(works: list[CaptureContext]) -> None:
-    free = [without_pose(work) for work in works]
-    assert wants_model(works) and not wants_model(free) and not wants_model(works[:1])
+def test_captures_without_poses_want_no_model(posed: list[CaptureContext]) -> None:
+    free = [without_pose(work) for work in posed]
+    assert wants_model(posed) and not wants_model(free) and not wants_model(posed[:1])
 
 
+@pytest.mark.slow
 def test_one_pose_among_several_captures_is_too_few(works: list[CaptureContext]) -> None:
     one = [works[0], *(without_pose(work) for work in works[1:])]
     assert wants_model(one)
@@ -151,8 +164,8 @@ def test_a_view_left_out_is_warned_of(works: list[CaptureContext]) -> None:
     assert warning.endswith("check its pose and its mask")
 
 
-def test_two_kinds_of_poses_are_refused(works: list[CaptureContext]) -> None:
+def test_two_kinds_of_poses_are_refused(posed: list[CaptureContext]) -> None:
     matrix = Pose.model_validate({"camera_to_world": np.eye(4).tolist()})
-    other = replace(works[1], capture=works[1].capture.model_copy(update={"pose": matrix}))
+    other = replace(posed[1], capture=posed[1].capture.model_copy(update={"pose": matrix}))
     with pytest.raises(UnusableCapture, match=r"view-00.*turntable.*view-01.*matrix"):
-        perform_model([works[0], other], "key")
+        register_views({work.capture.id: work for work in (posed[0], other)}, {})

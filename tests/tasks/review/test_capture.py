@@ -1,5 +1,8 @@
 """What the review page shows of one capture, against what its stages have stored and against known answers."""
 
+import shutil
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -8,8 +11,6 @@ from glint.storage.errors import InputError
 from glint.storage.locations.location import Location
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import load_catalogue
-from glint.tasks.engine.stage import perform, stage_keys
-from glint.tasks.pipeline import STAGES
 from glint.tasks.questions.capture_questions import CaptureQuestions
 from glint.tasks.questions.kept_proposals import propose_or_recall
 from glint.tasks.review import questions as review_questions
@@ -29,13 +30,11 @@ def context_in(store: str, simulated: object) -> CaptureContext:
 
 
 @pytest.fixture(scope="module")
-def context(tmp_path_factory: pytest.TempPathFactory, simulated: object) -> CaptureContext:
+def context(tmp_path_factory: pytest.TempPathFactory, simulated: object, performed: Path) -> CaptureContext:
     """The simulated capture, all stages performed."""
-    made = context_in(str(tmp_path_factory.mktemp("store")), simulated)
-    keys = stage_keys(made, STAGES)
-    for stage in STAGES:
-        perform(made, stage, keys[stage.name])
-    return made
+    store = tmp_path_factory.mktemp("review") / "store"
+    shutil.copytree(performed, store)
+    return context_in(str(store), simulated)
 
 
 def decoded(data: bytes) -> np.ndarray:

@@ -133,7 +133,7 @@ def test_sphere_region_and_mask_are_found(tmp_path: Path) -> None:
     simulated = simulate("hemisphere", tmp_path / "captures", options).catalogue
     given = load(simulated).objects[0].captures[0]
     work = make_context(simulated, tmp_path / "store", spheres=[], region=None, mask=None, truth=None)
-    perform_all(work)
+    perform_all(work, "mask")
     sphere = work.load("survey").record["spheres"][0]
     true = given.spheres[0]
     assert np.hypot(sphere["x"] - true.x, sphere["y"] - true.y) < 1.0

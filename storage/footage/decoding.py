@@ -1,0 +1,58 @@
+"""Decode a video in one pass, whatever of it can be decoded."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import av
+
+_MAX_DAMAGED_END = 64
+"""Consecutive damaged frames that are held back, since they may be the end of a truncated file."""
+
+
+def undamaged_frames(container: Any, warnings: list[str]) -> Iterator[av.VideoFrame]:
+    """Yield frames in order; damaged ones, with a warning, only if an undamaged frame follows them."""
+    damaged: list[av.VideoFrame] = []
+    index, undecodable = 0, list[int]()
+    for frame in decoded_frames(container, undecodable):
+        if frame.is_corrupt and len(damaged) < _MAX_DAMAGED_END:
+            damaged.append(frame)
+        else:
+            if damaged:
+                warnings.append(f"frames {index} to {index + len(damaged) - 1} are damaged in the file")
+            yield from damaged
+            index += len(damaged) + 1
+            damaged = []
+            yield frame
+    if damaged:
+        warnings.append(f"the video is damaged from frame {index} on")
+    if undecodable:
+        warnings.append(
+            f"{len(undecodable)} of its frames cannot be decoded and are left out, the first near {undecodable[0]}"
+        )
+
+
+def decoded_frames(container: Any, undecodable: list[int] | None = None) -> Iterator[av.VideoFrame]:
+    """Yield the frames that can be decoded.
+
+    undecodable: for each packet that cannot be decoded, the number of frames before it is appended.
+    """
+    decoded = 0
+    stream = container.streams.video[0]
+    stream.thread_type = "AUTO"
+    packets = container.demux(stream)
+    while True:
+        try:
+            packet = next(packets, None)
+        except av.FFmpegError:
+            packet = None
+        try:
+            for frame in stream.decode(packet):
+                decoded += 1
+                yield frame
+        except av.FFmpegError:
+            if packet is None:
+                return
+            if undecodable is not None:
+                undecodable.append(decoded)
+        if packet is None or (packet.dts is None and packet.size == 0):
+            return

@@ -1,0 +1,32 @@
+"""What the tests of dispatching send to workers: a module that imports little, since each new worker imports it."""
+
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+
+def slowly(seconds: float) -> str:
+    time.sleep(seconds)
+    return "done"
+
+
+def late() -> None:
+    raise TimeoutError("the task's own")
+
+
+def die(task: Any = None, shared: Any = None) -> None:
+    os._exit(1)
+
+
+def times(number: int, shared: int) -> int:
+    return number * shared
+
+
+def die_once(number: int, shared: str) -> int:
+    """End the worker that sees a mark first; its memory, and what was sent to it, goes with it."""
+    mark = Path(shared) / f"seen-{number}"
+    if number in (3, 4) and not mark.exists():
+        mark.touch()
+        os._exit(1)
+    return number**2
