@@ -87,7 +87,8 @@ def model_report(registered: RegisteredViews, model: Model, unit: str) -> dict[s
 def _view_report(number: int, registered: RegisteredViews, model: Model) -> dict[str, Any]:
     """Return a view's entry: its pose and where it comes from, its residual, the share of vertices it determines."""
     view = registered.views[number]
-    origin = "given" if registered.turntable is None else "solved"
+    on_table = 0 if registered.turntable is None else len(registered.turntable.angles)
+    origin = "solved" if number < on_table else "given"
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = view.rotation.T, -view.rotation.T @ view.translation
     return {
@@ -104,7 +105,7 @@ def _turntable_report(registered: RegisteredViews) -> Mapping[str, Any] | None:
     table = registered.turntable
     if table is None:
         return None
-    angles = zip(registered.views, table.angles, strict=True)
+    angles = zip(registered.views, table.angles, strict=False)
     return {
         "offset": table.offset,
         "leans_to_camera_degrees": table.lean_to_camera,
