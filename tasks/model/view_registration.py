@@ -87,7 +87,9 @@ def register_views(
     """
     poses = {name: work.capture.pose for name, work in works.items()}
     angles = {name: pose.turntable for name, pose in poses.items() if pose is not None and pose.turntable is not None}
-    posed = [view_of(works[name], doubts.get(name, ())) for name in poses if poses[name] is not None and name not in angles]
+    posed = [
+        view_of(works[name], doubts.get(name, ())) for name in poses if poses[name] is not None and name not in angles
+    ]
     on_table = [view_of(works[name], doubts.get(name, ())) for name in angles]
     registered = (
         register_on_turntable(on_table, list(angles.values()), posed) if angles else register_by_matrices(posed)

@@ -2,7 +2,8 @@
 
 Meshing is by surface nets: S. F. F. Gibson, Constrained Elastic Surface Nets, MICCAI 1998, with Newton steps onto the
 surface in place of the elastic relaxation. A grid is made well-composed first (Latecki, 3D Well-Composed Pictures,
-Graphical Models and Image Processing 1997), so that no edge has four triangles. The blend is the log-sum-exp (soft minimum) of the solids.
+Graphical Models and Image Processing 1997), so that no edge has four triangles. The blend is the log-sum-exp (soft
+minimum) of the solids.
 """
 
 from collections.abc import Callable, Sequence
@@ -128,8 +129,8 @@ def surface_nets(
         cell: edge of the grid's cells, in the unit of the points.
 
     Returns:
-        Vertices (V, 3) float64 and triangles (F, 3) int64 of a closed manifold mesh, wound outwards: a vertex in each cell that
-        the surface crosses, a quadrilateral for each grid edge that it crosses.
+        Vertices (V, 3) float64 and triangles (F, 3) int64 of a closed manifold mesh, wound outwards: a vertex in each
+        cell that the surface crosses, a quadrilateral for each grid edge that it crosses.
     """
     axes = [np.arange(lo - 2 * cell, hi + 3 * cell, cell) for lo, hi in zip(low, high, strict=True)]
     inside = _well_composed(_grid_inside(function, axes))

@@ -35,8 +35,8 @@ SEARCHED_ANGLE_ERROR_DEG = 10.0
 class RegisteredViews:
     """Views with their poses, and how these came about.
 
-    views: V views, first the K of the turntable, then those whose poses were given; rejected: those that are not part of
-    the model; residuals: mean silhouette residual of each view in pixels; turntable: None if there is none;
+    views: V views, first the K of the turntable, then those whose poses were given; rejected: those that are not part
+    of the model; residuals: mean silhouette residual of each view in pixels; turntable: None if there is none;
     given_angles, angle_errors: (K,) its angles as given, and their standard deviations, degrees; searched: names of
     views whose pose was not given but searched.
     """
@@ -134,7 +134,7 @@ def _register_one_more(registered: RegisteredViews, view: View, model: Model) ->
     if reason is not None:
         return reason
     extended = _with_view(registered, view, fits[0])
-    residual = extended.residuals[[each.name for each in extended.views].index(view.name)]
+    residual = extended.residuals[[other.name for other in extended.views].index(view.name)]
     if residual > MAX_RESIDUAL_PX:
         return f"its pose is not given, and where it fits best it misses by {residual:.1f} pixels"
     return extended

@@ -104,8 +104,8 @@ def calibrate_turntable(
 ) -> Turntable:
     """Fit axis and angles to the views' silhouettes, and to their normals' consistency as measured at the start.
 
-    given_angles (K,): degrees, expected to be right within `angle_errors` (K,), by default ANGLE_ERROR_DEG; if all views
-    stand on the turntable, their weighted mean is kept, since turning all views together changes nothing.
+    given_angles (K,): degrees, expected to be right within `angle_errors` (K,), by default ANGLE_ERROR_DEG; if all
+    views stand on the turntable, their weighted mean is kept, since turning all views together changes nothing.
     """
     precision = np.full(len(given_angles), 1.0 / ANGLE_ERROR_DEG) if angle_errors is None else 1.0 / angle_errors
     solved = _calibrate(views, start, given_angles, normals, np.eye(len(given_angles)), precision)

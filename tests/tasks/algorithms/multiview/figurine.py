@@ -50,7 +50,8 @@ def views_at(
 ) -> list[View]:
     """Return views of a mesh from poses: perfect silhouettes, and normals with `noise` degrees of error.
 
-    matrix (3, 3): the camera's; None: orthographic. Normals beyond OBSERVABLE_DEG degrees are guesses 12 degrees off, of little confidence.
+    matrix (3, 3): the camera's; None: orthographic. Normals beyond OBSERVABLE_DEG degrees are guesses 12 degrees off
+    and of little confidence.
     """
     generator = np.random.default_rng(seed)
     empty = full_view("view", matrix)

@@ -14,7 +14,7 @@ from tests.tasks.algorithms.multiview.figurine import body, true_model, views_at
 
 ANGLES = np.arange(0.0, 360.0, 60.0)
 MATRIX = np.array([[400.0, 0.0, 47.5], [0.0, 400.0, 47.5], [0.0, 0.0, 1.0]])
-TABLE = Turntable(2.0, 0.8, -0.7, ANGLES + [0.6, -0.5, 0.3, -0.6, 0.5, -0.3])
+TABLE = Turntable(2.0, 0.8, -0.7, ANGLES + np.array([0.6, -0.5, 0.3, -0.6, 0.5, -0.3]))
 
 
 @pytest.fixture(scope="module")
