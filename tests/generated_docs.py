@@ -105,6 +105,8 @@ def values_of(schema: Mapping[str, Any]) -> str:
     """Return a parameter's type and range in words."""
     if "enum" in schema:
         return ", ".join(schema["enum"])
+    if "const" in schema:
+        return str(schema["const"])
     if "anyOf" in schema:
         return ", or ".join("null" if kind["type"] == "null" else values_of(kind) for kind in schema["anyOf"])
     low = [f"from {schema['minimum']:g}"] if "minimum" in schema else []

@@ -124,10 +124,12 @@ class SurfaceParameters(StageParameters):
 
 class ModelParameters(StageParameters):
     """passes: times that the views are merged, each labelled by the model of the pass before. Given for the catalogue
-    or an object; a capture's own is ignored. most_triangles: the model is reduced to so many."""
+    or an object; a capture's own is ignored. most_triangles: the model is reduced to so many. base_plane: the height y,
+    in the model's unit, of the plane on which the object stands on a turntable, or "found": from the silhouettes."""
 
     passes: Annotated[int, Field(ge=1, le=5)] = 2
     most_triangles: Annotated[int, Field(ge=100)] | None = None
+    base_plane: Literal["found"] | Annotated[float, Field(ge=-1e6, le=1e6)] | None = None
 
 
 class Parameters(StageParameters):

@@ -15,6 +15,7 @@ from glint.tasks.algorithms.registration.registered_views import refine
 from glint.tasks.algorithms.registration.view_rejection import RejectedView
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import Progress, StageOutput, StageRecord, load_or_compute, no_progress
+from glint.tasks.model.base_plane import base_plane
 from glint.tasks.model.model_key import STAGE, VERSION
 from glint.tasks.model.model_output import model_outcome
 from glint.tasks.model.view_registration import register_views, relabelled, unit_of_model
@@ -58,6 +59,7 @@ def model(works: Sequence[CaptureContext], progress: Progress) -> StageOutput:
     registered = register_views(by_name, doubts)
     registered = replace(registered, rejected=(*registered.rejected, *unlabelled))
     parameters = works[0].parameters.model
+    base = base_plane(registered, parameters.base_plane)
     surface: Model | None = None
     views = list(registered.views)
     for number in range(parameters.passes):
@@ -71,11 +73,11 @@ def model(works: Sequence[CaptureContext], progress: Progress) -> StageOutput:
                     for view, posed in zip(views, registered.views, strict=True)
                 ]
             part = _part_of(progress, number * REFINEMENT_ROUNDS + round_number, parameters.passes)
-            surface = reconstruct_surface(views, surface, rounds=1, progress=part)
+            surface = reconstruct_surface(views, surface, rounds=1, progress=part, base=base.height)
     assert surface is not None
     if parameters.most_triangles is not None:
         surface = simplify(surface, views, parameters.most_triangles)
-    return model_outcome(registered, surface, unit, doubts)
+    return model_outcome(registered, surface, unit, doubts, base)
 
 
 def _part_of(progress: Progress, rounds_done: int, passes: int) -> Progress:

@@ -17,19 +17,25 @@ from glint.tasks.algorithms.registration.view_rejection import RejectedView
 from glint.tasks.engine.stage import StageOutput
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.figures.model_sheet import model_sheet
+from glint.tasks.model.base_plane import BasePlane
 
 OBSERVED_CONFIDENCE = 0.5
 """Confidence from which a part of the surface counts as observed."""
 
 
 def model_outcome(
-    registered: RegisteredViews, model: Model, unit: str, doubts: Mapping[str, Sequence[StageWarning]]
+    registered: RegisteredViews,
+    model: Model,
+    unit: str,
+    doubts: Mapping[str, Sequence[StageWarning]],
+    base: BasePlane,
 ) -> StageOutput:
     """Store the files of a model and return its arrays, report, counts and warnings.
 
-    unit: "mm" or "pixels"; doubts: warnings about the spheres of views, by their names.
+    unit: "mm" or "pixels"; doubts: warnings about the spheres of views, by their names; base: the plane on which the
+    object stands.
     """
-    report = model_report(registered, model, unit)
+    report = {**model_report(registered, model, unit), "base_plane": base.record}
     surface = Surface(
         model.vertices.astype(np.float32),
         model.triangles.astype(np.int32),
@@ -57,7 +63,7 @@ def model_outcome(
             "triangles": len(surface.triangles),
             "seen": round(report["seen"], 4),
         },
-        warnings=[_warning(view) for view in registered.rejected] + _doubt_warnings(doubts),
+        warnings=[_warning(view) for view in registered.rejected] + _doubt_warnings(doubts) + list(base.warnings),
     )
 
 
@@ -87,7 +93,8 @@ def model_report(registered: RegisteredViews, model: Model, unit: str) -> dict[s
 def _view_report(number: int, registered: RegisteredViews, model: Model) -> dict[str, Any]:
     """Return a view's entry: its pose and where it comes from, its residual, the share of vertices it determines."""
     view = registered.views[number]
-    origin = "given" if registered.turntable is None else "solved"
+    on_table = 0 if registered.turntable is None else len(registered.turntable.angles)
+    origin = "solved" if number < on_table else "given"
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = view.rotation.T, -view.rotation.T @ view.translation
     return {
@@ -104,7 +111,7 @@ def _turntable_report(registered: RegisteredViews) -> Mapping[str, Any] | None:
     table = registered.turntable
     if table is None:
         return None
-    angles = zip(registered.views, table.angles, strict=True)
+    angles = zip(registered.views, table.angles, strict=False)
     return {
         "offset": table.offset,
         "leans_to_camera_degrees": table.lean_to_camera,

@@ -83,18 +83,17 @@ def register_views(
     works: by capture id; doubts: of their spheres, likewise, see `view_of`.
 
     Raises:
-        UnusableCapture: poses are given in two ways, fewer than two views have a pose, or none agree.
+        UnusableCapture: fewer than two views have a pose, or none agree.
     """
     poses = {name: work.capture.pose for name, work in works.items()}
     angles = {name: pose.turntable for name, pose in poses.items() if pose is not None and pose.turntable is not None}
-    with_matrix = [name for name, pose in poses.items() if pose is not None and name not in angles]
-    if angles and with_matrix:
-        raise UnusableCapture(
-            f"{', '.join(angles)} are given by a turntable's angle, {', '.join(with_matrix)} by a matrix",
-            "give the poses of an object's captures all in one way",
-        )
-    views = [view_of(works[name], doubts.get(name, ())) for name in angles or with_matrix]
-    registered = register_on_turntable(views, list(angles.values())) if angles else register_by_matrices(views)
+    posed = [
+        view_of(works[name], doubts.get(name, ())) for name in poses if poses[name] is not None and name not in angles
+    ]
+    on_table = [view_of(works[name], doubts.get(name, ())) for name in angles]
+    registered = (
+        register_on_turntable(on_table, list(angles.values()), posed) if angles else register_by_matrices(posed)
+    )
     unposed = [view_of(works[name], doubts.get(name, ())) for name, pose in poses.items() if pose is None]
     return register_unposed(registered, unposed, coarse_model(registered.views)) if unposed else registered
 

@@ -12,6 +12,7 @@ unknown, all terms are linear in h, and a step solves one sparse system:
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sparse
@@ -35,6 +36,8 @@ MAX_CONTACT_COSINE = 0.5
 """Largest cosine between normal and view vector of a vertex that may lie on the silhouette."""
 CONTACT_RADIUS_PX = 15.0
 """Pixels from a silhouette within which its vertex of contact is searched."""
+BASE_WEIGHT, BASE_BAND_PX, MIN_BASE_COSINE = 0.3, 0.7, 0.5
+"""Weight of the base plane's normal, at vertices within so many pixels of it whose normals point downwards."""
 
 
 def refine_mesh(
@@ -43,21 +46,27 @@ def refine_mesh(
     triangles: np.ndarray,
     steps: int = 5,
     progress: Callable[[], None] | None = None,
+    base: float | None = None,
 ) -> np.ndarray:
     """Return vertices (N, 3) after so many steps of refinement; the triangles (M, 3) stay as they are.
 
-    progress: called after each step.
+    progress: called after each step; base: the height y of the plane on which the object stands, None: unknown.
     """
     smoothness = _smoothness(len(vertices), triangles)
     edge = float(np.linalg.norm(vertices[triangles[:, 0]] - vertices[triangles[:, 1]], axis=1).mean())
     for step in range(steps):
         fused = fuse_normals(views, vertices, triangles)
         normals = vertex_normals(vertices, triangles)
+        if base is not None:
+            fused = _with_base_normals(views, vertices, normals, fused, base)
         matrix, right_side = _normal_equations(vertices, normals, triangles, fused)
         matrix = matrix + SMOOTHNESS_WEIGHT * smoothness + DAMPING_WEIGHT * sparse.identity(len(vertices))
         for view in views:
             # The first step only follows the normals and stays inside; contact is restored from the second one on.
             term, term_right = _silhouette_equations(view, vertices, normals, with_contact=step > 0)
+            matrix, right_side = matrix + term, right_side + term_right
+        if base is not None:
+            term, term_right = _containment(base - vertices[:, 1], -normals[:, 1])
             matrix, right_side = matrix + term, right_side + term_right
         # The matrix is symmetric and positive definite: no pivoting is needed.
         height = splu(
@@ -100,10 +109,23 @@ def _silhouette_equations(
     columns, rows = view.project(vertices)
     distance = view.silhouette.distance.at(columns, rows) * view.footprint(vertices)
     change = (view.to_world(view.silhouette.distance.gradient(columns, rows)) * normals).sum(axis=1)
-    weight = np.where((distance > 0) & (change > MIN_CONTAINMENT_SLOPE), CONTAINMENT_WEIGHT, 0.0)
+    contact = np.zeros(0, int)
     if with_contact:
         contact = _contact_vertices(view, vertices, normals, columns, rows)
         contact = contact[change[contact] > MIN_CONTACT_SLOPE]
+    return _containment(distance, change, contact)
+
+
+def _containment(
+    distance: np.ndarray, change: np.ndarray, contact: Sequence[int] | np.ndarray = ()
+) -> tuple[sparse.csr_matrix, np.ndarray]:
+    """Return diagonal matrix (N, N) and right side (N,) that move vertices back to where `distance` (N,) is zero.
+
+    Those of positive distance are moved, and those of the indices `contact`; change (N,): of the distance with the
+    displacement along the normal.
+    """
+    weight = np.where((distance > 0) & (change > MIN_CONTAINMENT_SLOPE), CONTAINMENT_WEIGHT, 0.0)
+    if len(contact):
         weight[contact] = np.maximum(weight[contact], CONTACT_WEIGHT)
     return sparse.diags(weight * change**2), -weight * change * distance
 
@@ -123,6 +145,18 @@ def _contact_vertices(
     tree = cKDTree(np.column_stack([columns[grazing], rows[grazing]]))
     distance, nearest = tree.query(np.column_stack([contour_columns, contour_rows]))
     return np.unique(grazing[nearest[distance < CONTACT_RADIUS_PX]])
+
+
+def _with_base_normals(
+    views: Sequence[View], vertices: np.ndarray, normals: np.ndarray, fused: FusedNormals, base: float
+) -> FusedNormals:
+    """Return the fused normals with that of the base plane at the vertices that lie on it and point downwards."""
+    pixel = float(np.median([view.footprint(vertices[:1])[0] for view in views]))
+    on_base = (vertices[:, 1] < base + BASE_BAND_PX * pixel) & (normals[:, 1] < -MIN_BASE_COSINE)
+    total = fused.weight[:, None] * fused.normals - np.outer(BASE_WEIGHT * on_base, [0.0, 1.0, 0.0])
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    known = np.where(length > 1e-9, total / np.maximum(length, 1e-9), fused.normals)
+    return replace(fused, normals=known, weight=fused.weight + BASE_WEIGHT * on_base)
 
 
 def _smoothness(count: int, triangles: np.ndarray) -> sparse.csr_matrix:

@@ -55,7 +55,8 @@ def fuse_normals(views: Sequence[View], vertices: np.ndarray, triangles: np.ndar
         per_view[number, is_seen] = view.to_world(normals)
         evidences[number, is_seen] = evidence
         confidences[number, is_seen] = sample(np.nan_to_num(view.confidence), columns[is_seen], rows[is_seen])
-        cosine = np.clip(normals[:, 2], MIN_VISIBLE_COSINE, 1.0)
+        frontality = (per_view[number, is_seen] * view.view_vectors(vertices[is_seen])).sum(axis=1)
+        cosine = np.clip(frontality, MIN_VISIBLE_COSINE, 1.0)
         weights[number, is_seen] = np.maximum(evidence, MIN_CONFIDENCE) ** CONFIDENCE_POWER * cosine
     normals, robust = _robust_mean(per_view, weights, mesh_normals)
     best = robust.argmax(axis=0)

@@ -29,15 +29,16 @@ def reconstruct_surface(
     rounds: int = REFINEMENT_ROUNDS,
     steps: int = STEPS_PER_ROUND,
     progress: Callable[[int, int | None], None] | None = None,
+    base: float | None = None,
 ) -> Model:
     """Reconstruct one closed surface from all views, starting from their visual hull or from another model.
 
-    progress(done, total): steps done, of all.
+    progress(done, total): steps done, of all; base: the height y of the plane on which the object stands, if known.
 
     Raises:
         UnusableCapture: the silhouettes have no point in common, or no surface is left.
     """
-    model = start or hull_model(views)
+    model = start or hull_model(views, base=base)
     vertices, triangles, steps_done = model.vertices, model.triangles, 0
 
     def advance() -> None:
@@ -47,7 +48,7 @@ def reconstruct_surface(
             progress(steps_done, rounds * steps)
 
     for _ in range(rounds):
-        vertices = refine_mesh(views, vertices, triangles, steps, advance)
+        vertices = refine_mesh(views, vertices, triangles, steps, advance, base)
         vertices, triangles = poisson_reconstruction(vertices, vertex_normals(vertices, triangles), model.cell)
     return _with_confidence(views, vertices, triangles, model.cell)
 

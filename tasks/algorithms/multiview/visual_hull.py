@@ -23,11 +23,14 @@ MIN_HULL_EDGE_PX = 1.0
 """Finest edge of a mesh in pixels: the masks hold nothing finer."""
 
 
-def hull_field(views: Sequence[View]) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the hull as a function of points (N, 3): signed distance (N,) in world units, negative inside."""
+def hull_field(views: Sequence[View], base: float | None = None) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the hull as a function of points (N, 3): signed distance (N,) in world units, negative inside.
+
+    base: the height y of a plane on which the object stands; it bounds the hull too.
+    """
 
     def field(points: np.ndarray) -> np.ndarray:
-        value = np.full(len(points), -np.inf)
+        value = np.full(len(points), -np.inf) if base is None else base - points[:, 1]
         for view in views:
             distance = view.silhouette.distance.at(*view.project(points))
             np.maximum(value, distance * view.footprint(points), out=value)
@@ -36,14 +39,16 @@ def hull_field(views: Sequence[View]) -> Callable[[np.ndarray], np.ndarray]:
     return field
 
 
-def bounding_box(views: Sequence[View]) -> tuple[np.ndarray, np.ndarray]:
+def bounding_box(views: Sequence[View], base: float | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Return the lower and upper corners (3,) of a box that contains the hull with a small margin, world units.
+
+    base: as of `hull_field`.
 
     Raises:
         UnusableCapture: the silhouettes have no point in common.
     """
     centre, radius = bounding_sphere(views)
-    field = hull_field(views)
+    field = hull_field(views, base)
     low, high = centre - radius, centre + radius
     # The second grid lies in the box of the first, so that its cells are small against the object.
     for _ in range(2):
@@ -83,15 +88,17 @@ def bounding_sphere(views: Sequence[View]) -> tuple[np.ndarray, float]:
     return centre_point, SPHERE_MARGIN * max(radii)
 
 
-def hull_model(views: Sequence[View], max_vertices: int = MAX_VERTICES) -> Model:
+def hull_model(views: Sequence[View], max_vertices: int = MAX_VERTICES, base: float | None = None) -> Model:
     """Mesh the hull with about `max_vertices` vertices; confidence 0 and source -1 everywhere.
+
+    base: as of `hull_field`.
 
     Raises:
         UnusableCapture: the silhouettes have no point, or hardly one, in common.
     """
-    low, high = bounding_box(views)
+    low, high = bounding_box(views, base)
     pixel = float(np.median([view.footprint((low + high)[None] / 2)[0] for view in views]))
-    field = hull_field(views)
+    field = hull_field(views, base)
     cell = max(MIN_HULL_EDGE_PX * pixel, float(np.prod(high - low) ** (1 / 3)) / 40.0)
     vertices, triangles = surface_nets(field, low, high, cell)
     # The number of vertices of a surface grows with the inverse square of the cell.

@@ -35,9 +35,10 @@ SEARCHED_ANGLE_ERROR_DEG = 10.0
 class RegisteredViews:
     """Views with their poses, and how these came about.
 
-    views: V views; rejected: those that are not part of the model; residuals: mean silhouette residual of each view in
-    pixels; turntable: None if the poses are not a turntable's; given_angles, angle_errors: (V,) its angles as given,
-    and their standard deviations, degrees; searched: names of views whose pose was not given but searched.
+    views: V views, first the K of the turntable, then those whose poses were given; rejected: those that are not part
+    of the model; residuals: mean silhouette residual of each view in pixels; turntable: None if there is none;
+    given_angles, angle_errors: (K,) its angles as given, and their standard deviations, degrees; searched: names of
+    views whose pose was not given but searched.
     """
 
     views: tuple[View, ...]
@@ -49,23 +50,34 @@ class RegisteredViews:
     searched: tuple[str, ...] = ()
 
 
-def register_on_turntable(views: Sequence[View], angles: Sequence[float]) -> RegisteredViews:
+def register_on_turntable(
+    views: Sequence[View], angles: Sequence[float], posed: Sequence[View] = ()
+) -> RegisteredViews:
     """Calibrate a turntable from the silhouettes of views at given angles (degrees), rejecting contradictory views.
 
+    posed: further views, with their poses in the turntable's world, which take part in the calibration.
+
     Raises:
-        UnusableCapture: fewer than two views, or none agree.
+        UnusableCapture: fewer than two views, a pose that is not a rotation, or none agree.
     """
-    _require_two(views)
-    table = calibrate_axis(views, initial_turntable(views, angles))
-    kept, rejected = reject_inconsistent(views, table)
+    _require_two([*views, *posed])
+    _require_rotations(posed)
+    views, angles, posed = list(views), list(angles), list(posed)
+    table = calibrate_axis([*views, *posed], initial_turntable(views, angles))
+    kept, rejected = reject_inconsistent([*views, *posed], table)
     if rejected:
         # The axis was bent towards the rejected views: fit it again without them.
-        views, angles = [views[number] for number in kept], [angles[number] for number in kept]
-        _require_two(views)
-        table = calibrate_axis(views, initial_turntable(views, angles))
+        posed = [posed[number - len(views)] for number in kept if number >= len(views)]
+        on_table = [number for number in kept if number < len(views)]
+        views, angles = [views[number] for number in on_table], [angles[number] for number in on_table]
+        _require_two([*views, *posed])
+        if not views:
+            return RegisteredViews(tuple(posed), tuple(rejected), _mean_residuals(posed))
+        table = calibrate_axis([*views, *posed], initial_turntable(views, angles))
     given_angles, errors = np.asarray(angles, float), np.full(len(views), ANGLE_ERROR_DEG)
-    solved = calibrate_turntable(views, table, given_angles, angle_errors=errors)
-    return _with_turntable(RegisteredViews(tuple(views), tuple(rejected), (), table, given_angles, errors), solved)
+    everything = (*views, *posed)
+    solved = calibrate_turntable(everything, table, given_angles, angle_errors=errors)
+    return _with_turntable(RegisteredViews(everything, tuple(rejected), (), table, given_angles, errors), solved)
 
 
 def register_by_matrices(views: Sequence[View]) -> RegisteredViews:
@@ -75,12 +87,7 @@ def register_by_matrices(views: Sequence[View]) -> RegisteredViews:
         UnusableCapture: fewer than two views, a pose that is not a rotation, or no views agree.
     """
     _require_two(views)
-    for view in views:
-        if not np.allclose(view.rotation @ view.rotation.T, np.eye(3), atol=1e-3) or np.linalg.det(view.rotation) < 0:
-            raise UnusableCapture(
-                f"the pose of {view.name} is not a rotation",
-                "give camera_to_world with orthogonal unit columns: camera x right, y up, z to the camera",
-            )
+    _require_rotations(views)
     kept, rejected = reject_inconsistent(views, None)
     chosen = [views[number] for number in kept]
     _require_two(chosen)
@@ -127,7 +134,7 @@ def _register_one_more(registered: RegisteredViews, view: View, model: Model) ->
     if reason is not None:
         return reason
     extended = _with_view(registered, view, fits[0])
-    residual = extended.residuals[-1]
+    residual = extended.residuals[[other.name for other in extended.views].index(view.name)]
     if residual > MAX_RESIDUAL_PX:
         return f"its pose is not given, and where it fits best it misses by {residual:.1f} pixels"
     return extended
@@ -152,7 +159,8 @@ def _with_view(registered: RegisteredViews, view: View, fit: PoseFit) -> Registe
     if registered.turntable is None or fit.angle is None:
         views = (*registered.views, view.with_pose(fit.rotation, fit.translation))
         return replace(registered, views=views, residuals=_mean_residuals(views), searched=searched)
-    views = (*registered.views, view)
+    on_table = len(registered.turntable.angles)
+    views = (*registered.views[:on_table], view, *registered.views[on_table:])
     given_angles = np.append(registered.given_angles, fit.angle)
     errors = np.append(registered.angle_errors, SEARCHED_ANGLE_ERROR_DEG)
     table = replace(registered.turntable, angles=np.append(registered.turntable.angles, fit.angle))
@@ -178,3 +186,13 @@ def _require_two(views: Sequence[View]) -> None:
             f"{len(views)} view{'s' * (len(views) != 1)} with a pose that fits: a model needs two, eight are good",
             "record the object from more sides, and give each capture its pose",
         )
+
+
+def _require_rotations(views: Sequence[View]) -> None:
+    """Raise UnusableCapture if the pose of a view is scaled or mirrored."""
+    for view in views:
+        if not np.allclose(view.rotation @ view.rotation.T, np.eye(3), atol=1e-3) or np.linalg.det(view.rotation) < 0:
+            raise UnusableCapture(
+                f"the pose of {view.name} is not a rotation",
+                "give camera_to_world with orthogonal unit columns: camera x right, y up, z to the camera",
+            )

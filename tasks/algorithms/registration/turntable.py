@@ -39,10 +39,11 @@ MAX_EVALUATIONS = 12
 
 @dataclass(frozen=True, slots=True)
 class Turntable:
-    """A turntable's axis in the camera frame, and the angles of its V views.
+    """A turntable's axis in the camera frame, and the angles of its K views.
 
     offset: world units from the frame's centre to the axis, positive to the right; lean_to_camera, lean_right: degrees
-    by which its upper end leans to the camera and to the right; angles: (V,) degrees.
+    by which its upper end leans to the camera and to the right; angles: (K,) degrees. Of V >= K views of an object the
+    first K stand on it; the others have poses of their own in the turntable's world.
     """
 
     offset: float
@@ -75,9 +76,15 @@ def initial_turntable(views: Sequence[View], angles: Sequence[float]) -> Turntab
 
 
 def views_on_turntable(views: Sequence[View], table: Turntable) -> list[View]:
-    """Return the views with the poses of a turntable; a perspective camera keeps its distance from the axis."""
+    """Return V views, the first K with the poses of a turntable; a perspective camera keeps its distance from the axis.
+
+    The others, whose poses are given, stay where they are.
+    """
     posed = []
     for number, view in enumerate(views):
+        if number >= len(table.angles):
+            posed.append(view)
+            continue
         rotation, translation = table.pose(number)
         posed.append(view.with_pose(rotation, translation + np.array([0.0, 0.0, view.translation[2]])))
     return posed
@@ -85,7 +92,7 @@ def views_on_turntable(views: Sequence[View], table: Turntable) -> list[View]:
 
 def calibrate_axis(views: Sequence[View], start: Turntable) -> Turntable:
     """Fit the axis to the views' silhouettes; the angles stay as they are."""
-    return _calibrate(views, start, start.angles, None, np.zeros((0, len(views))), np.zeros(0))
+    return _calibrate(views, start, start.angles, None, np.zeros((0, len(start.angles))), np.zeros(0))
 
 
 def calibrate_turntable(
@@ -97,11 +104,13 @@ def calibrate_turntable(
 ) -> Turntable:
     """Fit axis and angles to the views' silhouettes, and to their normals' consistency as measured at the start.
 
-    given_angles (V,): degrees, expected to be right within `angle_errors` (V,), by default ANGLE_ERROR_DEG; their
-    weighted mean is kept, since turning all views together changes nothing.
+    given_angles (K,): degrees, expected to be right within `angle_errors` (K,), by default ANGLE_ERROR_DEG; if all
+    views stand on the turntable, their weighted mean is kept, since turning all views together changes nothing.
     """
-    precision = np.full(len(views), 1.0 / ANGLE_ERROR_DEG) if angle_errors is None else 1.0 / angle_errors
-    solved = _calibrate(views, start, given_angles, normals, np.eye(len(views)), precision)
+    precision = np.full(len(given_angles), 1.0 / ANGLE_ERROR_DEG) if angle_errors is None else 1.0 / angle_errors
+    solved = _calibrate(views, start, given_angles, normals, np.eye(len(given_angles)), precision)
+    if len(views) > len(given_angles):
+        return solved
     return replace(solved, angles=solved.angles - np.average(solved.angles - given_angles, weights=precision**2))
 
 
@@ -126,14 +135,17 @@ def _calibrate(
 ) -> Turntable:
     """Solve the least-squares problem for the changes of offset, leans and angles from the start.
 
-    free (F, V): the directions in which the angles may change; precision (F,): the inverse standard deviations, per
+    free (F, K): the directions in which the angles may change; precision (F,): the inverse standard deviations, per
     degree, of these changes.
     """
     # The offset is counted in percent of the object's size, so that all unknowns have a similar scale.
     percent = max(float(np.hypot(*view.mask.shape)) * view.pixel_size for view in views) / 100
     centre = bounding_sphere(views)[0][None]
     pixel_sizes = np.array([view.footprint(centre)[0] for view in views])
-    matrix, vector = (np.zeros((0, len(views))), np.zeros(0)) if normals is None else normals.residuals()
+    on_table = len(start.angles)
+    matrix, vector = (np.zeros((0, on_table)), np.zeros(0)) if normals is None else normals.residuals()
+    # Views with a pose of their own do not turn.
+    matrix = matrix[:, :on_table]
     # The offset has no prior.
     prior_weight = np.concatenate([[0.0], np.full(2, 1.0 / LEAN_ERROR_DEG), precision])
     prior_mean = np.concatenate([[0.0, -start.lean_to_camera, -start.lean_right], free @ (given_angles - start.angles)])

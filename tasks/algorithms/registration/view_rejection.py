@@ -35,7 +35,8 @@ class RejectedView:
 def reject_inconsistent(views: Sequence[View], table: Turntable | None) -> tuple[list[int], list[RejectedView]]:
     """Return the indices of the views whose silhouettes agree, and the views rejected.
 
-    table: the turntable that the views stand on; None: their poses are taken as they are.
+    table: the turntable on which the first views stand; the poses of the others, and of all if it is None, are taken as
+    they are.
     """
     posed = list(views) if table is None else views_on_turntable(views, table)
     kept, rejected = list(range(len(views))), list[RejectedView]()
@@ -47,7 +48,8 @@ def reject_inconsistent(views: Sequence[View], table: Turntable | None) -> tuple
         remaining = [[number for number in kept if number != removed] for removed in kept]
         worst = kept[int(np.argmin([_mean_residuals(posed, numbers).max() for numbers in remaining]))]
         kept = [number for number in kept if number != worst]
-        angle = None if table is None else _fitting_angle(worst, kept, posed, table)
+        on_table = table is not None and worst < len(table.angles)
+        angle = _fitting_angle(worst, kept, posed, table) if table is not None and on_table else None
         reason = f"its silhouette contradicts the others' by {residuals.max():.1f} pixels"
         if table is not None and angle is not None:
             change = angle_difference(float(table.angles[worst]), angle)

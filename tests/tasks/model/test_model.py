@@ -18,6 +18,7 @@ from glint.tasks.engine.references import load_catalogue
 from glint.tasks.engine.stage import perform, stage_keys
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.evaluation.models import evaluate_model
+from glint.tasks.model.base_plane import BasePlane, base_plane
 from glint.tasks.model.model import model, perform_model
 from glint.tasks.model.model_key import model_key, wants_model
 from glint.tasks.model.view_registration import register_views
@@ -169,3 +170,18 @@ def test_two_kinds_of_poses_are_refused(posed: list[CaptureContext]) -> None:
     other = replace(posed[1], capture=posed[1].capture.model_copy(update={"pose": matrix}))
     with pytest.raises(UnusableCapture, match=r"view-00.*turntable.*view-01.*matrix"):
         register_views({work.capture.id: work for work in (posed[0], other)}, {})
+
+
+@pytest.mark.slow
+def test_a_base_plane_that_contradicts_the_silhouettes_is_not_used(works: list[CaptureContext]) -> None:
+    registered = register_views({work.capture.id: work for work in works}, {})
+    found = base_plane(registered, "found")
+    assert found.record is not None and found.height == found.record["height"] and not found.warnings
+    height = found.record["height"]
+    assert base_plane(registered, height - 0.1).record == found.record | {"height": height - 0.1, "origin": "given"}
+    wrong = base_plane(registered, height + 8.0)
+    assert wrong.height is None and wrong.record is not None and wrong.record["origin"] == "not used"
+    assert "is not used: view-0" in wrong.warnings[0].message and "pixels below it" in wrong.warnings[0].message
+    by_matrices = replace(registered, turntable=None)
+    assert "no view stands on a turntable" in base_plane(by_matrices, "found").warnings[0].message
+    assert base_plane(registered, None) == BasePlane()

@@ -42,14 +42,19 @@ def views_of(mesh: trimesh.Trimesh, table: Turntable, noise: float = 1.0, seed: 
 
 
 def views_at(
-    mesh: trimesh.Trimesh, poses: Sequence[tuple[np.ndarray, np.ndarray]], noise: float = 1.0, seed: int = 0
+    mesh: trimesh.Trimesh,
+    poses: Sequence[tuple[np.ndarray, np.ndarray]],
+    noise: float = 1.0,
+    seed: int = 0,
+    matrix: np.ndarray | None = None,
 ) -> list[View]:
     """Return views of a mesh from poses: perfect silhouettes, and normals with `noise` degrees of error.
 
-    Normals beyond OBSERVABLE_DEG degrees are guesses 12 degrees off, of little confidence.
+    matrix (3, 3): the camera's; None: orthographic. Normals beyond OBSERVABLE_DEG degrees are guesses 12 degrees off
+    and of little confidence.
     """
     generator = np.random.default_rng(seed)
-    empty = full_view("view")
+    empty = full_view("view", matrix)
     truth = true_model(mesh)
     views = []
     for number, view in enumerate(empty.with_pose(*pose) for pose in poses):
