@@ -165,13 +165,6 @@ def test_a_view_left_out_is_warned_of(works: list[CaptureContext]) -> None:
     assert warning.endswith("check its pose and its mask")
 
 
-def test_two_kinds_of_poses_are_refused(posed: list[CaptureContext]) -> None:
-    matrix = Pose.model_validate({"camera_to_world": np.eye(4).tolist()})
-    other = replace(posed[1], capture=posed[1].capture.model_copy(update={"pose": matrix}))
-    with pytest.raises(UnusableCapture, match=r"view-00.*turntable.*view-01.*matrix"):
-        register_views({work.capture.id: work for work in (posed[0], other)}, {})
-
-
 @pytest.mark.slow
 def test_a_base_plane_that_contradicts_the_silhouettes_is_not_used(works: list[CaptureContext]) -> None:
     registered = register_views({work.capture.id: work for work in works}, {})
