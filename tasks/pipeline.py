@@ -34,7 +34,7 @@ STAGES = (
         catalogue_keys=("spheres", "region", "pixel_size", "camera"),
         files=("frames", "mask", "lights"),
         progress_unit="frames",
-        version=5,
+        version=6,
     ),
     Stage(
         "frames",
@@ -62,7 +62,7 @@ STAGES = (
         },
         peak_bytes=_per_pixel(400),
         progress_unit="spheres",
-        version=6,
+        version=7,
     ),
     Stage(
         "mask",

@@ -51,21 +51,30 @@ def confirm_given(
     return spheres, warnings
 
 
-def spheres_error(spheres: Sequence[Sphere], result: Lights) -> float:
-    """Return the standard deviation per axis, radians, that the spheres' fits leave in the mean half vector."""
-    variances = [sphere.half_vector_sd(result.half_vectors) ** 2 for sphere in spheres]
-    return float(np.sqrt(np.sum(variances))) / len(variances) if variances else 0.0
+def spheres_error(spheres: Sequence[Sphere], nz: np.ndarray) -> np.ndarray:
+    """Return the standard deviation per axis (...), radians, that the spheres' fits leave in their mean half vectors,
+    by the z components (...) of these."""
+    variances = [sphere.half_vector_sd(nz) ** 2 for sphere in spheres]
+    return np.asarray(np.sqrt(np.sum(variances, axis=0)) / len(variances) if variances else np.zeros(np.shape(nz)))
+
+
+def sweep_error(spheres: Sequence[Sphere], result: Lights) -> float:
+    """Return the RMS of that standard deviation over all lights, radians; 0 without lights."""
+    errors = spheres_error(spheres, result.half_vectors[result.accepted, 2])
+    return float(np.sqrt(np.mean(errors**2))) if errors.size else 0.0
 
 
 def sphere_doubts(spheres: Sequence[Sphere], result: Lights, *, is_near: bool) -> list[StageWarning]:
     """Warn where the spheres' fits leave the light uncertain, and where two spheres disagree."""
     # The error has two axes; that of the light is twice that of the half vector.
-    error = float(np.degrees(spheres_error(spheres, result))) * np.sqrt(2.0)
+    error = float(np.degrees(sweep_error(spheres, result))) * np.sqrt(2.0)
     if 2.0 * error > MAX_LIGHT_DEVIATION_DEG:
+        # A sphere that was given and stands has the score 1.
+        is_given = all(sphere.score == 1.0 for sphere in spheres)
         message = (
             f"the chrome sphere's contour is known to {_contour_percent(spheres):.1f}% of its radius only, so"
             f" lights may be off by {2.0 * error:.1f} degrees: use a plain background unlike the sphere's rim, or"
-            " give `spheres` in the catalogue"
+            + (" a larger sphere" if is_given else " give `spheres` in the catalogue")
         )
         return [StageWarning(message, "sphere", error)]
     highlights = (result.reason == ACCEPTED) | (result.reason == BEHIND)
