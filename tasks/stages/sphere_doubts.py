@@ -14,6 +14,9 @@ MAX_LIGHT_DEVIATION_DEG = 2.2
 """Standard deviation of the lights' directions, from the spheres' fits, above which they are doubted."""
 MIN_DISAGREEMENT_DEG, DISAGREEMENT_DEVIATIONS = 0.6, 2.5
 """Median angle between a sphere's half vectors and the mean that is doubted: at least, and in standard deviations."""
+MIN_RADIUS_PX = 19.5
+"""Radius of a sphere that was not given below which it is doubted: the guide asks for 40 pixels across, and the contour
+of a smaller one can vanish beside the edge of what it mirrors."""
 MAX_BEHIND_SHARE, SMALL_CIRCLE_DEG = 0.1, 7.0
 """Share of the highlights beyond r sin 45 from which the circle may be an edge inside the sphere, and the error of the
 half vectors that this has."""
@@ -77,6 +80,13 @@ def sphere_doubts(spheres: Sequence[Sphere], result: Lights, *, is_near: bool) -
             + (" a larger sphere" if is_given else " give `spheres` in the catalogue")
         )
         return [StageWarning(message, "sphere", error)]
+    smallest = min((sphere.radius for sphere in spheres if sphere.score < 1.0), default=np.inf)
+    if smallest < MIN_RADIUS_PX:
+        message = (
+            f"the chrome sphere was found with a radius of {smallest:.1f} pixels, too few to tell its contour from an"
+            " edge inside it: use a sphere of at least 40 pixels across, or give `spheres` in the catalogue"
+        )
+        return [StageWarning(message, "sphere", SMALL_CIRCLE_DEG)]
     highlights = (result.reason == ACCEPTED) | (result.reason == BEHIND)
     behind = float((result.reason[highlights] == BEHIND).mean()) if highlights.any() else 0.0
     if behind > MAX_BEHIND_SHARE:
