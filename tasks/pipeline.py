@@ -35,7 +35,7 @@ STAGES = (
         catalogue_keys=("spheres", "region", "pixel_size", "camera"),
         files=("frames", "mask", "lights"),
         progress_unit="frames",
-        version=5,
+        version=6,
     ),
     Stage(
         "frames",
@@ -63,7 +63,7 @@ STAGES = (
         },
         peak_bytes=_per_pixel(400),
         progress_unit="spheres",
-        version=6,
+        version=7,
     ),
     Stage(
         "mask",
@@ -135,7 +135,7 @@ STAGES = (
             "evidence": ArraySchema("HW", "f", "mask"),
         },
         peak_bytes=_per_pixel(900),
-        version=17,
+        version=18,
     ),
     Stage(
         "depth",

@@ -34,6 +34,7 @@ from glint.tasks.stages.clusters import faced, load_clusters
 from glint.tasks.stages.light_doubt import LightDoubt, doubt_lights
 from glint.tasks.stages.lights import FILE
 from glint.tasks.stages.markup import faced_marks, load_marks
+from glint.tasks.stages.sphere_doubts import spheres_error
 
 
 def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
@@ -51,9 +52,10 @@ def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
     mask, half_vector_sd = inputs.load("mask"), inputs.load("lights").read("half_vector_sd")
     doubt = _light_doubt(inputs, clusters, result.labels)
     camera = _camera_doubt(inputs, clusters, result.labels)
-    shared_sd = combined_error(
-        [half_vector_sd, camera.half_vector_sd, np.full(half_vector_sd.shape, doubt.half_vector_sd)]
-    )
+    nz = np.where(mask.read("mask"), result.normals[..., 2], 1.0)
+    spheres_sd = spheres_error(load_geometry(inputs).spheres, nz)
+    lights_sd = np.full(half_vector_sd.shape, doubt.half_vector_sd)
+    shared_sd = combined_error([half_vector_sd, spheres_sd, camera.half_vector_sd, lights_sd])
     confidence = with_input_doubt(doubt.share * result.confidence, shared_sd, mask.read("doubt"))
     names = {PROVENANCE[code]: int((result.provenance == code).sum()) for code in (OBSERVED, MARKED, FILLED)}
     confident = float((confidence[result.provenance != OUTSIDE] >= 0.5).mean())

@@ -36,7 +36,7 @@ from glint.tasks.stages.camera_doubt import with_camera_of_spheres
 from glint.tasks.stages.capture_geometry import OBJECT, CaptureGeometry, load_geometry, sphere_name
 from glint.tasks.stages.frames import load_levels, load_thumbnails, open_frames, spread_shards
 from glint.tasks.stages.light_distance import DistanceResult, measure_distance
-from glint.tasks.stages.sphere_doubts import sphere_doubts, spheres_error
+from glint.tasks.stages.sphere_doubts import sphere_doubts, sweep_error
 
 SPHERES, FILE = "spheres", "file"
 """Where the lights of a capture come from, as its record names it."""
@@ -81,7 +81,6 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
         )
     shape = (geometry.region.height, geometry.region.width)
     median, worst = inter_sphere_angles(result)
-    spheres_sd = spheres_error(geometry.spheres, result)
     sweep = coverage(result.half_vectors)
     record = {
         "source": SPHERES if known is None else FILE,
@@ -92,7 +91,7 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
         },
         "near_light": measured.record,
         "camera": camera,
-        "spheres_error": spheres_sd,
+        "spheres_error": sweep_error(geometry.spheres, result),
         "disagreement_degrees": None if np.isnan(median) else {"median": median, "95th percentile": worst},
     }
     rejected = {
@@ -106,7 +105,7 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
             "lights": result.lights,
             "reason": result.reason,
             "inverse_distance": _inverse_distance(measured),
-            "half_vector_sd": combined_error([np.full(shape, spheres_sd), *measured.errors]),
+            "half_vector_sd": combined_error([np.zeros(shape), *measured.errors]),
         },
         record=record,
         counts={"accepted": accepted, **rejected},

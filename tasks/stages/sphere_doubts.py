@@ -14,6 +14,9 @@ MAX_LIGHT_DEVIATION_DEG = 2.2
 """Standard deviation of the lights' directions, from the spheres' fits, above which they are doubted."""
 MIN_DISAGREEMENT_DEG, DISAGREEMENT_DEVIATIONS = 0.6, 2.5
 """Median angle between a sphere's half vectors and the mean that is doubted: at least, and in standard deviations."""
+MIN_RADIUS_PX = 19.5
+"""Radius of a sphere that was not given below which it is doubted: the guide asks for 40 pixels across, and the contour
+of a smaller one can vanish beside the edge of what it mirrors."""
 MAX_BEHIND_SHARE, SMALL_CIRCLE_DEG = 0.1, 7.0
 """Share of the highlights beyond r sin 45 from which the circle may be an edge inside the sphere, and the error of the
 half vectors that this has."""
@@ -51,23 +54,39 @@ def confirm_given(
     return spheres, warnings
 
 
-def spheres_error(spheres: Sequence[Sphere], result: Lights) -> float:
-    """Return the standard deviation per axis, radians, that the spheres' fits leave in the mean half vector."""
-    variances = [sphere.half_vector_sd(result.half_vectors) ** 2 for sphere in spheres]
-    return float(np.sqrt(np.sum(variances))) / len(variances) if variances else 0.0
+def spheres_error(spheres: Sequence[Sphere], nz: np.ndarray) -> np.ndarray:
+    """Return the standard deviation per axis (...), radians, that the spheres' fits leave in their mean half vectors,
+    by the z components (...) of these."""
+    variances = [sphere.half_vector_sd(nz) ** 2 for sphere in spheres]
+    return np.asarray(np.sqrt(np.sum(variances, axis=0)) / len(variances) if variances else np.zeros(np.shape(nz)))
+
+
+def sweep_error(spheres: Sequence[Sphere], result: Lights) -> float:
+    """Return the RMS of that standard deviation over all lights, radians; 0 without lights."""
+    errors = spheres_error(spheres, result.half_vectors[result.accepted, 2])
+    return float(np.sqrt(np.mean(errors**2))) if errors.size else 0.0
 
 
 def sphere_doubts(spheres: Sequence[Sphere], result: Lights, *, is_near: bool) -> list[StageWarning]:
     """Warn where the spheres' fits leave the light uncertain, and where two spheres disagree."""
     # The error has two axes; that of the light is twice that of the half vector.
-    error = float(np.degrees(spheres_error(spheres, result))) * np.sqrt(2.0)
+    error = float(np.degrees(sweep_error(spheres, result))) * np.sqrt(2.0)
     if 2.0 * error > MAX_LIGHT_DEVIATION_DEG:
+        # A sphere that was given and stands has the score 1.
+        is_given = all(sphere.score == 1.0 for sphere in spheres)
         message = (
             f"the chrome sphere's contour is known to {_contour_percent(spheres):.1f}% of its radius only, so"
             f" lights may be off by {2.0 * error:.1f} degrees: use a plain background unlike the sphere's rim, or"
-            " give `spheres` in the catalogue"
+            + (" a larger sphere" if is_given else " give `spheres` in the catalogue")
         )
         return [StageWarning(message, "sphere", error)]
+    smallest = min((sphere.radius for sphere in spheres if sphere.score < 1.0), default=np.inf)
+    if smallest < MIN_RADIUS_PX:
+        message = (
+            f"the chrome sphere was found with a radius of {smallest:.1f} pixels, too few to tell its contour from an"
+            " edge inside it: use a sphere of at least 40 pixels across, or give `spheres` in the catalogue"
+        )
+        return [StageWarning(message, "sphere", SMALL_CIRCLE_DEG)]
     highlights = (result.reason == ACCEPTED) | (result.reason == BEHIND)
     behind = float((result.reason[highlights] == BEHIND).mean()) if highlights.any() else 0.0
     if behind > MAX_BEHIND_SHARE:

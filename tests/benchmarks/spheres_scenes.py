@@ -26,6 +26,8 @@ from glint.tasks.stages.first_pass import Sample, SampleRecorder
 from glint.tasks.stages.sphere_doubts import confirm_given, sphere_doubts
 
 SAMPLE_FRAMES = 200
+MAX_CONTOUR_PERCENT = 5.0
+"""Error of centre and radius, in percent of the radius, beyond which another circle was measured."""
 SILENT_DEG = 2.5
 """Median error of the lights that must not pass without a word."""
 
@@ -151,9 +153,14 @@ def main() -> None:
     )
     pairs = np.array([pair for result in results for pair in result.deviations])
     if len(pairs):
-        ratios = pairs[:, 0] / pairs[:, 1]
-        within = (np.abs(pairs[:, 0]).max(axis=1) <= 1.0).sum()
-        print(f"spheres within 1% {within} of {len(pairs)}; errors / sd, rms: {np.sqrt((ratios**2).mean()):.2f}")
+        worst = np.abs(pairs[:, 0]).max(axis=1)
+        # Farther off it is another circle, whose uncertainty is not the contour's.
+        ratios = (pairs[:, 0] / pairs[:, 1])[worst <= MAX_CONTOUR_PERCENT]
+        centre, radius = np.sqrt((ratios[:, :2] ** 2).mean()), np.sqrt((ratios[:, 2] ** 2).mean())
+        print(
+            f"spheres within 1% {(worst <= 1.0).sum()} of {len(pairs)}; errors / sd, rms of {len(ratios)}: centre"
+            f" {centre:.2f}, radius {radius:.2f}"
+        )
 
 
 if __name__ == "__main__":

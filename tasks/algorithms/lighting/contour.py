@@ -37,8 +37,9 @@ MIN_VARIATION, MIN_VARIATION_CHANGE = 0.01, 0.001
 AGREEING_RATIO, MAX_VARIATION_DISTANCE_RATIO, MIN_CLEARNESS_RATIO = 0.01, 0.025, 2.0
 """Distance of centres, in radii, up to which the circle of the variation counts beside that of the levels, and the same
 if its contrast is by so much the higher: what varies may also end where an object or its caustics are mirrored."""
-OUTER_WEIGHT = 0.25
-"""Weight of the evidence outside an edge, at OUTER_GAP_PX, that counts against it."""
+OUTER_WEIGHT, END_OUTER_WEIGHT, END_OUTER_GAP_PX = 0.25, 0.5, 2.0
+"""Weight of the evidence outside an edge, at OUTER_GAP_PX, that counts against it; the same, and its distance, where
+the outer end of all edges is sought."""
 INWARD_SHIFT_PX = 0.15
 """Distance by which the strongest change lies inside the contour: the rim mirrors the table's edge of the contour."""
 SCORE_DEVIATION = 0.01
@@ -67,12 +68,13 @@ class ContourFit:
     start_contrast: float = 0.0
 
 
-def level_evidence(samples: RaySamples, used: np.ndarray | None = None) -> EdgeEvidence:
+def level_evidence(samples: RaySamples, used: np.ndarray | None = None, *, of_outer_end: bool = False) -> EdgeEvidence:
     """Measure the evidence, 0..1 before what lies outside counts against it, of changes of log levels along rays.
 
     Args:
         samples: of all frames.
         used: (T, A) bool, the rays of each frame that count; at least one frame of each ray.
+        of_outer_end: seek the outer end of all edges, which lies a little outside the contour, by the same everywhere.
     """
     counts = np.ones(samples.levels.shape[:2], np.float32) if used is None else used.astype(np.float32)
     single, mean = np.zeros((2, *samples.valid.shape), np.float32)
@@ -84,10 +86,11 @@ def level_evidence(samples: RaySamples, used: np.ndarray | None = None) -> EdgeE
         mean += count * square
     total = counts.sum(axis=0)[:, None]
     single, mean = single / total, mean / total
-    return _net_evidence(samples, (1.0 - MEAN_WEIGHT) * single + MEAN_WEIGHT * mean / (mean + HALF_MEAN_RATIO))
+    evidence = (1.0 - MEAN_WEIGHT) * single + MEAN_WEIGHT * mean / (mean + HALF_MEAN_RATIO)
+    return _net_evidence(samples, evidence, of_outer_end)
 
 
-def variation_evidence(samples: RaySamples) -> EdgeEvidence:
+def variation_evidence(samples: RaySamples, *, of_outer_end: bool = False) -> EdgeEvidence:
     """Measure the evidence, likewise, of increases outward along the rays of how much log levels vary over time.
 
     The table varies with the light and with shadows; what the rim mirrors of it varies less, since haze and reflections
@@ -96,7 +99,7 @@ def variation_evidence(samples: RaySamples) -> EdgeEvidence:
     rays = max(1, 2 * round(VARIATION_ARC_DEG * samples.valid.shape[0] / 720.0) + 1)
     variation = np.log(samples.levels.std(axis=0) + MIN_VARIATION)
     change = change_along_rays(averaged_over_rays(variation, rays), samples.reach)
-    return increase_evidence(samples, change, MIN_VARIATION_CHANGE, HALF_VARIATION_RATIO)
+    return increase_evidence(samples, change, MIN_VARIATION_CHANGE, HALF_VARIATION_RATIO, of_outer_end=of_outer_end)
 
 
 def averaged_over_rays(values: np.ndarray, rays: int) -> np.ndarray:
@@ -106,25 +109,28 @@ def averaged_over_rays(values: np.ndarray, rays: int) -> np.ndarray:
     return np.asarray(cv2.blur(around, (1, rays)))[half : half + len(values)]
 
 
-def increase_evidence(samples: RaySamples, change: np.ndarray, least: float, half_ratio: float) -> EdgeEvidence:
+def increase_evidence(
+    samples: RaySamples, change: np.ndarray, least: float, half_ratio: float, *, of_outer_end: bool = False
+) -> EdgeEvidence:
     """Measure the evidence of increases among changes (A, N) outward along the rays.
 
     least: change below which there is only noise; half_ratio: squared increase, relative to the usual change, whose
-    evidence is one half.
+    evidence is one half; of_outer_end: see `level_evidence`.
     """
     valid = samples.valid
     if not valid.any():
-        return _net_evidence(samples, np.zeros(valid.shape, np.float32))
+        return _net_evidence(samples, np.zeros(valid.shape, np.float32), of_outer_end)
     usual = float(np.median(np.abs(change[valid]))) + least
     square = (np.maximum(change, 0.0) / usual) ** 2
-    return _net_evidence(samples, square / (square + half_ratio))
+    return _net_evidence(samples, square / (square + half_ratio), of_outer_end)
 
 
-def _net_evidence(samples: RaySamples, evidence: np.ndarray) -> EdgeEvidence:
+def _net_evidence(samples: RaySamples, evidence: np.ndarray, of_outer_end: bool) -> EdgeEvidence:
     """Return evidence (A, N) with what lies outside the frame left out, and what lies outside an edge subtracted."""
     evidence = np.where(samples.valid, evidence, np.float32(0.0))
-    gap = max(1, round(OUTER_GAP_PX / samples.spacing))
-    evidence[:, :-gap] -= OUTER_WEIGHT * evidence[:, gap:]
+    weight, distance = (END_OUTER_WEIGHT, END_OUTER_GAP_PX) if of_outer_end else (OUTER_WEIGHT, OUTER_GAP_PX)
+    gap = max(1, round(distance / samples.spacing))
+    evidence[:, :-gap] -= weight * evidence[:, gap:]
     return EdgeEvidence(samples.x, samples.y, evidence, samples.start, samples.spacing, samples.angles)
 
 

@@ -26,7 +26,9 @@ circle than the given one."""
 GIVEN_REACH_RATIO = 0.08
 """Distance from a given circle that is searched, in radii: by hand one errs by 6%."""
 UNKNOWN_DEVIATION_RATIO = 0.02
-"""Standard deviation, in radii, of a given circle whose contour is not seen."""
+"""Standard deviation, in radii, of a given circle, by itself."""
+MIN_OBSERVABLE_NZ = float(np.cos(np.radians(45.0)))
+"""n_z of the steepest half vector of a light before the object."""
 CROP_MARGIN_RATIO = 0.35
 """Distance beyond the contour, in radii, of the crop in which a sphere is measured."""
 
@@ -56,18 +58,18 @@ class Sphere:
         """Return the distance of the centres in pixels."""
         return float(np.hypot(self.x - other_sphere.x, self.y - other_sphere.y))
 
-    def half_vector_sd(self, half_vectors: np.ndarray) -> float:
-        """Return the standard deviation per axis, in radians, of the error that the fit leaves in half vectors (T, 3).
+    def half_vector_sd(self, nz: np.ndarray) -> np.ndarray:
+        """Return the standard deviation per axis (...), radians, of the error that the fit leaves in half vectors.
 
         With the sphere's normal at the angle a from the view, an error of the centre turns it by dx / (r cos a) along
-        the radius and dx / r across, one of the radius by tan a dr / r along the radius.
+        the radius and dx / r across, one of the radius by tan a dr / r along the radius: it costs most at the rim.
+
+        nz: (...) z components of the half vectors; those beyond 45 degrees show no light, and count as at 45.
         """
-        nz = np.clip(half_vectors[np.isfinite(half_vectors[:, 2]), 2].astype(float), 0.2, 1.0)
-        if nz.size == 0:
-            return 0.0
-        centre = (self.centre_sd / self.radius) ** 2 * 0.5 * (1.0 + 1.0 / nz**2)
-        radius = (self.radius_sd / self.radius) ** 2 * 0.5 * (1.0 / nz**2 - 1.0)
-        return float(np.sqrt(np.mean(centre + radius)))
+        cosine = np.clip(np.asarray(nz, float), MIN_OBSERVABLE_NZ, 1.0)
+        centre = (self.centre_sd / self.radius) ** 2 * 0.5 * (1.0 + 1.0 / cosine**2)
+        radius = (self.radius_sd / self.radius) ** 2 * 0.5 * (1.0 / cosine**2 - 1.0)
+        return np.asarray(np.sqrt(centre + radius))
 
 
 def measure_sphere(
@@ -129,8 +131,19 @@ def confirm_sphere(
             float(np.hypot(fit.radius_sd, doubt * difference)),
         )
         return ConfirmedSphere(replace(fit, centre_sd=deviations[0], radius_sd=deviations[1]), fit, True, True)
-    deviations = float(np.hypot(fit.centre_sd, 0.5 * distance)), float(np.hypot(fit.radius_sd, 0.5 * difference))
-    return ConfirmedSphere(replace(given, centre_sd=deviations[0], radius_sd=deviations[1]), fit, True, False)
+    own = UNKNOWN_DEVIATION_RATIO * given.radius
+    centre_sd = _given_deviation(own, fit.centre_sd, distance / np.sqrt(2.0))
+    sphere = replace(given, centre_sd=centre_sd, radius_sd=_given_deviation(own, fit.radius_sd, difference))
+    return ConfirmedSphere(sphere, fit, True, False)
+
+
+def _given_deviation(given: float, fitted: float, difference: float) -> float:
+    """Return the standard deviation of a given value beside a fitted one that differs, by those of the two.
+
+    It is the RMS distance of the given value from what the two say together, in the units of the arguments.
+    """
+    share = given**2 / (given**2 + fitted**2)
+    return float(np.hypot(np.sqrt(share) * fitted, share * difference))
 
 
 def _measured(

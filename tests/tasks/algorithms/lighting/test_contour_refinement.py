@@ -35,6 +35,11 @@ def error(fit: ContourFit) -> float:
     return float(np.hypot(fit.x - CENTRE, fit.y - CENTRE))
 
 
+def centre_deviation(fit: ContourFit) -> float:
+    """Return the stated standard deviation of the fit's centre in pixels."""
+    return float(np.sqrt(np.trace(fit.covariance[:2, :2])))
+
+
 def table_levels(count: int) -> np.ndarray:
     """Return a table (T, H, W) with static texture that the light brightens and dims as a whole."""
     generator = np.random.default_rng(2)
@@ -74,6 +79,15 @@ def test_a_clear_contour_stays_where_it_is():
     first, refined = fits(log_sequence(table, 0.7 * table))
     assert error(refined) == pytest.approx(error(first), abs=0.05)
     assert refined.radius == pytest.approx(first.radius, abs=0.15)
+
+
+def test_a_contour_that_shows_along_an_arc_is_less_certain():
+    table = table_levels(32)
+    _, whole = fits(log_sequence(table, 0.7 * table))
+    _, part = fits(log_sequence(table, table * np.where(np.abs(ANGLE) < 60.0, 0.7, 1.0)))
+    assert centre_deviation(part) > 2.0 * centre_deviation(whole)
+    assert error(whole) < 3.0 * centre_deviation(whole)
+    assert error(part) < 3.0 * centre_deviation(part)
 
 
 def test_a_few_stills_are_not_refined():

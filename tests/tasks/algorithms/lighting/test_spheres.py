@@ -130,11 +130,9 @@ def test_a_crop_moves_the_centre():
 
 def test_errors_of_centre_and_radius_turn_half_vectors():
     sphere = Sphere(0.0, 0.0, 50.0, centre_sd=0.5, radius_sd=0.0)
-    assert sphere.half_vector_sd(np.array([[0.0, 0.0, 1.0]])) == pytest.approx(0.01)
-    tilted = np.array([[np.sin(0.5), 0.0, np.cos(0.5)]])
-    assert Sphere(0.0, 0.0, 50.0, radius_sd=0.5).half_vector_sd(tilted) == pytest.approx(
-        0.01 * np.tan(0.5) / np.sqrt(2)
-    )
+    assert sphere.half_vector_sd(1.0) == pytest.approx(0.01)
+    by_radius = Sphere(0.0, 0.0, 50.0, radius_sd=0.5).half_vector_sd(np.cos([0.0, 0.5, 1.2]))
+    assert by_radius == pytest.approx(0.01 * np.array([0.0, np.tan(0.5), 1.0]) / np.sqrt(2))
 
 
 def photographs(folder, pattern):
