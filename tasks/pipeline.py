@@ -134,7 +134,7 @@ STAGES = (
             "evidence": ArraySchema("HW", "f", "mask"),
         },
         peak_bytes=_per_pixel(900),
-        version=17,
+        version=18,
     ),
     Stage(
         "depth",
