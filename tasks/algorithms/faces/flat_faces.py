@@ -23,7 +23,7 @@ FACE_WEIGHT, UNSEEN_WEIGHT = 1.0, 0.03
 MIN_CREASE_TURN_DEG = 20.0
 """Angle between two creases from which they are independent evidence for a face."""
 
-MAX_FACE_ERROR_DEG = 2.0
+MAX_FACE_ERROR_DEG = 3.0
 """Mean angle between flat faces and another surface from which the object is faceted instead."""
 ROUNDED_SHARE, CUT_OFF_SHARE = 0.9, 0.65
 """Share of a face's edges that must show their rounding to prove that edges are rounded, and below which, on such an

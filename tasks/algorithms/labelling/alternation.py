@@ -191,13 +191,11 @@ class Alternation:
         if rotational is None or rotational.relief_fit < self.relief_fit:
             return False
         surface, relief_fit = rotational
-        body = np.isfinite(surface[..., :1])
         lights = accepted_weights(self.weights, self.labels)
-        if has_other_faces(surface, np.where(body, accepted, np.nan), lights, self.mask, self.scale):
+        if has_other_faces(surface, accepted, lights, self.mask, self.scale):
             # A prism seen from its front has the silhouette of a cylinder, and a cylinder has no flat faces.
             return False
-        # What is no part of the body is as it was.
-        self.expected, self.relief_fit = np.where(body, surface, self.smooth), relief_fit
+        self.expected, self.relief_fit = surface, relief_fit
         self.smooth = self.solve_field(self.known, self.values)
         return True
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from glint.tasks.algorithms.geometry.distance import distance_inside
 from glint.tasks.algorithms.geometry.vectors import angles, to_camera
+from glint.tasks.algorithms.prior.handles import handles_beside, with_handles
 from glint.tasks.algorithms.prior.opening import find_opening
 from glint.tasks.algorithms.prior.reflection_axes import ReflectionAxis, reflection_axes, symmetric_bodies
 from glint.tasks.algorithms.prior.relief import find_relief
@@ -43,12 +43,6 @@ FITTED_STEP_PX = 1.0
 """Step along the axis while the tilt is refined."""
 FITTED_LENGTH_PX = 600.0
 """Length of an object for which these steps are meant; those of a larger one are as many."""
-COVER_SIGMA = 0.05
-"""Standard deviation in inradii of the neighbourhood in which most accepted normals contradict a covered body."""
-MIN_COVERING_SHARE = 0.1
-"""Share of that neighbourhood which such normals must have."""
-HANDLE_PX = 2
-"""Half of the least width of a handle; what is thinner is the staircase of the contour."""
 REFINED_ERROR_RATIO = 1.3
 """Ratio to the least error of those tilts up to which an axis is refined."""
 
@@ -67,7 +61,7 @@ def rotational_normals(
     field: np.ndarray,
     weights: np.ndarray | None = None,
 ) -> RotationalNormals | None:
-    """Return the normals of an object, or of its body, that is rotationally symmetric, else None.
+    """Return the normals of an object that is rotationally symmetric, or whose body is, else None.
 
     For the arguments see `surface_of_revolution_normals`.
     """
@@ -137,40 +131,30 @@ def body_of_revolution_normals(
     field: np.ndarray,
     weights: np.ndarray | None = None,
 ) -> RotationalNormals | None:
-    """Return the normals of a body of revolution with a handle or the like, None if there is none.
+    """Return the normals of a body of revolution and its handles, None if there is no such body.
 
-    They are NaN outside the body, and where accepted normals show that what stands out beside it goes on before it. For
-    the arguments see `surface_of_revolution_normals`.
+    For the arguments see `surface_of_revolution_normals`.
     """
     limits = (MAX_BODY_ERROR_DEG, MAX_BODY_ERROR_RATIO)
-    least_error, best = np.inf, None
+    least_error: float = np.inf
+    best: tuple[np.ndarray, RotationalNormals] | None = None
     for body in symmetric_bodies(mask):
         within = np.where(body[..., None], accepted, np.nan)
         fitted = surface_of_revolution_normals(body, within, candidates, field, weights, *limits)
         if fitted is not None:
             error = _capped_angles(fitted.normals, accepted)[np.isfinite(accepted[..., 0])].mean()
             if error < least_error:
-                is_covered = _covered(mask, body, fitted.normals, within)
-                normals = np.where(is_covered[..., None], np.nan, fitted.normals)
-                least_error, best = error, fitted._replace(normals=normals)
-    return best
+                least_error, best = error, (body, fitted)
+    if best is None:
+        return None
+    body, fitted = best
+    normals = with_handles(fitted.normals, handles_beside(mask, body), mask, accepted, candidates)
+    return fitted._replace(normals=normals)
 
 
 def _capped_angles(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Return the angles in degrees between normals, at most ERROR_CAP_DEG, which NaN counts as."""
     return np.asarray(np.minimum(np.nan_to_num(angles(first, second), nan=ERROR_CAP_DEG), ERROR_CAP_DEG))
-
-
-def _covered(mask: np.ndarray, body: np.ndarray, normals: np.ndarray, accepted: np.ndarray) -> np.ndarray:
-    """Return where (H, W) bool a handle lies before its body, by accepted normals that are not the body's."""
-    known = np.isfinite(accepted[..., 0])
-    contradicts = known & (_capped_angles(normals, accepted) >= ERROR_CAP_DEG)
-    sigma = COVER_SIGMA * float(distance_inside(np.pad(mask, 1)).max())
-    share, count = (ndimage.gaussian_filter(values.astype(float), sigma) for values in (contradicts, known))
-    beside = ndimage.binary_opening(mask & ~body, iterations=HANDLE_PX)
-    # A handle goes on where it leaves the silhouette's outside; elsewhere such normals are false highlights.
-    pieces, _ = ndimage.label(beside | (share > np.maximum(count / 2.0, MIN_COVERING_SHARE)))
-    return np.isin(pieces, np.unique(pieces[beside]))
 
 
 def _fitted_surface(mask: np.ndarray, accepted: np.ndarray) -> tuple[float, SurfaceOfRevolution] | None:

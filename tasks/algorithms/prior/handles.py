@@ -1,0 +1,95 @@
+"""Handles of vessels: normals of what stands out beside a body of revolution, and goes on before it.
+
+Between its own contours a handle's normals are those of a smooth field, since (n_x, n_y) is linear across a tube. Its
+candidates go on that field before the body, and contradict the body there.
+"""
+
+import numpy as np
+from scipy import ndimage
+
+from glint.tasks.algorithms.geometry.distance import distance_inside
+from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.prior.smooth_normals import contour_normals, smooth_normal_field
+
+HANDLE_PX = 2
+"""Half of the least width of a handle; what is thinner is the staircase of the contour."""
+ACCEPTED_WEIGHT = 0.1
+"""Weight of a handle's own normal in its field, against a contour pixel's 1."""
+TENSION_LENGTH = 1.0
+"""Distance in inradii of a handle beyond which its field is no longer extrapolated linearly."""
+CORNER_PX = 4.0
+"""Distance to the body up to which a handle's contour is not used."""
+GROWTH_SHARE, GROWTH_PX, MAX_GROWTH_STEPS = 0.3, 3, 24
+"""Distance by which a handle is followed before the body in a step, in its inradii, and at least, in pixels; and the
+number of steps."""
+HANDLE_SHEET_DEG, BODY_SHEET_DEG = 16.0, 10.0
+"""Angle to the handle's field up to which a candidate belongs to it, and to the body beyond which it is not that."""
+MIN_JOINED_SHARE = 0.4
+"""Share of the pixels around one that must belong to the handle too."""
+UNSEEN_SHARE = 0.4
+"""Distance beyond a handle's observed normals up to which it may go on unobserved, in its inradii: a tube turns by 45
+degrees over 0.7 radii."""
+
+
+def handles_beside(mask: np.ndarray, body: np.ndarray) -> np.ndarray:
+    """Return the pixels (H, W) bool of a silhouette that stand out beside its body, both (H, W) bool."""
+    beside = mask & ~body
+    return beside & ndimage.binary_dilation(ndimage.binary_opening(beside, iterations=HANDLE_PX), iterations=HANDLE_PX)
+
+
+def with_handles(
+    body: np.ndarray, handles: np.ndarray, mask: np.ndarray, accepted: np.ndarray, candidates: np.ndarray
+) -> np.ndarray:
+    """Return the normals of a body (H, W, 3) with those of its handles, beside it and before it.
+
+    A handle is followed before the body as long as candidates go on its field, and contradict the body.
+
+    Args:
+        body: NaN where there is none; slivers beside it get the nearest of its normals.
+        handles: (H, W) bool, beside the body.
+        mask: (H, W) bool, the silhouette.
+        accepted: (H, W, 3), normals of accepted highlights, NaN elsewhere.
+        candidates: (K, H, W, 3), NaN where there is none.
+    """
+    nearest = ndimage.distance_transform_edt(np.isnan(body[..., 0]), return_distances=False, return_indices=True)
+    result = np.where(mask[..., None], body[tuple(nearest)], np.nan)
+    if not handles.any():
+        return result
+    radius = distance_inside(np.pad(handles, 1)).max()
+    step = max(GROWTH_PX, round(GROWTH_SHARE * radius))
+    box = tuple(
+        slice(max(0, int(place.min()) - MAX_GROWTH_STEPS * step), int(place.max()) + MAX_GROWTH_STEPS * step + 1)
+        for place in np.nonzero(handles)
+    )
+    contour, outward = (array[box] for array in contour_normals(mask))
+    handles, mask, candidates = handles[box], mask[box], candidates[:, *box]
+    # Where a handle meets the body the silhouette's corner is rounded.
+    contour = contour & (distance_inside(~(mask & ~handles)) > CORNER_PX)
+    own = np.where(handles[..., None], accepted[box], np.nan)
+    to_body = np.where(handles, 180.0, np.nan_to_num(angles(candidates, body[box][None]), nan=180.0))
+    shows_body = to_body.min(axis=0, initial=180.0) < BODY_SHEET_DEG
+
+    def field(region: np.ndarray) -> np.ndarray:
+        known = region & np.isfinite(own[..., 0])
+        weights = np.where(known, ACCEPTED_WEIGHT, np.where(contour & region, 1.0, 0.0))
+        surface = smooth_normal_field(region, TENSION_LENGTH)
+        return surface.solve(np.where(known[..., None], own, outward), weights)
+
+    region = handles
+    for _ in range(MAX_GROWTH_STEPS):
+        around = mask & np.isnan(own[..., 0]) & (distance_inside(~region) <= step)
+        to_field = angles(candidates, field(region | around)[None])
+        to_field = np.where(to_body > BODY_SHEET_DEG, np.nan_to_num(to_field, nan=180.0), 180.0)
+        best = to_field.argmin(axis=0)[None]
+        joins = around & (np.take_along_axis(to_field, best, axis=0)[0] < HANDLE_SHEET_DEG)
+        # Among the candidates of other light paths some agree by chance, but not side by side.
+        joins &= ndimage.uniform_filter((region | joins).astype(float), 2 * step - 1) > MIN_JOINED_SHARE
+        if np.count_nonzero(joins & ~region) < step:
+            break
+        own = np.where(joins[..., None], np.take_along_axis(candidates, best[..., None], axis=0)[0], own)
+        region = region | joins
+    grown = region & ~handles
+    if grown.any():
+        region = region | (mask & ~shows_body & (distance_inside(~grown) <= UNSEEN_SHARE * radius))
+    result[box][region] = field(region)[region]
+    return result
