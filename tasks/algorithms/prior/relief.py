@@ -12,7 +12,7 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.vectors import angles, unit
-from glint.tasks.algorithms.prior.surface_of_revolution import SurfaceOfRevolution
+from glint.tasks.algorithms.prior.surface_of_revolution import MAX_WALL_SLOPE_DEG, SurfaceOfRevolution
 
 PERIODS = range(8, 61)
 """Numbers of periods that are tried; fewer are the faces of a prism rather than a relief."""
@@ -136,7 +136,7 @@ class _Places:
     """Places of N points on a surface of revolution.
 
     row: (N,) int, of the circle, heights in pixels. azimuth: (N,), radians, 0 towards the camera. frames: (N, 3, 3),
-    unit vectors outward, along the circle and along the axis. hit: (N,) bool, whether the ray meets the surface. rows,
+    unit vectors outward, along the circle and along the axis. hit: (N,) bool, whether the ray meets its wall. rows,
     girth: number of circles, and the length of the largest in pixels.
     """
 
@@ -154,7 +154,9 @@ class _Places:
         outward = np.asarray(unit(hits.outward))
         side = np.append(surface.axis.normal, 0.0)
         azimuth = np.arctan2(outward @ side, outward @ np.cross(side, upward))
-        hit = np.isfinite(azimuth) & np.isfinite(hits.heights)
+        # All points of a flat end lie on one circle.
+        is_wall = np.abs(surface.normals_at(hits) @ upward) < np.sin(np.radians(MAX_WALL_SLOPE_DEG))
+        hit = np.isfinite(azimuth) & is_wall
         row = np.rint(np.where(hit, hits.heights - surface.heights[0], 0.0)).astype(int)
         frames = np.stack([outward, np.cross(upward, outward), np.broadcast_to(upward, outward.shape)], axis=1)
         girth = 2.0 * np.pi * float(np.sqrt(surface.squared_radii.max()))

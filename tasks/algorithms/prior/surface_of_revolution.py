@@ -94,7 +94,7 @@ class SurfaceOfRevolution:
 
         far: instead those of the wall's inner side, where the rays leave the body.
         """
-        return self._normals_at(self.intersect(x, y, far)) * (-1.0 if far else 1.0)
+        return self.normals_at(self.intersect(x, y, far)) * (-1.0 if far else 1.0)
 
     @property
     def end_radius(self) -> float:
@@ -104,7 +104,7 @@ class SurfaceOfRevolution:
     def is_end(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return whether rays at x, y (N,), camera frame, enter the body through the flat end that faces the camera."""
         hits = self.intersect(x, y)
-        is_flat = self._normals_at(hits) @ (self.upward * np.sign(self.tilt)) > np.cos(np.radians(END_CONE_DEG))
+        is_flat = self.normals_at(hits) @ (self.upward * np.sign(self.tilt)) > np.cos(np.radians(END_CONE_DEG))
         return is_flat & (np.abs(hits.heights - self.heights[self._end]) < END_PX)
 
     def shrunk(self, thickness: float) -> "SurfaceOfRevolution":
@@ -194,7 +194,7 @@ class SurfaceOfRevolution:
         body = np.flatnonzero(self.squared_radii > 0.0)
         return 0 if len(body) == 0 else int(body[-1] if self.tilt > 0 else body[0])
 
-    def _normals_at(self, hits: RayHits) -> np.ndarray:
+    def normals_at(self, hits: RayHits) -> np.ndarray:
         """Return the unit normals (N, 3) that point out of the body."""
         axial = -np.interp(hits.heights, self.heights, self.half_slopes)
         return np.asarray(unit(hits.outward + np.outer(axial, self.upward)))
