@@ -101,7 +101,7 @@ def test_what_needs_a_person_comes_first_and_names_are_only_text(served: ServedP
 def test_a_sphere_that_is_off_is_moved_fitted_saved_and_taken_back(served: ServedPage, tab: Tab) -> None:
     page = tab.open(INPUTS, READY)
     (sphere,) = asked(served, "inputs")["used"]["spheres"]
-    centre, shift = (sphere["x"], sphere["y"]), 0.05 * sphere["radius"]
+    centre, shift = (sphere["x"], sphere["y"]), 0.07 * sphere["radius"]
     page.keyboard.press("s")
     drag(tab, centre, (centre[0] + shift, centre[1]))
     page.wait_for_selector(".sphere [role=status] >> text=off the contour")
