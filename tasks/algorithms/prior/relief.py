@@ -99,6 +99,8 @@ def find_relief(
         """Return the best of some numbers of periods, by every n-th normal."""
         tilted = SurfaceOfRevolution.from_silhouette(mask, surface.axis, tilt, step=1.0)
         places = _Places.on(tilted.shrunk(thickness), x[::stride], y[::stride])
+        if not places.hit.any():
+            return Relief(tilted, thickness, PERIODS[0], 0.0, 0.0)
         hit, used = places.at(places.hit), normals[::stride][places.hit]
         base = tilted.normals(x[::stride][places.hit], y[::stride][places.hit])
         fit, share, count = max((*hit.fit(used, base, count), count) for count in periods)

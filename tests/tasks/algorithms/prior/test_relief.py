@@ -71,3 +71,9 @@ def test_normals_that_do_not_repeat_are_no_relief() -> None:
     azimuth, _ = cylindrical()
     bulge = np.stack([0.3 * np.sin(azimuth**2 * 4.0), 0.0 * azimuth], axis=-1)
     assert find_relief(mask, beaker_surface(TILT), *measured(turned(bulge))) is None
+
+
+def test_normals_beside_the_wall_are_no_relief() -> None:
+    mask = np.isfinite(beaker_normals(TILT)[..., 0])
+    beside = np.full(30, 200.0)
+    assert find_relief(mask, beaker_surface(TILT), beside, beside, np.tile((0.0, 0.0, 1.0), (30, 1))) is None
