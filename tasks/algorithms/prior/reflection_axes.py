@@ -7,7 +7,9 @@ Source: the score of a reflection is the overlap of the silhouette with its mirr
 offset (Marola 1989).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy import ndimage
@@ -75,20 +77,31 @@ def reflection_axes(mask: np.ndarray, min_iou: float = MIN_SYMMETRY_IOU, count: 
     is_peak = (scores >= np.roll(scores, 1)) & (scores >= np.roll(scores, -1)) & (scores >= min_iou - SEED_IOU_MARGIN)
     axes = []
     for seed in seeds[is_peak]:
-        # Coordinate search over angle and offset, with steps that are halved where no neighbour is better.
-        best, angle, offset = iou(seed, 0.0), float(seed), 0.0
-        turn, shift = np.radians(SEED_STEP_DEG / 2), 1.0
-        while turn > np.radians(FINAL_STEP_DEG):
-            neighbours = [(angle + i * turn, offset + j * shift) for i in (-1, 0, 1) for j in (-1, 0, 1)]
-            values = [iou(*neighbour) for neighbour in neighbours]
-            if max(values) > best + 1e-6:
-                best = max(values)
-                angle, offset = neighbours[values.index(best)]
-            else:
-                turn, shift = turn / 2, shift / 2
+        steps = (float(np.radians(SEED_STEP_DEG / 2)), 1.0)
+        (angle, offset), _ = _refined(iou, (float(seed), 0.0), steps, float(np.radians(FINAL_STEP_DEG)))
         normal = np.array([np.cos(angle), np.sin(angle)])
-        axes.append(ReflectionAxis(centre + offset * normal, normal, best))
+        axes.append(ReflectionAxis(centre + offset * normal, normal, iou(angle, offset)))
     return sorted((axis for axis in axes if axis.iou >= min_iou), key=lambda axis: -axis.iou)[:count]
+
+
+def _refined(
+    score: Callable[[float, float], float], place: tuple[float, float], steps: tuple[float, float], last_turn: float
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Search angle and offset of the best score near a place, until the step of the angle is at most `last_turn`.
+
+    Steps are halved where no neighbour is better. Returns the place and the steps at the end.
+    """
+    (angle, offset), (turn, shift) = place, steps
+    best = score(angle, offset)
+    while turn > last_turn:
+        neighbours = [(angle + i * turn, offset + j * shift) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+        values = [score(*neighbour) for neighbour in neighbours]
+        if max(values) > best + 1e-6:
+            best = max(values)
+            angle, offset = neighbours[values.index(best)]
+        else:
+            turn, shift = turn / 2, shift / 2
+    return (angle, offset), (turn, shift)
 
 
 def symmetric_bodies(mask: np.ndarray, count: int = 3) -> list[np.ndarray]:
@@ -124,18 +137,11 @@ def symmetric_bodies(mask: np.ndarray, count: int = 3) -> list[np.ndarray]:
     peaks = np.flatnonzero((best >= np.roll(best, 1)) & (best >= np.roll(best, -1)))
     bodies = []
     for peak in peaks[np.argsort(-best[peaks])][:count]:
-        angle, offset = float(angles[peak]), float(offsets[scores[peak].argmax()])
-        turn, shift = np.radians(SEED_STEP_DEG / 2), coarse / 4
+        place = (float(angles[peak]), float(offsets[scores[peak].argmax()]))
+        steps = (float(np.radians(SEED_STEP_DEG / 2)), coarse / 4)
         for sigma in MATCH_SIGMAS_PX:
-            # Coordinate search, with steps that are halved where no neighbour is better.
-            while turn * depth.max() > sigma / 8:
-                neighbours = [(angle + i * turn, offset + j * shift) for i in (-1, 0, 1) for j in (-1, 0, 1)]
-                values = [matched(*neighbour, sigma) for neighbour in neighbours]
-                if max(values) > matched(angle, offset, sigma) + 1e-6:
-                    angle, offset = neighbours[values.index(max(values))]
-                else:
-                    turn, shift = turn / 2, shift / 2
-        column, row = np.rint(mirrored(np.column_stack([columns, rows]), angle, offset)).astype(int).T
+            place, steps = _refined(partial(matched, sigma=sigma), place, steps, sigma / 8 / float(depth.max()))
+        column, row = np.rint(mirrored(np.column_stack([columns, rows]), *place)).astype(int).T
         inside = (column >= 0) & (column < mask.shape[1]) & (row >= 0) & (row < mask.shape[0])
         overlap = np.zeros_like(mask)
         overlap[rows, columns] = inside & mask[row.clip(0, mask.shape[0] - 1), column.clip(0, mask.shape[1] - 1)]

@@ -37,6 +37,11 @@ FINAL_TURN_DEG = 0.2
 """Step of the tilt at which the refinement of both ends."""
 
 
+def capped_angles(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return the angles in degrees between normals (..., 3), at most ERROR_CAP_DEG, which NaN counts as."""
+    return np.asarray(np.minimum(np.nan_to_num(angles(first, second), nan=ERROR_CAP_DEG), ERROR_CAP_DEG))
+
+
 @dataclass(frozen=True, slots=True)
 class Relief:
     """Relief on a surface of revolution.
@@ -214,7 +219,7 @@ class _Places:
         """Return the sums (rows,) of squared angles of normals (N, 3) from predictions, where the first is finite."""
         used = np.isfinite(predictions[0][:, 0])
         errors = [
-            np.bincount(self.row[used], _capped_angles(other[used], normals[used]) ** 2, minlength=self.rows)
+            np.bincount(self.row[used], capped_angles(other[used], normals[used]) ** 2, minlength=self.rows)
             for other in predictions
         ]
         return [ndimage.gaussian_filter1d(error, CIRCLE_SIGMA_PX) for error in errors]
@@ -227,13 +232,8 @@ class _Places:
         by_relief, by_circles = self.held_out(normals, periods)
         left, whole = self.circle_errors(normals, by_relief, by_circles)
         has_relief = (left < MAX_ERROR_RATIO * whole)[self.row] & np.isfinite(by_relief[:, 0])
-        error = _capped_angles(np.where(has_relief[:, None], by_relief, base), normals)
+        error = capped_angles(np.where(has_relief[:, None], by_relief, base), normals)
         return 1.0 - float((error**2).mean()) / ERROR_CAP_DEG**2, float(has_relief.mean())
 
     def _turns(self, periods: int) -> np.ndarray:
         return self.azimuth * (periods / (2.0 * np.pi))
-
-
-def _capped_angles(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the angles in degrees between normals (N, 3), at most ERROR_CAP_DEG, which NaN counts as."""
-    return np.asarray(np.minimum(np.nan_to_num(angles(first, second), nan=ERROR_CAP_DEG), ERROR_CAP_DEG))

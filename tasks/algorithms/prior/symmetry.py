@@ -16,7 +16,7 @@ from glint.tasks.algorithms.geometry.vectors import angles, to_camera
 from glint.tasks.algorithms.prior.handles import handles_beside, with_handles
 from glint.tasks.algorithms.prior.opening import find_opening
 from glint.tasks.algorithms.prior.reflection_axes import ReflectionAxis, reflection_axes, symmetric_bodies
-from glint.tasks.algorithms.prior.relief import find_relief
+from glint.tasks.algorithms.prior.relief import ERROR_CAP_DEG, capped_angles, find_relief
 from glint.tasks.algorithms.prior.surface_of_revolution import SurfaceOfRevolution
 
 MAX_TILT_DEG = 75
@@ -25,8 +25,6 @@ TILT_STEP_DEG, FINAL_TILT_STEP_DEG = 3.75, 0.1
 """Half the distance of the tilts tried first, and the step at which their refinement ends."""
 MAX_MEAN_ERROR_DEG = 5.0
 """Mean angle between accepted normals and those of a surface of revolution, each angle capped."""
-ERROR_CAP_DEG = 20.0
-"""Cap of an angle, so that false normals do not decide the mean."""
 MAX_SMOOTH_ERROR_RATIO = 0.4
 """A surface of revolution is accepted only if its mean angular error is below this fraction of the smooth field's."""
 MAX_BODY_ERROR_DEG, MAX_BODY_ERROR_RATIO = 7.5, 0.6
@@ -101,7 +99,7 @@ def surface_of_revolution_normals(
     known = np.isfinite(accepted[rows, columns, 0])
     weight = np.ones(len(rows)) if weights is None else weights[rows, columns]
     measured = (x[known], y[known], accepted[rows, columns][known], weight[known])
-    deviation = _capped_angles(surface.with_fitted_slopes(*measured).normals(*measured[:2]), measured[2])
+    deviation = capped_angles(surface.with_fitted_slopes(*measured).normals(*measured[:2]), measured[2])
     relief = find_relief(mask, surface, *measured[:3]) if np.median(deviation) > MIN_RELIEF_DEG else None
     if relief is not None:
         surface = relief.surface
@@ -142,7 +140,7 @@ def body_of_revolution_normals(
         within = np.where(body[..., None], accepted, np.nan)
         fitted = surface_of_revolution_normals(body, within, candidates, field, weights, *limits)
         if fitted is not None:
-            error = _capped_angles(fitted.normals, accepted)[np.isfinite(accepted[..., 0])].mean()
+            error = capped_angles(fitted.normals, accepted)[np.isfinite(accepted[..., 0])].mean()
             if error < least_error:
                 least_error, best = error, (body, fitted)
     if best is None:
@@ -150,11 +148,6 @@ def body_of_revolution_normals(
     body, fitted = best
     normals = with_handles(fitted.normals, handles_beside(mask, body), mask, accepted, candidates)
     return fitted._replace(normals=normals)
-
-
-def _capped_angles(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the angles in degrees between normals, at most ERROR_CAP_DEG, which NaN counts as."""
-    return np.asarray(np.minimum(np.nan_to_num(angles(first, second), nan=ERROR_CAP_DEG), ERROR_CAP_DEG))
 
 
 def _fitted_surface(mask: np.ndarray, accepted: np.ndarray) -> tuple[float, SurfaceOfRevolution] | None:
