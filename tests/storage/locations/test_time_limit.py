@@ -1,7 +1,6 @@
 """Inputs that never answer, or are far too large: refused in time, by their head, with progress."""
 
 import os
-import select
 import subprocess
 import sys
 import threading
@@ -9,6 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import pytest
@@ -112,20 +112,24 @@ def test_what_makes_items_ends_when_no_more_are_taken() -> None:
 def test_a_video_that_hangs_while_it_is_decoded_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     frames = list(np.random.default_rng(0).integers(0, 255, (60, 80, 100), np.uint8))
     data = write_video(tmp_path / "whole.mkv", frames, "ffv1", "gray").read_bytes()
-    pipe = tmp_path / "stalled.mkv"
+    pipe, next_pipe = tmp_path / "stalled.mkv", tmp_path / "next.mkv"
     os.mkfifo(pipe)
+    streams: list[BinaryIO] = []
 
-    def write_half() -> None:
-        """Give who opens the pipe half of the video, and then nothing, as a mount whose server goes away."""
-        while not ended.is_set():
-            with suppress(OSError), pipe.open("wb", buffering=0) as stream:
-                stream.write(data[: len(data) // 2])
-                poll = select.poll()
-                poll.register(stream, 0)
-                poll.poll(20_000)  # until its reader closes it
+    def write_half(stream: BinaryIO) -> None:
+        with suppress(OSError):  # its reader closes it
+            stream.write(data[: len(data) // 2])
 
-    ended = threading.Event()
-    threading.Thread(target=write_half, daemon=True).start()
+    def serve() -> None:
+        """Give whoever opens the pipe half of the video, and then nothing, as a mount whose server goes away."""
+        while True:
+            streams.append(pipe.open("wb", buffering=0))
+            # Before its reader can have read and closed it: the next reader gets a pipe of its own.
+            os.mkfifo(next_pipe)
+            next_pipe.replace(pipe)
+            threading.Thread(target=write_half, args=(streams[-1],), daemon=True).start()
+
+    threading.Thread(target=serve, daemon=True).start()
     monkeypatch.setattr(time_limit, "SILENCE_SECONDS", 3.0)
     video = Video(Location.parse(pipe))
     taken = video.frames()
@@ -133,8 +137,9 @@ def test_a_video_that_hangs_while_it_is_decoded_is_given_up(tmp_path: Path, monk
     started = time.monotonic()
     with pytest.raises(InputError, match=r"stalled.mkv has given nothing for 3 s"):
         list(taken)
-    ended.set()
     assert time.monotonic() - started < 60
+    for stream in streams:
+        stream.close()
 
 
 def test_progress_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
