@@ -36,20 +36,20 @@ from glint.tasks.algorithms.prior.smooth_normals import (
     thickness,
 )
 from glint.tasks.algorithms.prior.symmetry import rotational_normals
+from glint.tasks.algorithms.prior.unreached import with_unreached
 
 MARKED_SHEET_NATS = 30.0
 """Unary log-likelihood ratio that a mark gives its sheet's nodes beside it, nats: more than field and shape oppose, but
 nodes far along the sheet that contradict it do not follow."""
 MARKED_SHEET_CONFIDENCE = 0.97
 """Confidence of accepted normals beside a true mark on the same sheet."""
-DRAFT_NODES = 7_000
-"""Grid nodes of the field of a draft: a third of the time, and the squared error of the normals is 1% larger."""
+DRAFT_NODES, HELD_OUT_NODES = 7_000, 5_000
+"""Grid nodes of coarser fields: of a draft, a third of the time for a squared error 1% larger, and of those that predict
+held-out sheets, one for each sheet."""
 MAX_REFUTATIONS = 3
 """Rounds in which flat faces are looked for, and false ones refuted."""
 REFUTED_DEG, REFUTED_NATS = 3.0, 10.0
 """Angle up to which a candidate belongs to an apparent face that is refuted, and what that takes from its evidence."""
-HELD_OUT_MAX_NODES = 5_000
-"""Grid nodes of the coarser field that predicts held-out sheets: it is solved once per sheet."""
 
 
 @dataclass(slots=True)
@@ -58,11 +58,11 @@ class Alternation:
 
     No array is changed in place, so that copies can go on independently.
 
-    is_draft: whether the field is a coarser one. evidence (K, H, W): log-likelihood ratio of a true against a false
-    highlight, by the sheet's shape, by shading and by marks. sheets: the nodes' graph, None: made with each set of
+    is_draft: whether the field is coarse. evidence (K, H, W): log-likelihood ratio of a true against a false highlight,
+    by the sheet's shape, by shading and by marks. sheets: the nodes' graph, None: made with each set of
     marks. labels (K, H, W) bool: exterior nodes. values (H, W, 3): accepted normals, NaN elsewhere. confidence (H, W):
     theirs, NaN elsewhere. known (H, W) bool: where they enter the field. initial, smooth (H, W, 3): the first field,
-    and the present one. weights (K, H, W): of the clusters.
+    and the present one. weights (K, H, W): of the clusters. unreached (H, W, 3): normals of dark pixels, NaN elsewhere.
     """
 
     normals: np.ndarray
@@ -94,6 +94,7 @@ class Alternation:
     smooth: np.ndarray = field(init=False)
     faces: FlatFaces | None = field(init=False)
     relief_fit: float = field(init=False)
+    unreached: np.ndarray | None = field(init=False)
     history: list[Iteration] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -109,7 +110,7 @@ class Alternation:
         self.take_marks(None)
         self.labels = np.zeros(self.normals.shape[:3], dtype=bool)
         self.known, self.values = self.marked, self.marked_normals
-        self.faces, self.relief_fit = None, 0.0
+        self.faces, self.relief_fit, self.unreached = None, 0.0, None
         self.confidence = np.full(self.mask.shape, np.nan)
         self.smooth = self.initial = self.solve_field(self.known, self.values)
         self.history = []
@@ -145,6 +146,8 @@ class Alternation:
         mark = np.where(self.labels.any(axis=0), weights.marked, weights.mark_alone)
         pull = np.where(self.marked & known, mark, pull)
         targets = np.where(known[..., None], values, targets)
+        if self.unreached is not None:
+            targets, pull = with_unreached(targets, pull, self.unreached, weights.unreached)
         if faces is not None:
             targets, pull = faces.constrain(targets, pull, known, self.marked)
         return (surface or self.surface).solve(targets, pull, self.expected)
@@ -219,7 +222,7 @@ class Alternation:
     def final_confidence(self, min_confidence: float) -> np.ndarray:
         """Compute the confidence (H, W): of whole sheets at accepted normals, of the field elsewhere."""
         # While labels change, the neighbourhood has to do; now each sheet is tested against the rest of the object.
-        coarse = smooth_normal_field(self.mask, self.field_weights.tension_length, HELD_OUT_MAX_NODES)
+        coarse = smooth_normal_field(self.mask, self.field_weights.tension_length, HELD_OUT_NODES)
         sheets = segment_sheets(self.values)
         evidence = np.take_along_axis(self.evidence, self.labels.argmax(axis=0)[None], axis=0)[0]
         residual = held_out_residual(

@@ -32,6 +32,7 @@ from glint.tasks.algorithms.labelling.weights import (
     FieldWeights,
     GraphCutWeights,
 )
+from glint.tasks.algorithms.prior.unreached import SweptNormals, unreached_normals
 
 if TYPE_CHECKING:
     from glint.tasks.algorithms.candidates.clusters import Clusters
@@ -100,6 +101,8 @@ def reconstruct_normals(
     if state.relief_fit > 0.0 and state.adopt_symmetry():
         # Highlights that a relief explains show more of it.
         state.iterate(max_iterations, convergence_tolerance, min_confidence)
+    if state.expected is None:
+        _bend_dark_pixels(state)
 
     accepted = np.isfinite(state.confidence)
     provenance = np.select([~mask, state.marked, accepted, state.rim], [OUTSIDE, MARKED, OBSERVED, SILHOUETTE], FILLED)
@@ -155,6 +158,20 @@ def settle(
     )
     state.iterate(max_iterations, convergence_tolerance, min_confidence)
     return state
+
+
+def _bend_dark_pixels(state: Alternation) -> None:
+    """Bend the field away from the lights where nothing flashed."""
+
+    def solve(unreached: np.ndarray | None) -> np.ndarray:
+        state.unreached = unreached
+        return state.solve_field(state.known, state.values, faces=state.faces)
+
+    swept = SweptNormals.of(state.normals)
+    if swept is not None:
+        confidence = np.where(state.known, state.confidence, 0.0)
+        state.unreached = unreached_normals(state.smooth, confidence, state.mask, swept, state.scale, solve)
+        state.smooth = solve(state.unreached)
 
 
 def _denoise(values: np.ndarray, smooth: np.ndarray) -> np.ndarray:

@@ -27,8 +27,8 @@ class FieldWeights:
     """Data terms of the smooth normal field (see `smooth_normals`), as weights of a squared difference per pixel.
 
     rim: a pixel of the occluding contour; observed: an accepted normal; marked: a marked pixel that also has an
-    accepted cluster; mark_alone: a marked pixel without one; expected: an expected normal. tension_length: distance
-    from any data, in inradii, beyond which the thin plate becomes a membrane.
+    accepted cluster; mark_alone: a marked pixel without one; expected: an expected normal; unreached: a dark pixel (see
+    `unreached`). tension_length: distance from any data, in inradii, beyond which the thin plate becomes a membrane.
     """
 
     rim: float = 1.0
@@ -36,6 +36,7 @@ class FieldWeights:
     marked: float = 0.5
     mark_alone: float = 10.0
     expected: float = 0.03
+    unreached: float = 0.1
     tension_length: float = 0.12
 
 
