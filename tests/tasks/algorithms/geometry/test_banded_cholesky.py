@@ -8,7 +8,10 @@ from glint.tasks.algorithms.geometry.banded_cholesky import solve_positive_defin
 def test_a_solution_satisfies_the_equations_whatever_the_order_of_the_unknowns() -> None:
     rng = np.random.default_rng(0)
     nodes = np.arange(12 * 9).reshape(12, 9)
-    pairs = [*zip(nodes[1:].flat, nodes[:-1].flat, strict=True), *zip(nodes[:, 1:].flat, nodes[:, :-1].flat, strict=True)]
+    pairs = [
+        *zip(nodes[1:].flat, nodes[:-1].flat, strict=True),
+        *zip(nodes[:, 1:].flat, nodes[:, :-1].flat, strict=True),
+    ]
     differences = np.zeros((len(pairs), nodes.size))
     for row, (first, second) in enumerate(pairs):
         differences[row, first], differences[row, second] = 1.0, -1.0
