@@ -7,6 +7,7 @@ is searched: up to tens of thousands of nodes that takes half the time.
 
 import numpy as np
 import scipy.sparse as sparse
+from numba import njit
 from scipy.linalg import solveh_banded
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
@@ -20,12 +21,26 @@ def solve_positive_definite(matrix: sparse.csr_matrix, values: np.ndarray) -> np
     order = reverse_cuthill_mckee(matrix, symmetric_mode=True)
     place = np.empty_like(order)
     place[order] = np.arange(len(order))
-    entries = matrix.tocoo()
-    row, column = place[entries.row], place[entries.col]
-    is_lower = row >= column
-    below, column = (row - column)[is_lower], column[is_lower]
     # Columns of the band lie one after the other in memory, as LAPACK wants them.
-    band = np.zeros((len(order), int(below.max(initial=0)) + 1)).T
-    band[below, column] = entries.data[is_lower]
+    band = _band(matrix.indptr, matrix.indices, matrix.data, place).T
     solution = solveh_banded(band, values[order], overwrite_ab=True, lower=True, check_finite=False)
     return np.asarray(solution[place])
+
+
+@njit(cache=True, nogil=True)
+def _band(starts: np.ndarray, columns: np.ndarray, entries: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Return the lower band (N, width) of a matrix in compressed rows: each column of it from its diagonal downward.
+
+    place: (N,), number of each row in another order.
+    """
+    reach = 0
+    for row in range(len(place)):
+        for entry in range(starts[row], starts[row + 1]):
+            reach = max(reach, place[row] - place[columns[entry]])
+    band = np.zeros((len(place), reach + 1))
+    for row in range(len(place)):
+        for entry in range(starts[row], starts[row + 1]):
+            column = place[columns[entry]]
+            if place[row] >= column:
+                band[column, place[row] - column] += entries[entry]
+    return band
