@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from scipy import ndimage
 
 WINDOWS_PX_AND_LIMITS = ((24.0, 0.35), (12.0, 0.35), (6.0, 0.35), (3.0, 0.5))
@@ -29,6 +30,7 @@ SHOULDER_SHARE = 0.03
 """Distance of the shoulder before a cone, as a share of the largest radius."""
 
 
+@njit(cache=True, nogil=True)
 def smooth_profile(
     squared_radii: np.ndarray, heights: np.ndarray, after_corner: bool = False, before_corner: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -38,30 +40,34 @@ def smooth_profile(
 
     after_corner, before_corner: whether the profile begins, and ends, at a corner.
     """
-    radius = np.sqrt(squared_radii)
-    step = heights[1] - heights[0]
-    best = np.full(len(squared_radii), np.inf)
-    value, slope = squared_radii.copy(), np.gradient(squared_radii, heights)
+    step, length = heights[1] - heights[0], len(squared_radii)
+    best, value, slope = np.full(length, np.inf), squared_radii.copy(), np.empty(length)
+    for sample in range(length):
+        before, after = max(sample - 1, 0), min(sample + 1, length - 1)
+        slope[sample] = (squared_radii[after] - squared_radii[before]) / ((after - before) * step)
     for pixels, limit in WINDOWS_PX_AND_LIMITS:
         half_width = max(2, round(pixels / step))
-        if 2 * half_width >= len(radius):
+        if 2 * half_width >= length:
             continue
-        *line, residual = _fitted_lines(squared_radii, half_width, step)
+        means, slopes, residuals = _fitted_lines(squared_radii, half_width, step)
         # A window must not cross a corner, beyond which something else begins.
-        residual[: half_width if after_corner else 0] = np.inf
-        residual[len(residual) - half_width if before_corner else len(residual) :] = np.inf
-        for shift in (0, half_width, -half_width):
-            # A one-sided window is the centred one of a neighbour `shift` samples away, extrapolated to this height.
-            line_value, line_slope, line_residual = (np.roll(values, shift) for values in (*line, residual))
-            line_value = line_value + line_slope * shift * step
-            # An error of r^2 over 2 r is an error of r, in units of what a line may deviate.
-            error = line_residual / (2.0 * radius + 2.0) / limit * (1.0 if shift == 0 else ONE_SIDED_PENALTY)
-            error[_wrapped(len(error), shift)] = np.inf
+        first, last = half_width * int(after_corner), length - 1 - half_width * int(before_corner)
+        for sample in range(length):
             # Narrower windows count only where no wider one fits.
-            is_better = (error < best) & ~(best <= 1.0)
-            best, value, slope = (
-                np.where(is_better, new, old) for new, old in ((error, best), (line_value, value), (line_slope, slope))
-            )
+            if best[sample] <= 1.0:
+                continue
+            for shift in (0, half_width, -half_width):
+                # A one-sided window is the centred one of a neighbour, extrapolated to this height.
+                centre = sample - shift
+                if not first <= centre <= last:
+                    continue
+                # An error of r^2 over 2 r is an error of r, in units of what a line may deviate.
+                error = residuals[centre] / (2.0 * np.sqrt(squared_radii[sample]) + 2.0) / limit
+                if shift != 0:
+                    error *= ONE_SIDED_PENALTY
+                if error < best[sample] and best[sample] > 1.0:
+                    best[sample], slope[sample] = error, slopes[centre]
+                    value[sample] = means[centre] + slopes[centre] * shift * step
     return np.maximum(value, 0.0), slope
 
 
@@ -224,17 +230,21 @@ def _edge_on_samples(radii: np.ndarray, edge_on: float, reach: int, step: float)
     return ndimage.binary_closing((slope < 0.7 * edge_on) & (radii > MIN_CONE_RADIUS_PX), iterations=reach)
 
 
-def _wrapped(length: int, shift: int) -> slice:
-    """Return the entries that `np.roll` by `shift` brings in from the opposite end."""
-    return slice(0, shift) if shift >= 0 else slice(length + shift, length)
-
-
+@njit(cache=True, nogil=True)
 def _fitted_lines(values: np.ndarray, half_width: int, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return value, slope and RMS residual (N,) of the line fitted to `half_width` samples either side of each."""
-    offset = np.arange(-half_width, half_width + 1) * step
-    mean = ndimage.uniform_filter1d(values, 2 * half_width + 1, mode="nearest")
-    slope = ndimage.correlate1d(values, offset / (offset**2).sum(), mode="nearest")
-    # Variance about the overall mean, which loses fewer digits than about zero.
-    square = ndimage.uniform_filter1d((values - values.mean()) ** 2, 2 * half_width + 1, mode="nearest")
-    variance = square - (mean - values.mean()) ** 2 - slope**2 * (offset**2).mean()
-    return mean, slope, np.sqrt(np.maximum(variance, 0.0))
+    """Return value, slope and RMS residual (N,) of the line fitted to `half_width` samples either side of each.
+
+    Beyond the ends the last values are repeated.
+    """
+    length, offsets = len(values), np.arange(-half_width, half_width + 1) * step
+    padded = values[np.minimum(np.maximum(np.arange(-half_width, length + half_width), 0), length - 1)]
+    means, slopes, residuals = np.empty(length), np.zeros(length), np.zeros(length)
+    squares = (offsets**2).sum()
+    for sample in range(length):
+        window = padded[sample : sample + len(offsets)]
+        means[sample] = window.mean()
+        for place, offset in enumerate(offsets):
+            slopes[sample] += window[place] * offset / squares
+        for place, offset in enumerate(offsets):
+            residuals[sample] += (window[place] - means[sample] - slopes[sample] * offset) ** 2
+    return means, slopes, np.sqrt(residuals / len(offsets))

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from numba import njit
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.distance import distance_inside
@@ -123,9 +124,7 @@ def symmetric_bodies(mask: np.ndarray, count: int = 3) -> list[np.ndarray]:
         return points - 2.0 * np.outer((points - centre) @ normal - offset, normal)
 
     def matched(angle: float, offset: float, sigma: float, stride: int = 1) -> float:
-        column, row = mirrored(points[::stride], angle, offset).T
-        distance = ndimage.map_coordinates(to_contour, [row, column], order=1, mode="nearest")
-        return float(np.exp(-((distance / sigma) ** 2)).mean())
+        return _mean_match(mirrored(points[::stride], angle, offset), to_contour, sigma)
 
     # The best offset for each angle, then local maxima over the angle.
     coarse = MATCH_SIGMAS_PX[0]
@@ -152,3 +151,21 @@ def symmetric_bodies(mask: np.ndarray, count: int = 3) -> list[np.ndarray]:
         if body.sum() >= MIN_BODY_SHARE * mask.sum() and share >= MIN_MATCHED_SHARE:
             bodies.append(body)
     return bodies
+
+
+@njit(cache=True, nogil=True)
+def _mean_match(points: np.ndarray, to_contour: np.ndarray, sigma: float) -> float:
+    """Return how well points (N, 2), column and row, lie on a contour: 1 on it, 1/e at the distance `sigma` in pixels.
+
+    to_contour: (H, W), each pixel's distance.
+    """
+    height, width = to_contour.shape
+    total = 0.0
+    for point in range(len(points)):
+        x, y = min(max(points[point, 0], 0.0), width - 1.0), min(max(points[point, 1], 0.0), height - 1.0)
+        column, row = min(int(x), width - 2), min(int(y), height - 2)
+        beside, below = x - column, y - row
+        distance = (1.0 - below) * ((1.0 - beside) * to_contour[row, column] + beside * to_contour[row, column + 1])
+        distance += below * ((1.0 - beside) * to_contour[row + 1, column] + beside * to_contour[row + 1, column + 1])
+        total += np.exp(-((distance / sigma) ** 2))
+    return total / len(points)

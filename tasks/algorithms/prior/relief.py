@@ -12,6 +12,7 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.vectors import angles, unit
+from glint.tasks.algorithms.prior.periodic_normals import MIN_SUPPORT, held_out_errors, sampled, sums_over_periods
 from glint.tasks.algorithms.prior.surface_of_revolution import MAX_WALL_SLOPE_DEG, SurfaceOfRevolution
 
 PERIODS = range(8, 61)
@@ -27,10 +28,6 @@ ERROR_CAP_DEG = 20.0
 """Cap of an angle, so that false normals do not decide."""
 RELIEF_NORMALS, FIRST_STRIDE = 4000, 2
 """Normals in which a relief is looked for, and subsampling of these for what is tried first."""
-CELL_SIGMA_PX = 1.0
-"""Standard deviation of the smoothing of the relief."""
-MIN_SUPPORT = 0.05
-"""Normals per square pixel from which they count as much as the surface without relief."""
 FIRST_TURNS_DEG, THICKNESSES = (-4.0, 0.0, 4.0), (0.0, 0.04)
 """Corrections of the tilt, and depths of the relief as shares of the largest radius, that are tried first."""
 FINAL_TURN_DEG = 0.2
@@ -68,19 +65,19 @@ class Relief:
         """
         places = _Places.on(self.surface.shrunk(self.thickness), x, y)
         known = np.isfinite(measured[:, 0]) & places.hit
-        circles = self._circles(places.at(known), measured[known], base[known])
-        sums = places.at(known).sums(measured[known], self.periods)
-        relief, support = places.sampled(sums, self.periods)
+        local = places.at(known).in_frames(measured[known])
+        circles = self._circles(places.at(known), local, capped_angles(base[known], measured[known]) ** 2)
+        relief, support = places.means(known, local, self.periods)
         weight = np.where(places.hit, circles[places.row] * support / (support + MIN_SUPPORT), 0.0)[:, None]
         result = np.where(weight > 0.0, weight * relief, 0.0) + (1.0 - weight) * base
         # What would be turned away is hidden by a nearer part of the relief, whose contour is beside it.
         result[:, 2] = np.maximum(result[:, 2], 0.0)
         return np.asarray(unit(result))
 
-    def _circles(self, places: "_Places", normals: np.ndarray, base: np.ndarray) -> np.ndarray:
+    def _circles(self, places: "_Places", normals: np.ndarray, surface_error: np.ndarray) -> np.ndarray:
         """Return the weight (rows,) of each circle: 1 where other periods predict normals (N, 3) far better."""
-        predicted, _ = places.held_out(normals, self.periods)
-        with_relief, without = places.circle_errors(normals, predicted, base)
+        predicted, _ = places.held_out_errors(normals, self.periods)
+        with_relief, without = places.sums_over_circles(predicted, surface_error)
         return np.asarray(ndimage.gaussian_filter1d((with_relief < MAX_ERROR_RATIO * without).astype(float), 1.0))
 
 
@@ -108,7 +105,8 @@ def find_relief(
             return Relief(tilted, thickness, PERIODS[0], 0.0, 0.0)
         hit, used = places.at(places.hit), normals[::stride][places.hit]
         base = tilted.normals(x[::stride][places.hit], y[::stride][places.hit])
-        fit, share, count = max((*hit.fit(used, base, count), count) for count in periods)
+        local, error = hit.in_frames(used), capped_angles(base, used) ** 2
+        fit, share, count = max((*hit.fit(local, error, count), count) for count in periods)
         return Relief(tilted, thickness, count, fit * float(places.hit.mean()), share)
 
     starts = [
@@ -175,65 +173,48 @@ class _Places:
             self, row=self.row[chosen], azimuth=self.azimuth[chosen], frames=self.frames[chosen], hit=self.hit[chosen]
         )
 
-    def sums(self, normals: np.ndarray, periods: int) -> np.ndarray:
-        """Return smoothed sums (rows, columns, 4) over all periods: normals (N, 3) in their frames, and how many."""
-        columns = max(4, round(self.girth / periods))
-        column = np.floor(self._turns(periods) % 1.0 * columns).astype(int).clip(0, columns - 1)
-        local = np.einsum("nij,nj->in", self.frames, normals)
-        cells = self.row * columns + column
-        sums = [
-            np.bincount(cells, values, minlength=self.rows * columns).reshape(self.rows, columns)
-            for values in (*local, np.ones(len(cells)))
-        ]
-        return np.stack(
-            [ndimage.gaussian_filter(part, CELL_SIGMA_PX, mode=("constant", "wrap")) for part in sums], axis=-1
-        )
+    def in_frames(self, normals: np.ndarray) -> np.ndarray:
+        """Return normals (N, 3) in the frames of their points."""
+        return np.asarray(np.einsum("nij,nj->ni", self.frames, normals))
 
-    def sampled(self, sums: np.ndarray, periods: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the unit normals (N, 3) that `sums` of the relief say, camera frame, and their support (N,)."""
-        columns = sums.shape[1]
-        place = self._turns(periods) % 1.0 * columns - 0.5
-        first = np.floor(place).astype(int)
-        share = (place - first)[:, None]
-        local = (1.0 - share) * sums[self.row, first % columns] + share * sums[self.row, (first + 1) % columns]
-        return np.einsum("nij,ni->nj", self.frames, np.asarray(unit(local[:, :3]))), local[:, 3]
+    def means(self, chosen: np.ndarray, normals: np.ndarray, periods: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the mean over all periods at each point: unit normals (N, 3), camera frame, and their support (N,).
 
-    def held_out(self, normals: np.ndarray, periods: int) -> tuple[np.ndarray, np.ndarray]:
-        """Predict the normals (N, 3) of every other period by those between them: by relief, and by circles alone.
-
-        Both are NaN where too few others are near.
+        normals: (M, 3), in their frames, of the chosen (N,) bool of the points.
         """
-        by_relief, by_circles = np.full((2, *normals.shape), np.nan)
-        is_odd = np.floor(self._turns(periods)) % 2 == 1
-        for predicted in (is_odd, ~is_odd):
-            sums = self.at(~predicted).sums(normals[~predicted], periods)
-            places = self.at(predicted)
-            relief, support = places.sampled(sums, periods)
-            circles, _ = places.sampled(sums.sum(axis=1, keepdims=True), periods)
-            enough = (support > MIN_SUPPORT)[:, None]
-            by_relief[predicted] = np.where(enough, relief, np.nan)
-            by_circles[predicted] = np.where(enough, circles, np.nan)
-        return by_relief, by_circles
+        turns = self._turns(periods)
+        sums = sums_over_periods(self.row[chosen], turns[chosen], normals, self.rows, self._columns(periods))
+        relief, support = sampled(sums, self.row, turns)
+        return np.einsum("nij,ni->nj", self.frames, relief), support
 
-    def circle_errors(self, normals: np.ndarray, *predictions: np.ndarray) -> list[np.ndarray]:
-        """Return the sums (rows,) of squared angles of normals (N, 3) from predictions, where the first is finite."""
-        used = np.isfinite(predictions[0][:, 0])
-        errors = [
-            np.bincount(self.row[used], capped_angles(other[used], normals[used]) ** 2, minlength=self.rows)
-            for other in predictions
-        ]
-        return [ndimage.gaussian_filter1d(error, CIRCLE_SIGMA_PX) for error in errors]
+    def held_out_errors(self, normals: np.ndarray, periods: int) -> tuple[np.ndarray, np.ndarray]:
+        """Predict normals (N, 3), in their frames, of every other period by those between: by relief, by circles alone.
 
-    def fit(self, normals: np.ndarray, base: np.ndarray, periods: int) -> tuple[float, float]:
+        Returns the squared errors (N,) of both in square degrees, NaN where too few others are near.
+        """
+        columns = self._columns(periods)
+        return held_out_errors(self.row, self._turns(periods), normals, self.rows, columns, ERROR_CAP_DEG)
+
+    def sums_over_circles(self, *errors: np.ndarray) -> list[np.ndarray]:
+        """Return the sums (rows,) of errors (N,) where the first is finite, smoothed along the axis."""
+        used = np.isfinite(errors[0])
+        sums = [np.bincount(self.row[used], error[used], minlength=self.rows) for error in errors]
+        return [ndimage.gaussian_filter1d(values, CIRCLE_SIGMA_PX) for values in sums]
+
+    def fit(self, normals: np.ndarray, surface_error: np.ndarray, periods: int) -> tuple[float, float]:
         """Return how well a relief explains normals (N, 3), 1 at best, and the share of them on circles that have it.
 
-        base: (N, 3), the normals of the surface, which explain the other circles.
+        normals: in their frames. surface_error: (N,), squared, of the surface, which explains the other circles.
         """
-        by_relief, by_circles = self.held_out(normals, periods)
-        left, whole = self.circle_errors(normals, by_relief, by_circles)
-        has_relief = (left < MAX_ERROR_RATIO * whole)[self.row] & np.isfinite(by_relief[:, 0])
-        error = capped_angles(np.where(has_relief[:, None], by_relief, base), normals)
-        return 1.0 - float((error**2).mean()) / ERROR_CAP_DEG**2, float(has_relief.mean())
+        by_relief, by_circles = self.held_out_errors(normals, periods)
+        left, whole = self.sums_over_circles(by_relief, by_circles)
+        has_relief = (left < MAX_ERROR_RATIO * whole)[self.row] & np.isfinite(by_relief)
+        error = np.where(has_relief, by_relief, surface_error)
+        return 1.0 - float(error.mean()) / ERROR_CAP_DEG**2, float(has_relief.mean())
+
+    def _columns(self, periods: int) -> int:
+        """Return the number of places within a period."""
+        return max(4, round(self.girth / periods))
 
     def _turns(self, periods: int) -> np.ndarray:
         return self.azimuth * (periods / (2.0 * np.pi))

@@ -12,8 +12,8 @@ import numpy as np
 import scipy.sparse as sparse
 from numba import njit
 from scipy import ndimage
-from scipy.sparse.linalg import splu
 
+from glint.tasks.algorithms.geometry.banded_cholesky import solve_positive_definite
 from glint.tasks.algorithms.geometry.bilinear_grid import BilinearGrid
 from glint.tasks.algorithms.geometry.distance import distance_inside
 
@@ -82,11 +82,9 @@ class SmoothNormalField:
         """
         expected = None if base is None else base[..., :2].astype(float)
         target = normals[..., :2] if expected is None else normals[..., :2] - expected
-        # Normal equations; symmetric and positive definite, so no pivoting is needed.
         matrix, sums = self.grid.normal_equations(target, weights)
-        matrix = (self.smoothness + matrix + MIN_DIAGONAL * sparse.identity(matrix.shape[0])).tocsc()
-        factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-        plane = self.grid.interpolate(factor.solve(sums))
+        matrix = (self.smoothness + matrix + MIN_DIAGONAL * sparse.identity(matrix.shape[0])).tocsr()
+        plane = self.grid.interpolate(solve_positive_definite(matrix, sums))
         if expected is not None:
             plane += expected
         result = np.full((*plane.shape[:2], 3), np.nan, np.float32)

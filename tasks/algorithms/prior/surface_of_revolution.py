@@ -13,13 +13,8 @@ from scipy import ndimage
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
 from glint.tasks.algorithms.prior.profile import Plate, profile_of_contour, with_risen_plate
 from glint.tasks.algorithms.prior.reflection_axes import ReflectionAxis
+from glint.tasks.algorithms.prior.view_rays import entry_depths
 
-DEPTH_SAMPLES = 160
-"""Samples along a ray among which the surface is bracketed."""
-BISECTION_STEPS = 12
-"""Halvings of that bracket."""
-RAYS_PER_BLOCK = 4096
-"""Rays that are intersected at once, which bounds memory."""
 MAX_WALL_SLOPE_DEG = 60.0
 """Angle of a normal from the circle's plane up to which it belongs to a wall, not to a flat end."""
 MAX_SLOPE_CORRECTION_DEG = 30.0
@@ -116,9 +111,8 @@ class SurfaceOfRevolution:
 
     def intersect(self, x: np.ndarray, y: np.ndarray, far: bool = False) -> RayHits:
         """Intersect rays along -z at x, y (N,), camera frame, where they enter the body; far: where they leave it."""
-        blocks = [slice(start, start + RAYS_PER_BLOCK) for start in range(0, len(x), RAYS_PER_BLOCK)]
-        depths = np.concatenate([self._depths(x[block], y[block], far) for block in blocks] or [np.zeros(0)])
         side, up = self._image_position(x, y)
+        depths = entry_depths(side, up, self.tilt, self.heights, self.squared_radii, far)
         c, s = np.cos(self.tilt), np.sin(self.tilt)
         # Component of the radius in the plane of axis and view.
         forward = depths * c - up * s
@@ -208,28 +202,6 @@ class SurfaceOfRevolution:
         """Return positions (N,) perpendicular to the axis and along it, in the image."""
         position = np.stack([x, y], axis=-1) - self.axis.point
         return position @ self.axis.normal, position @ self.axis.direction
-
-    def _depths(self, x: np.ndarray, y: np.ndarray, far: bool) -> np.ndarray:
-        """Return z (N,) of the first point inside the body along each ray, from the far end if `far`; NaN for none."""
-        side, up = self._image_position(x, y)
-        c, s = np.cos(self.tilt), np.sin(self.tilt)
-        limit = float(np.sqrt(self.squared_radii.max()) * c + np.abs(self.heights).max() * abs(s)) + 1.0
-
-        def clearance(depth: np.ndarray, side: np.ndarray, up: np.ndarray) -> np.ndarray:
-            """Compute the squared radius less the squared distance from the axis: positive inside."""
-            square = np.interp(depth * s + up * c, self.heights, self.squared_radii, left=0.0, right=0.0)
-            return np.asarray(square - side**2 - (depth * c - up * s) ** 2)
-
-        depths = np.linspace(limit, -limit, DEPTH_SAMPLES) * (-1.0 if far else 1.0)
-        is_inside = clearance(depths[None], side[:, None], up[:, None]) > 0
-        # Bisect between the first sample inside and the one before it.
-        first = is_inside.argmax(axis=1)
-        inside, outside = depths[first], depths[np.maximum(first - 1, 0)]
-        for _ in range(BISECTION_STEPS):
-            middle = (inside + outside) / 2
-            enters = clearance(middle, side, up) > 0
-            inside, outside = np.where(enters, middle, inside), np.where(enters, outside, middle)
-        return np.where(is_inside.any(axis=1), inside, np.nan)
 
 
 def _contour(mask: np.ndarray) -> np.ndarray:

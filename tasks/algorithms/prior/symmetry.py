@@ -7,6 +7,7 @@ what neither highlights nor a smooth field can: feet, shoulders, flat ends, and 
 """
 
 from dataclasses import replace
+from functools import cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -186,11 +187,13 @@ def _fitted_surface(mask: np.ndarray, accepted: np.ndarray) -> tuple[float, Surf
         if min(errors) > REFINED_ERROR_RATIO * min(map(min, coarse.values())):
             continue
         # Search either side of the best tilt, with steps that are halved where neither side is better.
+        # A step to one side comes from the other, whose error is known.
+        error_at = cache(partial(mean_error, axis))
         tilt, turn = float(tilts[int(np.argmin(errors))]), np.radians(TILT_STEP_DEG)
-        error = mean_error(axis, tilt)
+        error = error_at(tilt)
         while turn > np.radians(FINAL_TILT_STEP_DEG):
             neighbours = [angle for angle in (tilt - turn, tilt + turn) if abs(angle) <= np.radians(MAX_TILT_DEG)]
-            neighbour_error, neighbour = min((mean_error(axis, angle), angle) for angle in neighbours)
+            neighbour_error, neighbour = min((error_at(angle), angle) for angle in neighbours)
             if neighbour_error < error:
                 error, tilt = neighbour_error, neighbour
             else:
