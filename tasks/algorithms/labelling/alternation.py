@@ -59,10 +59,10 @@ class Alternation:
     No array is changed in place, so that copies can go on independently.
 
     is_draft: whether the field is coarse. evidence (K, H, W): log-likelihood ratio of a true against a false highlight,
-    by the sheet's shape, by shading and by marks. sheets: the nodes' graph, None: made with each set of
-    marks. labels (K, H, W) bool: exterior nodes. values (H, W, 3): accepted normals, NaN elsewhere. confidence (H, W):
-    theirs, NaN elsewhere. known (H, W) bool: where they enter the field. initial, smooth (H, W, 3): the first field,
-    and the present one. weights (K, H, W): of the clusters. unreached (H, W, 3): normals of dark pixels, NaN elsewhere.
+    by the sheet's shape, by shading and by marks. sheets: the nodes' graph, None: made with each set of marks. labels
+    (K, H, W) bool: exterior nodes. values (H, W, 3): accepted normals, NaN elsewhere. confidence (H, W): theirs, NaN
+    elsewhere. known (H, W) bool: where they enter the field. initial, smooth (H, W, 3): the first field, and the present
+    one. weights (K, H, W): of the clusters. unreached (H, W, 3): normals of dark pixels, NaN elsewhere.
     """
 
     normals: np.ndarray
@@ -157,13 +157,17 @@ class Alternation:
         graph = GraphCut(self.normals, self.graph_cut_weights.strength, self.graph_cut_weights.contrast)
         for _ in range(max_iterations):
             changed = self.label(graph)
-            self.values = accepted_normals(self.normals, self.labels, self.marked_normals)
-            self.confidence = self.with_marks(observed_confidence(self.values, self.scale))
-            self.known = self.confidence >= min_confidence
-            self.smooth = self.solve_field(self.known, self.values, faces=self.faces)
+            self.follow_labels(min_confidence)
             self.history = [*self.history, Iteration(int(self.labels.any(axis=0).sum()), changed)]
             if changed <= convergence_tolerance * self.mask.sum():
                 break
+
+    def follow_labels(self, min_confidence: float) -> None:
+        """Replace accepted normals, their confidence and the field by those of the present labels."""
+        self.values = accepted_normals(self.normals, self.labels, self.marked_normals)
+        self.confidence = self.with_marks(observed_confidence(self.values, self.scale))
+        self.known = self.confidence >= min_confidence
+        self.smooth = self.solve_field(self.known, self.values, faces=self.faces)
 
     def with_marks(self, confidence: np.ndarray) -> np.ndarray:
         """Return the confidence (H, W) of accepted normals, raised where a true mark lies on their sheet."""
@@ -172,19 +176,22 @@ class Alternation:
 
     def label(self, graph: GraphCut) -> int:
         """Label all nodes of a graph against the present field; return the number of pixels whose labels changed."""
-        weights, error = self.graph_cut_weights, self.field_error
+        error = self.field_error
         observed = self.known & self.labels.any(axis=0)
         if self.faces is not None:
             observed |= self.faces.observed
         # The field is trusted near what shaped it: the contour too, unless expected normals took its place.
         sources = observed if self.expected is not None else self.rim | observed
         spread = field_spread(sources, self.local_scale, error.floor, error.slope, error.ceiling)
-        ratios = unary_log_ratio(self.normals, self.smooth, spread, weights.prior) + self.evidence
-        if self.pins.any():
-            ratios = np.where(self.pins != 0, self.pins * HARD_CONSTRAINT, ratios)
+        ratios = self.log_ratios(spread)
         previous = self.labels
         self.labels = keep_best_per_pixel(graph.cut(ratios), ratios)
         return int((previous != self.labels).any(axis=0).sum())
+
+    def log_ratios(self, spread: np.ndarray) -> np.ndarray:
+        """Compute the nodes' log-likelihood ratios (K, H, W), nats, for a spread (H, W) of the field in radians."""
+        ratios = unary_log_ratio(self.normals, self.smooth, spread, self.graph_cut_weights.prior) + self.evidence
+        return np.where(self.pins != 0, self.pins * HARD_CONSTRAINT, ratios) if self.pins.any() else ratios
 
     def adopt_symmetry(self) -> bool:
         """Make a surface of revolution the expected field, where there was none, if the accepted normals support it."""
@@ -225,22 +232,15 @@ class Alternation:
         coarse = smooth_normal_field(self.mask, self.field_weights.tension_length, HELD_OUT_NODES)
         sheets = segment_sheets(self.values)
         evidence = np.take_along_axis(self.evidence, self.labels.argmax(axis=0)[None], axis=0)[0]
-        residual = held_out_residual(
-            sheets,
-            self.values,
-            self.known,
-            self.rim,
-            self.mask,
-            self.scale,
-            lambda kept: self.solve_field(kept, self.values, coarse),
-        )
+
+        def predict(kept: np.ndarray) -> np.ndarray:
+            return self.solve_field(kept, self.values, coarse)
+
+        residual = held_out_residual(sheets, self.values, self.known, self.rim, self.mask, self.scale, predict)
         observed = sheet_confidence(self.values, sheet_means(sheets, evidence), residual, self.scale)
         observed = self.with_marks(observed)
-        slope = field_error_slope(
-            lambda kept: self.solve_field(kept, self.values),
-            np.where(self.known[..., None], self.values, np.nan),
-            self.scale,
-        )
+        accepted = np.where(self.known[..., None], self.values, np.nan)
+        slope = field_error_slope(lambda kept: self.solve_field(kept, self.values), accepted, self.scale)
         certain = self.known & (observed >= min_confidence)
         between = field_confidence(certain, self.rim, slope, self.scale)
         if self.faces is not None:

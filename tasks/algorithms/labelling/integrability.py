@@ -26,6 +26,16 @@ SCRAP_LOG_RATIO = -2.0
 """Nats for scraps that are too small to have a shape: more often false than exterior."""
 
 
+def window_step(scale: float) -> int:
+    """Return the distance in pixels between the window's samples for an inradius of the mask `scale` in pixels."""
+    return max(1, round(scale / 100.0))
+
+
+def window_area(scale: float) -> int:
+    """Return the pixels under a node's window: nodes so near share the noise of their evidence."""
+    return (7 * window_step(scale)) ** 2
+
+
 def shape_log_ratio(normals: np.ndarray, scale: float) -> np.ndarray:
     """Compute the log-likelihood ratio of exterior against false from the shape of each node's sheet.
 
@@ -39,7 +49,7 @@ def shape_log_ratio(normals: np.ndarray, scale: float) -> np.ndarray:
     Returns:
         (K, H, W) float32, nats, NaN without cluster.
     """
-    curl, jacobian, convexity = np.moveaxis(sheet_jacobian(normals, max(1, round(scale / 100.0))), -1, 0)
+    curl, jacobian, convexity = np.moveaxis(sheet_jacobian(normals, window_step(scale)), -1, 0)
     relative_curl = np.abs(curl) / (jacobian + MIN_JACOBIAN_PER_INRADIUS / scale)
     exterior = (1.0 - CURL_OUTLIER_SHARE) / CURL_SCALE * np.exp(-relative_curl / CURL_SCALE) + CURL_OUTLIER_SHARE
     integrable = np.log(exterior)

@@ -6,6 +6,8 @@ maps the image smoothly to half vectors, so true and false candidates form diffe
 sheets by a graph cut against the present field (`graph_cut`), then solves the field again from the accepted normals of
 sufficient confidence and the occluding contour (`smooth_normals`). The first field knows the contour alone. If the
 converged normals show a surface of revolution, it becomes the expected field and the iterations continue (`symmetry`).
+Then sheets that the field contradicts are accepted if their own shape outweighs that (`segments`), and where nothing
+flashed the field is bent away from the lights (`unreached`).
 """
 
 from copy import copy
@@ -16,6 +18,7 @@ import numpy as np
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.labelling.alternation import Alternation
+from glint.tasks.algorithms.labelling.graph_cut import GraphCut
 from glint.tasks.algorithms.labelling.results import (
     FILLED,
     MARKED,
@@ -24,6 +27,7 @@ from glint.tasks.algorithms.labelling.results import (
     SILHOUETTE,
     Reconstruction,
 )
+from glint.tasks.algorithms.labelling.segments import unexpected_sheets
 from glint.tasks.algorithms.labelling.weights import (
     DEFAULT_FIELD,
     DEFAULT_FIELD_ERROR,
@@ -39,6 +43,8 @@ if TYPE_CHECKING:
 
 NOISE_DEG, DETAIL_DEG = 3.0, 6.0
 """Angle between accepted normal and field up to which the difference is noise, and from which it is surface detail."""
+MAX_UNEXPECTED_ROUNDS = 3
+"""Rounds in which sheets that the field contradicts are looked for: each may show the field of the next."""
 
 
 def reconstruct_normals(
@@ -100,6 +106,10 @@ def reconstruct_normals(
         state.iterate(max_iterations, convergence_tolerance, min_confidence)
     if state.relief_fit > 0.0 and state.adopt_symmetry():
         # Highlights that a relief explains show more of it.
+        state.iterate(max_iterations, convergence_tolerance, min_confidence)
+    for _ in range(MAX_UNEXPECTED_ROUNDS):
+        if expected is not None or not _accept_unexpected(state, min_confidence):
+            break
         state.iterate(max_iterations, convergence_tolerance, min_confidence)
     if state.expected is None:
         _bend_dark_pixels(state)
@@ -172,6 +182,19 @@ def _bend_dark_pixels(state: Alternation) -> None:
         confidence = np.where(state.known, state.confidence, 0.0)
         state.unreached = unreached_normals(state.smooth, confidence, state.mask, swept, state.scale, solve)
         state.smooth = solve(state.unreached)
+
+
+def _accept_unexpected(state: Alternation, min_confidence: float) -> bool:
+    """Accept sheets that the field contradicts and their own shape outweighs; return whether there are any."""
+    weights = state.graph_cut_weights
+    ratios = state.log_ratios(np.full(state.mask.shape, np.radians(state.field_error.ceiling)))
+    proposed = GraphCut(state.normals, weights.strength, weights.contrast).cut(ratios)
+    found = unexpected_sheets(state.normals, state.labels, ratios, proposed, state.scale)
+    state.labels = np.where(found.any(axis=0), found, state.labels)
+    if found.any():
+        # The field is solved before it is asked again: it would reject the sheets for what it knew without them.
+        state.follow_labels(min_confidence)
+    return bool(found.any())
 
 
 def _denoise(values: np.ndarray, smooth: np.ndarray) -> np.ndarray:

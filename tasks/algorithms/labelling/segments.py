@@ -1,8 +1,14 @@
-"""Segment accepted normals into connected sheets, and score each by its residual against the field of all the rest.
+"""Segment normals into connected sheets, and judge each as a whole.
 
-A false sheet can be smooth, and once it is accepted the field follows it, so that each seems to confirm the other.
-Therefore a whole sheet is held out at a time and predicted from the occluding contour and all remaining sheets
-(leave-one-out cross-validation with sheets as folds). For sheets see `reconstruction`; the paper has no such test.
+Accepted sheets are scored by their residual against the field of all the rest. A false sheet can be smooth, and once it
+is accepted the field follows it, so that each seems to confirm the other. Therefore a whole sheet is held out at a time
+and predicted from the occluding contour and all remaining sheets (leave-one-out cross-validation with sheets as folds).
+
+A true sheet can be rejected, because the field misleads: the silhouette says nothing of a limb that hangs before the
+body. If the field is wrong there, it is wrong for the sheet as a whole, which is one event and no evidence of each
+node. What the nodes' own shape says for them grows with the area of the sheet, so a large one outweighs that event.
+
+For sheets see `reconstruction`; the paper has neither test.
 """
 
 from collections.abc import Callable
@@ -12,6 +18,9 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.labelling.answers import sheet_graph
+from glint.tasks.algorithms.labelling.graph_cut import keep_best_per_pixel
+from glint.tasks.algorithms.labelling.integrability import window_area
 from glint.tasks.algorithms.prior.smooth_normals import field_spread
 
 SAME_SHEET_COSINE = float(np.cos(np.radians(5.0)))
@@ -22,6 +31,9 @@ SMALL_SHEET_RESIDUAL = 2.0
 """Residual given to smaller sheets: as large as that of most false sheets."""
 MAX_RESIDUAL_DEG = 20.0
 """Angles to the prediction are clipped here: beyond it a sheet is no more wrong."""
+MISLED_FIELD_NATS = 3.0
+"""Evidence that the nodes of a sheet must have beyond their rivals' for the field to be wrong there: one such sheet in
+twenty is taken to be true beforehand."""
 
 
 def segment_sheets(normals: np.ndarray) -> np.ndarray:
@@ -90,3 +102,31 @@ def held_out_residual(
         residual = np.minimum(angles(predict(kept)[withheld], normals[withheld]), MAX_RESIDUAL_DEG)
         result[withheld] = residual.mean() / np.degrees(spread).mean()
     return result
+
+
+def unexpected_sheets(
+    normals: np.ndarray, labels: np.ndarray, ratios: np.ndarray, proposed: np.ndarray, scale: float
+) -> np.ndarray:
+    """Find rejected sheets that would be exterior, rather than what was accepted in their place, if the field is wrong.
+
+    Args:
+        normals: (K, H, W, 3) unit, camera frame, NaN without cluster.
+        labels: (K, H, W) bool, present exterior nodes.
+        ratios: (K, H, W) log-likelihood ratios in nats under a field that hardly matters.
+        proposed: (K, H, W) bool, the exterior nodes of the graph's cut by these.
+        scale: inradius of the mask in pixels.
+
+    Returns:
+        (K, H, W) bool, the nodes of these sheets, at most one at a pixel.
+    """
+    nodes = keep_best_per_pixel(proposed, ratios) & ~labels
+    if not nodes.any():
+        return nodes
+    # The field follows what was accepted, so that it agrees with a rival is no evidence for it.
+    rival = np.where(labels, ratios, 0.0).sum(axis=0)
+    _, ties = sheet_graph(np.where(nodes[..., None], normals, np.nan))
+    sheets = connected_components(ties, directed=False)[1]
+    # Nodes under one window share their noise, so they are one observation.
+    gain = np.bincount(sheets, (ratios - rival)[nodes]) / window_area(scale)
+    nodes[nodes] = gain[sheets] >= MISLED_FIELD_NATS
+    return nodes

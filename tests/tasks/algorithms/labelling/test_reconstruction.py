@@ -39,6 +39,23 @@ def clusters_of(normals: np.ndarray) -> SimpleNamespace:
     return SimpleNamespace(normals=normals, shading=unknown, weight=single, observations=observations)
 
 
+def head_with_ear(size: int = 90) -> tuple[Scene, np.ndarray]:
+    """Clusters, mask and truth of a sphere, and the pixels of a narrow ellipsoid that hangs before its contour."""
+    rows, columns = np.indices((size, size)) - (size - 1) / 2
+
+    def ellipsoid(centre: float, a: float, b: float, c: float) -> tuple[np.ndarray, np.ndarray]:
+        x, y = (columns - centre * size) / (a * size), -rows / (b * size)
+        z = np.sqrt(np.maximum(1 - x**2 - y**2, 0.0))
+        return x**2 + y**2 < 1, unit(np.stack([x / a, y / b, z / c], axis=-1))
+
+    head, head_normals = ellipsoid(0.0, 0.42, 0.42, 0.42)
+    ear, ear_normals = ellipsoid(-0.36, 0.13, 0.3, 0.06)
+    truth = np.where((head | ear)[..., None], np.where(ear[..., None], ear_normals, head_normals), np.nan)
+    seen = unit(truth + np.random.default_rng(0).normal(0.0, 0.01, truth.shape))
+    seen[~(truth[..., 2] > 0.75)] = np.nan
+    return (clusters_of(seen[None].astype(np.float32)), head | ear, truth), ear & np.isfinite(seen[..., 0])
+
+
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     return pebble()
@@ -177,3 +194,21 @@ def test_flat_faces_come_right_where_no_light_was_seen() -> None:
     assert angles(with_faces.normals, truth)[mask & ~unseen].mean() < 1.5
     # What follows from creases alone is not as sure as what was seen.
     assert np.median(with_faces.confidence[unseen]) < 0.95
+
+
+def test_a_sheet_before_the_body_is_accepted_though_the_silhouette_says_nothing_of_it() -> None:
+    (clusters, mask, truth), ear = head_with_ear()
+    result = reconstruct_normals(clusters, mask, symmetry=False, flat_faces=False)
+    assert result.labels.any(axis=0)[ear].mean() > 0.8
+    assert np.median(angles(result.normals, truth)[ear]) < 3.0
+    assert np.median(angles(result.initial, truth)[ear]) > 30.0
+
+
+def test_a_false_sheet_of_that_size_is_not_accepted() -> None:
+    (clusters, mask, truth), ear = head_with_ear()
+    # Light that crosses the glass shows a sheet that is turned inwards and whose gradients have a curl.
+    p, q = -truth[..., 0] / truth[..., 2], -truth[..., 1] / truth[..., 2]
+    false = unit(np.stack([p + 0.5 * q, q - 0.5 * p, np.ones_like(p)], axis=-1))
+    clusters.normals[0][ear] = false[ear]
+    result = reconstruct_normals(clusters, mask, symmetry=False, flat_faces=False)
+    assert result.labels.any(axis=0)[ear].mean() < 0.1

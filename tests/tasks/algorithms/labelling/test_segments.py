@@ -1,10 +1,13 @@
 import numpy as np
 
+from glint.tasks.algorithms.labelling.integrability import window_area
 from glint.tasks.algorithms.labelling.segments import (
+    MISLED_FIELD_NATS,
     SMALL_SHEET_RESIDUAL,
     held_out_residual,
     segment_sheets,
     sheet_means,
+    unexpected_sheets,
 )
 
 
@@ -63,3 +66,35 @@ def test_a_sheet_that_the_rest_of_the_object_contradicts_has_a_large_residual() 
     assert not predicted[0][20, 5]
     assert predicted[0][20, 50]
     assert not predicted[1][20, 50]
+
+
+def found_sheet(side: int, evidence: float = 1.0, rival: float | None = None) -> np.ndarray:
+    """Return which nodes are found of a rejected square sheet, and of a rival accepted in its place, if any."""
+    normals = np.full((2, 40, 40, 3), np.nan)
+    sheet, other = np.zeros((2, 40, 40), dtype=bool)
+    sheet[5 : 5 + side, 5 : 5 + side] = True
+    normals[0][sheet], normals[1][sheet] = tilted(30.0), tilted(0.0)
+    present = np.isfinite(normals[..., 0])
+    labels = np.stack([other, sheet & (rival is not None)])
+    ratios = np.where(present, np.array([evidence, -1.0 if rival is None else rival])[:, None, None], np.nan)
+    return unexpected_sheets(normals, labels, ratios, ratios > 0.0, 40.0)
+
+
+def test_a_sheet_that_the_field_contradicts_is_found_by_its_area_and_its_evidence() -> None:
+    area = window_area(40.0)
+    large = int(np.ceil(np.sqrt(MISLED_FIELD_NATS * area)))
+    found = found_sheet(large)
+    assert found[0, 5 : 5 + large, 5 : 5 + large].all() and found.sum() == large**2
+    assert not found_sheet(large - 1).any()
+    assert not found_sheet(large, evidence=0.5).any()
+    assert found_sheet(large + 6, evidence=0.9).any()
+
+
+def test_what_was_accepted_in_its_place_counts_against_it() -> None:
+    assert found_sheet(30, rival=-0.5)[0].any()
+    assert not found_sheet(30, rival=0.95).any()
+
+
+def test_nothing_proposed_is_nothing_found() -> None:
+    empty = np.zeros((1, 8, 8), dtype=bool)
+    assert not unexpected_sheets(np.full((1, 8, 8, 3), np.nan), empty, empty * 1.0, empty, 10.0).any()
