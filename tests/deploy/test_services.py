@@ -18,6 +18,7 @@ from glint.flows.runtime import scheduler_client
 from glint.flows.runtime.scheduler_client import connected_client
 from tests.acceptance.processes import Services, answers
 from tests.deploy.test_files import COMPOSE
+from tests.polling import PATIENCE
 from tests.s3_gateway import free_port
 
 pytestmark = pytest.mark.server
@@ -80,8 +81,8 @@ def test_dask_serves_whoever_has_the_certificate(
     names = {name: name.removeprefix("DASK_").lower().replace("__", ".") for name in settings}
     with dask.config.set({names[n]: settings[n] for n in settings if "TLS" in n or "ENCRYPTION" in n}):
         client = connected_client(address)
-        client.wait_for_workers(1, timeout=60)
-        assert client.submit(abs, -5).result(timeout=60) == 5
+        client.wait_for_workers(1, timeout=PATIENCE)
+        assert client.submit(abs, -5).result(timeout=PATIENCE) == 5
         assert all(worker.startswith("tls://") for worker in client.nthreads())
         client.close()
 

@@ -15,6 +15,7 @@ from glint.flows.runtime import scheduler_client
 from glint.flows.runtime.dask_cluster import Cluster
 from glint.flows.runtime.scheduler_client import connected_client
 from tests.flows.runtime.dask_certificates import certificates, settings
+from tests.polling import PATIENCE
 
 pytestmark = pytest.mark.server
 
@@ -74,7 +75,7 @@ def test_a_silent_port_is_given_up(scheme: str) -> None:
         pytest.raises(ClusterError, match=r"no answer within 2 s"),
     ):
         connected_client(f"{scheme}://{address}")
-    assert time.monotonic() - begin < 15
+    assert time.monotonic() - begin < 60
 
 
 @pytest.mark.usefixtures("impatient")
@@ -99,5 +100,5 @@ def test_a_scheduler_with_tls_wants_its_own_certificates(cluster: Cluster) -> No
         connected_client(cluster.address.replace("tls://", "tcp://"))
     with certificates(cluster):
         client = connected_client(cluster.address)
-        assert client.submit(abs, -3).result(timeout=60) == 3
+        assert client.submit(abs, -3).result(timeout=PATIENCE) == 3
         client.close()
