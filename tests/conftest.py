@@ -11,6 +11,14 @@ import pytest
 from tests import azure_emulator, s3_gateway
 
 
+@pytest.fixture(scope="session", autouse=True)
+def home_of_tests(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Leave the user's home of Glint, and the server there, alone; tests of flows have a home with a server."""
+    with pytest.MonkeyPatch.context() as environment:
+        environment.setenv("GLINT_HOME", str(tmp_path_factory.mktemp("home-of-tests")))
+        yield
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """The folder of shared captures and photographs; tests that read it are skipped where it is absent."""
