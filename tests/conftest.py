@@ -38,6 +38,18 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A catalogue with a capture `hemisphere/front` of 150 frames for tests of what goes round the stages.
+
+    Its object is too small to be searched for symmetry, so that its stages take a quarter of the seconds.
+    """
+    from glint.tasks.simulation.simulate import CaptureOptions, simulate
+
+    folder = tmp_path_factory.mktemp("tiny")
+    return simulate("hemisphere", folder, CaptureOptions(frames=150, scale=0.15, sphere_radius=22.0)).catalogue
+
+
+@pytest.fixture(scope="session")
 def performed(tmp_path_factory: pytest.TempPathFactory, simulated: Path) -> Path:
     """A store in which all stages of the simulated capture are performed, nothing is published; to be copied."""
     from glint.tasks.engine.references import CaptureReference

@@ -53,13 +53,13 @@ def started(home: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def place(tmp_path_factory: pytest.TempPathFactory, simulated: Path, home: Path) -> Path:
+def place(tmp_path_factory: pytest.TempPathFactory, tiny: Path, home: Path) -> Path:
     """A folder with a catalogue of one good and one bad capture."""
     folder = tmp_path_factory.mktemp("place")
-    good = load(simulated).objects[0]
+    good = load(tiny).objects[0]
     bad = good.captures[0].model_copy(update={"id": "bad", "frames": str(folder / "missing.mp4")})
     both = good.model_copy(update={"captures": (*good.captures, bad)})
-    write(load(simulated).model_copy(update={"objects": (both,)}), folder / "catalogue.yaml")
+    write(load(tiny).model_copy(update={"objects": (both,)}), folder / "catalogue.yaml")
     return folder
 
 

@@ -35,10 +35,10 @@ Run = Callable[..., tuple[Any, list[Event]]]
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory, simulated: Path) -> Path:
+def folder(tmp_path_factory: pytest.TempPathFactory, tiny: Path) -> Path:
     """Catalogues `good` (objects a, b), `mixed` (a whole, c with a bad capture) and `bad` (g/bad alone)."""
     place = tmp_path_factory.mktemp("catalogues")
-    good = load(simulated).objects[0]
+    good = load(tiny).objects[0]
     capture = good.captures[0]
     missing = capture.model_copy(update={"id": "bad", "frames": str(place / "missing.mp4")})
 
@@ -122,7 +122,7 @@ def test_an_unchanged_catalogue_needs_no_run_no_worker_and_no_footage(run: Run, 
     assert [each["metrics"]["task_counts"] for each in after.values()] == [
         each["metrics"]["task_counts"] for each in before.values()
     ]
-    assert result.captures[0].count("frames", "frames") == 300
+    assert result.captures[0].count("frames", "frames") == 150
 
 
 def test_a_run_with_failures_says_how_many_and_why(run: Run, folder: Path) -> None:
