@@ -3,21 +3,31 @@
 PYTHON := .venv/bin/python
 SHARE := not slow
 UNITS := tests/tasks/algorithms tests/tasks/engine/test_parameters.py tests/storage
+# Folders that are tested in processes of their own, JOBS of them at a time, beside all other tests.
+PARTS := tests/tasks tests/storage tests/flows/review
+JOBS := 2
 
-.PHONY: demo test test-unit test-all bench lint format setup requirements clean
+.PHONY: demo test test-unit test-all bench lint format setup requirements clean $(PARTS) tests/others
 
 demo: .venv/ready
 	.venv/bin/glint demo
 
-test: lint
-	$(PYTHON) -m pytest -q -m "$(SHARE)" --durations=25 --durations-min=5
+# Each part prints what it has to say at its end. The longest one comes first, so that no other is left at the end.
+test: .venv/ready
+	$(MAKE) --no-print-directory --keep-going --output-sync --jobs=$(JOBS) lint tests/others $(PARTS)
+
+$(PARTS): .venv/ready
+	$(PYTHON) -m pytest -q -m "$(SHARE)" --durations=10 --durations-min=5 $@
+
+tests/others: .venv/ready
+	$(PYTHON) -m pytest -q -m "$(SHARE)" --durations=10 --durations-min=5 $(PARTS:%=--ignore=%)
 
 # The inner loop, in under a minute: algorithms and storage, without servers, whole captures and long tests.
 test-unit: .venv/ready
 	$(PYTHON) -m pytest -q -m "not slow and not server and not long" $(UNITS)
 
-test-all: lint
-	$(PYTHON) -m pytest -q
+test-all: .venv/ready
+	$(MAKE) --no-print-directory test SHARE=
 
 # Ratios within one run, each beside its bar and the last release's; minutes on a quiet machine.
 bench: .venv/ready

@@ -5,15 +5,13 @@ import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable
 from itertools import count
 from pathlib import Path
 from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
 
-PATIENCE = 60.0
-"""Seconds for the browser's start, an answer of it, and a condition on a page."""
+from tests.polling import PATIENCE, until
 
 CLOSING = 0.2
 """Seconds for the browser's answer when a connection ends: none comes behind events that nobody has read."""
@@ -131,11 +129,3 @@ class Browser:
         )
         self._channels.append(channel)
         return Page(channel)
-
-
-def until(holds: Callable[[], bool], seconds: float = PATIENCE) -> None:
-    """Wait until something holds."""
-    deadline = time.monotonic() + seconds
-    while not holds():
-        assert time.monotonic() < deadline, "it did not happen"
-        time.sleep(0.1)

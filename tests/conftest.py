@@ -11,6 +11,14 @@ import pytest
 from tests import azure_emulator, s3_gateway
 
 
+@pytest.fixture(scope="session", autouse=True)
+def home_of_tests(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Leave the user's home of Glint, and the server there, alone; tests of flows have a home with a server."""
+    with pytest.MonkeyPatch.context() as environment:
+        environment.setenv("GLINT_HOME", str(tmp_path_factory.mktemp("home-of-tests")))
+        yield
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """The folder of shared captures and photographs; tests that read it are skipped where it is absent."""
@@ -27,6 +35,18 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     folder = tmp_path_factory.mktemp("simulated")
     return simulate("hemisphere", folder, CaptureOptions(frames=300, scale=0.3, sphere_radius=22.0)).catalogue
+
+
+@pytest.fixture(scope="session")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A catalogue with a capture `hemisphere/front` of 150 frames for tests of what goes round the stages.
+
+    Its object is too small to be searched for symmetry, so that its stages take a quarter of the seconds.
+    """
+    from glint.tasks.simulation.simulate import CaptureOptions, simulate
+
+    folder = tmp_path_factory.mktemp("tiny")
+    return simulate("hemisphere", folder, CaptureOptions(frames=150, scale=0.15, sphere_radius=22.0)).catalogue
 
 
 @pytest.fixture(scope="session")

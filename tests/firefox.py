@@ -14,7 +14,8 @@ from typing import Any
 
 from websockets.sync.client import connect
 
-from tests.browser import CLOSING, PATIENCE, Channel, until
+from tests.browser import CLOSING, Channel
+from tests.polling import PATIENCE, until
 
 PORT_FILE = "WebDriverBiDiServer.json"
 SCREEN = "1280x1024x24"

@@ -94,7 +94,9 @@ def test_a_missing_python_is_said_in_one_line(tmp_path: Path) -> None:
 def test_the_wheel_holds_one_import_package(tmp_path: Path) -> None:
     """Nothing named `tasks`, `flows` or `storage` enters anybody's site-packages; links become folders."""
     source = tmp_path / "source"
-    ignored = shutil.ignore_patterns(".git", ".venv", "__pycache__", "build", "*.egg-info", "glint-*", "tests", "docs")
+    ignored = shutil.ignore_patterns(
+        ".git", ".venv", ".*_cache", ".hypothesis", "__pycache__", "build", "*.egg-info", "glint-*", "tests", "docs"
+    )
     shutil.copytree(ROOT, source, symlinks=True, ignore=ignored)
     build = "import setuptools.build_meta as b, sys; print(b.build_wheel(sys.argv[1]))"
     subprocess.run([sys.executable, "-c", build, str(tmp_path)], cwd=source, check=True, capture_output=True)

@@ -11,9 +11,8 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
+from tests.polling import PATIENCE
 from tests.s3_gateway import free_port
-
-PATIENCE = 120.0
 
 
 class Services:

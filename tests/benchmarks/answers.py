@@ -21,8 +21,8 @@ import requests
 
 from glint.storage.kept_values import KEPT_FOLDER
 from glint.tasks.review.questions import _sessions
-from tests import browser
 from tests.flows.review.conftest import serve
+from tests.polling import until
 
 
 def main() -> None:
@@ -44,7 +44,7 @@ def main() -> None:
         wall, processor = time.perf_counter(), time.process_time()
         proposed = session.get(f"{path}/questions", timeout=600).json()
         took = time.perf_counter() - wall, time.process_time() - processor
-        browser.until(lambda: served.app.state.review.preparation.is_idle)
+        until(lambda: served.app.state.review.preparation.is_idle)
         print(f"first questions, {state}: {took[0]:.1f} s, processor {took[1]:.1f} s, load {os.getloadavg()[0]:.1f}")
     marks, revision = proposed["marks"], proposed["revision"]
     walls, processors = list[float](), list[float]()

@@ -1,8 +1,7 @@
 """Deployments on a real server, run by a real worker: inbox scans, limits, cancellation, notifications."""
 
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
@@ -36,11 +35,10 @@ from glint.storage.errors import InputError
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import run_owner
 from glint.storage.versions.repository import ObjectRepository
+from tests.polling import PATIENCE, until
 from tests.scene import draw_scene
 
 pytestmark = [pytest.mark.slow, pytest.mark.server]
-
-TIMEOUT_SECONDS = 120.0
 
 
 class NotificationServer(ThreadingHTTPServer):
@@ -99,15 +97,6 @@ def deployed(worker: str, notifications: NotificationServer, folders: tuple[Path
     return deploy(options)
 
 
-def until(query: Callable[[], Any]) -> Any:
-    """Repeat a query until its result is true."""
-    deadline = time.monotonic() + TIMEOUT_SECONDS
-    while not (result := query()):
-        assert time.monotonic() < deadline, "it did not happen"
-        time.sleep(0.2)
-    return result
-
-
 def read_run(run_id: Any) -> FlowRun:
     with get_client(sync_client=True) as client:
         return client.read_flow_run(run_id)
@@ -126,7 +115,7 @@ def scheduled() -> list[FlowRun]:
 
 
 def call(name: str, **parameters: Any) -> FlowRun:
-    run: Any = run_deployment(name, parameters=parameters, timeout=TIMEOUT_SECONDS, poll_interval=0.5)
+    run: Any = run_deployment(name, parameters=parameters, timeout=PATIENCE, poll_interval=0.5)
     return run
 
 

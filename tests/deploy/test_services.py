@@ -18,6 +18,7 @@ from glint.flows.runtime import scheduler_client
 from glint.flows.runtime.scheduler_client import connected_client
 from tests.acceptance.processes import Services, answers
 from tests.deploy.test_files import COMPOSE
+from tests.polling import PATIENCE
 from tests.s3_gateway import free_port
 
 pytestmark = pytest.mark.server
@@ -56,7 +57,6 @@ def services(tmp_path: Path) -> Iterator[Services]:
 def test_dask_serves_whoever_has_the_certificate(
     services: Services, certificate: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(scheduler_client, "CONNECT_SECONDS", 5.0)
     port, dashboard = free_port(), free_port()
     settings = environment("dask-scheduler", certificate)
     places = {"0.0.0.0": "127.0.0.1", "8786": str(port), ":8787": f"127.0.0.1:{dashboard}"}
@@ -75,13 +75,14 @@ def test_dask_serves_whoever_has_the_certificate(
     address = f"tls://127.0.0.1:{port}"
     with pytest.raises(ClusterError, match="wants certificates"):
         connected_client(address)
-    with pytest.raises(ClusterError, match="does not answer"):
+    with monkeypatch.context() as impatient, pytest.raises(ClusterError, match="does not answer"):
+        impatient.setattr(scheduler_client, "CONNECT_SECONDS", 2.0)
         connected_client(address.replace("tls", "tcp"))
     names = {name: name.removeprefix("DASK_").lower().replace("__", ".") for name in settings}
     with dask.config.set({names[n]: settings[n] for n in settings if "TLS" in n or "ENCRYPTION" in n}):
         client = connected_client(address)
-        client.wait_for_workers(1, timeout=60)
-        assert client.submit(abs, -5).result(timeout=60) == 5
+        client.wait_for_workers(1, timeout=PATIENCE)
+        assert client.submit(abs, -5).result(timeout=PATIENCE) == 5
         assert all(worker.startswith("tls://") for worker in client.nthreads())
         client.close()
 

@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import pytest
 from glint.flows.deployments import worker
 from glint.flows.runtime.prefect_server import Server
 from glint.flows.runtime.server_process import process_start_time
+from tests.polling import until
 
 
 @pytest.fixture
@@ -38,11 +38,11 @@ def test_a_worker_follows_a_server_with_another_password(tmp_path: Path, monkeyp
     def start(arguments: object) -> subprocess.Popen[bytes]:
         assert arguments == ["worker", "start", "--pool", "lab"]
         started.append((os.environ.get("PREFECT_API_URL"), os.environ.get("PREFECT_API_AUTH_STRING")))
-        code = "import time; time.sleep(60)" if len(started) == 1 else "raise SystemExit(7)"
+        code = "import time; time.sleep(600)" if len(started) == 1 else "raise SystemExit(7)"
         return subprocess.Popen([sys.executable, "-c", code])
 
     def replace_server() -> None:
-        time.sleep(0.5)
+        until(lambda: started)
         write_state(tmp_path, 4202, "glint:second")
 
     monkeypatch.setattr(worker, "_start", start)

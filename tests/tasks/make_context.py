@@ -14,11 +14,10 @@ def make_context(
     catalogue: Path, store: Path, parameters: dict[str, Any] | None = None, **changed: Any
 ) -> CaptureContext:
     """The workspace of the catalogue's first capture with some keys changed."""
-    capture = load(catalogue).objects[0].captures[0]
-    entry = capture.model_dump(mode="json") | changed
-    return CaptureContext(
-        str(store), "glass", type(capture).model_validate(entry), Parameters.model_validate(parameters or {}), "test"
-    )
+    item = load(catalogue).objects[0]
+    capture = item.captures[0]
+    entry = type(capture).model_validate(capture.model_dump(mode="json") | changed)
+    return CaptureContext(str(store), item.id, entry, Parameters.model_validate(parameters or {}), "test")
 
 
 def perform_all(work: CaptureContext, last: str = "surface") -> list[StageRecord]:

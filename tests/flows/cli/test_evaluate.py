@@ -26,6 +26,8 @@ from glint.tasks.simulation.simulate import DEGRADED, CaptureOptions
 
 ROOT = Path(__file__).parents[3]
 SMALL = {"frames": 250, "scale": 0.25, "rays": 1, "sphere_radius": 20.0}
+TINY = {"frames": 150, "scale": 0.15, "rays": 1, "sphere_radius": 22.0}
+"""Too small to be searched for symmetry, which takes most of the seconds of a small capture."""
 FEW = {"no-defect": SMALL, "perspective": SMALL | DEGRADED["perspective"]}
 
 
@@ -99,7 +101,7 @@ def test_inputs_are_perturbed_from_the_command_line(
 ) -> None:
     """The command, on one small shape, a share of the perturbations, and the workers of the other tests."""
     monkeypatch.setattr(dask_cluster, "Cluster", lambda **_: nullcontext(cluster))
-    monkeypatch.setattr(cli_evaluate, "PERTURBED_QUICK_OPTIONS", SMALL)
+    monkeypatch.setattr(cli_evaluate, "PERTURBED_QUICK_OPTIONS", TINY)
     monkeypatch.setattr(matrix, "QUICK", ("as-it-is", "sphere-found", "light-at-10-widths"))
     out = tmp_path / "out"
     words = ["evaluate", "--perturbed", "--quick", "--out", str(out), "--only", "hemisphere/light-*"]

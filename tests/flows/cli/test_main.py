@@ -15,49 +15,60 @@ import pytest
 import typer.testing
 
 from glint.flows.cli.main import app
+from glint.flows.runtime.server_process import is_alive, read_state, server_folder
 from glint.storage.catalogue.loading import load, write
+from tests.polling import PATIENCE
 
 pytestmark = pytest.mark.server
 GLINT = [sys.executable, "-c", "from glint.flows.cli.main import main; main()"]
 ROOT = Path(__file__).parents[3]
 
 
+def environment(home: Path) -> dict[str, str]:
+    """That of a command with the embedded server of the tests."""
+    others = {name: value for name, value in os.environ.items() if not name.startswith(("PREFECT", "GLINT"))}
+    return others | {"GLINT_HOME": str(home), "PYTHONPATH": str(ROOT)}
+
+
 def glint(*words: str, folder: Path, home: Path, check: int | None = 0) -> subprocess.CompletedProcess[str]:
-    """Run a command in a folder, with the embedded server of the tests."""
-    environment = {name: value for name, value in os.environ.items() if not name.startswith(("PREFECT", "GLINT"))}
-    environment |= {"GLINT_HOME": str(home), "PYTHONPATH": str(ROOT)}
-    done = subprocess.run([*GLINT, *words], cwd=folder, env=environment, capture_output=True, text=True, timeout=200)
+    """Run a command in a folder."""
+    command = [*GLINT, *words]
+    done = subprocess.run(command, cwd=folder, env=environment(home), capture_output=True, text=True, timeout=600)
     assert check is None or done.returncode == check, f"{words}: {done.returncode}\n{done.stdout}\n{done.stderr}"
     return done
 
 
 @pytest.fixture(scope="module")
-def home(tmp_path_factory: pytest.TempPathFactory):  # type: ignore[no-untyped-def]
-    from glint.flows.runtime.prefect_server import stop_server
-
-    folder = tmp_path_factory.mktemp("home")
-    yield folder
-    stop_server(folder)
+def home(glint_home: Path) -> Path:
+    """The home of all tests of flows: its server, which the first run starts, is that of the later tests."""
+    return glint_home
 
 
 @pytest.fixture(scope="module")
-def place(tmp_path_factory: pytest.TempPathFactory, simulated: Path, home: Path) -> Path:
+def started(home: Path) -> str:
+    """What the first run has to start."""
+    state = read_state(server_folder(home))
+    is_up = state is not None and is_alive(*state.process)
+    return "worker processes" if is_up else "the dashboard's server and worker processes"
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory, tiny: Path, home: Path) -> Path:
     """A folder with a catalogue of one good and one bad capture."""
     folder = tmp_path_factory.mktemp("place")
-    good = load(simulated).objects[0]
+    good = load(tiny).objects[0]
     bad = good.captures[0].model_copy(update={"id": "bad", "frames": str(folder / "missing.mp4")})
     both = good.model_copy(update={"captures": (*good.captures, bad)})
-    write(load(simulated).model_copy(update={"objects": (both,)}), folder / "catalogue.yaml")
+    write(load(tiny).model_copy(update={"objects": (both,)}), folder / "catalogue.yaml")
     return folder
 
 
 @pytest.fixture(scope="module")
-def killed(place: Path, home: Path) -> list[dict[str, Any]]:
+def killed(place: Path, home: Path, started: str) -> list[dict[str, Any]]:
     """The events of the first run of the catalogue, which is killed once the lights are stored."""
-    environment = os.environ | {"GLINT_HOME": str(home), "PYTHONPATH": str(ROOT)}
     words = [*GLINT, "run", "catalogue.yaml", "--json"]
     process = subprocess.Popen(
-        words, cwd=place, env=environment, stdout=subprocess.PIPE, text=True, start_new_session=True
+        words, cwd=place, env=environment(home), stdout=subprocess.PIPE, text=True, start_new_session=True
     )
     events: list[dict[str, Any]] = []
     assert process.stdout is not None
@@ -66,7 +77,7 @@ def killed(place: Path, home: Path) -> list[dict[str, Any]]:
         if events[-1]["kind"] == "stage" and events[-1]["stage"] == "lights":
             os.killpg(process.pid, signal.SIGKILL)
             break
-    process.wait(30)
+    process.wait(PATIENCE)
     process.stdout.close()
     time.sleep(0.5)
     return events
@@ -78,11 +89,11 @@ def ran(killed: list[dict[str, Any]], place: Path, home: Path) -> subprocess.Com
     return glint("run", "catalogue.yaml", folder=place, home=home, check=1)
 
 
-def test_a_run_says_what_it_waits_for(killed: list[dict[str, Any]]) -> None:
+def test_a_run_says_what_it_waits_for(killed: list[dict[str, Any]], started: str) -> None:
     address = r"http://127.0.0.1:\d+"
     reading, starting, dashboard = [event["text"] for event in killed if event["kind"] == "message"][:3]
     assert reading == "reading catalogue.yaml and what glint-store holds of it"
-    assert starting == "starting the dashboard's server and worker processes"
+    assert starting == f"starting {started}"
     assert re.fullmatch(rf"dashboard {address}/glint/#\S+, workers \d+, Dask's dashboard {address}/status", dashboard)
 
 

@@ -2,8 +2,6 @@
 
 import json
 import threading
-import time
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -20,16 +18,9 @@ from glint.flows.reporting.flow_runs import failed_rows, running_rows
 from glint.flows.runtime.orphaned_runs import tagged_with_process
 from glint.flows.runtime.prefect_server import Server, running_server
 from glint.storage.errors import InputError
+from tests.polling import PATIENCE, until
 
 pytestmark = pytest.mark.server
-
-
-def wait_for[Result](query: Callable[[], Result], seconds: float = 30.0) -> Result:
-    """Repeat a query until its result is true: the server records a task run's events a second later."""
-    deadline = time.monotonic() + seconds
-    while not (result := query()) and time.monotonic() < deadline:
-        time.sleep(0.2)
-    return result
 
 
 @task(name="capture", task_run_name="{name}", persist_result=False)
@@ -47,19 +38,23 @@ def fake_object(name: str, good: bool, store: str) -> None:
 def test_the_last_failures_are_shown_with_their_remedies(
     server: Server, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for name, good in (("broken/front", False), ("fixed/front", False), ("fixed/front", True)):
+    def run(name: str, good: bool, store: str) -> None:
         with tagged_with_process():
-            fake_object(name, good, str(tmp_path))
-    with tagged_with_process():
-        fake_object("elsewhere/front", False, "/another/store")
-    expected = {("broken/front", "front.mp4 does not exist: check the path")}
-    assert wait_for(lambda: {(row["capture"], row["error"]) for row in failed_rows(str(tmp_path))} >= expected)
-    assert wait_for(lambda: "fixed/front" not in {row["capture"] for row in failed_rows(str(tmp_path))})
+            fake_object(name, good, store)
+
+    def failed() -> dict[str, str]:
+        return {row["capture"]: row["error"] for row in failed_rows(str(tmp_path))}
+
+    run("elsewhere/front", False, "/another/store")
+    for name in ("broken/front", "fixed/front"):
+        run(name, False, str(tmp_path))
+    until(lambda: set(failed()) == {"broken/front", "fixed/front"})
+    run("fixed/front", True, str(tmp_path))
+    until(lambda: failed() == {"broken/front": "front.mp4 does not exist: check the path"})
+    until(lambda: not running_rows(str(tmp_path)))
     status(str(tmp_path), as_json=True)
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert {"kind": "failed", "capture": "broken/front"}.items() <= next(
-        e for e in lines if e["capture"] == "broken/front"
-    ).items()
+    assert [(line["kind"], line["capture"]) for line in lines] == [("failed", "broken/front")]
     status(str(tmp_path), as_json=False)
     shown = capsys.readouterr().out
     assert "elsewhere" not in shown
@@ -73,7 +68,7 @@ def test_running_captures_are_shown_with_their_progress(server: Server, tmp_path
     def fake_capture() -> None:
         create_progress_artifact(42.0, key="running-front", description="clusters")
         reached.set()
-        released.wait(60)
+        released.wait(PATIENCE)
 
     @flow(name="object", persist_result=False)
     def fake_object(store: str) -> None:
@@ -86,22 +81,20 @@ def test_running_captures_are_shown_with_their_progress(server: Server, tmp_path
     thread = threading.Thread(target=work)
     thread.start()
     try:
-        assert reached.wait(60)
-        row = wait_for(
-            lambda: next((row for row in running_rows(str(tmp_path)) if row["running"] == "running/front"), None)
-        )
+        assert reached.wait(PATIENCE)
+        row = until(lambda: next((row for row in running_rows(str(tmp_path)) if row["progress"] == "42%"), None))
     finally:
         released.set()
         thread.join()
-    assert (row["type"], row["stage"], row["progress"]) == ("capture", "clusters", "42%") and row["since"]
-    assert wait_for(lambda: not [row for row in running_rows(str(tmp_path)) if row["running"] == "running/front"])
+    assert (row["running"], row["type"], row["stage"]) == ("running/front", "capture", "clusters") and row["since"]
+    until(lambda: not running_rows(str(tmp_path)))
 
 
 def test_the_stage_of_a_running_and_of_a_failed_capture_is_shown(
     server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(prefect_sink, "RUNNING_SECONDS", 0.0)
-    running: list[dict[str, Any]] = []
+    running: list[dict[str, Any] | None] = []
 
     def running_row() -> dict[str, Any] | None:
         rows = [row for row in running_rows(str(tmp_path)) if row["running"] == "staged/front" and row["stage"]]
@@ -111,7 +104,7 @@ def test_the_stage_of_a_running_and_of_a_failed_capture_is_shown(
     def fake_capture(sink: PrefectSink) -> None:
         with sink.attach("staged/front"):
             sink.emit(StageStarted("staged/front", "labels"))
-            running.append(wait_for(running_row) or {})
+            running.append(until(running_row))
             raise InputError("front.mp4 does not exist", "check the path")
 
     @flow(name="object", persist_result=False)
@@ -124,8 +117,8 @@ def test_the_stage_of_a_running_and_of_a_failed_capture_is_shown(
     def failed_stage() -> str:
         return "".join(row["stage"] for row in failed_rows(str(tmp_path)) if row["capture"] == "staged/front")
 
-    assert running[0]["stage"] == "labels"
-    assert wait_for(failed_stage) == "labels"
+    assert running[0] is not None and running[0]["stage"] == "labels"
+    assert until(failed_stage) == "labels"
 
 
 def test_status_starts_no_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

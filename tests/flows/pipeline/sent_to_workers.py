@@ -11,6 +11,15 @@ def slowly(seconds: float) -> str:
     return "done"
 
 
+def exists_at_last(path: str) -> bool:
+    """Wait until a file exists, for ten minutes at most."""
+    for _ in range(6000):
+        if Path(path).exists():
+            return True
+        time.sleep(0.1)
+    return False
+
+
 def late() -> None:
     raise TimeoutError("the task's own")
 

@@ -2,7 +2,6 @@
 
 import os
 import re
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -28,6 +27,7 @@ from glint.tasks.code_provenance import code_provenance
 from glint.tasks.engine.stage import StageRecord
 from glint.tasks.pipeline import STAGES
 from tests.flows.recording_sink import RecordingSink
+from tests.polling import until
 from tests.prefect_api import ask
 
 pytestmark = [pytest.mark.server, pytest.mark.usefixtures("server")]
@@ -35,10 +35,10 @@ Run = Callable[..., tuple[Any, list[Event]]]
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory, simulated: Path) -> Path:
+def folder(tmp_path_factory: pytest.TempPathFactory, tiny: Path) -> Path:
     """Catalogues `good` (objects a, b), `mixed` (a whole, c with a bad capture) and `bad` (g/bad alone)."""
     place = tmp_path_factory.mktemp("catalogues")
-    good = load(simulated).objects[0]
+    good = load(tiny).objects[0]
     capture = good.captures[0]
     missing = capture.model_copy(update={"id": "bad", "frames": str(place / "missing.mp4")})
 
@@ -87,22 +87,15 @@ def task_runs(flow_run: str, count: int) -> set[str]:
     """Return the names of a flow run's task runs, captures and stages, once the server has recorded so many."""
     chosen = FlowRunFilter(id=FlowRunFilterId(any_=[flow_run]))  # type: ignore[list-item]
     with get_client(sync_client=True) as client:
-        for _ in range(60):
-            if len(found := client.read_task_runs(flow_run_filter=chosen)) >= count:
-                return {run.name for run in found}
-            time.sleep(0.5)
-    raise AssertionError("no task runs")
+        until(lambda: len(client.read_task_runs(flow_run_filter=chosen)) >= count)
+        return {run.name for run in client.read_task_runs(flow_run_filter=chosen)}
 
 
 def told_events(name: str) -> list[dict[str, Any]]:
     """Payloads of the events of that name, once the server has them."""
     url = f"{os.environ['PREFECT_API_URL']}/events/filter"
-    for _ in range(60):
-        found = ask(url, {"filter": {"event": {"name": [name]}}})["events"]
-        if found:
-            return [each["payload"] for each in found]
-        time.sleep(0.5)
-    raise AssertionError(f"no event {name}")
+    found = until(lambda: ask(url, {"filter": {"event": {"name": [name]}}})["events"])
+    return [each["payload"] for each in found]
 
 
 def test_every_object_is_a_run_with_its_captures_in_it(run: Run) -> None:
@@ -129,7 +122,7 @@ def test_an_unchanged_catalogue_needs_no_run_no_worker_and_no_footage(run: Run, 
     assert [each["metrics"]["task_counts"] for each in after.values()] == [
         each["metrics"]["task_counts"] for each in before.values()
     ]
-    assert result.captures[0].count("frames", "frames") == 300
+    assert result.captures[0].count("frames", "frames") == 150
 
 
 def test_a_run_with_failures_says_how_many_and_why(run: Run, folder: Path) -> None:

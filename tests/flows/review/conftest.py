@@ -21,6 +21,7 @@ from glint.tasks.engine.references import CaptureReference
 from glint.tasks.publish import publish
 from glint.tasks.up_to_date import pending_stages
 from tests import browser
+from tests.polling import PATIENCE, until
 
 playwright = pytest.importorskip("playwright.sync_api")
 
@@ -51,7 +52,7 @@ def serve(store: Path, catalogue: Path | None) -> ServedPage:
     app = create_app(str(store), None if catalogue is None else str(catalogue), access)
     server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
     threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True).start()
-    browser.until(lambda: server.started)
+    until(lambda: server.started)
     return ServedPage(origin, access, app, store, catalogue, server)
 
 
@@ -103,7 +104,7 @@ class Tab:
 
     def wait(self, expression: str) -> None:
         """Wait until an expression is true; Playwright's own way to wait is forbidden by the page's policy."""
-        browser.until(lambda: bool(self.page.evaluate(expression)))
+        until(lambda: bool(self.page.evaluate(expression)))
 
     def open(self, view: str, ready: str) -> Any:
         """Go to a view, and wait until it shows an element."""
@@ -122,7 +123,7 @@ def let_in(served: ServedPage, chromium: Any) -> Iterator[Tab]:
     """Open the page's link in a profile of its own."""
     profile = chromium.new_context(viewport={"width": 1280, "height": 800})
     page, complaints = profile.new_page(), list[str]()
-    page.set_default_timeout(60_000)
+    page.set_default_timeout(PATIENCE * 1000)
     page.on(
         "console", lambda message: complaints.append(message.text) if message.type in ("error", "warning") else None
     )

@@ -13,8 +13,8 @@ from schemathesis.specs.openapi import checks as openapi_checks
 
 from glint.storage.edits.edits import Edits
 from glint.storage.locations.location import Location
-from tests import browser
 from tests.flows.review.conftest import ServedPage, serve
+from tests.polling import until
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
@@ -44,7 +44,7 @@ def fuzzed(stored: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) 
     # Hypothesis goes through all modules, so none may be imported meanwhile, as the first questions have it.
     address = f"{page.origin}/api/captures/hemisphere/front/questions"
     requests.get(address, headers=page.session, timeout=TIMEOUT_S).raise_for_status()
-    browser.until(lambda: page.app.state.review.preparation.is_idle)
+    until(lambda: page.app.state.review.preparation.is_idle)
     yield page
     page.server.should_exit = True
 

@@ -24,8 +24,8 @@ from glint.flows.runtime.prefect_server import Server
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import mask_png
 from glint.storage.locations.location import Location
-from tests import browser
 from tests.flows.review.test_views import INPUTS, READY, drag
+from tests.polling import PATIENCE, until
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
@@ -52,7 +52,7 @@ class KilledServer:
     def start(self) -> None:
         """Start it and wait until it answers."""
         self._process = subprocess.Popen(self._command, env=self._environment, stdout=subprocess.DEVNULL)
-        browser.until(self._answers)
+        until(self._answers)
 
     def kill(self) -> None:
         """End it as a failure of the machine would, at once."""
@@ -107,7 +107,7 @@ def test_every_acknowledged_stroke_is_there_after_kills(killed: KilledServer) ->
 
         painter = threading.Thread(target=_until_disconnected(paint), args=(session, enough, first, n_saves))
         painter.start()
-        assert enough.wait(120)
+        assert enough.wait(PATIENCE)
         killed.kill()
         painter.join()
         killed.start()
@@ -154,23 +154,23 @@ def test_a_run_goes_on_where_its_server_was_killed_and_the_page_finds_it_again(
     assert session.post(killed.path("edits"), json=body, timeout=60).ok
     page = opened(killed, chromium)
     page.click("text=Run from here")
-    browser.until(lambda: bool((session.get(killed.path("run"), timeout=60).json() or {}).get("stage")), RUN_SECONDS)
+    until(lambda: bool((session.get(killed.path("run"), timeout=60).json() or {}).get("stage")), RUN_SECONDS)
     killed.kill()
     page.wait_for_selector(".run .doubt >> text=The run goes on without it")
     killed.start()
     page.wait_for_selector(".run [role=status]:not(.doubt)")
-    browser.until(lambda: "v2" in reading.open(killed.store)["hemisphere"].versions, RUN_SECONDS)
+    until(lambda: "v2" in reading.open(killed.store)["hemisphere"].versions, RUN_SECONDS)
     entry = reading.open(killed.store)["hemisphere"].latest.metadata["captures"]["front"]
     assert entry["entry"]["pixel_size"] == 0.5
     page.wait_for_selector(f"{READY}")  # shown anew, with what the run has left
-    browser.until(lambda: "looking" not in page.inner_text(".run"), RUN_SECONDS)
+    until(lambda: "looking" not in page.inner_text(".run"), RUN_SECONDS)
     page.close()
 
 
 def opened(killed: KilledServer, chromium: Any) -> Any:
     """A page that was let in, with the inputs of the capture."""
     page = chromium.new_page(viewport={"width": 1280, "height": 800})
-    page.set_default_timeout(60_000)
+    page.set_default_timeout(PATIENCE * 1000)
     page.goto(f"{killed.origin}/open")
     page.fill("#password", PASSWORD)
     page.click("button")

@@ -7,7 +7,7 @@ import pytest
 
 from glint.flows.review import preparation
 from glint.storage.errors import InputError
-from tests import browser
+from tests.polling import PATIENCE, until
 
 
 def test_of_those_that_wait_the_last_one_is_prepared(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -15,7 +15,7 @@ def test_of_those_that_wait_the_last_one_is_prepared(monkeypatch: pytest.MonkeyP
 
     def prepare(context: Any) -> None:
         begun.set()
-        go_on.wait(10)
+        go_on.wait(PATIENCE)
         done.append(context)
         if context == "new":
             raise InputError("it has not run yet", "run it")
@@ -23,11 +23,11 @@ def test_of_those_that_wait_the_last_one_is_prepared(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(preparation, "prepare", prepare)
     prepared: Any = preparation.Preparation()
     prepared.show("first")
-    assert begun.wait(10) and not prepared.is_idle
+    assert begun.wait(PATIENCE) and not prepared.is_idle
     prepared.show("left")
     prepared.show("new")
     go_on.set()
-    browser.until(lambda: prepared.is_idle)
+    until(lambda: prepared.is_idle)
     assert done == ["first", "new"]
     prepared.show("later")
-    browser.until(lambda: done == ["first", "new", "later"])
+    until(lambda: done == ["first", "new", "later"])

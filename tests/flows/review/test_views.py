@@ -11,8 +11,8 @@ from glint.flows.review.object_rows import Row
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import Changes
 from glint.storage.locations.location import Location
-from tests import browser
 from tests.flows.review.conftest import ServedPage, Tab, let_in
+from tests.polling import until
 
 pytestmark = pytest.mark.long
 
@@ -340,7 +340,7 @@ def test_camera_and_pose_are_set_on_the_picture_and_by_numbers(served: ServedPag
     page.fill("aside textarea", "1 0 0 0\n0 1 0 0\n0 0 1 250\n0 0 0 1")
     page.keyboard.press("Tab")
     page.click("aside .save button:has-text('Save')")
-    browser.until(lambda: asked(served, "edits")["pose"]["camera_to_world"] is not None)
+    until(lambda: asked(served, "edits")["pose"]["camera_to_world"] is not None)
     assert asked(served, "edits")["pose"]["camera_to_world"][2] == [0, 0, 1, 250]
     edits = Edits.open(Location.parse(served.store), "hemisphere")
     edits.discard("front", "Ada")

@@ -4,7 +4,6 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 import urllib.request
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -19,6 +18,7 @@ from glint.flows.runtime import prefect_server as module
 from glint.flows.runtime import server_process
 from glint.flows.runtime.prefect_server import Server, ensure_server, start_server, stop_server
 from glint.flows.runtime.server_process import FIRST_PORT, is_alive, process_start_time
+from tests.polling import until
 from tests.prefect_api import ask
 
 
@@ -119,7 +119,7 @@ def test_starting_does_not_wait(tmp_path: Path) -> None:
 def test_a_server_that_ends_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server_process, "_command", lambda port: [sys.executable, "-c", "print('no room left')"])
     with pytest.raises(ServerError, match=r"no room left.*server\.log"):
-        start_server(tmp_path).wait(seconds=20)
+        start_server(tmp_path).wait()
 
 
 @pytest.mark.usefixtures("free_environment", "sleeper")
@@ -127,7 +127,7 @@ def test_a_dead_server_is_replaced(tmp_path: Path) -> None:
     first = start_server(tmp_path)
     assert first.process is not None
     os.kill(first.process[0], 9)
-    time.sleep(0.2)
+    until(lambda: not is_alive(*first.process))
     os.environ.pop("PREFECT_API_URL")
     second = start_server(tmp_path)
     assert second.started

@@ -15,6 +15,7 @@ from glint.flows.runtime import scheduler_client
 from glint.flows.runtime.dask_cluster import Cluster
 from glint.flows.runtime.scheduler_client import connected_client
 from tests.flows.runtime.dask_certificates import certificates, settings
+from tests.polling import PATIENCE
 
 pytestmark = pytest.mark.server
 
@@ -74,7 +75,7 @@ def test_a_silent_port_is_given_up(scheme: str) -> None:
         pytest.raises(ClusterError, match=r"no answer within 2 s"),
     ):
         connected_client(f"{scheme}://{address}")
-    assert time.monotonic() - begin < 15
+    assert time.monotonic() - begin < 60
 
 
 @pytest.mark.usefixtures("impatient")
@@ -86,8 +87,8 @@ def test_what_is_no_scheduler_is_refused() -> None:
         connected_client(f"tcp://{address}")
 
 
-@pytest.mark.usefixtures("impatient")
-def test_a_scheduler_with_tls_wants_its_own_certificates(cluster: Cluster) -> None:
+def test_a_scheduler_with_tls_wants_its_own_certificates(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scheduler_client, "CONNECT_SECONDS", 4.0)
     with pytest.raises(ClusterError, match=r"wants certificates.*TLS__CLIENT__CERT"):
         connected_client(cluster.address)
     with dask.config.set(settings(Security.temporary())), pytest.raises(ClusterError, match=r"SSL.*TLS__CA_FILE"):
@@ -97,7 +98,8 @@ def test_a_scheduler_with_tls_wants_its_own_certificates(cluster: Cluster) -> No
         connected_client(cluster.address)
     with pytest.raises(ClusterError, match=r"does not answer.*tls://"):
         connected_client(cluster.address.replace("tls://", "tcp://"))
+    monkeypatch.undo()
     with certificates(cluster):
         client = connected_client(cluster.address)
-        assert client.submit(abs, -3).result(timeout=60) == 3
+        assert client.submit(abs, -3).result(timeout=PATIENCE) == 3
         client.close()

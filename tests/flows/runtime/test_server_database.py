@@ -2,7 +2,6 @@
 
 import os
 import sqlite3
-import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
@@ -13,6 +12,7 @@ from glint.flows.cli.status import status
 from glint.flows.runtime.prefect_server import ensure_server, running_server, stop_server
 from glint.flows.runtime.server_database import damage, set_damaged_aside, take_notice
 from glint.flows.runtime.server_process import server_folder
+from tests.polling import until
 
 
 def truncate(path: Path) -> None:
@@ -102,11 +102,8 @@ def test_the_server_goes_on_with_a_new_one(
     for suffix in ("-wal", "-shm"):
         path.with_name(path.name + suffix).unlink(missing_ok=True)
     replace(path)
-    deadline = time.monotonic() + 30
     # While the server writes, its database is locked, and a locked one counts as whole.
-    while running_server(home) is not None:
-        assert time.monotonic() < deadline, "the damage was never noticed"
-        time.sleep(0.2)
+    until(lambda: running_server(home) is None)
     status(str(tmp_path / "store"))
     assert "database is damaged" in capsys.readouterr().out
     second = ensure_server(home)

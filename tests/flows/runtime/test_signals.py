@@ -12,6 +12,7 @@ import psutil
 import pytest
 
 from glint.flows.runtime import signals
+from tests.polling import PATIENCE
 
 pytestmark = pytest.mark.server
 GLINT = [sys.executable, "-c", "from glint.flows.cli.main import main; main()", "run"]
@@ -54,9 +55,9 @@ def test_a_run_that_is_asked_to_stop_leaves_nothing(
                 break
     family = psutil.Process(process.pid).children(recursive=True)
     process.send_signal(number)
-    _, errors = process.communicate(timeout=200)
+    _, errors = process.communicate(timeout=2 * PATIENCE)
     assert process.returncode == 130 and "Traceback" not in errors
-    psutil.wait_procs(family, 30)
+    psutil.wait_procs(family, PATIENCE)
     # The server outlives every run; what else is left would be a worker.
     assert not [each for each in family if each.is_running() and "uvicorn" not in each.cmdline()]
 
@@ -77,7 +78,7 @@ def test_an_interrupt_at_any_moment_is_one_line(
         time.sleep(0.005)
     time.sleep(seconds)
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=100)
+    _, errors = process.communicate(timeout=PATIENCE)
     assert (process.returncode, [line[:18] for line in errors.splitlines()]) == (130, ["glint: interrupted"])
 
 
@@ -108,7 +109,7 @@ def test_a_second_interrupt_ends_at_once() -> None:
     process.send_signal(signal.SIGINT)
     time.sleep(1.0)
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=10)
+    _, errors = process.communicate(timeout=50)
     assert process.returncode == 130 and errors.decode().splitlines() == [signals.LINE]
 
 
@@ -123,7 +124,7 @@ def test_a_run_that_does_not_end_by_itself_is_ended() -> None:
     )
     assert process.stdout is not None and process.stdout.readline()
     process.terminate()
-    assert process.wait(30) == 130
+    assert process.wait(50) == 130
 
 
 def test_a_signal_that_a_library_swallowed_is_remembered(monkeypatch: pytest.MonkeyPatch) -> None:

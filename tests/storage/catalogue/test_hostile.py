@@ -29,7 +29,11 @@ from glint.storage.versions.stage_results import StoredFile
 from glint.tasks.engine.parameters import Parameters
 
 QUICK = settings(
-    max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], database=None
+    max_examples=80,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+    database=None,
+    derandomize=True,
 )
 GOOD = """schema: 1
 name: glass

@@ -22,6 +22,7 @@ from glint.storage.frames.cache import FrameCache, cache_digest
 from glint.storage.frames.layout import MAX_SHARD_BYTES, shard_frames
 from glint.storage.frames.layout import SHARD_FRAMES as SHARD
 from glint.storage.locations.location import Location
+from tests.polling import PATIENCE
 from tests.storage.footage.videos import ramp, write_images, write_video
 
 CROPS = {
@@ -209,7 +210,7 @@ def test_after_a_kill_it_goes_on_where_it_was(
 ) -> None:
     worker = SPAWN.Process(target=_ingest_and_die, args=(video[0], tmp_path, moment, 3))
     worker.start()
-    worker.join(timeout=60)
+    worker.join(timeout=PATIENCE)
     assert worker.exitcode == -signal.SIGKILL
     part = FrameCache.open(_place(tmp_path), "d")
     assert not part.complete
@@ -251,7 +252,7 @@ def test_killed_at_any_time_it_is_whole_in_the_end(tmp_path: Path, video: tuple[
         worker.join(float(random.uniform(0, 0.1)))
         assert worker.pid is not None
         os.kill(worker.pid, signal.SIGKILL)
-        worker.join(timeout=60)
+        worker.join(timeout=PATIENCE)
         part = FrameCache.open(_place(tmp_path), "d")
         assert done.value <= part.frames
         crop = CROPS["all"]
@@ -282,9 +283,9 @@ def test_two_writers_make_one_cache(tmp_path: Path, video: tuple[Path, np.ndarra
     workers = [SPAWN.Process(target=_ingest, args=(video[0], tmp_path, outcome)) for _ in range(2)]
     for worker in workers:
         worker.start()
-    answers = [outcome.get(timeout=60) for _ in workers]
+    answers = [outcome.get(timeout=PATIENCE) for _ in workers]
     for worker in workers:
-        worker.join(timeout=60)
+        worker.join(timeout=PATIENCE)
     assert answers == [(True, int(video[1].sum(dtype=np.int64)))] * 2
     _same(FrameCache.open(_place(tmp_path), "d"), video[1])
 

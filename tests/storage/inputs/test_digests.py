@@ -107,7 +107,10 @@ def test_a_change_that_keeps_size_and_time_is_detected(tmp_path: Path, store: Lo
     assert content_digest(path, store) == hashlib.sha256(b"six").hexdigest()
 
 
-def test_a_file_of_this_moment_is_not_remembered(tmp_path: Path, store: Location) -> None:
+def test_a_file_of_this_moment_is_not_remembered(
+    tmp_path: Path, store: Location, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(glint.storage.inputs.digests, "_TIMESTAMP_STEP_NS", 60_000_000_000)
     path = tmp_path / "a.mp4"
     for data in (b"one", b"two", b"six"):
         path.write_bytes(data)

@@ -31,7 +31,7 @@ signal.signal(signal.SIGIO, signal.SIG_IGN)
 handle = os.open(sys.argv[1], os.O_RDWR)
 fcntl.fcntl(handle, fcntl.F_SETLEASE, fcntl.F_WRLCK)
 print("held", flush=True)
-time.sleep(60)
+time.sleep(600)
 """
 """Holds a lease on a file: whoever opens it waits in the kernel, as on a mount whose server is gone."""
 
@@ -62,15 +62,15 @@ def test_files_that_hang_are_given_up(hung: Path, tmp_path: Path) -> None:
         with pytest.raises(InputError, match="has given nothing for 1 s") as caught:
             read()
         assert "mount" in caught.value.remedy
-    assert time.monotonic() - started < 20
+    assert time.monotonic() - started < 60
 
 
 def test_what_goes_on_slowly_is_not_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(time_limit, "SILENCE_SECONDS", 0.5)
+    monkeypatch.setattr(time_limit, "SILENCE_SECONDS", 2.0)
 
     def slow(step: object) -> str:
         for _ in range(8):
-            time.sleep(0.2)
+            time.sleep(0.4)
             step()  # type: ignore[operator]
         return "read"
 

@@ -8,6 +8,7 @@ import subprocess
 import threading
 import time
 from datetime import timedelta
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ from glint.storage.versions.stage_results import (
     StoredFile,
 )
 from glint.storage.versions.stage_writer import chunk_shape
+from tests.polling import PATIENCE, until
 from tests.storage.stores import SCHEMAS, STAGES, MemoryLocation, capture_arrays, local_store, save_capture, small_ply
 
 SPAWN = multiprocessing.get_context("spawn")
@@ -363,6 +365,10 @@ def test_writers_without_a_lock_try_again_and_lose_nothing() -> None:
     assert repository.captures("main") == [f"view-{writer}" for writer in range(4)]
 
 
+def _has_grown(path: Path, lines: int) -> bool:
+    return path.exists() and path.read_text().count("\n") > lines
+
+
 def _publish_for_ever(location: Location, acknowledged: Path, start: int) -> None:
     repository = ObjectRepository.open(location, "duck")
     for round_ in range(start, start + 10_000):
@@ -379,11 +385,7 @@ def test_a_killed_process_leaves_whole_versions(location: Location, tmp_path: Pa
         lines = acknowledged.read_text().count("\n") if acknowledged.exists() else 0
         worker = SPAWN.Process(target=_publish_for_ever, args=(location, acknowledged, attempt * 10_000))
         worker.start()
-        deadline = time.monotonic() + 60
-        while time.monotonic() < deadline and (
-            not acknowledged.exists() or acknowledged.read_text().count("\n") <= lines
-        ):
-            time.sleep(0.01)
+        until(partial(_has_grown, acknowledged, lines), pause=0.01)
         time.sleep(chance.uniform(0.0, 0.3))
         assert worker.pid is not None
         os.kill(worker.pid, signal.SIGKILL)
@@ -428,7 +430,7 @@ def test_a_file_that_cannot_grow_is_a_store_error_and_loses_nothing(location: Lo
     repository.save("front", "noise", "k1", {"a": np.ones(3)}, {})
     worker = SPAWN.Process(target=_save_with_little_room, args=(location, tmp_path / "outcome"))
     worker.start()
-    worker.join(timeout=60)
+    worker.join(timeout=PATIENCE)
     assert "free space" in (tmp_path / "outcome").read_text()
     assert repository.load("front", "noise").key == "k1"
 

@@ -1,5 +1,6 @@
 """The worth of answers on a simulated capture."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,19 +11,19 @@ from glint.tasks.algorithms.questions.proposals import Question
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.evaluation.questions import Answer, QuestionsEvaluation, evaluate_questions, oracle
 from glint.tasks.evaluation.questions_report import questions_as_json, questions_table
-from tests.tasks.make_context import make_context, perform_all
+from tests.tasks.make_context import make_context
 
 
 @pytest.fixture(scope="module")
-def work(simulated: Path, tmp_path_factory: pytest.TempPathFactory) -> CaptureContext:
-    work = make_context(simulated, tmp_path_factory.mktemp("questions") / "store")
-    perform_all(work, "labels")
-    return work
+def work(simulated: Path, performed: Path, tmp_path_factory: pytest.TempPathFactory) -> CaptureContext:
+    store = tmp_path_factory.mktemp("questions") / "store"
+    shutil.copytree(performed, store)
+    return make_context(simulated, store)
 
 
 def test_questions_are_answered_from_the_truth(work: CaptureContext) -> None:
     evaluation = evaluate_questions(work, 2)
-    assert evaluation is not None and evaluation.name == "glass/front"
+    assert evaluation is not None and evaluation.name == "hemisphere/front"
     assert 0 < len(evaluation.answers) <= 2
     assert evaluation.after == pytest.approx(evaluation.answers[-1].errors, rel=0.2)
     assert 0.0 < evaluation.before[0] < 0.05

@@ -1,5 +1,6 @@
 """The mask of a bare video, given masks that are wrong, and what their doubt does to the confidence."""
 
+import shutil
 from pathlib import Path
 
 import cv2
@@ -39,7 +40,8 @@ def test_the_mask_of_a_video_without_one(simulated: Path, tmp_path: Path, region
     assert bool(doubt.any()) == warned and not doubt[~mask].any()
 
 
-def test_a_given_mask_that_is_too_large_lowers_the_confidence(simulated: Path, tmp_path: Path) -> None:
+def test_a_given_mask_that_is_too_large_lowers_the_confidence(simulated: Path, performed: Path, tmp_path: Path) -> None:
+    shutil.copytree(performed, tmp_path / "right")
     given = make_context(simulated, tmp_path / "right")
     right = next(record for record in perform_all(given, "labels") if record.stage == "mask")
     assert right.warnings == () and not given.load("mask").read("doubt").any()

@@ -97,7 +97,7 @@ def test_export_writes_everything(simulated: Path, store: Path, tmp_path: Path) 
     work = make_context(simulated, store)
     perform_all(work)
     work.repository.publish([work.capture.id], {"run": "test"})
-    export(work.location, "glass", tmp_path / "out")
+    export(work.location, work.object_id, tmp_path / "out")
     folder = tmp_path / "out" / "front"
     assert {path.name for path in folder.iterdir()} >= EXPORTED
     region = work.capture.region

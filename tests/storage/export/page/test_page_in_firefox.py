@@ -11,8 +11,9 @@ from glint import reading
 from glint.storage.export.export import export_page
 from glint.storage.versions.repository import ObjectRepository
 from glint.tasks.algorithms.meshing.shading import relit
-from tests import browser, firefox
+from tests import firefox
 from tests.glint.sample_store import save_sphere
+from tests.polling import until
 from tests.storage.stores import local_store
 
 pytestmark = [
@@ -30,7 +31,7 @@ def test_the_page_relights_and_turns_the_mesh(tmp_path: Path) -> None:
     file = tmp_path / "cup.html"
     with firefox.Firefox() as running:
         running.open(file.as_uri())
-        browser.until(lambda: running.evaluate("Boolean(globalThis.glint)"))
+        until(lambda: running.evaluate("Boolean(globalThis.glint)"))
         assert running.evaluate("glint.ready.then(() => glint.viewer.hasFailed)") is False
         code = """(() => { const view = glint.viewer.surface.relight; glint.viewer.surface.setMaterial("matte");
           view.set({ light: [0.6, 0, 0.8] }); let text = "";
