@@ -44,8 +44,7 @@ nodes far along the sheet that contradict it do not follow."""
 MARKED_SHEET_CONFIDENCE = 0.97
 """Confidence of accepted normals beside a true mark on the same sheet."""
 DRAFT_NODES, HELD_OUT_NODES = 7_000, 5_000
-"""Grid nodes of coarser fields: of a draft, a third of the time for a squared error 1% larger, and of those that predict
-held-out sheets, one for each sheet."""
+"""Grid nodes of coarser fields: of a draft (a third of the time, a squared error 1% larger), and of those of sheets."""
 MAX_REFUTATIONS = 3
 """Rounds in which flat faces are looked for, and false ones refuted."""
 REFUTED_DEG, REFUTED_NATS = 3.0, 10.0
@@ -61,8 +60,8 @@ class Alternation:
     is_draft: whether the field is coarse. evidence (K, H, W): log-likelihood ratio of a true against a false highlight,
     by the sheet's shape, by shading and by marks. sheets: the nodes' graph, None: made with each set of marks. labels
     (K, H, W) bool: exterior nodes. values (H, W, 3): accepted normals, NaN elsewhere. confidence (H, W): theirs, NaN
-    elsewhere. known (H, W) bool: where they enter the field. initial, smooth (H, W, 3): the first field, and the present
-    one. weights (K, H, W): of the clusters. unreached (H, W, 3): normals of dark pixels, NaN elsewhere.
+    elsewhere. known (H, W) bool: where they enter the field. initial, smooth (H, W, 3): first and present field.
+    weights (K, H, W): of the clusters. unreached (H, W, 3): normals of dark pixels, NaN elsewhere.
     """
 
     normals: np.ndarray

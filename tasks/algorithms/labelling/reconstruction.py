@@ -189,12 +189,12 @@ def _accept_unexpected(state: Alternation, min_confidence: float) -> bool:
     weights = state.graph_cut_weights
     ratios = state.log_ratios(np.full(state.mask.shape, np.radians(state.field_error.ceiling)))
     proposed = GraphCut(state.normals, weights.strength, weights.contrast).cut(ratios)
-    found = unexpected_sheets(state.normals, state.labels, ratios, proposed, state.scale)
-    state.labels = np.where(found.any(axis=0), found, state.labels)
-    if found.any():
+    unexpected = unexpected_sheets(state.normals, state.labels, ratios, proposed, state.scale)
+    state.labels = np.where(unexpected.any(axis=0), unexpected, state.labels)
+    if unexpected.any():
         # The field is solved before it is asked again: it would reject the sheets for what it knew without them.
         state.follow_labels(min_confidence)
-    return bool(found.any())
+    return bool(unexpected.any())
 
 
 def _denoise(values: np.ndarray, smooth: np.ndarray) -> np.ndarray:

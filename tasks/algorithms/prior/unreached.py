@@ -23,11 +23,11 @@ MIN_COUNT = 3
 FLASH_DEG, REACH_DEG, GAP_DEG = 1.5, 2.0, 2.0
 """Angle to a half vector of the recording up to which a normal flashes for certain, and up to which it may; and half
 the width of gaps between half vectors in which no surface can hide over several pixels."""
-WINDOW_INRADII = 0.02
+DARK_WINDOW_INRADII = 0.02
 """Half the side of the square windows in which nothing may flash, in inradii of the object."""
 MIN_DARK_SHARE = 0.75
 """Share of such a window whose field must face the lights."""
-ROUNDS = 4
+DARK_ROUNDS = 4
 """Solutions of the field: the directions of dark pixels follow from the one before."""
 MAX_LENGTH = 0.9
 """Length of (n_x, n_y) beyond which dark pixels are not bent: a normal in the image plane has slopes without bounds."""
@@ -101,7 +101,7 @@ def dark_pixels(
 
     field: (H, W, 3); accepted: (H, W) bool, pixels with a true highlight; mask: (H, W) bool; scale: inradius in pixels.
     """
-    side = 2 * max(1, round(WINDOW_INRADII * scale)) + 1
+    side = 2 * max(1, round(DARK_WINDOW_INRADII * scale)) + 1
     square = np.ones((side, side), bool)
     empty = ndimage.binary_erosion(~accepted, square, border_value=1)
     facing = ndimage.uniform_filter((mask & ~accepted & swept.flashes(field)).astype(np.float32), side)
@@ -127,7 +127,7 @@ def unreached_normals(
         solve: returns the field (H, W, 3) with normals (H, W, 3; NaN elsewhere) among its data.
     """
     dark, unreached = np.zeros_like(mask), None
-    for number in range(ROUNDS):
+    for number in range(DARK_ROUNDS):
         dark = dark | dark_pixels(field, confidence > 0.0, mask, swept, scale)
         if not dark.any():
             return None
@@ -160,19 +160,19 @@ def _integrable(field: np.ndarray, confidence: np.ndarray, mask: np.ndarray) -> 
     weights, rises = np.zeros((2, *mask.shape)), np.zeros((2, *mask.shape))
     source, total, count = np.zeros(mask.shape), np.zeros((2, *mask.shape)), np.zeros((2, *mask.shape))
     for axis, slope in enumerate(slopes):
-        here, there = _ends(axis)
-        inside = mask[here] & mask[there]
-        weights[axis][here] = np.where(inside, np.minimum(weight[here], weight[there]), 0.0)
-        rises[axis][here] = (slope[here] + slope[there]) / 2.0
-        flow = weights[axis][here] * rises[axis][here]
-        source[here] -= flow
-        source[there] += flow
+        first, second = _ends(axis)
+        inside = mask[first] & mask[second]
+        weights[axis][first] = np.where(inside, np.minimum(weight[first], weight[second]), 0.0)
+        rises[axis][first] = (slope[first] + slope[second]) / 2.0
+        flow = weights[axis][first] * rises[axis][first]
+        source[first] -= flow
+        source[second] += flow
     height, _, _ = solve_poisson(weights, source, np.zeros(mask.shape), tolerance=1e-4)
     for axis in (0, 1):
-        here, there = _ends(axis)
-        edge = (weights[axis][here] > 0.0) * 1.0
-        rise = edge * (height[there] - height[here])
-        for end in (here, there):
+        first, second = _ends(axis)
+        edge = (weights[axis][first] > 0.0) * 1.0
+        rise = edge * (height[second] - height[first])
+        for end in (first, second):
             total[axis][end] += rise
             count[axis][end] += edge
     down, right = total / np.maximum(count, 1.0)
