@@ -19,7 +19,7 @@ MAY_IMPORT = {
 ORDER = {
     "glint.flows": "cli review deployments pipeline object_captures reporting runtime results errors",
     "glint.storage": (
-        "inbox maintenance export edits kept_values versions locking frames inputs catalogue footage locations seals"
+        "inbox maintenance export edits kept_values versions locking frames inputs catalogue footage locations json_values seals"
         " fsync errors"
     ),
     "glint.tasks": (

@@ -1,4 +1,8 @@
-"""Decode a video in one pass, whatever of it can be decoded."""
+"""Decode a video in one pass: by several threads while it is sound, by one thread whatever of it can be decoded.
+
+What FFmpeg puts in place of what is damaged depends on the moments at which its threads meet. One thread gives the same
+frames every time and everywhere.
+"""
 
 from collections.abc import Iterator
 from typing import Any
@@ -7,6 +11,30 @@ import av
 
 _MAX_DAMAGED_END = 64
 """Consecutive damaged frames that are held back, since they may be the end of a truncated file."""
+
+
+class DamageMet(Exception):
+    """Part of a video cannot be decoded as it was recorded."""
+
+
+def sound_frames(container: Any) -> Iterator[av.VideoFrame]:
+    """Yield frames in order, decoded by several threads.
+
+    Raises:
+        DamageMet: the next frame is damaged.
+    """
+    stream = container.streams.video[0]
+    stream.thread_type = "AUTO"
+    # Without this, frames that refer to a damaged one and are shown before it would be yielded.
+    stream.codec_context.options = {"err_detect": "explode"}
+    try:
+        for packet in container.demux(stream):
+            for frame in stream.decode(packet):
+                if frame.is_corrupt:
+                    raise DamageMet
+                yield frame
+    except av.FFmpegError as error:
+        raise DamageMet from error
 
 
 def undamaged_frames(container: Any, warnings: list[str]) -> Iterator[av.VideoFrame]:
@@ -32,13 +60,13 @@ def undamaged_frames(container: Any, warnings: list[str]) -> Iterator[av.VideoFr
 
 
 def decoded_frames(container: Any, undecodable: list[int] | None = None) -> Iterator[av.VideoFrame]:
-    """Yield the frames that can be decoded.
+    """Yield the frames that can be decoded, by one thread.
 
     undecodable: for each packet that cannot be decoded, the number of frames before it is appended.
     """
     decoded = 0
     stream = container.streams.video[0]
-    stream.thread_type = "AUTO"
+    stream.codec_context.thread_count = 1
     packets = container.demux(stream)
     while True:
         try:

@@ -9,7 +9,7 @@ import av
 import numpy as np
 
 from glint.storage.errors import InputError
-from glint.storage.footage.decoding import decoded_frames, undamaged_frames
+from glint.storage.footage.decoding import DamageMet, decoded_frames, sound_frames, undamaged_frames
 from glint.storage.footage.images import MAX_PIXELS
 from glint.storage.footage.luma import LumaConverter
 from glint.storage.footage.parts import is_divisible
@@ -110,13 +110,26 @@ class Video:
             with contextlib.ExitStack() as stack:
                 containers = [stack.enter_context(_open(self._location)) for _ in range(decoders)]
                 side_by_side = SideBySide(containers, (self.height, self.width), self.bits)
-                for luma, time in side_by_side.frames(is_wanted):
-                    yield done, luma, time
+                for decoded in side_by_side.frames(is_wanted):
+                    yield done, *decoded
                     done += 1
             if side_by_side.is_complete:
                 return
+        try:
+            with _open(self._location) as another:
+                for number, luma, time in self._converted(sound_frames(another), is_wanted, done):
+                    yield number, luma, time
+                    done = max(done, number + 1)
+                return
+        except DamageMet:
+            yield from self._converted(undamaged_frames(container, warnings), is_wanted, done)
+
+    def _converted(
+        self, frames: Iterator[av.VideoFrame], is_wanted: Callable[[int], bool], done: int
+    ) -> Iterator[tuple[int, np.ndarray | None, float | None]]:
+        """Yield number, luma and time of frames from the video's first one on; luma is None for the first `done`."""
         converter: LumaConverter | None = None
-        for number, frame in enumerate(undamaged_frames(container, warnings)):
+        for number, frame in enumerate(frames):
             if number < done or not is_wanted(number):
                 yield number, None, frame.time
                 continue
@@ -175,7 +188,7 @@ def _open(location: Location) -> Iterator[Any]:
             f"{location.uri} has a format that holds no video",
             "give a video (MP4, MKV, ..) or a folder of images",
         ) from error
-    except (OSError, ValueError) as error:
+    except (av.FFmpegError, OSError, ValueError) as error:
         raise InputError(
             f"{location.uri} is no video that can be read ({getattr(error, 'strerror', None) or error})",
             "record or copy it again; a truncated copy has lost its index",
@@ -184,6 +197,8 @@ def _open(location: Location) -> Iterator[Any]:
         if not container.streams.video:
             raise InputError(f"{location.uri} has no video stream", "give a video or a folder of images")
         stream = container.streams.video[0]
+        if stream.codec_context is None:
+            raise InputError(f"{location.uri} does not say how its video is encoded", "record or copy it again")
         if stream.width * stream.height > MAX_PIXELS:
             raise InputError(f"{location.uri} states {stream.width} x {stream.height} pixels", "check the file")
         yield container

@@ -14,10 +14,10 @@ import icechunk
 import zarr
 
 from glint.storage.errors import DamagedError, StoreError
+from glint.storage.json_values import json_value
 from glint.storage.seals import SEAL, sealed
 from glint.storage.versions.array_schema import Schemas, schema_violations
 from glint.storage.versions.garbage import BRANCH_PREFIX
-from glint.storage.versions.json_values import json_value
 from glint.storage.versions.snapshots import (
     Version,
     newest_version,

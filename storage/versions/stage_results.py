@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 import zarr
-from zarr.errors import GroupNotFoundError
 
 from glint.storage.errors import StoreError, damaged
 from glint.storage.seals import SEAL, is_sealed
 from glint.storage.versions.checksums import VerifiedArrays, VerifiedStore
+from glint.storage.versions.groups import open_group, readable_metadata
 
 WHOLE_OBJECT = "_object"
 """Takes the place of a capture for results of the whole object, such as its model; no capture can have this name."""
@@ -205,7 +205,9 @@ def _result(
 def contents(store: Any) -> Keys:
     """Return the stage keys of everything in a store, WHOLE_OBJECT included."""
     root = open_group(store, "")
-    return {} if root is None else {name: stage_keys(store, name) for name in sorted(root.group_keys())}
+    with readable_metadata(""):
+        names = [] if root is None else sorted(root.group_keys())
+    return {name: stage_keys(store, name) for name in names}
 
 
 def stage_keys(store: Any, capture: str) -> dict[str, str]:
@@ -216,17 +218,10 @@ def stage_keys(store: Any, capture: str) -> dict[str, str]:
 def stage_attributes(store: Any, capture: str) -> dict[str, dict[str, Any]]:
     """Return the attributes of the saved stages of a capture; one whose attributes are damaged counts as not saved."""
     group = open_group(store, check_name(capture, "capture"))
-    stages = {} if group is None else dict(group.groups())
-    attributes = {name: dict(stage.attrs) for name, stage in sorted(stages.items())}
+    with readable_metadata(capture):
+        stages = {} if group is None else dict(group.groups())
+        attributes = {name: dict(stage.attrs) for name, stage in sorted(stages.items())}
     return {name: values for name, values in attributes.items() if is_sealed(values) and "key" in values}
-
-
-def open_group(store: Any, path: str) -> zarr.Group | None:
-    """Open the group at `path` for reading; None if there is none."""
-    try:
-        return zarr.open_group(store, path=path, mode="r", use_consolidated=False, zarr_format=3)
-    except GroupNotFoundError:
-        return None
 
 
 def _absent_error(owner: str, kind: str, name: str, present: Mapping[str, Any]) -> StoreError:

@@ -11,9 +11,9 @@ import zarr
 from zarr.codecs import BloscCodec, Crc32cCodec
 
 from glint.storage.errors import StoreError
+from glint.storage.json_values import json_value
 from glint.storage.seals import sealed
 from glint.storage.versions.checksums import RecordingStore
-from glint.storage.versions.json_values import json_value
 from glint.storage.versions.stage_results import (
     FILES_GROUP,
     LAYOUT_NUMBER,

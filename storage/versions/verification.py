@@ -69,9 +69,9 @@ def whole_result(repository: "ObjectRepository", capture: str, stage: str, key: 
     Raises:
         StoreUnreachable: the store does not answer.
     """
-    if repository.stage_key(capture, stage) != key:
-        return None
     try:
+        if repository.stage_key(capture, stage) != key:
+            return None
         result = repository.load(capture, stage)
     except DamagedError:
         return None

@@ -202,6 +202,20 @@ def test_the_head_of_a_video_followed_by_garbage_is_refused_or_read(tmp_path: Pa
         open_footage(tmp_path / "a.mkv")
 
 
+def test_an_unknown_codec_is_refused(tmp_path: Path) -> None:
+    path = write_video(tmp_path / "a.mp4", FRAMES)
+    path.write_bytes(path.read_bytes().replace(b"avc1", b"zzzz"))
+    with pytest.raises(InputError, match="how its video is encoded"):
+        open_footage(path)
+
+
+def test_an_empty_container_is_refused(tmp_path: Path) -> None:
+    path = write_video(tmp_path / "a.mp4", FRAMES)
+    path.write_bytes(path.read_bytes()[:40])
+    with pytest.raises(InputError, match="no video that can be read"):
+        open_footage(path)
+
+
 def test_sound_alone_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.mp4"
     with av.open(str(path), "w") as container:

@@ -116,6 +116,15 @@ def test_damage_is_told_as_in_one_pass(
     assert not any(reader.is_complete for reader in seen)
 
 
+def test_damaged_frames_are_the_same_every_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write_video(tmp_path / "a.mp4", FRAMES, options=GOPS, container_options={"movflags": "faststart"})
+    data = bytearray(path.read_bytes())
+    place = int(0.93 * len(data))
+    data[place : place + 600] = np.random.default_rng(1).bytes(600)
+    path.write_bytes(data)
+    assert len({_read(path, 1, monkeypatch)[0].tobytes() for _ in range(20)}) == 1
+
+
 def test_a_truncated_video(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write_video(tmp_path / "a.mp4", FRAMES, options=GOPS, container_options={"movflags": "faststart"})
     path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])

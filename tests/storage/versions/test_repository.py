@@ -18,8 +18,8 @@ import pytest
 import zarr
 
 from glint.storage.errors import StoreError
+from glint.storage.json_values import json_value
 from glint.storage.locations.location import Location
-from glint.storage.versions.json_values import json_value
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import (
     LAYOUT_NUMBER,
