@@ -2,10 +2,11 @@
 
     python -m tests.benchmarks.overlapping_limbs [SHAPE ...] [--views 1] [--seed 5] [--folder DIR]
 
-Of each capture it prints the squared errors of the normals (observed pixels / whole mask); and for two kinds of true
-curves inside the silhouette, occluding contours alone and all curves across which the normal turns, the share of the
-mask within 0.2 inradii of one, and the share of the squared error there. A shape that is not a preset has 1,500 frames
-and 0.8 of its size.
+Of each capture it prints the squared errors of the normals (observed pixels / whole mask), without and with the
+normals of dark pixels; the share of confident pixels, and how many of them are within 5 degrees; and for two kinds of
+true curves inside the silhouette, occluding contours alone and all curves across which the normal turns, the share of
+the mask within 0.2 inradii of one, and the share of the squared error there. A shape that is not a preset has 1,500
+frames and 0.8 of its size.
 """
 
 import argparse
@@ -20,6 +21,7 @@ from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.candidates.shading import without_shading
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
+from glint.tasks.algorithms.labelling.weights import FieldWeights
 from glint.tasks.algorithms.prior.smooth_normals import inradius
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
@@ -33,6 +35,8 @@ NEAR_INRADII = 0.2
 MIN_STEP_PX, MIN_STEP_RATIO, MAX_FAR_SLOPE = 3.0, 1.3, 3.0
 """A depth step exceeds this many pixels and this many times the slopes beside it, that of the far side being limited:
 the near surface curves away with a slope that grows towards its contour without bound."""
+TOLERANCE = float(4.0 * np.sin(np.radians(2.5)) ** 2)
+"""Squared error of a normal that is 5 degrees off."""
 MIN_TURN_DEG = 25.0
 """Angle between the normals of neighbouring pixels from which a curve runs between them."""
 
@@ -66,8 +70,9 @@ def measure(capture: Capture, store: Path) -> str:
     assert capture.truth is not None
     truth = read_truth(capture.truth, (mask.shape[0], mask.shape[1]))
     assert truth.normals is not None and truth.depth is not None
+    without = reconstruct_normals(clusters, mask, field_weights=FieldWeights(unreached=0.0))
     result = reconstruct_normals(clusters, mask)
-    squared = ((result.normals - truth.normals) ** 2).sum(axis=-1)
+    before, squared = (((each.normals - truth.normals) ** 2).sum(axis=-1) for each in (without, result))
     known = mask & np.isfinite(squared)
     depth = np.where(mask, truth.depth, np.nan)
     steps = depth_steps(depth) | depth_steps(depth.T).T
@@ -79,8 +84,13 @@ def measure(capture: Capture, store: Path) -> str:
         near = ndimage.distance_transform_edt(~curves) <= NEAR_INRADII * inradius(mask)
         return f"{near[known].mean():.0%} of the mask with {squared[known & near].sum() / squared[known].sum():.0%}"
 
-    pair = f"{squared[known & (clusters.observations > 0)].mean():.4f} / {squared[known].mean():.4f}"
-    return f"{pair}; beside contours {shares(steps)} of the error; beside all curves {shares(turning)}"
+    def pair(errors: np.ndarray) -> str:
+        return f"{errors[known & (clusters.observations > 0)].mean():.4f} / {errors[known].mean():.4f}"
+
+    confident = known & (result.confidence >= 0.95)
+    share = f"{confident.sum() / known.sum():.0%} confident, {(squared[confident] < TOLERANCE).mean():.1%} right"
+    near = f"beside contours {shares(steps)} of the error; beside all curves {shares(turning)}"
+    return f"{pair(before)} -> {pair(squared)}, {share}; {near}"
 
 
 def main() -> None:
