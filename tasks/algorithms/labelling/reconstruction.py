@@ -43,6 +43,8 @@ if TYPE_CHECKING:
 
 NOISE_DEG, DETAIL_DEG = 3.0, 6.0
 """Angle between accepted normal and field up to which the difference is noise, and from which it is surface detail."""
+PLAUSIBLE_NATS = 1.0
+"""Evidence of a rejected candidate from which it may be a true highlight."""
 MAX_UNEXPECTED_ROUNDS = 3
 """Rounds in which sheets that the field contradicts are looked for: each may show the field of the next."""
 
@@ -180,7 +182,9 @@ def _bend_dark_pixels(state: Alternation) -> None:
     swept = SweptNormals.of(state.normals)
     if swept is not None:
         confidence = np.where(state.known, state.confidence, 0.0)
-        state.unreached = unreached_normals(state.smooth, confidence, state.mask, swept, state.scale, solve)
+        evidence = np.where(state.labels | np.isnan(state.evidence), -np.inf, state.evidence).max(axis=0)
+        lit = state.known | (evidence > PLAUSIBLE_NATS)
+        state.unreached = unreached_normals(state.smooth, confidence, lit, state.mask, swept, state.scale, solve)
         state.smooth = solve(state.unreached)
 
 

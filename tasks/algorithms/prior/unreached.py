@@ -20,9 +20,9 @@ CELLS = 200
 """Cells of a half-vector map along either axis; a cell in the middle is half a degree wide."""
 MIN_COUNT = 3
 """Candidates in a cell from which it holds half vectors of the recording: single ones are noise."""
-FLASH_DEG, REACH_DEG, GAP_DEG = 1.5, 2.0, 2.0
-"""Angle to a half vector of the recording up to which a normal flashes for certain, and up to which it may; and half
-the width of gaps between half vectors in which no surface can hide over several pixels."""
+FLASH_DEG, BEYOND_DEG = 1.5, 7.0
+"""Angle to a half vector of the recording up to which a normal is certain to flash, and from which it is well beyond
+the lights' reach. Beyond 4 degrees hardly any normal flashes; dark ones are steeper than that by 7 on average."""
 DARK_WINDOW_INRADII = 0.02
 """Half the side of the square windows in which nothing may flash, in inradii of the object."""
 MIN_DARK_SHARE = 0.75
@@ -39,8 +39,8 @@ UNKNOWN_WEIGHT = 0.0005
 class SweptNormals:
     """Normals that the lights of a recording reach, on a square map of (n_x, n_y).
 
-    flashing (CELLS, CELLS) bool: those certain to show the light. reached: those that may. beyond (2, CELLS, CELLS):
-    row and column of the nearest cell that is not reached.
+    flashing (CELLS, CELLS) bool: those certain to show the light. reached: those that are not well beyond the lights'
+    reach. beyond (2, CELLS, CELLS): row and column of the nearest cell that is.
     """
 
     flashing: np.ndarray
@@ -62,22 +62,18 @@ class SweptNormals:
         half_vectors = normals[count >= MIN_COUNT]
         if not half_vectors.size:
             return None
-        chord = cKDTree(half_vectors).query(normals, distance_upper_bound=np.radians(REACH_DEG + GAP_DEG))[0]
+        chord = cKDTree(half_vectors).query(normals, distance_upper_bound=np.radians(BEYOND_DEG))[0]
         chord[x**2 + y**2 > 1.0] = np.inf
-        flashing = chord <= np.radians(FLASH_DEG)
-        # Grown and shrunk, so that gaps close.
-        grown = np.pad(chord <= np.radians(REACH_DEG + GAP_DEG), 1)
-        inner = ndimage.distance_transform_edt(grown)[1:-1, 1:-1]
-        reached = flashing | (inner > np.radians(GAP_DEG) * CELLS / 2.0)
+        reached = np.isfinite(chord)
         beyond = ndimage.distance_transform_edt(reached, return_distances=False, return_indices=True)
-        return cls(flashing, reached, beyond)
+        return cls(chord <= np.radians(FLASH_DEG), reached, beyond)
 
     def flashes(self, normals: np.ndarray) -> np.ndarray:
         """Return whether normals (..., 3) are certain to show the light; not those that are NaN."""
         return np.asarray(self.flashing[_cells(normals)] & np.isfinite(normals[..., 0]))
 
     def nearest_beyond(self, normals: np.ndarray) -> np.ndarray:
-        """Return the nearest normals (..., 3) that no light reaches, normals beyond them themselves."""
+        """Return the nearest normals (..., 3) well beyond what the lights reach, those beyond it themselves."""
         cells = _cells(normals)
         nearest = np.stack([self.beyond[1][cells], self.beyond[0][cells]], axis=-1)
         plane = np.where(self.reached[cells][..., None], (nearest + 0.5) / CELLS * 2.0 - 1.0, normals[..., :2])
@@ -94,23 +90,23 @@ def _cells(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return row, column
 
 
-def dark_pixels(
-    field: np.ndarray, accepted: np.ndarray, mask: np.ndarray, swept: SweptNormals, scale: float
-) -> np.ndarray:
+def dark_pixels(field: np.ndarray, lit: np.ndarray, mask: np.ndarray, swept: SweptNormals, scale: float) -> np.ndarray:
     """Return the pixels (H, W) bool of windows in which nothing flashed although the field faces the lights.
 
-    field: (H, W, 3); accepted: (H, W) bool, pixels with a true highlight; mask: (H, W) bool; scale: inradius in pixels.
+    field: (H, W, 3); lit: (H, W) bool, pixels with what is or may be a true highlight; mask: (H, W) bool; scale:
+    inradius in pixels.
     """
     side = 2 * max(1, round(DARK_WINDOW_INRADII * scale)) + 1
     square = np.ones((side, side), bool)
-    empty = ndimage.binary_erosion(~accepted, square, border_value=1)
-    facing = ndimage.uniform_filter((mask & ~accepted & swept.flashes(field)).astype(np.float32), side)
-    return mask & ~accepted & ndimage.binary_dilation(empty & (facing >= MIN_DARK_SHARE), square)
+    empty = ndimage.binary_erosion(~lit, square, border_value=1)
+    facing = ndimage.uniform_filter((mask & ~lit & swept.flashes(field)).astype(np.float32), side)
+    return mask & ~lit & ndimage.binary_dilation(empty & (facing >= MIN_DARK_SHARE), square)
 
 
 def unreached_normals(
     field: np.ndarray,
     confidence: np.ndarray,
+    lit: np.ndarray,
     mask: np.ndarray,
     swept: SweptNormals,
     scale: float,
@@ -121,6 +117,7 @@ def unreached_normals(
     Args:
         field: (H, W, 3), smooth normal field, finite in the mask.
         confidence: (H, W), of accepted normals, 0 elsewhere.
+        lit: (H, W) bool, pixels with what is or may be a true highlight.
         mask: (H, W) bool.
         swept: normals that the lights reach.
         scale: inradius in pixels.
@@ -128,7 +125,7 @@ def unreached_normals(
     """
     dark, unreached = np.zeros_like(mask), None
     for number in range(DARK_ROUNDS):
-        dark = dark | dark_pixels(field, confidence > 0.0, mask, swept, scale)
+        dark = dark | dark_pixels(field, lit, mask, swept, scale)
         if not dark.any():
             return None
         direction = _integrable(field, np.where(dark, 1.0, confidence), mask) if number else field
