@@ -36,7 +36,7 @@ class FieldWeights:
     marked: float = 0.5
     mark_alone: float = 10.0
     expected: float = 0.03
-    unreached: float = 0.1
+    unreached: float = 0.05
     tension_length: float = 0.12
 
 
