@@ -35,7 +35,7 @@ STAGES = (
         catalogue_keys=("spheres", "region", "pixel_size", "camera"),
         files=("frames", "mask", "lights"),
         progress_unit="frames",
-        version=6,
+        version=7,
     ),
     Stage(
         "frames",
@@ -135,7 +135,7 @@ STAGES = (
             "evidence": ArraySchema("HW", "f", "mask"),
         },
         peak_bytes=_per_pixel(900),
-        version=22,
+        version=23,
     ),
     Stage(
         "depth",

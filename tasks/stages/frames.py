@@ -158,7 +158,8 @@ def _complete(location: Location, digest: str) -> FrameCache | None:
 def _ingest(results: CaptureResults, digest: str, footage: Footage, progress: Progress | None = None) -> FrameCache:
     """Decode the video, moved back where the camera was shaken, into the cache."""
     survey = results.load("survey")
-    source = StabilizedFootage(footage, survey) if survey.record["stabilization"]["applied"] else footage
+    about = survey.record["stabilization"]
+    source = StabilizedFootage(footage, about, survey.read(REFERENCE)) if about["applied"] else footage
     return fill_cache(results, digest, load_geometry(results).crops, source, progress)
 
 

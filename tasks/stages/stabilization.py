@@ -9,7 +9,6 @@ import numpy as np
 from glint.storage.catalogue.loading import Region
 from glint.storage.footage.source import Footage
 from glint.storage.footage.wrapper import FootageWrapper
-from glint.storage.versions.stage_results import StageResult
 from glint.tasks.algorithms.frames.shake import knocked_places, shake_amplitude
 from glint.tasks.algorithms.frames.stabilization import (
     TranslationEstimator,
@@ -101,11 +100,10 @@ def _covered(shape: tuple[int, ...], rectangles: Sequence[Mapping[str, int]], re
 class StabilizedFootage(FootageWrapper):
     """A video whose frames are moved back to where the survey's reference has them."""
 
-    def __init__(self, footage: Footage, survey: StageResult) -> None:
-        about = survey.record["stabilization"]
+    def __init__(self, footage: Footage, about: Mapping[str, Any], reference: np.ndarray) -> None:
+        """Prepare to move frames back; about, reference: of a `Shake` that is applied."""
         super().__init__(footage)
         self._reduction = int(about["reduction"])
-        reference = survey.read(REFERENCE)
         covered = _covered(reference.shape, about["excluded"], self._reduction)
         self._estimator, self._origin = TranslationEstimator(reference, covered), np.array(about["origin"])
         self._places = None if about["places"] is None else np.array(about["places"])
@@ -122,3 +120,10 @@ class StabilizedFootage(FootageWrapper):
             return shift
         distances = np.abs(self._places - shift).max(axis=1)
         return np.asarray(self._places[distances.argmin()]) if distances.min() < SETTLED_PX else shift
+
+
+def stabilized(footage: Footage, shake: Shake) -> Footage:
+    """Return the video with its frames moved back, or as it is where the camera stood still."""
+    if not shake.record["applied"]:
+        return footage
+    return StabilizedFootage(footage, shake.record, shake.arrays[REFERENCE])

@@ -1,7 +1,7 @@
 """Survey: what the video is, whether its camera stood still, where the spheres and the object are."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -19,12 +19,22 @@ from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import crops_of
-from glint.tasks.stages.first_pass import SampleRecorder, discard_stored, sampled_and_stored
+from glint.tasks.stages.first_pass import Sample, SampleRecorder, discard_stored, sampled_and_stored
 from glint.tasks.stages.sphere_doubts import confirm_given
-from glint.tasks.stages.stabilization import Shake, measure_shake
+from glint.tasks.stages.stabilization import Shake, measure_shake, stabilized
 
 SHADED_REACH = 1.1
 """Half the side of the square around a sphere in which nothing counts as standing still, in radii."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Located:
+    """What a sample of the frames shows: spheres, region, and mask (H, W) bool of the full frame where it is sought."""
+
+    spheres: list[Sphere]
+    region: Region | None
+    mask: np.ndarray | None = None
+    warnings: Sequence[StageWarning] = ()
 
 
 def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
@@ -47,7 +57,7 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
         needs_sample = inputs.file("lights") is None or seek_mask
         given = [Sphere(sphere.x, sphere.y, sphere.radius) for sphere in given_spheres]
         check_spheres(given, size)
-        region, spheres = given_region or mask_region, given
+        region = given_region or mask_region
         if region is not None:
             _check_region(region, size)
 
@@ -57,29 +67,44 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
                 return Shake({"shake_pixels": None, "applied": False})
             return measure_shake(footage, bool(given_spheres or mask), _moving_parts(region, spheres, size))
 
-        sample, arrays, shake, crops = None, dict[str, np.ndarray](), None, None
+        def sampled(shake: Shake | None) -> Sample:
+            # Where the camera moved, spheres and object are blurred, and beside their places in the first frame.
+            source = footage if shake is None else stabilized(footage, shake)
+            return SampleRecorder(source, parameters.sample, progress).sample()
+
+        def located(sample: Sample) -> _Located:
+            spheres, mask, warnings = given, None, list[StageWarning]()
+            if seek_spheres:
+                detection = find_spheres(sample.frames, sample.peak, camera=camera)
+                spheres = detection.spheres
+                warnings = [StageWarning(sentence, "sphere") for sentence in detection.contradicting]
+            elif inputs.file("lights") is None:
+                spheres, warnings = confirm_given(sample.frames, given, camera)
+            if seek_mask:
+                mask = sample.reduced.estimate_mask(spheres, _within(region, size))
+            place = around(mask, 2 * parameters.margin) if region is None and mask is not None else region
+            return _Located(spheres, place, mask, warnings)
+
+        arrays, shake, crops = dict[str, np.ndarray](), None, None
+        places = _Located(given, region)
         if needs_sample and region is not None and not seek_spheres:
             shake = shake_of(region, given)
             crops = None if shake.record["applied"] else crops_of(region, given, size)
         if crops is not None:
             sample, thumbnails = sampled_and_stored(inputs, footage, parameters.sample, crops, progress)
             arrays |= thumbnails
+            places = located(sample)
         elif needs_sample:
-            sample = SampleRecorder(footage, parameters.sample, progress).sample()
-        warnings = list[StageWarning]()
-        if sample is not None and seek_spheres:
-            detection = find_spheres(sample.frames, sample.peak, camera=camera)
-            spheres = detection.spheres
-            warnings = [StageWarning(sentence, "sphere") for sentence in detection.contradicting]
-        elif sample is not None and inputs.file("lights") is None:
-            spheres, warnings = confirm_given(sample.frames, spheres, camera)
-        if sample is not None and seek_mask:
-            estimate = sample.reduced.estimate_mask(spheres, _within(region, size))
-            region = region or around(estimate, 2 * parameters.margin)
-            arrays["mask"] = estimate[region.rows, region.columns]
+            places = located(sampled(shake))
+        assert places.region is not None
+        if shake is None or (not shake.record["applied"] and _circles(places.spheres) != _circles(given)):
+            shake = shake_of(places.region, places.spheres)
+            if needs_sample and shake.record["applied"]:
+                places = located(sampled(shake))
+        region, spheres = places.region, places.spheres
         assert region is not None
-        if shake is None or _circles(spheres) != _circles(given):
-            shake = shake_of(region, spheres)
+        if places.mask is not None:
+            arrays["mask"] = places.mask[region.rows, region.columns]
         if crops is not None and (shake.record["applied"] or crops != crops_of(region, spheres, size)):
             discard_stored(inputs, crops)
         record = {
@@ -98,7 +123,7 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
         arrays={**arrays, **shake.arrays},
         record=record,
         counts={"spheres": len(spheres)},
-        warnings=[*warnings, *shake.warnings],
+        warnings=[*places.warnings, *shake.warnings],
     )
 
 

@@ -27,6 +27,9 @@ DARK_WINDOW_INRADII = 0.02
 """Half the side of the square windows in which nothing may flash, in inradii of the object."""
 MIN_DARK_SHARE = 0.75
 """Share of such a window whose field must face the lights."""
+MIN_LIT_SHARE = 0.5
+"""Share of the pixels facing the lights that must have a true highlight: where most have none, as with wrong lights,
+darkness says nothing of a normal."""
 DARK_ROUNDS = 4
 """Solutions of the field: the directions of dark pixels follow from the one before."""
 MAX_LENGTH = 0.9
@@ -112,7 +115,7 @@ def unreached_normals(
     scale: float,
     solve: Callable[[np.ndarray], np.ndarray],
 ) -> np.ndarray | None:
-    """Estimate the normals (H, W, 3) of dark pixels, NaN elsewhere; None where nothing is dark.
+    """Estimate the normals (H, W, 3) of dark pixels, NaN elsewhere; None where nothing is dark, or nearly all is.
 
     Args:
         field: (H, W, 3), smooth normal field, finite in the mask.
@@ -123,6 +126,9 @@ def unreached_normals(
         scale: inradius in pixels.
         solve: returns the field (H, W, 3) with normals (H, W, 3; NaN elsewhere) among its data.
     """
+    facing = mask & swept.flashes(field)
+    if (facing & (confidence > 0.0)).sum() < MIN_LIT_SHARE * facing.sum():
+        return None
     dark, unreached = np.zeros_like(mask), None
     for number in range(DARK_ROUNDS):
         dark = dark | dark_pixels(field, lit, mask, swept, scale)

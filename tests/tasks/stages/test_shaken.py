@@ -42,6 +42,19 @@ def test_frames_of_a_shaken_camera_are_moved_back(tmp_path: Path) -> None:
     assert off["shaken"] < 0.6 * off["raw"]
 
 
+@pytest.mark.parametrize("given", [True, False])
+def test_the_sphere_is_where_the_frames_are_moved_to(tmp_path: Path, given: bool) -> None:
+    options = CaptureOptions(frames=400, scale=0.4, rays=1, sphere_radius=25, shake=2.0, seed=3)
+    record = simulate("hemisphere", tmp_path / "shaken", options)
+    sphere = load(record.catalogue).objects[0].captures[0].spheres[0]
+    work = make_context(record.catalogue, tmp_path / "store", **({} if given else {"spheres": ()}))
+    records = perform_all(work, "survey")
+    assert work.load("survey").record["stabilization"]["applied"]
+    (found,) = work.load("survey").record["spheres"]
+    assert np.hypot(found["x"] - sphere.x, found["y"] - sphere.y) < 0.05 * sphere.radius
+    assert not any("is seen at" in warning.message for warning in records[0].warnings)
+
+
 @pytest.mark.slow
 def test_tripods_of_the_shared_recordings_stand_still(shared_data: Path) -> None:
     """Photographs under moving lights, whose number does not matter here, and videos with drifting shadows."""

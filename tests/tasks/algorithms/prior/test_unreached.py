@@ -117,6 +117,13 @@ def test_where_something_may_be_a_true_highlight_nothing_is_dark(swept: SweptNor
     assert unreached_normals(solve(None), known * 0.95, mask, mask, swept, SCALE, solve) is None
 
 
+def test_where_most_is_dark_darkness_says_nothing(swept: SweptNormals) -> None:
+    mask, truth, known = groove()
+    solve = solver(mask, truth, known)
+    few = known & (np.random.default_rng(0).random(mask.shape) < 0.4)
+    assert unreached_normals(solve(None), few * 0.95, few, mask, swept, SCALE, solve) is None
+
+
 def test_what_the_lights_show_stays_as_it_is(swept: SweptNormals) -> None:
     mask, truth, _ = groove()
     solve = solver(mask, truth, mask)
