@@ -27,7 +27,7 @@ CONTOUR_SIGMA_PX = 1.5
 """Standard deviation of the smoothing along the contour, against the staircase of pixels."""
 END_CONE_DEG, END_PX = 25.0, 2.0
 """Angle from the axis, and distance along it from the end of the wall, up to which normals belong to a flat end."""
-MIN_SIN_TILT = 0.02
+MIN_SIN_TILT = 0.005
 """Lower bound of the sine of the tilt by which circles are flattened to ellipses."""
 
 
@@ -76,6 +76,9 @@ class SurfaceOfRevolution:
         distance = np.subtract.outer(heights * (cos_tilt / sin_tilt), up / sin_tilt)
         np.multiply(distance, distance, out=distance)
         squared_distance = np.add(distance, side**2, out=distance).min(axis=1)
+        # A circle that is seen nearly edge-on passes between two points of the contour.
+        heights_met, sides_met = _crossings(up / (cos_tilt * step) - heights[0] / step, side, len(heights))
+        np.minimum.at(squared_distance, heights_met, sides_met**2)
         squared, slopes, plates = profile_of_contour(np.sqrt(squared_distance), heights, tilt)
         return cls(axis, tilt, heights, squared, slopes / 2.0, plates)
 
@@ -202,6 +205,26 @@ class SurfaceOfRevolution:
         """Return positions (N,) perpendicular to the axis and along it, in the image."""
         position = np.stack([x, y], axis=-1) - self.axis.point
         return position @ self.axis.normal, position @ self.axis.direction
+
+
+def _crossings(position: np.ndarray, side: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return where a closed polygon crosses the whole numbers below a length: these (N,), and its sides (N,) there.
+
+    Args:
+        position: (M,), of the corners, along the axis.
+        side: (M,), of the corners, perpendicular to it.
+        length: number of whole numbers.
+    """
+    following, next_side = np.roll(position, -1), np.roll(side, -1)
+    first, last = np.ceil(np.minimum(position, following)), np.floor(np.maximum(position, following))
+    numbers, sides = [], []
+    for further in range(int((last - first).max()) + 1):
+        number = first + further
+        used = (number <= last) & (number >= 0) & (number < length) & (position != following)
+        share = (number - position)[used] / (following - position)[used]
+        numbers.append(number[used].astype(int))
+        sides.append(side[used] + share * (next_side - side)[used])
+    return np.concatenate(numbers), np.concatenate(sides)
 
 
 def _contour(mask: np.ndarray) -> np.ndarray:

@@ -33,6 +33,22 @@ def test_a_dome_continues_behind_its_shoulder() -> None:
     assert np.percentile(angles(found, truth), 95) < 8.0
 
 
+@pytest.mark.parametrize("turn", [0.0, 5.0, 12.0])
+@pytest.mark.parametrize("step", [0.5, 1.0])
+def test_a_level_cone_keeps_its_slope_however_it_lies_in_the_image(turn: float, step: float) -> None:
+    x, y = camera_positions()
+    along = np.array([-np.sin(np.radians(turn)), np.cos(np.radians(turn))])
+    axis = ReflectionAxis(np.zeros(2), np.array([along[1], -along[0]]), 1.0)
+    across, height = x * axis.normal[0] + y * axis.normal[1], x * along[0] + y * along[1]
+    surface = SurfaceOfRevolution.from_silhouette(
+        (np.abs(across) < 40.0 + 0.02 * height) & (np.abs(height) < 75.0), axis, 0.0, step
+    )
+    wall = np.abs(surface.heights) < 65.0
+    radii = np.sqrt(surface.squared_radii[wall])
+    assert np.abs(radii - 40.0 - 0.02 * surface.heights[wall]).max() < 0.4
+    assert np.abs(np.degrees(surface.half_slopes[wall] / radii) - np.degrees(0.02)).max() < 2.0
+
+
 @pytest.mark.parametrize("tilt", [0.0, 25.0, -25.0])
 def test_rays_hit_the_surface_and_its_normals_point_outwards(tilt: float) -> None:
     surface = ribbed(tilt)
