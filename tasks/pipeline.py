@@ -135,7 +135,7 @@ STAGES = (
             "evidence": ArraySchema("HW", "f", "mask"),
         },
         peak_bytes=_per_pixel(900),
-        version=24,
+        version=25,
     ),
     Stage(
         "depth",

@@ -192,9 +192,14 @@ def degraded(_: str) -> str:
     for defect, shapes in figures()["degraded"].items():
         pairs = [pair_text(shapes[shape][method], 4) for shape, method in DEGRADED_COLUMNS]
         shares = (shape["confident"] for shape in shapes.values())
-        confident = (f"{share['percent_of_pixels']}%, {share['percent_within_5deg']:.1f}%" for share in shares)
-        rows.append((defect, *pairs, "; ".join(confident)))
+        rows.append((defect, *pairs, "; ".join(map(_confident_text, shares))))
     return table(("defect", *heads, "confidence >= 0.95, of these within 5°"), rows)
+
+
+def _confident_text(share: dict[str, float | None]) -> str:
+    """Return the share of confident pixels and, if there are any, of those within 5 degrees."""
+    right = share["percent_within_5deg"]
+    return f"{share['percent_of_pixels']}%" + ("" if right is None else f", {right:.1f}%")
 
 
 def perturbed(_: str) -> str:

@@ -18,7 +18,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.labelling.answers import sheet_graph
+from glint.tasks.algorithms.labelling.answers import TIE_DEG, sheet_graph
 from glint.tasks.algorithms.labelling.graph_cut import keep_best_per_pixel
 from glint.tasks.algorithms.labelling.integrability import window_area
 from glint.tasks.algorithms.prior.smooth_normals import field_spread
@@ -31,9 +31,12 @@ SMALL_SHEET_RESIDUAL = 2.0
 """Residual given to smaller sheets: as large as that of most false sheets."""
 MAX_RESIDUAL_DEG = 20.0
 """Angles to the prediction are clipped here: beyond it a sheet is no more wrong."""
-MISLED_FIELD_NATS = 3.0
+MISLED_FIELD_NATS = 4.0
 """Evidence that the nodes of a sheet must have beyond their rivals' for the field to be wrong there: one such sheet in
-twenty is taken to be true beforehand."""
+fifty is taken to be true beforehand."""
+LEAST_RADIUS_INRADII = 0.27
+"""Radius of curvature down to which an unexpected sheet stays whole, although its normals turn fast from pixel to pixel
+in a small image."""
 
 
 def segment_sheets(normals: np.ndarray) -> np.ndarray:
@@ -124,7 +127,8 @@ def unexpected_sheets(
         return nodes
     # The field follows what was accepted, so that it agrees with a rival is no evidence for it.
     rival = np.where(labels, ratios, 0.0).sum(axis=0)
-    _, ties = sheet_graph(np.where(nodes[..., None], normals, np.nan))
+    turn_deg = float(np.degrees(1.0 / (LEAST_RADIUS_INRADII * scale)))
+    _, ties = sheet_graph(np.where(nodes[..., None], normals, np.nan), max(TIE_DEG, turn_deg))
     sheets = connected_components(ties, directed=False)[1]
     # Nodes under one window share their noise, so they are one observation.
     gain = np.bincount(sheets, (ratios - rival)[nodes]) / window_area(scale)

@@ -90,6 +90,21 @@ def test_a_sheet_that_the_field_contradicts_is_found_by_its_area_and_its_evidenc
     assert found_sheet(large + 6, evidence=0.9).any()
 
 
+def test_a_small_round_limb_is_one_sheet() -> None:
+    radius = 12.0
+    rows, columns = np.indices((40, 40)) - 19.5
+    x, y = columns / radius, -rows / radius
+    ball = np.stack([x, y, np.sqrt(np.maximum(1.0 - x**2 - y**2, 0.0))], axis=-1)
+    normals = np.where((np.hypot(x, y) < np.sin(np.radians(45.0)))[..., None], ball, np.nan)[None]
+    present = np.isfinite(normals[..., 0])
+    turn = np.degrees(np.arccos((normals[0, 20, 20] * normals[0, 20, 21]).sum()))
+    assert 4.0 < turn < 5.0
+    ratios = np.where(present, 1.5, np.nan)
+    assert np.array_equal(unexpected_sheets(normals, present & False, ratios, present, 30.0), present)
+    # In the image of a large object so rough a sheet is none.
+    assert not unexpected_sheets(normals, present & False, ratios, present, 90.0).any()
+
+
 def test_what_was_accepted_in_its_place_counts_against_it() -> None:
     assert found_sheet(30, rival=-0.5)[0].any()
     assert not found_sheet(30, rival=0.95).any()
