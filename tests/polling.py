@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 PATIENCE = 120.0
 """Seconds after which a test gives up: a busy machine may need many, and who waits in vain fails in any case."""
@@ -14,3 +15,8 @@ def until[Found](look: Callable[[], Found], seconds: float = PATIENCE, pause: fl
         assert time.monotonic() < deadline, f"it did not happen: {found!r}"
         time.sleep(pause)
     return found
+
+
+def has_grown(path: Path, lines: int) -> bool:
+    """Return whether a file has more lines than so many."""
+    return path.exists() and path.read_text().count("\n") > lines

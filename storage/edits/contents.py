@@ -91,7 +91,7 @@ def write_edits(store: Any, object_id: str, edits: CaptureEdits) -> str:
     if edits.marks is not None:
         files[MARKUP_FILE] = StoredFile(markup_json(edits.marks), "application/json")
     write_stage(store, object_id, edits.capture, GROUP, str(edits.revision), {}, record, files)
-    return str(stage_attributes(store, edits.capture)[GROUP][SEAL])
+    return str(stage_attributes(store, object_id, edits.capture)[GROUP][SEAL])
 
 
 def markup_json(marks: Sequence[AnnotationEntry]) -> bytes:

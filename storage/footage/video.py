@@ -127,7 +127,10 @@ class Video:
     def _converted(
         self, frames: Iterator[av.VideoFrame], is_wanted: Callable[[int], bool], done: int
     ) -> Iterator[tuple[int, np.ndarray | None, float | None]]:
-        """Yield number, luma and time of frames from the video's first one on; luma is None for the first `done`."""
+        """Yield number, luma and time of all frames of the video.
+
+        luma is None for the first `done`, and for those that are not wanted.
+        """
         converter: LumaConverter | None = None
         for number, frame in enumerate(frames):
             if number < done or not is_wanted(number):

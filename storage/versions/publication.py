@@ -58,7 +58,7 @@ def publish(
     current = repair_main(repository, object_id)
     base = repository.lookup_branch("work")
     work = read_session(repository, object_id, base).store
-    keys = {capture: stage_keys(work, capture) for capture in captures}
+    keys = {capture: stage_keys(work, object_id, capture) for capture in captures}
     published, rolled_back = (current.stages, current.rolled_back) if current else ({}, {})
     new = {
         capture: stages
@@ -162,7 +162,7 @@ def commit_version(
     try:
         writable = repository.writable_session(branch)
         root = zarr.open_group(writable.store, mode="a", use_consolidated=False)
-        present = contents(writable.store)
+        present = contents(writable.store, object_id)
         for capture in present.keys() - version.stages.keys():
             del root[capture]
         for capture in kept:
@@ -178,7 +178,8 @@ def commit_version(
             "stages": version.stages,
             "seals": {
                 capture: {
-                    stage: attributes[SEAL] for stage, attributes in stage_attributes(writable.store, capture).items()
+                    stage: attributes[SEAL]
+                    for stage, attributes in stage_attributes(writable.store, object_id, capture).items()
                 }
                 for capture in version.stages
             },

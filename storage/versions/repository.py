@@ -94,12 +94,12 @@ class ObjectRepository:
     def stage_key(self, capture: str, stage: str, ref: str = "work") -> str | None:
         """Return the key under which the stage was saved last, or None."""
         with self._errors(f"reading {capture}/{stage}"):
-            return stage_keys(self._store(ref), capture).get(stage)
+            return stage_keys(self._store(ref), self.object_id, capture).get(stage)
 
     def records(self, capture: str, ref: str = "work") -> dict[str, tuple[str, dict[str, Any]]]:
         """Return key and record of the saved stages of a capture, without their arrays."""
         with self._errors(f"reading {capture}"):
-            saved = stage_attributes(self._store(ref), capture).items()
+            saved = stage_attributes(self._store(ref), self.object_id, capture).items()
             return {stage: (attributes["key"], attributes["record"]) for stage, attributes in saved}
 
     def save(
@@ -162,7 +162,7 @@ class ObjectRepository:
     def contents(self, ref: str = "work") -> Keys:
         """Return the stage keys by capture and stage, WHOLE_OBJECT included."""
         with self._errors("listing"):
-            return contents(self._store(ref))
+            return contents(self._store(ref), self.object_id)
 
     def publish(
         self,

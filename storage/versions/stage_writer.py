@@ -9,11 +9,15 @@ from typing import Any
 import numpy as np
 import zarr
 from zarr.codecs import BloscCodec, Crc32cCodec
+from zarr.core.buffer import default_buffer_prototype
+from zarr.core.group import GroupMetadata
+from zarr.core.sync import sync
 
-from glint.storage.errors import StoreError
+from glint.storage.errors import DamagedError, StoreError
 from glint.storage.json_values import json_value
 from glint.storage.seals import sealed
 from glint.storage.versions.checksums import RecordingStore
+from glint.storage.versions.groups import open_group
 from glint.storage.versions.stage_results import (
     FILES_GROUP,
     LAYOUT_NUMBER,
@@ -47,10 +51,8 @@ def write_stage(
     recording, path = RecordingStore(store), f"{check_name(capture, 'capture')}/{check_name(stage, 'stage')}"
     attributes = sealed({"layout": LAYOUT_NUMBER, "object": object_id})
     root = zarr.open_group(recording, mode="a", use_consolidated=False, attributes=attributes)
-    parent = root.require_group(capture)
-    if stage in parent:
-        del parent[stage]
-    group = parent.create_group(stage)
+    _discard(recording, object_id, capture, path)
+    group = root.require_group(capture).create_group(stage)
     for name, values in arrays.items():
         if name == FILES_GROUP:
             raise StoreError(f"{capture}/{stage} has an array named {name!r}", "give the array another name")
@@ -68,6 +70,18 @@ def write_stage(
     }
     own = {"name": f"{object_id}/{path}", "key": key, "record": json_value(record), "files": infos}
     group.attrs.put(sealed(own | {"checksums": written}))
+
+
+def _discard(store: RecordingStore, object_id: str, capture: str, path: str) -> None:
+    """Remove a stage's group without reading it; metadata of its capture's group that cannot be read are replaced."""
+    try:
+        open_group(store, capture, object_id)
+    except DamagedError:
+        # What else the group holds, edits among it, stays.
+        metadata = GroupMetadata().to_buffer_dict(default_buffer_prototype())
+        for name, value in metadata.items():
+            sync(store.set(f"{capture}/{name}", value))
+    sync(store.delete_dir(path))
 
 
 def chunk_shape(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:

@@ -47,7 +47,7 @@ SECTOR = 512
 """Bytes of a sector of a disk."""
 CROPS = {"object": Region(x=3, y=5, width=70, height=66), "sphere-0": Region(x=80, y=60, width=20, height=21)}
 VALUE = re.compile(r"(array|file) '[\w.-]+' of (vase|wine-glass)/[\w-]+/[\w-]+( in v\d)? is damaged")
-RECORD = re.compile(r"(vase|wine-glass)/[\w-]+/[\w-]+( in v\d)? is damaged")
+RECORD = re.compile(r"(vase|wine-glass)/[\w-]+(/[\w-]+)?( in v\d)? is damaged")
 INDEX = re.compile(r"(index|root|record of .*) of (object )?(vase|wine-glass)")
 FRAMES = re.compile(
     r"the (frames( of [\w-]+)?|attributes of the frames) at .*frames/[ab] |there are no frames at .*frames/[ab]:"

@@ -44,7 +44,7 @@ nodes far along the sheet that contradict it do not follow."""
 MARKED_SHEET_CONFIDENCE = 0.97
 """Confidence of accepted normals beside a true mark on the same sheet."""
 DRAFT_NODES, HELD_OUT_NODES = 7_000, 5_000
-"""Grid nodes of coarser fields: of a draft (a third of the time, a squared error 1% larger), and of those of sheets."""
+"""Grid nodes of coarser fields: a draft's (a third of the time, 1% more squared error), one that predicts a sheet."""
 MAX_REFUTATIONS = 3
 """Rounds in which flat faces are looked for, and false ones refuted."""
 REFUTED_DEG, REFUTED_NATS = 3.0, 10.0
@@ -61,7 +61,7 @@ class Alternation:
     by the sheet's shape, by shading and by marks. sheets: the nodes' graph, None: made with each set of marks. labels
     (K, H, W) bool: exterior nodes. values (H, W, 3): accepted normals, NaN elsewhere. confidence (H, W): theirs, NaN
     elsewhere. known (H, W) bool: where they enter the field. initial, smooth (H, W, 3): first and present field.
-    weights (K, H, W): of the clusters. unreached (H, W, 3): normals of dark pixels, NaN elsewhere.
+    weights (K, H, W): of the clusters. unreached (H, W, 3): normals of dark pixels, NaN elsewhere; None before these.
     """
 
     normals: np.ndarray

@@ -6,8 +6,8 @@ maps the image smoothly to half vectors, so true and false candidates form diffe
 sheets by a graph cut against the present field (`graph_cut`), then solves the field again from the accepted normals of
 sufficient confidence and the occluding contour (`smooth_normals`). The first field knows the contour alone. If the
 converged normals show a surface of revolution, it becomes the expected field and the iterations continue (`symmetry`).
-Then sheets that the field contradicts are accepted if their own shape outweighs that (`segments`), and where nothing
-flashed the field is bent away from the lights (`unreached`).
+Then sheets that the field contradicts are accepted if their own shape outweighs that (`segments`), unless the expected
+field is given; where there is no expected field, it is bent away from the lights where nothing flashed (`unreached`).
 """
 
 from copy import copy
@@ -76,7 +76,7 @@ def reconstruct_normals(
             occluding contour as data of the field.
         symmetry: whether a surface of revolution may be detected and become the expected field.
         flat_faces: whether flat faces may be detected, where there is no surface of revolution.
-        max_iterations: at most so many, before and again after a surface of revolution or flat faces are found.
+        max_iterations: at most so many each time: at first, and again after all that is found or marked.
         convergence_tolerance: share of the mask whose labels may still change in the last iteration.
         min_confidence: accepted normals of lower confidence do not enter the field.
         graph_cut_weights, field_weights, field_error: see `weights`.
@@ -175,17 +175,20 @@ def settle(
 def _bend_dark_pixels(state: Alternation) -> None:
     """Bend the field away from the lights where nothing flashed."""
 
-    def solve(unreached: np.ndarray | None) -> np.ndarray:
+    def solve(unreached: np.ndarray) -> np.ndarray:
         state.unreached = unreached
         return state.solve_field(state.known, state.values, faces=state.faces)
 
     swept = SweptNormals.of(state.normals)
-    if swept is not None:
-        confidence = np.where(state.known, state.confidence, 0.0)
-        evidence = np.where(state.labels | np.isnan(state.evidence), -np.inf, state.evidence).max(axis=0)
-        lit = state.known | (evidence > PLAUSIBLE_NATS)
-        state.unreached = unreached_normals(state.smooth, confidence, lit, state.mask, swept, state.scale, solve)
-        state.smooth = solve(state.unreached)
+    if swept is None:
+        return
+    confidence = np.where(state.known, state.confidence, 0.0)
+    # An accepted normal that is too uncertain for the field shows no more than a rejected one that is implausible.
+    evidence = np.where(state.labels | np.isnan(state.evidence), -np.inf, state.evidence).max(axis=0)
+    lit = state.known | (evidence > PLAUSIBLE_NATS)
+    estimate = unreached_normals(state.smooth, confidence, lit, state.mask, swept, state.scale, solve)
+    if estimate is not None:
+        state.unreached, state.smooth = estimate
 
 
 def _accept_unexpected(state: Alternation, min_confidence: float) -> bool:

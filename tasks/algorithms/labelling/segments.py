@@ -89,7 +89,7 @@ def held_out_residual(
         normals: (H, W, 3) accepted normals.
         known, rim, mask: (H, W) bool; accepted normals of the field, occluding contour, object.
         scale: inradius of the mask in pixels.
-        predict: maps known pixels (H, W) bool to the field (H, W, 3) from these normals and the contour.
+        predict: maps known pixels (H, W) bool to the field (H, W, 3) from these normals, the contour and dark pixels.
 
     Returns:
         (H, W), in units of the field's expected error at the sheet's distance from the remaining data (`field_spread`);

@@ -208,12 +208,12 @@ class SurfaceOfRevolution:
 
 
 def _crossings(position: np.ndarray, side: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return where a closed polygon crosses the whole numbers below a length: these (N,), and its sides (N,) there.
+    """Return the samples (N,), from 0 to length - 1, at which a closed polygon crosses them, and its sides (N,) there.
 
     Args:
-        position: (M,), of the corners, along the axis.
+        position: (M,), of the corners, along the axis, in samples.
         side: (M,), of the corners, perpendicular to it.
-        length: number of whole numbers.
+        length: number of samples.
     """
     following, next_side = np.roll(position, -1), np.roll(side, -1)
     first, last = np.ceil(np.minimum(position, following)), np.floor(np.maximum(position, following))

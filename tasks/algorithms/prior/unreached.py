@@ -76,7 +76,7 @@ class SweptNormals:
         return np.asarray(self.flashing[_cells(normals)] & np.isfinite(normals[..., 0]))
 
     def nearest_beyond(self, normals: np.ndarray) -> np.ndarray:
-        """Return the nearest normals (..., 3) well beyond what the lights reach, those beyond it themselves."""
+        """Return the nearest normals (..., 3) well beyond what the lights reach, but no further out than MAX_LENGTH."""
         cells = _cells(normals)
         nearest = np.stack([self.beyond[1][cells], self.beyond[0][cells]], axis=-1)
         plane = np.where(self.reached[cells][..., None], (nearest + 0.5) / CELLS * 2.0 - 1.0, normals[..., :2])
@@ -96,8 +96,7 @@ def _cells(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def dark_pixels(field: np.ndarray, lit: np.ndarray, mask: np.ndarray, swept: SweptNormals, scale: float) -> np.ndarray:
     """Return the pixels (H, W) bool of windows in which nothing flashed although the field faces the lights.
 
-    field: (H, W, 3); lit: (H, W) bool, pixels with what is or may be a true highlight; mask: (H, W) bool; scale:
-    inradius in pixels.
+    field: (H, W, 3); lit: (H, W) bool, of `unreached_normals`; mask: (H, W) bool; scale: inradius in pixels.
     """
     side = 2 * max(1, round(DARK_WINDOW_INRADII * scale)) + 1
     square = np.ones((side, side), bool)
@@ -114,13 +113,16 @@ def unreached_normals(
     swept: SweptNormals,
     scale: float,
     solve: Callable[[np.ndarray], np.ndarray],
-) -> np.ndarray | None:
-    """Estimate the normals (H, W, 3) of dark pixels, NaN elsewhere; None where nothing is dark, or nearly all is.
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Estimate the normals (H, W, 3) of dark pixels, NaN elsewhere, and the field (H, W, 3) that follows them.
+
+    None where nothing is dark, or where fewer than MIN_LIT_SHARE of the pixels that face the lights have an accepted
+    normal.
 
     Args:
         field: (H, W, 3), smooth normal field, finite in the mask.
         confidence: (H, W), of accepted normals, 0 elsewhere.
-        lit: (H, W) bool, pixels with what is or may be a true highlight.
+        lit: (H, W) bool, pixels with an accepted normal, or with a rejected one that is plausible.
         mask: (H, W) bool.
         swept: normals that the lights reach.
         scale: inradius in pixels.
@@ -129,7 +131,7 @@ def unreached_normals(
     facing = mask & swept.flashes(field)
     if (facing & (confidence > 0.0)).sum() < MIN_LIT_SHARE * facing.sum():
         return None
-    dark, unreached = np.zeros_like(mask), None
+    dark, unreached = np.zeros_like(mask), np.full_like(field, np.nan)
     for number in range(DARK_ROUNDS):
         dark = dark | dark_pixels(field, lit, mask, swept, scale)
         if not dark.any():
@@ -137,7 +139,7 @@ def unreached_normals(
         direction = _integrable(field, np.where(dark, 1.0, confidence), mask) if number else field
         unreached = np.where(dark[..., None], swept.nearest_beyond(direction), np.nan)
         field = solve(unreached)
-    return unreached
+    return unreached, field
 
 
 def with_unreached(
@@ -157,7 +159,7 @@ def _integrable(field: np.ndarray, confidence: np.ndarray, mask: np.ndarray) -> 
     confidence: (H, W), 0 where the field is neither dark nor accepted. mask: (H, W) bool.
     """
     p, q = gradients(field, floor=0.2)
-    # An error of a normal is one of its slope divided by n_z squared.
+    # The error of a slope is that of its normal divided by n_z squared.
     weight = np.where(confidence > 0.0, confidence * field[..., 2] ** 4, UNKNOWN_WEIGHT)
     slopes = np.where(mask, -q, 0.0), np.where(mask, p, 0.0)
     weights, rises = np.zeros((2, *mask.shape)), np.zeros((2, *mask.shape))

@@ -44,7 +44,7 @@ def _entry_depths(
     squared_radii: np.ndarray,
     depths: np.ndarray,
 ) -> np.ndarray:
-    """Do what `entry_depths` does, for the samples `depths` along each ray, c and s of the tilt."""
+    """Return what `entry_depths` does; c, s: cosine and sine of the tilt; depths: samples of each ray."""
     result = np.full(len(side), np.nan)
     widest = squared_radii.max()
     for ray in range(len(side)):

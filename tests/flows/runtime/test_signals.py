@@ -101,6 +101,7 @@ def test_an_interrupt_within_a_string_that_is_executed_ends_with_the_status(tmp_
 def test_a_second_interrupt_ends_at_once() -> None:
     code = (
         "import threading, time\nfrom glint.flows.runtime import signals\nsignals.REPEAT_SECONDS = 0.2\n"
+        "signals.GRACE_SECONDS = 600\n"
         "signals.install()\nthreading.Thread(target=time.sleep, args=[60]).start()\nprint('ready', flush=True)\n"
         "time.sleep(60)"
     )

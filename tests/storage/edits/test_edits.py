@@ -24,7 +24,7 @@ from glint.storage.edits.models import MAX_LINE_CHARACTERS, CaptureEdits, Change
 from glint.storage.errors import DamagedError, InputError, StoreError
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
-from tests.polling import until
+from tests.polling import has_grown, until
 from tests.storage.stores import MemoryLocation, local_store, save_capture
 
 SPAWN = multiprocessing.get_context("spawn")
@@ -323,10 +323,6 @@ def test_of_two_that_change_one_field_at_once_one_is_told(kind: str, location: L
     assert Edits.open(place, "duck").current("front").changes["pixel_size"].author == winner
 
 
-def _has_grown(path: Path, lines: int) -> bool:
-    return path.exists() and path.read_text().count("\n") > lines
-
-
 def _save_for_ever(location: Location, acknowledged: Path, start: int) -> None:
     edits = Edits.open(location, "duck")
     for number in range(start, start + 10_000):
@@ -344,7 +340,7 @@ def test_a_killed_writer_loses_nothing_acknowledged(location: Location, tmp_path
         lines = acknowledged.read_text().count("\n") if acknowledged.exists() else 0
         worker = SPAWN.Process(target=_save_for_ever, args=(location, acknowledged, attempt * 10_000))
         worker.start()
-        until(partial(_has_grown, acknowledged, lines), pause=0.01)
+        until(partial(has_grown, acknowledged, lines), pause=0.01)
         time.sleep(chance.uniform(0.0, 0.2))
         assert worker.pid is not None
         os.kill(worker.pid, signal.SIGKILL)

@@ -28,7 +28,7 @@ from glint.storage.versions.stage_results import (
     StoredFile,
 )
 from glint.storage.versions.stage_writer import chunk_shape
-from tests.polling import PATIENCE, until
+from tests.polling import PATIENCE, has_grown, until
 from tests.storage.stores import SCHEMAS, STAGES, MemoryLocation, capture_arrays, local_store, save_capture, small_ply
 
 SPAWN = multiprocessing.get_context("spawn")
@@ -365,10 +365,6 @@ def test_writers_without_a_lock_try_again_and_lose_nothing() -> None:
     assert repository.captures("main") == [f"view-{writer}" for writer in range(4)]
 
 
-def _has_grown(path: Path, lines: int) -> bool:
-    return path.exists() and path.read_text().count("\n") > lines
-
-
 def _publish_for_ever(location: Location, acknowledged: Path, start: int) -> None:
     repository = ObjectRepository.open(location, "duck")
     for round_ in range(start, start + 10_000):
@@ -385,7 +381,7 @@ def test_a_killed_process_leaves_whole_versions(location: Location, tmp_path: Pa
         lines = acknowledged.read_text().count("\n") if acknowledged.exists() else 0
         worker = SPAWN.Process(target=_publish_for_ever, args=(location, acknowledged, attempt * 10_000))
         worker.start()
-        until(partial(_has_grown, acknowledged, lines), pause=0.01)
+        until(partial(has_grown, acknowledged, lines), pause=0.01)
         time.sleep(chance.uniform(0.0, 0.3))
         assert worker.pid is not None
         os.kill(worker.pid, signal.SIGKILL)

@@ -2,13 +2,15 @@
 
 import asyncio
 
+import numpy as np
 import pytest
-import zarr
 from zarr.core.buffer import default_buffer_prototype
 from zarr.storage import MemoryStore
 
 from glint.storage.errors import DamagedError
 from glint.storage.versions import stage_results
+from glint.storage.versions.stage_writer import write_stage
+from glint.storage.versions.verification import verify
 
 METADATA = [
     b'{"attributes": {}, "zarr_format": 3, "c\x11\n_type": "group"}',
@@ -20,14 +22,33 @@ METADATA = [
 ]
 
 
+def store_with(place: str, metadata: bytes) -> MemoryStore:
+    """Return a store with the stages labels and depth of a capture, and other metadata of the group at `place`."""
+    store = MemoryStore()
+    for stage in ("labels", "depth"):
+        write_stage(store, "duck", "front", stage, "key", {"mask": np.ones((2, 2), bool)}, {}, {})
+    asyncio.run(store.set(f"{place}zarr.json", default_buffer_prototype().buffer.from_bytes(metadata)))
+    return store
+
+
 @pytest.mark.parametrize("place", ["", "front/", "front/labels/"])
 @pytest.mark.parametrize("metadata", METADATA)
 def test_damaged_metadata_is_told(place: str, metadata: bytes) -> None:
-    store = MemoryStore()
-    zarr.open_group(store, path="front/labels", mode="w", zarr_format=3)
-    asyncio.run(store.set(f"{place}zarr.json", default_buffer_prototype().buffer.from_bytes(metadata)))
-    with pytest.raises(DamagedError, match="is damaged"):
+    store = store_with(place, metadata)
+    with pytest.raises(DamagedError) as told:
         if place:
             stage_results.read_capture(store, "duck", "front", seals={"labels": "0"})
         else:
             stage_results.check_layout(store, "duck", "here")
+    assert str(told.value).startswith("duck/front is damaged" if place else "the root of object duck is damaged")
+    assert "glint verify duck --repair" in str(told.value.remedy)
+
+
+@pytest.mark.parametrize("place", ["front/", "front/labels/"])
+@pytest.mark.parametrize("metadata", METADATA)
+def test_what_is_computed_again_replaces_damaged_metadata(place: str, metadata: bytes) -> None:
+    store = store_with(place, metadata)
+    write_stage(store, "duck", "front", "labels", "new key", {"mask": np.zeros((2, 2), bool)}, {}, {})
+    results = stage_results.read_capture(store, "duck", "front")
+    assert {stage: result.key for stage, result in results.items()} == {"labels": "new key", "depth": "key"}
+    assert not verify(results.values()).damages

@@ -100,10 +100,10 @@ def test_walls_of_a_groove_are_steep_and_face_each_other(swept: SweptNormals) ->
     mask, truth, known = groove()
     solve = solver(mask, truth, known)
     field = solve(None)
-    unreached = unreached_normals(field, known * 0.95, known, mask, swept, SCALE, solve)
-    assert unreached is not None
+    found = unreached_normals(field, known * 0.95, known, mask, swept, SCALE, solve)
+    assert found is not None
+    unreached, bent = found
     hidden = mask & ~known
-    bent = solve(unreached)
     before, after = angles(field[hidden], truth[hidden]), angles(bent[hidden], truth[hidden])
     assert before.mean() > 25.0 and after.mean() < 0.7 * before.mean()
     dark = np.isfinite(unreached[..., 0])

@@ -20,13 +20,12 @@ def test_rays_enter_a_sphere_at_its_surface(tilt: float, far: bool) -> None:
     assert np.abs(depths[inside] - expected).max() < 0.01
 
 
-def test_the_nearer_of_two_bulges_is_entered() -> None:
-    # Seen along the axis but for 40 degrees, the upper bulge stands before the lower one.
+def test_of_two_bulges_the_nearer_is_entered_and_the_farther_left() -> None:
+    # The view is 20 degrees from the axis, whose upper end is nearer: the ray meets both bulges, and the neck between.
     heights = np.arange(-60.0, 60.5, 0.5)
     squared_radii = np.where(np.abs(np.abs(heights) - 40.0) < 15.0, 30.0**2, 5.0**2)
-    tilt = np.radians(50.0)
-    up = np.array([40.0 * np.cos(tilt), -40.0 * np.cos(tilt)])
-    near = entry_depths(np.zeros(2), up, tilt, heights, squared_radii, False)
-    heights_hit = near * np.sin(tilt) + up * np.cos(tilt)
-    assert heights_hit[0] > 25.0
-    assert near[0] > near[1]
+    tilt = np.radians(70.0)
+    for far, sign in ((False, 1.0), (True, -1.0)):
+        depth = entry_depths(np.zeros(1), np.zeros(1), tilt, heights, squared_radii, far)
+        height = float(depth[0] * np.sin(tilt))
+        assert 25.0 < sign * height <= 60.0
