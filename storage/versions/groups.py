@@ -15,30 +15,30 @@ from zarr.errors import GroupNotFoundError
 from glint.storage.errors import DamagedError, damaged
 
 
-def open_group(store: Any, path: str, object_id: str) -> zarr.Group | None:
+def open_group(store: Any, object_id: str, path: str) -> zarr.Group | None:
     """Open the group at `path` of an object's store for reading; None if there is none.
 
     Raises:
         DamagedError: its metadata cannot be read.
     """
-    with readable_metadata(path, object_id):
+    with readable_metadata(object_id, path):
         try:
             return zarr.open_group(store, path=path, mode="r", use_consolidated=False, zarr_format=3)
         except GroupNotFoundError as error:
             if sync(store.exists(f"{path}/zarr.json".lstrip("/"))):
-                raise _damage(path, object_id, error) from error
+                raise _damage(object_id, path, error) from error
             return None
 
 
 @contextmanager
-def readable_metadata(path: str, object_id: str) -> Iterator[None]:
+def readable_metadata(object_id: str, path: str) -> Iterator[None]:
     """Raise DamagedError for metadata of an object's group at `path`, or of those in it, that cannot be read."""
     try:
         yield
     except (ValueError, TypeError, KeyError, AttributeError) as error:
-        raise _damage(path, object_id, error) from error
+        raise _damage(object_id, path, error) from error
 
 
-def _damage(path: str, object_id: str, error: Exception) -> DamagedError:
+def _damage(object_id: str, path: str, error: Exception) -> DamagedError:
     problem = f"its metadata cannot be read: {' '.join(str(error).split())[:120]}"
     return damaged(f"{object_id}/{path}" if path else f"the root of object {object_id}", problem, object_id)

@@ -137,7 +137,7 @@ def check_layout(store: Any, object_id: str, uri: str) -> None:
     Raises:
         StoreError: another version of Glint has written it; DamagedError: what says so is damaged.
     """
-    root = open_group(store, "", object_id)
+    root = open_group(store, object_id, "")
     if root is None:
         return
     layout = root.attrs.get("layout", 1)
@@ -158,7 +158,7 @@ def read_stage(store: Any, object_id: str, capture: str, stage: str) -> StageRes
     Raises:
         DamagedError: the group is not what was written as this stage's result.
     """
-    group = open_group(store, f"{check_name(capture, 'capture')}/{check_name(stage, 'stage')}", object_id)
+    group = open_group(store, object_id, f"{check_name(capture, 'capture')}/{check_name(stage, 'stage')}")
     return None if group is None else _result(store, dict(group.attrs), object_id, capture, stage, "work")
 
 
@@ -204,8 +204,8 @@ def _result(
 
 def contents(store: Any, object_id: str) -> Keys:
     """Return the stage keys of everything in a store, WHOLE_OBJECT included."""
-    root = open_group(store, "", object_id)
-    with readable_metadata("", object_id):
+    root = open_group(store, object_id, "")
+    with readable_metadata(object_id, ""):
         names = [] if root is None else sorted(root.group_keys())
     return {name: stage_keys(store, object_id, name) for name in names}
 
@@ -217,8 +217,8 @@ def stage_keys(store: Any, object_id: str, capture: str) -> dict[str, str]:
 
 def stage_attributes(store: Any, object_id: str, capture: str) -> dict[str, dict[str, Any]]:
     """Return the attributes of the saved stages of a capture; one whose attributes are damaged counts as not saved."""
-    group = open_group(store, check_name(capture, "capture"), object_id)
-    with readable_metadata(capture, object_id):
+    group = open_group(store, object_id, check_name(capture, "capture"))
+    with readable_metadata(object_id, capture):
         stages = {} if group is None else dict(group.groups())
         attributes = {name: dict(stage.attrs) for name, stage in sorted(stages.items())}
     return {name: values for name, values in attributes.items() if is_sealed(values) and "key" in values}

@@ -17,7 +17,7 @@ from glint.storage.errors import DamagedError, StoreError
 from glint.storage.json_values import json_value
 from glint.storage.seals import sealed
 from glint.storage.versions.checksums import RecordingStore
-from glint.storage.versions.groups import open_group
+from glint.storage.versions.groups import readable_metadata
 from glint.storage.versions.stage_results import (
     FILES_GROUP,
     LAYOUT_NUMBER,
@@ -51,8 +51,10 @@ def write_stage(
     recording, path = RecordingStore(store), f"{check_name(capture, 'capture')}/{check_name(stage, 'stage')}"
     attributes = sealed({"layout": LAYOUT_NUMBER, "object": object_id})
     root = zarr.open_group(recording, mode="a", use_consolidated=False, attributes=attributes)
-    _discard(recording, object_id, capture, path)
-    group = root.require_group(capture).create_group(stage)
+    parent = _capture_group(root, object_id, capture)
+    # Not read before it is removed: it may be damaged.
+    sync(recording.delete_dir(path))
+    group = parent.create_group(stage)
     for name, values in arrays.items():
         if name == FILES_GROUP:
             raise StoreError(f"{capture}/{stage} has an array named {name!r}", "give the array another name")
@@ -72,16 +74,16 @@ def write_stage(
     group.attrs.put(sealed(own | {"checksums": written}))
 
 
-def _discard(store: RecordingStore, object_id: str, capture: str, path: str) -> None:
-    """Remove a stage's group without reading it; metadata of its capture's group that cannot be read are replaced."""
+def _capture_group(root: zarr.Group, object_id: str, capture: str) -> zarr.Group:
+    """Return a capture's group, made where there is none; metadata of it that cannot be read are replaced."""
     try:
-        open_group(store, capture, object_id)
+        with readable_metadata(object_id, capture):
+            return root.require_group(capture)
     except DamagedError:
-        # What else the group holds, edits among it, stays.
-        metadata = GroupMetadata().to_buffer_dict(default_buffer_prototype())
-        for name, value in metadata.items():
-            sync(store.set(f"{capture}/{name}", value))
-    sync(store.delete_dir(path))
+        # What the group holds, edits among it, stays.
+        for name, value in GroupMetadata().to_buffer_dict(default_buffer_prototype()).items():
+            sync(root.store.set(f"{capture}/{name}", value))
+        return root.require_group(capture)
 
 
 def chunk_shape(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:

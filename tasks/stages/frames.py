@@ -19,7 +19,7 @@ from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
-from glint.tasks.stages.stabilization import REFERENCE, StabilizedFootage
+from glint.tasks.stages.stabilization import REFERENCE, stabilized
 from glint.tasks.stages.thumbnails import NUMBERS, PICTURES, ThumbnailRecorder
 
 LEVEL_SHARDS = 24
@@ -158,8 +158,7 @@ def _complete(location: Location, digest: str) -> FrameCache | None:
 def _ingest(results: CaptureResults, digest: str, footage: Footage, progress: Progress | None = None) -> FrameCache:
     """Decode the video, moved back where the camera was shaken, into the cache."""
     survey = results.load("survey")
-    about = survey.record["stabilization"]
-    source = StabilizedFootage(footage, about, survey.read(REFERENCE)) if about["applied"] else footage
+    source = stabilized(footage, survey.record["stabilization"], survey.arrays)
     return fill_cache(results, digest, load_geometry(results).crops, source, progress)
 
 

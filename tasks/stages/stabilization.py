@@ -101,7 +101,7 @@ class StabilizedFootage(FootageWrapper):
     """A video whose frames are moved back to where the survey's reference has them."""
 
     def __init__(self, footage: Footage, about: Mapping[str, Any], reference: np.ndarray) -> None:
-        """Prepare to move frames back; about, reference: of a `Shake` that is applied."""
+        """Prepare to move frames back; about, reference: record and picture of a `Shake` that is applied."""
         super().__init__(footage)
         self._reduction = int(about["reduction"])
         covered = _covered(reference.shape, about["excluded"], self._reduction)
@@ -122,8 +122,9 @@ class StabilizedFootage(FootageWrapper):
         return np.asarray(self._places[distances.argmin()]) if distances.min() < SETTLED_PX else shift
 
 
-def stabilized(footage: Footage, shake: Shake) -> Footage:
-    """Return the video with its frames moved back, or as it is where the camera stood still."""
-    if not shake.record["applied"]:
-        return footage
-    return StabilizedFootage(footage, shake.record, shake.arrays[REFERENCE])
+def stabilized(footage: Footage, about: Mapping[str, Any], arrays: Mapping[str, Any]) -> Footage:
+    """Return the video with its frames moved back, or as it is where the camera stood still.
+
+    about, arrays: record and arrays of a `Shake`, also as the survey has saved them.
+    """
+    return StabilizedFootage(footage, about, np.asarray(arrays[REFERENCE][...])) if about["applied"] else footage

@@ -69,7 +69,7 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
 
         def sampled(shake: Shake | None) -> Sample:
             # Where the camera moved, spheres and object are blurred, and beside their places in the first frame.
-            source = footage if shake is None else stabilized(footage, shake)
+            source = footage if shake is None else stabilized(footage, shake.record, shake.arrays)
             return SampleRecorder(source, parameters.sample, progress).sample()
 
         def located(sample: Sample) -> _Located:

@@ -176,8 +176,9 @@ def _bend_dark_pixels(state: Alternation) -> None:
     """Bend the field away from the lights where nothing flashed."""
 
     def solve(unreached: np.ndarray) -> np.ndarray:
-        state.unreached = unreached
-        return state.solve_field(state.known, state.values, faces=state.faces)
+        bent = copy(state)
+        bent.unreached = unreached
+        return bent.solve_field(state.known, state.values, faces=state.faces)
 
     swept = SweptNormals.of(state.normals)
     if swept is None:

@@ -131,7 +131,7 @@ def unreached_normals(
     facing = mask & swept.flashes(field)
     if (facing & (confidence > 0.0)).sum() < MIN_LIT_SHARE * facing.sum():
         return None
-    dark, unreached = np.zeros_like(mask), np.full_like(field, np.nan)
+    dark = np.zeros_like(mask)
     for number in range(DARK_ROUNDS):
         dark = dark | dark_pixels(field, lit, mask, swept, scale)
         if not dark.any():
