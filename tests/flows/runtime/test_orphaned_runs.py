@@ -45,13 +45,18 @@ def runs_of(server: Server, kind: str, tag: str) -> list[dict[str, Any]]:
     return found
 
 
+def state_of(run: dict[str, Any]) -> str:
+    """Type of a run's state, empty before its first: a task run is recorded before the states it went through."""
+    return "" if run["state"] is None else str(run["state"]["type"])
+
+
 def states_of(server: Server, kind: str, tag: str) -> list[str]:
-    return sorted(each["state"]["type"] for each in runs_of(server, kind, tag))
+    return sorted(map(state_of, runs_of(server, kind, tag)))
 
 
 def waiting_states(server: Server, tag: str) -> list[str]:
     """States of the runs of the task `wait`; the run of the flow inside is a task run too."""
-    return [each["state"]["type"] for each in runs_of(server, "task_run", tag) if each["name"].startswith("wait")]
+    return [state_of(run) for run in runs_of(server, "task_run", tag) if run["name"].startswith("wait")]
 
 
 def started(glint_home: Path, folder: Path) -> "subprocess.Popen[str]":
