@@ -1,4 +1,5 @@
-"""Edges of an image along a contour: its slope across the contour, in units of the slopes of the table's texture."""
+"""Edges of an image along a contour: its slope across the contour, in units of the slopes of the table's texture, and
+where its level is halfway between both sides'."""
 
 import cv2
 import numpy as np
@@ -14,6 +15,15 @@ NORMAL_SIGMA_PX = 1.5
 """Standard deviation of the smoothing of a mask from which the contour's normals are taken."""
 MIN_OUTER_EDGE, MIN_EDGE_RATIO, MIN_PIECE_PX = 1.0, 1.1, 8
 """Mean edge along a contour farther out, in edges of the table and relative to the contour that it replaces; area."""
+
+RIM_REACH_PX, TABLE_REACH_PX, PROFILE_STEP_PX = 4.0, (3.0, 6.0), 0.25
+"""Distances from a contour up to which the rim inside lies, and between which the table outside, and of samples."""
+MAX_RIM_OFFSET_PX = 1.0
+"""Distance outside the contour up to which the rim's highest level is looked for."""
+MIN_RIM_RATIO = 3.0
+"""Level of the rim, relative to the table's beside it, without which a halfway level says nothing."""
+MIN_RIM_SHARE = 2.0 / 3.0
+"""Share of the contour that must have a halfway level: elsewhere the rim is too much like the table."""
 
 
 def edge_image(levels: np.ndarray, is_table: np.ndarray) -> np.ndarray:
@@ -54,3 +64,55 @@ def stronger_pieces(mask: np.ndarray, outer: np.ndarray, image: np.ndarray) -> n
         if strength > MIN_OUTER_EDGE and strength > MIN_EDGE_RATIO * replaced:
             result[grown] |= piece
     return result
+
+
+def rim_offset(levels: np.ndarray, mask: np.ndarray, used: np.ndarray) -> float | None:
+    """Return the distance outward from a contour, pixels, at which levels are halfway from rim to table.
+
+    Optics blur both in the same proportion, so that the true contour lies there if the levels are linear in the light
+    and not clipped. It is the median of the shortest half of the distances along the contour (Rousseeuw 1984).
+
+    Args:
+        levels: (H, W), higher inside than outside.
+        mask: (H, W) bool, whose contour is examined.
+        used: (H, W) bool, pixels beside which the contour counts.
+
+    Returns:
+        The distance, negative inside; None: too little of the contour stands out from the table.
+    """
+    distance = signed_distance(mask)
+    rows, columns = np.nonzero((np.abs(distance) < 1.0) & mask & used)
+    if not len(rows):
+        return None
+    down, right = np.gradient(cv2.GaussianBlur(distance, (0, 0), 1.0))
+    length = np.hypot(down, right)[rows, columns] + 1e-6
+    steps = np.arange(-RIM_REACH_PX, TABLE_REACH_PX[1] + PROFILE_STEP_PX / 2, PROFILE_STEP_PX)
+    along = steps - distance[rows, columns][:, None]
+    positions = (
+        rows[:, None] + along * (down[rows, columns] / length)[:, None],
+        columns[:, None] + along * (right[rows, columns] / length)[:, None],
+    )
+    profiles = ndimage.map_coordinates(levels, positions, order=1, mode="nearest")
+    table = np.median(profiles[:, steps >= TABLE_REACH_PX[0]], axis=1)
+    summit = profiles[:, steps <= MAX_RIM_OFFSET_PX].argmax(axis=1)
+    highest = profiles[np.arange(len(profiles)), summit]
+    # The first sample beyond the rim that lies below halfway, and the last one above it.
+    is_low = (profiles < 0.5 * (highest + table)[:, None]) & (np.arange(len(steps)) > summit[:, None])
+    after = is_low.argmax(axis=1)
+    is_clear = (highest > MIN_RIM_RATIO * table) & is_low.any(axis=1)
+    if is_clear.mean() < MIN_RIM_SHARE:
+        return None
+    clear = np.flatnonzero(is_clear)
+    upper, lower = profiles[clear, after[clear] - 1], profiles[clear, after[clear]]
+    part = (upper - 0.5 * (highest + table)[clear]) / (upper - lower)
+    offsets = np.sort(steps[after[clear] - 1] + PROFILE_STEP_PX * part)
+    # A rim whose highest level lies farther in has its own edge there: the most frequent offset is the blur's.
+    half = len(offsets) // 2
+    shortest = int((offsets[half:] - offsets[: len(offsets) - half]).argmin())
+    return float(np.median(offsets[shortest : shortest + half + 1]))
+
+
+def signed_distance(mask: np.ndarray) -> np.ndarray:
+    """Return the distance (H, W) of pixels' centres from the contour of a mask (H, W) bool, negative inside."""
+    outside, inside = ndimage.distance_transform_edt(~mask), ndimage.distance_transform_edt(mask)
+    return np.where(mask, 0.5 - inside, outside - 0.5)

@@ -4,7 +4,7 @@ Yeung et al. 2009 take the silhouette as given (section 4.1). Here a first cut s
 the light differs from that of the table around them (`table_response`); holes and gaps that are glass are filled
 (`mask_regions`); and a second cut moves the contour to the edges of the background and of the response nearby. Walls
 and feet of glasses refract the table without any highlight: the contour moves out to an edge of the background that is
-stronger than the one that it leaves.
+stronger than the one that it leaves; and in from the blur of highlights at the rim.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.frames.contour_edges import edge_image, stronger_pieces
+from glint.tasks.algorithms.frames.contour_edges import edge_image, rim_offset, signed_distance, stronger_pieces
 from glint.tasks.algorithms.frames.grid_cut import grid_cut, links
 from glint.tasks.algorithms.frames.mask_regions import (
     CLOSE_SHARE,
@@ -53,6 +53,8 @@ RESPONSE_EDGE = 0.24
 """Difference of the saturated response that counts as an edge."""
 RESPONSE_WEIGHT = 0.03
 """Weight of the log-likelihood ratios in the second cut: near the contour edges decide."""
+RIM_SIGMA_PX = 1.0
+"""Standard deviation of the smoothing of the distances from the contour, by which it is moved by parts of a pixel."""
 OUTWARD_ROUNDS = 2
 """Times that a contour farther out is looked for."""
 MIN_HIGHLIGHT_PX = 12
@@ -104,7 +106,7 @@ def estimate_mask(
     allowed = free if within is None else free & within
     response = table_response(frames, free)
     classes = _separate(response, free, allowed)
-    return _at_edges(classes, response.background, allowed)
+    return _without_blur(_at_edges(classes, response.background, allowed), response, free)
 
 
 def beside_spheres(shape: tuple[int, ...], spheres: Sequence[Sphere]) -> np.ndarray:
@@ -188,6 +190,18 @@ def _at_edges(classes: _Classes, background: np.ndarray, free: np.ndarray) -> np
         mask = mask | stronger_pieces(mask, outer, brightness)
         inside, reach = inside | mask, mask
     return mask
+
+
+def _without_blur(mask: np.ndarray, response: TableResponse, free: np.ndarray) -> np.ndarray:
+    """Return the mask (H, W) bool without the rim that is blur alone.
+
+    Half the level of a clipped highlight lies out in its blur, never inside the object, and so does a contour found
+    there. The RMS residual over all frames is hardly clipped.
+    """
+    offset = rim_offset(np.exp(response.deviation), mask, free)
+    if offset is None or offset >= 0.0:
+        return mask
+    return mask & (cv2.GaussianBlur(signed_distance(mask), (0, 0), RIM_SIGMA_PX) <= offset)
 
 
 def _saturated_responses(classes: _Classes) -> list[np.ndarray]:

@@ -22,9 +22,20 @@ class GlassScene:
 
 
 def draw_glass(
-    frames: int = 200, width: int = 270, height: int = 180, inner: float = INNER, shadow: float = 0.1, seed: int = 0
+    frames: int = 200,
+    width: int = 270,
+    height: int = 180,
+    inner: float = INNER,
+    shadow: float = 0.1,
+    flash: float = 400.0,
+    blur: float = 0.0,
+    seed: int = 0,
 ) -> GlassScene:
-    """Draw the scene; inner: radius of the ring's hole, 0 for a disc; shadow: its depth beside the ring, 0 to 1."""
+    """Draw the scene.
+
+    inner: radius of the ring's hole, 0 for a disc; shadow: its depth beside the ring, 0 to 1; flash: level of the
+    flashes, clipped at 255; blur: standard deviation in pixels of the optics' blur.
+    """
     generator = np.random.default_rng(seed)
     table, refracted = (_texture(generator, (height, width)) for _ in range(2))
     rows, columns = np.mgrid[:height, :width].astype(np.float32)
@@ -43,10 +54,12 @@ def draw_glass(
         radius = inner + (OUTER - inner) * abs(1.0 - 2.0 * time)
         x, y = CENTRE[0] + radius * np.cos(turn), CENTRE[1] + radius * np.sin(turn)
         for flash_x, flash_y in ((x, y), (CENTRE[0] + OUTER * np.cos(-turn), CENTRE[1] + OUTER * np.sin(-turn))):
-            glass = np.maximum(glass, 400.0 * np.exp(-((columns - flash_x) ** 2 + (rows - flash_y) ** 2) / 18.0))
+            glass = np.maximum(glass, flash * np.exp(-((columns - flash_x) ** 2 + (rows - flash_y) ** 2) / 18.0))
         picture = picture * (1.0 - cover) + glass * cover
         picture[on_sphere] = 30.0
         picture[np.hypot(columns - sphere[0] - 8 * np.cos(turn), rows - sphere[1] - 8 * np.sin(turn)) < 3] = 255.0
+        if blur:
+            picture = cv2.GaussianBlur(picture, (0, 0), blur)
         pictures.append(picture + generator.normal(0.0, 1.5, picture.shape))
     stack = np.clip(np.rint(pictures), 0, 255).astype(np.uint8)
     return GlassScene(stack, cover > 0.5, sphere)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.frames.contour_edges import rim_offset
 from glint.tasks.algorithms.frames.frame_sample import MAX_SAMPLE_EDGE_PX, FrameSample
 from glint.tasks.algorithms.frames.mask import estimate_mask
 from glint.tasks.algorithms.lighting.spheres import Sphere
@@ -55,6 +56,32 @@ def test_large_frames_are_reduced_and_the_mask_is_enlarged(ring: GlassScene) -> 
     mask = sample.estimate_mask([Sphere(x, y, radius)])
     expected = cv2.resize(ring.mask.astype(np.uint8), (width, height)) > 0
     assert mask.shape == (height, width) and overlap(mask, expected) > 0.93
+
+
+@pytest.mark.parametrize(("inner", "expected"), [(0.0, 0.98), (26.0, 0.93)])
+def test_the_blur_of_highlights_does_not_widen_the_mask(inner: float, expected: float) -> None:
+    scene = draw_glass(inner=inner, blur=1.0, seed=3)
+    assert overlap(estimate_mask(scene.frames, spheres=[Sphere(*scene.sphere)]), scene.mask) > expected
+
+
+@pytest.mark.parametrize("blur", [0.6, 1.0, 1.6])
+@pytest.mark.parametrize("error", [-0.8, 0.0, 0.7])
+def test_the_rim_ends_halfway_to_the_table(blur: float, error: float) -> None:
+    rows, columns = np.mgrid[:140, :140]
+    distance = np.hypot(columns - 70.0, rows - 70.0)
+    levels = 1.0 + 20.0 * cv2.GaussianBlur(np.clip(50.5 - distance, 0.0, 1.0), (0, 0), blur)
+    offset = rim_offset(levels, distance < 50.0 + error, np.ones(distance.shape, bool))
+    assert offset == pytest.approx(-error, abs=0.25)
+
+
+def test_a_rim_like_the_table_has_no_offset() -> None:
+    disc = np.hypot(*(np.mgrid[:100, :100] - 50.0)) < 30.0
+    everywhere, nowhere = np.ones(disc.shape, bool), np.zeros(disc.shape, bool)
+    half = np.where(disc & (np.arange(100) < 50), 20.0, 1.0)
+    assert rim_offset(np.where(disc, 2.0, 1.0), disc, everywhere) is None
+    assert rim_offset(half, disc, everywhere) is None
+    assert rim_offset(np.where(disc, 20.0, 1.0), disc, nowhere) is None
+    assert rim_offset(np.where(disc, 20.0, 1.0), nowhere, everywhere) is None
 
 
 def test_a_table_alone_is_refused(ring: GlassScene) -> None:
