@@ -36,8 +36,8 @@ from glint.storage.versions.stage_results import (
     is_name,
     read_capture,
     read_stage,
+    saved_key,
     stage_attributes,
-    stage_keys,
 )
 from glint.storage.versions.stage_writer import write_stage
 from glint.storage.versions.transaction import transaction
@@ -94,7 +94,7 @@ class ObjectRepository:
     def stage_key(self, capture: str, stage: str, ref: str = "work") -> str | None:
         """Return the key under which the stage was saved last, or None."""
         with self._errors(f"reading {capture}/{stage}"):
-            return stage_keys(self._store(ref), self.object_id, capture).get(stage)
+            return saved_key(self._store(ref), self.object_id, capture, stage)
 
     def records(self, capture: str, ref: str = "work") -> dict[str, tuple[str, dict[str, Any]]]:
         """Return key and record of the saved stages of a capture, without their arrays."""

@@ -210,6 +210,18 @@ def contents(store: Any, object_id: str) -> Keys:
     return {name: stage_keys(store, object_id, name) for name in names}
 
 
+def saved_key(store: Any, object_id: str, capture: str, stage: str) -> str | None:
+    """Return the key of one saved stage; None where it was never saved, or its attributes are damaged.
+
+    Raises:
+        DamagedError: metadata of the capture or the stage cannot be read.
+    """
+    is_saved = open_group(store, object_id, check_name(capture, "capture")) is not None
+    group = open_group(store, object_id, f"{capture}/{check_name(stage, 'stage')}") if is_saved else None
+    attributes = {} if group is None else dict(group.attrs)
+    return str(attributes["key"]) if is_sealed(attributes) and "key" in attributes else None
+
+
 def stage_keys(store: Any, object_id: str, capture: str) -> dict[str, str]:
     """Return the keys of the saved stages of a capture."""
     return {stage: attributes["key"] for stage, attributes in stage_attributes(store, object_id, capture).items()}
