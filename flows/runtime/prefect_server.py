@@ -18,7 +18,7 @@ from typing import Any
 from glint.flows.errors import ServerError
 from glint.flows.runtime.environment import prepare_environment
 from glint.flows.runtime.given_server import check_given
-from glint.flows.runtime.server_access import link
+from glint.flows.runtime.server_access import certificate_file, link
 from glint.flows.runtime.server_database import damage, set_damaged_aside, take_notice
 from glint.flows.runtime.server_process import (
     State,
@@ -105,11 +105,21 @@ class Server:
 
     def _settings(self) -> dict[Any, Any]:
         """Return the settings of Prefect with which clients reach this server."""
-        from prefect.settings import PREFECT_API_AUTH_STRING, PREFECT_API_URL
+        from prefect.settings import (
+            PREFECT_API_AUTH_STRING,
+            PREFECT_API_SSL_CERT_FILE,
+            PREFECT_API_URL,
+            PREFECT_CLIENT_CSRF_SUPPORT_ENABLED,
+            PREFECT_SERVER_CSRF_PROTECTION_ENABLED,
+        )
 
         settings: dict[Any, Any] = {PREFECT_API_URL: self.api_url}
         if self.authentication is not None:
             settings[PREFECT_API_AUTH_STRING] = self.authentication
+        if self.log is not None:
+            settings[PREFECT_API_SSL_CERT_FILE] = str(certificate_file(self.log.parent))
+            # A client asks for a token that this server does not want, once in each flow run.
+            settings[PREFECT_CLIENT_CSRF_SUPPORT_ENABLED] = PREFECT_SERVER_CSRF_PROTECTION_ENABLED.value()
         return settings
 
     @contextmanager

@@ -11,6 +11,7 @@ from base64 import b64encode
 from contextlib import suppress
 from pathlib import Path
 
+import certifi
 from itsdangerous import BadSignature, TimestampSigner
 
 from glint.flows.errors import ServerError
@@ -25,6 +26,7 @@ USER = "glint"
 """User name in front of the generated password, as in HTTP's basic authentication."""
 
 _SALT = "glint-link"
+_LAST_LINE = "-----END CERTIFICATE-----\n"
 
 
 def private_folder(folder: Path, home: Path) -> None:
@@ -53,6 +55,19 @@ def write_private(path: Path, text: str) -> None:
     with os.fdopen(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
         file.write(text)
     draft.replace(path)
+
+
+def certificate_file(folder: Path) -> Path:
+    """Return a file of one certificate in a server's folder.
+
+    Each client of Prefect reads a file of certificates, also for a server without TLS. All those that certifi trusts
+    take 37 ms of processor.
+    """
+    path = folder / "certificate.pem"
+    if not path.exists():
+        first, end, _ = Path(certifi.where()).read_text(encoding="ascii", errors="ignore").partition(_LAST_LINE)
+        write_private(path, first + end)
+    return path
 
 
 def new_authentication() -> str:
