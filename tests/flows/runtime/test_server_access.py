@@ -2,6 +2,7 @@
 
 import json
 import os
+import ssl
 import threading
 import urllib.error
 import urllib.request
@@ -20,7 +21,7 @@ from glint.flows.errors import ServerError
 from glint.flows.runtime import server_access
 from glint.flows.runtime.dask_cluster import Cluster
 from glint.flows.runtime.prefect_server import Server, ensure_server
-from glint.flows.runtime.server_access import Tokens, header_value, link, private_folder
+from glint.flows.runtime.server_access import Tokens, certificate_file, header_value, link, private_folder
 from tests import browser
 
 FOREIGN = "http://pages.example"
@@ -54,6 +55,15 @@ def test_without_the_password_nothing_is_read_or_started(server: Server) -> None
         assert status(f"{server.api_url}/{path}", body, Authorization="Basic Z2xpbnQ6d3Jvbmc=") == 401
         assert status(f"{server.api_url}/{path}", body, **password(server)) == 200
     assert status(f"{server.api_url}/flows/", {"name": "intruder"}) == 401
+
+
+def test_clients_read_one_certificate(tmp_path: Path) -> None:
+    path = certificate_file(tmp_path)
+    context = ssl.create_default_context(cafile=path)
+    assert context.cert_store_stats()["x509"] == 1
+    written = path.stat().st_mtime_ns
+    assert certificate_file(tmp_path) == path and path.stat().st_mtime_ns == written
+    assert path.stat().st_mode & 0o077 == 0
 
 
 @pytest.mark.server
