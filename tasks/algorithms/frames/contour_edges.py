@@ -16,7 +16,7 @@ NORMAL_SIGMA_PX = 1.5
 MIN_OUTER_EDGE, MIN_EDGE_RATIO, MIN_PIECE_PX = 1.0, 1.1, 8
 """Mean edge along a contour farther out, in edges of the table and relative to the contour that it replaces; area."""
 
-RIM_REACH_PX, TABLE_REACH_PX, PROFILE_STEP_PX = 4.0, (3.0, 6.0), 0.25
+RIM_DEPTH_PX, TABLE_DISTANCES_PX, PROFILE_STEP_PX = 4.0, (3.0, 6.0), 0.25
 """Distances from a contour up to which the rim inside lies, and between which the table outside, and of samples."""
 MAX_RIM_OFFSET_PX = 1.0
 """Distance outside the contour up to which the rim's highest level is looked for."""
@@ -86,14 +86,14 @@ def rim_offset(levels: np.ndarray, mask: np.ndarray, used: np.ndarray) -> float 
         return None
     down, right = np.gradient(cv2.GaussianBlur(distance, (0, 0), 1.0))
     length = np.hypot(down, right)[rows, columns] + 1e-6
-    steps = np.arange(-RIM_REACH_PX, TABLE_REACH_PX[1] + PROFILE_STEP_PX / 2, PROFILE_STEP_PX)
+    steps = np.arange(-RIM_DEPTH_PX, TABLE_DISTANCES_PX[1] + PROFILE_STEP_PX / 2, PROFILE_STEP_PX)
     along = steps - distance[rows, columns][:, None]
     positions = (
         rows[:, None] + along * (down[rows, columns] / length)[:, None],
         columns[:, None] + along * (right[rows, columns] / length)[:, None],
     )
     profiles = ndimage.map_coordinates(levels, positions, order=1, mode="nearest")
-    table = np.median(profiles[:, steps >= TABLE_REACH_PX[0]], axis=1)
+    table = np.median(profiles[:, steps >= TABLE_DISTANCES_PX[0]], axis=1)
     summit = profiles[:, steps <= MAX_RIM_OFFSET_PX].argmax(axis=1)
     highest = profiles[np.arange(len(profiles)), summit]
     # The first sample beyond the rim that lies below halfway, and the last one above it.
