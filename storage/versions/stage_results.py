@@ -216,10 +216,11 @@ def saved_key(store: Any, object_id: str, capture: str, stage: str) -> str | Non
     Raises:
         DamagedError: metadata of the capture or the stage cannot be read.
     """
-    is_saved = open_group(store, object_id, check_name(capture, "capture")) is not None
-    group = open_group(store, object_id, f"{capture}/{check_name(stage, 'stage')}") if is_saved else None
-    attributes = {} if group is None else dict(group.attrs)
-    return str(attributes["key"]) if is_sealed(attributes) and "key" in attributes else None
+    # A stage is computed again if its capture's metadata are damaged, which replaces them.
+    is_known = open_group(store, object_id, check_name(capture, "capture")) is not None
+    group = open_group(store, object_id, f"{capture}/{check_name(stage, 'stage')}") if is_known else None
+    attributes: dict[str, Any] = {} if group is None else dict(group.attrs)
+    return attributes.get("key") if is_sealed(attributes) else None
 
 
 def stage_keys(store: Any, object_id: str, capture: str) -> dict[str, str]:

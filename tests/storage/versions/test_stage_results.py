@@ -37,6 +37,8 @@ def test_damaged_metadata_is_told(place: str, metadata: bytes) -> None:
     store = store_with(place, metadata)
     with pytest.raises(DamagedError) as told:
         if place:
+            with pytest.raises(DamagedError, match="duck/front"):
+                stage_results.saved_key(store, "duck", "front", "labels")
             stage_results.read_capture(store, "duck", "front", seals={"labels": "0"})
         else:
             stage_results.check_layout(store, "duck", "here")
