@@ -66,7 +66,7 @@ def stronger_pieces(mask: np.ndarray, outer: np.ndarray, image: np.ndarray) -> n
     return result
 
 
-def rim_offset(levels: np.ndarray, mask: np.ndarray, used: np.ndarray) -> float | None:
+def rim_offset(levels: np.ndarray, distance: np.ndarray, smooth: np.ndarray, used: np.ndarray) -> float | None:
     """Return the distance outward from a contour, pixels, at which levels are halfway from rim to table.
 
     Optics blur both in the same proportion, so that the true contour lies there if the levels are linear in the light
@@ -74,17 +74,17 @@ def rim_offset(levels: np.ndarray, mask: np.ndarray, used: np.ndarray) -> float 
 
     Args:
         levels: (H, W), higher inside than outside.
-        mask: (H, W) bool, whose contour is examined.
+        distance: (H, W), of `signed_distance` from the contour.
+        smooth: (H, W), the same without the contour's steps, whose slope is the contour's normal.
         used: (H, W) bool, pixels beside which the contour counts.
 
     Returns:
         The distance, negative inside; None: too little of the contour stands out from the table.
     """
-    distance = signed_distance(mask)
-    rows, columns = np.nonzero((np.abs(distance) < 1.0) & mask & used)
+    rows, columns = np.nonzero((distance > -1.0) & (distance < 0.0) & used)
     if not len(rows):
         return None
-    down, right = np.gradient(cv2.GaussianBlur(distance, (0, 0), 1.0))
+    down, right = np.gradient(smooth)
     length = np.hypot(down, right)[rows, columns] + 1e-6
     steps = np.arange(-RIM_DEPTH_PX, TABLE_DISTANCES_PX[1] + PROFILE_STEP_PX / 2, PROFILE_STEP_PX)
     along = steps - distance[rows, columns][:, None]
@@ -113,6 +113,6 @@ def rim_offset(levels: np.ndarray, mask: np.ndarray, used: np.ndarray) -> float 
 
 
 def signed_distance(mask: np.ndarray) -> np.ndarray:
-    """Return the distance (H, W) of pixels' centres from the contour of a mask (H, W) bool, negative inside."""
+    """Return the distance (H, W) float32 of pixels' centres from the contour of a mask (H, W) bool, negative inside."""
     outside, inside = ndimage.distance_transform_edt(~mask), ndimage.distance_transform_edt(mask)
-    return np.where(mask, 0.5 - inside, outside - 0.5)
+    return np.asarray(np.where(mask, 0.5 - inside, outside - 0.5), np.float32)

@@ -198,10 +198,10 @@ def _without_blur(mask: np.ndarray, response: TableResponse, free: np.ndarray) -
     Half the level of a clipped highlight lies out in its blur, never inside the object, and so does a contour found
     there. The RMS residual over all frames is hardly clipped.
     """
-    offset = rim_offset(np.exp(response.deviation), mask, free)
-    if offset is None or offset >= 0.0:
-        return mask
-    return mask & (cv2.GaussianBlur(signed_distance(mask), (0, 0), RIM_SIGMA_PX) <= offset)
+    distance = signed_distance(mask)
+    smooth = cv2.GaussianBlur(distance, (0, 0), RIM_SIGMA_PX)
+    offset = rim_offset(np.exp(response.deviation), distance, smooth, free)
+    return mask if offset is None or offset >= 0.0 else mask & (smooth <= offset)
 
 
 def _saturated_responses(classes: _Classes) -> list[np.ndarray]:

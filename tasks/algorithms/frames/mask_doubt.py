@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from glint.tasks.algorithms.frames.contour_edges import edge_image
+from glint.tasks.algorithms.frames.contour_edges import edge_image, signed_distance
 from glint.tasks.algorithms.frames.contour_offset import misplacement
 from glint.tasks.algorithms.frames.mask_regions import large_components
 
@@ -78,7 +78,7 @@ def mask_objections(
     contour |= mask & frame_edges
     if not contour.any():
         return []
-    distance = _signed_distance(mask)
+    distance = signed_distance(mask)
     edge = float(np.sqrt(mask.sum()))
     table = _table(distance, edge, free)
     rise = np.clip(peak.astype(np.float32) - background, 0.0, None)
@@ -107,12 +107,6 @@ def doubt_of(mask: np.ndarray, objections: Sequence[Objection]) -> np.ndarray:
         overall = OVERALL_SHARE * objection.share
         trusted *= 1.0 - objection.doubt * np.maximum(local, overall)
     return np.where(mask, 1.0 - trusted, 0.0).astype(np.float32)
-
-
-def _signed_distance(mask: np.ndarray) -> np.ndarray:
-    """Return the distance (H, W) from the contour, negative inside, in pixels."""
-    inside, outside = ndimage.distance_transform_edt(mask), ndimage.distance_transform_edt(~mask)
-    return np.asarray(np.where(mask, 0.5 - inside, outside - 0.5), np.float32)
 
 
 def _table(distance: np.ndarray, edge: float, free: np.ndarray) -> np.ndarray:

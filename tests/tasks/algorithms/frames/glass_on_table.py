@@ -27,14 +27,13 @@ def draw_glass(
     height: int = 180,
     inner: float = INNER,
     shadow: float = 0.1,
-    flash: float = 400.0,
     blur: float = 0.0,
     seed: int = 0,
 ) -> GlassScene:
     """Draw the scene.
 
-    inner: radius of the ring's hole, 0 for a disc; shadow: its depth beside the ring, 0 to 1; flash: level of the
-    flashes, clipped at 255; blur: standard deviation in pixels of the optics' blur.
+    inner: radius of the ring's hole, 0 for a disc; shadow: its depth beside the ring, 0 to 1; blur: standard
+    deviation in pixels of the optics' blur.
     """
     generator = np.random.default_rng(seed)
     table, refracted = (_texture(generator, (height, width)) for _ in range(2))
@@ -54,7 +53,7 @@ def draw_glass(
         radius = inner + (OUTER - inner) * abs(1.0 - 2.0 * time)
         x, y = CENTRE[0] + radius * np.cos(turn), CENTRE[1] + radius * np.sin(turn)
         for flash_x, flash_y in ((x, y), (CENTRE[0] + OUTER * np.cos(-turn), CENTRE[1] + OUTER * np.sin(-turn))):
-            glass = np.maximum(glass, flash * np.exp(-((columns - flash_x) ** 2 + (rows - flash_y) ** 2) / 18.0))
+            glass = np.maximum(glass, 400.0 * np.exp(-((columns - flash_x) ** 2 + (rows - flash_y) ** 2) / 18.0))
         picture = picture * (1.0 - cover) + glass * cover
         picture[on_sphere] = 30.0
         picture[np.hypot(columns - sphere[0] - 8 * np.cos(turn), rows - sphere[1] - 8 * np.sin(turn)) < 3] = 255.0

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.frames.contour_edges import rim_offset
+from glint.tasks.algorithms.frames.contour_edges import rim_offset, signed_distance
 from glint.tasks.algorithms.frames.frame_sample import MAX_SAMPLE_EDGE_PX, FrameSample
 from glint.tasks.algorithms.frames.mask import estimate_mask
 from glint.tasks.algorithms.lighting.spheres import Sphere
@@ -64,13 +64,18 @@ def test_the_blur_of_highlights_does_not_widen_the_mask(inner: float, expected: 
     assert overlap(estimate_mask(scene.frames, spheres=[Sphere(*scene.sphere)]), scene.mask) > expected
 
 
+def offset_of(levels: np.ndarray, mask: np.ndarray, used: np.ndarray) -> float | None:
+    distance = signed_distance(mask)
+    return rim_offset(levels, distance, cv2.GaussianBlur(distance, (0, 0), 1.0), used)
+
+
 @pytest.mark.parametrize("blur", [0.6, 1.0, 1.6])
 @pytest.mark.parametrize("error", [-0.8, 0.0, 0.7])
 def test_the_rim_ends_halfway_to_the_table(blur: float, error: float) -> None:
     rows, columns = np.mgrid[:140, :140]
     distance = np.hypot(columns - 70.0, rows - 70.0)
     levels = 1.0 + 20.0 * cv2.GaussianBlur(np.clip(50.5 - distance, 0.0, 1.0), (0, 0), blur)
-    offset = rim_offset(levels, distance < 50.0 + error, np.ones(distance.shape, bool))
+    offset = offset_of(levels, distance < 50.0 + error, np.ones(distance.shape, bool))
     assert offset == pytest.approx(-error, abs=0.25)
 
 
@@ -78,10 +83,10 @@ def test_a_rim_like_the_table_has_no_offset() -> None:
     disc = np.hypot(*(np.mgrid[:100, :100] - 50.0)) < 30.0
     everywhere, nowhere = np.ones(disc.shape, bool), np.zeros(disc.shape, bool)
     half = np.where(disc & (np.arange(100) < 50), 20.0, 1.0)
-    assert rim_offset(np.where(disc, 2.0, 1.0), disc, everywhere) is None
-    assert rim_offset(half, disc, everywhere) is None
-    assert rim_offset(np.where(disc, 20.0, 1.0), disc, nowhere) is None
-    assert rim_offset(np.where(disc, 20.0, 1.0), nowhere, everywhere) is None
+    assert offset_of(np.where(disc, 2.0, 1.0), disc, everywhere) is None
+    assert offset_of(half, disc, everywhere) is None
+    assert offset_of(np.where(disc, 20.0, 1.0), disc, nowhere) is None
+    assert offset_of(np.where(disc, 20.0, 1.0), nowhere, everywhere) is None
 
 
 def test_a_table_alone_is_refused(ring: GlassScene) -> None:
