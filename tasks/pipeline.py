@@ -63,7 +63,7 @@ STAGES = (
         },
         peak_bytes=_per_pixel(400),
         progress_unit="spheres",
-        version=7,
+        version=8,
     ),
     Stage(
         "mask",

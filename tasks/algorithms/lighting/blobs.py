@@ -26,28 +26,33 @@ def _trimmed_sum(
     edge_level: float,
     full_level: float,
     trim_ratio: float,
-) -> tuple[float, float, float, float]:
-    """Return the weighted sum (x, y, z) of a blob's reflected directions, and its weighted area, without glare.
+) -> tuple[np.ndarray, float, np.ndarray]:
+    """Return the weighted sum (3,) of a blob's reflected directions, its weighted area, and its weighted covariance of
+    columns and rows (xx, xy, yy), without glare.
 
     pixels (N,): flat indices of the blob; levels (N,): from background (0) to saturation (1). Only pixels within
     `trim_ratio` radii of the blob's centre count, the radius being that of a disc of its area. Centre and area are
     iterated from the whole blob, so glare streaks drop out step by step.
     """
     limit = np.inf
-    column = row = x = y = z = area = 0.0
+    column = row = area = 0.0
+    total, squares = np.zeros(3), np.zeros(3)
     for _ in range(MAX_TRIM_ITERATIONS):
         before = area
-        x = y = z = area = u = v = 0.0
+        total[:], squares[:] = 0.0, 0.0
+        area = u = v = 0.0
         for k in range(pixels.size):
             i, j = pixels[k] // width, pixels[k] % width
             if (i - row) ** 2 + (j - column) ** 2 > limit:
                 continue
             weight = min(max((levels[k] - edge_level) / (full_level - edge_level), 0.0), 1.0)
-            x += weight * directions[i, j, 0]
-            y += weight * directions[i, j, 1]
-            z += weight * directions[i, j, 2]
+            for axis in range(3):
+                total[axis] += weight * directions[i, j, axis]
             u += weight * j
             v += weight * i
+            squares[0] += weight * j * j
+            squares[1] += weight * j * i
+            squares[2] += weight * i * i
             area += weight
         if area <= 0.0:
             break
@@ -55,7 +60,9 @@ def _trimmed_sum(
         limit = (trim_ratio**2 * area) / np.pi + 1.0
         if abs(area - before) < 1e-6 * area:
             break
-    return x, y, z, area
+    if area > 0.0:
+        squares = squares / area - np.array([column * column, column * row, row * row])
+    return total, area, squares
 
 
 @njit(cache=True, nogil=True)
@@ -111,14 +118,15 @@ def _insert_blob(
     total: np.ndarray,
     area: np.ndarray,
     hidden: np.ndarray,
-    x: float,
-    y: float,
-    z: float,
+    spread: np.ndarray,
+    blob_total: np.ndarray,
     blob_area: float,
     blob_hidden: float,
+    blob_spread: np.ndarray,
 ) -> None:
-    """Insert a blob into a frame's sorted arrays (B, 3), (B,), (B,): lights before the object first, then by area."""
-    is_front = z >= 0.0
+    """Insert a blob into a frame's sorted arrays (B, 3), (B,), (B,), (B, 3): lights before the object first, then by
+    area."""
+    is_front = blob_total[2] >= 0.0
     for slot in range(MAX_BLOBS):
         is_slot_front = total[slot, 2] >= 0.0 and area[slot] > 0.0
         if (
@@ -130,7 +138,8 @@ def _insert_blob(
                 total[later] = total[later - 1]
                 area[later] = area[later - 1]
                 hidden[later] = hidden[later - 1]
-            total[slot, 0], total[slot, 1], total[slot, 2] = x, y, z
+                spread[later] = spread[later - 1]
+            total[slot], spread[slot] = blob_total, blob_spread
             area[slot], hidden[slot] = blob_area, blob_hidden
             break
 
@@ -146,7 +155,7 @@ def measure_blobs(
     edge_level: float,
     full_level: float,
     trim_ratio: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Measure the blobs of frames (T, h, w) uint8 or uint16, at most B = `MAX_BLOBS` per frame.
 
     A pixel's level is (luma - background) * gain.
@@ -163,13 +172,14 @@ def measure_blobs(
         trim_ratio: radius about a blob's centre, in radii of a disc of its area, beyond which pixels are glare.
 
     Returns:
-        Each blob's weighted sum of directions (T, B, 3), area (T, B) and number of hidden pixels (T, B); zero where
-        there is no blob.
+        Each blob's weighted sum of directions (T, B, 3), area (T, B), number of hidden pixels (T, B), and covariance
+        of columns and rows (T, B, 3) as xx, xy, yy in square pixels; zero where there is no blob.
     """
     count, height, width = frames.shape
     total = np.zeros((count, MAX_BLOBS, 3))
     area = np.zeros((count, MAX_BLOBS))
     hidden = np.zeros((count, MAX_BLOBS))
+    spread = np.zeros((count, MAX_BLOBS, 3))
     # Frame in which a pixel was last assigned to a blob; as frames are numbered, it needs no clearing between them.
     assigned = np.full((height, width), -1, np.int64)
     pixels = np.empty(height * width, np.int64)
@@ -185,8 +195,8 @@ def measure_blobs(
                 low, high = edge_level, full_level
                 if size > LARGE_BLOB_PX:
                     low, high = CORE_EDGE_LEVEL, 1.0
-                x, y, z, blob_area = _trimmed_sum(
+                blob_total, blob_area, blob_spread = _trimmed_sum(
                     pixels[:size], levels[:size], directions, width, low, high, trim_ratio
                 )
-                _insert_blob(total[t], area[t], hidden[t], x, y, z, blob_area, blob_hidden)
-    return total, area, hidden
+                _insert_blob(total[t], area[t], hidden[t], spread[t], blob_total, blob_area, blob_hidden, blob_spread)
+    return total, area, hidden, spread

@@ -22,6 +22,13 @@ MIN_HEADROOM_RATIO = 0.15
 """Share of the saturation level by which the background must stay below it, or the pixel counts as occluded."""
 CONTOUR_TOLERANCE = 1.05
 """Radius, as a share of the sphere's, up to which pixels are read: highlights at the contour extend beyond it."""
+MIN_OBLIQUE_SINE, MIN_OBLIQUE_FRAMES = 0.4, 8
+"""Sine of the angle between view and normal from which a highlight's axes differ enough to tell the light's size, and
+number of such frames without which it stays unknown."""
+MIN_UNBLURRED_NZ = 0.6
+"""n_z of the sphere's normal below which highlights are too near the contour for their axes to be compared."""
+PIXEL_VARIANCE = 1.0 / 12.0
+"""Variance of the positions within a pixel."""
 
 LIGHT_REMEDY = "keep the light on and its reflection visible on the sphere, expose so that only the highlights clip"
 
@@ -44,12 +51,14 @@ class Highlights:
     """Bright blobs of T frames, B per frame.
 
     directions: (T, B, 3) float32, unit vectors to the light, camera frame, NaN where there is none. area: (T, B) in
-    pixels. occluded_fraction: (T, B), share of the blob that a bright background or the image's edge hides.
+    pixels. occluded_fraction: (T, B), share of the blob that a bright background or the image's edge hides. spread:
+    (T, B, 3), covariance of its columns and rows, xx, xy, yy, in square pixels.
     """
 
     directions: np.ndarray
     area: np.ndarray
     occluded_fraction: np.ndarray
+    spread: np.ndarray
 
 
 def static_background(
@@ -104,7 +113,8 @@ def measure_highlights(
     Levels count from the background (0) to saturation (1). Under an orthographic camera every pixel of a chrome sphere
     reflects the same solid angle of the surroundings (4 / radius^2 steradians). The weighted mean of the directions
     that the pixels reflect is therefore the light's centre, without bias from the sphere's distortion, and the light
-    covers the same area wherever it is. Under a perspective camera this holds approximately.
+    covers the same area wherever it is. Under a perspective camera this holds approximately. Blur adds a bias, see
+    `without_blur`.
 
     Args:
         frames: (T, h, w) uint8 or uint16.
@@ -128,7 +138,7 @@ def measure_highlights(
     unread = occluded | (sine > CONTOUR_TOLERANCE)
     gain = np.where(unread, 0.0, 1.0 / np.maximum(headroom, 1e-6)).astype(np.float32)
     peaks = np.where(unread, np.float32(np.inf), static.background + peak_level * headroom).astype(np.float32)
-    total, area, hidden = measure_blobs(
+    total, area, hidden, spread = measure_blobs(
         frames,
         static.background,
         gain,
@@ -139,7 +149,59 @@ def measure_highlights(
         full_level,
         trim_ratio,
     )
-    return Highlights(unit(total).astype(np.float32), area, hidden / np.maximum(area, 1.0))
+    return Highlights(unit(total).astype(np.float32), area, hidden / np.maximum(area, 1.0), spread)
+
+
+def without_blur(half_vectors: np.ndarray, area: np.ndarray, spread: np.ndarray, radius: float) -> np.ndarray:
+    """Return half vectors without the bias that blur and glare add to the mean direction of a highlight's pixels.
+
+    A distant light whose image is a disc of radius k at the sphere's centre shows an ellipse where the normal's cosine
+    is c, of semi-axes k c along the radius and k / c across: its mean direction is the light's. Blur widens both axes
+    alike by d, and the pixels added on the outer side reflect directions farther off than those on the inner side. The
+    difference of the axes, k (1/c - c), is not changed by blur and tells k. To second order in the axes over the
+    radius r, with the normal's sine s, a mean over an ellipse of semi-axes u and v lies
+    s (u^2 / c^3 + (3 - 2 s^2) v^2 / c) / (4 r^2) beyond the direction that its centre reflects.
+
+    Args:
+        half_vectors: (T, 3), of the mean directions, unit; NaN where there is none.
+        area: (T,), of the highlights, in pixels.
+        spread: (T, 3), see `Highlights`.
+        radius: of the sphere, in pixels.
+    """
+    sine = np.hypot(half_vectors[:, 0], half_vectors[:, 1])
+    cosine = np.clip(half_vectors[:, 2], MIN_UNBLURRED_NZ, 1.0)
+    size = np.sqrt(area / np.pi)
+    light = _light_radius(half_vectors, area, spread)
+    if light is None:
+        return half_vectors
+    light = np.minimum(light, size)
+
+    def bias(along: np.ndarray, across: np.ndarray) -> np.ndarray:
+        terms = along**2 / cosine**3 + (3.0 - 2.0 * sine**2) * across**2 / cosine
+        return np.asarray(sine * terms / (4.0 * radius**2))
+
+    along, across = light * cosine, light / cosine
+    excess = bias(along + size - light, across + size - light) - bias(along, across)
+    # The half vector turns by half the angle of the light.
+    angle = np.arctan2(sine, half_vectors[:, 2]) - 0.5 * np.maximum(excess, 0.0)
+    scale = np.sin(angle) / np.maximum(sine, 1e-9)
+    return np.column_stack([half_vectors[:, :2] * scale[:, None], np.cos(angle)])
+
+
+def _light_radius(half_vectors: np.ndarray, area: np.ndarray, spread: np.ndarray) -> float | None:
+    """Return the radius in pixels of the light's image at the sphere's centre, without blur; None: too few frames."""
+    sine, cosine = np.hypot(half_vectors[:, 0], half_vectors[:, 1]), half_vectors[:, 2]
+    used = (sine > MIN_OBLIQUE_SINE) & (cosine > MIN_UNBLURRED_NZ) & (area > 0.0)
+    if used.sum() < MIN_OBLIQUE_FRAMES:
+        return None
+    # Rows run downward, against y.
+    x, y = half_vectors[used, 0] / sine[used], -half_vectors[used, 1] / sine[used]
+    xx, xy, yy = spread[used].T
+    along, across = (
+        2.0 * np.sqrt(np.maximum(variance - PIXEL_VARIANCE, 0.0))
+        for variance in (xx * x**2 + 2.0 * xy * x * y + yy * y**2, xx * y**2 - 2.0 * xy * x * y + yy * x**2)
+    )
+    return max(float(np.median((across - along) / (1.0 / cosine[used] - cosine[used]))), 0.0)
 
 
 def _reflections(sphere: Sphere, shape: tuple[int, ...], camera: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:

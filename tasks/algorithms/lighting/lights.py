@@ -20,6 +20,7 @@ from glint.tasks.algorithms.lighting.highlights import (
     StaticBackground,
     measure_highlights,
     static_background,
+    without_blur,
 )
 from glint.tasks.algorithms.lighting.spheres import Sphere
 
@@ -101,6 +102,8 @@ def classify_frames(
             LIGHT_REMEDY,
         )
     half = half_vectors_of(direction.astype(np.float64))
+    spread = np.concatenate([block.spread[:, 0] for block in highlights])
+    half[:, 0] = without_blur(half[:, 0], area[:, 0], spread, sphere.radius)
     front = (half[..., 2] >= MIN_HALF_VECTOR_NZ) & (area > 0)
     usual = float(np.median(area[:, 0][front[:, 0]])) if front[:, 0].any() else 0.0
     # Lights before the object lie within r sin 45 of the sphere's centre.

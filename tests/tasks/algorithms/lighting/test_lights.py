@@ -4,7 +4,7 @@ import pytest
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of
-from glint.tasks.algorithms.lighting.highlights import measure_highlights, static_background
+from glint.tasks.algorithms.lighting.highlights import measure_highlights, static_background, without_blur
 from glint.tasks.algorithms.lighting.lights import (
     ACCEPTED,
     AMBIGUOUS,
@@ -18,11 +18,17 @@ from glint.tasks.algorithms.lighting.lights import (
     merge_spheres,
 )
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from tests.tasks.algorithms.lighting.chrome_sphere import light_direction, sphere_frame
+from tests.tasks.algorithms.lighting.chrome_sphere import (
+    light_direction,
+    pooled,
+    reflected_directions,
+    sphere_frame,
+)
 
 SPHERE = Sphere(43.3, 41.8, 36.0)
 SHAPE = (86, 88)
 LIGHTS = [light_direction(37.0 * k, 8.0 + 3.2 * k) for k in range(24)]
+BLURRED_LIGHTS = [light_direction(37.0 * k, 40.0 + 1.8 * k) for k in range(24)]
 
 
 def sphere_frames(lights, **options):
@@ -167,3 +173,45 @@ def test_lights_of_a_shared_capture(shared_data, capture, x, y, radius):
     assert lights.accepted.mean() > 0.98
     assert np.nanmedian(errors) < 0.3
     assert np.nanpercentile(errors, 95) < 0.5
+
+
+def blurred_frames(blur: float, light_radius_deg: float) -> np.ndarray:
+    """Frames of lights far brighter than what clips, seen through blurring optics."""
+    frames = []
+    for k, light in enumerate(BLURRED_LIGHTS):
+        directions, on_sphere = reflected_directions(SPHERE, SHAPE, 5)
+        lit = on_sphere & (directions @ light > np.cos(np.radians(light_radius_deg)))
+        sharp = pooled(np.where(on_sphere, 25.0, 60.0) + np.where(lit, 6000.0, 0.0), 5)
+        noise = np.random.default_rng(k).normal(0.0, 1.5, SHAPE)
+        frames.append(cv2.GaussianBlur(sharp, (0, 0), blur) + noise if blur else sharp + noise)
+    return np.clip(np.rint(frames), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize(("blur", "light_radius_deg"), [(0.0, 8.0), (0.0, 3.0), (1.0, 8.0), (1.0, 3.0), (1.5, 4.0)])
+def test_blur_does_not_tilt_half_vectors(blur: float, light_radius_deg: float) -> None:
+    """Neither does the sphere's distortion, whatever share of a highlight is blur."""
+    lights = find_lights(blurred_frames(blur, light_radius_deg), SPHERE)
+    truth = half_vectors_of(np.array(BLURRED_LIGHTS))
+    oblique = lights.accepted & (truth[:, 2] < np.cos(np.radians(25.0)))
+    tilt = [np.degrees(np.arccos(half[oblique, 2])) for half in (lights.half_vectors, truth)]
+    assert oblique.sum() >= 15 and abs(np.mean(tilt[0] - tilt[1])) < 0.05
+
+
+def test_a_few_frames_tell_nothing_of_blur() -> None:
+    half = half_vectors_of(np.array(LIGHTS[15:20]))
+    spread = np.tile([4.0, 0.0, 4.0], (5, 1))
+    assert np.array_equal(without_blur(half, np.full(5, 50.0), spread, 36.0), half)
+
+
+def test_a_highlight_without_blur_keeps_its_half_vector() -> None:
+    """The light's image is an ellipse of the axes that the sphere's distortion gives a disc."""
+    truth = half_vectors_of(np.array(LIGHTS))
+    cosine, sine = truth[:, 2], np.hypot(truth[:, 0], truth[:, 1])
+    x, y = truth[:, 0] / sine, -truth[:, 1] / sine
+    along, across = ((3.0 * factor) ** 2 / 4.0 + 1.0 / 12.0 for factor in (cosine, 1.0 / cosine))
+    spread = np.column_stack([along * x * x + across * y * y, (along - across) * x * y, along * y * y + across * x * x])
+    area = np.full(len(truth), np.pi * 9.0)
+    np.testing.assert_allclose(without_blur(truth, area, spread, 36.0), truth, atol=1e-6)
+    turned = without_blur(truth, area, np.tile([2.3, 0.0, 2.3], (len(truth), 1)), 36.0)
+    np.testing.assert_allclose(np.linalg.norm(turned, axis=1), 1.0)
+    assert (turned[:, 2] >= truth[:, 2]).all() and (turned[10:20, 2] > truth[10:20, 2] + 4e-4).all()
