@@ -100,7 +100,7 @@ def sample_rays(
     valid[:, reach:-reach] &= valid[:, : -2 * reach] & valid[:, 2 * reach :]
     valid[:, :reach] = valid[:, -reach:] = False
     levels = np.stack(
-        [cv2.remap(frame, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for frame in frames]
+        [cv2.remap(frame, columns, rows, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE) for frame in frames]
     )
     return RaySamples(x, y, levels, valid, start, spacing, reach, angles)
 

@@ -32,7 +32,7 @@ from glint.tasks.algorithms.lighting.sphere_tests import consistent_spheres, hig
 from glint.tasks.algorithms.lighting.spheres import Sphere, measure_sphere
 
 MAX_SPHERES = 8
-SEED_FRAMES, CANDIDATE_FRAMES, FIT_FRAMES = 12, 32, 64
+SEED_FRAMES, CANDIDATE_FRAMES, FIT_FRAMES = 12, 32, 128
 """Frames, spread over the capture, in which spheres are sought, and by which candidates and then spheres are
 measured."""
 SEEDS_PER_IMAGE = 25
@@ -49,10 +49,12 @@ MIN_HIGHLIGHT_EVIDENCE = 0.1
 """Highlight evidence below which a circle is no sphere."""
 MIN_CONTOUR_CONTRAST = 0.08
 """Evidence of a contour beyond that outside it, below which it is none."""
-MIN_OUTER_RATIO, INNER_RATIOS, MAX_INNER_REACH = 0.33, (0.6, 0.91), 0.97
-"""A circle around a better one is the contour if its score is at least this share of the better one's, and if the
-better one may be the edge of what the sphere mirrors: by its radius, and by how far it reaches, in radii of the outer
-circle."""
+INNER_RATIOS = 0.6, 0.91
+MIN_OUTER_RATIO, MAX_INNER_REACH = 0.33, 0.97
+MIN_TOUCHED_RATIO, MAX_TOUCHING_REACH = 0.8, 1.03
+"""A circle around a better one is the contour if the better one may be the edge of what the sphere mirrors: by its
+radius, in radii of the outer circle, and if the outer circle's score is at least a share of the better one's, where
+that one reaches so far. The shadow's edge too may touch the contour, from outside; its score is far below."""
 MAX_REFINED = 12
 """Best candidates that are measured at full resolution."""
 MIN_SPHERE_SCORE = 0.06
@@ -107,7 +109,7 @@ def find_spheres(
     many = spread(frames, CANDIDATE_FRAMES)
     refined = distinct([_refined(many, few, maximum, sphere, camera) for sphere in candidates], 0.06)
     accepted, rejected = list[Sphere](), list[str]()
-    for sphere in _outermost([sphere for sphere in refined if sphere.score >= min_score]):
+    for sphere in outermost([sphere for sphere in refined if sphere.score >= min_score]):
         reason = is_chrome(frames, sphere, camera)
         if reason is None:
             accepted.append(sphere)
@@ -221,19 +223,13 @@ def _refined(
     return replace(measured, score=measured.score * highlight_evidence(level.residual, x, y, radius))
 
 
-def _outermost(spheres: list[Sphere]) -> list[Sphere]:
+def outermost(spheres: list[Sphere]) -> list[Sphere]:
     """Keep of overlapping circles the best, or a larger one around it that is not much weaker; best first."""
     kept: list[Sphere] = []
     remaining = sorted(spheres, key=lambda sphere: -sphere.score)
     while remaining:
         best = remaining[0]
-        around = [
-            sphere
-            for sphere in remaining
-            if INNER_RATIOS[0] * sphere.radius < best.radius < INNER_RATIOS[1] * sphere.radius
-            and sphere.distance(best) + best.radius < MAX_INNER_REACH * sphere.radius
-            and sphere.score >= MIN_OUTER_RATIO * best.score
-        ]
+        around = [sphere for sphere in remaining if _is_contour_around(sphere, best)]
         kept.append(max(around, key=lambda sphere: sphere.score, default=best))
         remaining = [
             sphere
@@ -241,3 +237,13 @@ def _outermost(spheres: list[Sphere]) -> list[Sphere]:
             if sphere.distance(kept[-1]) > max(0.9 * kept[-1].radius, 0.5 * (sphere.radius + kept[-1].radius))
         ]
     return kept
+
+
+def _is_contour_around(outer: Sphere, better: Sphere) -> bool:
+    """Return whether a circle is the contour of the sphere in which a better circle is the edge of what it mirrors."""
+    reach = (outer.distance(better) + better.radius) / outer.radius
+    ratio = outer.score / better.score
+    return INNER_RATIOS[0] < better.radius / outer.radius < INNER_RATIOS[1] and (
+        (reach < MAX_INNER_REACH and ratio >= MIN_OUTER_RATIO)
+        or (reach < MAX_TOUCHING_REACH and ratio >= MIN_TOUCHED_RATIO)
+    )

@@ -74,10 +74,10 @@ def test_shadows_beside_the_sphere_do_not_pull_the_contour():
     assert error(refined) < 0.6 * error(first)
 
 
-def test_a_clear_contour_stays_where_it_is():
+def test_a_clear_contour_is_not_moved_away():
     table = table_levels(32)
     first, refined = fits(log_sequence(table, 0.7 * table))
-    assert error(refined) == pytest.approx(error(first), abs=0.05)
+    assert error(refined) < error(first) + 0.05
     assert refined.radius == pytest.approx(first.radius, abs=0.15)
 
 

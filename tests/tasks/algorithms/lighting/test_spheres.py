@@ -6,7 +6,7 @@ import pytest
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.perspective import VirtualCamera
-from glint.tasks.algorithms.lighting.sphere_detection import find_spheres
+from glint.tasks.algorithms.lighting.sphere_detection import find_spheres, outermost
 from glint.tasks.algorithms.lighting.sphere_tests import highlight_evidence
 from glint.tasks.algorithms.lighting.spheres import Sphere, confirm_sphere, measure_sphere
 from tests.tasks.algorithms.lighting.chrome_table import Scene, glossy_sphere, render
@@ -115,6 +115,22 @@ def test_a_tiny_frame_has_no_sphere():
 def test_images_of_unequal_shape_are_a_programming_error():
     with pytest.raises(ValueError, match="shapes"):
         find_spheres(np.zeros((2, 9, 9)), np.zeros((9, 8)))
+
+
+@pytest.mark.parametrize(
+    ("inner", "score", "kept"),
+    [
+        (Sphere(100.0, 100.0, 32.0), 0.4, 40.0),  # What the sphere mirrors ends inside the contour.
+        (Sphere(100.0, 100.0, 32.0), 0.3, 32.0),
+        (Sphere(108.5, 100.0, 32.0), 0.9, 40.0),  # Seen obliquely it touches the contour.
+        (Sphere(108.5, 100.0, 32.0), 0.7, 32.0),  # The shadow's edge touches the contour from outside.
+        (Sphere(111.0, 100.0, 32.0), 0.9, 32.0),
+        (Sphere(100.0, 100.0, 38.0), 0.9, 38.0),
+    ],
+)
+def test_the_contour_is_the_outer_of_nested_circles(inner, score, kept):
+    circles = [replace(inner, score=1.0), Sphere(100.0, 100.0, 40.0, score)]
+    assert [sphere.radius for sphere in outermost(circles)] == [kept]
 
 
 def test_highlights_up_to_the_contour_are_no_evidence():
