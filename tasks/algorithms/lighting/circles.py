@@ -76,7 +76,13 @@ class RaySamples:
 
 
 def sample_rays(
-    frames: Sequence[np.ndarray], x: float, y: float, min_radius: float, max_radius: float, rays: int = RAYS
+    frames: Sequence[np.ndarray],
+    x: float,
+    y: float,
+    min_radius: float,
+    max_radius: float,
+    rays: int = RAYS,
+    interpolation: int = cv2.INTER_LINEAR,
 ) -> RaySamples:
     """Sample frames along rays from (x, y), for the evidence of edges between two radii.
 
@@ -87,6 +93,7 @@ def sample_rays(
         min_radius: smallest radius of a contour in pixels.
         max_radius: largest radius.
         rays: number of rays.
+        interpolation: OpenCV's code of the interpolation between pixels.
     """
     spacing = max(MIN_SPACING_PX, SPACING_RATIO * min_radius)
     reach = max(1, round(1.0 / spacing))
@@ -100,7 +107,7 @@ def sample_rays(
     valid[:, reach:-reach] &= valid[:, : -2 * reach] & valid[:, 2 * reach :]
     valid[:, :reach] = valid[:, -reach:] = False
     levels = np.stack(
-        [cv2.remap(frame, columns, rows, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE) for frame in frames]
+        [cv2.remap(frame, columns, rows, interpolation, borderMode=cv2.BORDER_REPLICATE) for frame in frames]
     )
     return RaySamples(x, y, levels, valid, start, spacing, reach, angles)
 
