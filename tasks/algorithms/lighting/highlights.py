@@ -171,10 +171,10 @@ def without_blur(half_vectors: np.ndarray, area: np.ndarray, spread: np.ndarray,
     sine = np.hypot(half_vectors[:, 0], half_vectors[:, 1])
     cosine = np.clip(half_vectors[:, 2], MIN_UNBLURRED_NZ, 1.0)
     size = np.sqrt(area / np.pi)
-    light = _light_radius(half_vectors, area, spread)
-    if light is None:
+    light_radius = _light_radius(half_vectors, area, spread)
+    if light_radius is None:
         return half_vectors
-    light = np.minimum(light, size)
+    light = np.minimum(light_radius, size)
 
     def bias(along: np.ndarray, across: np.ndarray) -> np.ndarray:
         terms = along**2 / cosine**3 + (3.0 - 2.0 * sine**2) * across**2 / cosine
