@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from glint.flows.reporting.events import CaptureEnded, Message, Sink
 from glint.flows.reporting.input_reading import reading_shown
 from glint.flows.runtime import signals
+from glint.flows.runtime.environment import start_forkserver
 from glint.flows.runtime.prefect_server import start_server
 
 if TYPE_CHECKING:
@@ -74,7 +75,9 @@ def run(
         return Summary(RunResult("", tuple(unchanged.values()), time.monotonic() - started), server.link())
     awaited = ["the dashboard's server"] * server.started + ["worker processes"] * (scheduler is None)
     console.emit(Message(f"starting {' and '.join(awaited) or 'the run'}"))
-    # Server and cluster start side by side while this process imports the rest.
+    # The dashboard's server and the workers' imports start side by side while this process imports the rest.
+    if scheduler is None:
+        start_forkserver()
     from glint.flows.runtime.dask_cluster import CPU_COUNT, Cluster
 
     with Cluster(scheduler, min(busy, workers or CPU_COUNT), PRELOADED) as cluster:
@@ -86,10 +89,10 @@ def run(
         server.wait()
         if notice := server.notice():
             console.emit(Message(notice))
-        console.emit(Message(f"dashboard {server.link()}, {cluster.description}"))
         with server.connected(), tagged_with_process():
             mark_orphaned_crashed()
             signals.raise_if_interrupted()
+            console.emit(Message(f"dashboard {server.link()}, {cluster.description}"))
             with activate(cluster.client, console, unchanged=unchanged):
                 result = retry_on_disconnect(run_whole_catalogue, str(catalogue), store, only, rehash, drift, adopt)
             mark_own_crashed()

@@ -25,10 +25,9 @@ from distributed import Client, LocalCluster, Security, Worker
 from distributed.deploy.spec import close_clusters
 from distributed.diagnostics.plugin import WorkerPlugin
 from distributed.system import MEMORY_LIMIT
-from distributed.utils import get_mp_context
 
 from glint.flows.errors import ClusterError
-from glint.flows.runtime.environment import prepare_environment
+from glint.flows.runtime.environment import WORKER_MEMORY, prepare_environment, start_forkserver
 from glint.flows.runtime.scheduler_client import connected_client
 from glint.flows.runtime.signals import raise_if_interrupted
 
@@ -60,16 +59,9 @@ SETTINGS = {
     "distributed.worker.profile.interval": "200ms",
     "distributed.admin.tick.interval": "200ms",
     "distributed.admin.system-monitor.interval": "2s",
-    # Arrays of some megabytes are allocated all the time; returning their memory to the system each time, as with
-    # Dask's own setting, costs a tenth of a worker's time.
-    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 64 << 20,
-    "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 16 << 20,
+    **{f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in WORKER_MEMORY.items()},
 }
 """Settings of Dask; deploy/ repeats them in the environment of its containers."""
-
-FORKED = ("distributed", "open3d", "glint.tasks.warm_up")
-"""Modules that are imported before workers are forked: the large ones whose import, unlike icechunk's, starts no
-threads, which a fork does not copy."""
 
 WEBSOCKET_ORIGINS = "distributed.scheduler.dashboard.bokeh-application.allow_websocket_origin"
 """Setting of Dask: the origins whose pages may read its dashboard, all of them by default."""
@@ -78,7 +70,7 @@ LOCAL_SETTINGS = {
     # The place of a dead worker is given up when it was absent for so long. A replacement takes more than Dask's 15 s
     # on a busy machine, and one that dies again in that time counts as absent all the while.
     "distributed.deploy.lost-worker-timeout": "1 day",
-    # Workers are forked from a process that has imported FORKED.
+    # Workers are forked from a process that has imported what they need.
     "distributed.worker.multiprocessing-method": "forkserver",
 }
 """Settings of Dask that only a local cluster needs besides SETTINGS."""
@@ -206,9 +198,9 @@ class Cluster:
             self._failure = failure
 
     def _local(self) -> Client:
+        start_forkserver()
         dashboard = _free_address()
         dask.config.set(SETTINGS | LOCAL_SETTINGS | {WEBSOCKET_ORIGINS: [dashboard]})
-        get_mp_context().set_forkserver_preload([*FORKED])
         self._cluster = LocalCluster(
             n_workers=self._workers,
             threads_per_worker=1,

@@ -8,7 +8,8 @@ import psutil
 import pytest
 
 from glint.flows.errors import ClusterError
-from glint.flows.runtime.dask_cluster import FORKED, Cluster
+from glint.flows.runtime.dask_cluster import Cluster
+from glint.flows.runtime.environment import FORKED, WORKER_MEMORY
 from tests.flows.runtime.dask_certificates import certificates
 from tests.polling import PATIENCE, until
 
@@ -32,6 +33,16 @@ def test_workers_are_processes_of_one_thread(cluster: Cluster) -> None:
     told = cluster.client.run(settings_of_a_worker)
     assert set(told.values()) == {("1", 1, 1)}
     assert len(set(cluster.client.run(os.getpid).values()) - {os.getpid()}) == 2
+
+
+def test_workers_are_forked_from_a_process_with_their_memory_settings(cluster: Cluster) -> None:
+    worker = next(iter(cluster.client.run(os.getpid).values()))
+    forked_from = psutil.Process(worker).parent()
+    assert forked_from is not None and forked_from.pid != os.getpid()
+    environment = forked_from.environ()
+    assert {name: environment.get(name) for name in WORKER_MEMORY} == {
+        name: str(value) for name, value in WORKER_MEMORY.items()
+    }
 
 
 def test_what_workers_are_sent_needs_no_prefect() -> None:
