@@ -103,9 +103,9 @@ for call in (lambda: glint.catalogue("x.yaml"), lambda: glint.run("x.yaml", stor
     except ImportError as error:
         print("glint[pipeline]" in str(error))
 sys.argv = ["glint", "status"]
-from glint.__main__ import main
+from glint.__main__ import run_command
 try:
-    main()
+    run_command()
 except SystemExit as end:
     print(end.code)
 """

@@ -20,7 +20,7 @@ from glint.storage.catalogue.loading import load, write
 from tests.polling import PATIENCE
 
 pytestmark = pytest.mark.server
-GLINT = [sys.executable, "-c", "from glint.flows.cli.main import main; main()"]
+GLINT = [sys.executable, "-m", "glint"]
 ROOT = Path(__file__).parents[3]
 
 

@@ -15,7 +15,7 @@ from glint.flows.runtime import signals
 from tests.polling import PATIENCE
 
 pytestmark = pytest.mark.server
-GLINT = [sys.executable, "-c", "from glint.flows.cli.main import main; main()", "run"]
+GLINT = [sys.executable, "-m", "glint", "run"]
 ROOT = Path(__file__).parents[3]
 
 
