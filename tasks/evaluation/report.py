@@ -137,9 +137,9 @@ def _depth_and_confidence(evaluations: Sequence[Evaluation]) -> list[str]:
         depth = ["", "", ""]
         if errors is not None:
             depth = [f"{errors.mean:.2f}", f"{errors.rms:.2f}", f"{errors.relative:.2%}"]
-        confident = [f"{evaluation.confident_share:.0%}", f"{evaluation.confident_right_share:.1%}"]
-        labels = [f"{evaluation.labels.precision:.1%}", f"{evaluation.labels.recall:.1%}"]
-        rows.append([evaluation.name, *depth, *confident, *labels])
+        shares = [evaluation.confident_right_share, evaluation.labels.precision, evaluation.labels.recall]
+        shown = ["" if np.isnan(share) else f"{share:.1%}" for share in shares]
+        rows.append([evaluation.name, *depth, f"{evaluation.confident_share:.0%}", *shown])
     heads = ["depth, mean px", "RMS px", "mean of diagonal", "confidence >= 0.95", "of these within 5°"]
     return markdown_table(["capture", *heads, "labels' precision", "recall"], rows)
 
