@@ -3,9 +3,7 @@
 Prefect, numba and OpenMP read theirs once, at import, so `prepare_environment` is called before they are imported.
 """
 
-import multiprocessing
 import os
-from multiprocessing import forkserver
 from pathlib import Path
 
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
@@ -58,6 +56,9 @@ def start_forkserver() -> None:
 
     It imports FORKED, which takes longer than whatever else a run begins with.
     """
+    import multiprocessing
+    from multiprocessing import forkserver
+
     prepare_environment()
     # As Dask would before its first worker: memory is set up when a process starts, and forks inherit it.
     os.environ.update({name: str(value) for name, value in WORKER_MEMORY.items()})
