@@ -92,11 +92,15 @@ def _stored_result(captures: ObjectCaptures) -> ObjectResult | None:
 
 
 def unchanged_objects(
-    objects: Iterable[ObjectCaptures], workers: int, report: Callable[[ObjectResult], None]
+    objects: Iterable[ObjectCaptures],
+    workers: int,
+    report: Callable[[ObjectResult], None],
+    prepare: Callable[[], object],
 ) -> tuple[dict[str, ObjectResult], int]:
     """Find the objects that need no processing, until the others have work for all workers.
 
-    workers: as many as there may be. report: called with each result as soon as it is known.
+    workers: as many as there may be. report: called with each result as soon as it is known. prepare: called as soon as
+    it is known that a worker will be needed, and again for each object that needs one.
     Returns the results by object, and the number of workers that have work with the other objects; 0: there are none.
     """
     unchanged, busy = dict[str, ObjectResult](), 0
@@ -110,6 +114,8 @@ def unchanged_objects(
         if result is not None:
             unchanged[captures.object_id] = result
             report(result)
+        else:
+            prepare()
         busy = min(workers, busy + wanted)
         if busy == workers:
             break

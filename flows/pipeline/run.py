@@ -63,21 +63,23 @@ def run(
         for capture in result.captures:
             console.emit(CaptureEnded(capture.name, 0.0, cached=True))
 
+    def prepare() -> None:
+        # What workers are forked from imports their modules beside all that this process has still to read and import.
+        if scheduler is None:
+            start_forkserver()
+
     objects = (
         ObjectCaptures.of(loaded, str(catalogue), object_id, captures, location.uri, "", rehash, adopt)
         for object_id, captures in chosen.items()
     )
     with reading_shown(console.emit):
-        unchanged, busy = unchanged_objects(objects, workers or os.cpu_count() or 1, report)
+        unchanged, busy = unchanged_objects(objects, workers or os.cpu_count() or 1, report, prepare)
     if not busy:
         if notice := server.notice():
             console.emit(Message(notice))
         return Summary(RunResult("", tuple(unchanged.values()), time.monotonic() - started), server.link())
     awaited = ["the dashboard's server"] * server.started + ["worker processes"] * (scheduler is None)
     console.emit(Message(f"starting {' and '.join(awaited) or 'the run'}"))
-    # The dashboard's server and the workers' imports start side by side while this process imports the rest.
-    if scheduler is None:
-        start_forkserver()
     from glint.flows.runtime.dask_cluster import CPU_COUNT, Cluster
 
     with Cluster(scheduler, min(busy, workers or CPU_COUNT), PRELOADED) as cluster:

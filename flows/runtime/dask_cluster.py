@@ -11,7 +11,6 @@ import atexit
 import importlib
 import logging
 import multiprocessing
-import signal
 import socket
 import threading
 from collections.abc import Sequence
@@ -81,7 +80,7 @@ class WarmUpPlugin(WorkerPlugin):
     """Prepares a worker for its first task: one thread for libraries, modules imported, their kernels loaded.
 
     A module may have a function `warm_up()` that calls its compiled kernels once on tiny arrays. Workers of a local
-    cluster (owned) ignore interrupts at the terminal and do not log errors: the run does both.
+    cluster (owned) do not log errors: the run does.
     """
 
     modules: tuple[str, ...]
@@ -93,7 +92,6 @@ class WarmUpPlugin(WorkerPlugin):
         from glint.tasks.engine.threads import use_one_thread
 
         if self.owned:
-            signal.signal(signal.SIGINT, signal.SIG_IGN)
             logging.getLogger("distributed.worker").setLevel(logging.CRITICAL)
         use_one_thread()
         for name in self.modules:
@@ -116,6 +114,7 @@ class Cluster:
         self._cluster: LocalCluster | None = None
         self._client: Client | None = None
         self._failure: BaseException | None = None
+        self._ready = threading.Event()
         self._thread = threading.Thread(target=self._start, name="glint-cluster", daemon=True)
         self._thread.start()
 
@@ -138,11 +137,12 @@ class Cluster:
     def client(self) -> Client:
         """The client of this process, for all its threads; waits for the cluster, and is closed with it.
 
+        Workers of a local cluster may still be warming up: they take their first task when they are done.
+
         Raises:
             ClusterError: the scheduler does not answer, or no worker came.
         """
-        while self._thread.is_alive():
-            self._thread.join(POLL_SECONDS)
+        while not self._ready.wait(POLL_SECONDS):
             raise_if_interrupted()
         if self._failure is not None:
             raise self._failure
@@ -193,11 +193,16 @@ class Cluster:
 
     def _start(self) -> None:
         try:
-            self._client = self._local() if self._scheduler is None else self._given(self._scheduler)
+            if self._scheduler is None:
+                self._start_local()
+            else:
+                self._client = self._given(self._scheduler)
         except BaseException as failure:
             self._failure = failure
+        finally:
+            self._ready.set()
 
-    def _local(self) -> Client:
+    def _start_local(self) -> None:
         start_forkserver()
         dashboard = _free_address()
         dask.config.set(SETTINGS | LOCAL_SETTINGS | {WEBSOCKET_ORIGINS: [dashboard]})
@@ -211,9 +216,10 @@ class Cluster:
             security=Security.temporary(),
             silence_logs=logging.ERROR,
         )
-        client = Client(self._cluster, set_as_default=False)
-        client.register_plugin(WarmUpPlugin(self._modules, owned=True))
-        return client
+        self._client = Client(self._cluster, set_as_default=False)
+        # The run goes on while its workers warm up, which takes as long as its first requests to the server.
+        self._ready.set()
+        self._client.register_plugin(WarmUpPlugin(self._modules, owned=True))
 
     def _given(self, address: str) -> Client:
         client = connected_client(address)

@@ -54,13 +54,20 @@ def prepare_environment(
 def start_forkserver() -> None:
     """Start the process from which the workers of a local cluster are forked, unless it runs.
 
-    It imports FORKED, which takes longer than whatever else a run begins with.
+    It imports FORKED, which takes longer than whatever else a run begins with. An interrupt at the terminal, which
+    reaches all processes, is for this one to handle: the others never receive it.
     """
     import multiprocessing
-    from multiprocessing import forkserver
+    import signal
+    from multiprocessing import forkserver, resource_tracker
 
     prepare_environment()
     # As Dask would before its first worker: memory is set up when a process starts, and forks inherit it.
     os.environ.update({name: str(value) for name, value in WORKER_MEMORY.items()})
     multiprocessing.get_context("forkserver").set_forkserver_preload([*FORKED])
-    forkserver.ensure_running()
+    resource_tracker.ensure_running()  # else the forkserver starts it, which unblocks signals
+    received = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        forkserver.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, received)

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -39,16 +40,21 @@ def test_unchanged_objects_are_found_and_the_others_counted_by_the_workers_they_
 ) -> None:
     captures = captures_of(simulated, tmp_path / "store")
     assert pending_stages(captures.chosen[0]) == NAMES
-    assert unchanged_objects([captures], 4, pytest.fail) == ({}, 4), "tiles of a new capture go to all workers"
+    prepared = list[bool]()
+    prepare = partial(prepared.append, True)
+    assert unchanged_objects([captures], 4, pytest.fail, prepare) == ({}, 4), "tiles of a new capture go to all workers"
     perform_all(captures.chosen[0])
     assert pending_stages(captures.chosen[0]) == ()
-    assert unchanged_objects([captures], 4, pytest.fail) == ({}, 1), "it is stored, but no version holds it"
+    assert unchanged_objects([captures], 4, pytest.fail, prepare) == ({}, 1), "it is stored, but no version holds it"
     publish(captures.chosen, "run", str(simulated))
     reported = list[ObjectResult]()
-    unchanged, busy = unchanged_objects([captures], 4, reported.append)
+    assert len(prepared) == 2
+    unchanged, busy = unchanged_objects([captures], 4, reported.append, pytest.fail)
     assert busy == 0 and list(unchanged.values()) == reported and reported[0].captures[0].cached
     changed = load(simulated).model_copy(update={"parameters": {"depth": {"method": "least-squares"}}})
     write(changed, tmp_path / "changed.yaml")
     captures = captures_of(tmp_path / "changed.yaml", tmp_path / "store")
     assert pending_stages(captures.chosen[0]) == ("depth", "surface")
-    assert unchanged_objects([captures, captures], 4, pytest.fail) == ({}, 2), "the last stages need one worker each"
+    assert unchanged_objects([captures, captures], 4, pytest.fail, prepare) == ({}, 2), (
+        "the last stages need one worker each"
+    )

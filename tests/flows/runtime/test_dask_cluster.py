@@ -30,8 +30,7 @@ def die() -> None:
 def test_workers_are_processes_of_one_thread(cluster: Cluster) -> None:
     assert cluster.workers == 2
     assert set(cluster.client.nthreads().values()) == {1}
-    told = cluster.client.run(settings_of_a_worker)
-    assert set(told.values()) == {("1", 1, 1)}
+    until(lambda: set(cluster.client.run(settings_of_a_worker).values()) == {("1", 1, 1)})
     assert len(set(cluster.client.run(os.getpid).values()) - {os.getpid()}) == 2
 
 
@@ -93,7 +92,7 @@ def test_a_task_that_kills_its_workers_fails_and_others_go_on(cluster: Cluster) 
         deadly.result(timeout=PATIENCE)
     assert cluster.client.submit(abs, -3).result(timeout=PATIENCE) == 3
     cluster.client.wait_for_workers(2, timeout=PATIENCE)
-    assert set(cluster.client.run(settings_of_a_worker).values()) == {("1", 1, 1)}
+    until(lambda: set(cluster.client.run(settings_of_a_worker).values()) == {("1", 1, 1)})
 
 
 def test_a_given_scheduler_is_used_and_left(cluster: Cluster) -> None:
