@@ -35,7 +35,7 @@ STAGES = (
         catalogue_keys=("spheres", "region", "pixel_size", "camera"),
         files=("frames", "mask", "lights"),
         progress_unit="frames",
-        version=10,
+        version=11,
     ),
     Stage(
         "frames",
@@ -43,10 +43,14 @@ STAGES = (
         parameters.FramesParameters,
         reads=("survey",),
         files=("frames",),
-        arrays={"background": ArraySchema("HW", "u"), "peak": ArraySchema("HW", "u")},
+        arrays={
+            "background": ArraySchema("HW", "u"),
+            "peak": ArraySchema("HW", "u"),
+            "clipped": ArraySchema("T2", "u"),
+        },
         peak_bytes=_frames_bytes,
         progress_unit="frames",
-        version=5,
+        version=6,
     ),
     Stage(
         "lights",
@@ -63,7 +67,7 @@ STAGES = (
         },
         peak_bytes=_per_pixel(400),
         progress_unit="spheres",
-        version=8,
+        version=9,
     ),
     Stage(
         "mask",

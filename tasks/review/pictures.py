@@ -16,7 +16,8 @@ from glint.storage.footage.source import open_footage
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.review.stored import saved_records
 from glint.tasks.stages.capture_geometry import OBJECT, CaptureGeometry
-from glint.tasks.stages.frames import levels, load_levels, open_frames
+from glint.tasks.stages.frames import open_frames
+from glint.tasks.stages.levels import levels, load_levels
 
 THUMBNAIL_SIZE = 112
 """Pixels of a thumbnail's longer side, twice what the catalogue view shows, for fine screens."""

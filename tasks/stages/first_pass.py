@@ -15,7 +15,9 @@ from glint.tasks.algorithms.frames.frame_sample import FrameSample
 from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, spread
 from glint.tasks.engine.stage import Progress
 from glint.tasks.engine.stage_inputs import StageInputs
+from glint.tasks.stages.capture_geometry import OBJECT
 from glint.tasks.stages.frames import fill_cache
+from glint.tasks.stages.levels import LevelRecorder
 from glint.tasks.stages.thumbnails import ThumbnailRecorder
 
 SAMPLE_BYTES = 256 << 20
@@ -96,7 +98,7 @@ class SampleRecorder(FootageWrapper):
 def sampled_and_stored(
     inputs: StageInputs, footage: Footage, count: int, crops: Mapping[str, Region], progress: Progress
 ) -> tuple[Sample, Mapping[str, np.ndarray]]:
-    """Return a sample of about `count` frames, and thumbnails, of a pass in which the cache of frames is filled.
+    """Return a sample of about `count` frames, and arrays of `frames`, of a pass that fills the cache of frames.
 
     crops: by name, in pixels of the full frame.
 
@@ -105,12 +107,13 @@ def sampled_and_stored(
     """
     recorder = SampleRecorder(footage, count, progress)
     thumbnails = ThumbnailRecorder(recorder)
-    fill_cache(inputs, _digest(inputs, crops), crops, thumbnails)
+    levels = LevelRecorder(thumbnails, crops[OBJECT])
+    cache = fill_cache(inputs, _digest(inputs, crops), crops, levels)
     if not recorder.has_all:
         # The cache, or its beginning, was there.
         for _ in thumbnails.frames():
             pass
-    return recorder.sample(), thumbnails.arrays()
+    return recorder.sample(), {**thumbnails.arrays(), **levels.arrays(cache)}
 
 
 def discard_stored(inputs: StageInputs, crops: Mapping[str, Region]) -> None:

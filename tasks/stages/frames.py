@@ -18,14 +18,11 @@ from glint.storage.locations.location import Location
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
-from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
+from glint.tasks.stages.capture_geometry import load_geometry
+from glint.tasks.stages.levels import BACKGROUND, CLIPPED, PEAK, LevelRecorder, stored_levels
 from glint.tasks.stages.stabilization import REFERENCE, stabilized
 from glint.tasks.stages.thumbnails import NUMBERS, PICTURES, ThumbnailRecorder
 
-LEVEL_SHARDS = 24
-"""Most shards from which background and peak level are taken."""
-MEDIAN_STEP = 16
-"""Frames of them from one for the median to the next: neighbouring frames are alike."""
 USE_SECONDS = 600.0
 """How often the use of frames is written down."""
 
@@ -40,16 +37,18 @@ def frames(inputs: StageInputs, progress: Progress) -> StageOutput:
     digest, address = _digest(inputs), inputs.file("frames")
     assert address is not None
     survey = inputs.load("survey")
-    if PICTURES in survey.arrays:
-        arrays = {name: survey.read(name) for name in (PICTURES, NUMBERS)}
+    recorded = [name for name in (PICTURES, NUMBERS, BACKGROUND, PEAK, CLIPPED) if name in survey.arrays]
+    arrays = {name: survey.read(name) for name in recorded}
+    if PICTURES in arrays:
         cache = open_cache(inputs, digest, progress)
+        if CLIPPED not in arrays:
+            arrays |= stored_levels(cache)
     else:
         with open_footage(address) as footage:
-            recorder = ThumbnailRecorder(footage)
-            cache = _ingest(inputs, digest, recorder, progress)
-            arrays = dict(recorder.arrays())
-    background, peak = levels(cache)
-    arrays |= {"background": background, "peak": peak}
+            thumbnails = ThumbnailRecorder(footage)
+            recorder = LevelRecorder(_still(inputs, thumbnails), load_geometry(inputs).region)
+            cache = fill_cache(inputs, digest, load_geometry(inputs).crops, recorder, progress)
+            arrays |= {**thumbnails.arrays(), **recorder.arrays(cache)}
     return StageOutput(
         arrays=arrays,
         record={"cache": cache.digest, "frame_size": list(cache.frame_size[::-1])},
@@ -79,7 +78,7 @@ def open_cache(results: CaptureResults, digest: str, progress: Progress | None =
     address = results.file("frames")
     assert address is not None
     with open_footage(address) as footage:
-        return _ingest(results, digest, footage, progress)
+        return fill_cache(results, digest, load_geometry(results).crops, _still(results, footage), progress)
 
 
 def fill_cache(
@@ -99,39 +98,10 @@ def fill_cache(
     )
 
 
-def load_levels(results: CaptureResults) -> tuple[np.ndarray, np.ndarray]:
-    """Load background and peak level (H, W) of the object's region, of the frames' dtype."""
-    stored = results.load("frames")
-    return stored.read("background"), stored.read("peak")
-
-
 def load_thumbnails(results: CaptureResults) -> tuple[np.ndarray, np.ndarray]:
     """Load the thumbnails (N, h, w) uint8 of the whole frame, 0 to 255, and the number (N,) of each one's frame."""
     stored = results.load("frames")
     return stored.read(PICTURES), stored.read(NUMBERS)
-
-
-def spread_shards(frames: int, count: int) -> list[int]:
-    """Return the first frames of at most `count` shards of 64 frames, spread evenly over so many frames."""
-    starts = np.arange(0, frames, 64)
-    chosen = np.unique(np.linspace(0, len(starts) - 1, min(count, len(starts))).round().astype(int))
-    return [int(start) for start in starts[chosen]]
-
-
-def levels(cache: FrameCache, crop: str = OBJECT) -> tuple[np.ndarray, np.ndarray]:
-    """Compute background level (temporal median) and peak level (temporal maximum) (H, W) of a crop."""
-    step = max(1, min(MEDIAN_STEP, cache.frames // 64))
-    kept, peak = [], None
-    for start in spread_shards(cache.frames, LEVEL_SHARDS):
-        shard = cache.read(crop, slice(start, start + 64))
-        shard_peak = shard.max(axis=0)
-        peak = shard_peak if peak is None else np.maximum(peak, shard_peak)
-        kept.append(shard[::step])
-    assert peak is not None
-    stack = np.concatenate(kept)
-    # The lower of the two middle values, so that the level is one that was seen.
-    middle = (len(stack) - 1) // 2
-    return np.partition(stack, middle, axis=0)[middle], peak
 
 
 def _digest(results: CaptureResults) -> str:
@@ -155,11 +125,10 @@ def _complete(location: Location, digest: str) -> FrameCache | None:
     return cache if cache.complete else None
 
 
-def _ingest(results: CaptureResults, digest: str, footage: Footage, progress: Progress | None = None) -> FrameCache:
-    """Decode the video, moved back where the camera was shaken, into the cache."""
+def _still(results: CaptureResults, footage: Footage) -> Footage:
+    """Return the video, moved back where the camera was shaken."""
     survey = results.load("survey")
-    source = stabilized(footage, survey.record["stabilization"], survey.arrays)
-    return fill_cache(results, digest, load_geometry(results).crops, source, progress)
+    return stabilized(footage, survey.record["stabilization"], survey.arrays)
 
 
 def _unchanged(results: CaptureResults) -> list[list[Any]]:

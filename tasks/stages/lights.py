@@ -25,7 +25,7 @@ from glint.tasks.algorithms.lighting.lights import (
     inter_sphere_angles,
     without_frames,
 )
-from glint.tasks.algorithms.lighting.occlusion import is_light_before_object, is_sphere_covered
+from glint.tasks.algorithms.lighting.occlusion import is_light_before_object, is_sphere_covered, may_show_light
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.near_light.half_vector_error import combined_error
 from glint.tasks.engine.parameters import LightsParameters
@@ -34,7 +34,8 @@ from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.camera_doubt import with_camera_of_spheres
 from glint.tasks.stages.capture_geometry import OBJECT, CaptureGeometry, load_geometry, sphere_name
-from glint.tasks.stages.frames import load_levels, load_thumbnails, open_frames, spread_shards
+from glint.tasks.stages.frames import load_thumbnails, open_frames
+from glint.tasks.stages.levels import CLIPPED, load_levels, spread_shards
 from glint.tasks.stages.light_distance import DistanceResult, measure_distance
 from glint.tasks.stages.sphere_doubts import sphere_doubts, sweep_error
 
@@ -188,9 +189,10 @@ def _of_sphere(
 def _is_light_before_object(inputs: StageInputs, cache: FrameCache) -> np.ndarray:
     """Return whether the light itself stands before the object, (T,) bool."""
     background, _ = load_levels(inputs)
-    blocks = [
-        is_light_before_object(cache.read(OBJECT, slice(start, start + cache.shard_frames)), background)
-        for start in range(0, cache.frames, cache.shard_frames)
-    ]
-    before = np.concatenate(blocks)
+    suspects = may_show_light(inputs.load("frames").read(CLIPPED), background)
+    before = np.zeros(cache.frames, bool)
+    for start in range(0, cache.frames, cache.shard_frames):
+        shard = slice(start, start + cache.shard_frames)
+        if suspects[shard].any():
+            before[shard] = is_light_before_object(cache.read(OBJECT, shard), background)
     return before if before.mean() <= MAX_BEFORE_OBJECT_SHARE else np.zeros_like(before)

@@ -10,7 +10,7 @@ from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import CaptureGeometry, load_geometry
-from glint.tasks.stages.frames import load_levels
+from glint.tasks.stages.levels import load_levels
 
 UNSUPPORTED_COST_DEG = 5.0
 """Error of the normals beside a contour that nothing supports: that of a contour off by a tenth of the inradius."""

@@ -20,6 +20,7 @@ from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import crops_of
 from glint.tasks.stages.first_pass import Sample, SampleRecorder, discard_stored, sampled_and_stored
+from glint.tasks.stages.levels import BACKGROUND, CLIPPED, PEAK
 from glint.tasks.stages.sphere_doubts import confirm_given
 from glint.tasks.stages.stabilization import Shake, measure_shake, stabilized
 
@@ -91,8 +92,8 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
             shake = shake_of(region, given)
             crops = None if shake.record["applied"] else crops_of(region, given, size)
         if crops is not None:
-            sample, thumbnails = sampled_and_stored(inputs, footage, parameters.sample, crops, progress)
-            arrays |= thumbnails
+            sample, recorded = sampled_and_stored(inputs, footage, parameters.sample, crops, progress)
+            arrays |= recorded
             places = located(sample)
         elif needs_sample:
             places = located(sampled(shake))
@@ -107,6 +108,7 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
             arrays["mask"] = places.mask[region.rows, region.columns]
         if crops is not None and (shake.record["applied"] or crops != crops_of(region, spheres, size)):
             discard_stored(inputs, crops)
+            arrays = {name: array for name, array in arrays.items() if name not in (BACKGROUND, PEAK, CLIPPED)}
         record = {
             "frame_size": [footage.width, footage.height],
             "frames_claimed": footage.count,

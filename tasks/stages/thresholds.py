@@ -5,7 +5,7 @@ import numpy as np
 from glint.tasks.algorithms.candidates.thresholds import highlight_thresholds, saturation_level
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
-from glint.tasks.stages.frames import load_levels
+from glint.tasks.stages.levels import load_levels
 
 
 def thresholds(inputs: StageInputs, progress: Progress) -> StageOutput:

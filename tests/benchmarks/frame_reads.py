@@ -17,7 +17,8 @@ from glint.tasks.engine.references import CaptureReference
 from glint.tasks.engine.stage import no_progress
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.pipeline import BY_NAME
-from glint.tasks.stages.frames import levels, open_frames
+from glint.tasks.stages.frames import open_frames
+from glint.tasks.stages.levels import levels
 
 
 def main() -> None:

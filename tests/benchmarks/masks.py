@@ -26,7 +26,7 @@ from glint.tasks.engine.stage import perform, stage_keys
 from glint.tasks.pipeline import STAGES, stages_until
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from glint.tasks.stages.capture_geometry import load_geometry
-from glint.tasks.stages.frames import load_levels
+from glint.tasks.stages.levels import load_levels
 
 SHARED = Path(__file__).parents[2].parent / "shared" / "data" / "captures"
 WRONG_BY_PX = 3

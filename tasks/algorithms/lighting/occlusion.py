@@ -5,6 +5,8 @@ wrong. A light before the object lights pixels that it covers; it reaches beyond
 object's region, where nothing else clips, or is a round saturated disc larger than highlights are.
 """
 
+from typing import Any
+
 import cv2
 import numpy as np
 
@@ -54,24 +56,60 @@ def is_sphere_covered(frames: np.ndarray, background: np.ndarray, saturation: fl
     return np.asarray(hidden.mean(axis=1) > MAX_HIDDEN_SHARE)
 
 
+def clipped_pixels(frame: np.ndarray) -> tuple[int, int]:
+    """Count the clipped pixels of a frame (H, W) uint8 or uint16: all, and those of its border."""
+    clipped = frame > _clipped_level(frame.dtype)
+    inside = clipped[BACKGROUND_BORDER_PX:-BACKGROUND_BORDER_PX, BACKGROUND_BORDER_PX:-BACKGROUND_BORDER_PX]
+    count = int(np.count_nonzero(clipped))
+    return count, count - int(np.count_nonzero(inside))
+
+
+def may_show_light(counts: np.ndarray, background: np.ndarray) -> np.ndarray:
+    """Return whether `is_light_before_object` can hold of frames (T,) bool, by their `clipped_pixels` (T, 2).
+
+    background: (H, W) of the frames' dtype. Of most captures few frames are left to be looked at.
+    """
+    border = np.count_nonzero(_dark_border(background, background.dtype))
+    return np.asarray(
+        (counts[:, 0] >= _least_disc(background.shape)) | (counts[:, 1] > MAX_CLIPPED_BORDER_SHARE * border)
+    )
+
+
 def is_light_before_object(frames: np.ndarray, background: np.ndarray) -> np.ndarray:
     """Return whether the light shows on the border of the object's region, or as a disc inside it (T,) bool.
 
     frames: (T, H, W) uint8 or uint16 of the region; background (H, W): their temporal median.
     """
-    largest = float(np.iinfo(frames.dtype).max)
-    # What is bright all the time, such as a window behind the object, is no light. Levels are compared as integers.
-    clipped = (frames > frames.dtype.type(CLIPPED_SHARE * largest)) & (background < 0.5 * largest)
-    border = np.ones(background.shape, bool)
-    border[BACKGROUND_BORDER_PX:-BACKGROUND_BORDER_PX, BACKGROUND_BORDER_PX:-BACKGROUND_BORDER_PX] = False
-    border &= background < 0.5 * largest
+    # What is bright all the time, such as a window behind the object, is no light.
+    clipped = (frames > _clipped_level(frames.dtype)) & _is_dark(background, frames.dtype)
+    border = _dark_border(background, frames.dtype)
     has_disc = np.array([_has_disc(image) for image in clipped], bool)
     return has_disc | (clipped[:, border].mean(axis=1) > MAX_CLIPPED_BORDER_SHARE) if border.any() else has_disc
 
 
+def _clipped_level(dtype: np.dtype[Any]) -> Any:
+    """Return the level, of the frames' dtype: levels are compared as integers."""
+    return dtype.type(CLIPPED_SHARE * np.iinfo(dtype).max)
+
+
+def _is_dark(background: np.ndarray, dtype: np.dtype[Any]) -> np.ndarray:
+    return np.asarray(background < 0.5 * np.iinfo(dtype).max)
+
+
+def _dark_border(background: np.ndarray, dtype: np.dtype[Any]) -> np.ndarray:
+    border = _is_dark(background, dtype)
+    border[BACKGROUND_BORDER_PX:-BACKGROUND_BORDER_PX, BACKGROUND_BORDER_PX:-BACKGROUND_BORDER_PX] = False
+    return border
+
+
+def _least_disc(shape: tuple[int, ...]) -> float:
+    """Return the pixels of the smallest disc of a light in a region of this shape."""
+    return float(np.pi * (0.5 * MIN_DISC_RATIO * max(shape)) ** 2)
+
+
 def _has_disc(clipped: np.ndarray) -> bool:
     """Return whether the clipped pixels (H, W) bool of a frame hold a large disc."""
-    least = np.pi * (0.5 * MIN_DISC_RATIO * max(clipped.shape)) ** 2
+    least = _least_disc(clipped.shape)
     if np.count_nonzero(clipped) < least:
         return False
     contours, _ = cv2.findContours(clipped.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)

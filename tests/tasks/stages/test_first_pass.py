@@ -9,10 +9,12 @@ import pytest
 
 from glint.storage.footage.source import open_footage
 from glint.storage.footage.video import Video
+from glint.storage.frames.cache import FrameCache
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.first_pass import SampleRecorder
 from glint.tasks.stages.frames import load_thumbnails, open_frames
+from glint.tasks.stages.levels import LevelRecorder, stored_levels
 from glint.tasks.stages.thumbnails import ThumbnailRecorder
 from tests.tasks.make_context import make_context, perform_all
 
@@ -31,7 +33,7 @@ def passes(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int]]:
 
 
 def _check_frames(work: CaptureContext) -> None:
-    """Check the stored frames and thumbnails against the video."""
+    """Check the stored frames and thumbnails against the video, and the levels against the frames."""
     cache, geometry = open_frames(work), load_geometry(work)
     assert cache.crops == geometry.crops
     with open_footage(str(work.file("frames"))) as footage:
@@ -41,6 +43,9 @@ def _check_frames(work: CaptureContext) -> None:
     assert np.array_equal(cache.read(OBJECT), np.stack(crops))
     for stored, taken in zip(load_thumbnails(work), expected.values(), strict=True):
         assert np.array_equal(stored, taken)
+    levels = work.load("frames")
+    for name, taken in stored_levels(cache).items():
+        assert np.array_equal(levels.read(name), taken), name
 
 
 def test_given_crops_are_stored_while_the_video_is_sampled(
@@ -84,3 +89,33 @@ def test_a_sample_is_the_same_however_it_is_taken(simulated: Path, tmp_path: Pat
             pass
         assert not recorder.has_all, "frames before the first one that passed are missing"
         assert np.array_equal(recorder.sample().peak, samples[0].peak)
+
+
+def test_levels_are_taken_from_stored_frames_where_not_all_passed(simulated: Path, tmp_path: Path) -> None:
+    work = make_context(simulated, tmp_path / "store")
+    perform_all(work, "frames")
+    cache, region = open_frames(work), load_geometry(work).region
+    with open_footage(str(work.file("frames"))) as footage:
+        recorder = LevelRecorder(footage, region)
+        for _ in recorder.frames(start=1):
+            pass
+        passing = recorder.frames()
+        next(passing)
+        for name, taken in recorder.arrays(cache).items():
+            assert np.array_equal(taken, work.load("frames").read(name)), name
+
+
+def test_the_frames_of_the_object_are_not_read_for_a_light_that_never_shows(
+    simulated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    work, read = make_context(simulated, tmp_path / "store"), FrameCache.read
+    perform_all(work, "frames")
+    crops = list[str]()
+
+    def counted(self: FrameCache, name: str, *slices: slice) -> np.ndarray:
+        crops.append(name)
+        return read(self, name, *slices)
+
+    monkeypatch.setattr(FrameCache, "read", counted)
+    perform_all(work, "lights")
+    assert crops and OBJECT not in crops

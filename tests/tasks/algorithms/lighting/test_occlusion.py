@@ -7,7 +7,12 @@ from glint.tasks.algorithms.lighting.lights import (
     find_lights,
     without_frames,
 )
-from glint.tasks.algorithms.lighting.occlusion import is_light_before_object, is_sphere_covered
+from glint.tasks.algorithms.lighting.occlusion import (
+    clipped_pixels,
+    is_light_before_object,
+    is_sphere_covered,
+    may_show_light,
+)
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from tests.tasks.algorithms.lighting.chrome_sphere import light_direction, sphere_frame
 
@@ -84,3 +89,25 @@ def test_the_disc_of_a_light_inside_the_region_is_noticed_and_flashes_are_not() 
     frames[9, np.hypot(columns - 80, rows - 60) < 8] = 255
     frames[12, 20:100, 70:90] = 255
     assert np.flatnonzero(is_light_before_object(frames, np.median(frames, axis=0))).tolist() == [3, 4, 5]
+
+
+def test_counts_of_clipped_pixels_leave_few_frames_to_be_looked_at() -> None:
+    frames = object_frames()
+    background = np.median(frames, axis=0).astype(np.uint8)
+    counts = np.array([clipped_pixels(frame) for frame in frames])
+    assert counts[0].tolist() == [45, 0], "a highlight inside the region"
+    assert np.flatnonzero(may_show_light(counts, background)).tolist() == [7, 8]
+
+
+def test_no_frame_in_which_a_light_shows_is_left_out_by_its_counts() -> None:
+    generator = np.random.default_rng(1)
+    rows, columns = np.mgrid[:60, :80]
+    frames = np.full((200, 60, 80), 30, np.uint16)
+    for frame in frames:
+        x, y, radius = generator.uniform((-10, -10, 2), (90, 70, 20))
+        frame[np.hypot(columns - x, rows - y) < radius] = 65535
+    frames[:, :10, :3] = 65535
+    background = np.median(frames, axis=0).astype(np.uint16)
+    shows = is_light_before_object(frames, background)
+    may = may_show_light(np.array([clipped_pixels(frame) for frame in frames]), background)
+    assert 10 < shows.sum() <= may.sum() < 190 and not (shows & ~may).any()
