@@ -139,7 +139,7 @@ STAGES = (
             "evidence": ArraySchema("HW", "f", "mask"),
         },
         peak_bytes=_per_pixel(900),
-        version=25,
+        version=26,
     ),
     Stage(
         "depth",
@@ -148,7 +148,7 @@ STAGES = (
         reads=("survey", "mask", "labels"),
         arrays={"depth": ArraySchema("HW", "f", "mask"), "provenance": ArraySchema("HW", "u")},
         peak_bytes=_per_pixel(400),
-        version=4,
+        version=5,
     ),
     Stage(
         "surface",

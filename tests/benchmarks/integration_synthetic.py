@@ -1,6 +1,7 @@
 """Errors of the integration on synthetic surfaces with depth discontinuities, beside least squares and the publication.
 
     python -m tests.benchmarks.integration_synthetic [--published FOLDER] [--sizes 64 128] [--noise 0 1 3]
+        [--searched PIXELS]
 
 FOLDER holds the published code of Cao et al. 2022 (`bilateral_normal_integration_cpu.py`), which is run as it is on the
 same scenes. Errors are mean absolute ones in pixels on the largest part without a step across it, after the median
@@ -19,7 +20,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from glint.tasks.algorithms.integration.bilateral import integrate
+from glint.tasks.algorithms.integration.bilateral import MAX_SEARCHED_PIXELS, Method, integrate
 from tests.benchmarks.integration_scenes import FIELDS, Scene, pleats, traced, with_noise
 from tests.benchmarks.integration_sheets import flap, risers, stairs
 
@@ -44,9 +45,11 @@ def scenes(size: int) -> Iterator[tuple[str, Scene]]:
         yield f"{name} P", traced(field, size, perspective=True)
 
 
-def ours(method: str) -> Solver:
-    """Return the integration by a method, as a function of a scene."""
-    return lambda scene: integrate(scene.normals, scene.mask, method=method, camera=scene.camera).depth  # type: ignore[arg-type]
+def ours(method: Method, max_searched: int = MAX_SEARCHED_PIXELS) -> Solver:
+    """Return the integration by a method, as a function of a scene; see MAX_SEARCHED_PIXELS."""
+    return lambda scene: (
+        integrate(scene.normals, scene.mask, method=method, camera=scene.camera, max_searched=max_searched).depth
+    )
 
 
 def published(folder: str) -> Solver:
@@ -105,8 +108,11 @@ def main() -> None:
     parser.add_argument("--published", metavar="FOLDER")
     parser.add_argument("--sizes", type=int, nargs="+", default=[64, 128])
     parser.add_argument("--noise", type=float, nargs="+", default=[0.0, 1.0, 3.0], help="degrees")
+    parser.add_argument("--searched", type=int, metavar="PIXELS", help="also from coarse grids of at most so many")
     options = parser.parse_args()
     solvers = {"least-squares": ours("least-squares"), "bilateral": ours("bilateral")}
+    if options.searched:
+        solvers["from coarse"] = ours("bilateral", options.searched)
     if options.published:
         solvers["published"] = published(options.published)
     print(f"{'scene':22}" + "".join(f"{name:>15} {'steps':>5}" for name in solvers))

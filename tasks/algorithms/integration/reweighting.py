@@ -103,13 +103,30 @@ def robust(edges: GridEdges, mask: np.ndarray, sharpness: float, max_rounds: int
     return Solution(best.height, rounds, best.converged)
 
 
+def refined(edges: GridEdges, mask: np.ndarray, height: np.ndarray, max_rounds: int, tolerance: float) -> Solution:
+    """Solve for the height as `robust`, but from one start: a height of a coarser grid, whose steps it keeps."""
+    rises = expected_rises(edges)
+    plain = least_squares(edges)
+    even = np.ones(rises.mean.shape)
+    start = _weighted(rises, even, plain.height, LEAST_SQUARES_TOLERANCE)
+    if _largest_misfit(rises, start) <= NOISE_SCALE:
+        return _graduated(rises, even, mask, start, MISFIT_SCALE, max_rounds, tolerance)
+    softness = _contour_softness(edges, rises)
+    solution = _graduated(rises, softness, mask, height, BILATERAL_SCALE, max_rounds, tolerance)
+    return plain if step_length(edges, plain.height) <= step_length(edges, solution.height) else solution
+
+
+def _contour_softness(edges: GridEdges, rises: ExpectedRises) -> np.ndarray:
+    evidence = curl_evidence(edges, rises, CONTOUR_LENGTHS)
+    return np.asarray((1.0 + evidence / EVIDENCE_SCALE**2) ** -CONTOUR_POWER)
+
+
 def _attempts(
     edges: GridEdges, rises: ExpectedRises, mask: np.ndarray, height: np.ndarray, limits: tuple[float, int, float]
 ) -> Iterator[Solution]:
     """Yield the solutions of all starts, given the height of least squares and the last arguments of `robust`."""
     sharpness, max_rounds, tolerance = limits
-    evidence = curl_evidence(edges, rises, CONTOUR_LENGTHS)
-    softness = (1.0 + evidence / EVIDENCE_SCALE**2) ** -CONTOUR_POWER
+    softness = _contour_softness(edges, rises)
     for rise_share in RISE_SHARES:
         start, before = _bilateral(edges, mask, height, rise_share, sharpness, tolerance)
         solution = _graduated(rises, softness, mask, start, BILATERAL_SCALE, max_rounds, tolerance)

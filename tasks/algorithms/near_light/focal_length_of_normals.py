@@ -76,15 +76,15 @@ def focal_length_of_normals(normals: np.ndarray, camera: UnknownCamera) -> Inver
         The estimate; None if too few neighbours have normals.
     """
     step = max(1, -(-max(normals.shape[:2]) // MAX_SAMPLES))
-    pairs = _Pairs.of(normals[::step, ::step].astype(np.float64))
+    sampled = normals[::step, ::step].astype(np.float64)
+    pairs = _Pairs.of(sampled)
     if len(pairs.weight) < MIN_SAMPLES:
         return None
     integration = _Integration(pairs)
 
     def misfit(inverse_focal: float) -> np.ndarray:
         """Return what no surface explains of the pairs' gradients (P,) at an inverse focal length."""
-        p, q = (image[::step, ::step] for image in log_depth_gradients(normals, camera, inverse_focal))
-        return integration.residual(pairs.differences(p, q))
+        return integration.residual(pairs.differences(*log_depth_gradients(sampled, camera, inverse_focal, step)))
 
     change, bound, value = STEP_WIDTHS / camera.width, MAX_INVERSE_WIDTHS / camera.width, 0.0
     for _ in range(STEPS):
@@ -96,15 +96,15 @@ def focal_length_of_normals(normals: np.ndarray, camera: UnknownCamera) -> Inver
 
 
 def log_depth_gradients(
-    normals: np.ndarray, camera: UnknownCamera, inverse_focal: float
+    normals: np.ndarray, camera: UnknownCamera, inverse_focal: float, step: int = 1
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the gradients (H, W) to the right and upwards of the surface that a camera of this focal length sees.
 
     They are those of the logarithm of its distance, times the focal length: the slopes of an orthographic camera.
-    normals: (H, W, 3), see `focal_length_of_normals`; inverse_focal: 1/pixels.
+    normals: (H, W, 3), see `focal_length_of_normals`, of every `step`-th pixel; inverse_focal: 1/pixels.
     """
     matrix = camera.matrix(inverse_focal)
-    view = view_vectors(matrix, normals.shape[:2], camera.left, camera.top)
+    view = view_vectors(matrix @ np.diag([step, step, 1.0]), normals.shape[:2], camera.left / step, camera.top / step)
     of_spheres = view_vectors(matrix, (1, 1), camera.sphere_x, camera.sphere_y)
     lights = rotate_from_view(lights_of(normals), np.broadcast_to(of_spheres, normals.shape))
     facing = half_vectors_for_view(half_vectors_of(lights), view)

@@ -22,8 +22,11 @@ MAX_ERROR_RATIO = 0.5
 by their circle alone."""
 MIN_RELIEF_SHARE = 0.12
 """Share of the normals that must lie on such circles; on objects without relief it is 0.01 at most."""
-CIRCLE_SIGMA_PX = 4.0
-"""Standard deviation along the axis over which these are compared."""
+MAX_GIRTH = 2000.0
+"""Cells along the longest circle at most. A cell is a pixel on objects of up to 640 pixels; finer ones hold too few
+normals to be compared, and cost more."""
+CIRCLE_SIGMA = 4.0
+"""Standard deviation along the axis, in cells, over which circles are compared."""
 ERROR_CAP_DEG = 20.0
 """Cap of an angle, so that false normals do not decide."""
 RELIEF_NORMALS, FIRST_STRIDE = 4000, 2
@@ -140,9 +143,9 @@ def find_relief(
 class _Places:
     """Places of N points on a surface of revolution.
 
-    row: (N,) int, of the circle, heights in pixels. azimuth: (N,), radians, 0 towards the camera. frames: (N, 3, 3),
+    row: (N,) int, of the circle, heights in cells. azimuth: (N,), radians, 0 towards the camera. frames: (N, 3, 3),
     unit vectors outward, along the circle and along the axis. hit: (N,) bool, whether the ray meets its wall. rows,
-    girth: number of circles, and the length of the largest in pixels.
+    girth: number of circles, and the length of the largest in cells, see MAX_GIRTH.
     """
 
     row: np.ndarray
@@ -162,10 +165,12 @@ class _Places:
         # All points of a flat end lie on one circle.
         is_wall = np.abs(surface.normals_at(hits) @ upward) < np.sin(np.radians(MAX_WALL_SLOPE_DEG))
         hit = np.isfinite(azimuth) & is_wall
-        row = np.rint(np.where(hit, hits.heights - surface.heights[0], 0.0)).astype(int)
-        frames = np.stack([outward, np.cross(upward, outward), np.broadcast_to(upward, outward.shape)], axis=1)
         girth = 2.0 * np.pi * float(np.sqrt(surface.squared_radii.max()))
-        return cls(row, np.where(hit, azimuth, 0.0), frames, hit, int(np.ptp(surface.heights)) + 2, girth)
+        cell = max(1.0, girth / MAX_GIRTH)
+        row = np.rint(np.where(hit, hits.heights - surface.heights[0], 0.0) / cell).astype(int)
+        frames = np.stack([outward, np.cross(upward, outward), np.broadcast_to(upward, outward.shape)], axis=1)
+        rows = int(np.ptp(surface.heights) / cell) + 2
+        return cls(row, np.where(hit, azimuth, 0.0), frames, hit, rows, girth / cell)
 
     def at(self, chosen: np.ndarray) -> "_Places":
         """Return the chosen (N,) bool of the points."""
@@ -199,7 +204,7 @@ class _Places:
         """Return the sums (rows,) of errors (N,) where the first is finite, smoothed along the axis."""
         used = np.isfinite(errors[0])
         sums = [np.bincount(self.row[used], error[used], minlength=self.rows) for error in errors]
-        return [ndimage.gaussian_filter1d(values, CIRCLE_SIGMA_PX) for values in sums]
+        return [ndimage.gaussian_filter1d(values, CIRCLE_SIGMA) for values in sums]
 
     def fit(self, normals: np.ndarray, surface_error: np.ndarray, periods: int) -> tuple[float, float]:
         """Return how well a relief explains normals (N, 3), 1 at best, and the share of them on circles that have it.
