@@ -104,7 +104,8 @@ def log_depth_gradients(
     normals: (H, W, 3), see `focal_length_of_normals`, of every `step`-th pixel; inverse_focal: 1/pixels.
     """
     matrix = camera.matrix(inverse_focal)
-    view = view_vectors(matrix @ np.diag([step, step, 1.0]), normals.shape[:2], camera.left / step, camera.top / step)
+    of_samples = np.diag([1.0 / step, 1.0 / step, 1.0]) @ matrix
+    view = view_vectors(of_samples, normals.shape[:2], camera.left / step, camera.top / step)
     of_spheres = view_vectors(matrix, (1, 1), camera.sphere_x, camera.sphere_y)
     lights = rotate_from_view(lights_of(normals), np.broadcast_to(of_spheres, normals.shape))
     facing = half_vectors_for_view(half_vectors_of(lights), view)

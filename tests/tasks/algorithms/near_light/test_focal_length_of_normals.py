@@ -5,7 +5,11 @@ import pytest
 
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view, view_vectors
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
-from glint.tasks.algorithms.near_light.focal_length_of_normals import UnknownCamera, focal_length_of_normals
+from glint.tasks.algorithms.near_light.focal_length_of_normals import (
+    UnknownCamera,
+    focal_length_of_normals,
+    log_depth_gradients,
+)
 
 SHAPE = (90, 110)
 CAMERA = UnknownCamera(left=40, top=50, sphere_x=240.0, sphere_y=110.0, width=320, height=200)
@@ -68,3 +72,12 @@ def test_few_normals_show_nothing() -> None:
     normals = np.full((*SHAPE, 3), np.nan)
     normals[10:15, 10:15] = normals_of(1e-9)[10:15, 10:15]
     assert focal_length_of_normals(normals, CAMERA) is None
+
+
+def test_gradients_of_some_pixels_are_those_of_all() -> None:
+    normals, inverse = normals_of(1e-9), 1.0 / CAMERA.width
+    of_all = log_depth_gradients(normals, CAMERA, inverse)
+    of_some = log_depth_gradients(normals[::3, ::3], CAMERA, inverse, step=3)
+    assert np.ptp(of_all[0]) > 0.1
+    for whole, some in zip(of_all, of_some, strict=True):
+        assert np.allclose(whole[::3, ::3], some, atol=1e-5)
