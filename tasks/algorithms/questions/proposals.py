@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 OPEN_PROBABILITY = 0.25
 """Probability of being wrong from which a label counts as open."""
-REMOVAL_GAIN = 0.3
+REMOVAL_GAIN = 0.05
 """Worth of a degree that a sheet's withdrawal changes against one that its acceptance changes: the field that fills the
 hole may be no better than the sheet."""
 LIT_SHARE_POWER = -1.5
