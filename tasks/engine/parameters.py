@@ -127,7 +127,7 @@ class ModelParameters(StageParameters):
     or an object; a capture's own is ignored. most_triangles: the model is reduced to so many. base_plane: the height y,
     in the model's unit, of the plane on which the object stands on a turntable, or "found": from the silhouettes."""
 
-    passes: Annotated[int, Field(ge=1, le=5)] = 2
+    passes: Annotated[int, Field(ge=1, le=5)] = 3
     most_triangles: Annotated[int, Field(ge=100)] | None = None
     base_plane: Literal["found"] | Annotated[float, Field(ge=-1e6, le=1e6)] | None = None
 

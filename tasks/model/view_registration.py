@@ -23,6 +23,9 @@ from glint.tasks.stages.clusters import load_clusters
 from glint.tasks.stages.labels import reconstruct
 from glint.tasks.stages.markup import load_marks
 
+RELABELLING_ROUNDS = 3
+"""Iterations of a labelling that begins with the model's normals: they are near the end, and the next pass goes on."""
+
 
 def unit_of_model(works: Sequence[CaptureContext]) -> str:
     """Return the unit of the model's coordinates, "mm" or "pixels", the same for all views.
@@ -107,13 +110,13 @@ def relabelled(view: View, model: Model, work: CaptureContext) -> View:
     if work.parameters.labels.method != "sheets" or not np.isfinite(expected[view.mask]).all():
         return view
     initial = work.load("silhouette").read("initial")
-    clusters, marks = load_clusters(work), load_marks(work)
+    clusters, marks, parameters = load_clusters(work), load_marks(work), work.parameters.labels
     labels = reconstruct(
         clusters,
         view.mask,
         initial,
         marks,
-        work.parameters.labels,
+        parameters.model_copy(update={"rounds": min(parameters.rounds, RELABELLING_ROUNDS)}),
         work.parameters.silhouette,
         expected,
         load_geometry(work).view_vectors,
