@@ -8,7 +8,7 @@ from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.lighting.lights import find_lights
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from glint.tasks.algorithms.meshing.depth_mesh import mesh_from_depth
+from glint.tasks.algorithms.meshing.depth_mesh import Surface, mesh_from_depth
 from glint.tasks.algorithms.meshing.shading import draw_surface
 
 
@@ -17,6 +17,11 @@ def warm_up() -> None:
 
     A worker does it while it waits for its first task.
     """
+    draw_surface(load_kernels(), size=16)
+
+
+def load_kernels() -> Surface:
+    """Run all of them but the drawing of the surface, whose library starts threads; return the mesh."""
     generator = np.random.default_rng(0)
     half_vectors = half_vectors_of(unit(np.array([0, 0, 1]) + generator.normal(0, 0.4, (40, 3)))).astype(np.float32)
     rows, columns = np.mgrid[-12:13, -12:13] / 11.0
@@ -32,4 +37,4 @@ def warm_up() -> None:
     depth = integrate(result.normals, mask, confidence=result.confidence).depth
     # What finds steps runs only where there are some.
     integrate(np.where(rows[..., None] < 0.0, normals, normals[:, ::-1]), mask)
-    draw_surface(mesh_from_depth(depth, mask, result.normals, max_slope=1e3), size=16)
+    return mesh_from_depth(depth, mask, result.normals, max_slope=1e3)

@@ -20,7 +20,8 @@ from types import TracebackType
 
 import dask
 from dask.system import CPU_COUNT
-from distributed import Client, LocalCluster, Security, Worker
+from distributed import Client, LocalCluster, Scheduler, Security, Worker
+from distributed.core import Status
 from distributed.deploy.spec import close_clusters
 from distributed.diagnostics.plugin import WorkerPlugin
 from distributed.system import MEMORY_LIMIT
@@ -38,6 +39,9 @@ POLL_SECONDS = 0.2
 STOP_SECONDS = 5.0
 """How long Dask may take to stop a local cluster; what is stored is whole, whenever a worker is killed."""
 WORKERS_SECONDS = 120
+DASHBOARD_SECONDS = 3.0
+"""How long after the start of a local cluster Dask's dashboard is added: importing its plots would delay the first task
+of every run."""
 
 TERMINATED = 0.95
 """Share of its memory limit at which a worker is terminated."""
@@ -213,6 +217,7 @@ class Cluster:
             memory_limit=int(MEMORY_LIMIT * MEMORY_SHARE / self._workers),
             host="127.0.0.1",
             dashboard_address=dashboard,
+            scheduler_kwargs={"dashboard": False},
             security=Security.temporary(),
             silence_logs=logging.ERROR,
         )
@@ -220,6 +225,9 @@ class Cluster:
         # The run goes on while its workers warm up, which takes as long as its first requests to the server.
         self._ready.set()
         self._client.register_plugin(WarmUpPlugin(self._modules, owned=True))
+        timer = threading.Timer(DASHBOARD_SECONDS, _add_dashboard, [self._cluster.scheduler])
+        timer.daemon = True
+        timer.start()
 
     def _given(self, address: str) -> Client:
         client = connected_client(address)
@@ -240,6 +248,18 @@ class Cluster:
                 f"the Dask workers at {address} cannot run Glint ({error})", "install this version of Glint on each"
             ) from error
         return client
+
+
+def _add_dashboard(scheduler: Scheduler) -> None:
+    """Add Dask's pages to a scheduler of this process, as it does itself if it starts with them."""
+    from distributed.dashboard.scheduler import connect
+
+    def add() -> None:
+        if scheduler.status == Status.running:
+            connect(scheduler.http_application, scheduler.http_server, scheduler)
+
+    with suppress(RuntimeError):  # the run has ended, and with it the loop
+        scheduler.loop.add_callback(add)
 
 
 def _free_address() -> str:

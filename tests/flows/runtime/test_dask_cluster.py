@@ -2,7 +2,10 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
+from urllib.error import HTTPError
+from urllib.request import urlopen
 
 import psutil
 import pytest
@@ -62,6 +65,28 @@ def test_scheduler_workers_and_dashboard_are_on_loopback(cluster: Cluster) -> No
     assert all(address.startswith("tls://127.0.0.1:") for address in cluster.client.nthreads())
     listening = {each.laddr.ip for each in psutil.Process().net_connections("tcp") if each.status == psutil.CONN_LISTEN}
     assert listening == {"127.0.0.1"}
+
+
+def test_the_dashboard_is_added_after_the_start(cluster: Cluster) -> None:
+    def has_pages() -> bool:
+        with suppress(HTTPError), urlopen(cluster.dashboard_url) as answer:
+            return b"bokeh" in answer.read()
+        return False
+
+    until(has_pages)
+
+
+def test_a_run_that_ends_at_once_has_no_dashboard() -> None:
+    code = """
+import sys
+from glint.flows.runtime.dask_cluster import Cluster
+if __name__ == "__main__":
+    with Cluster(workers=1) as cluster:
+        assert cluster.client.submit(abs, -1).result() == 1
+    sys.exit("bokeh" in sys.modules)
+"""
+    script = subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parents[3], capture_output=True, text=True)
+    assert script.returncode == 0 and script.stderr == ""
 
 
 def test_the_client_is_nobodys_default(cluster: Cluster) -> None:

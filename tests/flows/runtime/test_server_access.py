@@ -23,6 +23,7 @@ from glint.flows.runtime.dask_cluster import Cluster
 from glint.flows.runtime.prefect_server import Server, ensure_server
 from glint.flows.runtime.server_access import Tokens, certificate_file, header_value, link, private_folder
 from tests import browser
+from tests.polling import until
 
 FOREIGN = "http://pages.example"
 
@@ -213,6 +214,7 @@ def test_a_link_opens_once_and_no_page_asks_a_third_party(server: Server, chromi
 @pytest.mark.long
 def test_pages_of_dask_ask_no_third_party(cluster: Cluster, chromium: browser.Browser) -> None:
     page = chromium.page()
+    until(lambda: status(cluster.dashboard_url) == 200)
     page.open(cluster.dashboard_url)
     page.wait("document.querySelectorAll('.bk-Figure, [data-root-id]').length > 0")
     page.evaluate("new Promise(done => setTimeout(done, 1500))")
