@@ -23,6 +23,12 @@ rim of a small sphere is sampled too coarsely to contradict less."""
 MAX_START_RATIO = 0.9
 """Contrast of a given circle, relative to that of the fit, up to which the fit replaces it: an ellipse has no better
 circle than the given one."""
+MAX_INNER_START_RATIO, MAX_INNER_REACH = 0.8, 1.03
+"""The same for a fit inside the given circle, by how far it reaches in radii of that: edges inside the contour, such as
+those of a mirrored object, may be stronger than its own."""
+RIVAL_DOUBT_POWER = 4.0
+"""Power of that relative contrast by which a given circle that is replaced adds to the standard deviation: two circles
+of nearly the same contrast leave it open which is the contour."""
 GIVEN_REACH_RATIO = 0.08
 """Distance from a given circle that is searched, in radii: by hand one errs by 6%."""
 UNKNOWN_DEVIATION_RATIO = 0.02
@@ -119,13 +125,16 @@ def confirm_sphere(
         return ConfirmedSphere(replace(given, centre_sd=deviation, radius_sd=deviation), fit, False, False)
     least = max(MIN_CORRECTION_RATIO * given.radius, MIN_CORRECTION_PX)
     distance, difference = given.distance(fit), abs(given.radius - fit.radius)
-    is_corrected = start_contrast < MAX_START_RATIO * fit.score and (
+    is_inside = distance + fit.radius < MAX_INNER_REACH * given.radius
+    max_start = (MAX_INNER_START_RATIO if is_inside else MAX_START_RATIO) * fit.score
+    is_corrected = start_contrast < max_start and (
         distance > max(least, MIN_CORRECTION_DEVIATIONS * fit.centre_sd)
         or difference > max(least, MIN_CORRECTION_DEVIATIONS * fit.radius_sd)
     )
     if is_corrected:
-        # The weaker the contour, the more the given circle speaks against it.
-        doubt = (MIN_CLEAR_CONTRAST / fit.score) ** 2
+        # The weaker the contour, and the stronger the given circle, the more that speaks against the fit.
+        rival = max(start_contrast / fit.score, 0.0) ** RIVAL_DOUBT_POWER
+        doubt = max((MIN_CLEAR_CONTRAST / fit.score) ** 2, rival)
         deviations = (
             float(np.hypot(fit.centre_sd, doubt * distance)),
             float(np.hypot(fit.radius_sd, doubt * difference)),

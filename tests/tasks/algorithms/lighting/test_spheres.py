@@ -85,6 +85,34 @@ def test_a_given_circle_that_is_wrong_is_corrected_and_a_right_one_kept():
     assert right.sphere.centre_sd > 0.0
 
 
+def sphere_with_a_stronger_edge_inside(hidden_deg):
+    """Frames of a disc whose contour vanishes over an arc, before a darker disc that touches its other side."""
+    generator, (rows, columns) = np.random.default_rng(0), np.mgrid[:220, :300]
+    contour, inner = Sphere(150.0, 110.0, 50.0), Sphere(154.0, 110.0, 46.0)
+    image = np.ones(rows.shape)
+    image[np.hypot(columns - contour.x, rows - contour.y) < contour.radius] = 0.5
+    image[np.abs(np.degrees(np.arctan2(rows - contour.y, contour.x - columns))) < 0.5 * hidden_deg] = 1.0
+    image[np.hypot(columns - inner.x, rows - inner.y) < inner.radius] = 0.3
+    levels = generator.uniform(60.0, 200.0, (16, 1, 1))
+    frames = np.clip(image * levels + generator.normal(0.0, 2.0, (16, *image.shape)), 0.0, 255.0).astype(np.uint8)
+    return frames, contour
+
+
+def test_a_given_circle_around_a_little_stronger_one_stands_and_is_doubted():
+    frames, contour = sphere_with_a_stronger_edge_inside(108.0)
+    confirmed = confirm_sphere(frames, contour)
+    assert confirmed.fit.distance(contour) > 3.0
+    assert not confirmed.is_corrected and (confirmed.sphere.x, confirmed.sphere.radius) == (contour.x, contour.radius)
+    assert confirmed.sphere.centre_sd > 2.0 and confirmed.sphere.radius_sd > 2.0
+
+
+def test_a_fit_that_replaces_a_circle_of_nearly_its_contrast_is_doubted():
+    frames, contour = sphere_with_a_stronger_edge_inside(130.0)
+    confirmed = confirm_sphere(frames, contour)
+    assert confirmed.is_corrected
+    assert confirmed.sphere.centre_sd > 0.25 * confirmed.fit.distance(contour) > 3.0 * confirmed.fit.centre_sd
+
+
 def test_a_given_circle_where_nothing_is_seen_is_doubted():
     frames = np.random.default_rng(0).normal(90.0, 2.0, (12, 220, 300)).clip(0, 255).astype(np.uint8)
     confirmed = confirm_sphere(frames, Sphere(150.0, 110.0, 50.0))
