@@ -85,7 +85,7 @@ export class Plan {
     for (const [number, { pose, found, isChanged }] of this.views.entries()) {
       const group = this.cameras[number];
       const place = direction(pose);
-      const [x, z] = place ? place.map((part) => part * CIRCLE) : [-HALF + 20 + 34 * unknown.indexOf(this.views[number]), -HALF + 20];
+      const [x, z] = place ? place.map((part) => part * CIRCLE) : [-HALF + 20 + 34 * unknown.indexOf(this.views[number]), -HALF + 28];
       group.setAttribute("transform", `translate(${x} ${z})`);
       // The name stands outside the circle.
       group.querySelector("text").setAttribute("y", String(z < 0 ? -CAMERA / 2 - 3 : CAMERA / 2 + 8));

@@ -147,8 +147,8 @@ class QuestionsView {
   async showQuestion() {
     const { question } = this;
     if (!question) return this.showAsked(null, this.questions.length ? "All of these are answered or skipped." : "There is nothing to ask: no frame shows a sheet in doubt. Mark freely what you know.");
-    const now = question.accepted ? "it is taken for the outer surface" : "it is not taken for it";
-    await this.showAsked(question, `${this.index + 1} of ${this.questions.length}: does the outer surface reflect the tinted highlight? Now ${now}; wrong with a probability of ${Math.round(question.wrong * 100)}%.`);
+    const now = question.accepted ? "Glint takes it for the outer surface" : "Glint does not take it for the outer surface";
+    await this.showAsked(question, `${this.index + 1} of ${this.questions.length}: does the outer surface reflect the tinted highlight? ${now}, and is wrong with a probability of ${Math.round(question.wrong * 100)}%.`);
   }
 
   /** Shows a highlight that was chosen on the picture, or (null) why there is none. */
