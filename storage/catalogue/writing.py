@@ -51,7 +51,11 @@ def yaml_text(data: Any) -> bytes:
 
 
 def _replace(path: Path, data: bytes) -> None:
-    with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".", suffix=".yaml", delete=False) as file:
+    try:
+        temporary = tempfile.NamedTemporaryFile(dir=path.parent, prefix=".", suffix=".yaml", delete=False)  # noqa: SIM115
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
+    with temporary as file:
         try:
             file.write(data)
             file.flush()

@@ -4,6 +4,7 @@
 """
 
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
@@ -60,14 +61,16 @@ def check_conditional_writes(location: Location) -> None:
     Raises:
         StoreError: the store cannot be used, or ignores a condition and would lose results silently.
     """
-    with store_errors(location.uri, "trying the store"):
+    with store_errors(location.uri, "writing to the store"):
         store, key = location.obstore(), f"probe/{uuid4().hex}"
         try:
             _check_create(store, key, location.uri)
             if location.local is None:
                 _check_swap(store, key, location.uri)
         finally:
-            obstore.delete(store, key)
+            # Where nothing could be written, the error of the write is the one to report.
+            with suppress(FileNotFoundError):
+                obstore.delete(store, key)
 
 
 def _check_create(store: ObjectStore, key: str, uri: str) -> None:

@@ -61,7 +61,7 @@ def store_errors(uri: str, action: str) -> Iterator[None]:
 
 def translate(uri: str, action: str, error: BaseException) -> StoreError:
     """Return the StoreError for an error of `action` (such as "reading an input") at `uri`."""
-    text = " ".join(str(error).split())
+    text = " ".join(str(error).partition("Debug source:")[0].split())
     message = f"{action} failed at {uri} ({text[:300]})"
     remedy = next((remedy for hints, remedy in REMEDIES if any(hint in text.lower() for hint in hints)), None)
     if remedy is None and any(hint in text.lower() for hint in UNREACHABLE_HINTS):

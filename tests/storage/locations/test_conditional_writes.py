@@ -39,3 +39,13 @@ def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(StoreError, match="failed at"):
         check_conditional_writes(local_store(tmp_path / "file"))
+
+
+def test_a_folder_without_the_right_to_write_is_named_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def denied(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied", str(tmp_path / "store"))
+
+    monkeypatch.setattr(obstore, "put", denied)
+    with pytest.raises(StoreError, match="Permission denied") as caught:
+        check_conditional_writes(local_store(tmp_path / "store"))
+    assert "the right to write" in caught.value.remedy
