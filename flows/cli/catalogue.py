@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from glint.flows.cli.output import echo
+from glint.flows.cli.output import counted, echo
 
 
 def catalogue(
@@ -31,5 +31,5 @@ def catalogue(
     write(listed, target)
     path = out or f"{folder.rstrip('/')}/catalogue.yaml"
     captures = sum(len(item.captures) for item in listed.objects)
-    echo(f"{path}: {len(listed.objects)} objects, {captures} captures")
+    echo(f"{path}: {counted(len(listed.objects), 'object')}, {counted(captures, 'capture')}")
     echo(f"next: glint check {path}")

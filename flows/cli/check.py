@@ -58,11 +58,15 @@ def check(
                 ended = CaptureFailed(name, result.failure) if result.failure else CaptureEnded(name, result.seconds)
                 console.emit(ended)
             checks += with_agreement(of_object)
+    is_usable = any(not result.failure for result in checks)
     if as_json:
         print_lines({"kind": "check", **asdict(result)} for result in checks)
     else:
         _print_checks(checks, out)
-        echo(f"next: glint run {file}{store_option(store)}")
+        if is_usable:
+            echo(f"next: glint run {file}{store_option(store)}")
+        else:
+            echo(f"next: correct what the verdicts name, then glint check {file}{store_option(store)}")
     sys.exit(1 if failed or any(result.failure for result in checks) else 0)
 
 
@@ -90,7 +94,7 @@ def _print_checks(checks: "Sequence[Check]", out: Path) -> None:
             "lights": "" if result.lights is None else result.lights,
             "observable": "" if result.could is None else f"{result.could:.0%}",
             "observed": "" if result.observed is None else f"{result.observed:.0%}",
-            "spheres": "; ".join(result.spheres) or "none",
+            "spheres": "; ".join(result.spheres) or ("" if result.failure else "none"),
             "look at": "" if result.picture is None else str(result.picture),
             "verdict": str(result.verdict),
         }

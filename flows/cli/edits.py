@@ -1,7 +1,7 @@
 """`glint edits`: what people did to the inputs of an object's captures, as a table and as files."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from glint.storage.edits.edits import Edits
     from glint.storage.edits.models import Revision
 
+_FILE: dict[str, Any] = {"exists": True, "dir_okay": False}
+"""Options that name a file to read."""
+
 
 def edits(
     name: Annotated[str, typer.Argument(metavar="OBJECT[/CAPTURE]", help="The object, or one of its captures.")],
@@ -19,17 +22,21 @@ def edits(
         Path | None, typer.Option("--out", metavar="DIR", help="Write edits.yaml, masks and marks to a new folder.")
     ] = None,
     take: Annotated[
-        Path | None, typer.Option("--take", metavar="FILE", help="Save what a file such as edits.yaml says.")
+        Path | None, typer.Option(metavar="FILE", help="Save what a file such as edits.yaml says.", **_FILE)
     ] = None,
-    mask: Annotated[Path | None, typer.Option(metavar="FILE", help="Save this image as the mask of CAPTURE.")] = None,
-    markup: Annotated[Path | None, typer.Option(metavar="FILE", help="Save these marks as those of CAPTURE.")] = None,
+    mask: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Save this image as the mask of CAPTURE.", **_FILE)
+    ] = None,
+    markup: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Save these marks as those of CAPTURE.", **_FILE)
+    ] = None,
     undo: Annotated[int | None, typer.Option(metavar="N", min=1, help="Take edit N back.")] = None,
     discard: Annotated[bool, typer.Option("--discard", help="Take all edits of CAPTURE back.")] = False,
     author: Annotated[str | None, typer.Option(metavar="NAME", help="Your name (default: the login name).")] = None,
     store: Store = None,
     as_json: Json = False,
 ) -> None:
-    """Show, write, take or undo what people did to the inputs of an object's captures."""
+    """Show, export, import or undo the changes that people made to the inputs of an object's captures."""
     from glint.storage.edits.edits import Edits
     from glint.storage.edits.files import changes_of_files, take_files, write_files
     from glint.storage.locations.location import Location
@@ -37,6 +44,8 @@ def edits(
     object_id, _, capture = name.partition("/")
     takes = take is not None or mask is not None or markup is not None
     opened = Edits.open(Location.parse(chosen_store(store)), object_id, create=takes)
+    if takes and capture:
+        _warn_of_unknown_capture(opened, capture)
     saved = list["Revision | None"]()
     if take is not None:
         saved += take_files(opened, take, _name(author), capture or None)
@@ -54,6 +63,16 @@ def edits(
         _print_saved(object_id, [revision for revision in saved if revision is not None], as_json)
     else:
         _print_current(opened, capture, as_json)
+
+
+def _warn_of_unknown_capture(opened: "Edits", capture: str) -> None:
+    """Point out, on standard error, a capture that no run and no edit has named so far: it may be misspelt."""
+    from glint.storage.versions.repository import ObjectRepository
+
+    known = {*ObjectRepository.open(opened.location, opened.object_id).captures(), *opened.captures()}
+    if known and capture not in known:
+        message = f"{opened.object_id} has no results of a capture {capture!r} (it has {', '.join(sorted(known))})"
+        echo(f"{message}\n  -> `--discard` takes the edit back if the name is wrong", colour="yellow", err=True)
 
 
 def _print_saved(object_id: str, saved: "list[Revision]", as_json: bool) -> None:

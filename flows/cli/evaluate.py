@@ -76,7 +76,9 @@ def evaluate(
         _evaluate_perturbed(file, quick, out, address, only or (), as_json)
         return
     with open_console(as_json) as console:
-        path = file or _simulated(out, quick, degraded, console)
+        if file is not None:
+            _check_truth(file, only or ())
+        path = file or _simulated(out, quick, degraded, only or (), console)
         summary = run(path, address, console, only=only or ())
         table = _write_evaluation(path, address, summary.result, out, ablation, questions, console)
     if table and as_json:
@@ -90,15 +92,41 @@ def evaluate(
     sys.exit(1 if summary.result.failed else 0)
 
 
-def _simulated(out: Path, quick: bool, degraded: bool, console: "Sink") -> Path:
-    """Simulate the presets, or degraded captures; return the path of their catalogue."""
+def _check_truth(file: str, only: Sequence[str]) -> None:
+    """Check, before anything is computed, that a chosen capture has a ground truth.
+
+    Raises:
+        InputError: none has one.
+    """
+    from glint.storage.errors import InputError
+    from glint.tasks.engine.references import chosen_captures, load_catalogue
+
+    objects = load_catalogue(file).objects
+    chosen = chosen_captures(objects, only)
+    captures = [capture for item in objects for capture in item.captures if capture.id in chosen.get(item.id, ())]
+    if not any(capture.truth for capture in captures):
+        raise InputError(f"no capture of {file} names its ground truth", "add `truth: FOLDER` to it")
+
+
+def _simulated(out: Path, quick: bool, degraded: bool, only: Sequence[str], console: "Sink") -> Path:
+    """Simulate the chosen presets, or all degraded captures; return the path of their catalogue.
+
+    Raises:
+        InputError: there is no such preset.
+    """
     from glint.flows.cli.simulate import simulate_degraded, simulate_presets
+    from glint.storage.errors import InputError
+    from glint.tasks.simulation.simulate import PRESETS
 
     if degraded:
         return simulate_degraded(out / "degraded", quick, console)
+    chosen = {name.partition("/")[0] for name in only} or set(PRESETS)
+    if unknown := sorted(chosen - set(PRESETS)):
+        raise InputError(f"--only {unknown[0]} is not a preset", f"name one of {', '.join(PRESETS)}")
+    shapes = [shape for shape in PRESETS if shape in chosen]
     if quick:
-        return simulate_presets(out / "quick", QUICK_SCALE, QUICK_FRAMES, console)
-    return simulate_presets(out / "presets", 1.0, None, console)
+        return simulate_presets(out / "quick", shapes, QUICK_SCALE, QUICK_FRAMES, console)
+    return simulate_presets(out / "presets", shapes, 1.0, None, console)
 
 
 def _write_evaluation(

@@ -7,6 +7,7 @@ import errno
 import os
 import sys
 from contextlib import suppress
+from typing import Annotated
 
 import typer
 
@@ -60,13 +61,31 @@ USAGE_ERROR = 2
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Errors of a write for which there is no room."""
 
+
+def print_version(is_asked: bool) -> None:
+    """Print the version and end the command, if it is asked for."""
+    if is_asked:
+        from importlib.metadata import version
+
+        echo(f"glint {version('glint')}")
+        raise typer.Exit
+
+
+def common_options(
+    version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=print_version, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    """Reconstruct the surfaces of transparent objects from videos of their highlights."""
+
+
 app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     # Rich draws boxes round the help and takes as long to import as all the rest of the command.
     rich_markup_mode=None,
     context_settings={"max_content_width": 120},
-    help="Reconstruct the surfaces of transparent objects from videos of their highlights.",
+    callback=common_options,
     epilog="Exit status: 0 success, 1 some captures failed, 2 wrong usage or an unusable catalogue or store.",
 )
 for command in COMMANDS:

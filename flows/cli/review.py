@@ -94,7 +94,7 @@ def _listener(host: str, port: int | None) -> socket.socket:
     """Return a socket that listens on the port, or on the first free one.
 
     Raises:
-        InputError: it is taken.
+        InputError: none is free, or the port cannot be used.
     """
     from glint.storage.errors import InputError
 
@@ -108,4 +108,7 @@ def _listener(host: str, port: int | None) -> socket.socket:
             continue
         listener.listen()
         return listener
-    raise InputError(f"no port is free at {host}", "give another with --port")
+    if port is not None:
+        raise InputError(f"port {port} of {host} is taken, or may not be used", "give another with --port")
+    last = REVIEW_PORT + PORTS - 1
+    raise InputError(f"no port from {REVIEW_PORT} to {last} is free at {host}", "give another with --port")

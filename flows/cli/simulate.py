@@ -71,12 +71,12 @@ def simulate(
     echo(f"next: glint run {out / 'catalogue.yaml'}")
 
 
-def simulate_presets(out: Path, scale: float, frames: int | None, console: "Sink") -> Path:
-    """Simulate the presets, except those that exist with the same options; return the catalogue's path."""
-    from glint.tasks.simulation.simulate import PRESETS, CaptureOptions
+def simulate_presets(out: Path, shapes: Sequence[str], scale: float, frames: int | None, console: "Sink") -> Path:
+    """Simulate presets, except those that exist with the same options; return the catalogue's path."""
+    from glint.tasks.simulation.simulate import CaptureOptions
 
     options = CaptureOptions(frames=frames, scale=scale)
-    for shape in PRESETS:
+    for shape in shapes:
         if not _exists(out / shape / "front", options):
             _simulate(shape, out, options, console)
     return out / "catalogue.yaml"
@@ -130,6 +130,9 @@ def _parse_options(values: Mapping[str, Any], settings: Sequence[str]) -> "Captu
     from glint.tasks.simulation.simulate import CaptureOptions
 
     known = [field.name for field in fields(CaptureOptions) if field.name not in values]
+    malformed = [setting for setting in settings if "=" not in setting]
+    if malformed:
+        raise SimulationError(f"--set {malformed[0]} gives no value", f"write --set {malformed[0]}=VALUE")
     pairs = [setting.partition("=")[::2] for setting in settings]
     named = {FORMER_OPTIONS.get(name, name): value for name, value in pairs}
     unknown = [name for name in named if name not in known]
@@ -146,7 +149,7 @@ def _simulate(shape: str, out: Path, options: "CaptureOptions", console: "Sink",
     from glint.flows.reporting.events import ProgressThrottle
     from glint.tasks.simulation.simulate import simulate as render
 
-    render(shape, out, options, ProgressThrottle(console.emit, name or shape, "simulate"))
+    render(shape, out, options, ProgressThrottle(console.emit, name or shape, "simulate", unit="frames"))
 
 
 def _exists(folder: Path, options: "CaptureOptions") -> bool:

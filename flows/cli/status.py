@@ -29,7 +29,7 @@ def status(store: Store = None, as_json: Json = False) -> None:
             for row in rows:
                 echo(json.dumps({"kind": kind, **row}, default=str))
         return
-    show(table_of(objects, "no objects yet: glint run CATALOGUE"))
+    show(table_of(objects, f"no objects in the store {place}: `glint run CATALOGUE` adds them"))
     for row in damaged:
         echo(f"{row['object']} cannot be read: {row['error']}", colour="red")
         echo(f"  -> {row['remedy']}")

@@ -88,7 +88,7 @@ def _progress(as_json: bool) -> Iterator[Any]:
 
         def line(done: int, total: int) -> None:
             if done * LINE_SHARE // total > (done - 1) * LINE_SHARE // total:
-                echo(f"verify: {done:,} of {total:,} captures", err=True)
+                echo(f"verify: {done:,} of {total:,} parts", err=True)
 
         yield line
 

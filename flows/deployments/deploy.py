@@ -158,9 +158,9 @@ def _apply(spec: DeploymentSpec, options: DeploymentOptions) -> str:
             enforce_parameter_schema=False,
             entrypoint_type=EntrypointType.MODULE_PATH,
         )
-    except ValueError as error:
+    except ValueError:
         raise InputError(
-            f"{spec.cron!r} in the time zone {options.timezone} is not a schedule ({str(error).splitlines()[0]})",
+            f"{spec.cron!r} in the time zone {options.timezone!r} is not a schedule",
             "give five fields of cron and a zone such as Europe/Berlin",
         ) from None
     deployment.apply(work_pool_name=options.pool)

@@ -4,6 +4,7 @@ Never removed: data of a version, the newest results of an object, the edits of 
 is being run. A dry run removes nothing and reports what would be removed.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import timedelta
 from typing import Any
@@ -105,10 +106,11 @@ def parse_size(text: str) -> int:
     """
     number = text.strip().upper().rstrip("KMGTB")
     unit = text.strip().upper()[len(number) :]
-    size = float(number) * UNITS[unit] if unit in UNITS else -1.0
-    if not 0 <= size < MAX_SIZE:
-        raise ValueError(f"{text!r} is not a size")
-    return int(size)
+    with suppress(KeyError, ValueError):
+        size = float(number) * UNITS[unit]
+        if 0 <= size < MAX_SIZE:
+            return int(size)
+    raise ValueError(f"{text!r} is not a size")
 
 
 def _clean_object(

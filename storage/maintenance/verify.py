@@ -60,8 +60,8 @@ class StoreVerification:
     @property
     def summary(self) -> str:
         """What was read and found, in words."""
-        read = f"{self.objects:,} objects, {self.versions:,} versions, {self.bytes / 1e6:,.1f} MB read"
-        return f"{read}: {f'{len(self.damages):,} damaged' if self.damages else 'all is whole'}"
+        read = f"read {self.bytes / 1e6:,.1f} MB; objects: {self.objects:,}, versions: {self.versions:,}"
+        return f"{read}, damaged: {len(self.damages):,}" if self.damages else f"{read}: no damage found"
 
 
 Part = Callable[[], tuple[int, list[Damage]]]

@@ -78,7 +78,7 @@ def test_files_are_written_and_taken(store: str, tmp_path: Path) -> None:
     ("words", "message"),
     [
         (("duck", "--discard"), "duck names no capture"),
-        (("duck", "--mask", "nowhere.png"), "nowhere.png does not exist"),
+        (("duck", "--mask", "nowhere.png"), "'nowhere.png' does not exist"),
         (("duck", "--undo", "9"), "duck has edits 1 to 2, not 9"),
         (("goose",), "no object goose"),
         (("duck/front", "--undo", "1", "--author", "a\nb"), "the author's name"),
@@ -88,8 +88,15 @@ def test_files_are_written_and_taken(store: str, tmp_path: Path) -> None:
 def test_mistakes_are_told_and_nothing_is_saved(store: str, words: tuple[str, ...], message: str) -> None:
     done = RUNNER.invoke(app, ["edits", *words, "--store", store])
     assert done.exit_code != 0
-    assert message in str(done.exception)
+    assert message in str(done.exception) + done.output
     assert Edits.open(Location.parse(store), "duck").revision == 2
+
+
+def test_a_capture_that_nothing_names_is_pointed_out(store: str, tmp_path: Path) -> None:
+    (tmp_path / "mask.png").write_bytes(mask_png(np.ones((20, 30), bool)))
+    words = "--mask", str(tmp_path / "mask.png"), "--store", store
+    assert "no results of a capture 'frnt' (it has front)" in glint("edits", "duck/frnt", *words)
+    assert "no results" not in glint("edits", "duck/front", *words)
 
 
 @pytest.mark.slow

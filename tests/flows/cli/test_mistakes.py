@@ -1,0 +1,83 @@
+"""Mistakes on the command line: the offending value and the remedy are named before anything is computed."""
+
+import socket
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from glint.flows.cli.main import app
+from glint.flows.cli.output import counted
+from glint.flows.cli.review import _listener
+from glint.flows.errors import RunningError
+from glint.storage.catalogue.loading import Catalogue, load, write
+from glint.storage.errors import GlintError, InputError
+
+CAPTURE = {"id": "front", "frames": "front.mp4"}
+
+
+@pytest.fixture
+def catalogue(tmp_path: Path) -> Path:
+    """A catalogue whose video is absent and whose capture has no ground truth."""
+    objects = [{"id": "duck", "captures": [CAPTURE]}]
+    write(Catalogue.model_validate({"schema": 1, "name": "test", "objects": objects}), tmp_path / "catalogue.yaml")
+    return tmp_path / "catalogue.yaml"
+
+
+@pytest.mark.parametrize(
+    ("words", "message", "remedy"),
+    [
+        ("maintain --frames-budget lots --store x", "'lots' is not a size", "20GB"),
+        ("simulate mug --out x --set noise", "--set noise gives no value", "noise=VALUE"),
+        ("evaluate --only teapot --out out", "--only teapot is not a preset", "hemisphere, cylinder"),
+        ("evaluate catalogue.yaml --out out", "names its ground truth", "truth: FOLDER"),
+        ("evaluate catalogue.yaml --only dukc --out out", "the catalogue has no dukc", "did you mean duck?"),
+    ],
+)
+def test_a_mistake_is_named_before_anything_is_computed(
+    catalogue: Path, monkeypatch: pytest.MonkeyPatch, words: str, message: str, remedy: str
+) -> None:
+    monkeypatch.chdir(catalogue.parent)
+    done = CliRunner().invoke(app, words.split())
+    assert isinstance(done.exception, GlintError | RunningError)
+    assert message in done.exception.message and remedy in done.exception.remedy
+    assert not list(catalogue.parent.glob("out/*"))
+
+
+def test_the_store_without_objects_is_named(tmp_path: Path, glint_home: Path) -> None:
+    assert f"no objects in the store {tmp_path / 'absent'}" in CliRunner().invoke(
+        app, ["status", "--store", str(tmp_path / "absent")]
+    ).output.replace("\n", "")
+
+
+def test_a_check_that_finds_nothing_usable_does_not_suggest_a_run(
+    catalogue: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(catalogue.parent)
+    done = CliRunner().invoke(app, ["check", "catalogue.yaml"])
+    assert done.exit_code == 1
+    assert "then glint check catalogue.yaml" in done.output and "glint run" not in done.output
+
+
+def test_a_port_that_is_taken_is_named() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        number = taken.getsockname()[1]
+        with pytest.raises(InputError, match=f"port {number} of 127.0.0.1 is taken"):
+            _listener("127.0.0.1", number)
+
+
+def test_a_catalogue_that_cannot_be_written_is_named_itself(catalogue: Path, tmp_path: Path) -> None:
+    with pytest.raises(OSError) as caught:
+        write(load(catalogue), tmp_path / "absent" / "c.yaml")
+    assert caught.value.filename == str(tmp_path / "absent" / "c.yaml")
+
+
+def test_the_version_is_printed() -> None:
+    done = CliRunner().invoke(app, ["--version"])
+    assert done.exit_code == 0 and done.output.startswith("glint ")
+
+
+def test_counts_agree_with_their_nouns() -> None:
+    assert [counted(number, "object") for number in (0, 1, 2_000)] == ["0 objects", "1 object", "2,000 objects"]
