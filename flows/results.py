@@ -1,4 +1,4 @@
-"""How captures, objects and runs ended."""
+"""Results of captures, objects and runs."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class CaptureResult:
-    """How a capture ended: its stage records, or what is wrong (`error`) and what to do about it (`remedy`)."""
+    """Result of a capture: its stage records, or the `error` and its `remedy`."""
 
     object_id: str
     capture_id: str
@@ -30,7 +30,7 @@ class CaptureResult:
 
     @property
     def cached(self) -> bool:
-        """Whether nothing had to be computed."""
+        """True if nothing had to be computed."""
         return bool(self.records) and all(record.cached for record in self.records)
 
     def count(self, stage: str, name: str) -> float | None:
@@ -47,7 +47,7 @@ class CaptureResult:
 
 @dataclass(frozen=True, slots=True)
 class ObjectResult:
-    """How an object ended: its captures, the version that holds those that succeeded (None: none did), and the changes
+    """Result of an object: its captures, the version that holds those that succeeded (None: none did), and the changes
     against the version before that exceed what the run allows."""
 
     object_id: str
@@ -58,7 +58,7 @@ class ObjectResult:
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """How a run ended."""
+    """Result of a run."""
 
     run: str
     objects: tuple[ObjectResult, ...]

@@ -21,7 +21,7 @@ CONFIDENT = 0.95
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StoredCapture:
-    """What a version holds of one capture. It never changes.
+    """The results of one capture in a version; they never change.
 
     Arrays are (H, W) of the region, row 0 at the top, or (T, ..) of the video's frames. Vectors are in the camera
     frame: x right, y up, z towards the camera. Arrays are read at the first access, kept, and cannot be written to.

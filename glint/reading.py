@@ -163,17 +163,17 @@ class StoredVersion(Mapping[str, StoredCapture]):
 
     @property
     def time(self) -> datetime:
-        """When the version was made, with its time zone."""
+        """The time of publication, with its time zone."""
         return self._version.time
 
     @property
     def message(self) -> str:
-        """What made the version: the run, or a rollback."""
+        """The origin of the version in words: a run, or a rollback."""
         return self._version.message
 
     @property
     def metadata(self) -> Mapping[str, Any]:
-        """Where the version comes from: run, catalogue, code version, parameters and digests of inputs by capture."""
+        """Provenance of the version: run, catalogue, code version, parameters and digests of inputs by capture."""
         return MappingProxyType(self._version.metadata)
 
     @cached_property
@@ -188,7 +188,7 @@ class StoredVersion(Mapping[str, StoredCapture]):
 
     @cached_property
     def model_record(self) -> Mapping[str, Any] | None:
-        """What model.json of an export says of the model: unit, pose of each view, volume, area; None without one."""
+        """The content of an export's model.json: unit, pose of each view, volume, area; None without one."""
         result = model_result(self._repository, self._version)
         return None if result is None else MappingProxyType(result.record)
 

@@ -110,7 +110,7 @@ class Inbox:
         ]
 
     def scan(self, quiet_period: timedelta, now: datetime | None = None) -> InboxScan:
-        """Collect the objects to run now; sub-folders that changed within `quiet_period` wait for the next scan.
+        """Collect the objects to run; sub-folders that changed within `quiet_period` wait for the next scan.
 
         Raises:
             InputError: there is no such folder; StoreError: inbox or store cannot be read.

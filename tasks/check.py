@@ -37,7 +37,7 @@ FRAMES_READ = 256
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """What a check measured.
+    """Measurements of a check.
 
     frames, and lights: frames with a light; could, observed: shares of the object on which a highlight could be and was
     seen; spheres: as text; warnings: one for each cause, the dearest first; failure: why the capture cannot be

@@ -1,4 +1,4 @@
-"""What the stages of a capture need in memory, from its region, its frame and its length: known after the survey."""
+"""Estimate the memory that a capture's stages need, from its region, frame size and length after the survey."""
 
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import CaptureSize

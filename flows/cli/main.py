@@ -76,7 +76,7 @@ def common_options(
         bool, typer.Option("--version", is_eager=True, callback=print_version, help="Show the version and exit.")
     ] = False,
 ) -> None:
-    """Reconstruct the surfaces of transparent objects from videos of their highlights."""
+    """Accept the options that stand before a command."""
 
 
 app = typer.Typer(
@@ -86,6 +86,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"max_content_width": 120},
     callback=common_options,
+    help="Reconstruct the surfaces of transparent objects from videos of their highlights.",
     epilog="Exit status: 0 success, 1 some captures failed, 2 wrong usage or an unusable catalogue or store.",
 )
 for command in COMMANDS:

@@ -1,4 +1,4 @@
-"""`glint maintain`: run the maintenance flow now."""
+"""`glint maintain`: run the maintenance flow."""
 
 import json
 import sys

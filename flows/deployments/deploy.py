@@ -27,7 +27,7 @@ from glint.storage.locations.location import Location
 
 @dataclass(frozen=True, slots=True)
 class DeploymentOptions:
-    """What `glint deploy` was asked for.
+    """Options of `glint deploy`.
 
     inbox, reference: None leaves that deployment out; inbox_may_read: folders that catalogues in the inbox may name;
     pool, pool_type: name and type of the work pool (process, docker, kubernetes); frames_budget: bytes; objects:

@@ -1,4 +1,4 @@
-"""What the flows of deployments need around them: a checked store, a cluster, and a tag with their process."""
+"""Set up what the flows of deployments need: a checked store, a cluster, and a tag with their process."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

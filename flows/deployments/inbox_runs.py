@@ -1,4 +1,4 @@
-"""Scans of the inbox by its deployment: started now, and listed."""
+"""Start and list scans of the inbox, which its deployment runs."""
 
 from typing import Any
 from uuid import UUID

@@ -1,4 +1,4 @@
-"""What the Prefect server knows of the captures of a store: those that are running, and those that failed last."""
+"""Ask the Prefect server which captures of a store are running, and which failed last."""
 
 from typing import Any
 

@@ -13,7 +13,7 @@ INTERVAL_SECONDS = 5.0
 
 @contextmanager
 def reading_shown(emit: Callable[[Event], None]) -> Iterator[None]:
-    """Emit a message now and then while an input is read inside, by this thread or one with its context."""
+    """Emit a message at intervals while the block reads an input, in this thread or in one with its context."""
     started = dict[str, float]()
 
     def show(uri: str, done: int, total: int) -> None:

@@ -38,7 +38,7 @@ class _Clock(ProgressColumn):
 
 
 class _Counted(ProgressColumn):
-    """What is done and the time left, which passes also while no event comes."""
+    """Progress and time left; the time counts down between events too."""
 
     def render(self, task: Task) -> Text:
         """Return both in words."""

@@ -39,7 +39,7 @@ MIN_WORK_MS = 500.0
 
 @dataclass(slots=True)
 class _Capture:
-    """What is known of a capture in progress: its begin, frames, stages that have ended, the current one."""
+    """A capture in progress: its start, frames, finished stages and current stage."""
 
     began: float = 0.0
     frames: int | None = None
@@ -68,7 +68,7 @@ class TimeLeft:
             self._expected, self._done = set(captures), set(unchanged)
 
     def follow(self, event: Event, now: float | None = None) -> Iterator[Event]:
-        """Yield the event, with the seconds that its capture has left if they are known, and now and then the run's."""
+        """Yield the event with its capture's seconds left, where they are known, and at intervals the run's."""
         now = time.monotonic() if now is None else now
         with self._lock:
             self._update(event, now)
@@ -84,7 +84,7 @@ class TimeLeft:
             yield report
 
     def report(self) -> RunProgress:
-        """Return how far the run is now."""
+        """Return the progress of the run."""
         with self._lock:
             return self._report(time.monotonic())
 

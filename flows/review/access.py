@@ -1,4 +1,4 @@
-"""Who may use the review page: whoever has the token of its link, from the page's own address and no other.
+"""Decide who may use the review page: holders of the link's token, from the page's own address only.
 
 The link carries the token in its fragment, which browsers do not send. The page exchanges it for a cookie that scripts
 cannot read and that pages of other sites cannot use (HttpOnly, SameSite=Strict). Requests under another name (Host), of

@@ -1,4 +1,4 @@
-"""What the routers of the page share: the server's state, and ids that can be a part of a path in the store."""
+"""Dependencies that the page's routers share: the server's state, and ids that can be a part of a path in the store."""
 
 from typing import Annotated
 

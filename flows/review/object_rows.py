@@ -45,7 +45,7 @@ class Row:
 
     @cached_property
     def text(self) -> str:
-        """What a search looks in, in lower case."""
+        """The text that a search matches, in lower case."""
         return " ".join((self.name, self.verdict, self.reason, self.error, *self.warnings)).lower()
 
     def to_json(self) -> dict[str, Any]:

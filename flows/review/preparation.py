@@ -18,11 +18,11 @@ class Preparation:
 
     @property
     def is_idle(self) -> bool:
-        """Whether all that was shown is prepared, or cannot be."""
+        """True if everything that was shown is prepared, or cannot be."""
         return self._thread is None or not self._thread.is_alive()
 
     def show(self, context: CaptureContext) -> None:
-        """Prepare a capture that is shown now; return at once."""
+        """Prepare a capture that a browser has opened; return at once."""
         with self._lock:
             self._waiting = context
             if self.is_idle:

@@ -1,4 +1,4 @@
-"""What the page's server knows: the store, the catalogue, the rows of its captures, and the runs it has started."""
+"""State of the page's server: the store, the catalogue, the rows of its captures, and the runs it has started."""
 
 from functools import lru_cache
 

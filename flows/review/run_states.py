@@ -1,4 +1,4 @@
-"""What is going on in a store: captures that run and captures whose last run failed, as Prefect's server knows them.
+"""List the running captures of a store, and those whose last run failed, as Prefect's server knows them.
 
 The server is asked only while a view is open. Runs that the page itself has started are known at once, and better.
 """

@@ -63,7 +63,7 @@ def _diagnostic(detail: ErrorDetails, root: Any, model: type[BaseModel], file: s
         return Diagnostic(file, line, f"{path} is missing", "add it")
     if kind == "string_pattern_mismatch" and location[-1] == "id":
         remedy = "1 to 64 of a-z, 0-9, '.', '_' and '-', the first a letter or digit"
-        return Diagnostic(file, line, f"{path} {truncate_repr(detail['input'])} is no id", remedy)
+        return Diagnostic(file, line, f"{path} {truncate_repr(detail['input'])} is not a valid id", remedy)
     remedy = _REMEDIES.get(kind, _DEFAULT_REMEDY)
     if kind in ("pose", "rigid", "camera", "schema"):
         return Diagnostic(file, line, detail["msg"], remedy)

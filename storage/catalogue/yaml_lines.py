@@ -96,7 +96,7 @@ def parse(text: str, file: str, kind: Kind) -> tuple[Any, list[Diagnostic]]:
     if not kind.includes(builder.root):
         line = builder.diagnostics[-1].line if builder.diagnostics else 1
         shown = f" ({_QUOTED.sub('..', cause)})" if cause else ""
-        return None, [Diagnostic(file, line, f"this is no {kind.name}{shown}", kind.remedy)]
+        return None, [Diagnostic(file, line, f"this is not a {kind.name}{shown}", kind.remedy)]
     return builder.root if is_read else None, builder.diagnostics
 
 

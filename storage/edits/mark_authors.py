@@ -1,4 +1,4 @@
-"""Who set each mark of a capture: the author of the change that brought it."""
+"""Find who set each mark of a capture: the author of the change that added it."""
 
 from collections.abc import Collection
 

@@ -1,4 +1,4 @@
-"""What a person can edit of a capture's inputs: models that check whatever comes from outside."""
+"""Models of the fields that a person can edit; they check whatever comes from outside."""
 
 import base64
 import binascii
@@ -39,7 +39,7 @@ def _decoded_mask(value: Any) -> np.ndarray:
         try:
             value = decode_mask(base64.b64decode(value, validate=True), "the mask")
         except (binascii.Error, InputError) as error:
-            raise ValueError(f"the mask is no image in base64: {error}") from error
+            raise ValueError(f"the mask is not an image in base64: {error}") from error
     if not isinstance(value, np.ndarray) or value.dtype != np.bool_ or value.ndim != 2:
         raise ValueError("a mask is a bool array (H, W), or the base64 of a PNG")
     if value.size > MAX_PIXELS:
@@ -142,7 +142,7 @@ class Note(_Model):
 
 
 class FieldChange(_Model):
-    """Who changed a field last, when, and with which revision."""
+    """The last change of a field: its author, time and revision."""
 
     revision: Number
     author: Line

@@ -29,7 +29,7 @@ _ENTRY_KEYS = ("spheres", "region", "camera", "pixel_size", "pose")
 
 @dataclass(frozen=True, slots=True)
 class EditsUsed:
-    """What of an entry is edited: the newest revision of the object's edits, and who changed each field last."""
+    """The edits of an entry: the newest revision of the object's edits, and the last author of each field."""
 
     revision: int
     changes: Mapping[str, FieldChange]

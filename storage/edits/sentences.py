@@ -1,4 +1,4 @@
-"""What changed between two states of a capture's edits, as one sentence."""
+"""Describe in one sentence what changed between two states of a capture's edits."""
 
 from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType

@@ -38,7 +38,7 @@ class PixelRegion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CaptureCamera:
-    """How pixels, depth and the camera frame of a capture belong together.
+    """The relation between a capture's pixels, its depth and its camera frame.
 
     matrix: (3, 3) float64 in pixels of the full frame, without lens distortion; None: the camera is orthographic.
     region, frame_size: the arrays' crop, and width and height of the full frame, in pixels.

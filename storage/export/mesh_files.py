@@ -50,7 +50,7 @@ def read_ply(data: bytes, unit: str, name: str = "the mesh") -> Mesh:
     sizes = {kind: int(count) for kind, count in re.findall(r"^element (\w+) (\d+)$", text, re.MULTILINE)}
     properties = re.findall(r"^property (\w+) (\w+)$", text, re.MULTILINE)
     if not mark or "format binary_little_endian 1.0" not in text or not {"vertex", "face"} <= sizes.keys():
-        raise StoreError(f"{name} is no binary PLY file of a mesh", PLY_REMEDY)
+        raise StoreError(f"{name} is not a binary PLY file of a mesh", PLY_REMEDY)
     if "property list uchar int vertex_ind" not in text or any(kind not in _PLY_TYPES for kind, _ in properties):
         raise StoreError(f"{name} is a PLY file of another arrangement than Glint writes", PLY_REMEDY)
     vertex = np.dtype([(label, _PLY_TYPES[kind]) for kind, label in properties])
@@ -78,7 +78,7 @@ def with_asset_facts(data: bytes, facts: Mapping[str, str]) -> bytes:
         StoreError: it is something else.
     """
     if len(data) < 20 or data[:8] != _GLB_HEADER or data[16:20] != b"JSON":
-        raise StoreError("the mesh is no binary glTF file", PLY_REMEDY)
+        raise StoreError("the mesh is not a binary glTF file", PLY_REMEDY)
     end = 20 + int.from_bytes(data[12:16], "little")
     tree = json.loads(data[20:end])
     tree["asset"]["extras"] = tree["asset"].get("extras", {}) | facts

@@ -1,4 +1,4 @@
-"""What exports for robots read of a version: each capture's arrays and camera, and the object's model."""
+"""Read what exports for robots need of a version: each capture's arrays and camera, and the object's model."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass

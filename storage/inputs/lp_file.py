@@ -29,7 +29,7 @@ def read_lights(address: Address, names: Sequence[str] = (), count: int | None =
     lines = read_bytes(location, MAX_TEXT_BYTES).decode("utf-8-sig", "replace").splitlines()
     rows = [(number, line.strip()) for number, line in enumerate(lines, 1) if line.strip()]
     if not rows or not rows[0][1].isdecimal() or len(rows[0][1]) > 9:
-        raise InputError(f"{location.uri}:1: this is no count", "write the number of lights into the first line")
+        raise InputError(f"{location.uri}:1: this is not a count", "write the number of lights into the first line")
     if len(rows) == 1:
         raise InputError(f"{location.uri} holds no light", "give one row `name x y z` per frame")
     (first_line, stated_count), rows = (rows[0][0], int(rows[0][1])), rows[1:]
@@ -39,10 +39,10 @@ def read_lights(address: Address, names: Sequence[str] = (), count: int | None =
     parsed = [(number, line, *_parse_row(line)) for number, line in rows]
     if all(direction is None for *_, direction in parsed):
         # The lines of a file of another kind are not shown: the catalogue's author may not be allowed to read them.
-        raise InputError(f"{location.uri} is no .lp file", "write `name x y z` into each line after the first")
+        raise InputError(f"{location.uri} is not an .lp file", "write `name x y z` into each line after the first")
     for number, line, name, direction in parsed:
         if direction is None:
-            message, remedy = f"{truncate_repr(line)} is no light", "write `name x y z`"
+            message, remedy = f"{truncate_repr(line)} is not a light", "write `name x y z`"
             diagnostics.append(Diagnostic(location.uri, number, message, remedy))
         elif not direction:
             message = f"{truncate_repr(line)} has no direction"

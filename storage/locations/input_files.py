@@ -128,7 +128,7 @@ def check_plain_file(path: Path) -> None:
     if not stat.S_ISREG(status.st_mode):
         raise InputError(f"{path} is not a file", "give the path of a file")
     if status.st_dev in _system_devices():
-        raise InputError(f"{path} belongs to the system and is no input", "give the path of a file on a disk")
+        raise InputError(f"{path} belongs to the system and is not an input", "give the path of a file on a disk")
 
 
 @lru_cache(maxsize=1)

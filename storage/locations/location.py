@@ -42,7 +42,7 @@ class Location:
         """
         text = str(address)
         if not text.strip() or "\0" in text:
-            raise LocationError(f"{text!r} is no address", _FORMS)
+            raise LocationError(f"{text!r} is not an address", _FORMS)
         remote = _REMOTE.fullmatch(text)
         if remote is None:
             path = (folder or Path.cwd()) / os.path.expanduser(text)  # noqa: PTH111 - keeps an unknown ~user
@@ -95,7 +95,7 @@ class Location:
         """
         for part in parts:
             if part in ("", ".", "..") or any(separator in part for separator in "/\\\0"):
-                raise LocationError(f"{part!r} is no name inside {self.uri}", "use a plain name")
+                raise LocationError(f"{part!r} cannot be a name inside {self.uri}", "use a plain name")
         path = "/".join([self.path.rstrip("/"), *parts])
         return Location(self.scheme, self.container, path if self.scheme == "file" else path.lstrip("/"))
 

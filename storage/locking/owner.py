@@ -20,7 +20,7 @@ class LockOwner:
 
     @classmethod
     def this_process(cls, run: str) -> "LockOwner":
-        """Return this process as owner from now on."""
+        """Return this process as an owner."""
         return cls(os.getpid(), socket.gethostname(), datetime.now(UTC).isoformat(timespec="microseconds"), run)
 
     @classmethod

@@ -43,13 +43,13 @@ class Damage:
 
     @property
     def is_edit(self) -> bool:
-        """Whether it is of what a person did, which no catalogue rebuilds."""
+        """True for a person's edits, which no catalogue can rebuild."""
         return self.version.startswith(EDIT)
 
 
 @dataclass(frozen=True, slots=True)
 class StoreVerification:
-    """What was read of a store, and what of it is damaged."""
+    """Result of a verification: how much was read of a store, and the damage found."""
 
     store: str
     objects: int
@@ -59,7 +59,7 @@ class StoreVerification:
 
     @property
     def summary(self) -> str:
-        """What was read and found, in words."""
+        """The result in words."""
         read = f"read {self.bytes / 1e6:,.1f} MB; objects: {self.objects:,}, versions: {self.versions:,}"
         return f"{read}, damaged: {len(self.damages):,}" if self.damages else f"{read}: no damage found"
 

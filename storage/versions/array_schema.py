@@ -1,4 +1,4 @@
-"""What the arrays of a result must be: shape, dtype, where they are finite; checked as stored and published."""
+"""Schema of a result's arrays: shape, dtype, where they are finite; checked before storing and publishing."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

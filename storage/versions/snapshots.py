@@ -145,7 +145,7 @@ def read_version(repository: icechunk.Repository, object_id: str, name: str) -> 
     """
     version = version_of(repository, object_id, repository.lookup_tag(name))
     if version is None:
-        raise index_damage("", object_id, f"its {name} is no version")
+        raise index_damage("", object_id, f"its {name} is not a version")
     if version.name != name:
         raise index_damage("", object_id, f"its {name} is {version.name}")
     return version

@@ -30,7 +30,7 @@ _version_keys: WeakKeyDictionary[icechunk.Repository, dict[str, Keys]] = WeakKey
 
 @dataclass(frozen=True, slots=True)
 class Verification:
-    """What was read, number of values and bytes, and what of it is damaged."""
+    """Result of a verification: numbers of values and bytes read, and the damage found."""
 
     values: int
     bytes: int

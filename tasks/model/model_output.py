@@ -1,4 +1,4 @@
-"""What the model stage stores: the mesh as arrays and files, and the report model.json."""
+"""Output of the model stage: the mesh as arrays and files, and the report model.json."""
 
 import json
 from collections.abc import Mapping, Sequence

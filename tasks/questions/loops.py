@@ -1,4 +1,4 @@
-"""How a question is shown: a loop of the frames around its highlight, the sphere in them, and their half vectors."""
+"""Show a question: a loop of the frames around its highlight, the sphere in them, and their half vectors."""
 
 from typing import Any
 

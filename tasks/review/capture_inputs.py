@@ -1,4 +1,4 @@
-"""What the inputs view shows of a capture besides pictures: geometry, lights, warnings, the estimated mask."""
+"""Collect what the inputs view shows of a capture besides pictures: geometry, lights, warnings, the estimated mask."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What the questions view shows of marks set freely: the highlight that is meant, refusals in words, tracks."""
+"""Answer the questions view about marks set freely: the highlight that is meant, refusals in words, tracks."""
 
 from collections.abc import Sequence
 from typing import Any

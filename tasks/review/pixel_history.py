@@ -1,4 +1,4 @@
-"""What one pixel has shown: the frames in which it was lit, and the candidates that its highlights gave."""
+"""Collect a pixel's history: the frames in which it was lit, and the candidates from its highlights."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What the questions view shows of a capture: sheets to ask about, loops of their frames, and the labels as answered.
+"""Collect what the questions view shows: sheets to ask about, loops of their frames, the labels as answered.
 
 What a labelling reads is kept in memory for the captures asked about last, so that an answer is labelled at once.
 """

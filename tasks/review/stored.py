@@ -1,4 +1,4 @@
-"""What the store holds of a capture; looking at one that never ran stores nothing."""
+"""Read what the store holds of a capture; nothing is stored for one that never ran."""
 
 from functools import lru_cache
 

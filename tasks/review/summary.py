@@ -25,7 +25,7 @@ class CaptureSummary:
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether the verdict asks a person to do something."""
+        """True if the verdict asks a person to do something."""
         return self.verdict is not None and self.verdict.word not in (GOOD, USABLE)
 
 

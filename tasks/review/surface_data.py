@@ -1,4 +1,4 @@
-"""What the surface view shows of a version: the parts of an exported page, and more that only a server can give.
+"""Collect what the surface view shows of a version: an exported page's parts, and more that needs a server.
 
 Whatever is read was verified by the store. A version never changes, so its data are kept.
 """
@@ -66,7 +66,7 @@ def surface_part(store: str, object_id: str, version: str, capture: str, name: s
     """Return a part by its name in the facts.
 
     Raises:
-        NotFoundError: there is none; StoreError: as `surface_data`, or the frame is no longer cached.
+        NotFoundError: there is none; StoreError: as `surface_data`, or the frame is not in the cache.
     """
     data = surface_data(store, object_id, version, capture)
     if name in data.parts:

@@ -53,7 +53,7 @@ class CellTask:
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """What a perturbation made of a capture.
+    """Result of a perturbed capture.
 
     entry: the perturbed entry of the catalogue; error_deg: mean over the mask's pixels on the object; confident_share:
     of the mask with confidence >= CONFIDENT; right_share: of these within CONFIDENT_ERROR_DEG of the truth, where

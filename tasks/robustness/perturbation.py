@@ -15,7 +15,7 @@ LOSSLESS_CRF = 4
 
 @dataclass(frozen=True, slots=True)
 class VideoChange:
-    """What becomes of a video's frames.
+    """A change of a video's frames.
 
     order(count, generator) -> (T,) int: the frames that are kept, in their new order; sphere_order, alike: the frames
     from which the pixels of the spheres are taken; pixels(frame, share, generator) -> frame: the new luma (H, W) of the

@@ -22,7 +22,7 @@ FITTING_ROUNDS = 12
 
 @dataclass(frozen=True, slots=True)
 class FrameLayout:
-    """What a frame holds, in pixels of the full frame.
+    """Layout of a frame, in pixels of the full frame.
 
     width, height: the frame's size; region: the object's; radius, sphere_row: of all chrome spheres, and their centres'
     row; sphere_columns: their centres' columns.

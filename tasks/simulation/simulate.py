@@ -50,7 +50,7 @@ LIT_LEVEL = 225
 
 @dataclass(frozen=True, slots=True)
 class SimulationRecord:
-    """What was written: the catalogue, the object's id, its captures' ids, and frames per capture."""
+    """A simulation as written: the catalogue, the object's id, its captures' ids, and frames per capture."""
 
     catalogue: Path
     object_id: str

@@ -77,4 +77,4 @@ def test_a_failed_stage_says_what_is_missing(stage: str, message: str, word: str
 
 
 def test_an_unusable_file_is_to_be_corrected() -> None:
-    assert failure_verdict("", InputError("lights.lp:3: 'x' is no light", "write")).word == "correct the catalogue"
+    assert failure_verdict("", InputError("lights.lp:3: 'x' is not a light", "write")).word == "correct the catalogue"

@@ -18,6 +18,11 @@ export function objectPath(object) {
   return `/api/objects/${encodeURIComponent(object)}`;
 }
 
+/** Returns the address of a view of a capture, after the page's own. */
+export function addressOf(object, capture, view = "inputs") {
+  return `#/${encodeURIComponent(object)}/${encodeURIComponent(capture)}/${view}`;
+}
+
 /** Asks the server; null where it has nothing new. */
 export async function ask(path, { method = "GET", body, signal } = {}) {
   const options = { method, signal };

@@ -1,10 +1,9 @@
 // The catalogue view: one row for each capture, what needs a person first. Rows far off the screen are not in the page,
 // and come from the server in blocks when they are scrolled to.
 
-import { ask, capturePath } from "./api.js";
+import { addressOf, ask, capturePath } from "./api.js";
 import { announce, duration, element, percent } from "./dom.js";
 import { bind } from "./keys.js";
-import { addressOf } from "./main.js";
 
 const ROW_PX = 72;
 const BLOCK = 100;

@@ -6,7 +6,7 @@
 // A view is a module with `open(root, capture, signal)`: it fills `root`, and ends what it does when `signal` does.
 // capture: {object, capture, path}, `path` being that of the capture's interface.
 
-import { ApiError, capturePath } from "./api.js";
+import { addressOf, ApiError, capturePath } from "./api.js";
 import { announce, element } from "./dom.js";
 import { showKeys } from "./keys.js";
 
@@ -23,11 +23,6 @@ let leaving = new AbortController();
 function placeOf(hash) {
   const parts = hash.replace(/^#\/?/, "").split("/").filter(Boolean).map(decodeURIComponent);
   return parts.length >= 2 ? { object: parts[0], capture: parts[1], view: parts[2] ?? "inputs" } : null;
-}
-
-/** Returns the address of a view of a capture. */
-export function addressOf(object, capture, view = "inputs") {
-  return `#/${encodeURIComponent(object)}/${encodeURIComponent(capture)}/${view}`;
 }
 
 function showPlace(place) {

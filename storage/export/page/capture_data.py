@@ -1,4 +1,4 @@
-"""What the viewer shows of one capture: facts as JSON, arrays and photographs as packed parts."""
+"""Collect what the viewer shows of one capture: facts as JSON, arrays and photographs as packed parts."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ MAX_LIGHT_DOTS = 400
 
 @dataclass(frozen=True, slots=True)
 class Detail:
-    """How much of a capture is shown: scale of the arrays' sides, number of frames, triangles of the mesh."""
+    """Level of detail of a capture: scale of the arrays' sides, number of frames, triangles of the mesh."""
 
     scale: float = 1.0
     frames: int = 40

@@ -1,4 +1,4 @@
-"""What the viewer shows of an object's model: its mesh, the cameras of its views, and what each of them saw."""
+"""Collect what the viewer shows of an object's model: its mesh, its views' cameras, and the parts that each saw."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -27,7 +27,7 @@ class Part:
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What the viewer needs to unpack it, as JSON."""
+        """The facts that the viewer needs to unpack it, as JSON."""
         return {"kind": self.kind, "shape": list(self.shape)}
 
 

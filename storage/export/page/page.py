@@ -28,7 +28,7 @@ MAX_DATA_BYTES = (MAX_PAGE_BYTES - TEXT_BYTES) * 3 // 4
 
 @dataclass(frozen=True, slots=True)
 class PageContent:
-    """What a page shows.
+    """Content of a page.
 
     title; version: name and time; reports: one for each capture (`capture_report`), in the order of `captures`; model:
     the merged mesh, None without; model_figures: quantity and value; still, coverage: PNG files of pictures without a

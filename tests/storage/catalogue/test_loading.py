@@ -204,7 +204,7 @@ def test_wrong_values_name_their_line(tmp_path: Path, line: str) -> None:
 def test_ids_cannot_leave_their_folder(tmp_path: Path, name: str, place: str) -> None:
     diagnostic = _only(tmp_path, HEAD + ONE.replace(place, f"id: {name}"))
     assert diagnostic.line == (4 if place == "id: glass" else 6)
-    assert "is no id" in diagnostic.message
+    assert "is not a valid id" in diagnostic.message
 
 
 def test_duplicate_ids_name_both_lines(tmp_path: Path) -> None:

@@ -62,7 +62,7 @@ def test_only_named_keys_change_and_null_takes_an_edit_back(edits: Edits, tmp_pa
     [
         ("captures:\n- id: front\n  sphere: []\n", "edits.yaml:3: unknown key 'sphere'.*did you mean 'spheres'"),
         ("captures:\n- id: front\n  pixel_size: 0\n", "edits.yaml:3: .*pixel_size is 0"),
-        ("captures:\n- id: ../up\n", "is no id"),
+        ("captures:\n- id: ../up\n", "is not a valid id"),
         ("captures:\n- id: front\n  mask: absent.png\n", "absent.png does not exist"),
         ("captures:\n- id: front\n  mask: edits.yaml\n", "edits.yaml is no image"),
         ("captures:\n- id: front\n  mask: empty.png\n", "empty.png is empty"),

@@ -97,7 +97,7 @@ def test_only_edited_captures_and_fields_change(simulated: Path, tmp_path: Path,
     edits = Edits.open(Location.parse(tmp_path / "store"), "hemisphere")
     edits.save("back", values, "Ann", 0)
     assert with_edits([context]) == (context,), "the edits are another capture's"
-    edits.save("front", Changes(verdict="good", note="a judgement is no input"), "Ann", 1)
+    edits.save("front", Changes(verdict="good", note="a judgement is not an input"), "Ann", 1)
     (judged,) = with_edits([context])
     assert judged.edits is None and stage_keys(judged, STAGES) == before
     edits.save("front", Changes(marks=values.marks), "Ann", 2)
