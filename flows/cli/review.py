@@ -81,7 +81,7 @@ def _password(host: str) -> str | None:
     try:
         is_loopback = ipaddress.ip_address(host).is_loopback
     except ValueError:
-        raise InputError(f"--host {host} is not an address", "give an IP address, such as 127.0.0.1 or 0.0.0.0") from None
+        raise InputError(f"--host {host} is not an address", "give an IP address, such as 127.0.0.1") from None
     if not is_loopback and password is None:
         raise InputError(
             f"--host {host} lets other machines reach the page without a password",

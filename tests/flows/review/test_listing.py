@@ -139,7 +139,7 @@ def test_rows_of_captures_without_a_version_wait(stored: tuple[Path, Path], tmp_
 
 @pytest.mark.parametrize(
     ("host", "password", "message"),
-    [("0.0.0.0", None, "without a password"), ("0.0.0.0", "short", "5 characters"), ("everywhere", None, "no address")],
+    [("0.0.0.0", None, "without a password"), ("0.0.0.0", "short", "5 characters"), ("everywhere", None, "not an address")],
 )
 def test_other_machines_need_a_password(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, host: str, password: str | None, message: str

@@ -232,7 +232,7 @@ def test_spheres_and_lights_exclude_each_other(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("text", ["", "\n# nothing\n", "[]", "- 1", "hello", "3"])
 def test_no_catalogue(tmp_path: Path, text: str) -> None:
-    assert "no catalogue" in _only(tmp_path, text).message
+    assert "not a catalogue" in _only(tmp_path, text).message
 
 
 @pytest.mark.parametrize("objects", ["", "  []\n", "  {}\n", "  - 3\n", "  - id: a\n", "  - {id: a, captures: []}\n"])
