@@ -1,4 +1,4 @@
-"""One capture of a version: arrays, camera, report, mesh and point cloud, each read when it is asked for."""
+"""One capture of a version: arrays, camera, report, mesh and point cloud, each read at its first access."""
 
 from dataclasses import dataclass, field
 from functools import cached_property

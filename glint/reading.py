@@ -1,4 +1,4 @@
-"""The reading interface: a store as mappings of objects, versions and captures, whose arrays are read when asked for.
+"""The reading interface: a store as mappings of objects, versions and captures; arrays are read at the first access.
 
 Whatever was read stays in memory for as long as its object does, and cannot be written to: copy an array to change it.
 """
@@ -96,12 +96,12 @@ class StoredObject(Mapping[str, "StoredVersion"]):
 
     @property
     def versions(self) -> tuple[str, ...]:
-        """Names of the versions, oldest first; asked of the store each time."""
+        """Names of the versions, oldest first; read from the store each time."""
         return tuple(self._repository.version_names())
 
     @property
     def latest(self) -> "StoredVersion":
-        """The newest version; asked of the store each time.
+        """The newest version; read from the store each time.
 
         Raises:
             NotFoundError: the object has no version yet.

@@ -157,7 +157,7 @@ class Inbox:
         return InboxScan(tuple(batches), problems, waiting, tuple(empty), len(unchanged))
 
     def _finished_objects(self, submissions: Sequence[Submission]) -> list[tuple[Object, Submission]]:
-        """Return the objects of sub-folders without a catalogue; what cannot be read any more is left out."""
+        """Return the objects of sub-folders without a catalogue; those that can no longer be read are left out."""
         kept = dict[str, tuple[Object, Submission]]()
         for submission in (item for item in submissions if not item.has_catalogue):
             with suppress(InputError):
@@ -192,7 +192,7 @@ class Inbox:
         """Return the catalogue of a sub-folder, or the objects of one that has none."""
         folder = self.location.child(submission.name)
         folders = [folder, *self._allowed]
-        # A sub-folder that is itself a link leads out of the inbox, whatever it holds.
+        # A sub-folder that is itself a link leads out of the inbox.
         check_inside(folder, [self.location, *self._allowed], "the sub-folder")
         if not submission.has_catalogue:
             item = object_from_folder(folder, set())

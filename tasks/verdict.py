@@ -37,7 +37,7 @@ class Verdict:
     picture: str = OVERVIEW
 
     def __str__(self) -> str:
-        """Return the verdict as it stands in a table."""
+        """Return the verdict as shown in a table."""
         return f"{self.word}: {self.reason}" if self.reason else self.word
 
 

@@ -22,7 +22,7 @@ def edits(
         Path | None, typer.Option("--out", metavar="DIR", help="Write edits.yaml, masks and marks to a new folder.")
     ] = None,
     take: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Save what a file such as edits.yaml says.", **_FILE)
+        Path | None, typer.Option(metavar="FILE", help="Save the edits in a file such as edits.yaml.", **_FILE)
     ] = None,
     mask: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Save this image as the mask of CAPTURE.", **_FILE)
@@ -30,8 +30,8 @@ def edits(
     markup: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Save these marks as those of CAPTURE.", **_FILE)
     ] = None,
-    undo: Annotated[int | None, typer.Option(metavar="N", min=1, help="Take edit N back.")] = None,
-    discard: Annotated[bool, typer.Option("--discard", help="Take all edits of CAPTURE back.")] = False,
+    undo: Annotated[int | None, typer.Option(metavar="N", min=1, help="Undo edit N.")] = None,
+    discard: Annotated[bool, typer.Option("--discard", help="Undo all edits of CAPTURE.")] = False,
     author: Annotated[str | None, typer.Option(metavar="NAME", help="Your name (default: the login name).")] = None,
     store: Store = None,
     as_json: Json = False,

@@ -62,9 +62,9 @@ DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Errors of a write for which there is no room."""
 
 
-def print_version(is_asked: bool) -> None:
-    """Print the version and end the command, if it is asked for."""
-    if is_asked:
+def print_version(is_given: bool) -> None:
+    """Print the version and end the command, if `--version` is given."""
+    if is_given:
         from importlib.metadata import version
 
         echo(f"glint {version('glint')}")

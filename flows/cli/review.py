@@ -20,7 +20,7 @@ MIN_PASSWORD_CHARACTERS = 12
 def review(
     file: Annotated[
         str | None,
-        typer.Argument(metavar="CATALOGUE", help="The catalogue's YAML file: also captures that never ran are shown."),
+        typer.Argument(metavar="CATALOGUE", help="The catalogue's YAML file: shows captures that never ran, too."),
     ] = None,
     store: Store = None,
     port: Annotated[
@@ -61,7 +61,7 @@ def review(
     )  # fmt: skip
     echo(f"review page: {access.link() if password is None else f'{access.origins[0]}/open'}")
     echo(f"to bookmark: {access.origins[0]}/")
-    echo("it is served until you press Ctrl+C; runs that it started go on")
+    echo("press Ctrl+C to stop the server; runs that it started continue")
     uvicorn.Server(config).run(sockets=[listener])
 
 

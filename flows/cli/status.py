@@ -42,6 +42,6 @@ def status(store: Store = None, as_json: Json = False) -> None:
         echo(f"{row['capture']} failed{stage} at {row['ended']}: {row['error']}", colour="red")
     if server is None and (cause := server_damage()):
         echo(f"\nthe dashboard's database is damaged ({cause}); results are untouched", colour="yellow")
-        echo("  -> the next `glint run` or `glint dashboard` moves it aside and begins anew")
+        echo("  -> the next `glint run` or `glint dashboard` moves it aside and starts a new one")
     if server is not None:
         echo(f"\ndashboard: {server.link()}")

@@ -28,11 +28,11 @@ def verify(
     cache: Annotated[bool, typer.Option("--cache", help="Read the cache of frames too.")] = False,
     repair: Annotated[
         bool,
-        typer.Option("--repair", help="Compute again what is damaged, from the catalogues that the versions name."),
+        typer.Option("--repair", help="Recompute what is damaged, from the catalogues that the versions name."),
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Read everything that is stored, and name what is not as it was written."""
+    """Read all stored data, and name everything that is damaged."""
     from glint.storage.locations.location import Location
     from glint.storage.maintenance.verify import verify_store
 

@@ -16,7 +16,7 @@ MAX_SCANS = 10
 
 
 def worker(pool: Annotated[str, typer.Option(help="Name of the work pool to serve.")] = "glint") -> None:
-    """Run what is due: start the worker that `glint deploy` asks for, and the server with it."""
+    """Run scheduled work: start a worker for the pool of `glint deploy`, and the server if none is running."""
     from glint.flows.deployments.worker import run_worker
     from glint.flows.runtime.prefect_server import ensure_server
 

@@ -10,7 +10,7 @@ from glint.flows.runtime.prefect_server import Server
 from glint.flows.runtime.server_process import read_state
 
 WORK_POLL_SECONDS = 2.0
-"""Interval at which a worker is checked to have the password of the server that runs now."""
+"""Interval at which a worker's password is compared with that of the running server."""
 
 
 def run_prefect(arguments: Sequence[str]) -> int:

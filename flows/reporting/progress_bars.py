@@ -29,7 +29,7 @@ MIN_LEFT_SECONDS = 1.0
 
 
 class _Clock(ProgressColumn):
-    """Time since the capture began; Rich's own clock stands still whenever a stage is complete."""
+    """Time since the capture began; Rich's own clock stops whenever a stage is complete."""
 
     def render(self, task: Task) -> Text:
         """Return it as minutes and seconds."""
@@ -101,7 +101,7 @@ class ProgressBars(AbstractContextManager["ProgressBars"]):
         rate = getattr(event, "rate", None)
         text = counted(event) + ("" if rate is None else f"  {rate:.0f} frames/s")
         self._progress.update(bar, stage=event.stage, counted=text)
-        if isinstance(event, StageProgress) and event.share is not None:  # before, the bar only shows that work goes on
+        if isinstance(event, StageProgress) and event.share is not None:  # earlier, the bar only pulses
             self._progress.update(bar, completed=event.share, total=1.0, end=_end_of(event))
 
     def _show_run(self, event: RunProgress) -> None:

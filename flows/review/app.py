@@ -48,7 +48,7 @@ APIS = (
 
 
 class Refusal(BaseModel):
-    """The answer to whatever cannot be done: what is wrong, and what to do about it."""
+    """The answer to a request that cannot be met: the error and its remedy."""
 
     error: str
     remedy: str
@@ -69,7 +69,7 @@ def create_app(
     """Return the server of a store's page.
 
     store: its address, which need not exist yet; catalogue: the YAML file whose captures are shown and run, None: what
-    the store has. access: who may use it; None: nobody can, since nobody knows the token.
+    the store has. access: who may use it; None: nobody, since the token is unknown.
     scheduler: address of the Dask scheduler that runs use; None: a local cluster for each.
     """
     review = Review(store, catalogue, scheduler)

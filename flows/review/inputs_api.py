@@ -34,7 +34,7 @@ class DrawnSphere(BaseModel):
 
 @router.get("/inputs")
 def inputs(review: ReviewState, object_id: ObjectId, capture_id: CaptureId) -> dict[str, Any]:
-    """Return the capture's inputs, given and used, and its lights; what is shown now is asked about soon."""
+    """Return the capture's inputs, given and used, and its lights; its questions are prepared in the background."""
     context = review.context(object_id, capture_id)
     review.preparation.show(context)
     return capture_inputs(context)

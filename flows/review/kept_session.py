@@ -1,4 +1,4 @@
-"""The secret behind the cookies of the page, kept in Glint's home: a bookmark is good when the server starts anew."""
+"""Keep the secret behind the page's cookies in Glint's home, so that bookmarks survive a restart of the server."""
 
 import hmac
 import secrets
@@ -13,7 +13,7 @@ from glint.flows.runtime.server_access import private_folder, write_private
 
 SESSION_FOLDER = "review"
 SECRET_BYTES = 32
-"""Length of the secret: nobody guesses 256 bits."""
+"""Length of the secret: 256 bits cannot be guessed."""
 
 
 def kept_session(origin: str, password: str | None = None, home: Path | None = None) -> str:

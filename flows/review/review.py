@@ -32,7 +32,7 @@ class Review:
         self.listing.start()
 
     def stop(self) -> None:
-        """End the reading; runs go on."""
+        """Stop reading the store; runs continue."""
         self.listing.stop()
 
     def stored(self, object_id: str) -> reading.StoredObject:

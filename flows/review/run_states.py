@@ -1,6 +1,6 @@
 """List the running captures of a store, and those whose last run failed, as Prefect's server knows them.
 
-The server is asked only while a view is open. Runs that the page itself has started are known at once, and better.
+The server is polled only while a view is open. Runs that the page itself has started need no polling.
 """
 
 import threading
@@ -17,7 +17,7 @@ from glint.storage.catalogue.models import MODEL
 POLLING_SECONDS = 3.0
 """Seconds from one question to the next."""
 WANTED_SECONDS = 15.0
-"""Seconds after the last look at a view for which the server is still asked."""
+"""Seconds for which the server is polled after the last request of a view."""
 
 
 class RunStates:
@@ -39,7 +39,7 @@ class RunStates:
         self._ended.set()
 
     def wanted(self) -> None:
-        """Have the server asked for some more seconds."""
+        """Extend the polling of the server."""
         self._asked = time.monotonic()
 
     @property
@@ -73,7 +73,7 @@ class RunStates:
         while not self._ended.is_set():
             if time.monotonic() - self._asked < WANTED_SECONDS:
                 with suppress(Exception):
-                    # A server that is starting, ending or absent is asked again.
+                    # A server that is starting, ending or absent is polled again.
                     self._ask()
             self._ended.wait(POLLING_SECONDS)
 

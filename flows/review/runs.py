@@ -1,6 +1,6 @@
 """Runs that the page starts: the ordinary `glint run` of one capture, in a process of its own, with its progress.
 
-The process is independent of the server: it goes on where the server ends, and so writes to files, not to pipes.
+The process is independent of the server: it outlives the server, and so writes to files, not to pipes.
 """
 
 import json

@@ -78,7 +78,7 @@ def edits_group(
 
 def edits_damage(object_id: str, capture: str, error: DamagedError) -> DamagedError:
     """Return the error of damaged edits: no catalogue rebuilds what a person did."""
-    remedy = f"restore a backup, or `glint edits {object_id}/{capture} --discard` to go on without its edits"
+    remedy = f"restore a backup, or `glint edits {object_id}/{capture} --discard` to continue without its edits"
     return DamagedError(error.message, remedy)
 
 

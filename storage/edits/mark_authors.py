@@ -7,7 +7,7 @@ from glint.storage.inputs.markup import AnnotationEntry
 
 
 class MarkAuthors:
-    """Authors of the marks of a capture; each change is read once, so that new ones are quickly told.
+    """Authors of the marks of a capture; each change is read only once.
 
     given: marks that the catalogue has, which have no author.
     """

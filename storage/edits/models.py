@@ -16,7 +16,7 @@ from glint.storage.footage.images import MAX_PIXELS, decode_mask
 from glint.storage.inputs.markup import AnnotationEntry
 
 MAX_DRAWN_SPHERES = 100
-"""Of one capture: nobody sets up more, and each is drawn."""
+"""Largest number of spheres of one capture."""
 MAX_MARKS = 100_000
 """Of one capture: a mark every second of a working day, several times over."""
 MAX_MASK_BYTES = 50_000_000

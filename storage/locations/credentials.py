@@ -89,7 +89,7 @@ def _has_boto3() -> bool:
     """Return whether boto3 is installed.
 
     Raises:
-        StoreError: it is not, and AWS_PROFILE asks for it.
+        StoreError: it is not installed, and AWS_PROFILE requires it.
     """
     if find_spec("boto3") is not None:
         return True

@@ -9,7 +9,7 @@ from glint.storage.locations.location import Location
 from glint.storage.versions.repository import object_ids
 
 LOW_FREE_SHARE = 0.1
-"""Share of the disk below which free space is called low, whatever is to come."""
+"""Share of the disk below which free space is called low, however few captures are to come."""
 
 DISK_SPACE_REMEDY = "make room with `glint maintain --frames-budget SIZE`, or name a larger store"
 

@@ -17,7 +17,7 @@ from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.storage.versions.verification import Verification, verify_capture
 
 WORK = "work"
-"""The newest results, from which a run goes on."""
+"""Ref of the newest results, from which a run resumes."""
 
 EDIT = "edit "
 """Beginning of the name of an edit, before its number."""
@@ -25,7 +25,7 @@ EDIT = "edit "
 MAX_READERS = 8
 """Captures that are read at once; each reads several values at once."""
 
-FRAMES_REMEDY = "nothing is lost: the next run takes them from the video or images anew, and --repair removes them"
+FRAMES_REMEDY = "nothing is lost: the next run decodes the frames again, and --repair removes the damaged ones"
 
 
 @dataclass(frozen=True, slots=True)

@@ -104,7 +104,7 @@ class VerifiedStore(WrapperStore[Store]):
 
 
 class VerifiedArrays(Mapping[str, zarr.Array]):
-    """Arrays of a group by name, each opened when it is asked for."""
+    """Arrays of a group by name, each opened at its first access."""
 
     def __init__(self, store: VerifiedStore, path: str, names: Iterable[str]) -> None:
         self._store, self._path, self._names, self._arrays = store, path, list(names), dict[str, zarr.Array]()

@@ -1,6 +1,6 @@
 """Publication: making a version of results on the branch `work`, or of an older version.
 
-A version is a commit on a temporary branch that started from `work`, so saving goes on undisturbed. Its tag makes it a
+A version is a commit on a temporary branch that started from `work`, so saving is not disturbed. Its tag makes it a
 version; the branch `main` follows. All functions may be called again after a conflict with another writer.
 """
 

@@ -112,7 +112,7 @@ def read_session(repository: icechunk.Repository, object_id: str, ref: str) -> i
 def _check_place(repository: icechunk.Repository, object_id: str, snapshot_id: str) -> None:
     """Raise DamagedError if a snapshot's file is another's: the library does not look, and `work` has no seals."""
     checked = _checked.setdefault(repository, set())
-    # `inspect_snapshot` waits with the interpreter's lock held: where other threads read, all of them wait for ever.
+    # `inspect_snapshot` waits with the interpreter's lock held: where other threads read, it deadlocks.
     if snapshot_id not in checked and sync(repository.inspect_snapshot_async(snapshot_id))["id"] != snapshot_id:
         raise index_damage("", object_id, f"another snapshot lies in the place of {snapshot_id}")
     checked.add(snapshot_id)

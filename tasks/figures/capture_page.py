@@ -27,7 +27,7 @@ MAX_PAGE_CHARS = 300_000
 MAX_RUN_CHARS = 100_000_000
 """Characters of the pages of all captures of a run: the pictures of large catalogues are smaller."""
 MAX_EDGE_PX, MIN_EDGE_PX = 320, 40
-"""Longer side of a picture: at first, and when it is no longer made smaller to fit the page."""
+"""Longer side of a picture: the first, and the least to which it is reduced to fit the page."""
 
 STORED_PICTURES = {
     "relit_left.png": "Relit from the left",

@@ -24,7 +24,7 @@ from glint.tasks.stages.labels import reconstruct
 from glint.tasks.stages.markup import load_marks
 
 RELABELLING_ROUNDS = 3
-"""Iterations of a labelling that begins with the model's normals: they are near the end, and the next pass goes on."""
+"""Iterations of a labelling that starts from the model's normals, nearly right already; the next pass continues it."""
 
 
 def unit_of_model(works: Sequence[CaptureContext]) -> str:

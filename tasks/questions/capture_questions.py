@@ -50,7 +50,7 @@ class ShownQuestion:
 
 
 class CaptureQuestions:
-    """The sheets of a capture whose stages up to `clusters` are stored, labelled anew with each set of annotations."""
+    """The sheets of a capture whose stages up to `clusters` are stored, labelled again with each set of annotations."""
 
     def __init__(self, work: CaptureContext) -> None:
         """Load what the labelling reads.
@@ -110,7 +110,7 @@ class CaptureQuestions:
         )
 
     def stored_labels(self, marks: Marks | None) -> Reconstruction | None:
-        """Return the labelling that the last run stored if it knew the same marks; None: label anew."""
+        """Return the labelling of the last run if its marks were the same; None: label again."""
         saved, known = self.work.load("labels"), load_marks(self.work) or Marks.empty()
         same = all(
             np.array_equal(getattr(known, name), getattr(marks or Marks.empty(), name)) for name in ("pixels", "kind")

@@ -10,7 +10,7 @@ from glint.tasks.review.pictures import frame_image, level_image
 
 NEIGHBOURHOOD = 0.5
 """Share of the mask's longer side by which what is grown may lie outside of the mask's bounding box: an estimate that
-misses more than that is better painted anew."""
+misses more than that is better painted again."""
 MEDIAN_SIDE_PX = 3
 """Side in pixels of the median filter before growing, and of the closing after it: noise of a pixel is no edge."""
 

@@ -1,4 +1,4 @@
-"""The literal paper's normals of a version, beside its own: computed when they are first asked for."""
+"""The literal paper's normals of a version, beside its own: computed at the first request."""
 
 from functools import lru_cache
 

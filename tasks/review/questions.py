@@ -1,6 +1,6 @@
 """Collect what the questions view shows: sheets to ask about, loops of their frames, the labels as answered.
 
-What a labelling reads is kept in memory for the captures asked about last, so that an answer is labelled at once.
+The inputs of a labelling are kept in memory for the most recent captures, so that an answer takes effect at once.
 """
 
 from dataclasses import dataclass, field
@@ -47,7 +47,7 @@ class Labelling:
 
 @dataclass
 class Session:
-    """A capture that is asked about. A lock is held while one request computes, so that no other does the same.
+    """A capture with its questions. A lock is held while one request computes, so that no other does the same.
 
     keys: of the stages that it has, by stage. authors: of its marks. before: normals (H, W, 3) of the draft with the
     marks of the last run.
@@ -183,7 +183,7 @@ def _proposed(session: Session, marks: Marks) -> list[ShownQuestion]:
 
 
 def session_of(context: CaptureContext) -> Session:
-    """Return what is kept of a capture, read anew where a run has changed it since.
+    """Return the cached state of a capture, read again if a run has changed it.
 
     Raises:
         InputError: it has not run yet; StoreError: the store cannot be read.
@@ -205,5 +205,5 @@ def session_of(context: CaptureContext) -> Session:
 
 
 _sessions: dict[tuple[str, ...], Session] = {}
-"""Captures asked about, the last one at the end."""
+"""Captures with questions, the most recent last."""
 _sessions_lock = Lock()

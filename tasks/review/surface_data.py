@@ -107,7 +107,7 @@ def _stored_mask(store: str, object_id: str, version: str, capture: str) -> np.n
 
 
 def _later_fields(stages: dict[str, StageResult], parts: dict[str, Part]) -> dict[str, dict[str, Any]]:
-    """Return the facts of the parts that are computed when they are asked for: they are packed as other normals are."""
+    """Return the facts of the parts that are computed on request; they are packed like other normals."""
     if "initial_normals" not in parts or not stages.keys() >= set(PAPER_NEEDS):
         return {}
     return {f"{PAPER}_{kind}": parts[f"initial_{kind}"].facts for kind in ("normals", "mask")}
@@ -141,7 +141,7 @@ def _add_candidates(stages: dict[str, StageResult], facts: dict[str, Any], parts
 
 
 def _frames(stages: dict[str, StageResult]) -> list[dict[str, Any]]:
-    """Return the facts of frames with lights from all sides, which are read when they are asked for."""
+    """Return the facts of frames with lights from all sides, which are read on request."""
     if "frames" not in stages or "lights" not in stages or "cache" not in stages["frames"].record:
         return []
     lights = stages["lights"].read("lights")

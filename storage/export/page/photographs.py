@@ -61,14 +61,14 @@ def frame_photograph(location: Location, frames: StageResult, frame: int, scale:
     frames: the result of the stage of that name; scale: of the picture's sides.
 
     Raises:
-        StoreError: the frame is not cached, or no longer.
+        StoreError: the frame is not in the cache.
     """
     return _cached_photograph(FrameCache.open(location, str(frames.record["cache"])), frame, scale)
 
 
 def _cached_photograph(cache: FrameCache, frame: int, scale: float) -> Part:
     if not 0 <= frame < cache.frames:
-        raise StoreError(f"frame {frame} is not cached", "run again: the frames are read from the video anew")
+        raise StoreError(f"frame {frame} is not cached", "run again: the frames are decoded again")
     return encode_jpeg(eight_bits(cache.read(OBJECT_CROP, slice(frame, frame + 1))[0]), scale)
 
 

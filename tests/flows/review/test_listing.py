@@ -139,7 +139,11 @@ def test_rows_of_captures_without_a_version_wait(stored: tuple[Path, Path], tmp_
 
 @pytest.mark.parametrize(
     ("host", "password", "message"),
-    [("0.0.0.0", None, "without a password"), ("0.0.0.0", "short", "5 characters"), ("everywhere", None, "not an address")],
+    [
+        ("0.0.0.0", None, "without a password"),
+        ("0.0.0.0", "short", "5 characters"),
+        ("everywhere", None, "not an addr"),
+    ],
 )
 def test_other_machines_need_a_password(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, host: str, password: str | None, message: str
