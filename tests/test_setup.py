@@ -81,7 +81,7 @@ def test_setup_waits_for_another_apt(tmp_path: Path, locked: int, other: int, st
     assert calls == (3 if locked == 2 else 5 if locked else 1)
 
 
-def test_a_missing_python_is_said_in_one_line(tmp_path: Path) -> None:
+def test_a_missing_python_is_reported_in_one_line(tmp_path: Path) -> None:
     for name in ("setup.sh", "requirements.txt", "pyproject.toml"):
         (tmp_path / name).write_bytes((ROOT / name).read_bytes())
     (tmp_path / ".python-version").write_text("3.99\n")

@@ -82,8 +82,8 @@ def main() -> None:
         f" {clustering:.3f} s, ratio {clustering / counting:.1f}; {lit:.1f} lit frames a pixel"
     )
     mask, normals = scene(419, 279)
-    seen = np.where(normals[..., 2:] > np.cos(np.pi / 4), normals, np.nan).astype(np.float32)
-    layers = np.concatenate([seen, np.full_like(seen[:1], np.nan)])
+    observable = np.where(normals[..., 2:] > np.cos(np.pi / 4), normals, np.nan).astype(np.float32)
+    layers = np.concatenate([observable, np.full_like(observable[:1], np.nan)])
     there = np.isfinite(layers[..., 0])
     jug = Clusters(layers, there * 1.0, there * 0.0, there * 1, there.sum(axis=0), layers[0])
     _, initial = best(initial_normals, mask)

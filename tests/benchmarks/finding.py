@@ -38,16 +38,16 @@ def main() -> None:
     parser.add_argument("--store", required=True)
     parser.add_argument("--object")
     parser.add_argument("--anywhere", action="store_true")
-    said = parser.parse_args()
-    catalogue = load_catalogue(said.catalogue)
-    entry = catalogue.object(said.object) if said.object else catalogue.objects[0]
-    works = [CaptureContext.of(catalogue, entry.id, each.id, said.store) for each in entry.captures]
+    options = parser.parse_args()
+    catalogue = load_catalogue(options.catalogue)
+    entry = catalogue.object(options.object) if options.object else catalogue.objects[0]
+    works = [CaptureContext.of(catalogue, entry.id, each.id, options.store) for each in entry.captures]
     table = works[0].repository.load(WHOLE_OBJECT, STAGE).record["turntable"] is not None
     views, _ = load_registered_views(works)
     for number, view in enumerate(views):
         model = coarse_model([*views[:number], *views[number + 1 :]])
         start = time.perf_counter()
-        fits = fits_of(view, model, table and not said.anywhere)
+        fits = fits_of(view, model, table and not options.anywhere)
         seconds = time.perf_counter() - start
         true = PoseFit(view.rotation, view.translation, 0.0, 0.0, 0.0)
         lines = [

@@ -179,9 +179,9 @@ def fused(views: Sequence[View], depths: Depths) -> Model:
 def _ours_seen(views: Sequence[View]) -> tuple[list[View], Depths]:
     """The depth maps and normals of our model as the views see it."""
     model = reconstruct_surface(views)
-    seen = [raycast(model, view) for view in views]
-    views = [view.with_normals(normals, view.confidence) for view, (_, normals) in zip(views, seen, strict=True)]
-    return views, [depth for depth, _ in seen]
+    raycasts = [raycast(model, view) for view in views]
+    views = [view.with_normals(normals, view.confidence) for view, (_, normals) in zip(views, raycasts, strict=True)]
+    return views, [depth for depth, _ in raycasts]
 
 
 WAYS: dict[str, Callable[[Sequence[View], Depths], Model]] = {
@@ -266,12 +266,12 @@ def main() -> None:
     parser.add_argument("--object")
     parser.add_argument("--shape", default="fish")
     parser.add_argument("--views", type=int, default=6)
-    said = parser.parse_args()
-    if said.catalogue is not None:
-        compare(said.catalogue, said.store, said.object)
+    options = parser.parse_args()
+    if options.catalogue is not None:
+        compare(options.catalogue, options.store, options.object)
     else:
         with tempfile.TemporaryDirectory() as folder:
-            compare(*simulated(said.shape, said.views, Path(folder)), said.shape)
+            compare(*simulated(options.shape, options.views, Path(folder)), options.shape)
 
 
 if __name__ == "__main__":

@@ -42,8 +42,8 @@ def drawn(folder: Path, captures: int, per_object: int, frames: int) -> Path:
         numbers = range(first, min(first + per_object, captures))
         views = tuple(capture.model_copy(update={"id": f"view-{number:05}"}) for number in numbers)
         objects.append(entry.model_copy(update={"id": f"object-{first // per_object:04}", "captures": views}))
-    said = {"schema": 1, "name": "sizing", "objects": objects, "parameters": {"labels": {"method": "winner"}}}
-    write(Catalogue.model_validate(said), folder / "c.yaml")
+    content = {"schema": 1, "name": "sizing", "objects": objects, "parameters": {"labels": {"method": "winner"}}}
+    write(Catalogue.model_validate(content), folder / "c.yaml")
     return folder / "c.yaml"
 
 

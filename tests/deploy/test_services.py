@@ -54,7 +54,7 @@ def services(tmp_path: Path) -> Iterator[Services]:
         yield running
 
 
-def test_dask_serves_whoever_has_the_certificate(
+def test_dask_serves_holders_of_the_certificate(
     services: Services, certificate: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     port, dashboard = free_port(), free_port()

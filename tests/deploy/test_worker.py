@@ -66,17 +66,17 @@ def test_what_deploy_prints_works_as_printed(server: Server, glint_home: Path, t
     environment |= {"GLINT_HOME": str(glint_home), "GLINT_STORE": str(tmp_path / "store")}
     (tmp_path / "inbox").mkdir()
 
-    def said(*words: str) -> str:
+    def output_of(*words: str) -> str:
         command = [sys.executable, "-m", "glint", *words]
         done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, timeout=200)
         assert done.returncode == 0, done.stderr + done.stdout
         return done.stdout
 
-    printed = said("deploy", "--inbox", "inbox", "--pool", "printed")
+    printed = output_of("deploy", "--inbox", "inbox", "--pool", "printed")
     assert "next: glint worker --pool printed" in printed and "glint inbox --now" in printed
     assert server.authentication is not None
     assert server.authentication not in printed and server.authentication.partition(":")[2] not in printed
-    told = said("inbox", "--now")
-    assert "no worker serves the inbox: glint worker" in told and f"{server.ui_url}/glint/runs/flow-run/" in told
-    assert "Scheduled" in said("inbox", "--json")
-    assert "inbox/nightly" in said("prefect", "deployment", "ls")
+    listing = output_of("inbox", "--now")
+    assert "no worker serves the inbox: glint worker" in listing and f"{server.ui_url}/glint/runs/flow-run/" in listing
+    assert "Scheduled" in output_of("inbox", "--json")
+    assert "inbox/nightly" in output_of("prefect", "deployment", "ls")

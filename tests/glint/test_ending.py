@@ -33,7 +33,7 @@ glint.__main__.main()
     assert done.stderr == ("told\n" if "told" in body else "")
 
 
-def test_an_error_that_nobody_catches_has_its_traceback() -> None:
+def test_an_uncaught_error_has_its_traceback() -> None:
     code = """
 import glint.__main__, glint.flows.cli.main
 

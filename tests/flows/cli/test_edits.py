@@ -85,7 +85,7 @@ def test_files_are_written_and_taken(store: str, tmp_path: Path) -> None:
         (("../up",), "cannot be a name in the store"),
     ],
 )
-def test_mistakes_are_told_and_nothing_is_saved(store: str, words: tuple[str, ...], message: str) -> None:
+def test_mistakes_are_reported_and_nothing_is_saved(store: str, words: tuple[str, ...], message: str) -> None:
     done = RUNNER.invoke(app, ["edits", *words, "--store", store])
     assert done.exit_code != 0
     assert message in str(done.exception) + done.output

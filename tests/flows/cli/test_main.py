@@ -149,9 +149,9 @@ def test_damage_is_named_and_repaired(place: Path, home: Path) -> None:
     data = bytearray(chunk.read_bytes())
     data[len(data) // 2] ^= 1
     chunk.write_bytes(data)
-    told = glint("verify", *words, folder=place, home=home, check=1).stdout
-    assert re.search(r"(array|file) '\S+' of hemisphere/front/\w+ in v1 is damaged", told)
-    assert "-> `glint verify hemisphere --repair`" in told
+    verified = glint("verify", *words, folder=place, home=home, check=1).stdout
+    assert re.search(r"(array|file) '\S+' of hemisphere/front/\w+ in v1 is damaged", verified)
+    assert "-> `glint verify hemisphere --repair`" in verified
     repaired = glint("verify", "hemisphere", "--repair", *words, folder=place, home=home, check=1)
     assert "computed again what was damaged" in repaired.stdout or "missing.mp4" in repaired.stdout
     lines = glint("verify", "--json", *words, folder=place, home=home, check=1).stdout.splitlines()

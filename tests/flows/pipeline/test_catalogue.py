@@ -172,7 +172,7 @@ def test_clusters_go_to_all_workers_where_some_are_idle(
     assert [event.stage for event in events if isinstance(event, StageEnded)] == [stage.name for stage in STAGES]
 
 
-def test_a_surface_that_moves_too_far_is_told(run: Run, folder: Path) -> None:
+def test_a_surface_that_moves_too_far_is_reported(run: Run, folder: Path) -> None:
     run("good")
     state, events = run("changed", drift=0.01)
     (moved,) = result_of(state).drifts

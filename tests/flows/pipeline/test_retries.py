@@ -39,5 +39,5 @@ def test_only_a_store_that_is_away_is_asked_again(server: Server, error: Any, ca
         ("404 Not Found: NoSuchBucket", False),
     ],
 )
-def test_a_store_that_is_away_is_told_from_a_broken_one(text: str, away: bool) -> None:
+def test_an_unreachable_store_is_distinguished_from_a_broken_one(text: str, away: bool) -> None:
     assert isinstance(translate("s3://store", "reading", OSError(text)), StoreUnreachable) is away

@@ -46,11 +46,11 @@ def played(time_left: TimeLeft, capture: str, start: float) -> list[tuple[float,
 def test_a_capture_tells_what_it_has_left_once_its_frames_show_the_speed() -> None:
     shown = played(TimeLeft(NAMES), "glass/front", 100.0)
     end = 100.0 + sum(SECONDS.values())
-    told = [(now, event) for now, event in shown if isinstance(event, StageProgress)]
-    assert {event.seconds_left for _, event in told if event.stage == "survey"} == {None}
-    known = [(end - now, event.seconds_left) for now, event in told if event.seconds_left is not None]
-    assert len(known) > len(told) * 0.85
-    shares = [event.share for _, event in told if event.share is not None]
+    reported = [(now, event) for now, event in shown if isinstance(event, StageProgress)]
+    assert {event.seconds_left for _, event in reported if event.stage == "survey"} == {None}
+    known = [(end - now, event.seconds_left) for now, event in reported if event.seconds_left is not None]
+    assert len(known) > len(reported) * 0.85
+    shares = [event.share for _, event in reported if event.share is not None]
     assert shares == sorted(shares) and 0.0 < shares[0] < 0.2
     assert shares[-1] == MAX_SHARE, "a full bar never stands still"
     for true, left in known:

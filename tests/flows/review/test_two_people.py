@@ -75,7 +75,7 @@ def test_answers_of_two_people_and_a_script_are_all_kept(served: ServedPage, chr
         assert {"Ada", "Bob", "script"} <= authors
 
 
-def test_who_says_the_opposite_second_is_told_and_chooses(served: ServedPage, chromium: Any) -> None:
+def test_the_second_of_two_opposite_marks_is_reported_and_its_author_chooses(served: ServedPage, chromium: Any) -> None:
     with two(served, chromium, QUESTIONS, LOOP, "marks") as (ada, bob):
         ada.page.keyboard.press("t")
         ada.page.wait_for_selector(".marks-list .true")

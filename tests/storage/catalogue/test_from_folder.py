@@ -131,7 +131,7 @@ def test_no_capture_takes_the_models_id(tmp_path: Path) -> None:
     assert set(_captures(from_folder(tmp_path))["duck"]) == {"model-2", "front"}
 
 
-def test_several_masks_are_nobodys(tmp_path: Path) -> None:
+def test_of_several_masks_none_is_taken(tmp_path: Path) -> None:
     _touch(tmp_path, "duck/video.mp4", "duck/a_mask.png", "duck/b_mask.png", "duck/a.lp", "duck/b.lp")
     capture = _only(from_folder(tmp_path))
     assert (capture.mask, capture.lights) == (None, None)

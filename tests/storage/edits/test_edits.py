@@ -154,11 +154,11 @@ def test_undo_goes_back_step_by_step(edits: Edits) -> None:
     for number, size in enumerate((0.1, 0.2, 0.3)):
         edits.save("front", Changes(pixel_size=size), "Ann" if size != 0.2 else "Bob", number)
     edits.save("front", Changes(note="a note is not undone"), "Ann", 3)
-    seen = []
+    states = []
     while (number := edits.next_undo("front")) is not None:
         edits.undo(number, "Cid")
-        seen.append((number, edits.current("front").pixel_size))
-    assert seen == [(3, 0.2), (2, 0.1), (1, None)]
+        states.append((number, edits.current("front").pixel_size))
+    assert states == [(3, 0.2), (2, 0.1), (1, None)]
     edits.undo(edits.revision, "Cid")
     assert edits.current("front").pixel_size == 0.1
     assert edits.next_undo("front") == 1, "an undone undo brings its revision back"
@@ -297,7 +297,7 @@ def test_two_writers_at_once_lose_nothing(kind: str, location: Location) -> None
 
 
 @pytest.mark.parametrize("kind", ["folder", "memory"])
-def test_of_two_that_change_one_field_at_once_one_is_told(kind: str, location: Location) -> None:
+def test_of_two_people_who_change_one_field_at_once_one_is_refused(kind: str, location: Location) -> None:
     place: Any = location if kind == "folder" else MemoryLocation()
     Edits.open(place, "duck")
     barrier, outcomes = threading.Barrier(2), dict[str, Any]()

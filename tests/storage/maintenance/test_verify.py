@@ -110,7 +110,7 @@ def test_a_store_or_object_that_is_not_there_is_not_called_whole(store: Path, tm
         verify_store(Location.parse(store), ["cup"])
 
 
-def test_an_index_without_a_copy_is_told(store: Path) -> None:
+def test_an_index_without_a_copy_is_reported(store: Path) -> None:
     folder = store / "objects" / "vase" / "repo"
     (folder / "repo").write_bytes(b"")
     for path in (folder / "overwritten").iterdir():

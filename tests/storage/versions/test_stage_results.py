@@ -35,15 +35,15 @@ def store_with(place: str, metadata: bytes) -> MemoryStore:
 @pytest.mark.parametrize("metadata", METADATA)
 def test_damaged_metadata_is_told(place: str, metadata: bytes) -> None:
     store = store_with(place, metadata)
-    with pytest.raises(DamagedError) as told:
+    with pytest.raises(DamagedError) as caught:
         if place:
             with pytest.raises(DamagedError, match="duck/front"):
                 stage_results.saved_key(store, "duck", "front", "labels")
             stage_results.read_capture(store, "duck", "front", seals={"labels": "0"})
         else:
             stage_results.check_layout(store, "duck", "here")
-    assert str(told.value).startswith("duck/front is damaged" if place else "the root of object duck is damaged")
-    assert "glint verify duck --repair" in str(told.value.remedy)
+    assert str(caught.value).startswith("duck/front is damaged" if place else "the root of object duck is damaged")
+    assert "glint verify duck --repair" in str(caught.value.remedy)
 
 
 @pytest.mark.parametrize("place", ["front/", "front/labels/"])
