@@ -1,6 +1,7 @@
 """`glint diff`: compare two versions of an object, in figures, changes and maps."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -56,12 +57,31 @@ def diff(
         _print_report(report, out)
 
 
+def diff_row(figures: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a capture's row of the table from its figures in JSON: angles in degrees, shares in percent."""
+    changed, rms = figures["moved beyond 5°"], figures["depth, root mean square"]
+    return {
+        "capture": figures["capture"],
+        "pixels": figures["pixels"],
+        "mean angle": _in_degrees(figures["mean angle"]),
+        "95% below": _in_degrees(figures["angle of 95%"]),
+        "largest": _in_degrees(figures["largest angle"]),
+        "beyond 5°": "" if changed is None else f"{changed:.1%}",
+        "depth, RMS": "" if rms is None else f"{rms:.3g} {figures['unit of depth']}",
+    }
+
+
+def _in_degrees(angle: float | None) -> str:
+    return "" if angle is None else f"{angle:.2f}°"
+
+
 def _print_report(report: dict[str, Any], out: Path | None) -> None:
     from glint.flows.cli.tables import show, table_of
     from glint.tasks.figures.diff_maps import MAX_ANGLE_DEG
 
     before, after = report["before"], report["after"]
-    show(table_of(report["captures"], f"{before} and {after} share no capture"))
+    rows = [diff_row(figures) for figures in report["captures"]]
+    show(table_of(rows, f"{before} and {after} share no capture"))
     echo()
     show(table_of(report["changes"], "parameters, inputs and code are the same"))
     for captures, version in ((report["removed"], before), (report["added"], after)):
