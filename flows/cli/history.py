@@ -23,6 +23,7 @@ def rollback(
     object_id: ObjectId,
     version: Annotated[str, typer.Argument(metavar="VERSION", help="The version to restore: v1, v2, ..")],
     store: Store = None,
+    as_json: Json = False,
 ) -> None:
     """Publish the content of an old version as the newest one; all versions are kept."""
     from glint.storage.locations.location import Location
@@ -30,7 +31,10 @@ def rollback(
 
     repository = ObjectRepository.open(Location.parse(chosen_store(store)), object_id, create=False)
     newest = repository.rollback(version)
-    if newest.created:
+    if as_json:
+        published = {"object": object_id, "version": newest.name, "content": version, "created": newest.created}
+        print_lines([{"kind": "rollback", **published}])
+    elif newest.created:
         echo(f"{object_id}: published {newest.name} with the content of {version}")
     else:
         echo(f"{object_id}: {newest.name} is the newest version and has this content already")

@@ -1,0 +1,22 @@
+"""`glint rollback`: what it publishes, in words and as JSON."""
+
+import json
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+from glint.flows.cli.main import app
+from glint.storage.versions.repository import ObjectRepository
+from tests.storage.stores import local_store, save_capture
+
+
+def test_a_rollback_is_reported_as_json_and_in_words(tmp_path: Path) -> None:
+    repository = ObjectRepository.open(local_store(tmp_path / "store"), "duck")
+    for key in ("k1", "k2"):
+        save_capture(repository, "front", key)
+        repository.publish(["front"], {})
+    words = ["--store", str(tmp_path / "store")]
+    printed = CliRunner().invoke(app, ["rollback", "duck", "v1", "--json", *words]).output
+    expected = {"kind": "rollback", "object": "duck", "version": "v3", "content": "v1", "created": True}
+    assert json.loads(printed) == expected
+    assert "v3 is the newest version" in CliRunner().invoke(app, ["rollback", "duck", "v3", *words]).output
