@@ -13,6 +13,9 @@ from glint.storage.catalogue.yaml_lines import line_of
 _REMEDIES = {
     "string_type": "write text, in quotes if it looks like a number",
     "float_type": "write a number without quotes",
+    "float_parsing": "write a number",
+    "int_parsing": "write a whole number",
+    "bool_parsing": "write true or false",
     "int_type": "write a whole number without quotes",
     "int_from_float": "write a whole number",
     "bool_type": "write true or false",
@@ -33,10 +36,15 @@ _REPORTED_BY_LOADER = ("duplicate_id", "spheres_and_lights")
 """Errors that the catalogue's loader reports with the lines of both keys."""
 
 
-def diagnostics_of(error: ValidationError, root: Any, model: type[BaseModel], file: str) -> list[Diagnostic]:
-    """Return one diagnostic per error, without those that repeat another."""
+def diagnostics_of(
+    error: ValidationError, root: Any, model: type[BaseModel], file: str, root_name: str = "the file"
+) -> list[Diagnostic]:
+    """Return one diagnostic per error, without those that repeat another.
+
+    root_name: what messages about a key at the root call the place.
+    """
     details = error.errors(include_url=False)
-    return [_diagnostic(detail, root, model, file) for detail in details if not _is_redundant(detail)]
+    return [_diagnostic(detail, root, model, file, root_name) for detail in details if not _is_redundant(detail)]
 
 
 def _is_redundant(detail: ErrorDetails) -> bool:
@@ -50,14 +58,14 @@ def _is_redundant(detail: ErrorDetails) -> bool:
     return detail["type"] == "too_short" and len(detail["input"]) >= context.get("min_length", 1)
 
 
-def _diagnostic(detail: ErrorDetails, root: Any, model: type[BaseModel], file: str) -> Diagnostic:
+def _diagnostic(detail: ErrorDetails, root: Any, model: type[BaseModel], file: str, root_name: str) -> Diagnostic:
     location = tuple(detail["loc"])
-    line, path, kind = line_of(root, location), _format_path(location), detail["type"]
+    line, path, kind = line_of(root, location), _format_path(location) or root_name, detail["type"]
     if kind == "extra_forbidden":
         known = _known_keys(model, location[:-1])
         near = difflib.get_close_matches(str(location[-1]), known, 1, 0.5)
         remedy = f"did you mean {near[0]!r}?" if near else f"known keys are {', '.join(known)}"
-        message = f"unknown key {truncate_repr(location[-1])} in {_format_path(location[:-1])}"
+        message = f"unknown key {truncate_repr(location[-1])} in {_format_path(location[:-1]) or root_name}"
         return Diagnostic(file, line, message, remedy)
     if kind == "missing":
         return Diagnostic(file, line, f"{path} is missing", "add it")
@@ -76,7 +84,7 @@ def _format_path(location: tuple[int | str, ...]) -> str:
     text = ""
     for step in location:
         text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else str(step)
-    return text or "the file"
+    return text
 
 
 def _known_keys(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:

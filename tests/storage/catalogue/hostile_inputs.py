@@ -632,7 +632,7 @@ ROWS = (
         "catalogue",
         "unknown stage",
         ONE + ", parameters: {lable: {method: sheets}}}\n",
-        "DIR/catalogue.yaml:6: unknown key 'lable' in the file: did you mean 'labels'?",
+        "DIR/catalogue.yaml:6: unknown key 'lable' in parameters: did you mean 'labels'?",
     ),
     Hostile(
         "catalogue",

@@ -400,3 +400,12 @@ def test_the_error_survives_the_journey_between_processes(tmp_path: Path) -> Non
     again = pickle.loads(pickle.dumps(caught.value))
     assert again.diagnostics == caught.value.diagnostics
     assert str(again) == str(caught.value)
+
+
+def test_a_parameter_that_is_no_number_has_a_remedy_and_unknown_stages_name_their_place(tmp_path: Path) -> None:
+    text = HEAD + ONE + "        parameters: {lights: {seed: high}, lihgts: {seed: 0.5}}\n"
+    diagnostics = _diagnostics(tmp_path, text, _Parameters)
+    assert [(diagnostic.message.split(":")[0], diagnostic.remedy) for diagnostic in diagnostics] == [
+        ("lights.seed is 'high'", "write a number"),
+        ("unknown key 'lihgts' in parameters", "did you mean 'lights'?"),
+    ]
