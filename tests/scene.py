@@ -48,10 +48,10 @@ def draw_scene(folder: Path, *, frames: int = 500, balls: int = 1, seed: int = 0
     half_vectors = half_vectors_of(lights)
     texture = cv2.GaussianBlur(generator.normal(0, 1, (HEIGHT, WIDTH)).astype(np.float32), (0, 0), 2)
     ground = np.clip(70 + 12 * texture / texture.std(), 35, 110)
-    spheres = [(slice(int(each.y) - 26, int(each.y) + 27), slice(int(each.x) - 26, int(each.x) + 27)) for each in BALLS]
+    spheres = [(slice(int(ball.y) - 26, int(ball.y) + 27), slice(int(ball.x) - 26, int(ball.x) + 27)) for ball in BALLS]
     mirrors = [
-        reflected_directions(each.in_crop(columns.start, rows.start), (53, 53), 4)
-        for each, (rows, columns) in zip(BALLS, spheres, strict=True)
+        reflected_directions(ball.in_crop(columns.start, rows.start), (53, 53), 4)
+        for ball, (rows, columns) in zip(BALLS, spheres, strict=True)
     ]
     film = []
     for light, half_vector in zip(lights, half_vectors, strict=True):
@@ -74,7 +74,7 @@ def draw_scene(folder: Path, *, frames: int = 500, balls: int = 1, seed: int = 0
     capture = Capture(
         id="front",
         frames=str(video),
-        spheres=tuple(Entry(x=each.x, y=each.y, radius=each.radius) for each in BALLS[:balls]),
+        spheres=tuple(Entry(x=ball.x, y=ball.y, radius=ball.radius) for ball in BALLS[:balls]),
         region=REGION,
         mask=str(folder / "mask.png"),
         truth=str(truth),

@@ -30,8 +30,11 @@ def pins() -> dict[str, str]:
 
 def test_every_requirement_is_pinned() -> None:
     project = PROJECT["project"]
-    asked = [*project["dependencies"], *(each for extra in project["optional-dependencies"].values() for each in extra)]
-    assert {name_of(each) for each in asked} - set(pins()) == set()
+    asked = [
+        *project["dependencies"],
+        *(package for extra in project["optional-dependencies"].values() for package in extra),
+    ]
+    assert {name_of(package) for package in asked} - set(pins()) == set()
 
 
 def test_every_pin_has_hashes() -> None:
@@ -46,7 +49,7 @@ def test_no_address_is_written_down() -> None:
 
 
 def test_the_build_needs_nothing_but_pins() -> None:
-    assert {name_of(each) for each in PROJECT["build-system"]["requires"]} <= set(pins())
+    assert {name_of(package) for package in PROJECT["build-system"]["requires"]} <= set(pins())
 
 
 @pytest.mark.parametrize("script", ["setup.sh", ".ci/run"])

@@ -41,7 +41,7 @@ def main() -> None:
     options = parser.parse_args()
     catalogue = load_catalogue(options.catalogue)
     entry = catalogue.object(options.object) if options.object else catalogue.objects[0]
-    works = [CaptureContext.of(catalogue, entry.id, each.id, options.store) for each in entry.captures]
+    works = [CaptureContext.of(catalogue, entry.id, capture.id, options.store) for capture in entry.captures]
     table = works[0].repository.load(WHOLE_OBJECT, STAGE).record["turntable"] is not None
     views, _ = load_registered_views(works)
     for number, view in enumerate(views):

@@ -51,9 +51,9 @@ def peak_memory(catalogue: Path, store: Path) -> tuple[float, float, float]:
     largest = together = 0.0
     while process.is_running() and process.status() != psutil.STATUS_ZOMBIE:
         sizes = []
-        for each in [process, *process.children(recursive=True)]:
+        for member in [process, *process.children(recursive=True)]:
             try:
-                memory = each.memory_full_info()
+                memory = member.memory_full_info()
                 sizes.append((memory.rss / 1e6, memory.pss / 1e6))
             except psutil.Error:
                 continue

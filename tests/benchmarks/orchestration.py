@@ -61,7 +61,7 @@ def stages_alone(reference: CaptureReference) -> None:
 def by_pool(catalogue: Path, store: Path, processes: int) -> float:
     """Seconds of all captures in a pool of warm processes."""
     objects = load(catalogue).objects
-    references = [CaptureReference(str(catalogue), each.id, "front", str(store), "pool") for each in objects]
+    references = [CaptureReference(str(catalogue), item.id, "front", str(store), "pool") for item in objects]
     with multiprocessing.get_context("spawn").Pool(processes, warm_up) as pool:
         pool.map(abs, range(64), chunksize=1)
         started = time.monotonic()

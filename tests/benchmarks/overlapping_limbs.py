@@ -72,7 +72,7 @@ def measure(capture: Capture, store: Path) -> str:
     assert truth.normals is not None and truth.depth is not None
     without = reconstruct_normals(clusters, mask, field_weights=FieldWeights(unreached=0.0))
     result = reconstruct_normals(clusters, mask)
-    before, squared = (((each.normals - truth.normals) ** 2).sum(axis=-1) for each in (without, result))
+    before, squared = (((labelling.normals - truth.normals) ** 2).sum(axis=-1) for labelling in (without, result))
     known = mask & np.isfinite(squared)
     depth = np.where(mask, truth.depth, np.nan)
     steps = depth_steps(depth) | depth_steps(depth.T).T

@@ -22,12 +22,14 @@ ENDS = {"deployments", "certificate"}
 
 
 def documents() -> list[dict[str, Any]]:
-    return [each for path in MANIFESTS for each in YAML(typ="safe").load_all(path) if each]
+    return [resource for path in MANIFESTS for resource in YAML(typ="safe").load_all(path) if resource]
 
 
 def pods() -> dict[str, dict[str, Any]]:
     found = {
-        each["metadata"]["name"]: each["spec"]["template"]["spec"] for each in documents() if "template" in str(each)
+        resource["metadata"]["name"]: resource["spec"]["template"]["spec"]
+        for resource in documents()
+        if "template" in str(resource)
     }
     assert len(found) > 6
     return found
@@ -43,7 +45,9 @@ def test_dask_runs_with_the_settings_of_a_local_cluster() -> None:
     # A worker elsewhere that is gone is noticed by its silence alone; a local one by its end.
     expected = {in_environment(name): str(value) for name, value in SETTINGS.items() if "worker-ttl" not in name}
     (kubernetes,) = [
-        each["data"] for each in documents() if each["kind"] == "ConfigMap" and "GLINT_STORE" in each["data"]
+        resource["data"]
+        for resource in documents()
+        if resource["kind"] == "ConfigMap" and "GLINT_STORE" in resource["data"]
     ]
     for said in (COMPOSE["services"]["dask-worker"]["environment"], kubernetes):
         assert {name: said.get(name) for name in expected} == expected
@@ -70,7 +74,7 @@ def test_examples_hold_no_secret() -> None:
     for line in (DEPLOY / ".env.example").read_text().splitlines():
         if re.match(r"[A-Z_]*(PASSWORD|SECRET|KEY|AUTH)[A-Z_]*=", line):
             assert line.endswith("="), line
-    (secret,) = (each for each in documents() if each["kind"] == "Secret")
+    (secret,) = (resource for resource in documents() if resource["kind"] == "Secret")
     assert set(secret["stringData"].values()) == {""}
 
 
@@ -87,10 +91,10 @@ def test_a_pod_has_small_rights_and_limits(name: str) -> None:
 
 
 def test_every_manifest_is_listed_and_every_name_is_there() -> None:
-    listed = next(each for each in documents() if each["kind"] == "Kustomization")["resources"]
+    listed = next(resource for resource in documents() if resource["kind"] == "Kustomization")["resources"]
     files = {path.name for path in MANIFESTS} - {"kustomization.yaml", "secret.example.yaml"}
     assert set(listed) == files
-    keys = {key for each in documents() if each["kind"] == "Secret" for key in each["stringData"]}
+    keys = {key for resource in documents() if resource["kind"] == "Secret" for key in resource["stringData"]}
     asked = set(re.findall(r"secretKeyRef: \{name: glint, key: (\w+)\}", "".join(p.read_text() for p in MANIFESTS)))
     assert asked == keys
 

@@ -92,7 +92,7 @@ def test_versions_without_a_common_pixel_have_no_figures(repository: ObjectRepos
     publish(repository, tilted(0.0), depth(), region=REGION | {"x": 200})
     figures = compare(repository, "front", "v1", "v2").figures
     assert figures.pop("pixels") == 0 and set(figures.values()) == {None}
-    assert [each.degrees for each in drifts(repository, "v1", "v2", 90.0)] == [180.0]
+    assert [change.degrees for change in drifts(repository, "v1", "v2", 90.0)] == [180.0]
 
 
 def test_a_surface_has_moved_when_a_twentieth_of_it_has(repository: ObjectRepository) -> None:

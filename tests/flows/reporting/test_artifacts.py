@@ -51,7 +51,7 @@ def test_a_run_has_its_table_and_its_problems_on_the_server(server: Server) -> N
         return str(runtime.flow_run.id)
 
     found = ask(f"{server.api_url}/artifacts/filter", {"flow_runs": {"id": {"any_": [run()]}}})
-    artifacts = {each["key"]: each for each in found}
+    artifacts = {artifact["key"]: artifact for artifact in found}
     assert set(artifacts) == {"catalogue-glassware", "problems-glassware", "glass-front"}
     assert "](http://127.0.0.1:4300/#/glass/front/inputs)" in artifacts["glass-front"]["data"]
     second, first = json.loads(artifacts["catalogue-glassware"]["data"])  # failures come first

@@ -34,7 +34,7 @@ def test_json_lines_are_whole_objects_from_many_threads() -> None:
         thread.join()
     objects = [json.loads(line) for line in stream.getvalue().splitlines()]
     assert len(objects) == 400
-    assert {each["capture"] for each in objects} == {f'gläs"{number}\n' for number in range(8)}
+    assert {item["capture"] for item in objects} == {f'gläs"{number}\n' for number in range(8)}
     assert set(objects[-1]) == {
         *("time", "kind", "capture", "stage", "done", "total", "seconds", "frames_per_second"),
     } - ({"frames_per_second"} if objects[-1]["done"] == 0 else set())

@@ -24,7 +24,7 @@ RECORDS = (
 
 def pictures_of(page: str) -> list[np.ndarray]:
     found = re.findall(r"data:image/png;base64,([A-Za-z0-9+/=]+)\)", page)
-    return [cast(np.ndarray, cv2.imdecode(np.frombuffer(base64.b64decode(each), np.uint8), -1)) for each in found]
+    return [cast(np.ndarray, cv2.imdecode(np.frombuffer(base64.b64decode(encoded), np.uint8), -1)) for encoded in found]
 
 
 def test_a_page_shows_pictures_stages_and_warnings() -> None:

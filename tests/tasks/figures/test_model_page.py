@@ -46,7 +46,7 @@ def test_the_page_of_a_turntable() -> None:
 
 
 def test_the_page_of_matrices() -> None:
-    views = [{**each, "pose": "given"} for each in VIEWS]
+    views = [{**model_view, "pose": "given"} for model_view in VIEWS]
     page = sheet_page("fish/model", SHEET, {**ABOUT, "views": views, "turntable": None, "left_out": []}, [RECORD])
     assert "| view-00 | given | 0.00 | 75% |" in page.replace("\\", "")
     assert "leans" not in page
