@@ -58,7 +58,7 @@ def test_the_last_failures_are_shown_with_their_remedies(
     status(str(tmp_path), as_json=False)
     shown = capsys.readouterr().out
     assert "elsewhere" not in shown
-    assert "no objects yet" in shown and "check the path" in shown and server.ui_url in shown
+    assert "no objects in the store" in shown and "check the path" in shown and server.ui_url in shown
 
 
 def test_running_captures_are_shown_with_their_progress(server: Server, tmp_path: Path) -> None:
