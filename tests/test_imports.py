@@ -23,7 +23,7 @@ ORDER = {
         " json_values seals fsync errors"
     ),
     "glint.tasks": (
-        "check review verdict memory up_to_date publish warm_up robustness evaluation simulation"
+        "check review verdict memory up_to_date publish forked warm_up robustness evaluation simulation"
         " questions pipeline model sphere_agreement stages figures engine version_diff code_provenance"
     ),
     "glint.tasks.algorithms": (

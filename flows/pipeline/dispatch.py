@@ -11,7 +11,8 @@ from distributed.scheduler import KilledWorker
 
 from glint.flows.errors import ClusterError
 from glint.flows.pipeline.prefect_sink import TaskRunReporter
-from glint.flows.runtime.dask_cluster import TERMINATED, WORKERS_SECONDS
+from glint.flows.runtime.dask_cluster import WORKERS_SECONDS
+from glint.flows.runtime.environment import TERMINATED
 
 _ATTEMPTS = 3
 

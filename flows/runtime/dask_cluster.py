@@ -27,7 +27,13 @@ from distributed.diagnostics.plugin import WorkerPlugin
 from distributed.system import MEMORY_LIMIT
 
 from glint.flows.errors import ClusterError
-from glint.flows.runtime.environment import WORKER_MEMORY, prepare_environment, start_forkserver
+from glint.flows.runtime.environment import (
+    DASK_SETTINGS,
+    LOCAL_DASK_SETTINGS,
+    WEBSOCKET_ORIGINS,
+    prepare_environment,
+    start_forkserver,
+)
 from glint.flows.runtime.scheduler_client import connected_client
 from glint.flows.runtime.signals import raise_if_interrupted
 
@@ -42,41 +48,6 @@ WORKERS_SECONDS = 120
 DASHBOARD_SECONDS = 3.0
 """How long after the start of a local cluster Dask's dashboard is added: importing its plots would delay the first task
 of every run."""
-
-TERMINATED = 0.95
-"""Share of its memory limit at which a worker is terminated."""
-
-SETTINGS = {
-    # A task that killed two workers is the cause of their deaths: it fails, other tasks continue.
-    "distributed.scheduler.allowed-failures": 1,
-    # A graph cut holds the GIL for minutes; the death of a local worker is noticed without heartbeats.
-    "distributed.scheduler.worker-ttl": None,
-    # The stages of a capture may be queued at a busy worker; an idle one takes them over at once.
-    "distributed.scheduler.work-stealing-interval": "100ms",
-    "distributed.worker.memory.target": False,
-    "distributed.worker.memory.spill": False,
-    "distributed.worker.memory.pause": False,
-    "distributed.worker.memory.terminate": TERMINATED,
-    # At its default intervals, monitoring costs Dask a twentieth of two processors.
-    "distributed.worker.memory.monitor-interval": "200ms",
-    "distributed.worker.profile.interval": "200ms",
-    "distributed.admin.tick.interval": "200ms",
-    "distributed.admin.system-monitor.interval": "2s",
-    **{f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in WORKER_MEMORY.items()},
-}
-"""Settings of Dask; deploy/ repeats them in the environment of its containers."""
-
-WEBSOCKET_ORIGINS = "distributed.scheduler.dashboard.bokeh-application.allow_websocket_origin"
-"""Setting of Dask: the origins whose pages may read its dashboard, all of them by default."""
-
-LOCAL_SETTINGS = {
-    # The place of a dead worker is given up when it was absent for so long. A replacement takes more than Dask's 15 s
-    # on a busy machine, and one that dies again in that time counts as absent all the while.
-    "distributed.deploy.lost-worker-timeout": "1 day",
-    # Workers are forked from a process that has imported what they need.
-    "distributed.worker.multiprocessing-method": "forkserver",
-}
-"""Settings of Dask that only a local cluster needs besides SETTINGS."""
 
 
 @dataclass
@@ -209,7 +180,7 @@ class Cluster:
     def _start_local(self) -> None:
         start_forkserver()
         dashboard = _free_address()
-        dask.config.set(SETTINGS | LOCAL_SETTINGS | {WEBSOCKET_ORIGINS: [dashboard]})
+        dask.config.set(DASK_SETTINGS | LOCAL_DASK_SETTINGS | {WEBSOCKET_ORIGINS: [dashboard]})
         self._cluster = LocalCluster(
             n_workers=self._workers,
             threads_per_worker=1,

@@ -1,4 +1,4 @@
-"""Glint's home, the settings that libraries read from the environment, and the process that passes them to workers.
+"""Glint's home, the settings of libraries, and the process that passes them to workers.
 
 Prefect, numba and OpenMP read theirs once, at import, so `prepare_environment` is called before they are imported.
 """
@@ -16,6 +16,41 @@ own setting, costs a tenth of a worker's time."""
 FORKED = ("distributed", "open3d", "av", "glint.tasks.forked")
 """Modules that are imported before workers are forked: the large ones whose import, unlike icechunk's, starts no
 threads, which a fork does not copy. The last one loads compiled kernels."""
+
+TERMINATED = 0.95
+"""Share of its memory limit at which a worker is terminated."""
+
+DASK_SETTINGS = {
+    # A task that killed two workers is the cause of their deaths: it fails, other tasks continue.
+    "distributed.scheduler.allowed-failures": 1,
+    # A graph cut holds the GIL for minutes; the death of a local worker is noticed without heartbeats.
+    "distributed.scheduler.worker-ttl": None,
+    # The stages of a capture may be queued at a busy worker; an idle one takes them over at once.
+    "distributed.scheduler.work-stealing-interval": "100ms",
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.pause": False,
+    "distributed.worker.memory.terminate": TERMINATED,
+    # At its default intervals, monitoring costs Dask a twentieth of two processors.
+    "distributed.worker.memory.monitor-interval": "200ms",
+    "distributed.worker.profile.interval": "200ms",
+    "distributed.admin.tick.interval": "200ms",
+    "distributed.admin.system-monitor.interval": "2s",
+    **{f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in WORKER_MEMORY.items()},
+}
+"""Settings of Dask; deploy/ repeats them in the environment of its containers."""
+
+WEBSOCKET_ORIGINS = "distributed.scheduler.dashboard.bokeh-application.allow_websocket_origin"
+"""Setting of Dask: the origins whose pages may read its dashboard, all of them by default."""
+
+LOCAL_DASK_SETTINGS = {
+    # The place of a dead worker is given up when it was absent for so long. A replacement takes more than Dask's 15 s
+    # on a busy machine, and one that dies again in that time counts as absent all the while.
+    "distributed.deploy.lost-worker-timeout": "1 day",
+    # Workers are forked from a process that has imported what they need.
+    "distributed.worker.multiprocessing-method": "forkserver",
+}
+"""Settings of Dask that only a local cluster needs besides DASK_SETTINGS."""
 
 _PREFECT = {
     "DO_NOT_TRACK": "1",

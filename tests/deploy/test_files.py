@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
-from glint.flows.runtime.dask_cluster import SETTINGS
+from glint.flows.runtime.environment import DASK_SETTINGS
 
 ROOT = Path(__file__).parents[2]
 DEPLOY = ROOT / "deploy"
@@ -43,7 +43,7 @@ def in_environment(setting: str) -> str:
 
 def test_dask_runs_with_the_settings_of_a_local_cluster() -> None:
     # A worker elsewhere that is gone is noticed by its silence alone; a local one by its end.
-    expected = {in_environment(name): str(value) for name, value in SETTINGS.items() if "worker-ttl" not in name}
+    expected = {in_environment(name): str(value) for name, value in DASK_SETTINGS.items() if "worker-ttl" not in name}
     (kubernetes,) = [
         resource["data"]
         for resource in documents()

@@ -23,7 +23,7 @@ rim of a small sphere is sampled too coarsely to contradict less."""
 MAX_START_RATIO = 0.9
 """Contrast of a given circle, relative to that of the fit, up to which the fit replaces it: an ellipse has no better
 circle than the given one."""
-MAX_INNER_START_RATIO, MAX_INNER_REACH = 0.8, 1.03
+MAX_INNER_START_RATIO, MAX_TOUCHING_REACH = 0.8, 1.03
 """The same for a fit inside the given circle, by how far it reaches in radii of that: edges inside the contour, such as
 those of a mirrored object, may be stronger than its own."""
 RIVAL_DOUBT_POWER = 4.0
@@ -125,7 +125,7 @@ def confirm_sphere(
         return ConfirmedSphere(replace(given, centre_sd=deviation, radius_sd=deviation), fit, False, False)
     least = max(MIN_CORRECTION_RATIO * given.radius, MIN_CORRECTION_PX)
     distance, difference = given.distance(fit), abs(given.radius - fit.radius)
-    is_inside = distance + fit.radius < MAX_INNER_REACH * given.radius
+    is_inside = distance + fit.radius < MAX_TOUCHING_REACH * given.radius
     max_start = (MAX_INNER_START_RATIO if is_inside else MAX_START_RATIO) * fit.score
     is_corrected = start_contrast < max_start and (
         distance > max(least, MIN_CORRECTION_DEVIATIONS * fit.centre_sd)
