@@ -18,9 +18,10 @@ from glint.tasks.algorithms.labelling.answers import mark_influence, sheet_graph
 from glint.tasks.algorithms.labelling.confidence import TOLERANCE_RAD
 from glint.tasks.algorithms.labelling.graph_cut import OBSERVABLE_SOLID_ANGLE
 from glint.tasks.algorithms.labelling.integrability import shape_log_ratio
-from glint.tasks.algorithms.labelling.results import MARKED, OBSERVED, Reconstruction
+from glint.tasks.algorithms.labelling.results import Reconstruction
 from glint.tasks.algorithms.labelling.weights import DEFAULT_FIELD, FieldWeights
-from glint.tasks.algorithms.prior.smooth_normals import contour_normals, inradius, smooth_normal_field
+from glint.tasks.algorithms.prior.smooth_normals import contour_normals, inradius
+from glint.tasks.algorithms.questions.prediction import MAX_CHANGE_DEG, Prediction, accepted_pixels
 from glint.tasks.algorithms.questions.sheets import Patches, cut_patches
 
 if TYPE_CHECKING:
@@ -40,10 +41,9 @@ REJECTED_NATS = -4.0
 """Log-odds of a rejected candidate that faces the camera, before its evidence."""
 ANSWERED_INFLUENCE = 0.2
 """Mean influence of marks on a sheet from which it counts as answered."""
-FIELD_NODES = 3_000
-"""Grid nodes of the coarser field that predicts what hangs on a sheet."""
 PREDICTED = 24
-"""Sheets whose effect on the field is solved for, chosen by their own change alone."""
+"""Rejected sheets whose effect on the field is solved for, chosen by their own change alone, and half as many accepted
+ones."""
 ASKED_TURN_DEG = 10.0
 """Angle of a rejected sheet to the present normals from which it is asked about, degrees: others change little."""
 SHARED_CHANGE = 0.5
@@ -52,10 +52,6 @@ WRONG_SPREAD_RAD = np.radians(25.0)
 """Standard deviation per axis of the error of normals that are not within the tolerance, radians."""
 EXTERIOR_MARGIN_PX = 20.0
 """Width, in pixels, of the margin of the field that hangs on an accepted patch."""
-MIN_FIELD_CONFIDENCE = 0.5
-"""Confidence from which accepted normals shape the field, as in the labelling."""
-MAX_CHANGE_DEG = 45.0
-"""Angles are clipped here: a worse normal is no more wrong."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +82,14 @@ class Question:
         """Whether the labelling itself is undecided about the sheet."""
         return self.wrong >= OPEN_PROBABILITY
 
+    @property
+    def is_promising(self) -> bool:
+        """Whether it comes before all others: a rejected sheet that may well be the surface.
+
+        Of accepted sheets few are false, however low their confidence, and confirming one changes nothing.
+        """
+        return self.is_open and not self.exterior
+
 
 def propose(
     clusters: "Clusters",
@@ -95,7 +99,7 @@ def propose(
     count: int,
     field_weights: FieldWeights = DEFAULT_FIELD,
 ) -> list[Question]:
-    """Propose at most `count` sheets, the most valuable first, no near-duplicates of one another.
+    """Propose at most `count` sheets, no near-duplicates of one another: promising ones first, each by their value.
 
     Args:
         clusters: candidates of the region as labelled, `normals` (K, H, W, 3).
@@ -121,9 +125,11 @@ def propose(
     first = gain * wrong * rough_change(patches, normals, result, mask, scale)
     turn = patches.mean(angles(patches.of(normals), result.normals[patches.row, patches.column]))
     first[answered | (~exterior & (turn < ASKED_TURN_DEG))] = 0.0
-    chosen = np.lexsort((-first, (first <= 0) | (wrong < OPEN_PROBABILITY)))[: max(PREDICTED, 2 * count)]
-    chosen = chosen[first[chosen] > 0]
-    predict = _Prediction(mask, normals, result, patches, field_weights)
+    order = np.lexsort((-first, wrong < OPEN_PROBABILITY))
+    order = order[first[order] > 0]
+    pool = max(PREDICTED, 2 * count)
+    chosen = np.concatenate([order[~exterior[order]][:pool], order[exterior[order]][: pool // 2]])
+    predict = Prediction(mask, normals, result, patches, field_weights)
     maps = {int(number): predict.change(int(number), bool(exterior[number])) for number in chosen}
     candidates = [
         Question(
@@ -136,17 +142,19 @@ def propose(
         )
         for number in maps
     ]
-    ranked = sorted(zip(candidates, maps.values(), strict=True), key=lambda pair: (-pair[0].is_open, -pair[0].value))
-    questions: list[Question] = []
-    taken: list[np.ndarray] = []
+    pairs = zip(candidates, maps.values(), strict=True)
+    return _without_duplicates(sorted(pairs, key=lambda pair: (-pair[0].is_promising, -pair[0].value)))[:count]
+
+
+def _without_duplicates(ranked: list[tuple[Question, np.ndarray]]) -> list[Question]:
+    """Return questions without those whose change (H, W) mostly follows from an earlier one that is as open."""
+    taken: list[tuple[Question, np.ndarray]] = []
     for question, change in ranked:
-        if any(np.minimum(change, earlier).sum() > SHARED_CHANGE * change.sum() for earlier in taken):
-            continue
-        taken.append(change)
-        questions.append(question)
-        if len(questions) == count:
-            break
-    return questions
+        # That an improbable sheet is false says nothing of another one.
+        rivals = (earlier for other, earlier in taken if other.is_open or not question.is_open)
+        if not any(np.minimum(change, earlier).sum() > SHARED_CHANGE * change.sum() for earlier in rivals):
+            taken.append((question, change))
+    return [question for question, _ in taken]
 
 
 def rough_change(
@@ -161,7 +169,7 @@ def rough_change(
     exterior = patches.of(result.labels) > 0
     own = np.where(exterior, MAX_CHANGE_DEG / 3.0, own)
     rim, _ = contour_normals(mask)
-    known = (_accepted(result) | rim) & mask
+    known = (accepted_pixels(result) | rim) & mask
     distance = ndimage.distance_transform_edt(~known) if known.any() else np.full(mask.shape, scale)
     # A false patch holds a disc as wide as its distance from what is known, an exterior one its pixels and a margin.
     reach = np.maximum(patches.mean(distance[patches.row, patches.column]), 0.0)
@@ -170,12 +178,6 @@ def rough_change(
     lonely = np.sqrt(pixels) * EXTERIOR_MARGIN_PX
     held = np.where(patches.mean(exterior) > 0.5, pixels + lonely, held)
     return patches.mean(own) * held
-
-
-def _accepted(result: Reconstruction) -> np.ndarray:
-    """Return the pixels (H, W) bool whose accepted normals shape the field."""
-    accepted = (result.provenance == OBSERVED) | (result.provenance == MARKED)
-    return np.asarray(accepted & (result.confidence >= MIN_FIELD_CONFIDENCE))
 
 
 def _angular_density(angle: np.ndarray, spread: float) -> np.ndarray:
@@ -207,41 +209,3 @@ def wrong_probability(
     nats = patches.mean(ratio) + LIT_SHARE_POWER * np.log(lit / np.median(lit)) + TILT_NATS_PER_DEG * tilt
     surface = 1.0 / (1.0 + np.exp(-np.clip(nats + REJECTED_NATS, -50.0, 50.0)))
     return np.where(patches.mean(exterior) > 0.5, patches.mean(1.0 - confidence), surface)
-
-
-class _Prediction:
-    """Predicts the normals if one patch had the opposite label, all else being equal."""
-
-    def __init__(
-        self,
-        mask: np.ndarray,
-        normals: np.ndarray,
-        result: Reconstruction,
-        patches: Patches,
-        weights: FieldWeights,
-    ) -> None:
-        self.mask, self.normals, self.result, self.patches, self.weights = mask, normals, result, patches, weights
-        self.surface = smooth_normal_field(mask, weights.tension_length, FIELD_NODES)
-        self.rim, self.outward = contour_normals(mask)
-        self.accepted = _accepted(result)
-        self.field = self._solve(self.accepted, result.normals)
-
-    def _solve(self, known: np.ndarray, values: np.ndarray) -> np.ndarray:
-        pull = np.where(known, self.weights.observed, np.where(self.rim, self.weights.rim, 0.0))
-        return self.surface.solve(np.where(known[..., None], values, self.outward), pull)
-
-    def change(self, number: int, exterior: bool) -> np.ndarray:
-        """Return the angles (H, W), degrees, between the normals now and with the opposite label of a patch."""
-        of_patch = self.patches.number == number
-        layer, row, column = (index[of_patch] for index in (self.patches.layer, self.patches.row, self.patches.column))
-        known, values = self.accepted.copy(), self.result.normals.copy()
-        known[row, column] = not exterior
-        if not exterior:
-            values[row, column] = self.normals[layer, row, column]
-        field = self._solve(known, values)
-        # Accepted normals elsewhere stay what they are; all others follow the field.
-        follows = self.mask & ~self.accepted
-        change = np.where(follows, angles(field, self.field), 0.0)
-        after = field if exterior else values
-        change[row, column] = angles(after[row, column], self.result.normals[row, column])
-        return np.minimum(np.nan_to_num(change), MAX_CHANGE_DEG)

@@ -66,10 +66,19 @@ def test_proposals_are_few_distinct_and_in_order(scene: Scene, doubtful: Reconst
     clusters, mask, _ = scene
     questions = propose(clusters, mask, doubtful, None, 4)
     assert 1 < len(questions) <= 4
-    open_values = [(question.is_open, question.value) for question in questions]
-    assert open_values == sorted(open_values, reverse=True)
+    ranks = [(question.is_promising, question.value) for question in questions]
+    assert ranks == sorted(ranks, reverse=True)
     nodes = [set(zip(q.layers.tolist(), q.rows.tolist(), q.columns.tolist(), strict=True)) for q in questions]
     assert sum(map(len, nodes)) == len(set().union(*nodes))
+
+
+def test_a_rejected_sheet_comes_before_doubted_accepted_ones(scene: Scene, doubtful: Reconstruction) -> None:
+    clusters, mask, _ = scene
+    accepted = doubtful.labels.any(axis=0)
+    doubted = replace(doubtful, confidence=np.where(accepted, np.float32(0.3), doubtful.confidence))
+    first, *others = propose(clusters, mask, doubted, None, 6)
+    assert not first.exterior
+    assert len(others) == 5 and any(question.exterior and question.is_open for question in others)
 
 
 def test_without_candidates_nothing_is_asked(scene: Scene, doubtful: Reconstruction) -> None:
