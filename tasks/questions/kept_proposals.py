@@ -13,7 +13,7 @@ from glint.storage.seals import digest_of
 from glint.tasks.algorithms.questions.proposals import Question
 from glint.tasks.questions.capture_questions import CaptureQuestions, ShownQuestion
 
-PROPOSALS_VERSION = 1
+PROPOSALS_VERSION = 2
 """Grows when other questions would be proposed about the same results."""
 
 
