@@ -15,6 +15,7 @@ PORTS = 20
 """Number of ports that are tried, from REVIEW_PORT on."""
 MIN_PASSWORD_CHARACTERS = 12
 """Fewest characters of a password for a page that other machines reach."""
+END = "glint: the review page has stopped; what was saved is kept, and runs that it started continue"
 
 
 def review(
@@ -41,6 +42,7 @@ def review(
     from glint.flows.review.access import Access
     from glint.flows.review.app import create_app
     from glint.flows.review.kept_session import kept_session
+    from glint.flows.runtime import signals
     from glint.flows.runtime.environment import prepare_environment
     from glint.storage.locations.location import Location
     from glint.tasks.engine.references import load_catalogue
@@ -62,6 +64,7 @@ def review(
     echo(f"review page: {access.link() if password is None else f'{access.origins[0]}/open'}")
     echo(f"to bookmark: {access.origins[0]}/")
     echo("press Ctrl+C to stop the server; runs that it started continue")
+    signals.describe_end(END)
     uvicorn.Server(config).run(sockets=[listener])
 
 

@@ -21,6 +21,7 @@ REPEAT_SECONDS = 1.0
 """A second signal ends the run at once, unless it comes so soon that a terminal and its shell sent the same one."""
 LINE = "glint: interrupted; what is finished is kept, and the same command goes on from there"
 
+_line = LINE
 _interrupted = threading.Event()
 _repeated = threading.Event()
 
@@ -32,6 +33,12 @@ def install() -> None:
     sys.excepthook = _without_interrupts(sys.excepthook)
     sys.unraisablehook = _without_interrupts(sys.unraisablehook)
     threading.excepthook = _without_interrupts(threading.excepthook)
+
+
+def describe_end(line: str) -> None:
+    """Set what is printed when this process is interrupted: not every command goes on where it stopped."""
+    global _line
+    _line = line
 
 
 def was_interrupted() -> bool:
@@ -55,7 +62,7 @@ def _handle(number: int, frame: FrameType | None) -> None:
     if not _interrupted.is_set():
         _interrupted.set()
         # Unbuffered and without a lock, which the interrupted code may hold.
-        os.write(2, f"{LINE}\n".encode())
+        os.write(2, f"{_line}\n".encode())
         for seconds, call, arguments in ((REPEAT_SECONDS, _repeated.set, []), (GRACE_SECONDS, os._exit, [EXIT_STATUS])):
             timer = threading.Timer(seconds, call, arguments)
             timer.daemon = True

@@ -17,6 +17,8 @@ from glint.storage.errors import GlintError
 from glint.storage.locations.credentials import azure_options, s3_options
 
 _REMOTE = re.compile(r"(?P<scheme>[A-Za-z][A-Za-z0-9+.-]*)://(?P<rest>.*)", re.DOTALL)
+_NEARLY_REMOTE = re.compile(r"(s3|az):(?!//)", re.IGNORECASE)
+"""Addresses with a slash too few; a path that begins so is given as ./s3:.."""
 _CONTAINER = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{1,62}")
 _FORMS = "give a path, s3://bucket/key or az://container/key"
 
@@ -45,6 +47,8 @@ class Location:
             raise LocationError(f"{text!r} is not an address", _FORMS)
         remote = _REMOTE.fullmatch(text)
         if remote is None:
+            if _NEARLY_REMOTE.match(text):
+                raise LocationError(f"{text!r} is not an address of an object store", _FORMS)
             path = (folder or Path.cwd()) / os.path.expanduser(text)  # noqa: PTH111 - keeps an unknown ~user
             return cls("file", "", os.path.abspath(path))  # noqa: PTH100 - resolves `..`, not links
         scheme, rest = remote["scheme"].lower(), remote["rest"]

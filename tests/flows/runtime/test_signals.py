@@ -144,3 +144,10 @@ def test_a_signal_that_a_library_swallowed_is_remembered(monkeypatch: pytest.Mon
             timer.cancel()
         for each, handler in zip((signal.SIGINT, signal.SIGTERM), before, strict=True):
             signal.signal(each, handler)
+
+
+def test_a_command_says_what_its_end_leaves() -> None:
+    code = "import os, signal; from glint.flows.runtime import signals; signals.install(); "
+    code += "signals.describe_end('glint: the page has stopped'); os.kill(os.getpid(), signal.SIGINT)"
+    ended = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert ended.stderr == "glint: the page has stopped\n"
