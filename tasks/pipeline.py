@@ -139,7 +139,7 @@ STAGES = (
             "evidence": ArraySchema("HW", "f", "mask"),
         },
         peak_bytes=_per_pixel(900),
-        version=27,
+        version=28,
     ),
     Stage(
         "depth",

@@ -18,6 +18,7 @@ from glint.tasks.algorithms.labelling.confidence import (
     field_confidence,
     field_error_slope,
     observed_confidence,
+    place_confidence,
     probability_within_tolerance,
     sheet_confidence,
 )
@@ -225,8 +226,8 @@ class Alternation:
             self.iterate(1, 0.0, min_confidence)
         return True
 
-    def final_confidence(self, min_confidence: float) -> np.ndarray:
-        """Compute the confidence (H, W): of whole sheets at accepted normals, of the field elsewhere."""
+    def final_confidence(self, normals: np.ndarray, min_confidence: float) -> np.ndarray:
+        """Compute the confidence (H, W) of resulting normals (H, W, 3): by sheets where accepted, else by the field."""
         # While labels change, the neighbourhood has to do; now each sheet is tested against the rest of the object.
         coarse = smooth_normal_field(self.mask, self.field_weights.tension_length, HELD_OUT_NODES)
         sheets = segment_sheets(self.values)
@@ -237,11 +238,10 @@ class Alternation:
 
         residual = held_out_residual(sheets, self.values, self.known, self.rim, self.mask, self.scale, predict)
         observed = sheet_confidence(self.values, sheet_means(sheets, evidence), residual, self.scale)
-        observed = self.with_marks(observed)
+        observed = self.with_marks(observed * place_confidence(normals))
         accepted = np.where(self.known[..., None], self.values, np.nan)
         slope = field_error_slope(lambda kept: self.solve_field(kept, self.values), accepted, self.scale)
-        certain = self.known & (observed >= min_confidence)
-        between = field_confidence(certain, self.rim, slope, self.scale)
+        between = field_confidence(self.known & (observed >= min_confidence), self.rim, slope, self.scale)
         if self.faces is not None:
             is_unseen = np.isfinite(self.faces.spread)
             between = np.where(is_unseen, probability_within_tolerance(self.faces.spread), between)

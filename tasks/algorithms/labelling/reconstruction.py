@@ -118,11 +118,11 @@ def reconstruct_normals(
 
     accepted = np.isfinite(state.confidence)
     provenance = np.select([~mask, state.marked, accepted, state.rim], [OUTSIDE, MARKED, OBSERVED, SILHOUETTE], FILLED)
-    confidence = state.confidence if state.is_draft else state.final_confidence(min_confidence)
-    denoised = _denoise(state.values, state.smooth)
+    normals = np.where(accepted[..., None], _denoise(state.values, state.smooth), state.smooth).astype(np.float32)
+    confidence = state.confidence if state.is_draft else state.final_confidence(normals, min_confidence)
     return Reconstruction(
         labels=state.labels.astype(np.uint8),
-        normals=np.where(accepted[..., None], denoised, state.smooth).astype(np.float32),
+        normals=normals,
         initial=state.initial,
         provenance=provenance.astype(np.uint8),
         confidence=np.where(mask, confidence, np.nan).astype(np.float32),

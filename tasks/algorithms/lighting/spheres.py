@@ -104,12 +104,14 @@ def measure_sphere(
 @dataclass(frozen=True, slots=True)
 class ConfirmedSphere:
     """A given sphere and what the frames show of it. sphere: what is to be used; fit: what was measured; is_clear: the
-    contour is seen; is_corrected: the fit replaces the given circle."""
+    contour is seen; is_corrected: the fit replaces the given circle; given_contrast: contrast of the given circle
+    relative to that of the fit, 0 where the contour is not seen."""
 
     sphere: Sphere
     fit: Sphere
     is_clear: bool
     is_corrected: bool
+    given_contrast: float = 0.0
 
 
 def confirm_sphere(
@@ -126,24 +128,25 @@ def confirm_sphere(
     least = max(MIN_CORRECTION_RATIO * given.radius, MIN_CORRECTION_PX)
     distance, difference = given.distance(fit), abs(given.radius - fit.radius)
     is_inside = distance + fit.radius < MAX_TOUCHING_REACH * given.radius
-    max_start = (MAX_INNER_START_RATIO if is_inside else MAX_START_RATIO) * fit.score
-    is_corrected = start_contrast < max_start and (
+    given_contrast = start_contrast / fit.score
+    is_corrected = given_contrast < (MAX_INNER_START_RATIO if is_inside else MAX_START_RATIO) and (
         distance > max(least, MIN_CORRECTION_DEVIATIONS * fit.centre_sd)
         or difference > max(least, MIN_CORRECTION_DEVIATIONS * fit.radius_sd)
     )
     if is_corrected:
         # The weaker the contour, and the stronger the given circle, the more that speaks against the fit.
-        rival = max(start_contrast / fit.score, 0.0) ** RIVAL_DOUBT_POWER
+        rival = max(given_contrast, 0.0) ** RIVAL_DOUBT_POWER
         doubt = max((MIN_CLEAR_CONTRAST / fit.score) ** 2, rival)
         deviations = (
             float(np.hypot(fit.centre_sd, doubt * distance)),
             float(np.hypot(fit.radius_sd, doubt * difference)),
         )
-        return ConfirmedSphere(replace(fit, centre_sd=deviations[0], radius_sd=deviations[1]), fit, True, True)
+        used = replace(fit, centre_sd=deviations[0], radius_sd=deviations[1])
+        return ConfirmedSphere(used, fit, True, True, given_contrast)
     own = UNKNOWN_DEVIATION_RATIO * given.radius
     centre_sd = _given_deviation(own, fit.centre_sd, distance / np.sqrt(2.0))
     sphere = replace(given, centre_sd=centre_sd, radius_sd=_given_deviation(own, fit.radius_sd, difference))
-    return ConfirmedSphere(sphere, fit, True, False)
+    return ConfirmedSphere(sphere, fit, True, False, given_contrast)
 
 
 def _given_deviation(given: float, fitted: float, difference: float) -> float:

@@ -4,6 +4,7 @@ from glint.tasks.algorithms.labelling.confidence import (
     field_confidence,
     field_error_slope,
     observed_confidence,
+    place_confidence,
     probability_within_tolerance,
     sheet_confidence,
 )
@@ -42,6 +43,31 @@ def test_a_sheet_of_odd_shape_or_large_residual_is_not_confident() -> None:
         assert sheet_confidence(plane(), even + shape, even + residual, 30.0).max() < 0.95
     absent = np.full((60, 60, 3), np.nan)
     assert np.isnan(sheet_confidence(absent, even, even, 30.0)).all()
+
+
+def test_where_the_surface_turns_from_pixel_to_pixel_a_normal_is_known_no_better_than_its_place() -> None:
+    generator = np.random.default_rng(0)
+    # Student's t in the plane: a normal vector over the root of an independent chi-square per degree of freedom.
+    places = 0.14 * generator.normal(size=(2, 200_000)) / np.sqrt(generator.chisquare(2, 200_000) / 2.0)
+    for turn_deg in (0.5, 2.0, 7.0, 15.0):
+        y, x = np.radians(turn_deg) * (np.indices((5, 5)) - 2.0)
+        dome = np.stack([x, y, np.ones((5, 5))], axis=-1)
+        dome /= np.linalg.norm(dome, axis=-1, keepdims=True)
+        right = (turn_deg * np.hypot(*places) < 5.0).mean()
+        assert abs(place_confidence(dome)[2, 2] - right) < 0.01
+
+
+def test_ridges_are_judged_alike_in_any_direction() -> None:
+    angle = np.radians(9.0) * (np.arange(5) - 2.0)
+    ridge = np.tile(np.stack([np.sin(angle), 0.0 * angle, np.cos(angle)], axis=-1), (5, 1, 1))
+    assert 0.9 < place_confidence(ridge)[2, 2] < 0.95
+    assert abs(place_confidence(ridge.swapaxes(0, 1))[2, 2] - place_confidence(ridge)[2, 2]) < 1e-9
+
+
+def test_a_place_within_a_pixel_is_no_doubt_of_planes_and_beyond_the_object() -> None:
+    half = plane(20)
+    half[:, 10:] = np.nan
+    assert place_confidence(half).min() > 1.0 - 1e-6
 
 
 def test_the_slope_is_that_of_the_held_out_blocks() -> None:
