@@ -16,7 +16,8 @@ from glint.storage.catalogue.models import Camera, Capture, Catalogue, Object, P
 from glint.storage.inputs.markup import AnnotationEntry, read_markup
 from glint.tasks.engine.parameters import FORMER_NAMES, Parameters
 from glint.tasks.pipeline import STAGES
-from tests.generated_docs import BLOCK, ROOT, TABLES, cells, documents, figures, with_current_tables
+from tests.generated_docs import BLOCK, FIGURES_FILE, ROOT, TABLES, cells, documents, figures, with_current_tables
+from tests.quoted_figures import written
 
 README, DOCS = ROOT / "README.md", ROOT / "docs"
 DOCUMENTS = documents()
@@ -198,6 +199,10 @@ def test_squared_errors_are_those_of_the_evaluation(path: Path) -> None:
             tuple(f"{value:.{len(text) - 2}f}" for value, text in zip(known, pair, strict=True)) for known in measured
         }
         assert pair in rounded, f"{path.name}: {' / '.join(pair)} is not in docs/evaluation.json"
+
+
+def test_figures_are_laid_out_as_they_are_taken_over() -> None:
+    assert written(figures()["captures"]) in FIGURES_FILE.read_text(encoding="utf-8")
 
 
 def test_readme_promises_what_was_measured_of_confidence() -> None:
