@@ -214,7 +214,7 @@ def test_damage_is_refused(tmp_path: Path) -> None:
     from glint.storage.export.mesh_files import read_ply
 
     for data in (b"", b"ply\nformat ascii 1.0\nend_header\n", b"glTF"):
-        with pytest.raises(StoreError, match="no binary PLY"):
+        with pytest.raises(StoreError, match="not a binary PLY"):
             read_ply(data, "mm", "front/surface.ply")
     header = b"ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nelement face 1\n"
     header += b"property list uchar int vertex_indices\nend_header\n"

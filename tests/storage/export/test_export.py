@@ -243,5 +243,5 @@ def test_a_glb_names_its_object_and_version() -> None:
 
 @pytest.mark.parametrize("data", [b"", b"glTF", b"glTF" + bytes(40)])
 def test_what_is_no_glb_is_refused(data: bytes) -> None:
-    with pytest.raises(StoreError, match="no binary glTF file"):
+    with pytest.raises(StoreError, match="not a binary glTF file"):
         with_asset_facts(data, {})
