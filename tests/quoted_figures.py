@@ -2,7 +2,8 @@
 
     python -m tests.quoted_figures glint-evaluation/evaluation.json && python -m tests.generated_docs
 
-Only captures that docs/evaluation.json has already are replaced; the other figures of that file are kept.
+The presets' captures, and those of `glint evaluate --degraded`, replace the ones that docs/evaluation.json has already;
+the other figures of that file are kept.
 """
 
 import json
@@ -12,9 +13,19 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from tests.generated_docs import FIGURES_FILE, METHODS
+from tests.generated_docs import DEGRADED_COLUMNS, FIGURES_FILE, METHODS
 
-CAPTURES = re.compile(r'^ "captures": \{\n.*?^ \},\n', re.DOTALL | re.MULTILINE)
+BLOCKS = {
+    name: re.compile(rf'^ "{name}": \{{\n.*?^ \}},\n', re.DOTALL | re.MULTILINE) for name in ("captures", "degraded")
+}
+"""The parts of docs/evaluation.json that are replaced."""
+
+
+def quoted_degraded(measured: Mapping[str, Any], shape: str) -> dict[str, Any]:
+    """Return what is quoted of a degraded capture of a shape."""
+    methods = {errors["method"]: errors for errors in measured["methods"]}
+    names = [method for other, method in DEGRADED_COLUMNS if other == shape]
+    return {name: _squared(methods[name]) for name in names} | {"confident": _confident(measured)}
 
 
 def quoted(measured: Mapping[str, Any]) -> dict[str, Any]:
@@ -24,9 +35,7 @@ def quoted(measured: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "frames": measured["frames"],
         "pixels": measured["size"],
-        "squared_error": {
-            name: [round(methods[name][region]["squared"], 4) for region in ("data", "whole")] for name in METHODS
-        },
+        "squared_error": {name: _squared(methods[name]) for name in METHODS},
         "glint_within_and_beyond_42deg": [round(measured["near"], 4), round(measured["far"], 4)],
         "degrees_whole_mask": {name: _degrees(methods[name]["whole"]) for name in METHODS},
         "depth": {
@@ -34,10 +43,7 @@ def quoted(measured: Mapping[str, Any]) -> dict[str, Any]:
             "rms_px": round(depth["rms"], 2),
             "mean_percent_of_diagonal": round(100.0 * depth["relative"], 2),
         },
-        "confident": {
-            "percent_of_pixels": round(100.0 * measured["trusted"][0]),
-            "percent_within_5deg": round(100.0 * measured["trusted"][1], 1),
-        },
+        "confident": _confident(measured),
         "labels": {
             "precision_percent": round(100.0 * labels["precision"], 1),
             "recall_percent": round(100.0 * labels["recall"], 1),
@@ -62,15 +68,49 @@ def written(captures: Mapping[str, Any]) -> str:
     return "\n".join([*lines, " },", ""])
 
 
+def written_degraded(defects: Mapping[str, Any]) -> str:
+    """Return the degraded captures' part of docs/evaluation.json, likewise."""
+    lines = [' "degraded": {']
+    for defect, shapes in defects.items():
+        lines.append(f'  "{defect}": {{')
+        for shape, figures in shapes.items():
+            rows = ",\n".join(f"    {json.dumps(key)}: {json.dumps(value)}" for key, value in figures.items())
+            lines.append(f'   "{shape}": {{\n{rows}\n   }},')
+        lines[-1] = lines[-1].removesuffix(",")
+        lines.append("  },")
+    lines[-1] = "  }"
+    return "\n".join([*lines, " },", ""])
+
+
 def main() -> None:
     """Replace the figures."""
     if len(sys.argv) != 2:
         sys.exit("usage: python -m tests.quoted_figures EVALUATION.json")
     text = FIGURES_FILE.read_text(encoding="utf-8")
-    captures = json.loads(text)["captures"]
+    figures = json.loads(text)
     measured = {capture["name"]: capture for capture in json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))}
+    captures, defects = figures["captures"], figures["degraded"]
     captures |= {name: quoted(measured[name]) for name in captures if name in measured}
-    FIGURES_FILE.write_text(CAPTURES.sub(lambda _: written(captures), text, count=1), encoding="utf-8")
+    for defect, shapes in defects.items():
+        for shape in shapes:
+            name = f"{shape}-{defect.replace(',', '')}/front".replace(" ", "-")
+            if name in measured:
+                shapes[shape] = quoted_degraded(measured[name], shape)
+    text = BLOCKS["captures"].sub(lambda _: written(captures), text, count=1)
+    text = BLOCKS["degraded"].sub(lambda _: written_degraded(defects), text, count=1)
+    FIGURES_FILE.write_text(text, encoding="utf-8")
+
+
+def _squared(errors: Mapping[str, Any]) -> list[float]:
+    return [round(errors[region]["squared"], 4) for region in ("data", "whole")]
+
+
+def _confident(measured: Mapping[str, Any]) -> dict[str, Any]:
+    share, right = measured["trusted"]
+    return {
+        "percent_of_pixels": round(100.0 * share),
+        "percent_within_5deg": None if right is None else round(100.0 * right, 1),
+    }
 
 
 def _degrees(errors: Mapping[str, Any]) -> dict[str, Any]:
