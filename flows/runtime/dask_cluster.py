@@ -45,7 +45,7 @@ POLL_SECONDS = 0.2
 STOP_SECONDS = 5.0
 """How long Dask may take to stop a local cluster; what is stored is whole, whenever a worker is killed."""
 WORKERS_SECONDS = 120
-DASHBOARD_SECONDS = 3.0
+DASHBOARD_SECONDS = 10.0
 """How long after the start of a local cluster Dask's dashboard is added: importing its plots would delay the first task
 of every run."""
 
