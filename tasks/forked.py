@@ -1,6 +1,6 @@
-"""What a process has loaded before workers are forked from it: compiled kernels, which all of them then share.
+"""Load compiled kernels in the process from which workers are forked, so that all of them share the kernels.
 
-Importing this module loads them. It starts no threads, since a fork does not copy them.
+Importing this module does it. It starts no threads, since a fork does not copy them.
 """
 
 from glint.tasks.engine.threads import use_one_thread

@@ -51,31 +51,17 @@ def quoted(measured: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def written(captures: Mapping[str, Any]) -> str:
-    """Return the captures' part of docs/evaluation.json: a line for each figure that a table shows."""
-    lines = [' "captures": {']
-    for name, figures in captures.items():
+def written(part: str, entries: Mapping[str, Any]) -> str:
+    """Return a part of docs/evaluation.json: a line for each figure or row of figures that a table shows."""
+    lines = [f' "{part}": {{']
+    for name, figures in entries.items():
         lines.append(f'  "{name}": {{')
         for key, value in figures.items():
-            if key in ("squared_error", "degrees_whole_mask"):
-                rows = ",\n".join(f"    {json.dumps(method)}: {json.dumps(row)}" for method, row in value.items())
+            if isinstance(value, dict) and all(isinstance(row, dict | list) for row in value.values()):
+                rows = ",\n".join(f"    {json.dumps(title)}: {json.dumps(row)}" for title, row in value.items())
                 lines.append(f'   "{key}": {{\n{rows}\n   }},')
             else:
                 lines.append(f'   "{key}": {json.dumps(value)},')
-        lines[-1] = lines[-1].removesuffix(",")
-        lines.append("  },")
-    lines[-1] = "  }"
-    return "\n".join([*lines, " },", ""])
-
-
-def written_degraded(defects: Mapping[str, Any]) -> str:
-    """Return the degraded captures' part of docs/evaluation.json, likewise."""
-    lines = [' "degraded": {']
-    for defect, shapes in defects.items():
-        lines.append(f'  "{defect}": {{')
-        for shape, figures in shapes.items():
-            rows = ",\n".join(f"    {json.dumps(key)}: {json.dumps(value)}" for key, value in figures.items())
-            lines.append(f'   "{shape}": {{\n{rows}\n   }},')
         lines[-1] = lines[-1].removesuffix(",")
         lines.append("  },")
     lines[-1] = "  }"
@@ -96,8 +82,8 @@ def main() -> None:
             name = f"{shape}-{defect.replace(',', '')}/front".replace(" ", "-")
             if name in measured:
                 shapes[shape] = quoted_degraded(measured[name], shape)
-    text = BLOCKS["captures"].sub(lambda _: written(captures), text, count=1)
-    text = BLOCKS["degraded"].sub(lambda _: written_degraded(defects), text, count=1)
+    for part, block in BLOCKS.items():
+        text = block.sub(lambda _, part=part: written(part, figures[part]), text, count=1)
     FIGURES_FILE.write_text(text, encoding="utf-8")
 
 

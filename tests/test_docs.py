@@ -17,7 +17,7 @@ from glint.storage.inputs.markup import AnnotationEntry, read_markup
 from glint.tasks.engine.parameters import FORMER_NAMES, Parameters
 from glint.tasks.pipeline import STAGES
 from tests.generated_docs import BLOCK, FIGURES_FILE, ROOT, TABLES, cells, documents, figures, with_current_tables
-from tests.quoted_figures import written, written_degraded
+from tests.quoted_figures import BLOCKS, written
 
 README, DOCS = ROOT / "README.md", ROOT / "docs"
 DOCUMENTS = documents()
@@ -203,7 +203,8 @@ def test_squared_errors_are_those_of_the_evaluation(path: Path) -> None:
 
 def test_figures_are_laid_out_as_they_are_taken_over() -> None:
     text = FIGURES_FILE.read_text(encoding="utf-8")
-    assert written(figures()["captures"]) in text and written_degraded(figures()["degraded"]) in text
+    assert set(BLOCKS) == {"captures", "degraded"}
+    assert all(written(part, figures()[part]) in text for part in BLOCKS)
 
 
 def test_readme_promises_what_was_measured_of_confidence() -> None:

@@ -88,6 +88,7 @@ class Cluster:
         self._scheduler, self._workers, self._modules = scheduler, workers or CPU_COUNT, tuple(modules)
         self._cluster: LocalCluster | None = None
         self._client: Client | None = None
+        self._dashboard: threading.Timer | None = None
         self._failure: BaseException | None = None
         self._ready = threading.Event()
         self._thread = threading.Thread(target=self._start, name="glint-cluster", daemon=True)
@@ -159,6 +160,8 @@ class Cluster:
 
     def _close(self) -> None:
         self._thread.join()
+        if self._dashboard is not None:
+            self._dashboard.cancel()
         client, self._client = self._client, None
         cluster, self._cluster = self._cluster, None
         if client is not None:
@@ -196,9 +199,9 @@ class Cluster:
         # The run goes on while its workers warm up, which takes as long as its first requests to the server.
         self._ready.set()
         self._client.register_plugin(WarmUpPlugin(self._modules, owned=True))
-        timer = threading.Timer(DASHBOARD_SECONDS, _add_dashboard, [self._cluster.scheduler])
-        timer.daemon = True
-        timer.start()
+        self._dashboard = threading.Timer(DASHBOARD_SECONDS, _add_dashboard, [self._cluster.scheduler])
+        self._dashboard.daemon = True
+        self._dashboard.start()
 
     def _given(self, address: str) -> Client:
         client = connected_client(address)

@@ -46,14 +46,22 @@ def depth_steps(depth: np.ndarray) -> np.ndarray:
 
     depth: (H, W), towards the camera, NaN outside the mask.
     """
+    _, is_step = rises_and_steps(depth, MIN_STEP_PX)
+    return np.pad(is_step, ((0, 0), (0, 1))) | np.pad(is_step, ((0, 0), (1, 0)))
+
+
+def rises_and_steps(depth: np.ndarray, min_step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rises (H, W - 1) from each pixel to its right neighbour, and which of them (H, W - 1) bool are steps.
+
+    depth: likewise; min_step: rise beyond the slopes beside it from which it is a step, pixels.
+    """
     rise = np.diff(depth, axis=1)
     # Where there is no further neighbour, the slope counts as zero.
     before = np.nan_to_num(np.abs(np.pad(rise, ((0, 0), (1, 0)))[:, :-1]))
     after = np.nan_to_num(np.abs(np.pad(rise, ((0, 0), (0, 1)))[:, 1:]))
     near, far = np.where(rise > 0, after, before), np.where(rise > 0, before, after)
     with np.errstate(invalid="ignore"):
-        is_step = np.abs(rise) > MIN_STEP_PX + MIN_STEP_RATIO * (near + np.minimum(far, MAX_FAR_SLOPE))
-    return np.pad(is_step, ((0, 0), (0, 1))) | np.pad(is_step, ((0, 0), (1, 0)))
+        return rise, np.abs(rise) > min_step + MIN_STEP_RATIO * (near + np.minimum(far, MAX_FAR_SLOPE))
 
 
 def turns(normals: np.ndarray) -> np.ndarray:

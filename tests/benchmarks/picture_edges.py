@@ -22,7 +22,7 @@ from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.stages.capture_geometry import OBJECT
 from glint.tasks.stages.frames import open_frames
-from tests.benchmarks.overlapping_limbs import MAX_FAR_SLOPE, MIN_STEP_RATIO
+from tests.benchmarks.overlapping_limbs import rises_and_steps
 
 MIN_STEP_PX = 1.2
 """Depth step beyond the slopes beside it, pixels: lower than that of limbs, so that low reliefs count."""
@@ -74,13 +74,7 @@ def contour_pixels(depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     near, across = np.zeros(depth.shape, bool), np.zeros((*depth.shape, 2))
     for axis in (0, 1):
-        turned = depth.swapaxes(axis, 1)
-        rise = np.diff(turned, axis=1)
-        before = np.nan_to_num(np.abs(np.pad(rise, ((0, 0), (1, 0)))[:, :-1]))
-        after = np.nan_to_num(np.abs(np.pad(rise, ((0, 0), (0, 1)))[:, 1:]))
-        front, back = np.where(rise > 0, after, before), np.where(rise > 0, before, after)
-        with np.errstate(invalid="ignore"):
-            steps = np.abs(rise) > MIN_STEP_PX + MIN_STEP_RATIO * (front + np.minimum(back, MAX_FAR_SLOPE))
+        rise, steps = rises_and_steps(depth.swapaxes(axis, 1), MIN_STEP_PX)
         falling = np.pad(steps & (rise < 0), ((0, 0), (0, 1))).swapaxes(axis, 1)
         rising = np.pad(steps & (rise > 0), ((0, 0), (1, 0))).swapaxes(axis, 1)
         near |= falling | rising
