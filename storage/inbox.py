@@ -64,6 +64,16 @@ class InboxScan:
     unchanged: int
 
 
+def check_folder(inbox: Location) -> None:
+    """Check that an inbox on this machine is a folder; prefixes of object stores exist with their first file.
+
+    Raises:
+        InputError: it is not.
+    """
+    if inbox.local is not None and not inbox.local.is_dir():
+        raise InputError(f"the inbox {inbox.uri} is not a folder", "create it, or mount its disk")
+
+
 class Inbox:
     """An inbox, and the record of its finished sub-folders, which the store keeps under STORE/inbox/."""
 
@@ -90,8 +100,7 @@ class Inbox:
         Raises:
             InputError: there is no such folder; StoreError: the inbox cannot be listed.
         """
-        if self.location.local is not None and not self.location.local.is_dir():
-            raise InputError(f"the inbox {self.location.uri} is not a folder", "create it, or mount its disk")
+        check_folder(self.location)
         files: dict[str, list[tuple[str, int, str, datetime]]] = defaultdict(list)
         with store_errors(self.location.uri, "listing the inbox"):
             for meta in (meta for page in obstore.list(self.location.obstore()) for meta in page):

@@ -48,7 +48,13 @@ def deploy(
     ] = None,
 ) -> None:
     """Deploy to the Prefect server: inbox nightly, reference and maintenance weekly, objects on demand."""
+    from glint.storage.inbox import check_folder
+    from glint.storage.locations.location import Location
+
     budget = budget_bytes(frames_budget)
+    if inbox is not None and pool_type == "process":
+        # Containers of other pools may have folders that this machine does not have.
+        check_folder(Location.parse(inbox))
     from glint.flows.runtime.prefect_server import start_server
 
     server = start_server()

@@ -29,6 +29,8 @@ def catalogue(tmp_path: Path) -> Path:
     [
         ("maintain --frames-budget lots --store x", "'lots' is not a size", "20GB"),
         ("simulate mug --out x --set noise", "--set noise gives no value", "noise=VALUE"),
+        ("deploy --inbox nowhere --store x", "nowhere is not a folder", "create it"),
+        ("deploy --inbox catalogue.yaml --store x", "catalogue.yaml is not a folder", "create it"),
         ("evaluate --only teapot --out out", "--only teapot is not a preset", "hemisphere, cylinder"),
         ("evaluate catalogue.yaml --out out", "names its ground truth", "truth: FOLDER"),
         ("evaluate catalogue.yaml --only dukc --out out", "the catalogue has no dukc", "did you mean duck?"),
