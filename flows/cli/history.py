@@ -37,4 +37,4 @@ def rollback(
     elif newest.created:
         echo(f"{object_id}: published {newest.name} with the content of {version}")
     else:
-        echo(f"{object_id}: {newest.name} is the newest version and has this content already")
+        echo(f"{object_id}: nothing changes: {newest.name} is the newest version and has this content already")

@@ -85,7 +85,7 @@ def publish(
 
 
 def rollback(repository: icechunk.Repository, object_id: str, target: Version, message: str) -> Version:
-    """Make a version with the content of `target`; return `target` if that is the current content.
+    """Make a version with the content of `target`; return the current one if it has this content, undamaged, already.
 
     Raises:
         icechunk.ConflictError: another publisher was faster.
@@ -93,6 +93,9 @@ def rollback(repository: icechunk.Repository, object_id: str, target: Version, m
     current = repair_main(repository, object_id)
     if current is None or target.snapshot == current.snapshot:
         return replace(target, created=False)
+    is_same = (current.stages, current.seals) == (target.stages, target.seals)
+    if is_same and all(is_whole(repository, object_id, current, capture) for capture in current.stages):
+        return replace(current, created=False)
     version = next_version(
         current,
         stages=target.stages,

@@ -191,7 +191,9 @@ class ObjectRepository:
         )
 
     def rollback(self, version: str, message: str = "") -> Version:
-        """Make a version with the content of an older one; a rollback to the current version makes none.
+        """Make a version with the content of an older one.
+
+        If the current version has this content already, return it with `created` False; one with damages is replaced.
 
         Raises:
             StoreError: there is no such version; DamagedError: it is damaged.

@@ -19,4 +19,8 @@ def test_a_rollback_is_reported_as_json_and_in_words(tmp_path: Path) -> None:
     printed = CliRunner().invoke(app, ["rollback", "duck", "v1", "--json", *words]).output
     expected = {"kind": "rollback", "object": "duck", "version": "v3", "content": "v1", "created": True}
     assert json.loads(printed) == expected
-    assert "v3 is the newest version" in CliRunner().invoke(app, ["rollback", "duck", "v3", *words]).output
+    for version in ("v3", "v1"):
+        again = CliRunner().invoke(app, ["rollback", "duck", version, *words])
+        assert again.exit_code == 0
+        assert again.output == "duck: nothing changes: v3 is the newest version and has this content already\n"
+    assert repository.version_names() == ["v1", "v2", "v3"]

@@ -200,7 +200,9 @@ def test_a_rollback_is_a_version_and_stands_until_something_changes(repository: 
     assert rolled.metadata == {"run": "r1", "rolled_back_to": "v1", "replaces": "v2"}
     np.testing.assert_array_equal(repository.load("front", "depth", "main").read("depth"), first["depth"]["depth"])
     assert not repository.publish(["front"], {"run": "r3"}).created, "the same results were rolled back from"
-    assert not repository.rollback("v3").created
+    for name in ("v3", "v1"):
+        again = repository.rollback(name)
+        assert (again.name, again.created) == ("v3", False), "it has the content of v1 already"
     third = save_capture(repository, "front", "k3", seed=3)
     assert repository.publish(["front"], {"run": "r4"}).name == "v4"
     np.testing.assert_array_equal(repository.load("front", "depth", "main").read("depth"), third["depth"]["depth"])
@@ -208,6 +210,22 @@ def test_a_rollback_is_a_version_and_stands_until_something_changes(repository: 
     assert repository.load("front", "depth", "v2").key == "k2", "what was replaced can still be read"
     with pytest.raises(StoreError, match="no version 'v9'"):
         repository.rollback("v9")
+
+
+def test_a_rollback_replaces_a_damaged_version_of_the_same_content(
+    repository: ObjectRepository, location: Location
+) -> None:
+    save_capture(repository, "front", "k1", seed=1)
+    repository.publish(["front"], {})
+    save_capture(repository, "front", "k2", seed=2)
+    repository.publish(["front"], {})
+    assert repository.rollback("v1").name == "v3"
+    assert location.local is not None
+    for chunk in (location.local / "objects" / "duck" / "repo" / "chunks").iterdir():
+        data = bytearray(chunk.read_bytes())
+        data[len(data) // 2] ^= 1
+        chunk.write_bytes(data)
+    assert repository.rollback("v1").name == "v4"
 
 
 def test_results_of_the_whole_object_are_no_capture(repository: ObjectRepository, location: Location) -> None:
