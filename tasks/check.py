@@ -77,7 +77,9 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
             stage = declared.name
             records.append(perform(context, declared, keys[stage], partial(progress, stage)))
     except (InputError, UnusableCapture) as error:
-        return _failed(context, records, failure_verdict(stage, error), f"{error.message}: {error.remedy}", out)
+        warnings = [warning for record in records for warning in record.warnings]
+        judged = failure_verdict(stage, error, warnings, _given_spheres(context))
+        return _failed(context, records, judged, f"{error.message}: {error.remedy}", out)
     cache, geometry = open_frames(context), load_geometry(context)
     mask, half_vectors = context.load("mask").read("mask"), context.load("lights").read("half_vectors")
     observed, lit = _lit(cache, context.load("thresholds").read("thresholds"), half_vectors, progress)
@@ -98,7 +100,7 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
     )
     warnings = by_cost(warning for record in records for warning in record.warnings)
     could_share, observed_share = float(could.mean()), float(observed[mask].mean())
-    judged = verdict(warnings, could_share, observed_share, cache.frames)
+    judged = verdict(warnings, could_share, observed_share, cache.frames, _given_spheres(context))
     return Check(
         name=context.name,
         verdict=judged,
@@ -126,24 +128,23 @@ def with_agreement(checks: Sequence[tuple[CaptureContext, Check]]) -> list[Check
     for context, result in checks:
         offer = sphere_offer(context, spheres) if result.verdict.word == NEEDS_SPHERE and result.failure else ""
         offered = replace(result, failure=f"{result.failure}; {offer}") if offer else result
-        agreed.append(_with_warnings(offered, warnings.get(context.capture.id, [])))
+        agreed.append(_with_warnings(context, offered, warnings.get(context.capture.id, [])))
     return agreed
 
 
-def _with_warnings(result: Check, warnings: Sequence[StageWarning]) -> Check:
+def _with_warnings(context: CaptureContext, result: Check, warnings: Sequence[StageWarning]) -> Check:
     """Return a check of a capture that can be processed with further warnings, judged again."""
     if not warnings or result.could is None or result.observed is None or result.frames is None:
         return result
     ordered = by_cost([*result.warnings, *warnings])
-    judged = verdict(ordered, result.could, result.observed, result.frames)
+    judged = verdict(ordered, result.could, result.observed, result.frames, _given_spheres(context))
     picture = next((path for path in result.pictures if path.stem == judged.picture), result.picture)
     return replace(result, verdict=judged, warnings=tuple(ordered), picture=picture)
 
 
 def _failed(context: CaptureContext, records: Sequence[StageRecord], judged: Verdict, failure: str, out: Path) -> Check:
     """Return the check of a capture that cannot be processed, with a picture of what is known of it."""
-    spheres = tuple(Sphere(sphere.x, sphere.y, sphere.radius) for sphere in context.capture.spheres)
-    region = context.capture.region
+    spheres, region = _given_spheres(context), context.capture.region
     if records:
         geometry = load_geometry(context)
         spheres, region = geometry.spheres, geometry.region
@@ -159,6 +160,10 @@ def _failed(context: CaptureContext, records: Sequence[StageRecord], judged: Ver
         context.name, judged, None, None, None, None, _texts(spheres), tuple(warnings), picture, pictures, seconds,
         failure,
     )  # fmt: skip
+
+
+def _given_spheres(context: CaptureContext) -> tuple[Sphere, ...]:
+    return tuple(Sphere(sphere.x, sphere.y, sphere.radius) for sphere in context.capture.spheres)
 
 
 def _texts(spheres: Sequence[Sphere]) -> tuple[str, ...]:

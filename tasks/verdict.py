@@ -7,6 +7,7 @@ from types import MappingProxyType
 from glint.storage.errors import InputError
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.lighting.coverage import MIN_SWEEP_FRAMES
+from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.stage_warning import Cause, StageWarning, by_cost
 from glint.tasks.stages.clusters import MIN_OBSERVED_SHARE
 
@@ -41,24 +42,31 @@ class Verdict:
         return f"{self.word}: {self.reason}" if self.reason else self.word
 
 
-def verdict(warnings: Sequence[StageWarning], could: float | None, observed: float, frames: int) -> Verdict:
+def verdict(
+    warnings: Sequence[StageWarning],
+    could: float | None,
+    observed: float,
+    frames: int,
+    given_spheres: Sequence[Sphere] = (),
+) -> Verdict:
     """Judge a capture whose stages were performed up to the thresholds.
 
     A gap in the light's sweep costs only what lies in it, so coverage is judged by the share of the object that was
     observed; a set of photographs is never rejected for it.
 
     could, observed: shares of the object on which a highlight could be (None: not compared), and was, seen; frames:
-    their number.
+    their number; given_spheres: those that the catalogue or a person gave, in pixels of the full frame.
     """
     ordered = by_cost(warnings)
     faults = [warning for warning in ordered if warning.cause != "coverage"]
     if faults and faults[0].cost_deg >= MAX_USABLE_COST_DEG:
-        return _because(WORD_BY_CAUSE.get(faults[0].cause, RECORD_AGAIN), faults[0])
+        word = WORD_BY_CAUSE.get(faults[0].cause)
+        return _because(word, faults[0]) if word else _again(_because(RECORD_AGAIN, faults[0]), warnings, given_spheres)
     shown = f"highlights on {observed:.0%} of the object"
     if could is not None:
         shown += f", {could:.0%} could show one"
     if observed < MIN_OBSERVED_SHARE and frames >= MIN_SWEEP_FRAMES:
-        return Verdict(RECORD_AGAIN, shown, "coverage")
+        return _again(Verdict(RECORD_AGAIN, shown, "coverage"), warnings, given_spheres)
     if faults and faults[0].cost_deg > MAX_GOOD_COST_DEG:
         return _because(USABLE, faults[0])
     gaps = [warning for warning in ordered if warning.cause == "coverage"]
@@ -69,13 +77,36 @@ def verdict(warnings: Sequence[StageWarning], could: float | None, observed: flo
     return Verdict(GOOD)
 
 
-def failure_verdict(stage: str, error: InputError | UnusableCapture) -> Verdict:
-    """Judge a capture whose stage of this name failed, or (empty) whose files were found wrong before."""
+def failure_verdict(
+    stage: str,
+    error: InputError | UnusableCapture,
+    warnings: Sequence[StageWarning] = (),
+    given_spheres: Sequence[Sphere] = (),
+) -> Verdict:
+    """Judge a capture whose stage of this name failed, or (empty) whose files were found wrong before.
+
+    warnings: of the stages before; given_spheres: as for `verdict`.
+    """
     if isinstance(error, InputError):
         return Verdict(CORRECT, error.message)
     if stage in ("survey", "mask"):
         return Verdict(NEEDS_SPHERE if "sphere" in error.message else NEEDS_MASK, error.message)
-    return Verdict(RECORD_AGAIN, error.message, "coverage" if stage == "thresholds" else OVERVIEW)
+    again = Verdict(RECORD_AGAIN, error.message, "coverage" if stage == "thresholds" else OVERVIEW)
+    return _again(again, warnings, given_spheres)
+
+
+def _again(again: Verdict, warnings: Sequence[StageWarning], given_spheres: Sequence[Sphere]) -> Verdict:
+    """Return this verdict of recording again; where given spheres are doubted, that these are to be corrected.
+
+    Lights that were measured beside the sphere look like a bad recording, and a sphere is corrected in a minute.
+    """
+    is_doubted = any(warning.cause == "sphere" and warning.cost_deg > MAX_GOOD_COST_DEG for warning in warnings)
+    if not (given_spheres and is_doubted):
+        return again
+    places = " or ".join(
+        f"at ({sphere.x:.1f}, {sphere.y:.1f}) with radius {sphere.radius:.1f}" for sphere in given_spheres
+    )
+    return Verdict(NEEDS_SPHERE, f"the sphere given {places} may be misplaced: {again.reason}")
 
 
 def _because(word: str, warning: StageWarning) -> Verdict:

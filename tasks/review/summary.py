@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.stage_warning import StageWarning, by_cost
 from glint.tasks.pipeline import STAGES
 from glint.tasks.verdict import GOOD, USABLE, Verdict, verdict
@@ -38,8 +39,10 @@ def summary_of(records: Records) -> CaptureSummary:
     pixels, observed = _count(records, "mask", "object pixels"), _count(records, "clusters", "observed pixels")
     share = None if observed is None or not pixels else min(observed / pixels, 1.0)
     frames = _count(records, "frames", "frames") or 0.0
+    given = records["survey"][1].get("given_spheres") or () if "survey" in records else ()
+    spheres = [Sphere(sphere["x"], sphere["y"], sphere["radius"]) for sphere in given]
     return CaptureSummary(
-        None if share is None else verdict(warnings, None, share, int(frames)),
+        None if share is None else verdict(warnings, None, share, int(frames), spheres),
         tuple(warnings),
         _count(records, "labels", "confident share"),
         share,

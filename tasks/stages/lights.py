@@ -154,7 +154,11 @@ def _by_sphere(inputs: StageInputs, geometry: CaptureGeometry, cache: FrameCache
     for number, sphere in enumerate(geometry.spheres):
         crop = geometry.crops[sphere_name(number)]
         in_crop, camera = sphere.in_crop(crop.x, crop.y), geometry.camera_within(crop)
-        by_sphere.append(_of_sphere(inputs.parameters, cache, sphere_name(number), in_crop, camera))
+        try:
+            by_sphere.append(_of_sphere(inputs.parameters, cache, sphere_name(number), in_crop, camera))
+        except UnusableCapture as error:
+            place = f"the sphere at ({sphere.x:.1f}, {sphere.y:.1f}) with radius {sphere.radius:.1f}"
+            raise UnusableCapture(f"{place}: {error.message}", error.remedy) from error
         progress(number + 1, len(geometry.spheres))
     return by_sphere
 

@@ -26,6 +26,12 @@ def test_a_failed_capture_has_a_verdict_and_a_picture(simulated: Path, tmp_path:
     assert picture is not None and picture.max() > 200, "highlights show in the brightest of the frames"
 
 
+def test_a_sphere_given_on_the_background_is_named(simulated: Path, tmp_path: Path) -> None:
+    work = make_context(simulated, tmp_path / "store", spheres=[{"x": 30.0, "y": 65.0, "radius": 12.0}])
+    result = check(work, tmp_path / "out", lambda *_: None)
+    assert result.verdict.word == "needs a sphere" and "(30.0, 65.0)" in result.verdict.reason
+
+
 @pytest.mark.parametrize("name", ["lights", "markup"])
 def test_a_wrong_file_is_found_before_anything_is_decoded(simulated: Path, tmp_path: Path, name: str) -> None:
     (tmp_path / "wrong").write_text("12\nnonsense\n")

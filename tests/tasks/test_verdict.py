@@ -4,10 +4,13 @@ import pytest
 
 from glint.storage.errors import InputError
 from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.stage_warning import Cause, StageWarning
 from glint.tasks.verdict import failure_verdict, verdict
 
 GAP = StageWarning("no light from the left, 30-90 degrees: record again with the light there too", "coverage", 11.0)
+GIVEN = [Sphere(203.4, 94.4, 30.0)]
+UNSEEN = StageWarning("its contour is not seen: compare it with the frame", "sphere", 1.9)
 
 
 def _warning(cause: Cause, cost: float) -> StageWarning:
@@ -74,6 +77,32 @@ def test_twelve_photographs_are_no_failed_sweep() -> None:
 def test_a_failed_stage_says_what_is_missing(stage: str, message: str, word: str) -> None:
     judged = failure_verdict(stage, UnusableCapture(message, "do something"))
     assert (judged.word, judged.reason) == (word, message)
+
+
+@pytest.mark.parametrize(
+    ("warnings", "observed", "reason"),
+    [
+        ([UNSEEN], 0.17, "highlights on 17% of the object"),
+        ([UNSEEN, _warning("light", 6.0)], 0.8, "the light is wrong"),
+    ],
+)
+def test_a_doubted_given_sphere_is_corrected_before_recording_again(
+    warnings: list[StageWarning], observed: float, reason: str
+) -> None:
+    judged = verdict(warnings, None, observed, 2000, GIVEN)
+    assert (judged.word, judged.picture) == ("needs a sphere", "overview")
+    assert judged.reason.startswith("the sphere given at (203.4, 94.4) with radius 30.0 may be misplaced: ")
+    assert reason in judged.reason
+    assert verdict(warnings, None, observed, 2000).word == "record again", "no sphere was given"
+    sure = [warning for warning in warnings if warning is not UNSEEN]
+    assert verdict([*sure, _warning("sphere", 0.5)], None, observed, 2000, GIVEN).word == "record again"
+
+
+def test_a_failure_beside_a_doubted_given_sphere_names_the_sphere() -> None:
+    error = UnusableCapture("no moving light in any of 300 frames", "keep the light on")
+    judged = failure_verdict("lights", error, [UNSEEN], GIVEN)
+    assert judged.word == "needs a sphere" and "(203.4, 94.4)" in judged.reason and error.message in judged.reason
+    assert failure_verdict("lights", error, [], GIVEN).word == "record again"
 
 
 def test_an_unusable_file_is_to_be_corrected() -> None:

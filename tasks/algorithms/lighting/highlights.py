@@ -88,7 +88,7 @@ def static_background(
         background = np.percentile(frames, percentile, axis=0).astype(np.float32)
     inside = _reflections(sphere, frames.shape[1:], camera)[0] < BACKGROUND_RADIUS_RATIO
     if not inside.any():
-        raise UnusableCapture(f"the sphere at ({sphere.x:.1f}, {sphere.y:.1f}) lies outside its frames", LIGHT_REMEDY)
+        raise UnusableCapture("the sphere lies outside its frames", LIGHT_REMEDY)
     peaks = frames[:, inside].max(axis=1)
     # The median absolute deviation, times 1.4826, is a Gaussian's standard deviation.
     residual = frames[:, inside].astype(np.float32) - background[inside]

@@ -97,8 +97,8 @@ def classify_frames(
     contrast = static.saturation - float(np.median(static.background))
     if contrast < max(MIN_CONTRAST, MIN_CONTRAST_NOISE_RATIO * static.noise) or not (area > 0).any():
         raise UnusableCapture(
-            f"no moving light on the sphere at ({sphere.x:.1f}, {sphere.y:.1f}) in any of {len(direction)} frames "
-            f"(the brightest spot is {max(contrast, 0.0):.0f} levels above the static background)",
+            f"no moving light in any of {len(direction)} frames (the brightest spot is {max(contrast, 0.0):.0f} levels"
+            " above the static background)",
             LIGHT_REMEDY,
         )
     half = half_vectors_of(direction.astype(np.float64))
