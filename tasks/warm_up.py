@@ -1,5 +1,7 @@
 """Load the compiled kernels and the libraries of all stages before a worker's first task."""
 
+from functools import cache
+
 import numpy as np
 
 from glint.tasks.algorithms.candidates.clusters import cluster_pixels, inverse_density_weights
@@ -20,8 +22,12 @@ def warm_up() -> None:
     draw_surface(load_kernels(), size=16)
 
 
+@cache
 def load_kernels() -> Surface:
-    """Run all of them but the drawing of the surface, whose library starts threads; return the mesh."""
+    """Run all of them but the drawing of the surface, whose library starts threads; return the mesh.
+
+    Once in a process and those forked from it: a worker whose parent has run them only draws.
+    """
     generator = np.random.default_rng(0)
     half_vectors = half_vectors_of(unit(np.array([0, 0, 1]) + generator.normal(0, 0.4, (40, 3)))).astype(np.float32)
     rows, columns = np.mgrid[-12:13, -12:13] / 11.0
