@@ -2,13 +2,21 @@
 
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from glint.flows.cli.options import CatalogueFile, Json, Only, Store, chosen_store, print_lines, store_option
+from glint.flows.cli.options import (
+    CatalogueFile,
+    Json,
+    Only,
+    Store,
+    chosen_store,
+    json_line,
+    print_lines,
+    store_option,
+)
 from glint.flows.cli.output import echo
 
 if TYPE_CHECKING:
@@ -60,7 +68,9 @@ def check(
             checks += with_agreement(of_object)
     is_usable = any(not result.failure for result in checks)
     if as_json:
-        print_lines({"kind": "check", **asdict(result)} for result in checks)
+        print_lines(
+            json_line("check", result, name="capture", could="observable", failure="error") for result in checks
+        )
     else:
         _print_checks(checks, out)
         if is_usable:

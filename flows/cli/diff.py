@@ -32,10 +32,11 @@ def diff(
     figures, changes = list[dict[str, Any]](), list[dict[str, Any]]()
     for capture in common:
         difference = compare(repository, capture, before, after)
-        figures.append({"capture": capture, **difference.figures, "unit of depth": difference.unit})
+        name = f"{object_id}/{capture}"
+        figures.append({"capture": name, **difference.figures, "unit of depth": difference.unit})
         changes += [
-            {"capture": capture, "stage": stage, "changed": name, before: old, after: new}
-            for stage, name, old, new in difference.changes
+            {"capture": name, "stage": stage, "changed": changed, "before": old, "after": new}
+            for stage, changed, old, new in difference.changes
         ]
         if out is not None:
             draw_diff_maps(difference, out / capture)
@@ -46,10 +47,11 @@ def diff(
         "after": after,
         "captures": figures,
         "changes": changes,
-        "removed": removed,
-        "added": added,
+        "removed": [f"{object_id}/{capture}" for capture in removed],
+        "added": [f"{object_id}/{capture}" for capture in added],
     }
     if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
         (out / "diff.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     if as_json:
         echo(json.dumps(report))
@@ -83,7 +85,9 @@ def _print_report(report: dict[str, Any], out: Path | None) -> None:
     rows = [diff_row(figures) for figures in report["captures"]]
     show(table_of(rows, f"{before} and {after} share no capture"))
     echo()
-    show(table_of(report["changes"], "parameters, inputs and code are the same"))
+    headings = {"before": before, "after": after}
+    changes = [{headings.get(key, key): value for key, value in row.items()} for row in report["changes"]]
+    show(table_of(changes, "parameters, inputs and code are the same"))
     for captures, version in ((report["removed"], before), (report["added"], after)):
         if captures:
             echo(f"only in {version}: {', '.join(captures)}")

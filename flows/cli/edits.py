@@ -77,7 +77,11 @@ def _warn_of_unknown_capture(opened: "Edits", capture: str) -> None:
 
 def _print_saved(object_id: str, saved: "list[Revision]", as_json: bool) -> None:
     if as_json:
-        print_lines(revision.model_dump(mode="json", exclude={"seals"}) for revision in saved)
+        for revision in saved:
+            fields = revision.model_dump(mode="json", exclude={"seals"}) | {
+                "capture": f"{object_id}/{revision.capture}"
+            }
+            print_lines([{"kind": "edit", **fields}])
         return
     for revision in saved:
         echo(f"{object_id}/{revision.capture}: edit {revision.number}: {revision.sentence}")
@@ -94,10 +98,12 @@ def _print_current(opened: "Edits", capture: str, as_json: bool) -> None:
         for field in current.edited:
             change = current.changes[field]
             moment = change.time.isoformat(timespec="seconds")
-            rows.append({"capture": name, "field": field, "edit": change.revision, "by": change.author, "time": moment})
-        notes += [{"capture": name, **note.model_dump(mode="json")} for note in current.notes]
+            made = {"edit": change.revision, "author": change.author, "time": moment}
+            rows.append({"capture": f"{opened.object_id}/{name}", "field": field, **made})
+        notes += [{"capture": f"{opened.object_id}/{name}", **note.model_dump(mode="json")} for note in current.notes]
     if as_json:
-        print_lines([*rows, *notes])
+        print_lines({"kind": "edited", **row} for row in rows)
+        print_lines({"kind": "note", **note} for note in notes)
         return
     show(table_of(rows, "nothing is edited"))
     for note in notes:

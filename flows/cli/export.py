@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from glint.flows.cli.options import Json, ObjectId, Store, chosen_store, print_lines
+from glint.flows.cli.options import Json, ObjectId, Store, chosen_store, json_line, print_lines
 from glint.flows.cli.output import echo
 
 
@@ -40,8 +40,6 @@ def export(
     as_json: Json = False,
 ) -> None:
     """Write a version as files: normals, depth, confidence, lights, meshes, pictures, reports; or for robots."""
-    from dataclasses import asdict
-
     from glint.storage.export.export import export_page
     from glint.storage.export.formats import export_as
     from glint.storage.locations.location import Location
@@ -57,7 +55,7 @@ def export(
         assert out is not None
         written = export_as(format_name, location, object_id, out, version)
     if as_json:
-        print_lines([asdict(written)])
+        print_lines([json_line("export", written, object_id="object")])
         return
     files = f"{written.files} file{'' if written.files == 1 else 's'}, {written.size / 1e6:.1f} MB"
     echo(f"{written.object_id} {written.version}: {files} in {written.out}")

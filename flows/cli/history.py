@@ -14,7 +14,8 @@ def history(object_id: ObjectId, store: Store = None, as_json: Json = False) -> 
 
     rows = history_rows(chosen_store(store), object_id)
     if as_json:
-        print_lines(rows)
+        kinds = ("edit" if row["version"].startswith("edit ") else "version" for row in rows)
+        print_lines({"kind": kind, "object": object_id, **row} for kind, row in zip(kinds, rows, strict=True))
     else:
         show(table_of(rows, "no versions and no edits yet"))
 

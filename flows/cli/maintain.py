@@ -1,13 +1,11 @@
 """`glint maintain`: run the maintenance flow."""
 
-import json
 import sys
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from glint.flows.cli.options import FramesBudget, Json, Store, budget_bytes, chosen_store
+from glint.flows.cli.options import FramesBudget, Json, Store, budget_bytes, chosen_store, json_line, print_lines
 from glint.flows.cli.output import echo
 
 if TYPE_CHECKING:
@@ -45,7 +43,7 @@ def maintain(
         mark_orphaned_crashed()
         done: Maintenance = result_of(run_maintenance(place.uri, dry_run, keep, older_than, budget, return_state=True))
     if as_json:
-        echo(json.dumps({"kind": "maintenance", **asdict(done)}))
+        print_lines([json_line("maintenance", done)])
     else:
         _print_maintenance(done)
     sys.exit(1 if done.failed else 0)

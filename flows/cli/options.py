@@ -3,11 +3,15 @@
 import json
 import os
 from collections.abc import Iterable, Mapping
-from typing import Annotated, Any
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from glint.flows.cli.output import echo
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 Store = Annotated[
     str | None,
@@ -65,6 +69,11 @@ def budget_bytes(text: str | None) -> int | None:
         return None if text is None else parse_size(text)
     except ValueError as error:
         raise InputError(f"--frames-budget: {error}", "write it as 500MB, 20GB or 1.5TB") from None
+
+
+def json_line(kind: str, record: "DataclassInstance", **names: str) -> dict[str, Any]:
+    """Return a record as a JSON line: its kind, then its fields, some under another name (field=name)."""
+    return {"kind": kind, **{names.get(field, field): value for field, value in asdict(record).items()}}
 
 
 def print_lines(rows: Iterable[Mapping[str, Any]]) -> None:

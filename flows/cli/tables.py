@@ -1,7 +1,6 @@
 """Tables that commands print at the end, and their rows as JSON."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
@@ -73,7 +72,11 @@ def summary_json(summary: "Summary") -> dict[str, Any]:
         row | {"error": capture.error, "remedy": capture.remedy, "messages": capture.warnings}
         for row, capture in zip(run_rows(summary), summary.result.captures, strict=True)
     ]
-    drifts = [asdict(drift) for drift in summary.result.drifts]
+    drifts = [
+        {"capture": f"{item.object_id}/{item.capture_id}", "degrees": item.degrees,
+         "before": item.before, "after": item.after}
+        for item in summary.result.drifts
+    ]  # fmt: skip
     return {"kind": "summary", "run": summary.result.run, "page": summary.page, "captures": rows, "drifts": drifts}
 
 

@@ -1,6 +1,5 @@
 """`glint verify`: read a store and compare it with what was written; repair what can be repaired."""
 
-import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from glint.flows.cli.options import Json, Store, chosen_store
+from glint.flows.cli.options import Json, Store, chosen_store, json_line, print_lines
 from glint.flows.cli.output import echo
 
 if TYPE_CHECKING:
@@ -95,10 +94,9 @@ def _progress(as_json: bool) -> Iterator[Any]:
 
 def _print(outcome: "StoreVerification", done: list[str], as_json: bool) -> None:
     if as_json:
-        for damage in outcome.damages:
-            echo(json.dumps({"kind": "damage", **asdict(damage)}))
+        print_lines(json_line("damage", damage, object_id="object") for damage in outcome.damages)
         counts = {name: value for name, value in asdict(outcome).items() if name != "damages"}
-        echo(json.dumps({"kind": "verification", **counts, "damaged": len(outcome.damages), "repairs": done}))
+        print_lines([{"kind": "verification", **counts, "damaged": len(outcome.damages), "repairs": done}])
         return
     for text in done:
         echo(text)

@@ -42,7 +42,7 @@ def inbox(
         rows = inbox_runs(INBOX, MAX_SCANS)
         served = is_served(INBOX)
     if as_json:
-        print_lines(rows)
+        print_lines({"kind": "scan", **row} for row in rows)
         return
     show(table_of(rows, "no scan yet: glint inbox --now"))
     if not served:

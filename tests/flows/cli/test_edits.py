@@ -38,15 +38,17 @@ def store(tmp_path: Path) -> str:
 
 def test_edits_are_listed(store: str) -> None:
     first, second, note = rows("edits", "duck", "--store", store)
-    assert (first["field"], first["by"], first["edit"]) == ("pixel_size", "Ann", 1)
-    assert (second["field"], second["by"], second["edit"]) == ("verdict", "Bob", 2)
-    assert (note["author"], note["text"]) == ("Ann", "scale from the ruler")
+    assert (first["kind"], first["capture"], first["field"]) == ("edited", "duck/front", "pixel_size")
+    assert (first["author"], first["edit"]) == ("Ann", 1)
+    assert (second["field"], second["author"], second["edit"]) == ("verdict", "Bob", 2)
+    assert (note["kind"], note["author"], note["text"]) == ("note", "Ann", "scale from the ruler")
     assert "scale from the ruler" in glint("edits", "duck/front", "--store", store)
     assert "nothing is edited" in glint("edits", "duck/back", "--store", store)
 
 
 def test_the_history_lists_edits_with_author_time_and_sentence(store: str) -> None:
     first, second = rows("history", "duck", "--store", store)
+    assert (first["kind"], first["object"]) == ("edit", "duck")
     assert (first["version"], first["captures"], first["author"]) == ("edit 1", "front", "Ann")
     assert first["message"] == "pixel_size: 0.5 mm; note: scale from the ruler"
     assert str(first["published"]) <= str(second["published"])
