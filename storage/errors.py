@@ -22,6 +22,11 @@ def printable(text: str, keep: str = "") -> str:
     )
 
 
+def one_line(error: BaseException, limit: int = 120) -> str:
+    """Return the first `limit` characters of an error's text, in one line."""
+    return " ".join(str(error).split())[:limit]
+
+
 def _escaped(character: str) -> str:
     escaped = json.dumps(character)[1:-1]
     return escaped if escaped != character else f"\\u{ord(character):04x}"

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 CLOCK_LAG_SECONDS = 0.1
-"""By how much modification times may lag behind the system clock."""
+"""Largest lag of modification times behind the system clock."""
 
 
 def flush(path: Path) -> None:

@@ -16,7 +16,7 @@ from glint.storage.seals import is_sealed, sealed
 
 KEPT_FOLDER = "kept"
 MAX_VALUE_BYTES = 50_000_000
-"""Of one value; what is longer is not kept."""
+"""Size of the largest value that is kept."""
 
 
 def read_kept(location: Location, object_id: str, key: str) -> Any:

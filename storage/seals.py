@@ -9,7 +9,7 @@ SEAL = "seal"
 """Attribute that holds the checksum of all others."""
 
 HEX_DIGITS = 32
-"""Of a checksum: 128 bits of a SHA-256, which no two different contents of a store will ever share by accident."""
+"""Length of a checksum: 128 bits of a SHA-256, which no two different contents of a store share by accident."""
 
 
 def digest_of(value: Any) -> str:

@@ -53,7 +53,7 @@ COMMANDS = (
     prefect,
     dashboard,
 )
-"""In the order of `glint --help`."""
+"""The commands in the order of `glint --help`."""
 
 USAGE_ERROR = 2
 """Exit status of wrong usage and of errors that have a remedy."""

@@ -32,7 +32,7 @@ RUNNING_SECONDS = 1.0
 ARTIFACT_SECONDS = 5.0
 """Interval of progress updates on the dashboard; work that takes less has none."""
 CLOSE_SECONDS = 10.0
-"""How long the end of a capture or of a run waits for the last events to be handled."""
+"""Time for which the end of a capture or of a run waits for the last events to be handled."""
 
 
 class TaskRunReporter:

@@ -1,4 +1,4 @@
-"""What is wrong with the small files of captures, reported at once when a run begins."""
+"""Report at once, when a run begins, what is wrong with the small files of captures."""
 
 from collections.abc import Mapping, Sequence
 

@@ -9,7 +9,7 @@ MAX_PAGES = 5
 """Pages of MAX_RUNS runs in which those of the store are looked for: a server may serve many stores."""
 
 EXCEPTION_PREFIX = "Task run encountered an exception "
-"""How Prefect begins the message of a failed task run."""
+"""Beginning of Prefect's message of a failed task run."""
 
 
 def running_rows(store: str) -> list[dict[str, Any]]:

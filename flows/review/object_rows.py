@@ -14,7 +14,7 @@ from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.tasks.review.summary import summary_of
 
 REMOTE_SECONDS = 30.0
-"""How often an object of an object store is read again: nothing shows cheaply whether it has changed."""
+"""Interval at which an object of an object store is read again: nothing shows cheaply whether it has changed."""
 
 
 @dataclass(frozen=True)

@@ -41,12 +41,12 @@ MEMORY_SHARE = 0.8
 """The part of the machine's memory that the workers of a local cluster share."""
 
 POLL_SECONDS = 0.2
-"""How often a wait for the cluster looks whether the run was interrupted."""
+"""Interval at which a wait for the cluster looks whether the run was interrupted."""
 STOP_SECONDS = 5.0
-"""How long Dask may take to stop a local cluster; what is stored is whole, whenever a worker is killed."""
+"""Time that Dask may take to stop a local cluster; what is stored is whole, whenever a worker is killed."""
 WORKERS_SECONDS = 120
 DASHBOARD_SECONDS = 10.0
-"""How long after the start of a local cluster Dask's dashboard is added: importing its plots would delay the first task
+"""Time after the start of a local cluster at which Dask's dashboard is added: importing its plots would delay the first task
 of every run."""
 
 

@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 CHECK_SECONDS = 5.0
-"""How long a check may take; a database too large for it counts as whole."""
+"""Time that a check may take; a database too large for it counts as whole."""
 _FILES = ("", "-wal", "-shm")
 _NOTICE = "notice.txt"
 

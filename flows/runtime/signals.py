@@ -16,7 +16,7 @@ from typing import Any
 EXIT_STATUS = 130
 """Exit status of an interrupted run that did not end by itself."""
 GRACE_SECONDS = 30.0
-"""How long an interrupted run may take to end."""
+"""Time that an interrupted run may take to end."""
 REPEAT_SECONDS = 1.0
 """A second signal ends the run at once, unless it comes so soon that a terminal and its shell sent the same one."""
 LINE = "glint: interrupted; what is finished is kept, and the same command goes on from there"

@@ -23,6 +23,8 @@ _NOT_FRAMES = re.compile(r"(.*[._-])?(mask|normals?([._-]map)?|depth|preview|ref
 """Images that are no frames, by their stem."""
 FRAME_FOLDERS = ("frames", "images", "photos", "jpg", "jpeg", "jpeg-exports", "png", "tif", "tiff")
 """Folders of a capture's images, in the order in which they are looked for; RTIBuilder writes `jpeg-exports`."""
+MAX_ID_STEM = 56
+"""Characters of a folder's name that an id keeps: a number that tells it from others still fits."""
 LIGHTS_FOLDERS = ("assembly-files",)
 """Folders beside those of the images in which RTIBuilder writes `.lp` files."""
 
@@ -129,7 +131,7 @@ def _named(folders: list[Location], names: tuple[str, ...]) -> list[Location]:
 
 def _new_id(name: str, taken: set[str]) -> str:
     """Return the nearest valid id that is not taken yet, and take it."""
-    plain = re.sub(r"[^a-z0-9._-]+", "-", name.lower()).strip("-._")[:56] or "capture"
+    plain = re.sub(r"[^a-z0-9._-]+", "-", name.lower()).strip("-._")[:MAX_ID_STEM] or "capture"
     chosen, number = plain, 1
     while chosen in taken:
         number += 1

@@ -30,7 +30,7 @@ _REMEDIES = {
     "less_than_equal": "check the number and its unit",
     "schema": "write `schema: 1`",
 }
-"""By pydantic's name of the error."""
+"""Remedies by pydantic's name of the error."""
 _DEFAULT_REMEDY = "fix the value"
 _REPORTED_BY_LOADER = ("duplicate_id", "spheres_and_lights")
 """Errors that the catalogue's loader reports with the lines of both keys."""

@@ -22,7 +22,7 @@ Count = Annotated[int, Field(ge=0, le=MAX_PIXELS_PER_SIDE)]
 Positive = Annotated[float, Field(ge=1e-6, le=1e6)]
 """A length in pixels or millimetres, from the size of a molecule to a kilometre: numbers beyond it are mistakes."""
 ROTATION_TOLERANCE = 0.01
-"""Of products of a rotation's rows: what is rounded or calibrated passes, a scale or a mirror does not."""
+"""Error of the products of a rotation's rows: a rounded or calibrated matrix passes, a scale or a mirror does not."""
 Entry = Annotated[float, Field(ge=-1e9, le=1e9)]
 """An entry of a matrix, in pixels or millimetres: beyond it, single precision loses what is added."""
 Row3 = Annotated[tuple[Entry, Entry, Entry], Field(strict=False)]

@@ -4,19 +4,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
-from glint.storage.catalogue.diagnostics import raise_diagnostics
-from glint.storage.catalogue.messages import diagnostics_of
 from glint.storage.catalogue.writing import yaml_text
-from glint.storage.catalogue.yaml_lines import Kind, LinedDict, parse
+from glint.storage.catalogue.yaml_file import read_yaml_file
+from glint.storage.catalogue.yaml_lines import Kind, LinedDict
 from glint.storage.edits.contents import MARKUP_FILE, MASK_FILE, markup_json
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import MAX_MASK_BYTES, Changes, EditsFile, EntryEdits, Revision, mask_png
 from glint.storage.errors import InputError, OutputError
 from glint.storage.footage.images import decode_mask
 from glint.storage.inputs.markup import read_marks
-from glint.storage.locations.input_files import MAX_TEXT_BYTES, locate, read_bytes
+from glint.storage.locations.input_files import locate, read_bytes
 from glint.storage.locations.location import Location
 
 EDITS_FILE = "edits.yaml"
@@ -62,18 +59,8 @@ def take_files(edits: Edits, file: Path, author: str, only: str | None = None) -
         InputError: the file, or one that it names, cannot be used; StoreError: the store cannot be written.
     """
     location = locate(file)
-    text = read_bytes(location, MAX_TEXT_BYTES)
-    try:
-        root, diagnostics = parse(text.decode("utf-8-sig"), location.uri, _KIND)
-    except UnicodeDecodeError as error:
-        raise InputError(f"{location.uri} is not UTF-8 text", "save it as UTF-8") from error
-    raise_diagnostics(diagnostics)
-    try:
-        entries = EditsFile.model_validate(root).captures
-    except ValidationError as error:
-        raise_diagnostics(diagnostics_of(error, root, EditsFile, location.uri))
-        raise
-    chosen = [entry for entry in entries if only in (None, entry.id)]
+    _, content = read_yaml_file(location, _KIND, EditsFile.model_validate, EditsFile)
+    chosen = [entry for entry in content.captures if only in (None, entry.id)]
     if not chosen:
         raise InputError(f"{location.uri} has no capture {only}", "name one that is in it")
     changes = [(entry.id, _changes(entry, location.parent)) for entry in chosen]

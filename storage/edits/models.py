@@ -18,13 +18,13 @@ from glint.storage.inputs.markup import AnnotationEntry
 MAX_DRAWN_SPHERES = 100
 """Largest number of spheres of one capture."""
 MAX_MARKS = 100_000
-"""Of one capture: a mark every second of a working day, several times over."""
+"""Largest number of marks of one capture: one every second of a working day, several times over."""
 MAX_MASK_BYTES = 50_000_000
-"""Of a mask as PNG: noise of the largest frame that a page can show takes less."""
+"""Largest size of a mask as PNG: noise of the largest frame that a page can show takes less."""
 MAX_NOTE_CHARACTERS = 4_000
-"""Of one note: two pages of text."""
+"""Largest length of a note: two pages of text."""
 MAX_LINE_CHARACTERS = 200
-"""Of an author's name, and of the sentence that says what changed: one line."""
+"""Largest length of an author's name, and of the sentence that says what changed: one line."""
 
 
 def _decoded_mask(value: Any) -> np.ndarray:
@@ -83,7 +83,7 @@ Mask = Annotated[
 Marks = Annotated[tuple[AnnotationEntry, ...], Field(strict=False, max_length=MAX_MARKS)]
 Spheres = Annotated[tuple[Sphere, ...], Field(strict=False, max_length=MAX_DRAWN_SPHERES)]
 Verdict = Literal["good", "usable", "record again"]
-"""What a person thinks that a capture is good for, in the words of `glint check`."""
+"""A person's verdict on what a capture is good for, in the words of `glint check`."""
 Line = Annotated[
     str, Field(min_length=1, max_length=MAX_LINE_CHARACTERS, pattern=r"^[^\n]+$"), AfterValidator(_printed)
 ]

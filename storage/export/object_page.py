@@ -18,6 +18,10 @@ from glint.storage.versions.stage_results import WHOLE_OBJECT, StageResult
 
 MODEL_TRIANGLES = 300_000
 """Triangles of a model on a page: smooth on a screen of 2,000 pixels."""
+SHARED_PAGE_FRAMES = 12
+"""Photographs of each capture on a page of several, before their detail is reduced."""
+MIN_SCALE = 0.05
+"""Scale of the arrays' sides to which the detail is not reduced: nothing could be recognized there."""
 MODEL_FIGURES = {
     "volume": "Volume",
     "area": "Area",
@@ -114,8 +118,8 @@ def _fitted(location: Location, version: Version, captures: Sequence[PageCapture
     Raises:
         StoreError: it has no room for so many captures.
     """
-    detail = Detail(frames=40 if len(captures) == 1 else 12)
-    while detail.scale > 0.05:
+    detail = Detail() if len(captures) == 1 else Detail(frames=SHARED_PAGE_FRAMES)
+    while detail.scale > MIN_SCALE:
         shown: list[CaptureData] = []
         for capture in captures:
             entry = entry_of(version, capture.name)

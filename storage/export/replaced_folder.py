@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from glint.storage.errors import OutputError, StoreError
+from glint.storage.errors import OutputError, StoreError, one_line
 
 FULL_BYTES = 1 << 20
 """Free bytes below which a disk counts as full after a write that failed without a cause."""
@@ -27,7 +27,7 @@ def output_errors(out: Path, object_id: str) -> Iterator[None]:
         yield
     except (OSError, RuntimeError) as error:
         # NumPy and OpenEXR report a short write without the system's number of the error.
-        cause = getattr(error, "strerror", None) or " ".join(str(error).split())[:200]
+        cause = getattr(error, "strerror", None) or one_line(error, 200)
         if _is_full(out, error):
             raise OutputError(
                 f"the disk of {out} is full: exporting {object_id} failed ({cause})",

@@ -14,6 +14,12 @@ _ROTATIONS = {
 }
 
 
+_FULL_RANGE = 2
+"""FFmpeg's number of the colour range from 0 to the largest value (AVCOL_RANGE_JPEG)."""
+_BLACK, _WHITE_ABOVE_BLACK = 16, 219
+"""Black of limited range, and the distance to its white, in 8 bits (ITU-R BT.601)."""
+
+
 class LumaConverter:
     """Converts frames of one pixel format to upright full-range luma; shape: (height, width), upright."""
 
@@ -66,7 +72,7 @@ def _is_limited(frame: av.VideoFrame) -> bool:
     name = frame.format.name
     if name.startswith(("yuvj", "gray")):
         return False
-    return int(frame.color_range) != 2
+    return int(frame.color_range) != _FULL_RANGE
 
 
 def _full_range(depth: int, limited: bool) -> np.ndarray | None:
@@ -75,6 +81,6 @@ def _full_range(depth: int, limited: bool) -> np.ndarray | None:
         return None
     codes = np.arange(256 if depth == 8 else 65536, dtype=np.float64)
     unit = 2.0 ** (depth - 8)
-    value = (codes - 16 * unit) / (219 * unit) if limited else codes / (2.0**depth - 1)
+    value = (codes - _BLACK * unit) / (_WHITE_ABOVE_BLACK * unit) if limited else codes / (2.0**depth - 1)
     top = 255 if depth == 8 else 65535
     return np.round(value.clip(0, 1) * top).astype(np.uint8 if depth == 8 else np.uint16)

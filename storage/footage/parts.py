@@ -10,17 +10,18 @@ from dataclasses import dataclass
 from typing import Any
 
 HELD_BYTES = 256 << 20
-"""Most bytes of frames that are decoded before they are taken; a video with longer parts is not divided."""
+"""Bytes of frames that may be decoded before they are taken; a video with longer parts is not divided."""
 _SLICES = {"h264": range(1, 6), "hevc": range(32)}
 """Types of units that hold a picture or a part of it."""
 _IDR = {"h264": (5,), "hevc": (19, 20)}
-"""Of these, those of IDR pictures."""
+"""Those of these types that hold IDR pictures."""
 _PARAMETERS = {"h264": (7, 8), "hevc": (32, 33, 34)}
 """Types of units that hold the parameters of the pictures that follow."""
 _CONFIGURATION_BYTES = {"h264": 7, "hevc": 23}
 """Least size of a configuration record (ISO/IEC 14496-15), which begins with its version, 1."""
 _SIZE_PLACE = {"h264": 4, "hevc": 21}
-"""Its byte whose two lowest bits are the number of bytes, less one, before each unit that state the unit's size."""
+"""Position of its byte whose two lowest bits give the length, less one, of the field with a unit's size before each
+unit."""
 
 
 @dataclass(frozen=True, slots=True)

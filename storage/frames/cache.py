@@ -27,7 +27,7 @@ _ALL = slice(None)
 _UNREADABLE = (
     LookupError, ValueError, TypeError, AttributeError, RuntimeError, FileNotFoundError, ExceptionGroup,
 )  # fmt: skip
-"""What zarr raises for arrays that are damaged, or that are no arrays."""
+"""Errors that zarr raises for arrays that are damaged, or that are no arrays."""
 
 
 def cache_digest(footage: str, crops: Mapping[str, Region]) -> str:
@@ -70,7 +70,7 @@ class FrameCache:
 
     @property
     def complete(self) -> bool:
-        """Whether it holds all frames of the footage."""
+        """True if it holds all frames of the footage."""
         return self.total is not None and self.frames == self.total
 
     @classmethod

@@ -16,6 +16,8 @@ from glint.storage.locations.location import Location
 MIN_IDLE = timedelta(hours=1)
 """Frames used more recently may be in use, and are kept."""
 
+KEYS_PER_DELETION = 500
+"""Files that one call removes from an object store, which takes at most 1,000 of them in a request."""
 _GROUP_METADATA = "zarr.json"
 _DIGEST = re.compile(r"[0-9a-f]{64}")
 
@@ -73,8 +75,8 @@ def remove_frames(location: Location, chosen: Collection[CachedFrames]) -> None:
             store = location.child("frames").obstore()
             obstore.delete(store, f"{entry.digest}/{_GROUP_METADATA}")
             paths = [path for path, _, _ in _files(location, entry.digest)]
-            for start in range(0, len(paths), 500):
-                obstore.delete(store, paths[start : start + 500])
+            for start in range(0, len(paths), KEYS_PER_DELETION):
+                obstore.delete(store, paths[start : start + KEYS_PER_DELETION])
 
 
 def discard_frames(location: Location, digest: str) -> None:

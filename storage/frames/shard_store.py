@@ -15,7 +15,7 @@ from zarr.core.buffer import Buffer, BufferPrototype, default_buffer_prototype
 from zarr.storage import WrapperStore
 
 CHECKSUM_BYTES = 4
-"""Of a CRC-32C, at the end of a chunk and of the index at the end of a shard."""
+"""Size of a CRC-32C, at the end of a chunk and of the index at the end of a shard."""
 _INDEX_ENTRY = np.dtype("<u8")
 _WORD = np.dtype("<u4")
 _CHUNKS = "c"

@@ -23,8 +23,9 @@ READING_PROGRESS: ContextVar[Callable[[str, int, int], None]] = ContextVar(
     "glint_reading_progress", default=lambda uri, done, total: None
 )
 """Called with an input's address, the bytes read and all its bytes, while its digest is computed."""
-_TIMESTAMP_STEP_NS = 100_000_000
-"""Nanoseconds; file systems record times in steps of up to 10 ms."""
+_RECENT_NS = 100_000_000
+"""Age of a change, in nanoseconds, below which another change may get the same time: ten of the largest steps in which
+file systems record times."""
 
 
 def content_digest(
@@ -122,7 +123,7 @@ def exists(file: Location) -> bool:
 
 def _is_recently_modified(stamp: list[Any]) -> bool:
     """Return whether a local file changed so recently that a further change could leave its size and times as is."""
-    return isinstance(stamp[1], int) and abs(time.time_ns() - max(stamp[1:3])) < _TIMESTAMP_STEP_NS
+    return isinstance(stamp[1], int) and abs(time.time_ns() - max(stamp[1:3])) < _RECENT_NS
 
 
 def _lookup(cache: Location, key: str, stamps: list[list[Any]]) -> str | None:

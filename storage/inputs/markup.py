@@ -3,14 +3,13 @@
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from glint.storage.catalogue.diagnostics import Diagnostic, raise_diagnostics
-from glint.storage.catalogue.messages import diagnostics_of
 from glint.storage.catalogue.models import Region
-from glint.storage.catalogue.yaml_lines import Kind, line_of, parse
-from glint.storage.errors import InputError
-from glint.storage.locations.input_files import MAX_TEXT_BYTES, Address, locate, read_bytes
+from glint.storage.catalogue.yaml_file import read_yaml_file
+from glint.storage.catalogue.yaml_lines import Kind, line_of
+from glint.storage.locations.input_files import Address, locate
 from glint.storage.locations.location import Location
 
 
@@ -102,17 +101,7 @@ def _parse(location: Location) -> tuple[Any, list[AnnotationEntry]]:
     Raises:
         InputError: malformed; it lists all mistakes with their lines.
     """
-    data = read_bytes(location, MAX_TEXT_BYTES)
-    try:
-        root, diagnostics = parse(data.decode("utf-8-sig"), location.uri, MARKUP_KIND)
-    except UnicodeDecodeError as error:
-        raise InputError(f"{location.uri} is not UTF-8 text", "save it as UTF-8") from error
-    raise_diagnostics(diagnostics)
-    try:
-        return root, _ANNOTATIONS.validate_python(root)
-    except ValidationError as error:
-        raise_diagnostics(diagnostics_of(error, root, AnnotationEntry, location.uri))
-        raise
+    return read_yaml_file(location, MARKUP_KIND, _ANNOTATIONS.validate_python, AnnotationEntry)
 
 
 def _position_error(

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from obstore.store import S3Credential
 
 CREDENTIALS_TTL = timedelta(minutes=5)
-"""How long the libraries keep credentials before they ask again; botocore renews at least 10 minutes before expiry."""
+"""Time for which the libraries keep credentials before they ask again; botocore renews at least 10 minutes before
+expiry."""
 
 
 @dataclass(frozen=True, slots=True)

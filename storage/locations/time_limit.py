@@ -11,7 +11,7 @@ from typing import cast
 from glint.storage.errors import InputError
 
 SILENCE_SECONDS = 60.0
-"""How long an input may give nothing: a tape or a sleeping disk answers within half of it."""
+"""Time for which an input may give nothing: a tape or a sleeping disk answers within half of it."""
 MAX_READY = 2
 """Items that are made before they are taken: frames, each as large as a picture."""
 _STOP_SECONDS = 0.05

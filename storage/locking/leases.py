@@ -25,7 +25,9 @@ if TYPE_CHECKING:
     from obstore import GetResult
 
 LEASE_TERM = timedelta(minutes=3)
+"""Time without a renewal after which a lease may be taken over."""
 RENEWALS_PER_TERM = 3
+"""Renewals in a term: two may fail before the lease expires."""
 
 
 @contextmanager

@@ -19,6 +19,9 @@ from glint.storage.locking.owner import LockOwner, ObjectBusy
 MAX_STATUS_CHECK_SECONDS = 1.0
 """Upper bound of the time for which a status check holds a lock."""
 STATUS_CHECK_POLL_SECONDS = 0.01
+"""Interval at which a lock that a status check may hold is tried again."""
+MAX_OWNER_BYTES = 4096
+"""Bytes that are read of a lock's file; an owner takes a few hundred."""
 
 
 @contextmanager
@@ -67,7 +70,7 @@ def run_owner(location: Location, object_id: str) -> LockOwner | None:
         try:
             fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError:
-            return LockOwner.from_bytes(os.pread(handle, 4096, 0))
+            return LockOwner.from_bytes(os.pread(handle, MAX_OWNER_BYTES, 0))
         return None
 
 
@@ -79,7 +82,7 @@ def _acquire(handle: int, object_id: str) -> None:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             return
         except BlockingIOError as error:
-            owner = LockOwner.from_bytes(os.pread(handle, 4096, 0))
+            owner = LockOwner.from_bytes(os.pread(handle, MAX_OWNER_BYTES, 0))
             if owner is not None or time.monotonic() >= deadline:
                 raise ObjectBusy.owned_by(object_id, owner) from error
             time.sleep(STATUS_CHECK_POLL_SECONDS)

@@ -44,6 +44,7 @@ class LockOwner:
         except ProcessLookupError:
             return True
         except PermissionError:
+            # It runs, under another user.
             return False
         return False
 

@@ -15,7 +15,7 @@ from zarr.abc.store import ByteRequest, OffsetByteRequest, RangeByteRequest, Sto
 from zarr.core.buffer import Buffer, BufferPrototype
 from zarr.storage import WrapperStore
 
-from glint.storage.errors import DamagedError, StoreError, damaged
+from glint.storage.errors import DamagedError, StoreError, damaged, one_line
 from glint.storage.locations.error_translation import UNKNOWN_CAUSE_REMEDY, translate
 from glint.storage.seals import HEX_DIGITS
 
@@ -94,7 +94,7 @@ class VerifiedStore(WrapperStore[Store]):
         translated = translate("the store", f"reading {name} of {self._owner}", error)
         if translated.remedy != UNKNOWN_CAUSE_REMEDY or not isinstance(error, icechunk.IcechunkError):
             return translated
-        return self._damage(name, f"cannot be read: {' '.join(str(error).split())[:120]}")
+        return self._damage(name, f"cannot be read: {one_line(error)}")
 
     def _damage(self, name: str, problem: str) -> DamagedError:
         parts = name.split("/")

@@ -12,7 +12,7 @@ import zarr
 from zarr.core.sync import sync
 from zarr.errors import GroupNotFoundError
 
-from glint.storage.errors import DamagedError, damaged
+from glint.storage.errors import DamagedError, damaged, one_line
 
 
 def open_group(store: Any, object_id: str, path: str) -> zarr.Group | None:
@@ -40,5 +40,5 @@ def readable_metadata(object_id: str, path: str) -> Iterator[None]:
 
 
 def _damage(object_id: str, path: str, error: Exception) -> DamagedError:
-    problem = f"its metadata cannot be read: {' '.join(str(error).split())[:120]}"
+    problem = f"its metadata cannot be read: {one_line(error)}"
     return damaged(f"{object_id}/{path}" if path else f"the root of object {object_id}", problem, object_id)

@@ -13,7 +13,7 @@ import icechunk
 import obstore
 from zarr.core.sync import sync
 
-from glint.storage.errors import DamagedError, StoreError, damaged
+from glint.storage.errors import DamagedError, StoreError, damaged, one_line
 from glint.storage.locations.error_translation import UNKNOWN_CAUSE_REMEDY, store_errors, translate
 from glint.storage.locations.location import Location
 from glint.storage.seals import is_sealed
@@ -211,22 +211,17 @@ def index_errors(uri: str, action: str, object_id: str) -> Iterator[None]:
                 remedy = "" if "Invalid Icechunk" in str(error) else translate(uri, action, error).remedy
                 if isinstance(error, icechunk.ConflictError) or remedy not in ("", UNKNOWN_CAUSE_REMEDY):
                     raise
-                raise index_damage(uri, object_id, f"{action}: {_first(error)}") from error
+                raise index_damage(uri, object_id, f"{action}: {one_line(error)}") from error
     except BaseException as error:
         # The library ends so where it trusts the content of a damaged file.
         if type(error).__name__ != "PanicException":
             raise
-        raise index_damage(uri, object_id, f"{action}: {_first(error)}") from error
+        raise index_damage(uri, object_id, f"{action}: {one_line(error)}") from error
 
 
 def index_damage(uri: str, object_id: str, problem: str) -> DamagedError:
     """Return the error for an object whose index or snapshots are damaged; uri: of the store, if known."""
     return damaged(f"the index of object {object_id}{f' in {uri}' if uri else ''}", problem, object_id)
-
-
-def _first(error: BaseException) -> str:
-    """Return the beginning of an error's text, in one line."""
-    return " ".join(str(error).split())[:120]
 
 
 def find_version(repository: icechunk.Repository, object_id: str, name: str | None) -> Version:

@@ -13,7 +13,9 @@ from glint.storage.locking.locks import mutation_lock
 from glint.storage.versions.snapshots import index_errors
 
 MAX_COMMIT_ATTEMPTS = 30
-MAX_BACKOFF_SECONDS = 2.0
+"""Conflicts with other writers after which a change is given up, within a minute of waiting."""
+FIRST_BACKOFF_SECONDS, MAX_BACKOFF_SECONDS = 0.05, 2.0
+"""Longest wait after the first conflict, which doubles with each further one, and its limit."""
 
 
 def transaction[T](location: Location, object_id: str, action: str, change: Callable[[], T]) -> T:
@@ -35,7 +37,7 @@ def transaction[T](location: Location, object_id: str, action: str, change: Call
                 return result
             except icechunk.ConflictError:
                 # Random exponential backoff, so that the same writers do not meet again.
-                time.sleep(uniform(0, min(MAX_BACKOFF_SECONDS, 0.05 * 2**attempt)))
+                time.sleep(uniform(0, min(MAX_BACKOFF_SECONDS, FIRST_BACKOFF_SECONDS * 2**attempt)))
     raise StoreError(
         f"{action} of {object_id} met other writers {MAX_COMMIT_ATTEMPTS} times",
         "run again when fewer runs share the object",

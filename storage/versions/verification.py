@@ -19,10 +19,8 @@ if TYPE_CHECKING:
 CONCURRENT_READS = 8
 """Values read at once; bounds the memory by as many chunks."""
 
-
 EARLIER_VERSIONS = 8
-"""Newest versions in which an earlier result is looked for: who takes an edit back does so within a few runs."""
-
+"""Newest versions in which an earlier result is looked for: an edit is usually taken back within a few runs."""
 
 _version_keys: WeakKeyDictionary[icechunk.Repository, dict[str, Keys]] = WeakKeyDictionary()
 """Stage keys of versions that were read, by open repository and snapshot."""

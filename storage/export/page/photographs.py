@@ -16,7 +16,7 @@ from glint.storage.versions.stage_results import StageResult
 OBJECT_CROP = "object"
 """The array of cached frames that shows the region."""
 JPEG_QUALITY = 88
-"""Of photographs on the page: artefacts stay below the noise of a compressed video."""
+"""JPEG quality of photographs on the page, at which artefacts stay below the noise of a compressed video."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,8 +18,8 @@ from glint.tasks.algorithms.candidates.surround import Rings, find_rings, surrou
 
 CELL_DEG = 1.1
 """Edge in degrees of the cells in which densities are counted: half the disc of a usual light."""
-MEAN_SHIFT_STEPS = 6
-POWER_ITERATIONS = 30
+MEAN_SHIFT_STEPS, POWER_ITERATIONS = 6, 30
+"""Steps of the mean shift, and limit of the power iteration, which ends where the eigenvector stands still."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +109,7 @@ def cluster_pixels(
 def _cells(half_vectors: np.ndarray) -> tuple[np.ndarray, int]:
     """Return the cell (T,) int32 of each half vector in an equal-area map of the hemisphere, and its edge in cells.
 
-    Two cells of margin on every side let `_densest` read neighbours without tests.
+    A margin of two cells lets `_densest` read neighbours without tests.
     """
     cell = np.radians(CELL_DEG)
     size = int(np.ceil(2.0 * np.sqrt(2.0) / cell)) + 5

@@ -17,7 +17,7 @@ INNER_RING_DEG = (4.5, 12.0)
 OUTER_RING_DEG = (15.0, 30.0)
 """The same of frames that give the level without the highlight: shading has fallen by then."""
 RING_FRAMES = 24
-"""Most frames of a ring that are looked at: enough for a mean, and cheap."""
+"""Largest number of frames of a ring that are looked at: enough for a mean, and cheap."""
 MIN_OUTER_FRAMES = 3
 """Frames in the outer ring below which frames of the whole sweep take their place."""
 DARK_QUANTILE = 0.25

@@ -19,12 +19,18 @@ MIN_EDGE_INRADII = 0.15
 """Length in inradii of the shortest edge that is used."""
 GAP_INRADII = 0.25
 """Distance in inradii over which an edge may be rounded: what is nearer to it lies behind the crease."""
+INNER_SHARES = (0.15, 0.85)
+"""Part of an edge, as shares of the way along it, beside which is looked what lies behind: ends are rounded corners."""
+EDGE_SAMPLES = 21
+"""Places in this part that are looked at."""
 BEHIND_SHARE = 0.6
 """Share of an edge behind which one and the same thing must lie."""
 SILHOUETTE, UNSEEN = -1, -2
 """What lies behind an edge if it is no face: nothing, or a part of the object without a face."""
 DEFAULT_ROUNDING_INRADII = 0.05
 """Radius in inradii of rounded edges where no crease between two faces shows it."""
+MIN_NORMAL_STEP = 0.1
+"""Least change of the normal's image component across a crease that is divided by: flat creases are noisy."""
 EDGE_ERROR_PX, NORMAL_ERROR_DEG = 1.0, 1.5
 """Standard deviations of an edge's ends, and of a face's normal by the sparse lights."""
 
@@ -104,7 +110,7 @@ def _behind(
 ) -> int:
     """Return what lies behind an edge of face `number`; owner (H, W): number of the face at each pixel, or its code."""
     gap = max(3, round(GAP_INRADII * scale))
-    rows, columns = strip_pixels(start, end, outward, np.linspace(0.15, 0.85, 21), np.arange(1, gap + 1))
+    rows, columns = strip_pixels(start, end, outward, np.linspace(*INNER_SHARES, EDGE_SAMPLES), np.arange(1, gap + 1))
     inside = (columns >= 0) & (columns < owner.shape[1]) & (rows >= 0) & (rows < owner.shape[0])
     codes = np.where(inside, owner[np.clip(rows, 0, owner.shape[0] - 1), np.clip(columns, 0, owner.shape[1] - 1)], -1)
     # The first thing on the way outwards that is neither the face itself nor without a face.
@@ -157,5 +163,5 @@ def rounding_radius(edges: list[Edge], faces: list[Face], scale: float) -> float
             middle = (edge.start + edge.end) / 2.0
             distances = np.linalg.norm(image_points(faces[edge.behind].hull) - middle, axis=1)
             gap = float(distances.min()) - 1.0
-            radii.append(gap / max(abs(float(difference)), 0.1))
+            radii.append(gap / max(abs(float(difference)), MIN_NORMAL_STEP))
     return float(np.median(radii)) if radii else DEFAULT_ROUNDING_INRADII * scale

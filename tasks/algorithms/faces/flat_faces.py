@@ -34,7 +34,7 @@ MIN_TESTED_INRADII = 1.0
 
 @dataclass(frozen=True, slots=True)
 class FlatFaces:
-    """What flat faces say.
+    """Statements of flat faces about each pixel.
 
     normals: (H, W, 3) float32, NaN outside faces. weights: (H, W), theirs in the field. observed: (H, W) bool, faces
     that showed the light. spread: (H, W), standard deviation per axis in radians of the other faces' normals, NaN

@@ -7,11 +7,11 @@ the length on which a surface as curved as the object leaves the tolerance.
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numba import njit
 from scipy import ndimage
 
+from glint.tasks.algorithms.geometry.convex_hull import convex_hull
 from glint.tasks.algorithms.geometry.distance import distance_inside
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 
@@ -100,12 +100,12 @@ def _with_region(
     for number, face in enumerate(faces):
         if angles(face.normal, normal) < SAME_FACE_DEG:
             merged = face.pixels | pixels
-            hull = _hull(merged) & mask
+            hull = convex_hull(merged) & mask
             common = unit(face.normal * face.pixels.sum() + normal * pixels.sum())
             known = hull & np.isfinite(values[..., 0])
             if (angles(values[known], common) > FACE_DEG + SAME_FACE_DEG).mean() < MAX_FOREIGN_SHARE:
                 return [*faces[:number], Face(common, merged, hull), *faces[number + 1 :]]
-    return [*faces, Face(normal, pixels, _hull(pixels) & mask)]
+    return [*faces, Face(normal, pixels, convex_hull(pixels) & mask)]
 
 
 def _touching(region: np.ndarray, core: np.ndarray) -> np.ndarray:
@@ -114,14 +114,6 @@ def _touching(region: np.ndarray, core: np.ndarray) -> np.ndarray:
     touches = np.zeros(count + 1, bool)
     touches[parts[core & region]] = True
     return touches[parts]
-
-
-def _hull(pixels: np.ndarray) -> np.ndarray:
-    """Return the convex hull (H, W) bool of pixels (H, W)."""
-    points = np.argwhere(pixels)[:, ::-1].astype(np.int32)
-    result = np.zeros(pixels.shape, np.uint8)
-    cv2.fillConvexPoly(result, cv2.convexHull(points), 1)
-    return result.astype(bool)
 
 
 @njit(cache=True, nogil=True)

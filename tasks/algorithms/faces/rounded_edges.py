@@ -17,6 +17,8 @@ MAX_CREASE_DEG = 4.0
 """Degrees from the perpendicular to the crease within which a candidate may belong to the rounded edge."""
 MIN_ROUNDING_DEG = 4.0
 """Degrees by which such a candidate turns away from the face at least."""
+TESTED_SHARES, MIN_TESTED_PLACES = (0.1, 0.9), 5
+"""Part of an edge, as shares of the way along it, that is looked at, and the least number of places: one a pixel."""
 TESTED_TURN_DEG, TESTED_SLANT_DEG = 10.0, 44.0
 """An edge is tested if a normal turned outwards by so many degrees is still within this angle of the view vector."""
 
@@ -33,7 +35,9 @@ def rounded_share(edge: Edge, face: Face, candidates: np.ndarray, scale: float) 
     if turned[2] < np.cos(np.radians(TESTED_SLANT_DEG)):
         return float("nan")
     strip = max(MIN_STRIP_PX, round(STRIP_INRADII * scale))
-    rows, columns = edge.strip(np.linspace(0.1, 0.9, max(5, int(edge.length))), np.arange(-1, strip))
+    rows, columns = edge.strip(
+        np.linspace(*TESTED_SHARES, max(MIN_TESTED_PLACES, int(edge.length))), np.arange(-1, strip)
+    )
     height, width = candidates.shape[1:3]
     inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
     normals = candidates[:, np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)]

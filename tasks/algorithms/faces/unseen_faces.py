@@ -31,11 +31,19 @@ JOINT_INRADII = 0.3
 MAX_CORNER_DEG = 165.0
 """Largest angle of one face's corner; if the part without a face is wider, it holds at least two faces."""
 MAX_OVERHANG, MIN_OVERHANG_INRADII = 0.4, 0.1
-"""How far a face extends beside the ends of its edge: per pixel of distance from it, and at least, in inradii."""
+"""Reach of a face beyond the ends of its edge: per pixel of distance from it, and at least, in inradii."""
 MIN_PART_SHARE, MIN_PART_INRADII = 0.01, 0.08
 """Size of the smallest part without a face, as a share of the mask, and its inradius in the mask's."""
 MAX_ACCEPTED_SHARE = 0.25
-"""Share of a strip behind an edge that may show accepted normals if what lies there never showed the light."""
+"""Share of accepted normals in the window around a pixel above which the pixel counts as observed."""
+ACCEPTED_WINDOW_INRADII, MIN_ACCEPTED_WINDOW_PX = 0.06, 2
+"""Half the side of this window in inradii, and at least, in pixels."""
+BORDERED_SHARES, BORDERED_PLACES = (0.2, 0.8), 13
+"""Part of an edge, as shares of the way along it, that a part without a face must border, and the places looked at."""
+BORDERED_INRADII, MIN_BORDERED_PX = 0.3, 4
+"""Distance in inradii up to which that part may begin, behind the rounding of the edge, and at least, in pixels."""
+MIN_BORDERED_SHARE = 0.6
+"""Share of these places behind which that part must lie."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +74,9 @@ def unseen_faces(
         rounding: radius of the rounded edges in pixels.
     """
     # A few accepted pixels do not make a part observed: what lies in the middle of many does.
-    density = ndimage.uniform_filter(known.astype(float), 2 * max(2, round(0.06 * scale)) + 1)
+    density = ndimage.uniform_filter(
+        known.astype(float), 2 * max(MIN_ACCEPTED_WINDOW_PX, round(ACCEPTED_WINDOW_INRADII * scale)) + 1
+    )
     observed = np.any([face.hull for face in faces], axis=0) | (density > MAX_ACCEPTED_SHARE)
     unseen = mask & ~observed
     open_edges = [edge for edge in edges if edge.behind == UNSEEN and _borders(edge, unseen, scale)]
@@ -121,9 +131,10 @@ def _largest_part(pixels: np.ndarray) -> np.ndarray:
 
 def _borders(edge: Edge, pixels: np.ndarray, scale: float) -> bool:
     """Return whether a part (H, W) bool without a face lies along most of an edge, behind its rounding."""
-    rows, columns = edge.strip(np.linspace(0.2, 0.8, 13), np.arange(1, max(4, round(0.3 * scale))))
+    distances = np.arange(1, max(MIN_BORDERED_PX, round(BORDERED_INRADII * scale)))
+    rows, columns = edge.strip(np.linspace(*BORDERED_SHARES, BORDERED_PLACES), distances)
     inside = np.clip(rows, 0, pixels.shape[0] - 1), np.clip(columns, 0, pixels.shape[1] - 1)
-    return bool(pixels[inside].any(axis=1).mean() > 0.6)
+    return bool(pixels[inside].any(axis=1).mean() > MIN_BORDERED_SHARE)
 
 
 def _corners(edges: list[Edge], scale: float) -> list[list[Edge]]:

@@ -9,7 +9,7 @@ from glint.tasks.algorithms.frames.mask import estimate_mask
 from glint.tasks.algorithms.lighting.spheres import Sphere
 
 MAX_SAMPLE_BYTES = 256 << 20
-"""Most bytes of reduced frames."""
+"""Bytes that reduced frames may take."""
 MAX_SAMPLE_EDGE_PX = 1000
 """Longest edge of a reduced frame, which bounds the time."""
 

@@ -27,6 +27,7 @@ from glint.tasks.algorithms.frames.mask_regions import (
 )
 from glint.tasks.algorithms.frames.table_model import TableModel, fit_table
 from glint.tasks.algorithms.frames.table_response import TableResponse, table_response
+from glint.tasks.algorithms.geometry.convex_hull import convex_hull
 from glint.tasks.algorithms.lighting.spheres import Sphere
 
 EXCLUDED_RADII = 1.3
@@ -144,7 +145,7 @@ def _separate(response: TableResponse, free: np.ndarray, allowed: np.ndarray) ->
         mask = filled(differing, CLOSE_SHARE)
         enclosed = bridged(differing, mask)
         # Parts of the object without highlights lie between those with them, not in the table's sample.
-        covered = mask | enclosed if edge is not None else _hull(mask)
+        covered = mask | enclosed if edge is not None else convex_hull(mask)
         edge = float(np.sqrt(max(int(differing.sum()), 1)))
         gap = ndimage.distance_transform_edt(~covered)
         is_table = (gap > max(MIN_GAP_PX, MIN_GAP_SHARE * edge)) & (gap < max(MAX_GAP_PX, MAX_GAP_SHARE * edge)) & free
@@ -219,11 +220,3 @@ def _without_specks(mask: np.ndarray) -> np.ndarray:
     """Return a mask (H, W) bool without single pixels."""
     components, _ = ndimage.label(mask, np.ones((3, 3)))
     return mask & (np.bincount(components.ravel())[components] > 1)
-
-
-def _hull(mask: np.ndarray) -> np.ndarray:
-    """Return the convex hull (H, W) bool of a mask (H, W) bool that is not empty."""
-    rows, columns = np.nonzero(mask)
-    hull = np.zeros(mask.shape, np.uint8)
-    cv2.fillConvexPoly(hull, cv2.convexHull(np.column_stack([columns, rows]).astype(np.int32)), 1)
-    return hull > 0

@@ -39,7 +39,7 @@ REACH_INRADII = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Objection:
-    """What speaks against a piece of a contour.
+    """Evidence against a piece of a contour.
 
     kind: `too large`, `too small`, `cut`, `neck`, `ragged` or `unsupported`. share: of the contour. offset: of the
     stronger edge, pixels outward. x, y: centre of the piece in pixels of the mask. doubt: probability that the

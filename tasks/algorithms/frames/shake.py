@@ -1,4 +1,4 @@
-"""How a camera moved, by the translations of its frames: how far, and whether it was knocked once."""
+"""Motion of a camera, by the translations of its frames: its amplitude, and whether the camera was knocked once."""
 
 import numpy as np
 

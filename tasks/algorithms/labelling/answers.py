@@ -1,4 +1,4 @@
-"""What an answer says about the sheet that it was given for: marks spread over the nodes of their sheets.
+"""Answers as evidence on the sheets that they were given for: marks spread over the nodes of their sheets.
 
 Yeung et al. 2009 (section 4.2) fix the labels of marked nodes alone. In a graph cut that is too little: a pinned node
 has at most eight ties, and where hundreds of its neighbours contradict it, cutting those ties is cheaper than labelling

@@ -1,4 +1,4 @@
-"""What the candidate normals say about the lights that they were made with: axes exchanged, turned, or out of step.
+"""Evidence of candidate normals on the lights that they were made with: axes exchanged, turned, or out of step.
 
 Candidates made with right lights hold a sheet that integrates (Frankot and Chellappa 1988) and bends away from the
 view towards the silhouette, as the field from the occluding contour does. Lights with another convention of axes mirror
@@ -45,7 +45,7 @@ TURN_BLOCKS = 6
 
 @dataclass(frozen=True, slots=True)
 class LightEvidence:
-    """What the candidates say about the lights.
+    """Evidence of the candidates on the lights.
 
     axes: of AXES, what fits best; axes_ratio: its score relative to that of the given axes; turn_deg, turn_error_deg:
     turn of the accepted normals about the view vector and its standard error; log_ratio: mean log-likelihood ratio, in
@@ -60,17 +60,17 @@ class LightEvidence:
 
     @property
     def has_other_axes(self) -> bool:
-        """Whether other axes than the given ones fit."""
+        """True if other axes than the given ones fit."""
         return self.axes_ratio >= (MIN_OPPOSITE_RATIO if self.axes == OPPOSITE else MIN_AXES_RATIO)
 
     @property
     def is_turned(self) -> bool:
-        """Whether the normals are turned."""
+        """True if the normals are turned."""
         return abs(self.turn_deg) > max(MIN_TURN_DEG, MIN_TURN_ERRORS * self.turn_error_deg)
 
     @property
     def has_no_surface(self) -> bool:
-        """Whether the candidates look less like a surface than like none."""
+        """True if the candidates look less like a surface than like none."""
         return self.log_ratio < 0.0
 
 

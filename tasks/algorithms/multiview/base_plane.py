@@ -26,7 +26,7 @@ MAX_BASE_ERROR_PX = 1.5
 
 @dataclass(frozen=True, slots=True)
 class BaseEvidence:
-    """What the silhouettes of V views tell about the height y of the base plane, in world units.
+    """Evidence of the silhouettes of V views for the height y of the base plane, in world units.
 
     highest (V,): the greatest height that each silhouette allows; lowest: that of the hull's lowest point, below which
     the object cannot touch the plane; pixel: world units that a pixel covers at the object.

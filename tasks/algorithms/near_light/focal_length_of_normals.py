@@ -46,7 +46,7 @@ class InverseFocal:
 
 @dataclass(frozen=True, slots=True)
 class UnknownCamera:
-    """What is known of a camera without matrix.
+    """Knowledge of a camera without matrix.
 
     left, top: the region's first pixel in the full frame. sphere_x, sphere_y: mean position of the spheres, likewise.
     width, height: of the full frame, whose centre is taken for the principal point.

@@ -21,7 +21,7 @@ MIN_OBSERVED_NZ = float(np.cos(np.radians(40.0)))
 MAX_LIP, LIP_STEP = 0.3, 0.005
 """Largest thickness of a lip, and the step at which it is looked for, in radii of the end."""
 FOOTPRINT_PX = 0.5
-"""How far from the lip a pixel must lie to show a wall alone."""
+"""Distance from the lip beyond which a pixel shows a wall alone."""
 TILTS_DEG = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
 """Changes of the tilt that are tried: accepted normals show it to a degree."""
 PEAK_REACH = 2

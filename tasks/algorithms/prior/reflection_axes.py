@@ -21,7 +21,7 @@ from glint.tasks.algorithms.geometry.vectors import to_camera
 MIN_SYMMETRY_IOU = 0.96
 """Intersection over union of a silhouette with its mirror image from which it counts as symmetric."""
 SEED_IOU_MARGIN = 0.06
-"""How far below that an unrefined angle may score."""
+"""Distance below that score that an unrefined angle may have."""
 SEED_STEP_DEG, FINAL_STEP_DEG = 3.0, 0.1
 """Steps in angle of the exhaustive search, and at which refinement ends."""
 MAX_SCORED_PIXELS = 4000

@@ -1,4 +1,4 @@
-"""What an answer would change: the normals if one patch of candidates had the opposite label, all else being equal."""
+"""Prediction of what an answer would change: the normals if one patch of candidates had the opposite label, all else being equal."""
 
 import numpy as np
 

@@ -79,12 +79,12 @@ class Question:
 
     @property
     def is_open(self) -> bool:
-        """Whether the labelling itself is undecided about the sheet."""
+        """True if the labelling itself is undecided about the sheet."""
         return self.wrong >= OPEN_PROBABILITY
 
     @property
     def is_promising(self) -> bool:
-        """Whether it comes before all others: a rejected sheet that may well be the surface.
+        """True if it comes before all others: a rejected sheet that may well be the surface.
 
         Of accepted sheets few are false, however low their confidence, and confirming one changes nothing.
         """

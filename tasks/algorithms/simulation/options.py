@@ -65,7 +65,7 @@ class CaptureOptions:
     views: int = 1
     """Number of turntable angles, evenly spaced over 360 degrees; with more than one the camera looks level."""
     free_poses: bool = False
-    """Whether cameras of several views also look from above and below; the catalogue then states matrices."""
+    """If set, cameras of several views also look from above and below; the catalogue then states matrices."""
     axis_offset: float = 0.0
     """Distance in pixels of the turntable's axis to the right of the region's centre."""
     axis_lean: float = 0.0
@@ -85,7 +85,7 @@ class CaptureOptions:
     rays: int = 2
     """Square root of the number of rays per pixel, each jittered in its cell."""
     missing_quarter: bool = False
-    """Whether the light never visits one quarter of the hemisphere; seeded."""
+    """If set, the light never visits one quarter of the hemisphere, chosen by the seed."""
     light_distance: float | None = None
     """Distance of the light from the object's centre in frame widths; None: infinite."""
     focal: float | None = None

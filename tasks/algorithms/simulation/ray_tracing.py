@@ -15,7 +15,7 @@ import open3d as o3d
 from glint.tasks.algorithms.simulation.solids import CHROME, GLASS, MATTE, Solid
 
 REFRACTIVE_INDEX = 1.5
-"""Of the glass, relative to air."""
+"""Refractive index of the glass, relative to air."""
 MAX_BOUNCES = 9
 MIN_PATH_WEIGHT = 0.004
 """Weight, as a share of the ray's, below which a path is abandoned."""

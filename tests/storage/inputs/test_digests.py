@@ -35,7 +35,7 @@ def read(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         return original(file, count)
 
     monkeypatch.setattr(glint.storage.inputs.digests, "_sha256", noted)
-    monkeypatch.setattr(glint.storage.inputs.digests, "_TIMESTAMP_STEP_NS", 0)
+    monkeypatch.setattr(glint.storage.inputs.digests, "_RECENT_NS", 0)
     return names
 
 
@@ -110,7 +110,7 @@ def test_a_change_that_keeps_size_and_time_is_detected(tmp_path: Path, store: Lo
 def test_a_file_of_this_moment_is_not_remembered(
     tmp_path: Path, store: Location, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(glint.storage.inputs.digests, "_TIMESTAMP_STEP_NS", 60_000_000_000)
+    monkeypatch.setattr(glint.storage.inputs.digests, "_RECENT_NS", 60_000_000_000)
     path = tmp_path / "a.mp4"
     for data in (b"one", b"two", b"six"):
         path.write_bytes(data)
