@@ -191,9 +191,7 @@ class ObjectRepository:
         )
 
     def rollback(self, version: str, message: str = "") -> Version:
-        """Make a version with the content of an older one.
-
-        If the current version has this content already, return it with `created` False; one with damages is replaced.
+        """Make a version with the content of an older one; if the newest has it, undamaged, return that, not `created`.
 
         Raises:
             StoreError: there is no such version; DamagedError: it is damaged.

@@ -2,9 +2,9 @@
 
     python -m tests.benchmarks.clustering_speed [--frames N] [--width W] [--height H]
 
-Frames are in memory and synthetic: glints of the size that a lamp has on glass, as many as a capture shows. Prints the
-ratio of `cluster_pixels` to a single-threaded numba pass that counts values above a threshold, and the seconds of graph
-cut, initial normals and integration at the size of the paper's JUG.
+Frames are in memory and synthetic: highlights of the size that a light has on glass, as many as a capture shows. Prints
+the ratio of `cluster_pixels` to a single-threaded numba pass that counts values above a threshold, and the seconds of
+graph cut, initial normals and integration at the size of the paper's JUG.
 """
 
 import argparse
@@ -52,7 +52,7 @@ def footage(normals: np.ndarray, half_vectors: np.ndarray, mask: np.ndarray) -> 
 
 
 def best(function, *arguments, repeat: int = 3, **named):  # type: ignore[no-untyped-def]
-    """The result and the least of some times in seconds."""
+    """Return the result and the least of some times in seconds."""
     times = []
     for _ in range(repeat):
         started = perf_counter()
@@ -75,8 +75,8 @@ def main() -> None:
     shares = inverse_density_weights(half_vectors)
     flat = frames.reshape(len(frames), -1)
     _, counting = best(count_lit, flat, 225)
-    found, clustering = best(cluster_pixels, frames, bars, half_vectors, shares)
-    lit = found.observations[mask].mean()
+    clusters, clustering = best(cluster_pixels, frames, bars, half_vectors, shares)
+    lit = clusters.observations[mask].mean()
     print(
         f"{arguments.frames} frames of {arguments.width} x {arguments.height}: count {counting:.3f} s, cluster"
         f" {clustering:.3f} s, ratio {clustering / counting:.1f}; {lit:.1f} lit frames a pixel"
@@ -84,8 +84,9 @@ def main() -> None:
     mask, normals = scene(419, 279)
     observable = np.where(normals[..., 2:] > np.cos(np.pi / 4), normals, np.nan).astype(np.float32)
     layers = np.concatenate([observable, np.full_like(observable[:1], np.nan)])
-    there = np.isfinite(layers[..., 0])
-    jug = Clusters(layers, there * 1.0, there * 0.0, there * 1, there.sum(axis=0), layers[0])
+    known = np.isfinite(layers[..., 0])
+    shading = np.full(known.shape, np.nan, np.float32)
+    jug = Clusters(layers, known * 1.0, known * 0.0, known * 1, known.sum(axis=0), layers[0], shading)
     _, initial = best(initial_normals, mask)
     labelled, cut = best(reconstruct_normals, jug, mask)
     _, integration = best(integrate, labelled.normals, mask, confidence=labelled.confidence)

@@ -117,10 +117,10 @@ def main() -> None:
             cells = []
             for scene, initial in zip(scenes, initials, strict=True):
                 started = perf_counter()
-                found = reconstruct_dual_layer(
+                result = reconstruct_dual_layer(
                     scene.clusters, scene.mask, initial, connectivity=connectivity, weight=weight
                 )
-                cells.append(f"{score(scene, found.normals)} {perf_counter() - started:6.2f}")
+                cells.append(f"{score(scene, result.normals)} {perf_counter() - started:6.2f}")
             print(f"{connectivity + f' {weight:g}':22s}" + "".join(f"{cell:>22s}" for cell in cells), flush=True)
     for connectivity in get_args(Connectivity):
         print(f"cut of {JUG[1]} x {JUG[0]} pixels, {connectivity}: {largest_seconds(connectivity, 0.1):.2f} s")

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glint.storage.catalogue.loading import Capture, load
+from glint.storage.catalogue.loading import Capture
 from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.candidates.shading import without_shading
 from glint.tasks.algorithms.geometry.vectors import angles
@@ -23,8 +23,9 @@ from glint.tasks.algorithms.labelling.results import Reconstruction
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.evaluation.captures import CONFIDENT, CONFIDENT_ERROR_DEG
-from glint.tasks.simulation.simulate import CaptureOptions, simulate
+from glint.tasks.simulation.simulate import CaptureOptions
 from glint.tasks.stages.clusters import load_clusters
+from tests.benchmarks.simulated_captures import simulated_captures
 from tests.tasks.make_context import perform_all
 
 FACETED = ("hexagonal-prism", "cut-cube", "gem", "faceted-bottle")
@@ -73,11 +74,8 @@ def main() -> None:
             simulated = CaptureOptions(
                 frames=options.frames, scale=options.scale, seed=options.seed, views=options.views
             )
-            record = simulate(shape, folder / shape, simulated)
-            for capture in load(record.catalogue).object(shape).captures:
-                store = folder / shape / f"store-{capture.id}"
-                alone = capture.model_copy(update={"pose": None})
-                print(f"{shape}/{capture.id}: {measure(alone, store)}", flush=True)
+            for capture, store in simulated_captures(shape, folder / shape, simulated):
+                print(f"{shape}/{capture.id}: {measure(capture, store)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ METHODS: tuple[Method, ...] = ("bilateral", "least-squares")
 
 
 def load(folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Normals (H, W, 3), mask (H, W), camera (3, 3) and true distance (H, W) in millimetres of one object."""
+    """Return normals (H, W, 3), mask (H, W), camera (3, 3) and true distance (H, W) in millimetres of one object."""
     picture = cv2.imread(str(folder / "normal_map.png"), cv2.IMREAD_UNCHANGED)[..., ::-1] / 65535 * 2 - 1
     mask = cv2.imread(str(folder / "mask.png"), cv2.IMREAD_GRAYSCALE) > 0
     normals = picture / np.linalg.norm(picture, axis=-1, keepdims=True)
@@ -29,12 +29,12 @@ def load(folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 
 
 def scale_error(depth: np.ndarray, truth: np.ndarray) -> float:
-    """Mean absolute error after scaling by the median ratio."""
+    """Return the mean absolute error after scaling by the median ratio."""
     return float(np.abs(depth * np.median(truth / depth) - truth).mean())
 
 
 def affine_error(depth: np.ndarray, truth: np.ndarray) -> float:
-    """Mean absolute error after the scale and offset of least absolute deviations (reweighted least squares)."""
+    """Return the mean absolute error after scale and offset of least absolute deviations (reweighted least squares)."""
     design, weight = np.stack([depth, np.ones_like(depth)], axis=1), np.ones_like(depth)
     for _ in range(60):
         fit = np.linalg.lstsq(design * weight[:, None], truth * weight, rcond=None)[0]
@@ -50,13 +50,13 @@ def main() -> None:
     print(f"{'object':8} {'method':14} {'scale':>7} {'affine':>7} {'bar':>7} {'rounds':>6} {'seconds':>7}")
     for name, best in BAR.items():
         normals, mask, camera, truth = load(folder / name)
-        seen = mask & np.isfinite(truth)
+        known = mask & np.isfinite(truth)
         for method in METHODS:
             start = time.perf_counter()
             result = integrate(normals, mask, method=method, camera=camera)
             seconds = time.perf_counter() - start
-            depth = result.depth[seen].astype(float)
-            errors = f"{scale_error(depth, truth[seen]):7.3f} {affine_error(depth, truth[seen]):7.3f}"
+            depth = result.depth[known].astype(float)
+            errors = f"{scale_error(depth, truth[known]):7.3f} {affine_error(depth, truth[known]):7.3f}"
             print(f"{name:8} {method:14} {errors} {1.1 * best:7.3f} {result.rounds:6d} {seconds:7.2f}")
 
 

@@ -1,7 +1,7 @@
 """Surfaces of known height with depth discontinuities, and their normals, for measurements of the integration.
 
 Heights are in pixels. Each scene is drawn at any size, under an orthographic camera or a perspective one three sizes
-away, with normals turned at random by a given angle.
+radii, with normals turned at random by a given angle.
 """
 
 from collections.abc import Callable
@@ -174,19 +174,19 @@ def _union(*fields: Field) -> Field:
 
 
 def _bowl(radius: float, wall: float, turn: float) -> Field:
-    """Half a hollow sphere, opening upwards and turned towards the camera by `turn` degrees."""
+    """Return half a hollow sphere, opening upwards and turned towards the camera by `turn` degrees."""
     up = np.array([0.0, np.cos(np.radians(turn)), np.sin(np.radians(turn))])
 
     def distance(points: np.ndarray) -> np.ndarray:
         centred = points - np.array([0.0, 0.12, 0.0])
-        away = np.linalg.norm(centred, axis=-1)
-        return np.maximum(np.maximum(away - radius, radius - wall - away), centred @ up)
+        radii = np.linalg.norm(centred, axis=-1)
+        return np.maximum(np.maximum(radii - radius, radius - wall - radii), centred @ up)
 
     return distance
 
 
 def _box(centre: tuple[float, float, float], half: tuple[float, float, float], turn: float) -> Field:
-    """A box turned by `turn` degrees about x and y."""
+    """Return a box turned by `turn` degrees about x and y."""
     c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
     rotation = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]) @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
 
@@ -198,7 +198,7 @@ def _box(centre: tuple[float, float, float], half: tuple[float, float, float], t
 
 
 def _staircase(about_x: float, about_y: float, count: int = 4) -> Field:
-    """A staircase with treads and risers, turned by degrees."""
+    """Return a staircase with treads and risers, turned by degrees."""
     (c, s), (e, t) = ((np.cos(angle), np.sin(angle)) for angle in np.radians((about_x, about_y)))
     rotation = np.array([[e, 0, t], [0, 1, 0], [-t, 0, e]]) @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
     heights = [(k + 1) * 0.25 / count for k in range(count)]

@@ -61,17 +61,20 @@ def two_spheres() -> None:
             distance = 1000.0 * (1.0 + share * np.sin(np.arange(FRAMES) / 60))
             positions = light_positions(distance, FRAMES)
             generator = np.random.default_rng(1)
-            shown = [unit(sphere_normals(positions, each) + generator.normal(0, noise, (FRAMES, 3))) for each in PAIR]
-            sites = [SphereLights.of(each, sphere, MIDDLE, None) for each, sphere in zip(shown, PAIR, strict=True)]
-            single, found = fit_parallax(sites), triangulate(sites)
-            assert single is not None and found is not None
-            constant = np.median(np.abs(single.inverse_distance * distance - 1))
-            followed = np.median(np.abs(found.inverse_distance * distance - 1))
-            line += f" {name}: {constant:.3f} for all frames, {followed:.3f} as found (varies: {found.varies});"
+            shown = [
+                unit(sphere_normals(positions, sphere) + generator.normal(0, noise, (FRAMES, 3))) for sphere in PAIR
+            ]
+            sites = [
+                SphereLights.of(normals, sphere, MIDDLE, None) for normals, sphere in zip(shown, PAIR, strict=True)
+            ]
+            constant, varying = fit_parallax(sites), triangulate(sites)
+            assert constant is not None and varying is not None
+            errors = [np.median(np.abs(fit.inverse_distance * distance - 1)) for fit in (constant, varying)]
+            line += f" {name}: {errors[0]:.3f} for all frames, {errors[1]:.3f} by frame (varies: {varying.varies});"
         for fixed in (1000.0, 1e6):
             positions = light_positions(fixed, FRAMES)
-            seen = [sphere_normals_in_perspective(positions, each, MIDDLE, 900.0) for each in PAIR]
-            shown = [unit(each + generator.normal(0, noise, each.shape)) for each in seen]
+            exact = [sphere_normals_in_perspective(positions, sphere, MIDDLE, 900.0) for sphere in PAIR]
+            shown = [unit(normals + generator.normal(0, noise, normals.shape)) for normals in exact]
             focal = focal_length_of_parallax(shown, PAIR, MIDDLE)
             line += f" {'none' if focal is None else format(focal / 900.0, '.2f')}"
         print(line, flush=True)

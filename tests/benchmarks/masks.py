@@ -34,20 +34,20 @@ PRESETS = ("hemisphere", "cylinder", "jug", "fish", "wine-glass", "water-glass")
 
 
 def bare(context: CaptureContext) -> CaptureContext:
-    """The same capture with nothing but its video, spheres and camera."""
+    """Return the same capture with nothing but its video, spheres and camera."""
     entry = context.capture.model_dump(mode="json", exclude_none=True)
     kept = {key: entry[key] for key in ("id", "frames", "spheres", "camera") if key in entry}
     return CaptureContext(context.store, context.object_id, type(context.capture).model_validate(kept), Parameters())
 
 
 def contour_error(mask: np.ndarray, truth: np.ndarray) -> float:
-    """Mean distance in pixels of the contour of `mask` from that of `truth`."""
+    """Return the mean distance in pixels of the contour of `mask` from that of `truth`."""
     distance = ndimage.distance_transform_edt(~(truth ^ ndimage.binary_erosion(truth)))
     return float(distance[mask ^ ndimage.binary_erosion(mask)].mean())
 
 
 def truth_of(capture: Capture, size: tuple[int, int]) -> np.ndarray:
-    """The true mask in the full frame."""
+    """Return the true mask in the full frame."""
     assert capture.mask is not None
     pixels, truth = read_mask(capture.mask, size, capture.region), np.zeros(size, bool)
     if capture.region is None:
@@ -80,7 +80,7 @@ def measure(context: CaptureContext) -> str:
 
 
 def objections(work: CaptureContext, mask: np.ndarray) -> bool:
-    """Whether a given mask (H, W) of the region is objected to."""
+    """Return whether a given mask (H, W) of the region is objected to."""
     background, peak = load_levels(work)
     region = load_geometry(work).region
     spheres = [sphere.in_crop(region.x, region.y) for sphere in load_geometry(work).spheres]
@@ -90,7 +90,7 @@ def objections(work: CaptureContext, mask: np.ndarray) -> bool:
 
 
 def catalogues(folder: Path, quick: bool, seed: int, given: list[Path]) -> Iterator[Path]:
-    """The catalogues to measure."""
+    """Yield the catalogues to measure."""
     if given:
         yield from given
         return

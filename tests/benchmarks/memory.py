@@ -66,7 +66,7 @@ def peak_memory(catalogue: Path, store: Path) -> tuple[float, float, float]:
 
 
 def enlarged(catalogue: Path, out: Path, kind: str) -> Path:
-    """The catalogue's capture with frames and mask four times as large in both axes, in frames of the kind's size."""
+    """Make a catalogue of its capture, four times as large in both axes, in frames of the kind's size."""
     small = load(catalogue).objects[0].captures[0]
     assert small.region is not None and small.mask is not None
     out.mkdir()
@@ -148,7 +148,7 @@ def main() -> None:
 
 
 def stage_seconds(catalogue: Path, store: Path) -> str:
-    """The seconds of each stage."""
+    """Return the seconds of each stage."""
     entry = load(catalogue).objects[0]
     context = CaptureReference(str(catalogue), entry.id, entry.captures[0].id, str(store), "memory").context()
     return ", ".join(f"{name} {context.load(name).record['seconds']:.1f}" for name in NAMES)

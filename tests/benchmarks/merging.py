@@ -64,8 +64,8 @@ def tsdf(views: Sequence[View], depths: Depths, cell: float) -> Model:
     cloud = o3d.t.geometry.PointCloud(o3d.core.Tensor.from_numpy(points.astype(np.float32)))
     blocks = grid.compute_unique_block_coordinates(cloud, TRUNCATED)
     grid.hashmap().activate(blocks)
-    found, _ = grid.hashmap().find(blocks)
-    places, indices = grid.voxel_coordinates_and_flattened_indices(found)
+    positions, _ = grid.hashmap().find(blocks)
+    places, indices = grid.voxel_coordinates_and_flattened_indices(positions)
     world, at = places.numpy().astype(float), indices.numpy()
     total, weights = np.zeros(len(world)), np.zeros(len(world))
     for view, depth in zip(views, depths, strict=True):
@@ -83,7 +83,7 @@ def tsdf(views: Sequence[View], depths: Depths, cell: float) -> Model:
 
 def _seen(view: View, depth: np.ndarray, world: np.ndarray, most: float) -> tuple[np.ndarray, np.ndarray]:
     """Signed distances (N,) of points (N, 3) from a view's surface, positive before it, and their weights (N,)."""
-    columns, rows = (np.round(each).astype(int) for each in view.project(world))
+    columns, rows = (np.round(values).astype(int) for values in view.project(world))
     inside = (columns >= 0) & (rows >= 0) & (columns < view.mask.shape[1]) & (rows < view.mask.shape[0])
     row, column = np.where(inside, rows, 0), np.where(inside, columns, 0)
     empty = ~(inside & view.mask[row, column])
@@ -107,18 +107,18 @@ def solved(views: Sequence[View], depths: Depths, drift: bool) -> Depths:
     change = np.zeros((len(views), terms))
     for _ in range(ROUNDS):
         clouds = [
-            oriented_points(view, depth + basis @ each)
-            for view, depth, basis, each in zip(wanted, depths, bases, change, strict=True)
+            oriented_points(view, depth + basis @ step)
+            for view, depth, basis, step in zip(wanted, depths, bases, change, strict=True)
         ]
         rows = [basis[view.mask & np.isfinite(depth)] for view, depth, basis in zip(wanted, depths, bases, strict=True)]
         prior = np.tile(np.r_[1e-3, np.full(terms - 1, 1.0)] / (DRIFT * size), len(views)) ** 2
         matrix, right = np.diag(prior), -prior * change.ravel()
-        for one in range(len(views)):
-            for other in range(len(views)):
-                if one != other:
-                    _pull(matrix, right, (one, other), clouds, rows, [view.rotation[2] for view in views], size)
+        for first in range(len(views)):
+            for second in range(len(views)):
+                if first != second:
+                    _pull(matrix, right, (first, second), clouds, rows, [view.rotation[2] for view in views], size)
         change += np.linalg.solve(matrix, right).reshape(change.shape)
-    return [depth + np.float32(basis @ each) for depth, basis, each in zip(depths, bases, change, strict=True)]
+    return [depth + np.float32(basis @ step) for depth, basis, step in zip(depths, bases, change, strict=True)]
 
 
 def _basis(shape: tuple[int, ...], drift: bool) -> np.ndarray:
@@ -138,25 +138,28 @@ def _pull(
     size: float,
 ) -> None:
     """Add the equations of one view's points near another's to the normal equations."""
-    (points, normals, sure), (others, theirs, certain) = (clouds[each] for each in pair)
-    apart, nearest = cKDTree(others).query(points, distance_upper_bound=FAR * size)
-    near = np.flatnonzero(np.isfinite(apart))
-    near = near[(normals[near] * theirs[nearest[near]]).sum(axis=1) > ALIKE]
-    at, normal = nearest[near], theirs[nearest[near]]
-    rise = ((points[near] - others[at]) * normal).sum(axis=1)
-    weight = np.minimum(sure[near], certain[at]) / (1.0 + (rise / (0.01 * size)) ** 2) / (0.005 * size) ** 2
-    one, other = pair
+    first, second = pair
+    points, normals, confidence = clouds[first]
+    targets, target_normals, target_confidence = clouds[second]
+    distances, nearest = cKDTree(targets).query(points, distance_upper_bound=FAR * size)
+    near = np.flatnonzero(np.isfinite(distances))
+    near = near[(normals[near] * target_normals[nearest[near]]).sum(axis=1) > ALIKE]
+    at, normal = nearest[near], target_normals[nearest[near]]
+    rise = ((points[near] - targets[at]) * normal).sum(axis=1)
+    weight = (
+        np.minimum(confidence[near], target_confidence[at]) / (1.0 + (rise / (0.01 * size)) ** 2) / (0.005 * size) ** 2
+    )
     terms = rows[0].shape[1]
-    columns = np.r_[one * terms : (one + 1) * terms, other * terms : (other + 1) * terms]
+    columns = np.r_[first * terms : (first + 1) * terms, second * terms : (second + 1) * terms]
     slopes = np.hstack(
-        [rows[one][near] * (normal @ axes[one])[:, None], -rows[other][at] * (normal @ axes[other])[:, None]]
+        [rows[first][near] * (normal @ axes[first])[:, None], -rows[second][at] * (normal @ axes[second])[:, None]]
     )
     matrix[np.ix_(columns, columns)] += slopes.T @ (weight[:, None] * slopes)
     right[columns] -= slopes.T @ (weight * rise)
 
 
 def hull_of(views: Sequence[View]) -> Model:
-    """The visual hull."""
+    """Return the visual hull."""
     return hull_model(views)
 
 
@@ -177,7 +180,7 @@ def fused(views: Sequence[View], depths: Depths) -> Model:
 
 
 def _ours_seen(views: Sequence[View]) -> tuple[list[View], Depths]:
-    """The depth maps and normals of our model as the views see it."""
+    """Return the depth maps and normals of our model as the views see it."""
     model = reconstruct_surface(views)
     raycasts = [raycast(model, view) for view in views]
     views = [view.with_normals(normals, view.confidence) for view, (_, normals) in zip(views, raycasts, strict=True)]
@@ -214,7 +217,7 @@ def measured(way: str, views: Sequence[View], depths: Depths, truth: str) -> tup
 
 
 def simulated(shape: str, views: int, folder: Path) -> tuple[Path, str]:
-    """A small turntable's catalogue and its store, all stages done."""
+    """Return a small turntable's catalogue and its store, all stages done."""
     made = simulate(shape, folder, CaptureOptions(frames=400, scale=0.5, views=views, sphere_radius=20.0, rays=1))
     catalogue, store = load_catalogue(made.catalogue), str(folder / "store")
     works = [CaptureContext.of(catalogue, shape, name, store, "run") for name in made.captures]
@@ -226,14 +229,14 @@ def simulated(shape: str, views: int, folder: Path) -> tuple[Path, str]:
     return made.catalogue, store
 
 
-def told(name: str, found: ModelScore, seconds: float, memory: int | None) -> str:
-    """A row of the table."""
+def table_row(name: str, score: ModelScore, seconds: float, memory: int | None) -> str:
+    """Return a row of the table."""
     cells = [
         name,
-        *(f"{each:.3f}" for each in found.f_scores),
-        f"{100 * found.chamfer:.2f}",
-        f"{found.normals:.3f}",
-        "yes" if found.watertight else "no",
+        *(f"{value:.3f}" for value in score.f_scores),
+        f"{100 * score.chamfer:.2f}",
+        f"{score.normals:.3f}",
+        "yes" if score.watertight else "no",
         f"{seconds:.1f}",
         "" if memory is None else f"{memory / 1e6:.0f}",
     ]
@@ -243,7 +246,7 @@ def told(name: str, found: ModelScore, seconds: float, memory: int | None) -> st
 def compare(catalogue: Path, store: str, object_id: str | None) -> None:
     """Print the table of one object."""
     entry = load_catalogue(catalogue).object(object_id) if object_id else load_catalogue(catalogue).objects[0]
-    works = [CaptureContext.of(load_catalogue(catalogue), entry.id, each.id, store) for each in entry.captures]
+    works = [CaptureContext.of(load_catalogue(catalogue), entry.id, capture.id, store) for capture in entry.captures]
     if entry.truth_model is None:
         raise SystemExit(f"{entry.id} has no truth_model")
     saved = works[0].repository.load(WHOLE_OBJECT, STAGE)
@@ -252,10 +255,10 @@ def compare(catalogue: Path, store: str, object_id: str | None) -> None:
     print("| way | F-score 0.5% | 1% | chamfer, % | normals | watertight | seconds | MB |\n" + "|---" * 8 + "|")
     for way in WAYS:
         with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-            print(told(way, *pool.submit(measured, way, views, depths, entry.truth_model).result()), flush=True)
+            print(table_row(way, *pool.submit(measured, way, views, depths, entry.truth_model).result()), flush=True)
     truth = load_true_mesh(entry.truth_model)
     stored = score_model(saved.read("vertices"), saved.read("triangles"), truth)
-    print(told("the same, views labelled anew", stored, float(saved.record["seconds"]), None))
+    print(table_row("the same, views labelled anew", stored, float(saved.record["seconds"]), None))
 
 
 def main() -> None:

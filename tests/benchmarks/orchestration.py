@@ -6,7 +6,7 @@ The captures are simulated (four shapes, whose regions are shifted so that no fr
 against the paper's.
 The stages alone are performed by a pool of two processes, a capture each at a time, with the same commits to a store of
 their own. Both start with warm libraries: of a run the seconds count from its first stage to its last event, and its
-start-up is told beside them. The bars: 1.1 times the pool's seconds; two workers 1.7 times as fast as one.
+start-up is printed beside them. The bars: 1.1 times the pool's seconds; two workers 1.7 times as fast as one.
 """
 
 import argparse
@@ -34,7 +34,7 @@ SHAPES = ("hemisphere", "fish", "bird", "cylinder")
 
 
 def simulated(folder: Path, captures: int, frames: int, scale: float) -> Path:
-    """A catalogue of captures, each with a region of its own, so that no frames are shared."""
+    """Make a catalogue of captures, each with a region of its own, so that no frames are shared."""
     for shape in SHAPES:
         simulate(shape, folder / "shapes", CaptureOptions(frames=frames, scale=scale))
     shapes, entries = load(folder / "shapes" / "catalogue.yaml").objects, []
@@ -51,7 +51,7 @@ def simulated(folder: Path, captures: int, frames: int, scale: float) -> Path:
 
 
 def stages_alone(reference: CaptureReference) -> None:
-    """All stages of a capture in this process."""
+    """Perform all stages of a capture in this process."""
     work = reference.context()
     keys = stage_keys(work, STAGES)
     for stage in STAGES:
@@ -103,9 +103,9 @@ def main() -> None:
         two, before = by_run(catalogue, folder / "two", 2)
         print(f"glint run, two workers {two:.1f} s, after {before:.1f} s")
         print(line("run with two workers / stages in two processes", two / alone, POOL_BAR), flush=True)
-        one, _ = by_run(catalogue, folder / "one", 1)
-        print(f"glint run, one worker {one:.1f} s")
-        print(line("two workers / one", one / two, WORKERS_BAR, least=True), flush=True)
+        single, _ = by_run(catalogue, folder / "one", 1)
+        print(f"glint run, one worker {single:.1f} s")
+        print(line("two workers / one", single / two, WORKERS_BAR, least=True), flush=True)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy import ndimage
 
-from glint.storage.catalogue.loading import Capture, load
+from glint.storage.catalogue.loading import Capture
 from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.candidates.shading import without_shading
 from glint.tasks.algorithms.geometry.vectors import angles
@@ -25,8 +25,9 @@ from glint.tasks.algorithms.labelling.weights import FieldWeights
 from glint.tasks.algorithms.prior.smooth_normals import inradius
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
-from glint.tasks.simulation.simulate import PRESETS, CaptureOptions, simulate
+from glint.tasks.simulation.simulate import PRESETS, CaptureOptions
 from glint.tasks.stages.clusters import load_clusters
+from tests.benchmarks.simulated_captures import simulated_captures
 from tests.tasks.make_context import perform_all
 
 FIGURINES = ("puppy", "elephant", "teddy-bear", "bird")
@@ -114,11 +115,8 @@ def main() -> None:
         for shape in options.shapes or FIGURINES:
             size = {} if shape in PRESETS else {"frames": 1500, "scale": 0.8}
             simulated = CaptureOptions(seed=options.seed, views=options.views, **size)
-            record = simulate(shape, folder / shape, simulated)
-            for capture in load(record.catalogue).object(shape).captures:
-                store = folder / shape / f"store-{capture.id}"
-                alone = capture.model_copy(update={"pose": None})
-                print(f"{shape}/{capture.id}: {measure(alone, store)}", flush=True)
+            for capture, store in simulated_captures(shape, folder / shape, simulated):
+                print(f"{shape}/{capture.id}: {measure(capture, store)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
     python -m tests.benchmarks.sizing [--captures 2000] [--per-object 20] [--frames 64] [--s3]
 
-Tiny captures that share one film, labelled by their brightest clusters, are run as one catalogue, so that seconds,
+Tiny captures that share one video, labelled by their brightest clusters, are run as one catalogue, so that seconds,
 memory and bytes are the flow's own. Every hundred captures: seconds so far, seconds of processor of this process, the
 Dask workers and the Prefect server, their memory, bytes of the database. Then the store's bytes and files by kind, and
 the seconds of a second run that finds everything unchanged. With --s3 the store is on an S3 gateway of its own (see
@@ -34,7 +34,7 @@ from tests.scene import draw_scene
 
 
 def drawn(folder: Path, captures: int, per_object: int, frames: int) -> Path:
-    """A catalogue of captures of the same film."""
+    """Make a catalogue of captures of the same video."""
     entry = load(draw_scene(folder, frames=frames).catalogue).objects[0]
     (capture,) = entry.captures
     objects = []
@@ -48,10 +48,10 @@ def drawn(folder: Path, captures: int, per_object: int, frames: int) -> Path:
 
 
 class Watch:
-    """Counts captures as they end, and notes every hundredth."""
+    """Counts captures as they end, and notes every `interval`-th."""
 
-    def __init__(self, home: Path, every: int = 100) -> None:
-        self.home, self.every, self.captures, self.failed = home, every, 0, list[str]()
+    def __init__(self, home: Path, interval: int = 100) -> None:
+        self.home, self.interval, self.captures, self.failed = home, interval, 0, list[str]()
         self.begun = self.first = 0.0
 
     def __enter__(self) -> "Watch":
@@ -59,27 +59,27 @@ class Watch:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Nothing is open."""
+        """Do nothing: nothing is open."""
 
     def emit(self, event: Event) -> None:
         self.first = self.first or time.monotonic()
         self.failed += [event.text] if isinstance(event, CaptureFailed) else []
         self.captures += event.kind in ("capture", "failed")
-        if event.kind == "capture" and self.captures % self.every == 0:
+        if event.kind == "capture" and self.captures % self.interval == 0:
             self.note()
 
     def note(self) -> dict[str, Any]:
         """Print what is known now."""
         server = _server(self.home)
         # The server, too, is a child of the process that started it.
-        workers = [each for each in psutil.Process().children(recursive=True) if each.pid != server.pid]
+        workers = [child for child in psutil.Process().children(recursive=True) if child.pid != server.pid]
         databases = list(self.home.rglob("prefect.db*"))
         facts = {
             "captures": self.captures,
             "seconds": round(time.monotonic() - self.first, 1),
             "start_up": round(self.first - self.begun, 1),
             "flow_MB": round(psutil.Process().memory_info().rss / 1e6),
-            "largest_worker_MB": round(max((each.memory_info().rss for each in workers), default=0) / 1e6),
+            "largest_worker_MB": round(max((worker.memory_info().rss for worker in workers), default=0) / 1e6),
             "server_MB": round(server.memory_info().rss / 1e6),
             "flow_cpu": _cpu([psutil.Process()]),
             "workers_cpu": _cpu(workers),
@@ -96,23 +96,23 @@ def _server(home: Path) -> psutil.Process:
 
 
 def _cpu(processes: Sequence[psutil.Process]) -> float:
-    """Seconds of processor that they have used so far, which other work on the machine does not change."""
-    times = [each.cpu_times() for each in processes if each.is_running()]
-    return round(sum(each.user + each.system for each in times), 1)
+    """Return the seconds of processor that they have used so far, which other work on the machine does not change."""
+    times = [process.cpu_times() for process in processes if process.is_running()]
+    return round(sum(used.user + used.system for used in times), 1)
 
 
 def kinds(place: Location) -> dict[str, dict[str, float]]:
-    """Files and bytes of a store by kind."""
-    found: dict[str, list[int]] = defaultdict(list)
-    for meta in (each for part in obstore.list(place.obstore()) for each in part):
+    """Return files and bytes of a store by kind."""
+    by_kind: dict[str, list[int]] = defaultdict(list)
+    for meta in (meta for part in obstore.list(place.obstore()) for meta in part):
         kind, _, rest = meta["path"].partition("/")
         inner = rest.split("/")
-        found[f"{kind}/{inner[2]}" if kind == "objects" and len(inner) > 3 else kind].append(meta["size"])
-    return {kind: {"files": len(sizes), "MB": round(sum(sizes) / 1e6, 2)} for kind, sizes in sorted(found.items())}
+        by_kind[f"{kind}/{inner[2]}" if kind == "objects" and len(inner) > 3 else kind].append(meta["size"])
+    return {kind: {"files": len(sizes), "MB": round(sum(sizes) / 1e6, 2)} for kind, sizes in sorted(by_kind.items())}
 
 
 def requests(gateway: Gateway | None) -> dict[str, int]:
-    """Requests that the gateway has served so far."""
+    """Return the requests that the gateway has served so far."""
     if gateway is None:
         return {}
     (socket,) = gateway.folder.glob("client.rgw*.asok")
@@ -128,8 +128,8 @@ def requests(gateway: Gateway | None) -> dict[str, int]:
 
 
 def measure(options: argparse.Namespace, folder: Path, gateway: Gateway | None) -> None:
-    """Run twice, and tell."""
-    catalogue = drawn(folder / "films", options.captures, options.per_object, options.frames)
+    """Run twice, and print what it took."""
+    catalogue = drawn(folder / "captures", options.captures, options.per_object, options.frames)
     store = "s3://store/sizing" if gateway else str(folder / "store")
     start_server().wait()
     for name in ("first", "second"):
@@ -152,7 +152,8 @@ def measure(options: argparse.Namespace, folder: Path, gateway: Gateway | None) 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser()
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--captures", type=int, default=2000)
     parser.add_argument("--per-object", type=int, default=20)
     parser.add_argument("--frames", type=int, default=64)

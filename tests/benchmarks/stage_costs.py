@@ -1,4 +1,4 @@
-"""What each stage of one capture costs an S3 store: requests, bytes, seconds; the table of docs/sizing.md.
+"""What entry stage of one capture costs an S3 store: requests, bytes, seconds; the table of docs/sizing.md.
 
     python -m tests.benchmarks.stage_costs [CATALOGUE]
 
@@ -30,26 +30,27 @@ from tests.s3_gateway import Gateway
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser()
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("catalogue", type=Path, nargs="?")
     options = parser.parse_args()
     folder = Path(tempfile.mkdtemp(prefix="costs-"))
     catalogue = options.catalogue or simulate("hemisphere", folder, CaptureOptions(frames=2000)).catalogue
-    each = load(catalogue).objects[0]
+    entry = load(catalogue).objects[0]
     warm_up()
     with Gateway(folder / "s3") as gateway:
         os.environ.update(gateway.environment)
         store = Location.parse("s3://store/costs")
-        work = CaptureReference(str(catalogue), each.id, each.captures[0].id, store.uri, "costs").context()
-        seen, process = requests(gateway), psutil.Process()
+        work = CaptureReference(str(catalogue), entry.id, entry.captures[0].id, store.uri, "costs").context()
+        served, process = requests(gateway), psutil.Process()
         print("| stage | GET | PUT | other | MB read | MB written | seconds of processor |")
         print("|---|---:|---:|---:|---:|---:|---:|")
 
         def row(name: str, used: float) -> None:
-            nonlocal seen
+            nonlocal served
             now = requests(gateway)
-            new = {key: now[key] - seen[key] for key in now}
-            seen = now
+            new = {key: now[key] - served[key] for key in now}
+            served = now
             other = new["req"] - new["get"] - new["put"]
             megabytes = f"{new['get_b'] / 1e6:.1f} | {new['put_b'] / 1e6:.1f}"
             print(f"| {name} | {new['get']} | {new['put']} | {other} | {megabytes} | {used:.1f} |", flush=True)

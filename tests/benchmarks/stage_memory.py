@@ -29,7 +29,7 @@ from tests.storage.footage.videos import write_video
 
 
 def enlarged(small: Capture, out: Path, factor: int) -> Path:
-    """A catalogue with the capture enlarged in both axes."""
+    """Make a catalogue with the capture enlarged in both axes."""
 
     def larger(picture: np.ndarray) -> np.ndarray:
         return cv2.resize(picture, None, fx=factor, fy=factor, interpolation=cv2.INTER_LINEAR)
@@ -56,7 +56,7 @@ def enlarged(small: Capture, out: Path, factor: int) -> Path:
 
 
 def gained(reference: CaptureReference, stage: str) -> int:
-    """Bytes that this process gains at its peak while it performs the stage; called in a process of its own."""
+    """Return the bytes that this process gains at its peak while it performs the stage; call it in a new process."""
     warm_up()
     work = reference.context()
     key = stage_keys(work, STAGES)[stage]

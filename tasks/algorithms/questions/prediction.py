@@ -1,4 +1,5 @@
-"""Prediction of what an answer would change: the normals if one patch of candidates had the opposite label, all else being equal."""
+"""Predict what an answer would change: the normals if one patch of candidates had the opposite label, all else being
+equal."""
 
 import numpy as np
 
