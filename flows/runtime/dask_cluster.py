@@ -45,6 +45,7 @@ POLL_SECONDS = 0.2
 STOP_SECONDS = 5.0
 """Time that Dask may take to stop a local cluster; what is stored is whole, whenever a worker is killed."""
 WORKERS_SECONDS = 120
+"""Time for which a given scheduler's first worker is awaited."""
 DASHBOARD_SECONDS = 10.0
 """Time after the start of a local cluster at which Dask's dashboard is added: importing its plots would delay the first
 task of every run."""

@@ -34,6 +34,9 @@ from glint.flows.runtime.server_process import (
 )
 
 START_SECONDS = 120.0
+"""Time that Glint's own server may take to start: it migrates its database first."""
+START_POLL_SECONDS = 0.05
+"""Interval at which a starting server is asked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +75,7 @@ class Server:
                 raise ServerError(f"the Prefect server ended while it started ({_last_line(self.log)})", self._remedy())
             if time.monotonic() > deadline:
                 raise ServerError(f"the Prefect server at {self.api_url} gave no answer", self._remedy())
-            time.sleep(0.05)
+            time.sleep(START_POLL_SECONDS)
 
     @contextmanager
     def connected(self) -> Iterator[None]:

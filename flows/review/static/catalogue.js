@@ -8,7 +8,9 @@ import { bind } from "./keys.js";
 const ROW_PX = 72;
 const BLOCK = 100;
 const POLL_MS = 2000;
+/** Rows above and below the screen that are drawn too, and the pause in typing after which is searched. */
 const SPARE_ROWS = 6;
+const TYPING_MS = 120;
 const STATES = ["failed", "doubtful", "running", "waiting", "warnings", "done", "new", "reading"];
 const SORTS = [["attention", "What needs you first"], ["name", "Name"], ["date", "Newest first"], ["confident", "Least confident first"]];
 
@@ -69,7 +71,7 @@ class CatalogueView {
       this.chosen = 0;
       this.scroller.scrollTop = 0;
       this.load(true);
-    }, 120);
+    }, TYPING_MS);
   }
 
   /** Fetches the rows on the screen; all others are fetched again when they are scrolled to. */

@@ -14,13 +14,16 @@ export function element(name, attributes = {}, ...children) {
   return made;
 }
 
+/** How long a message that is no error is shown, in milliseconds. */
+const MESSAGE_MS = 5000;
+
 /** Shows a message at the bottom; errors stay until the next one. */
 export function announce(text, kind = "") {
   const status = document.getElementById("status");
   status.className = kind;
   status.textContent = text;
   clearTimeout(announce.timer);
-  if (kind !== "error" && text) announce.timer = setTimeout(() => (status.textContent = ""), 5000);
+  if (kind !== "error" && text) announce.timer = setTimeout(() => (status.textContent = ""), MESSAGE_MS);
 }
 
 /** Returns a share as a percentage, a dash for what is not known. */

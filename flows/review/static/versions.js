@@ -1,12 +1,11 @@
 // The versions view: two versions side by side, the angles between them, what changed in words, notes, rollback.
 
 import { ask, objectPath } from "./api.js";
+import { Author } from "./author.js";
 import { announce, element } from "./dom.js";
 import { addStyles } from "./surface.js";
 import { Capture, ServedParts } from "./viewer/payload.js";
 import { VersionStage } from "./version_stage.js";
-
-const AUTHOR = "author";
 
 export async function open(root, capture, signal) {
   addStyles();
@@ -56,14 +55,15 @@ export async function open(root, capture, signal) {
 
   async function notes() {
     const { notes: all, revision } = await ask(`${capture.path}/edits`, { signal });
-    const author = element("input", { type: "text", "aria-label": "Your name", placeholder: "Your name", maxlength: "200", value: localStorage.getItem(AUTHOR) ?? "", required: true });
+    const author = new Author("note");
     const text = element("textarea", { "aria-label": "Note", placeholder: "What should others know?", maxlength: "4000", required: true });
-    const form = element("form", {}, text, author, element("button", { class: "primary" }, "Add the note"));
+    const form = element("form", {}, text, author.input, element("button", { class: "primary" }, "Add the note"));
     form.addEventListener("submit", async (event) => {
       event.preventDefault();
-      localStorage.setItem(AUTHOR, author.value);
+      const name = author.name;
+      if (!name) return;
       try {
-        await ask(`${capture.path}/edits`, { method: "POST", signal, body: { changes: { note: text.value }, author: author.value, base_revision: revision } });
+        await ask(`${capture.path}/edits`, { method: "POST", signal, body: { changes: { note: text.value }, author: name, base_revision: revision } });
         section.replaceWith(await notes());
       } catch (error) {
         announce(String(error.message), "error");

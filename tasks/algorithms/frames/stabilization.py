@@ -32,6 +32,8 @@ MIN_AGREEMENT = 0.5
 MIN_REGISTERED = 0.6
 """Share of the frames that must find a consensus."""
 MAX_GAUSS_NEWTON_STEPS = 8
+STILL_AGREEMENT = 0.8
+"""Share of the blocks with structure that agree on a frame's having stood still, without a search farther off."""
 MAX_SHIFT_PX = 16
 """Largest translation that the search in whole pixels covers."""
 CLIPPED_NOISE_RATIO = 3.0
@@ -59,6 +61,7 @@ class TranslationEstimator:
         excluded: (H, W) bool, object and spheres: shading moves over them with the light.
         """
         self._reference = _band_pass(reference)
+        # About the standard deviation (1.4826 times the median, if Gaussian), and a level of quantization.
         self._noise = 1.5 * float(np.median(np.abs(self._reference))) + 1.0
         down, right = np.gradient(self._reference)
         self._right, self._down = right, down
@@ -91,7 +94,7 @@ class TranslationEstimator:
             return Consensus(np.zeros(2), 0)
         detail = _band_pass(image)
         still = self._refined(detail, np.zeros(2))
-        if still.blocks >= 0.8 * self._structured.sum():
+        if still.blocks >= STILL_AGREEMENT * self._structured.sum():
             return still
         moved = self._refined(detail, self._in_whole_pixels(detail))
         return max(still, moved, key=lambda consensus: consensus.blocks)

@@ -10,6 +10,7 @@ import numpy as np
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.perspective import Cone, view_vectors
+from glint.tasks.algorithms.geometry.robust import robust_deviation
 from glint.tasks.algorithms.geometry.vectors import unit
 from glint.tasks.algorithms.lighting.blobs import measure_blobs
 from glint.tasks.algorithms.lighting.spheres import Sphere
@@ -90,10 +91,9 @@ def static_background(
     if not inside.any():
         raise UnusableCapture("the sphere lies outside its frames", LIGHT_REMEDY)
     peaks = frames[:, inside].max(axis=1)
-    # The median absolute deviation, times 1.4826, is a Gaussian's standard deviation.
     residual = frames[:, inside].astype(np.float32) - background[inside]
     has_noise = len(frames) >= MIN_FRAMES_FOR_PERCENTILE
-    noise = 1.4826 * float(np.median(np.abs(residual - np.median(residual)))) if has_noise else 0.0
+    noise = robust_deviation(residual - np.median(residual)) if has_noise else 0.0
     return StaticBackground(background, float(np.percentile(peaks, 75.0)), noise)
 
 

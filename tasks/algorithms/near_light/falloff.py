@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from glint.tasks.algorithms.geometry.robust import robust_deviation
 from glint.tasks.algorithms.geometry.vectors import unit
 
 CAMERA_EXPONENT = 1.0 / 2.2
@@ -21,21 +22,27 @@ MIN_LIGHT_NZ = 0.25
 """Light's z below which the background is lit at a grazing angle, and shadows cover it."""
 MIN_LEVEL, MAX_LEVEL = 8.0, 250.0
 """Levels, of 255, between which the background is neither noise nor clipped."""
+MAX_LEVEL_PERCENTILE = 95.0
+"""Percentile over the frames of a place's level that must not be clipped; in the rest it may be."""
 MAX_ROOM_SHARE = 0.65
-"""Share of the room's light in the background's beyond which the lamp's pattern is not trusted."""
+"""Share of the room's light in the background's beyond which the light's pattern is not trusted."""
 SHADOW_PERCENTILE, SHADOWED_PLACES_PERCENTILE = 1.0, 2.0
 """Percentile over the frames of a place's level in shadow, and over the places: the darkest shadow, without noise."""
 OUTLIER_DEVIATIONS = 4.0
 """Robust standard deviations beyond which a place is taken to lie in a shadow or a caustic."""
 MAX_PLACES = 400
-"""Places, spread over the background, that are used: more tell no more."""
+"""Places, spread over the background, that are used: more do not help."""
 ITERATIONS = 5
+START_REACHES = 0.02
+"""Inverse distance from which the iteration starts, in those of the farthest place: it must not be 0."""
+MIN_INCIDENCE = 0.02
+"""Least cosine of the incidence in the model: at less the background is not lit."""
 SWEEPS = 3
 """Times that the medians of frames and places are taken out in turn."""
 FOLDS = 8
 """Groups of consecutive frames; leaving each out in turn gives the standard error (jackknife)."""
 MODEL_ERROR = 0.25
-"""Relative standard deviation of the inverse distance in a dark room, since the camera's exponent and the lamp's beam
+"""Relative standard deviation of the inverse distance in a dark room, since the camera's exponent and the light's beam
 are unknown; the room's light, whose share is uncertain, enlarges it."""
 MIN_SIGNIFICANCE = 5.0
 """Standard errors by which the inverse distance must exceed zero."""
@@ -62,25 +69,25 @@ def measure_falloff(
         sphere: (3,) the sphere's place, likewise.
     """
     middle = np.median(levels, axis=0)
-    places = (middle > MIN_LEVEL) & (np.percentile(levels, 95.0, axis=0) < MAX_LEVEL)
+    places = (middle > MIN_LEVEL) & (np.percentile(levels, MAX_LEVEL_PERCENTILE, axis=0) < MAX_LEVEL)
     frames = np.isfinite(lights[:, 0]) & (np.nan_to_num(lights[:, 2]) > MIN_LIGHT_NZ)
     if frames.sum() < MIN_LIT_FRAMES or places.sum() < MIN_PLACES:
         return None
     places = np.flatnonzero(places)[:: -(-int(places.sum()) // MAX_PLACES)]
     logarithms = np.log(np.maximum(levels[:, places], 1.0))
-    lamp_share = 1.0 - _room_share(levels[:, places], logarithms, lights, frames)
-    if lamp_share < 1.0 - MAX_ROOM_SHARE:
+    light_share = 1.0 - _room_share(levels[:, places], logarithms, lights, frames)
+    if light_share < 1.0 - MAX_ROOM_SHARE:
         return None
-    response = CAMERA_EXPONENT * lamp_share
+    response = CAMERA_EXPONENT * light_share
     points = np.stack([x[places], y[places], np.zeros(len(places))], axis=-1)
     observed, directions = logarithms[frames], lights[frames].astype(np.float64)
     pattern = _without_medians(observed, np.ones(observed.shape, bool))
-    deviation = 1.4826 * float(np.median(np.abs(pattern))) + 1e-6
+    deviation = robust_deviation(pattern) + 1e-6
     used = np.abs(pattern) < OUTLIER_DEVIATIONS * deviation
     pattern = _without_medians(observed, used)
     reach = float(np.linalg.norm(points, axis=1).max())
 
-    start = 0.02 / reach
+    start = START_REACHES / reach
 
     def fit(kept: np.ndarray, inverse: float, iterations: int) -> float:
         """Return the inverse distance that explains the pattern of frames (T,), from an approximate one."""
@@ -93,13 +100,13 @@ def measure_falloff(
             inverse = float(np.clip(max(inverse, start) * scale, -1.0 / reach, 1.0 / reach))
         return inverse
 
-    everything = np.ones(len(directions), bool)
+    all_frames = np.ones(len(directions), bool)
     groups = np.arange(len(directions)) * FOLDS // len(directions)
-    inverse = fit(everything, start, ITERATIONS)
+    inverse = fit(all_frames, start, ITERATIONS)
     error = np.sqrt(FOLDS - 1.0) * float(np.std([fit(groups != fold, inverse, 1) for fold in range(FOLDS)]))
     if inverse < MIN_SIGNIFICANCE * error:
         return Falloff(0.0, float(np.hypot(error, max(inverse, 0.0))))
-    return Falloff(inverse, float(np.hypot(error, MODEL_ERROR / lamp_share * inverse)))
+    return Falloff(inverse, float(np.hypot(error, MODEL_ERROR / light_share * inverse)))
 
 
 def _room_share(levels: np.ndarray, logarithms: np.ndarray, lights: np.ndarray, frames: np.ndarray) -> float:
@@ -121,7 +128,7 @@ def _log_irradiance(lights: np.ndarray, inverse_distance: float, sphere: np.ndar
     """
     to_light = lights[:, None] + inverse_distance * (sphere - points)
     length = np.linalg.norm(to_light, axis=-1)
-    return np.asarray(np.log(np.maximum(unit(to_light)[..., 2], 0.02)) - 2.0 * np.log(length))
+    return np.asarray(np.log(np.maximum(unit(to_light)[..., 2], MIN_INCIDENCE)) - 2.0 * np.log(length))
 
 
 def _without_medians(values: np.ndarray, used: np.ndarray) -> np.ndarray:

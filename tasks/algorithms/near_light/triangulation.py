@@ -5,7 +5,7 @@ light differs between two places by their distance across the light, times its i
 is found by linear least squares, repeated at the solution (Gauss-Newton). An error of a sphere's centre rotates all its
 normals alike; two unknowns for each sphere take it up.
 
-A lamp in a hand comes nearer and goes farther. Where that explains the parallax better than one distance does, the
+A light in a hand comes nearer and goes farther. Where that explains the parallax better than one distance does, the
 inverse distance follows the frames, smoothed by a penalty on its steps whose weight is chosen by cross-validation
 (Craven and Wahba 1979).
 """
@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solveh_banded
 
+from glint.tasks.algorithms.geometry.robust import robust_deviation
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
 from glint.tasks.algorithms.near_light.positions import SphereLights
 
@@ -174,7 +175,7 @@ def _robust_solution(matrix: np.ndarray, residuals: np.ndarray, used: np.ndarray
     for _ in range(3):
         solution = np.linalg.lstsq(matrix[inliers], residuals[inliers], rcond=1e-9)[0]
         remaining = residuals - matrix @ solution
-        deviation = 1.4826 * float(np.median(np.abs(remaining[inliers]))) + 1e-9
+        deviation = robust_deviation(remaining[inliers]) + 1e-9
         inliers = used & (np.abs(remaining) < 3.0 * deviation)
     covariance = np.linalg.pinv(matrix[inliers].T @ matrix[inliers], rcond=1e-9, hermitian=True)
     return solution, deviation * float(np.sqrt(max(covariance[0, 0], 0.0))) + 1e-9
@@ -188,7 +189,7 @@ def _smooth_change(residuals: np.ndarray, by_inverse: np.ndarray) -> np.ndarray 
     weight = (by_inverse**2).sum(axis=(0, 2))
     estimate = (by_inverse * residuals).sum(axis=(0, 2)) / np.maximum(weight, 1e-12)
     # One wrong highlight must not bend the whole path.
-    deviation = 1.4826 * float(np.median(np.abs(estimate - np.median(estimate)))) + 1e-12
+    deviation = robust_deviation(estimate - np.median(estimate)) + 1e-12
     weight = np.where(np.abs(estimate - np.median(estimate)) < 4.0 * deviation, weight, 0.0)
     blocks = np.arange(len(weight)) // HELD_OUT_FRAMES
 

@@ -22,6 +22,8 @@ MIN_SEPARATION_DEG = 25.0
 """Degrees between two poses from which they count as different."""
 N_STARTS, START_SPACING_DEG, N_REFINED = 150, 7.5, 12
 """Rotations whose fit is evaluated, the least degrees between them, and the number of the best that are refined."""
+CANDIDATES_PER_START = 40
+"""Ranked rotations that are looked through for each start: most lie too near to a better one."""
 ANGLE_STEP_DEG = 5.0
 """Step of the search over a turntable's angles."""
 MAX_MISMATCH_PX = 1.0
@@ -111,7 +113,7 @@ def _initial_poses(view: View, model: Model) -> list[tuple[np.ndarray, np.ndarra
     mismatch = (centred**2).sum(axis=1)[:, None] - 2 * correlation
     chosen: list[np.ndarray] = []
     poses = []
-    for best in np.argsort(mismatch, axis=None)[: 40 * N_STARTS]:
+    for best in np.argsort(mismatch, axis=None)[: CANDIDATES_PER_START * N_STARTS]:
         number, shift = np.unravel_index(best, mismatch.shape)
         spin = Rotation.from_euler("z", azimuth[shift]).as_matrix()
         rotation = spin @ bases[number]
