@@ -175,9 +175,3 @@ def _limited(receive: Receive) -> Receive:
         return message
 
     return limited
-
-
-def parse_origins(text: str) -> tuple[str, ...]:
-    """Return the addresses of a list that is separated by commas, without their paths."""
-    parts = [urlsplit(part.strip()) for part in text.split(",") if part.strip()]
-    return tuple(f"{part.scheme}://{part.netloc}" for part in parts if part.netloc)

@@ -45,7 +45,7 @@ def meant_highlights(context: CaptureContext, frame: int | None, points: Sequenc
             groups = [[highlight_in_frame(held, frame, *pixels[0])]]
         else:
             groups = [[highlight] for highlight in highlights_at(held, *pixels[0])]
-        return {"revision": revision, "choices": [_choice(context, held, group, marks) for group in groups]}
+        return {"revision": revision, "choices": [_choice(held, group, marks) for group in groups]}
 
 
 def mark_tracks(context: CaptureContext) -> dict[str, Any]:
@@ -70,9 +70,8 @@ def mark_tracks(context: CaptureContext) -> dict[str, Any]:
     }
 
 
-def _choice(
-    context: CaptureContext, held: CaptureQuestions, group: list[Highlight], marks: tuple[AnnotationEntry, ...]
-) -> dict[str, Any]:
+def _choice(held: CaptureQuestions, group: list[Highlight], marks: tuple[AnnotationEntry, ...]) -> dict[str, Any]:
+    """Return a group of highlights that a click may mean as the page shows it: its sheet, and why it may be refused."""
     first = group[0]
     layer = first.layer if first.layer is not None else 0
     question = held.sheet_of(layer, first.row, first.column)

@@ -34,6 +34,10 @@ OCCLUDING_CONTOUR_SHARE = 0.7
 """Share of silhouettes that are occluding contours and not creases or cuts; bounds confidence in extrapolation."""
 DEFAULT_SLOPE_DEG = 150.0
 """Error-model slope, degrees per inradius, of an object on which nothing can be held out."""
+COVER_INRADII, MIN_COVER_PX = 0.08, 2.0
+"""Standard deviation of the window over which known pixels are counted, in inradii, and at least, in pixels."""
+FULL_COVER_RATIO = 1.3
+"""Factor by which a pixel counts as surrounded before all of its window is known."""
 BLOCK_INRADII = 0.25
 """Side of the held-out blocks, in inradii."""
 MIN_DISTANCE_PX = 2.0
@@ -54,11 +58,11 @@ def sheet_quality(normals: np.ndarray, scale: float) -> tuple[np.ndarray, np.nda
     """Measure cover, roughness and curl of accepted normals.
 
     normals (H, W, 3), camera frame, NaN where there is none; scale: inradius in pixels -> three (H, W) float. Cover:
-    share of the neighbourhood (about a tenth of the inradius) that is accepted. Roughness: angle to the local mean
+    share of the neighbourhood (COVER_INRADII) that is accepted. Roughness: angle to the local mean
     normal, in tolerances. Curl: |p_y - q_x| over the norm of the gradients' Jacobian, 0 for a surface.
     """
     known = np.isfinite(normals[..., 0])
-    cover = gaussian_blur(known, max(2.0, 0.08 * scale))
+    cover = gaussian_blur(known, max(MIN_COVER_PX, COVER_INRADII * scale))
     weight = np.maximum(gaussian_blur(known, 2.0), 1e-6)
 
     # Normalised convolution: gaps neither pull the mean nor spread.
@@ -188,6 +192,6 @@ def field_confidence(known: np.ndarray, rim: np.ndarray, slope: float, scale: fl
         distance = distance_inside(~sources) + MIN_DISTANCE_PX
         return probability_within_tolerance(slope * distance)
 
-    surrounded = np.minimum(1.3 * gaussian_blur(known, max(2.0, 0.08 * scale)), 1.0)
+    surrounded = np.minimum(FULL_COVER_RATIO * gaussian_blur(known, max(MIN_COVER_PX, COVER_INRADII * scale)), 1.0)
     inside = OCCLUDING_CONTOUR_SHARE + (1.0 - OCCLUDING_CONTOUR_SHARE) * surrounded
     return np.maximum(inside * confidence_from(known), OCCLUDING_CONTOUR_SHARE * confidence_from(rim))

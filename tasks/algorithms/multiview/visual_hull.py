@@ -19,6 +19,10 @@ SPHERE_MARGIN = 1.2
 """Radius of the bounding sphere relative to half the largest diagonal of the masks' bounding boxes."""
 MAX_VERTICES = 24_000
 """Vertices of the mesh that is refined; detail below its edges comes from the last Poisson reconstruction."""
+FIRST_CELLS = 40
+"""Cells along an edge of a cube of the bounding box's volume in the mesh by which the size of the cells is chosen."""
+MAX_CELL_LOG_RATIO = 0.1
+"""Logarithm of the ratio of the chosen cells to the first up to which the first mesh is kept."""
 MIN_HULL_EDGE_PX = 1.0
 """Finest edge of a mesh in pixels: the masks hold nothing finer."""
 
@@ -99,11 +103,11 @@ def hull_model(views: Sequence[View], max_vertices: int = MAX_VERTICES, base: fl
     low, high = bounding_box(views, base)
     pixel = float(np.median([view.footprint((low + high)[None] / 2)[0] for view in views]))
     field = hull_field(views, base)
-    cell = max(MIN_HULL_EDGE_PX * pixel, float(np.prod(high - low) ** (1 / 3)) / 40.0)
+    cell = max(MIN_HULL_EDGE_PX * pixel, float(np.prod(high - low) ** (1 / 3)) / FIRST_CELLS)
     vertices, triangles = surface_nets(field, low, high, cell)
     # The number of vertices of a surface grows with the inverse square of the cell.
     finer_cell = cell * np.sqrt(len(vertices) / max_vertices)
-    if len(vertices) and abs(np.log(finer_cell / cell)) > 0.1:
+    if len(vertices) and abs(np.log(finer_cell / cell)) > MAX_CELL_LOG_RATIO:
         cell = max(MIN_HULL_EDGE_PX * pixel, float(finer_cell))
         vertices, triangles = surface_nets(field, low, high, cell)
     if len(vertices) < 4:

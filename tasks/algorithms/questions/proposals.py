@@ -48,6 +48,8 @@ ASKED_TURN_DEG = 10.0
 """Angle of a rejected sheet to the present normals from which it is asked about, degrees: others change little."""
 SHARED_CHANGE = 0.5
 """Share of a sheet's change that also follows from a sheet proposed before, from which it is a near-duplicate."""
+CONFIDENCE_RANGE, EXTERIOR_SHARE_RANGE = (0.01, 0.99), (0.1, 0.9)
+"""Bounds of the confidence in a normal, and of the share of exterior nodes, in odds: nothing is certain."""
 WRONG_SPREAD_RAD = np.radians(25.0)
 """Standard deviation per axis of the error of normals that are not within the tolerance, radians."""
 EXTERIOR_MARGIN_PX = 20.0
@@ -195,14 +197,14 @@ def wrong_probability(
     the confidence implies, the evidence (K, H, W) of shape and shading, nats, its tilt, and the number of frames (H, W)
     in which its pixels are lit, `observations`. Nodes of a sheet share their errors, so that ratios are averaged.
     """
-    confidence = np.clip(result.confidence[patches.row, patches.column], 0.01, 0.99)
+    confidence = np.clip(result.confidence[patches.row, patches.column], *CONFIDENCE_RANGE)
     exterior = patches.of(result.labels) > 0
     # The present normal is right within the tolerance with its confidence; else it says little, but not nothing.
     angle = np.radians(angles(patches.of(normals), result.normals[patches.row, patches.column]))
     likelihood = confidence * _angular_density(angle, TOLERANCE_RAD / 2.0)
     likelihood += (1.0 - confidence) * _angular_density(angle, WRONG_SPREAD_RAD)
     ratio = np.log(OBSERVABLE_SOLID_ANGLE * np.maximum(likelihood, 1e-30))
-    share = np.clip(exterior.mean(), 0.1, 0.9)
+    share = np.clip(exterior.mean(), *EXTERIOR_SHARE_RANGE)
     ratio += np.log(share / (1.0 - share)) + patches.of(evidence)
     lit = np.maximum(patches.mean(observations[patches.row, patches.column].astype(float)), 1.0)
     tilt = np.degrees(np.arccos(np.clip(patches.mean(patches.of(normals)[:, 2]), -1.0, 1.0)))
