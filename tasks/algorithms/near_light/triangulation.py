@@ -33,7 +33,7 @@ ALTERNATIONS = 4
 """Times that a varying distance and the rotations are fitted in turn."""
 MAX_INVERSE_DISTANCE_SPAN = 1.5
 """Largest inverse distance, times the spheres' span, that a step may reach: nearer lights stand between the spheres."""
-INVERSE_RANGE = (0.3, 3.0)
+MIN_INVERSE_RATIO, MAX_INVERSE_RATIO = 0.3, 3.0
 """Bounds of a frame's inverse distance, in that which fits all frames."""
 SMOOTHING_FRAMES = (4.0, 12.0, 36.0, 108.0)
 """Lengths in frames over which a varying distance is smoothed that are tried."""
@@ -105,7 +105,8 @@ def triangulate(spheres: Sequence[SphereLights]) -> LightDistance | None:
         if change is None:
             break
         varies = True
-        inverse = np.clip(inverse + change, *(ratio * fit.inverse_distance for ratio in INVERSE_RANGE))
+        least, most = MIN_INVERSE_RATIO * fit.inverse_distance, MAX_INVERSE_RATIO * fit.inverse_distance
+        inverse = np.clip(inverse + change, least, most)
         # What one distance left of the variation has bent the rotations.
         residuals, by_inverse, by_rotation = _linearized(lights, positions, accepted, inverse, rotations)
         matrix = np.concatenate([by_inverse[..., None], by_rotation], axis=-1)
