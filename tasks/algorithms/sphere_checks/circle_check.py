@@ -1,0 +1,141 @@
+"""Circles of chrome spheres against the shapes of their highlights, and the circle that agrees with both.
+
+The strongest circle may be an edge inside the sphere that touches its contour, or one around it and what lies beside it:
+5 to 40% of the radius off, with a contrast of its own, so that no measure of the edge tells. The shapes of the
+highlights do. About the centre that they show, and below the radius that they allow, the contour is sought again.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from glint.tasks.algorithms.lighting.spheres import MIN_CLEAR_CONTRAST, Sphere, measure_sphere
+from glint.tasks.algorithms.sphere_checks.foreshortening import ShapeCircle, circle_of_highlights
+
+MIN_CONTRADICTION_RATIO, MIN_CONTRADICTION_DEVIATIONS = 0.03, 3.0
+"""Distance of a circle's centre from that of the highlights, in radii and in standard deviations, from which the two
+contradict each other (`python -m tests.benchmarks.spheres_found`)."""
+SYSTEMATIC_RATIO = 0.01
+"""Standard deviation of what the highlights say, in radii, of what shifts all shapes alike."""
+MAX_EXCESS_RATIO = 0.05
+"""Difference from the largest radius that the highlights allow, in radii, from which a circle is too large, if it is
+three standard deviations too."""
+MAX_SEARCH_SD_RATIO = 0.04
+"""Standard deviation of the highlights' centre, and of the logarithm of their radius, beyond which no other circle is
+sought."""
+SEARCH_LOG_RATIOS = -0.6, 0.25
+"""Logarithms of the largest radius, relative to the circle's, between which one is sought: blur adds to it."""
+RIVAL_RADIUS_RATIOS = (0.86, 0.9, 0.94, 0.98, 1.02)
+"""Radii that are measured about the highlights' centre, relative to the largest that they allow: without blur it is 2
+to 7% above the true one."""
+RIVAL_CENTRE_REACH, RIVAL_RADIUS_REACH = 0.015, 0.03
+"""Distances that each of them searches, in radii, beside those of the fine fit."""
+CENTRE_PENALTY_DEVIATIONS = 2.0
+"""Distance from the highlights' centre, in standard deviations, by which contrasts are weighted (as a Gaussian)."""
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedCircle:
+    """A circle and what the highlights say of it.
+
+    sphere: what is to be used; before: the circle that was checked; shapes: what the highlights say, None where it is
+    nothing. is_contradicted: they contradict the circle; is_replaced: another circle, which agrees with them, is used.
+    """
+
+    sphere: Sphere
+    before: Sphere
+    shapes: ShapeCircle | None
+    is_contradicted: bool = False
+    is_replaced: bool = False
+
+
+def check_circle(frames: np.ndarray, sphere: Sphere, *, camera: np.ndarray | None = None) -> CheckedCircle:
+    """Compare a circle with the shapes of the highlights; seek another one where they contradict it.
+
+    Where no circle agrees with them the given one is kept, and its standard deviations include what it is off.
+
+    Args:
+        frames: (T, H, W) uint8, spread over the capture.
+        sphere: with its standard deviations, in the frames' pixels.
+        camera: perspective camera's matrix (3, 3).
+
+    Raises:
+        UnusableCapture: no moving light is seen.
+    """
+    shapes = circle_of_highlights(frames, sphere, camera=camera)
+    if shapes is None or not contradicts(shapes, sphere):
+        return CheckedCircle(sphere, sphere, shapes)
+    rival = _rival(frames, sphere, shapes, camera)
+    if rival is not None:
+        return CheckedCircle(rival, sphere, shapes, True, True)
+    doubted = replace(
+        sphere,
+        centre_sd=float(np.hypot(sphere.centre_sd, _distance(sphere, shapes) / np.sqrt(2.0))),
+        radius_sd=float(np.hypot(sphere.radius_sd, max(sphere.radius - shapes.max_radius, 0.0))),
+    )
+    return CheckedCircle(doubted, sphere, shapes, True)
+
+
+def contradicts(shapes: ShapeCircle, sphere: Sphere) -> bool:
+    """Return whether the shapes of highlights contradict a circle: its centre, or that it is so large."""
+    systematic = SYSTEMATIC_RATIO * sphere.radius
+    centre_sd = np.sqrt(sphere.centre_sd**2 + shapes.sd**2 + systematic**2)
+    radius_sd = np.sqrt(sphere.radius_sd**2 + (shapes.log_radius_sd * shapes.max_radius) ** 2 + systematic**2)
+    return bool(
+        _exceeds(_distance(sphere, shapes), MIN_CONTRADICTION_RATIO * sphere.radius, centre_sd)
+        or _exceeds(sphere.radius - shapes.max_radius, MAX_EXCESS_RATIO * sphere.radius, radius_sd)
+    )
+
+
+def _exceeds(difference: float, least: float, deviation: float) -> bool:
+    """Return whether a difference is larger than it may be, in pixels and in standard deviations."""
+    return difference > max(least, MIN_CONTRADICTION_DEVIATIONS * deviation)
+
+
+def _rival(frames: np.ndarray, sphere: Sphere, shapes: ShapeCircle, camera: np.ndarray | None) -> Sphere | None:
+    """Return the circle with the most contrast about the highlights' centre; None: none is clear and agrees.
+
+    Its centre is the mean of its own and the highlights', by their precision. Its standard deviation grows with what
+    they differ by (Birge's ratio, 1932, of two measurements).
+    """
+    spread = max(shapes.sd / sphere.radius, shapes.log_radius_sd)
+    log_ratio = float(np.log(shapes.max_radius / sphere.radius))
+    if spread > MAX_SEARCH_SD_RATIO or not SEARCH_LOG_RATIOS[0] < log_ratio < SEARCH_LOG_RATIOS[1]:
+        return None
+    # Refined fits search farther, and would find the edge again that misled the first one.
+    circles = [
+        measure_sphere(
+            frames,
+            replace(sphere, x=shapes.x, y=shapes.y, radius=ratio * shapes.max_radius),
+            centre_reach=RIVAL_CENTRE_REACH,
+            radius_reach=RIVAL_RADIUS_REACH,
+            camera=camera,
+        )
+        for ratio in RIVAL_RADIUS_RATIOS
+    ]
+    rival = max(circles, key=lambda circle: _agreement(circle, shapes))
+    if rival.score < MIN_CLEAR_CONTRAST or contradicts(shapes, rival):
+        return None
+    systematic = SYSTEMATIC_RATIO * rival.radius
+    own, other = rival.centre_sd**2 + systematic**2, shapes.sd**2 + systematic**2
+    share = other / (own + other)
+    birge = _distance(rival, shapes) / np.sqrt(2.0 * (own + other))
+    return replace(
+        rival,
+        x=share * rival.x + (1.0 - share) * shapes.x,
+        y=share * rival.y + (1.0 - share) * shapes.y,
+        score=sphere.score,
+        centre_sd=float(np.sqrt(share * own) * max(birge, 1.0)),
+    )
+
+
+def _agreement(circle: Sphere, shapes: ShapeCircle) -> float:
+    """Return the contrast of a circle, weighted by its distance from the highlights' centre."""
+    variance = circle.centre_sd**2 + shapes.sd**2 + (SYSTEMATIC_RATIO * circle.radius) ** 2
+    square = _distance(circle, shapes) ** 2 / variance
+    return circle.score * float(np.exp(-0.5 * square / CENTRE_PENALTY_DEVIATIONS**2))
+
+
+def _distance(sphere: Sphere, shapes: ShapeCircle) -> float:
+    """Return the distance of a circle's centre from that of the highlights in pixels."""
+    return float(np.hypot(sphere.x - shapes.x, sphere.y - shapes.y))

@@ -1,0 +1,183 @@
+"""The centre of a chrome sphere by the shape of the light's image on it, which no edge of the picture enters.
+
+A mirror sphere shows a distant round light as an ellipse. Where the normal's cosine is c, an image of radius k at the
+centre has the semi-axes k c along the radius and k / c across, so the ellipses of a whole sweep are round at one place,
+and elsewhere their short axes point to it. This follows from the law of reflection: the light's direction turns by twice
+the normal's angle along the radius, and by sin 2a / sin a = 2 c of it across. An edge inside the sphere that is fitted
+in place of the contour has another centre, and the ellipses contradict it.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from glint.tasks.algorithms.geometry.perspective import VirtualCamera
+from glint.tasks.algorithms.lighting.highlights import PIXEL_VARIANCE, measure_highlights, static_background
+from glint.tasks.algorithms.lighting.lights import classify_frames
+from glint.tasks.algorithms.lighting.spheres import Sphere
+
+MAX_RADIUS_RATIO = 0.62
+"""Distance from the circle's centre, in radii, up to which highlights count: farther out they are so long that their
+ends are cut off as glare."""
+MAX_OCCLUDED_SHARE = 0.05
+"""Share of a highlight that is hidden by a static reflection, beyond which its shape shows nothing."""
+MIN_SHAPES = 24
+"""Frames below which nothing is said."""
+SECTORS = 6
+"""Sectors about the centre that are left out in turn."""
+RADIUS_RATIO_SD = 0.3
+"""Standard deviation of the logarithm of the radius, relative to the circle's, before anything is measured: in half a
+sweep any radius fits."""
+MAX_LOG_RATIO = 0.7
+"""Largest logarithm of the ratio of the two radii."""
+MIN_NOISE = 0.01
+"""Lower bound of the noise of second moments, in square pixels."""
+MARGIN_PX = 6
+"""Pixels around the circle that are measured."""
+
+
+@dataclass(frozen=True, slots=True)
+class HighlightShapes:
+    """Shapes of N highlights.
+
+    x, y: (N,), centres in pixels, y down. moments: (N, 3), covariances xx, xy, yy of their pixels, in square pixels.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    moments: np.ndarray
+
+    def only(self, used: np.ndarray) -> "HighlightShapes":
+        """Return some of the shapes, by (N,) bool."""
+        return HighlightShapes(self.x[used], self.y[used], self.moments[used])
+
+
+@dataclass(frozen=True, slots=True)
+class ShapeCircle:
+    """What the shapes of highlights say of a sphere: its centre x, y in pixels, and an upper bound of its radius.
+
+    sd: standard deviation of the centre per axis, in pixels. max_radius: in pixels; log_radius_sd: standard deviation
+    of its logarithm.
+    """
+
+    x: float
+    y: float
+    sd: float
+    max_radius: float
+    log_radius_sd: float
+
+
+def circle_of_highlights(frames: np.ndarray, sphere: Sphere, *, camera: np.ndarray | None = None) -> ShapeCircle | None:
+    """Measure a sphere's centre by the shapes of its highlights; None: too few frames show one.
+
+    Args:
+        frames: (T, H, W) uint8, spread over the capture.
+        sphere: a circle near that of the sphere, in the frames' pixels; up to a fifth of the radius beside it will do.
+        camera: perspective camera's matrix (3, 3); the highlights are then measured by a virtual camera aimed at the
+            sphere.
+
+    Raises:
+        UnusableCapture: no moving light is seen.
+    """
+    if camera is not None:
+        virtual = VirtualCamera.aimed_at(sphere.x, sphere.y, sphere.radius, camera)
+        warped = np.stack([virtual.warp(frame) for frame in frames]).clip(0.0, 255.0).round().astype(np.uint8)
+        middle = Sphere(virtual.centre, virtual.centre, sphere.radius)
+        centre = circle_of_highlights(warped, middle)
+        if centre is None:
+            return None
+        x, y, _ = virtual.project_back(centre.x, centre.y, sphere.radius)
+        return replace(centre, x=x, y=y)
+    return circle_of_shapes(_shapes(frames, sphere), sphere)
+
+
+def circle_of_shapes(shapes: HighlightShapes, sphere: Sphere) -> ShapeCircle | None:
+    """Return the centre at which shapes are those that a mirror sphere shows; None: there are too few.
+
+    Its standard deviation is that of the jackknife over sectors about the circle's centre (Quenouille 1956): a light
+    that is not round, and an object that the sphere mirrors, mislead all shapes of one side.
+    """
+    distance = np.hypot(shapes.x - sphere.x, shapes.y - sphere.y)
+    shapes = shapes.only(distance < MAX_RADIUS_RATIO * sphere.radius)
+    if len(shapes.x) < MIN_SHAPES:
+        return None
+    x, y, log_ratio = _fitted(shapes, sphere)
+    turn = np.arctan2(shapes.y - sphere.y, shapes.x - sphere.x) / (2.0 * np.pi) % 1.0
+    sector = np.minimum((SECTORS * turn).astype(int), SECTORS - 1)
+    fits = np.array([_fitted(shapes.only(sector != left), sphere) for left in range(SECTORS)])
+    variances = (SECTORS - 1) * fits.var(axis=0)
+    return ShapeCircle(
+        x,
+        y,
+        float(np.sqrt(variances[:2].mean())),
+        sphere.radius * float(np.exp(log_ratio)),
+        float(np.sqrt(variances[2])),
+    )
+
+
+def expected_moments(
+    x: np.ndarray, y: np.ndarray, sphere: Sphere, size: float, skew: tuple[float, float] = (0.0, 0.0)
+) -> np.ndarray:
+    """Return the covariances xx, xy, yy (N, 3) of highlights centred at x, y (N,) on a sphere, in square pixels.
+
+    Args:
+        x: columns.
+        y: rows.
+        sphere: centre and radius, in pixels.
+        size: variance along an axis of the light's image at the sphere's centre, in square pixels.
+        skew: (xx - yy) / 2 and xy of a light that is not round, or of an ellipse that is taken for a circle.
+    """
+    right, down = x - sphere.x, y - sphere.y
+    square = right**2 + down**2
+    cosine_squared = 1.0 - np.minimum(square / sphere.radius**2, 0.95)
+    along, across = size * cosine_squared, size / cosine_squared
+    square = square + 1e-9
+    xx, xy, yy = right**2 / square, right * down / square, down**2 / square
+    return np.stack(
+        [
+            along * xx + across * yy + PIXEL_VARIANCE + skew[0],
+            (along - across) * xy + skew[1],
+            along * yy + across * xx + PIXEL_VARIANCE - skew[0],
+        ],
+        axis=1,
+    )
+
+
+def _fitted(shapes: HighlightShapes, sphere: Sphere) -> tuple[float, float, float]:
+    """Return the centre x, y of the sphere whose highlights have the given shapes, and the logarithm of its radius in
+    radii of the circle, by robust least squares."""
+    trace = shapes.moments[:, 0] + shapes.moments[:, 2]
+    usual = float(np.median(trace))
+    # The median absolute deviation, times 1.4826, is a Gaussian's standard deviation; a trace has twice the noise.
+    noise = max(0.5 * 1.4826 * float(np.median(np.abs(trace - usual))), MIN_NOISE)
+    weights = np.array([1.0, np.sqrt(2.0), 1.0]) / noise
+
+    def residuals(unknown: np.ndarray) -> np.ndarray:
+        x, y, log_ratio, size, *skew = unknown
+        circle = Sphere(x, y, sphere.radius * np.exp(log_ratio))
+        moments = expected_moments(shapes.x, shapes.y, circle, size, (skew[0], skew[1]))
+        return np.append(((moments - shapes.moments) * weights).ravel(), log_ratio / RADIUS_RATIO_SD)
+
+    reach, most = sphere.radius, usual + 1.0
+    lower = [sphere.x - reach, sphere.y - reach, -MAX_LOG_RATIO, 0.0, -most, -most]
+    upper = [sphere.x + reach, sphere.y + reach, MAX_LOG_RATIO, most, most, most]
+    start = [sphere.x, sphere.y, 0.0, 0.4 * usual, 0.0, 0.0]
+    fit = least_squares(residuals, start, bounds=(lower, upper), loss="soft_l1")
+    return float(fit.x[0]), float(fit.x[1]), float(fit.x[2])
+
+
+def _shapes(frames: np.ndarray, sphere: Sphere) -> HighlightShapes:
+    """Return the shapes of the highlights on a sphere in frames (T, H, W), in their pixels."""
+    margin = sphere.radius + MARGIN_PX
+    left, top = max(int(sphere.x - margin), 0), max(int(sphere.y - margin), 0)
+    crop = np.ascontiguousarray(frames[:, top : int(sphere.y + margin) + 2, left : int(sphere.x + margin) + 2])
+    inside = sphere.in_crop(left, top)
+    static = static_background(crop, inside)
+    highlights = measure_highlights(crop, inside, static)
+    lights = classify_frames([highlights], static, inside)
+    used = lights.accepted & (highlights.occluded_fraction[:, 0] < MAX_OCCLUDED_SHARE)
+    # Half vectors are the normals that the circle has at the highlights' centres.
+    normals = lights.half_vectors[used].astype(float)
+    x, y = sphere.x + sphere.radius * normals[:, 0], sphere.y - sphere.radius * normals[:, 1]
+    return HighlightShapes(x, y, highlights.spread[used, 0].astype(float))
