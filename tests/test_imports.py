@@ -28,7 +28,7 @@ ORDER = {
     ),
     "glint.tasks.algorithms": (
         "simulation evaluation registration multiview questions labelling faces frames prior meshing candidates"
-        " integration near_light lighting geometry errors"
+        " integration near_light sphere_checks lighting geometry errors"
     ),
 }
 """The rooms of a layer in descending order: a room imports only those after it."""

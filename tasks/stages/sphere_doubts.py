@@ -2,12 +2,19 @@
 vectors, and where two disagree."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from glint.tasks.algorithms.lighting.lights import ACCEPTED, BEHIND, Lights, inter_sphere_angles
 from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, spread
-from glint.tasks.algorithms.lighting.spheres import Sphere, confirm_sphere
+from glint.tasks.algorithms.lighting.spheres import UNKNOWN_DEVIATION_RATIO, Sphere, confirm_sphere
+from glint.tasks.algorithms.sphere_checks.circle_check import (
+    SYSTEMATIC_RATIO,
+    CheckedCircle,
+    check_circle,
+    contradicts,
+)
 from glint.tasks.engine.stage_warning import StageWarning
 
 MAX_LIGHT_DEVIATION_DEG = 2.2
@@ -29,6 +36,12 @@ def confirm_given(
     spheres, warnings = list[Sphere](), list[StageWarning]()
     for sphere in given:
         confirmed = confirm_sphere(spread(frames, FIT_FRAMES), sphere, camera=camera)
+        check = check_circle(spread(frames, FIT_FRAMES), confirmed.sphere, camera=camera)
+        if check.is_contradicted:
+            used, warning = _against_highlights(sphere, confirmed.is_corrected, check)
+            spheres.append(used)
+            warnings.append(warning)
+            continue
         spheres.append(confirmed.sphere)
         place = f"the sphere given at ({sphere.x:.1f}, {sphere.y:.1f}) with radius {sphere.radius:.1f}"
         fit = confirmed.fit
@@ -52,6 +65,49 @@ def confirm_given(
                 )
             )
     return spheres, warnings
+
+
+def _against_highlights(given: Sphere, is_corrected: bool, check: CheckedCircle) -> tuple[Sphere, StageWarning]:
+    """Return the sphere to be used, and a warning, where highlights contradict a given circle or the fit that replaces
+    it: the given one stands if they contradict the fit alone."""
+    fit, shapes = check.before, check.shapes
+    assert shapes is not None
+    unknown = UNKNOWN_DEVIATION_RATIO * given.radius
+    stated = replace(given, centre_sd=unknown, radius_sd=unknown)
+    if not is_corrected or contradicts(shapes, stated):
+        return check.sphere, _contradiction(check)
+    centre_sd = max(shapes.sd, float(np.hypot(given.x - shapes.x, given.y - shapes.y)) / np.sqrt(2.0))
+    used = replace(stated, centre_sd=max(centre_sd, SYSTEMATIC_RATIO * given.radius))
+    message = (
+        f"the sphere given at ({given.x:.1f}, {given.y:.1f}) with radius {given.radius:.1f} is used as it is: a clearer"
+        f" circle, at ({fit.x:.1f}, {fit.y:.1f}) with radius {fit.radius:.1f}, contradicts the shapes of the highlights:"
+        " compare it with the frame, and put a plain background behind the sphere"
+    )
+    return used, StageWarning(message, "sphere", float(np.degrees(used.centre_sd / used.radius)))
+
+
+def confirm_found(
+    frames: np.ndarray, spheres: Sequence[Sphere], camera: np.ndarray | None
+) -> tuple[list[Sphere], list[StageWarning]]:
+    """Compare found spheres with the shapes of their highlights; return those to be used, and a warning where the
+    highlights contradict a circle."""
+    checked = [check_circle(spread(frames, FIT_FRAMES), sphere, camera=camera) for sphere in spheres]
+    warnings = [_contradiction(check) for check in checked if check.is_contradicted]
+    return [check.sphere for check in checked], warnings
+
+
+def _contradiction(check: CheckedCircle) -> StageWarning:
+    """Return the warning of a circle that the highlights contradict."""
+    circle, used, shapes = check.before, check.sphere, check.shapes
+    assert shapes is not None
+    replacement = f"the one at ({used.x:.1f}, {used.y:.1f}) with radius {used.radius:.1f} is used"
+    outcome = replacement if check.is_replaced else "no other circle is clear"
+    message = (
+        f"the clearest circle, at ({circle.x:.1f}, {circle.y:.1f}) with radius {circle.radius:.1f}, contradicts the"
+        f" shapes of the highlights, which are those on a sphere at ({shapes.x:.1f}, {shapes.y:.1f}) with a radius of at"
+        f" most {shapes.max_radius:.1f}; {outcome}: compare it with the frame, and give `spheres` in the catalogue"
+    )
+    return StageWarning(message, "sphere", float(np.degrees(used.centre_sd / used.radius)))
 
 
 def spheres_error(spheres: Sequence[Sphere], nz: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import crops_of
 from glint.tasks.stages.first_pass import Sample, SampleRecorder, discard_stored, sampled_and_stored
 from glint.tasks.stages.levels import BACKGROUND, CLIPPED, PEAK
-from glint.tasks.stages.sphere_doubts import confirm_given
+from glint.tasks.stages.sphere_doubts import confirm_found, confirm_given
 from glint.tasks.stages.stabilization import Shake, measure_shake, stabilized
 
 SHADED_REACH = 1.1
@@ -77,8 +77,8 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
             spheres, mask, warnings = given, None, list[StageWarning]()
             if seek_spheres:
                 detection = find_spheres(sample.frames, sample.peak, camera=camera)
-                spheres = detection.spheres
-                warnings = [StageWarning(sentence, "sphere") for sentence in detection.contradicting]
+                spheres, warnings = confirm_found(sample.frames, detection.spheres, camera)
+                warnings += [StageWarning(sentence, "sphere") for sentence in detection.contradicting]
             elif inputs.file("lights") is None:
                 spheres, warnings = confirm_given(sample.frames, given, camera)
             if seek_mask:

@@ -1,7 +1,7 @@
 """Circles of chrome spheres against the shapes of their highlights, and the circle that agrees with both.
 
-The strongest circle may be an edge inside the sphere that touches its contour, or one around it and what lies beside it:
-5 to 40% of the radius off, with a contrast of its own, so that no measure of the edge tells. The shapes of the
+The strongest circle may be an edge inside the sphere that touches its contour, or one around it and what lies beside
+it: 5 to 60% of the radius off, with a contrast of its own, so that no measure of the edge tells. The shapes of the
 highlights do. About the centre that they show, and below the radius that they allow, the contour is sought again.
 """
 
@@ -52,19 +52,20 @@ class CheckedCircle:
 def check_circle(frames: np.ndarray, sphere: Sphere, *, camera: np.ndarray | None = None) -> CheckedCircle:
     """Compare a circle with the shapes of the highlights; seek another one where they contradict it.
 
-    Where no circle agrees with them the given one is kept, and its standard deviations include what it is off.
+    Where no circle agrees with them the given one is kept, and its standard deviations include what it is off. One
+    that they do not contradict is known worse in proportion, where they differ more than their deviations let expect.
 
     Args:
         frames: (T, H, W) uint8, spread over the capture.
         sphere: with its standard deviations, in the frames' pixels.
         camera: perspective camera's matrix (3, 3).
-
-    Raises:
-        UnusableCapture: no moving light is seen.
     """
     shapes = circle_of_highlights(frames, sphere, camera=camera)
-    if shapes is None or not contradicts(shapes, sphere):
-        return CheckedCircle(sphere, sphere, shapes)
+    if shapes is None:
+        return CheckedCircle(sphere, sphere, None)
+    if not contradicts(shapes, sphere):
+        doubted = replace(sphere, centre_sd=sphere.centre_sd * _birge_ratio(sphere, shapes))
+        return CheckedCircle(doubted, sphere, shapes)
     rival = _rival(frames, sphere, shapes, camera)
     if rival is not None:
         return CheckedCircle(rival, sphere, shapes, True, True)
@@ -78,8 +79,7 @@ def check_circle(frames: np.ndarray, sphere: Sphere, *, camera: np.ndarray | Non
 
 def contradicts(shapes: ShapeCircle, sphere: Sphere) -> bool:
     """Return whether the shapes of highlights contradict a circle: its centre, or that it is so large."""
-    systematic = SYSTEMATIC_RATIO * sphere.radius
-    centre_sd = np.sqrt(sphere.centre_sd**2 + shapes.sd**2 + systematic**2)
+    centre_sd, systematic = _centre_deviation(sphere, shapes), SYSTEMATIC_RATIO * sphere.radius
     radius_sd = np.sqrt(sphere.radius_sd**2 + (shapes.log_radius_sd * shapes.max_radius) ** 2 + systematic**2)
     return bool(
         _exceeds(_distance(sphere, shapes), MIN_CONTRADICTION_RATIO * sphere.radius, centre_sd)
@@ -95,8 +95,7 @@ def _exceeds(difference: float, least: float, deviation: float) -> bool:
 def _rival(frames: np.ndarray, sphere: Sphere, shapes: ShapeCircle, camera: np.ndarray | None) -> Sphere | None:
     """Return the circle with the most contrast about the highlights' centre; None: none is clear and agrees.
 
-    Its centre is the mean of its own and the highlights', by their precision. Its standard deviation grows with what
-    they differ by (Birge's ratio, 1932, of two measurements).
+    Its centre is the mean of its own and the highlights', by their precision.
     """
     spread = max(shapes.sd / sphere.radius, shapes.log_radius_sd)
     log_ratio = float(np.log(shapes.max_radius / sphere.radius))
@@ -119,21 +118,30 @@ def _rival(frames: np.ndarray, sphere: Sphere, shapes: ShapeCircle, camera: np.n
     systematic = SYSTEMATIC_RATIO * rival.radius
     own, other = rival.centre_sd**2 + systematic**2, shapes.sd**2 + systematic**2
     share = other / (own + other)
-    birge = _distance(rival, shapes) / np.sqrt(2.0 * (own + other))
     return replace(
         rival,
         x=share * rival.x + (1.0 - share) * shapes.x,
         y=share * rival.y + (1.0 - share) * shapes.y,
         score=sphere.score,
-        centre_sd=float(np.sqrt(share * own) * max(birge, 1.0)),
+        centre_sd=float(np.sqrt(share * own)) * _birge_ratio(rival, shapes),
     )
 
 
 def _agreement(circle: Sphere, shapes: ShapeCircle) -> float:
     """Return the contrast of a circle, weighted by its distance from the highlights' centre."""
-    variance = circle.centre_sd**2 + shapes.sd**2 + (SYSTEMATIC_RATIO * circle.radius) ** 2
-    square = _distance(circle, shapes) ** 2 / variance
-    return circle.score * float(np.exp(-0.5 * square / CENTRE_PENALTY_DEVIATIONS**2))
+    deviations = _distance(circle, shapes) / _centre_deviation(circle, shapes)
+    return circle.score * float(np.exp(-0.5 * (deviations / CENTRE_PENALTY_DEVIATIONS) ** 2))
+
+
+def _birge_ratio(circle: Sphere, shapes: ShapeCircle) -> float:
+    """Return the factor, at least 1, by which two measurements of the centre differ more than their deviations let
+    expect (Birge 1932)."""
+    return max(_distance(circle, shapes) / (np.sqrt(2.0) * _centre_deviation(circle, shapes)), 1.0)
+
+
+def _centre_deviation(circle: Sphere, shapes: ShapeCircle) -> float:
+    """Return the standard deviation per axis, in pixels, of the difference of the two centres."""
+    return float(np.sqrt(circle.centre_sd**2 + shapes.sd**2 + (SYSTEMATIC_RATIO * circle.radius) ** 2))
 
 
 def _distance(sphere: Sphere, shapes: ShapeCircle) -> float:

@@ -1,10 +1,11 @@
-"""The centre of a chrome sphere by the shape of the light's image on it, which no edge of the picture enters.
+"""The centre of a chrome sphere by the shape of the light's image on it, into which no edge of the picture enters.
 
 A mirror sphere shows a distant round light as an ellipse. Where the normal's cosine is c, an image of radius k at the
-centre has the semi-axes k c along the radius and k / c across, so the ellipses of a whole sweep are round at one place,
-and elsewhere their short axes point to it. This follows from the law of reflection: the light's direction turns by twice
-the normal's angle along the radius, and by sin 2a / sin a = 2 c of it across. An edge inside the sphere that is fitted
-in place of the contour has another centre, and the ellipses contradict it.
+centre has the semi-axes k c along the radius and k / c across. So the ellipses of a whole sweep are round at one place,
+and elsewhere their short axes point to it. This follows from the law of reflection: by da, the angle of the normal, the
+light's direction turns by 2 da along the radius, and by 2 c times as much as the normal across. An edge inside the
+sphere that is fitted in place of the contour has another centre, and the ellipses contradict it. How fast they lengthen
+outward gives the radius; blur makes them rounder, so that it is an upper bound.
 """
 
 from dataclasses import dataclass, replace
@@ -12,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
+from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.perspective import VirtualCamera
 from glint.tasks.algorithms.lighting.highlights import PIXEL_VARIANCE, measure_highlights, static_background
 from glint.tasks.algorithms.lighting.lights import classify_frames
@@ -69,17 +71,16 @@ class ShapeCircle:
 
 
 def circle_of_highlights(frames: np.ndarray, sphere: Sphere, *, camera: np.ndarray | None = None) -> ShapeCircle | None:
-    """Measure a sphere's centre by the shapes of its highlights; None: too few frames show one.
+    """Measure a sphere's centre and the largest radius it may have by the shapes of its highlights; None: too few show.
 
     Args:
         frames: (T, H, W) uint8, spread over the capture.
         sphere: a circle near that of the sphere, in the frames' pixels; up to a fifth of the radius beside it will do.
         camera: perspective camera's matrix (3, 3); the highlights are then measured by a virtual camera aimed at the
             sphere.
-
-    Raises:
-        UnusableCapture: no moving light is seen.
     """
+    if len(frames) < MIN_SHAPES:
+        return None
     if camera is not None:
         virtual = VirtualCamera.aimed_at(sphere.x, sphere.y, sphere.radius, camera)
         warped = np.stack([virtual.warp(frame) for frame in frames]).clip(0.0, 255.0).round().astype(np.uint8)
@@ -89,7 +90,11 @@ def circle_of_highlights(frames: np.ndarray, sphere: Sphere, *, camera: np.ndarr
             return None
         x, y, _ = virtual.project_back(centre.x, centre.y, sphere.radius)
         return replace(centre, x=x, y=y)
-    return circle_of_shapes(_shapes(frames, sphere), sphere)
+    try:
+        shapes = _shapes(frames, sphere)
+    except UnusableCapture:
+        return None
+    return circle_of_shapes(shapes, sphere)
 
 
 def circle_of_shapes(shapes: HighlightShapes, sphere: Sphere) -> ShapeCircle | None:
