@@ -80,8 +80,8 @@ def _against_highlights(given: Sphere, is_corrected: bool, check: CheckedCircle)
     used = replace(stated, centre_sd=max(centre_sd, SYSTEMATIC_RATIO * given.radius))
     message = (
         f"the sphere given at ({given.x:.1f}, {given.y:.1f}) with radius {given.radius:.1f} is used as it is: a clearer"
-        f" circle, at ({fit.x:.1f}, {fit.y:.1f}) with radius {fit.radius:.1f}, contradicts the shapes of the highlights:"
-        " compare it with the frame, and put a plain background behind the sphere"
+        f" circle, at ({fit.x:.1f}, {fit.y:.1f}) with radius {fit.radius:.1f}, contradicts the shapes of the highlights"
+        ": compare it with the frame, and put a plain background behind the sphere"
     )
     return used, StageWarning(message, "sphere", float(np.degrees(used.centre_sd / used.radius)))
 
@@ -104,8 +104,8 @@ def _contradiction(check: CheckedCircle) -> StageWarning:
     outcome = replacement if check.is_replaced else "no other circle is clear"
     message = (
         f"the clearest circle, at ({circle.x:.1f}, {circle.y:.1f}) with radius {circle.radius:.1f}, contradicts the"
-        f" shapes of the highlights, which are those on a sphere at ({shapes.x:.1f}, {shapes.y:.1f}) with a radius of at"
-        f" most {shapes.max_radius:.1f}; {outcome}: compare it with the frame, and give `spheres` in the catalogue"
+        f" shapes of the highlights, which are those on a sphere at ({shapes.x:.1f}, {shapes.y:.1f}) with a radius of"
+        f" at most {shapes.max_radius:.1f}; {outcome}: compare it with the frame, and give `spheres` in the catalogue"
     )
     return StageWarning(message, "sphere", float(np.degrees(used.centre_sd / used.radius)))
 
