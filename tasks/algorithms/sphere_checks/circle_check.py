@@ -15,6 +15,8 @@ from glint.tasks.algorithms.sphere_checks.foreshortening import ShapeCircle, cir
 MIN_CONTRADICTION_RATIO, MIN_CONTRADICTION_DEVIATIONS = 0.03, 3.0
 """Distance of a circle's centre from that of the highlights, in radii and in standard deviations, from which the two
 contradict each other (`python -m tests.benchmarks.spheres_found`)."""
+USUAL_DEVIATIONS = 1.7
+"""Distance of the two centres, in standard deviations, up to which they agree: that of three in four Gaussian ones."""
 SYSTEMATIC_RATIO = 0.01
 """Standard deviation of what the highlights say, in radii, of what shifts all shapes alike."""
 MAX_EXCESS_RATIO = 0.05
@@ -136,7 +138,7 @@ def _agreement(circle: Sphere, shapes: ShapeCircle) -> float:
 def _birge_ratio(circle: Sphere, shapes: ShapeCircle) -> float:
     """Return the factor, at least 1, by which two measurements of the centre differ more than their deviations let
     expect (Birge 1932)."""
-    return max(_distance(circle, shapes) / (np.sqrt(2.0) * _centre_deviation(circle, shapes)), 1.0)
+    return max(_distance(circle, shapes) / (USUAL_DEVIATIONS * _centre_deviation(circle, shapes)), 1.0)
 
 
 def _centre_deviation(circle: Sphere, shapes: ShapeCircle) -> float:
