@@ -1,0 +1,69 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.sphere_checks.circle_check import check_circle, contradicts
+from glint.tasks.algorithms.sphere_checks.foreshortening import ShapeCircle
+from glint.tasks.stages.sphere_doubts import confirm_found
+from tests.tasks.algorithms.sphere_checks.mirrored_lamp import lamps, mirrored_lamp
+
+TRUTH = Sphere(58.3, 60.8, 30.4, score=0.5, centre_sd=0.2, radius_sd=0.2)
+
+
+@pytest.fixture(scope="module")
+def frames() -> np.ndarray:
+    return mirrored_lamp(TRUTH, lamps(120))
+
+
+def beside(right: float, down: float, ratio: float) -> Sphere:
+    return replace(TRUTH, x=TRUTH.x + right, y=TRUTH.y + down, radius=ratio * TRUTH.radius)
+
+
+def test_a_right_circle_stays_as_it_is(frames):
+    check = check_circle(frames, TRUTH)
+    assert not check.is_contradicted
+    assert check.sphere == TRUTH
+
+
+@pytest.mark.parametrize("wrong", [beside(2.4, -0.5, 0.92), beside(-4.5, 1.0, 1.17), beside(0.5, 0.0, 1.5)])
+def test_a_wrong_circle_is_replaced_by_the_contour(frames, wrong):
+    check = check_circle(frames, wrong)
+    assert check.is_contradicted and check.is_replaced
+    assert check.sphere.distance(TRUTH) < 0.02 * TRUTH.radius
+    assert abs(check.sphere.radius - TRUTH.radius) < 0.03 * TRUTH.radius
+    assert check.sphere.score == wrong.score
+
+
+def test_without_a_contour_the_circle_is_kept_and_doubted(frames):
+    covered = frames.copy()
+    rows, columns = np.mgrid[: frames.shape[1], : frames.shape[2]]
+    outside = np.hypot(columns - TRUTH.x, rows - TRUTH.y) > 0.85 * TRUTH.radius
+    covered[:, outside] = np.random.default_rng(1).integers(40, 80, (len(frames), int(outside.sum())))
+    wrong = beside(3.0, 0.0, 0.95)
+    check = check_circle(covered, wrong)
+    assert check.is_contradicted and not check.is_replaced
+    assert (check.sphere.x, check.sphere.y) == (wrong.x, wrong.y)
+    assert check.sphere.centre_sd > 0.05 * TRUTH.radius
+
+
+def test_a_contradiction_is_told_with_values_and_remedy(frames):
+    wrong = beside(2.4, -0.5, 0.92)
+    (used,), (warning,) = confirm_found(frames, [wrong], None)
+    assert warning.cause == "sphere"
+    assert f"({wrong.x:.1f}, {wrong.y:.1f})" in str(warning) and f"({used.x:.1f}, {used.y:.1f})" in str(warning)
+    assert "give `spheres`" in str(warning)
+    assert confirm_found(frames, [TRUTH], None)[1] == []
+
+
+def test_what_is_hardly_known_contradicts_nothing():
+    far = ShapeCircle(TRUTH.x + 6.0, TRUTH.y, 3.0, 31.0, 0.02)
+    assert not contradicts(far, TRUTH)
+    assert contradicts(replace(far, sd=0.5), TRUTH)
+
+
+def test_shapes_bound_the_radius_from_above_alone():
+    shapes = ShapeCircle(TRUTH.x, TRUTH.y, 0.3, 0.9 * TRUTH.radius, 0.01)
+    assert contradicts(shapes, TRUTH)
+    assert not contradicts(replace(shapes, max_radius=1.5 * TRUTH.radius), TRUTH)

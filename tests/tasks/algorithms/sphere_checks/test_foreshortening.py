@@ -1,0 +1,72 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.sphere_checks.foreshortening import (
+    HighlightShapes,
+    circle_of_highlights,
+    circle_of_shapes,
+    expected_moments,
+)
+from tests.tasks.algorithms.sphere_checks.mirrored_lamp import LAMP_RADIUS_DEG, lamps, mirrored_lamp
+
+TRUTH = Sphere(58.3, 60.8, 30.4)
+
+
+@pytest.fixture(scope="module")
+def frames() -> np.ndarray:
+    return mirrored_lamp(TRUTH, lamps(120))
+
+
+@pytest.mark.parametrize("right, down, ratio", [(0.0, 0.0, 1.0), (2.4, -0.9, 0.92), (-3.6, 2.7, 1.15)])
+def test_a_circle_beside_the_sphere_does_not_mislead(frames, right, down, ratio):
+    wrong = Sphere(TRUTH.x + right, TRUTH.y + down, ratio * TRUTH.radius)
+    shapes = circle_of_highlights(frames, wrong)
+    error = np.hypot(shapes.x - TRUTH.x, shapes.y - TRUTH.y)
+    assert error < 0.02 * TRUTH.radius
+    assert shapes.sd < 0.02 * TRUTH.radius
+    # An upper bound, which the blur of pixels alone hardly widens.
+    assert 0.97 * TRUTH.radius < shapes.max_radius < 1.1 * TRUTH.radius
+
+
+def test_blur_widens_the_bound_of_the_radius_and_leaves_the_centre():
+    directions = lamps(120)
+    normals = directions + np.array([0.0, 0.0, 1.0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    x, y = TRUTH.x + TRUTH.radius * normals[:, 0], TRUTH.y - TRUTH.radius * normals[:, 1]
+    size = (0.5 * TRUTH.radius * np.radians(LAMP_RADIUS_DEG)) ** 2 / 4.0
+    moments = expected_moments(x, y, TRUTH, size)
+    sharp = circle_of_shapes(HighlightShapes(x, y, moments), TRUTH)
+    blurred = circle_of_shapes(HighlightShapes(x, y, moments + size * np.array([1.0, 0.0, 1.0])), TRUTH)
+    assert sharp.max_radius == pytest.approx(TRUTH.radius, rel=0.01)
+    assert blurred.max_radius > 1.15 * TRUTH.radius
+    for shapes in (sharp, blurred):
+        assert np.hypot(shapes.x - TRUTH.x, shapes.y - TRUTH.y) < 0.01 * TRUTH.radius
+
+
+def test_an_upright_lamp_that_is_not_round_moves_the_centre_no_farther_than_it_says():
+    shapes = circle_of_highlights(mirrored_lamp(TRUTH, lamps(120), width_ratio=1.3), TRUTH)
+    assert np.hypot(shapes.x - TRUTH.x, shapes.y - TRUTH.y) < 3.0 * np.hypot(shapes.sd, 0.01 * TRUTH.radius)
+
+
+def test_half_a_sweep_says_how_little_it_knows(frames):
+    few = frames[lamps(120)[:, 0] > 0.4]
+    shapes = circle_of_highlights(few, TRUTH)
+    whole = circle_of_highlights(frames, TRUTH)
+    assert shapes is None or shapes.sd > 1.5 * whole.sd
+
+
+def test_few_frames_say_nothing(frames):
+    assert circle_of_highlights(frames[:20], TRUTH) is None
+
+
+def test_a_sphere_without_light_says_nothing(frames):
+    assert circle_of_highlights(np.full_like(frames, 60), TRUTH) is None
+
+
+def test_a_camera_sees_the_centre_likewise(frames):
+    camera = np.array([[4000.0, 0.0, 60.0], [0.0, 4000.0, 60.0], [0.0, 0.0, 1.0]])
+    shapes = circle_of_highlights(frames, replace(TRUTH, x=TRUTH.x + 2.0), camera=camera)
+    assert np.hypot(shapes.x - TRUTH.x, shapes.y - TRUTH.y) < 0.03 * TRUTH.radius
