@@ -36,7 +36,9 @@ def confirm_given(
     spheres, warnings = list[Sphere](), list[StageWarning]()
     for sphere in given:
         confirmed = confirm_sphere(spread(frames, FIT_FRAMES), sphere, camera=camera)
-        check = check_circle(spread(frames, FIT_FRAMES), confirmed.sphere, camera=camera)
+        # A fit that replaces the given circle is judged by its own deviation, without the doubt between the two.
+        circle = confirmed.fit if confirmed.is_corrected else confirmed.sphere
+        check = check_circle(spread(frames, FIT_FRAMES), circle, camera=camera)
         if check.is_contradicted:
             used, warning = _against_highlights(sphere, confirmed.is_corrected, check)
             spheres.append(used)
