@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.lighting.lights import ACCEPTED, Lights
-from glint.tasks.algorithms.lighting.spheres import Sphere
-from glint.tasks.stages.sphere_doubts import sphere_doubts, spheres_error, sweep_error
+from glint.tasks.algorithms.lighting.spheres import ConfirmedSphere, Sphere
+from glint.tasks.stages import sphere_doubts as doubts_module
+from glint.tasks.stages.sphere_doubts import confirm_given, sphere_doubts, spheres_error, sweep_error
+from tests.tasks.algorithms.sphere_checks.mirrored_lamp import lamps, mirrored_lamp
 
 HALF_VECTORS = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]], np.float32)
 UNKNOWN = np.full(2, np.nan, np.float32)
@@ -34,3 +36,27 @@ def test_the_error_grows_towards_the_rim_and_falls_with_a_second_sphere():
     assert single[0] == pytest.approx(0.01) and single[1] > 1.1 * single[0]
     assert pair == pytest.approx(single / np.sqrt(2.0))
     assert sweep_error([], LIGHTS) == 0.0
+
+
+@pytest.fixture
+def misled_fit(monkeypatch) -> None:
+    """Fits of given circles all end at an edge inside the sphere."""
+    edge = Sphere(55.0, 60.8, 28.0, 0.4, 0.2, 0.2)
+    confirmed = ConfirmedSphere(edge, edge, is_clear=True, is_corrected=True)
+    monkeypatch.setattr(doubts_module, "confirm_sphere", lambda frames, sphere, camera=None: confirmed)
+
+
+@pytest.mark.usefixtures("misled_fit")
+def test_a_given_circle_stands_against_a_fit_that_the_highlights_contradict():
+    truth = Sphere(58.3, 60.8, 30.4)
+    (used,), (warning,) = confirm_given(mirrored_lamp(truth, lamps(120)), [truth], None)
+    assert (used.x, used.y, used.radius) == (truth.x, truth.y, truth.radius)
+    assert "is used as it is: a clearer circle, at (55.0, 60.8)" in warning.message
+
+
+@pytest.mark.usefixtures("misled_fit")
+def test_where_the_highlights_contradict_both_neither_passes_as_right():
+    truth, given = Sphere(58.3, 60.8, 30.4), Sphere(66.3, 60.8, 30.4)
+    (used,), (warning,) = confirm_given(mirrored_lamp(truth, lamps(120)), [given], None)
+    assert used.distance(truth) < max(2.0 * used.centre_sd, 0.03 * truth.radius)
+    assert "contradicts the shapes of the highlights" in warning.message
