@@ -5,6 +5,9 @@ pixels predicts the rise of height along it (for perspective cameras, of the log
 weighs a pixel's two sides along each axis. A pixel's misfit to a neighbour is the difference of the rise from its own
 prediction, measured along its normal.
 
+A step is where one part of a surface hides another. What hides turns away from the viewer there: the normal of the near
+side tilts towards the far side (unless its edge is sharper than a right angle), up to a right angle where it is round.
+
 Axis 0 leads to the next row, axis 1 to the next column. Height grows towards the camera.
 """
 
@@ -27,6 +30,8 @@ class GridEdges(NamedTuple):
     backward_rise: (2, H, W) float64, the same rise by the next pixel's normal.
     cos_incidence: (H, W) float64, cosine between normal and line of sight, clamped from below.
     weight: (H, W) float64 in 0..1, weight of the pixel's normal.
+    tilt: (2, 2, H, W) float64 in -1..1, component of the near side's normal towards the far side, if the edge were a
+        step down to the next pixel, and if it were one up to it.
     """
 
     inside: np.ndarray
@@ -34,6 +39,7 @@ class GridEdges(NamedTuple):
     backward_rise: np.ndarray
     cos_incidence: np.ndarray
     weight: np.ndarray
+    tilt: np.ndarray
 
 
 def grid_edges(
@@ -66,7 +72,7 @@ def grid_edges(
         for axis, slope in enumerate((normals[..., 1] / cos_incidence, -normals[..., 0] / cos_incidence)):
             forward[axis] = slope
             backward[axis] = np.roll(slope, -1, axis)
-        return GridEdges(inside, forward, backward, cos_incidence, weight)
+        return GridEdges(inside, forward, backward, cos_incidence, weight, _tilt(forward, backward, cos_incidence))
 
     right = (np.arange(width) - camera[0, 2]) / camera[0, 0]
     below = ((np.arange(height) - camera[1, 2]) / camera[1, 1])[:, None]
@@ -78,7 +84,13 @@ def grid_edges(
         # A plane n.X = const has distance const / (n.ray), and n.ray changes linearly from pixel to pixel.
         forward[axis] = focal * _log_ratio(cos_incidence, cos_incidence + step, min_cosine)
         backward[axis] = np.roll(focal * _log_ratio(cos_incidence - step, cos_incidence, min_cosine), -1, axis)
-    return GridEdges(inside, forward, backward, np.maximum(cos_incidence, min_cosine), weight)
+    cos_incidence = np.maximum(cos_incidence, min_cosine)
+    return GridEdges(inside, forward, backward, cos_incidence, weight, _tilt(forward, backward, cos_incidence))
+
+
+def _tilt(forward_rise: np.ndarray, backward_rise: np.ndarray, cos_incidence: np.ndarray) -> np.ndarray:
+    beyond = np.stack([np.roll(cos_incidence, -1, axis) for axis in range(2)])
+    return np.clip(np.stack([-forward_rise * cos_incidence, backward_rise * beyond]), -1.0, 1.0)
 
 
 def focal_length(camera: np.ndarray) -> float:
@@ -97,19 +109,20 @@ def compare_sides(
     edges: GridEdges,
     height: np.ndarray,
     rise_share: float,
+    tilt_power: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Compare each pixel's two sides along each axis for a height (H, W).
 
-    What speaks against a side is its squared misfit and its
-    squared rise, both along the normal and in the shares 1 - `rise_share` and `rise_share`: the surface is continuous
-    where the normal explains the rise, and beyond an occluding contour the rise is large.
+    What speaks against a side is its squared misfit and its squared rise, both along the normal and in the shares
+    1 - `rise_share` and `rise_share`: the surface is continuous where the normal explains the rise, and beyond an
+    occluding contour the rise is large. Both count exp(`tilt_power` x tilt) times, as the near side tilts there.
 
     Returns:
         (2, H, W) float64 each: what speaks against the next side less what speaks against the previous one, times the
         pixel's weight (an uncertain normal is no evidence of a step); and the squared misfits to the next and to the
         previous neighbour, square pixels, 0 where there is none.
     """
-    inside, forward_rise, backward_rise, cos_incidence, weight = edges
+    inside, forward_rise, backward_rise, cos_incidence, weight, tilt = edges
     rows, columns = height.shape
     difference, following, preceding = (
         np.zeros(forward_rise.shape),
@@ -126,28 +139,37 @@ def compare_sides(
                     rise = height[i + di, j + dj] - height[i, j]
                     misfit = ((rise - forward_rise[axis, i, j]) * cos_incidence[i, j]) ** 2
                     following[axis, i, j] = misfit
+                    # A rise of less than expected is a step down, beyond which the next pixel is the far one.
+                    expected = (forward_rise[axis, i, j] + backward_rise[axis, i, j]) / 2
+                    side = 0 if rise < expected else 1
                     next_side = (1.0 - rise_share) * misfit + rise_share * (rise * cos_incidence[i, j]) ** 2
+                    next_side *= np.exp(tilt_power * tilt[side, axis, i, j])
                 if i >= di and j >= dj and inside[axis, i - di, j - dj]:
                     rise = height[i, j] - height[i - di, j - dj]
                     misfit = ((rise - backward_rise[axis, i - di, j - dj]) * cos_incidence[i, j]) ** 2
                     preceding[axis, i, j] = misfit
+                    expected = (forward_rise[axis, i - di, j - dj] + backward_rise[axis, i - di, j - dj]) / 2
+                    side = 0 if rise < expected else 1
                     previous_side = (1.0 - rise_share) * misfit + rise_share * (rise * cos_incidence[i, j]) ** 2
+                    previous_side *= np.exp(tilt_power * tilt[side, axis, i - di, j - dj])
                 difference[axis, i, j] = weight[i, j] * (next_side - previous_side)
     return difference, following, preceding
 
 
 @njit(cache=True, nogil=True)
-def step_length(
+def step_price(
     edges: GridEdges,
     height: np.ndarray,
+    tilt_power: float,
 ) -> float:
-    """Compute the length in pixels of a height's (H, W) steps: the number of edges that are steps.
+    """Compute the price of a height's (H, W) steps: their length in pixels, each divided by exp(`tilt_power` x tilt).
 
     An edge's step is the part of its rise, along the steeper
     normal and in pixels, that lies outside of what the two ends predict: a crease, with a rise between both, has none.
-    One of less than STEP_PX counts in proportion. The less certain of the two normals weighs it.
+    One of less than STEP_PX counts in proportion. The less certain of the two normals weighs it, and it is the cheaper,
+    the more the near side tilts towards the far one.
     """
-    inside, forward_rise, backward_rise, cos_incidence, weight = edges
+    inside, forward_rise, backward_rise, cos_incidence, weight, tilt = edges
     rows, columns = height.shape
     total = 0.0
     for axis in range(2):
@@ -160,7 +182,9 @@ def step_length(
                     high = max(forward_rise[axis, i, j], backward_rise[axis, i, j])
                     step = max(low - rise, rise - high, 0.0)
                     cosine = min(cos_incidence[i, j], cos_incidence[i + di, j + dj])
-                    total += min(weight[i, j], weight[i + di, j + dj]) * min(cosine * step / STEP_PX, 1.0)
+                    side = 0 if rise < (low + high) / 2 else 1
+                    price = min(weight[i, j], weight[i + di, j + dj]) * np.exp(-tilt_power * tilt[side, axis, i, j])
+                    total += price * min(cosine * step / STEP_PX, 1.0)
     return total
 
 
@@ -192,7 +216,7 @@ def assemble(
         Weights (2, H, W) float64 of the edges, 0 outside, and the right-hand side (H, W) float64 of their Laplacian,
         which sums to zero over each component.
     """
-    inside, forward_rise, backward_rise, cos_incidence, weight = edges
+    inside, forward_rise, backward_rise, cos_incidence, weight, _ = edges
     rows, columns = cos_incidence.shape
     weights = np.zeros(forward_rise.shape)
     source = np.zeros(cos_incidence.shape)

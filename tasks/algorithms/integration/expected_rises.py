@@ -53,7 +53,7 @@ def expected_rises(edges: GridEdges) -> ExpectedRises:
 
 @njit(cache=True, nogil=True)
 def _precision(edges: GridEdges, spread: np.ndarray, noise: float) -> np.ndarray:
-    inside, forward_rise, backward_rise, _, weight = edges
+    inside, forward_rise, backward_rise, _, weight, _ = edges
     variance, precision = np.zeros(forward_rise.shape), np.zeros(forward_rise.shape)
     rows, columns = spread.shape
     for axis in range(2):
@@ -88,7 +88,8 @@ def robust_weights(
 
     It is Barron's (A General and Adaptive Robust Loss Function, CVPR 2019) with the shape -4, whose weight falls with
     the sixth power of a large misfit. `scale` is in standard deviations of the expected rise, and its square is
-    multiplied by an edge's `softness` (2, H, W) in 0..1. The largest weight is 1, and the least one `least`.
+    multiplied by an edge's `softness` (2, 2, H, W) > 0, for steps down and for steps up to the next pixel: the price of
+    a step is proportional to it. The largest weight is 1, and the least one `least`.
     """
     mean, precision, _ = rises
     weights = np.zeros(mean.shape)
@@ -99,7 +100,8 @@ def robust_weights(
             for j in range(columns):
                 if precision[axis, i, j] > 0.0:
                     misfit = height[i + di, j + dj] - height[i, j] - mean[axis, i, j]
-                    square = misfit * misfit * precision[axis, i, j] / (scale * scale * softness[axis, i, j])
+                    side = 0 if misfit < 0.0 else 1
+                    square = misfit * misfit * precision[axis, i, j] / (scale * scale * softness[side, axis, i, j])
                     weights[axis, i, j] = precision[axis, i, j] / (1.0 + square) ** 3
     largest = weights.max()
     for axis in range(2):

@@ -5,7 +5,8 @@ misfit exceeds the noise there is nothing else to do. Otherwise some edges are s
 problem. Three attempts start differently: two where the two sides of each pixel are compared (bilateral), which sees
 occluding contours; one from evidence in the normals, which sees steps that fade out of a slope. Each ends in the same
 problem, a redescending loss of the misfits whose scale falls from round to round to the noise (graduated non-convexity,
-Blake and Zisserman 1987), until the height no longer changes. The attempt with the shortest steps wins.
+Blake and Zisserman 1987), until the height no longer changes. All prefer steps whose near side tilts towards the far
+one, and the attempt whose steps are shortest, weighted by that, wins.
 """
 
 from collections.abc import Iterator
@@ -18,7 +19,7 @@ from glint.tasks.algorithms.integration.edges import (
     assemble,
     bilateral_weights,
     compare_sides,
-    step_length,
+    step_price,
 )
 from glint.tasks.algorithms.integration.expected_rises import (
     ExpectedRises,
@@ -32,9 +33,13 @@ from glint.tasks.algorithms.integration.multigrid import solve_poisson
 
 SHARPNESS = 2.0
 """Final slope of the sigmoid between a pixel's two sides, per square pixel along the normal."""
-RISE_SHARES = (0.5, 1.0)
-"""Shares of the squared rise in the comparison of a pixel's sides, per bilateral start; the rest is the squared misfit.
-With 0.5 limbs before a body come free; with 1 faces with edges stay together, whose creases are no steps."""
+BILATERAL_STARTS = (0.5, 0.0), (1.0, 1.5)
+"""Share of the squared rise in the comparison of a pixel's sides, and power of the tilt, per bilateral start; the rest
+of the share is the squared misfit. With 0.5 limbs before a body come free; with 1 faces with edges stay together, whose
+creases are no steps."""
+TILT_POWER = 0.8
+"""A step costs its length in pixels over exp(this x tilt of the near side towards the far one): steps that something
+hides behind are cheap, and those to which the near side turns its back are dear."""
 SHARPENING = 2.0
 """Factor of the sigmoid's slope from round to round."""
 BILATERAL_ROUNDS = 20
@@ -90,16 +95,16 @@ def robust(edges: GridEdges, mask: np.ndarray, sharpness: float, max_rounds: int
     """Solve for the height with steps where the normals require them; `rounds` are those of all attempts."""
     rises = expected_rises(edges)
     plain = least_squares(edges)
-    even = np.ones(rises.mean.shape)
-    start = _weighted(rises, even, plain.height, LEAST_SQUARES_TOLERANCE)
+    even = np.ones((2, *rises.mean.shape))
+    start = _weighted(rises, even[0], plain.height, LEAST_SQUARES_TOLERANCE)
     if _largest_misfit(rises, start) <= NOISE_SCALE:
         return _graduated(rises, even, mask, start, MISFIT_SCALE, max_rounds, tolerance)
-    best, shortest, rounds = plain, step_length(edges, plain.height), 0
+    best, lowest, rounds = plain, step_price(edges, plain.height, TILT_POWER), 0
     for attempt in _attempts(edges, rises, mask, plain.height, (sharpness, max_rounds, tolerance)):
-        length = step_length(edges, attempt.height)
+        price = step_price(edges, attempt.height, TILT_POWER)
         rounds += attempt.rounds
-        if length < shortest:
-            best, shortest = attempt, length
+        if price < lowest:
+            best, lowest = attempt, price
     return Solution(best.height, rounds, best.converged)
 
 
@@ -107,18 +112,26 @@ def refined(edges: GridEdges, mask: np.ndarray, height: np.ndarray, max_rounds: 
     """Solve for the height as `robust`, but from one start: a height of a coarser grid, whose steps it keeps."""
     rises = expected_rises(edges)
     plain = least_squares(edges)
-    even = np.ones(rises.mean.shape)
-    start = _weighted(rises, even, plain.height, LEAST_SQUARES_TOLERANCE)
+    even = np.ones((2, *rises.mean.shape))
+    start = _weighted(rises, even[0], plain.height, LEAST_SQUARES_TOLERANCE)
     if _largest_misfit(rises, start) <= NOISE_SCALE:
         return _graduated(rises, even, mask, start, MISFIT_SCALE, max_rounds, tolerance)
     softness = _contour_softness(edges, rises)
     solution = _graduated(rises, softness, mask, height, BILATERAL_SCALE, max_rounds, tolerance)
-    return plain if step_length(edges, plain.height) <= step_length(edges, solution.height) else solution
+    return min(plain, solution, key=lambda choice: step_price(edges, choice.height, TILT_POWER))
 
 
 def _contour_softness(edges: GridEdges, rises: ExpectedRises) -> np.ndarray:
-    evidence = curl_evidence(edges, rises, CONTOUR_LENGTHS)
-    return np.asarray((1.0 + evidence / EVIDENCE_SCALE**2) ** -CONTOUR_POWER)
+    return _step_prices(edges, _softness(curl_evidence(edges, rises, CONTOUR_LENGTHS), CONTOUR_POWER))
+
+
+def _softness(evidence: np.ndarray, power: float) -> np.ndarray:
+    return np.asarray((1.0 + evidence / EVIDENCE_SCALE**2) ** -power)
+
+
+def _step_prices(edges: GridEdges, softness: np.ndarray) -> np.ndarray:
+    """Return the softness of edges (2, H, W) for steps down and up (2, 2, H, W), by the tilt of the near side."""
+    return np.asarray(softness * np.exp(-TILT_POWER * edges.tilt))
 
 
 def _attempts(
@@ -127,15 +140,15 @@ def _attempts(
     """Yield the solutions of all starts, given the height of least squares and the last arguments of `robust`."""
     sharpness, max_rounds, tolerance = limits
     softness = _contour_softness(edges, rises)
-    for rise_share in RISE_SHARES:
-        start, before = _bilateral(edges, mask, height, rise_share, sharpness, tolerance)
+    for powers in BILATERAL_STARTS:
+        start, before = _bilateral(edges, mask, height, powers, sharpness, tolerance)
         solution = _graduated(rises, softness, mask, start, BILATERAL_SCALE, max_rounds, tolerance)
         yield Solution(solution.height, before + solution.rounds, solution.converged)
     evidence = curl_evidence(edges, rises, LINE_LENGTHS) + normal_evidence(edges, rises)
-    softness = (1.0 + evidence / EVIDENCE_SCALE**2) ** -LINE_POWER
+    softness = _softness(evidence, LINE_POWER)
     start = _weighted(rises, softness, height, REWEIGHTED_TOLERANCE)
     first = max(MISFIT_SCALE, _largest_misfit(rises, start))
-    yield _graduated(rises, softness, mask, start, first, max_rounds, tolerance)
+    yield _graduated(rises, _step_prices(edges, softness), mask, start, first, max_rounds, tolerance)
 
 
 def _weighted(rises: ExpectedRises, softness: np.ndarray, height: np.ndarray, tolerance: float) -> np.ndarray:
@@ -167,15 +180,20 @@ def _graduated(
 
 
 def _bilateral(
-    edges: GridEdges, mask: np.ndarray, height: np.ndarray, rise_share: float, sharpness: float, tolerance: float
+    edges: GridEdges,
+    mask: np.ndarray,
+    height: np.ndarray,
+    powers: tuple[float, float],
+    sharpness: float,
+    tolerance: float,
 ) -> tuple[np.ndarray, int]:
     """Solve from a height by dividing each pixel between its sides; return the height and the rounds.
 
-    The sigmoid starts as flat as the largest differences between sides require.
+    `powers`: see BILATERAL_STARTS. The sigmoid starts as flat as the largest differences between sides require.
     """
     slope = sharpness
     for completed in range(1, BILATERAL_ROUNDS + 1):
-        difference = compare_sides(edges, height, rise_share)[0]
+        difference = compare_sides(edges, height, *powers)[0]
         if completed == 1:
             largest = float(np.quantile(np.abs(difference[:, mask]), LARGEST_SHARE))
             slope = min(sharpness, 1.0 / max(largest, 1e-12))
@@ -209,6 +227,6 @@ def misfit_energy(edges: GridEdges, height: np.ndarray, sharpness: float) -> flo
 
     Each pixel's weight is divided between its two sides along each axis by a sigmoid, equally if `sharpness` is zero.
     """
-    difference, following, preceding = compare_sides(edges, height, 0.0)
+    difference, following, preceding = compare_sides(edges, height, 0.0, 0.0)
     share = bilateral_weights(difference, sharpness)
     return float((edges.weight * (share * following + (1.0 - share) * preceding)).sum())

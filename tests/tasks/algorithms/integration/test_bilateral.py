@@ -6,7 +6,7 @@ import pytest
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.integration.bilateral import integrate
-from glint.tasks.algorithms.integration.edges import bilateral_weights, compare_sides, grid_edges, step_length
+from glint.tasks.algorithms.integration.edges import bilateral_weights, compare_sides, grid_edges, step_price
 from tests.benchmarks.integration_scenes import FIELDS, traced, with_noise
 from tests.benchmarks.integration_sheets import risers, stairs
 from tests.benchmarks.integration_synthetic import step_error
@@ -160,7 +160,7 @@ def test_pixels_of_little_weight_hardly_choose_between_their_sides():
     chosen = []
     for weight in (1.0, 0.01):
         edges = grid_edges(np.broadcast_to([0.0, 0.0, 1.0], (1, 3, 3)), mask, np.full((1, 3), weight), None, 0.01)
-        difference, _, _ = compare_sides(edges, height, 0.5)
+        difference, _, _ = compare_sides(edges, height, 0.5, 1.0)
         bilateral = bilateral_weights(difference, 5.0)
         chosen.append(bilateral[1, 0, 1])
     assert chosen[0] < 1e-6 and 0.4 < chosen[1] < 0.5
@@ -171,10 +171,34 @@ def test_a_crease_is_no_discontinuity_and_a_step_is():
     slope = np.array([0.5, 0.5, -0.5, -0.5])[None]
     edges = grid_edges(from_gradients(slope, np.zeros((1, 4))), mask, np.ones((1, 4)), None, 0.01)
     roof = np.array([[0.0, 0.5, 0.7, 0.2]])
-    assert step_length(edges, roof) < 1e-3
-    assert step_length(edges, roof + np.array([[0, 0, 3.0, 3.0]])) == 1.0
+    assert step_price(edges, roof, 0.0) < 1e-3
+    assert step_price(edges, roof + np.array([[0, 0, 3.0, 3.0]]), 0.0) == 1.0
     unsure = edges._replace(weight=np.array([[1.0, 1.0, 0.01, 1.0]]))
-    assert step_length(unsure, roof + np.array([[0, 0, 3.0, 3.0]])) < 0.05
+    assert step_price(unsure, roof + np.array([[0, 0, 3.0, 3.0]]), 0.0) < 0.05
+
+
+def test_a_step_is_the_cheaper_the_more_the_near_side_tilts_towards_the_far_one():
+    mask = np.ones((1, 4), bool)
+    slope = np.array([-0.7, -0.7, 0.0, 0.0])[None]
+    edges = grid_edges(from_gradients(slope, np.zeros((1, 4))), mask, np.ones((1, 4)), None, 0.01)
+    continuous = np.array([[0.0, -0.7, -1.05, -1.05]])
+    # The first two pixels fall towards the last two: they hide those behind them, and show their back to those before.
+    behind, before = (continuous + np.array([[0.0, 0.0, step, step]]) for step in (-3.0, 3.0))
+    assert step_price(edges, behind, 0.0) == step_price(edges, before, 0.0) == 1.0
+    tilt = np.sin(np.arctan(0.7))
+    assert np.isclose(step_price(edges, behind, 2.0), np.exp(-2.0 * tilt))
+    assert np.isclose(step_price(edges, before, 2.0), 1.0), "the near side is level there"
+    turned = grid_edges(from_gradients(-slope, np.zeros((1, 4))), mask, np.ones((1, 4)), None, 0.01)
+    assert np.isclose(step_price(turned, -continuous - np.array([[0, 0, 3.0, 3.0]]), 2.0), np.exp(2.0 * tilt))
+
+
+def test_a_bowl_is_cut_at_the_near_lip_and_not_at_the_far_one():
+    scene = traced(FIELDS["bowl"], 64)
+    errors = {}
+    for method in METHODS:
+        depth = integrate(scene.normals, scene.mask, method=method).depth
+        errors[method] = np.abs(deviation(depth, scene.height, scene.piece)).mean()
+    assert errors["bilateral"] < 0.5 * errors["least-squares"]
 
 
 @pytest.mark.long
