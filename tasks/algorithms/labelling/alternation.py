@@ -12,7 +12,7 @@ from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
 from glint.tasks.algorithms.candidates.shading import shading_log_ratio
 from glint.tasks.algorithms.faces.flat_faces import FlatFaces, flat_faces, has_other_faces
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.labelling.answers import mark_influence, sheet_graph
+from glint.tasks.algorithms.labelling.answers import MARKED_SHEET_NATS, mark_influence, marked_confidence, sheet_graph
 from glint.tasks.algorithms.labelling.confidence import (
     face_confidence,
     field_confidence,
@@ -36,14 +36,9 @@ from glint.tasks.algorithms.prior.smooth_normals import (
     smooth_normal_field,
     thickness,
 )
-from glint.tasks.algorithms.prior.symmetry import rotational_normals
+from glint.tasks.algorithms.prior.symmetry import SilhouetteSymmetry, rotational_normals
 from glint.tasks.algorithms.prior.unreached import with_unreached
 
-MARKED_SHEET_NATS = 30.0
-"""Unary log-likelihood ratio that a mark gives its sheet's nodes beside it, nats: more than field and shape oppose, but
-nodes far along the sheet that contradict it do not follow."""
-MARKED_SHEET_CONFIDENCE = 0.97
-"""Confidence of accepted normals beside a true mark on the same sheet."""
 DRAFT_NODES, HELD_OUT_NODES = 7_000, 5_000
 """Grid nodes of coarser fields: a draft's (a third of the time, 1% more squared error), one that predicts a sheet."""
 MAX_REFUTATIONS = 3
@@ -56,7 +51,8 @@ REFUTED_DEG, REFUTED_NATS = 3.0, 10.0
 class Alternation:
     """Working state of the alternation: constants of the view, then what each iteration replaces.
 
-    No array is changed in place, so that copies can go on independently.
+    No array is changed in place, so that copies can go on independently. What depends on candidates and mask alone, the
+    graph and the silhouette's symmetry among them, is shared by copies.
 
     is_draft: whether the field is coarse. evidence (K, H, W): log-likelihood ratio of a true against a false highlight,
     by the sheet's shape, by shading and by marks. sheets: the nodes' graph, None: made with each set of marks. labels
@@ -79,6 +75,8 @@ class Alternation:
     surface: SmoothNormalField = field(init=False)
     rim: np.ndarray = field(init=False)
     outward: np.ndarray = field(init=False)
+    graph: GraphCut = field(init=False)
+    symmetry: SilhouetteSymmetry = field(init=False)
     evidence: np.ndarray = field(init=False)
     unmarked_evidence: np.ndarray = field(init=False)
     sheets: tuple[np.ndarray, sparse.csr_matrix] | None = field(init=False)
@@ -104,6 +102,8 @@ class Alternation:
         self.surface = smooth_normal_field(self.mask, self.field_weights.tension_length, nodes)
         self.rim, self.outward = contour_normals(self.mask)
         weights = self.graph_cut_weights
+        self.graph = GraphCut(self.normals, weights.strength, weights.contrast)
+        self.symmetry = SilhouetteSymmetry(self.mask)
         self.unmarked_evidence = weights.shape_weight * shape_log_ratio(self.normals, self.scale)
         self.unmarked_evidence += weights.shading_weight * shading_log_ratio(self.shading)
         self.sheets = sheet_graph(self.normals) if self.is_draft else None  # many sets of marks go on from a draft
@@ -154,9 +154,8 @@ class Alternation:
 
     def iterate(self, max_iterations: int, convergence_tolerance: float, min_confidence: float) -> None:
         """Alternate labelling and field until the labels settle."""
-        graph = GraphCut(self.normals, self.graph_cut_weights.strength, self.graph_cut_weights.contrast)
         for _ in range(max_iterations):
-            changed = self.label(graph)
+            changed = self.label()
             self.follow_labels(min_confidence)
             self.history = [*self.history, Iteration(int(self.labels.any(axis=0).sum()), changed)]
             if changed <= convergence_tolerance * self.mask.sum():
@@ -172,10 +171,10 @@ class Alternation:
     def with_marks(self, confidence: np.ndarray) -> np.ndarray:
         """Return the confidence (H, W) of accepted normals, raised where a true mark lies on their sheet."""
         influence = np.where(self.labels, self.influence, 0.0).max(axis=0)
-        return np.where(self.marked, 1.0, np.maximum(confidence, MARKED_SHEET_CONFIDENCE * influence))
+        return marked_confidence(confidence, self.marked, influence)
 
-    def label(self, graph: GraphCut) -> int:
-        """Label all nodes of a graph against the present field; return the number of pixels whose labels changed."""
+    def label(self) -> int:
+        """Label all nodes against the present field; return the number of pixels whose labels changed."""
         error = self.field_error
         observed = self.known & self.labels.any(axis=0)
         if self.faces is not None:
@@ -185,7 +184,7 @@ class Alternation:
         spread = field_spread(sources, self.local_scale, error.floor, error.slope, error.ceiling)
         ratios = self.log_ratios(spread)
         previous = self.labels
-        self.labels = keep_best_per_pixel(graph.cut(ratios), ratios)
+        self.labels = keep_best_per_pixel(self.graph.cut(ratios), ratios)
         return int((previous != self.labels).any(axis=0).sum())
 
     def log_ratios(self, spread: np.ndarray) -> np.ndarray:
@@ -197,7 +196,7 @@ class Alternation:
         """Make a surface of revolution the expected field, where there was none, if the accepted normals support it."""
         relative = np.where(self.marked, self.field_weights.marked / self.field_weights.observed, 1.0)
         accepted = np.where(self.known[..., None], self.values, np.nan)
-        rotational = rotational_normals(self.mask, accepted, self.normals, self.initial, relative)
+        rotational = rotational_normals(self.symmetry, accepted, self.normals, self.initial, relative)
         if rotational is None or rotational.relief_fit < self.relief_fit:
             return False
         surface, relief_fit = rotational

@@ -21,6 +21,11 @@ MARK_REACH_INRADII = 0.3
 that cross merge."""
 MAX_MARK_REACHES = 3.0
 """Multiple of the reach beyond which a mark says nothing."""
+MARKED_SHEET_NATS = 30.0
+"""Unary log-likelihood ratio that a mark gives its sheet's nodes beside it, nats: more than field and shape oppose, but
+nodes far along the sheet that contradict it do not follow."""
+MARKED_SHEET_CONFIDENCE = 0.97
+"""Confidence of accepted normals beside a true mark on the same sheet."""
 
 
 def sheet_graph(normals: np.ndarray, tie_deg: float = TIE_DEG) -> tuple[np.ndarray, sparse.csr_matrix]:
@@ -69,3 +74,11 @@ def mark_influence(
     exterior, false = (np.exp(-distance / reach_px) for distance in distances)
     result[present] = np.where(exterior > false, exterior, np.where(false > exterior, -false, 0.0))
     return result
+
+
+def marked_confidence(confidence: np.ndarray, marked: np.ndarray, influence: np.ndarray) -> np.ndarray:
+    """Return the confidence (H, W) of accepted normals, raised where they are marked (H, W) bool or on a marked sheet.
+
+    influence: (H, W), of marks on the sheets of the accepted normals, see `mark_influence`.
+    """
+    return np.where(marked, 1.0, np.maximum(confidence, MARKED_SHEET_CONFIDENCE * influence))

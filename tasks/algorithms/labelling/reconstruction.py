@@ -18,7 +18,6 @@ import numpy as np
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.labelling.alternation import Alternation
-from glint.tasks.algorithms.labelling.graph_cut import GraphCut
 from glint.tasks.algorithms.labelling.results import (
     FILLED,
     MARKED,
@@ -194,10 +193,8 @@ def _bend_dark_pixels(state: Alternation) -> None:
 
 def _accept_unexpected(state: Alternation, min_confidence: float) -> bool:
     """Accept sheets that the field contradicts and their own shape outweighs; return whether there are any."""
-    weights = state.graph_cut_weights
     ratios = state.log_ratios(np.full(state.mask.shape, np.radians(state.field_error.ceiling)))
-    proposed = GraphCut(state.normals, weights.strength, weights.contrast).cut(ratios)
-    unexpected = unexpected_sheets(state.normals, state.labels, ratios, proposed, state.scale)
+    unexpected = unexpected_sheets(state.normals, state.labels, ratios, state.graph.cut(ratios), state.scale)
     state.labels = np.where(unexpected.any(axis=0), unexpected, state.labels)
     if unexpected.any():
         # The field is solved before it is asked again: it would reject the sheets for what it knew without them.

@@ -101,9 +101,12 @@ class SurfaceOfRevolution:
 
     def is_end(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return whether rays at x, y (N,), camera frame, enter the body through the flat end that faces the camera."""
-        hits = self.intersect(x, y)
+        return self.is_end_at(self.intersect(x, y))
+
+    def is_end_at(self, hits: RayHits) -> np.ndarray:
+        """Return whether N rays enter the body through the flat end that faces the camera."""
         is_flat = self.normals_at(hits) @ (self.upward * np.sign(self.tilt)) > np.cos(np.radians(END_CONE_DEG))
-        return is_flat & (np.abs(hits.heights - self.heights[self._end]) < END_PX)
+        return np.asarray(is_flat & (np.abs(hits.heights - self.heights[self._end]) < END_PX))
 
     def shrunk(self, thickness: float) -> "SurfaceOfRevolution":
         """Return the surface with its radii smaller by a thickness in pixels: the inner side of the wall."""

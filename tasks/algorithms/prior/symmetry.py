@@ -6,8 +6,8 @@ Accepted normals decide whether the object is one at all, its tilt, and the slop
 what neither highlights nor a smooth field can: feet, shoulders, flat ends, and the far wall seen through an opening.
 """
 
-from dataclasses import replace
-from functools import cache, partial
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -38,12 +38,43 @@ MIN_NORMALS, SAMPLED_NORMALS = 20, 1500
 """Accepted normals without which no surface is fitted, and number of those compared for each tilt."""
 COARSE_STEP_PX, COARSE_STRIDE = 2.0, 8
 """Step along the axis, and subsampling of the normals, for the tilts tried first."""
-FITTED_STEP_PX = 1.0
-"""Step along the axis while the tilt is refined."""
+FITTED_STEP_PX, FINAL_STEP_PX = 1.0, 0.5
+"""Steps along the axis while the tilt is refined, and of the surface that results."""
 FITTED_LENGTH_PX = 600.0
 """Length of an object for which these steps are meant; those of a larger one are as many."""
 REFINED_ERROR_RATIO = 1.3
 """Ratio to the least error of those tilts up to which an axis is refined."""
+
+
+@dataclass(frozen=True, eq=False)
+class SilhouetteSymmetry:
+    """What a silhouette alone says of surfaces of revolution: found where it is asked for, and kept for the next fit.
+
+    mask: (H, W) bool.
+    """
+
+    mask: np.ndarray
+    _surfaces: dict[tuple[int, float, float], SurfaceOfRevolution] = field(default_factory=dict, init=False)
+
+    @cached_property
+    def axes(self) -> list[ReflectionAxis]:
+        """Reflection symmetry axes of the silhouette, best first."""
+        return reflection_axes(self.mask)
+
+    @cached_property
+    def bodies(self) -> list["SilhouetteSymmetry"]:
+        """Symmetric parts of the silhouette that could be its body."""
+        return [SilhouetteSymmetry(body) for body in symmetric_bodies(self.mask)]
+
+    def surface(self, axis: int, tilt: float, step: float) -> SurfaceOfRevolution:
+        """Return the largest surface inside the silhouette about the axis of that number.
+
+        For tilt and step see `SurfaceOfRevolution.from_silhouette`.
+        """
+        key = (axis, tilt, step)
+        if key not in self._surfaces:
+            self._surfaces[key] = SurfaceOfRevolution.from_silhouette(self.mask, self.axes[axis], tilt, step)
+        return self._surfaces[key]
 
 
 class RotationalNormals(NamedTuple):
@@ -54,7 +85,7 @@ class RotationalNormals(NamedTuple):
 
 
 def rotational_normals(
-    mask: np.ndarray,
+    silhouette: SilhouetteSymmetry,
     accepted: np.ndarray,
     candidates: np.ndarray,
     field: np.ndarray,
@@ -64,12 +95,12 @@ def rotational_normals(
 
     For the arguments see `surface_of_revolution_normals`.
     """
-    fit = (mask, accepted, candidates, field, weights)
+    fit = (silhouette, accepted, candidates, field, weights)
     return surface_of_revolution_normals(*fit) or body_of_revolution_normals(*fit)
 
 
 def surface_of_revolution_normals(
-    mask: np.ndarray,
+    silhouette: SilhouetteSymmetry,
     accepted: np.ndarray,
     candidates: np.ndarray,
     field: np.ndarray | None = None,
@@ -80,7 +111,7 @@ def surface_of_revolution_normals(
     """Return the normals of a rotationally symmetric object; None if it is not one.
 
     Args:
-        mask: (H, W) bool, the silhouette.
+        silhouette: of (H, W) pixels.
         accepted: (H, W, 3), normals of accepted highlights, NaN elsewhere.
         candidates: (K, H, W, 3), NaN where there is none; they decide whether an end is an opening.
         field: (H, W, 3), the silhouette's smooth normal field, which the surface must fit much better than.
@@ -91,10 +122,10 @@ def surface_of_revolution_normals(
     if field is not None and np.isfinite(accepted[..., 0]).any():
         error = np.minimum(angles(field, accepted), ERROR_CAP_DEG)
         limit = min(limit, max_error_ratio * float(error[np.isfinite(error)].mean()))
-    fitted = _fitted_surface(mask, accepted)
+    fitted = _fitted_surface(silhouette, accepted)
     if fitted is None:
         return None
-    error, surface = fitted
+    (error, surface), mask = fitted, silhouette.mask
     rows, columns = np.nonzero(mask)
     x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
     known = np.isfinite(accepted[rows, columns, 0])
@@ -124,7 +155,7 @@ def surface_of_revolution_normals(
 
 
 def body_of_revolution_normals(
-    mask: np.ndarray,
+    silhouette: SilhouetteSymmetry,
     accepted: np.ndarray,
     candidates: np.ndarray,
     field: np.ndarray,
@@ -137,22 +168,23 @@ def body_of_revolution_normals(
     limits = (MAX_BODY_ERROR_DEG, MAX_BODY_ERROR_RATIO)
     least_error: float = np.inf
     best: tuple[np.ndarray, RotationalNormals] | None = None
-    for body in symmetric_bodies(mask):
-        within = np.where(body[..., None], accepted, np.nan)
+    for body in silhouette.bodies:
+        within = np.where(body.mask[..., None], accepted, np.nan)
         fitted = surface_of_revolution_normals(body, within, candidates, field, weights, *limits)
         if fitted is not None:
             error = capped_angles(fitted.normals, accepted)[np.isfinite(accepted[..., 0])].mean()
             if error < least_error:
-                least_error, best = error, (body, fitted)
+                least_error, best = error, (body.mask, fitted)
     if best is None:
         return None
-    body, fitted = best
-    normals = with_handles(fitted.normals, handles_beside(mask, body), mask, accepted, candidates)
+    (part, fitted), mask = best, silhouette.mask
+    normals = with_handles(fitted.normals, handles_beside(mask, part), mask, accepted, candidates)
     return fitted._replace(normals=normals)
 
 
-def _fitted_surface(mask: np.ndarray, accepted: np.ndarray) -> tuple[float, SurfaceOfRevolution] | None:
+def _fitted_surface(silhouette: SilhouetteSymmetry, accepted: np.ndarray) -> tuple[float, SurfaceOfRevolution] | None:
     """Return the least mean angle in degrees to the accepted normals (H, W, 3), and the surface; None without any."""
+    mask = silhouette.mask
     rows, columns = np.nonzero(mask & np.isfinite(accepted[..., 0]))
     if len(rows) < MIN_NORMALS:
         return None
@@ -161,17 +193,16 @@ def _fitted_surface(mask: np.ndarray, accepted: np.ndarray) -> tuple[float, Surf
     rows, columns = rows[chosen], columns[chosen]
     x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
     normals = accepted[rows, columns]
+    enlarged = max(1.0, float(np.ptp(np.argwhere(mask), axis=0).max()) / FITTED_LENGTH_PX)
 
-    inside = np.argwhere(mask)
-    enlarged = max(1.0, float(np.ptp(inside, axis=0).max()) / FITTED_LENGTH_PX)
-
-    def mean_error(axis: ReflectionAxis, tilt: float, step: float = FITTED_STEP_PX, stride: int = 1) -> float:
-        return surface_error(SurfaceOfRevolution.from_silhouette(mask, axis, tilt, enlarged * step), stride)
+    def mean_error(axis: int, tilt: float, step: float = FITTED_STEP_PX, stride: int = 1) -> float:
+        return surface_error(silhouette.surface(axis, tilt, enlarged * step), stride)
 
     def surface_error(surface: SurfaceOfRevolution, stride: int = 1) -> float:
-        error = angles(surface.normals(x[::stride], y[::stride]), normals[::stride])
+        hits = surface.intersect(x[::stride], y[::stride])
+        error = angles(surface.normals_at(hits), normals[::stride])
         # An end may be open: counted as wrong, the normals of the far wall would favour tilts that hide it.
-        is_end = surface.is_end(x[::stride], y[::stride])
+        is_end = surface.is_end_at(hits)
         far = surface.normals(x[::stride][is_end], y[::stride][is_end], far=True)
         error[is_end] = np.fmin(error[is_end], angles(far, normals[::stride][is_end]))
         error = np.nan_to_num(error, nan=ERROR_CAP_DEG)
@@ -181,7 +212,7 @@ def _fitted_surface(mask: np.ndarray, accepted: np.ndarray) -> tuple[float, Surf
     tilts = np.radians(np.arange(-MAX_TILT_DEG, MAX_TILT_DEG + 1, 2 * TILT_STEP_DEG))
     coarse = {
         axis: [mean_error(axis, tilt, COARSE_STEP_PX, COARSE_STRIDE) for tilt in tilts]
-        for axis in reflection_axes(mask)
+        for axis in range(len(silhouette.axes))
     }
     for axis, errors in coarse.items():
         if min(errors) > REFINED_ERROR_RATIO * min(map(min, coarse.values())):
@@ -199,8 +230,8 @@ def _fitted_surface(mask: np.ndarray, accepted: np.ndarray) -> tuple[float, Surf
             else:
                 turn /= 2
         if error < least_error:
-            least_error, best = error, SurfaceOfRevolution.from_silhouette(mask, axis, tilt)
+            least_error, best = error, silhouette.surface(axis, tilt, FINAL_STEP_PX)
             # Trimming is discontinuous: with finer steps a profile can collapse that fits with coarser ones.
             if surface_error(best) > COLLAPSED_ERROR_RATIO * least_error:
-                best = SurfaceOfRevolution.from_silhouette(mask, axis, tilt, FITTED_STEP_PX)
+                best = silhouette.surface(axis, tilt, FITTED_STEP_PX)
     return None if best is None else (least_error, best)

@@ -3,7 +3,11 @@ import pytest
 
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.prior.reflection_axes import reflection_axes
-from glint.tasks.algorithms.prior.symmetry import body_of_revolution_normals, surface_of_revolution_normals
+from glint.tasks.algorithms.prior.symmetry import (
+    SilhouetteSymmetry,
+    body_of_revolution_normals,
+    surface_of_revolution_normals,
+)
 from tests.tasks.algorithms.prior.beaker import SHAPE, beaker_normals, camera_positions, observable
 
 
@@ -15,7 +19,7 @@ def no_candidates() -> np.ndarray:
 def test_a_surface_of_revolution_is_found_with_its_flat_end(tilt: float) -> None:
     truth = beaker_normals(tilt)
     mask = np.isfinite(truth[..., 0])
-    found = surface_of_revolution_normals(mask, observable(truth), no_candidates())
+    found = surface_of_revolution_normals(SilhouetteSymmetry(mask), observable(truth), no_candidates())
     assert found is not None and found.relief_fit == 0.0
     error = angles(found.normals, truth)[mask]
     assert np.median(error) < 2.0
@@ -33,8 +37,8 @@ def test_an_opening_shows_the_far_wall() -> None:
     truth = np.where(end[..., None], inside, solid)
     wall = np.where(end, 0.0, np.nan)[..., None] + observable(inside)
     accepted = np.where(end[..., None], np.nan, observable(solid))
-    opened = surface_of_revolution_normals(mask, accepted, wall[None])
-    closed = surface_of_revolution_normals(mask, accepted, no_candidates())
+    opened = surface_of_revolution_normals(SilhouetteSymmetry(mask), accepted, wall[None])
+    closed = surface_of_revolution_normals(SilhouetteSymmetry(mask), accepted, no_candidates())
     assert opened is not None and closed is not None
     visible = end & (inside[..., 2] > 0.3)
     assert np.median(angles(opened.normals, truth)[visible]) < 5.0
@@ -46,7 +50,12 @@ def test_a_symmetric_object_that_is_not_rotationally_symmetric_is_left_alone() -
     mask = (np.abs(x) < 50) & (np.abs(y) < 80)
     roof = np.where(x[..., None] < 0, (-0.6, 0.0, 0.8), (0.6, 0.0, 0.8))
     assert reflection_axes(mask)
-    assert surface_of_revolution_normals(mask, np.where(mask[..., None], roof, np.nan), no_candidates()) is None
+    assert (
+        surface_of_revolution_normals(
+            SilhouetteSymmetry(mask), np.where(mask[..., None], roof, np.nan), no_candidates()
+        )
+        is None
+    )
 
 
 def test_an_asymmetric_silhouette_has_no_axis() -> None:
@@ -54,12 +63,17 @@ def test_an_asymmetric_silhouette_has_no_axis() -> None:
     mask = (np.hypot(x, y + 40) < 40) | (np.hypot(x - 30, y - 20) < 22) | ((np.abs(x + 5) < 6) & (np.abs(y) < 70))
     accepted = np.where(mask[..., None], (0.0, 0.0, 1.0), np.nan)
     assert reflection_axes(mask) == []
-    assert surface_of_revolution_normals(mask, accepted, no_candidates()) is None
+    assert surface_of_revolution_normals(SilhouetteSymmetry(mask), accepted, no_candidates()) is None
 
 
 def test_without_accepted_normals_there_is_no_surface() -> None:
     x, y = camera_positions()
-    assert surface_of_revolution_normals(np.hypot(x, y) < 60, np.full((*SHAPE, 3), np.nan), no_candidates()) is None
+    assert (
+        surface_of_revolution_normals(
+            SilhouetteSymmetry(np.hypot(x, y) < 60), np.full((*SHAPE, 3), np.nan), no_candidates()
+        )
+        is None
+    )
 
 
 def test_a_body_is_found_with_its_handle() -> None:
@@ -76,7 +90,7 @@ def test_a_body_is_found_with_its_handle() -> None:
     observed = observable(truth)
     accepted = np.where((handle & body)[..., None], np.nan, observed)
     flat = np.where(mask[..., None], (0.0, 0.0, 1.0), np.nan)
-    result = body_of_revolution_normals(mask, accepted, observed[None], flat)
+    result = body_of_revolution_normals(SilhouetteSymmetry(mask), accepted, observed[None], flat)
     assert result is not None
     found = result.normals
     error = angles(found, truth)
@@ -84,3 +98,15 @@ def test_a_body_is_found_with_its_handle() -> None:
     assert np.median(error[body & ~handle]) < 2.0
     assert np.median(error[handle & ~body]) < 5.0
     assert np.median(error[handle & body]) < 5.0
+
+
+def test_what_the_silhouette_says_is_kept_and_does_not_depend_on_earlier_fits() -> None:
+    truth = beaker_normals(14.0)
+    silhouette = SilhouetteSymmetry(np.isfinite(truth[..., 0]))
+    first = surface_of_revolution_normals(silhouette, observable(truth), no_candidates())
+    assert silhouette.surface(0, 0.2, 1.0) is silhouette.surface(0, 0.2, 1.0)
+    other = beaker_normals(14.0) * np.array([1.0, 1.0, -1.0])
+    surface_of_revolution_normals(silhouette, observable(other), no_candidates())
+    again = surface_of_revolution_normals(silhouette, observable(truth), no_candidates())
+    assert first is not None and again is not None
+    assert np.array_equal(first.normals, again.normals, equal_nan=True)
