@@ -86,6 +86,15 @@ def test_a_highlight_that_splits_off_another_ends_the_track() -> None:
     assert len(tracks.marks.kind) < 20 < len(alone.marks.kind)
 
 
+def test_a_highlight_of_another_fold_that_lights_up_beside_it_is_not_followed() -> None:
+    frames = np.full((COUNT, SIZE, SIZE), 20, np.uint8)
+    frames[:13, 40, 20:27] = 255
+    frames[13:, 37, 20:27] = 255
+    tracks, _ = tracked(frames, [Mark(10, 23.0, 40.0, True)])
+    assert set(tracks.marks.pixels[:, 0].tolist()) == {40}
+    assert max(point.frame for point in tracks.points) == 12
+
+
 def test_merged_highlights_count_at_the_marked_pixel() -> None:
     frames = np.full((COUNT, SIZE, SIZE), 20, np.uint8)
     frames[:, 20:40, 20:24] = frames[:, 36:40, 20:40] = 255
