@@ -98,6 +98,7 @@ STAGES = (
             "half_vectors": ArraySchema("N3", "f", "all"),
             "kind": ArraySchema("N", "i"),
         },
+        version=2,
     ),
     Stage(
         "silhouette",
