@@ -85,12 +85,13 @@ class Question:
         return self.wrong >= OPEN_PROBABILITY
 
     @property
-    def is_promising(self) -> bool:
-        """True if it comes before all others: a rejected sheet that may well be the surface.
+    def urgency(self) -> int:
+        """Rank before the value: 2 for a rejected sheet that may well be the surface, 1 for other open ones, else 0.
 
-        Of accepted sheets few are false, however low their confidence, and confirming one changes nothing.
+        Of accepted sheets few are false, however low their confidence, and confirming one changes little. A sheet whose
+        label is not open (0) is rarely wrong, whatever would change if it were.
         """
-        return self.is_open and not self.exterior
+        return (1 if self.exterior else 2) if self.is_open else 0
 
 
 def propose(
@@ -101,7 +102,7 @@ def propose(
     count: int,
     field_weights: FieldWeights = DEFAULT_FIELD,
 ) -> list[Question]:
-    """Propose at most `count` sheets, no near-duplicates of one another: promising ones first, each by their value.
+    """Propose at most `count` sheets, no near-duplicates of one another: by their urgency, then by their value.
 
     Args:
         clusters: candidates of the region as labelled, `normals` (K, H, W, 3).
@@ -145,7 +146,7 @@ def propose(
         for number in maps
     ]
     pairs = zip(candidates, maps.values(), strict=True)
-    return _without_duplicates(sorted(pairs, key=lambda pair: (-pair[0].is_promising, -pair[0].value)))[:count]
+    return _without_duplicates(sorted(pairs, key=lambda pair: (-pair[0].urgency, -pair[0].value)))[:count]
 
 
 def _without_duplicates(ranked: list[tuple[Question, np.ndarray]]) -> list[Question]:

@@ -66,19 +66,29 @@ def test_proposals_are_few_distinct_and_in_order(scene: Scene, doubtful: Reconst
     clusters, mask, _ = scene
     questions = propose(clusters, mask, doubtful, None, 4)
     assert 1 < len(questions) <= 4
-    ranks = [(question.is_promising, question.value) for question in questions]
+    ranks = [(question.urgency, question.value) for question in questions]
     assert ranks == sorted(ranks, reverse=True)
     nodes = [set(zip(q.layers.tolist(), q.rows.tolist(), q.columns.tolist(), strict=True)) for q in questions]
     assert sum(map(len, nodes)) == len(set().union(*nodes))
 
 
-def test_a_rejected_sheet_comes_before_doubted_accepted_ones(scene: Scene, doubtful: Reconstruction) -> None:
+def test_open_labels_come_first_and_rejected_sheets_that_may_be_true_before_accepted_ones(
+    scene: Scene, doubtful: Reconstruction
+) -> None:
     clusters, mask, _ = scene
     accepted = doubtful.labels.any(axis=0)
+    accepted[:, 40:] = False
     doubted = replace(doubtful, confidence=np.where(accepted, np.float32(0.3), doubtful.confidence))
-    first, *others = propose(clusters, mask, doubted, None, 6)
-    assert not first.exterior
-    assert len(others) == 5 and any(question.exterior and question.is_open for question in others)
+    questions = propose(clusters, mask, doubted, None, 40)
+    are_open = [question.is_open for question in questions]
+    assert any(are_open) and not all(are_open) and are_open == sorted(are_open, reverse=True)
+    assert any(question.value > questions[0].value for question in questions if not question.is_open)
+    places = np.zeros(1, int)
+    ranks = [
+        Question(places, places, places, exterior, wrong, 1.0).urgency
+        for exterior, wrong in ((False, 0.3), (True, 0.6), (False, 0.1), (True, 0.1))
+    ]
+    assert ranks == [2, 1, 0, 0]
 
 
 def test_without_candidates_nothing_is_asked(scene: Scene, doubtful: Reconstruction) -> None:
