@@ -48,7 +48,7 @@ REFINED_ERROR_RATIO = 1.3
 
 @dataclass(frozen=True, eq=False)
 class SilhouetteSymmetry:
-    """What a silhouette alone says of surfaces of revolution: found where it is asked for, and kept for the next fit.
+    """Axes, bodies and surfaces of revolution inside a silhouette: computed on demand, and kept for the next fit.
 
     mask: (H, W) bool.
     """

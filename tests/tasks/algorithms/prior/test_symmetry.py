@@ -100,7 +100,7 @@ def test_a_body_is_found_with_its_handle() -> None:
     assert np.median(error[handle & body]) < 5.0
 
 
-def test_what_the_silhouette_says_is_kept_and_does_not_depend_on_earlier_fits() -> None:
+def test_surfaces_inside_a_silhouette_are_kept_and_do_not_depend_on_earlier_fits() -> None:
     truth = beaker_normals(14.0)
     silhouette = SilhouetteSymmetry(np.isfinite(truth[..., 0]))
     first = surface_of_revolution_normals(silhouette, observable(truth), no_candidates())
