@@ -115,8 +115,8 @@ def _is_same(labels: np.ndarray, blob: Blob, next_labels: np.ndarray, next_blob:
     """
     if not 1 / MAX_AREA_CHANGE <= next_blob.area / blob.area <= MAX_AREA_CHANGE:
         return False
-    # A light that moves by less than its diameter lights some of the same pixels of a smooth surface again. A blob apart
-    # from them is on another fold of the surface, or on another light path, that mirrors the light at the same time.
+    # A light that moves by less than its diameter lights some of the same pixels of a smooth surface again. A blob that
+    # is apart from them is on another fold, or on another light path, that mirrors the light at the same time.
     grown = cv2.dilate((labels == blob.label).astype(np.uint8), np.ones((3, 3), np.uint8))
     if not grown[next_labels == next_blob.label].any():
         return False
