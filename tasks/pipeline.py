@@ -149,7 +149,7 @@ STAGES = (
         reads=("survey", "mask", "labels"),
         arrays={"depth": ArraySchema("HW", "f", "mask"), "provenance": ArraySchema("HW", "u")},
         peak_bytes=_per_pixel(400),
-        version=6,
+        version=7,
     ),
     Stage(
         "surface",

@@ -2,8 +2,8 @@
 
     python -m tests.quoted_figures glint-evaluation/evaluation.json && python -m tests.generated_docs
 
-The presets' captures, and those of `glint evaluate --degraded`, replace the ones that docs/evaluation.json has already;
-the other figures of that file are kept.
+The presets' captures, those of `glint evaluate --degraded`, and the matrix of `--perturbed` (perturbed.json) replace the
+ones that docs/evaluation.json has already; the other figures of that file are kept.
 """
 
 import json
@@ -16,7 +16,7 @@ from typing import Any
 from tests.generated_docs import DEGRADED_COLUMNS, FIGURES_FILE, METHODS
 
 BLOCKS = {
-    name: re.compile(rf'^ "{name}": \{{\n.*?^ \}},\n', re.DOTALL | re.MULTILINE) for name in ("captures", "degraded")
+    name: re.compile(rf'^ "{name}": \{{\n.*?^ \}}', re.DOTALL | re.MULTILINE) for name in ("captures", "degraded", "perturbed")
 }
 """The parts of docs/evaluation.json that are replaced."""
 
@@ -65,7 +65,7 @@ def written(part: str, entries: Mapping[str, Any]) -> str:
         lines[-1] = lines[-1].removesuffix(",")
         lines.append("  },")
     lines[-1] = "  }"
-    return "\n".join([*lines, " },", ""])
+    return "\n".join([*lines, " }"])
 
 
 def main() -> None:
@@ -74,7 +74,11 @@ def main() -> None:
         sys.exit("usage: python -m tests.quoted_figures EVALUATION.json")
     text = FIGURES_FILE.read_text(encoding="utf-8")
     figures = json.loads(text)
-    measured = {capture["name"]: capture for capture in json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))}
+    evaluated = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
+    if isinstance(evaluated, dict):
+        figures["perturbed"] |= evaluated
+        evaluated = []
+    measured = {capture["name"]: capture for capture in evaluated}
     captures, defects = figures["captures"], figures["degraded"]
     captures |= {name: quoted(measured[name]) for name in captures if name in measured}
     for defect, shapes in defects.items():

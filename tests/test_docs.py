@@ -203,7 +203,7 @@ def test_squared_errors_are_those_of_the_evaluation(path: Path) -> None:
 
 def test_figures_are_laid_out_as_they_are_taken_over() -> None:
     text = FIGURES_FILE.read_text(encoding="utf-8")
-    assert set(BLOCKS) == {"captures", "degraded"}
+    assert set(BLOCKS) == {"captures", "degraded", "perturbed"}
     assert all(written(part, figures()[part]) in text for part in BLOCKS)
 
 
