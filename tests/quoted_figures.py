@@ -2,8 +2,8 @@
 
     python -m tests.quoted_figures glint-evaluation/evaluation.json && python -m tests.generated_docs
 
-The presets' captures, those of `glint evaluate --degraded`, and the matrix of `--perturbed` (perturbed.json) replace the
-ones that docs/evaluation.json has already; the other figures of that file are kept.
+The presets' captures, those of `glint evaluate --degraded`, and the matrix of `--perturbed` (perturbed.json) replace
+the ones that docs/evaluation.json has already; the other figures of that file are kept.
 """
 
 import json
@@ -16,7 +16,8 @@ from typing import Any
 from tests.generated_docs import DEGRADED_COLUMNS, FIGURES_FILE, METHODS
 
 BLOCKS = {
-    name: re.compile(rf'^ "{name}": \{{\n.*?^ \}}', re.DOTALL | re.MULTILINE) for name in ("captures", "degraded", "perturbed")
+    name: re.compile(rf'^ "{name}": \{{\n.*?^ \}}', re.DOTALL | re.MULTILINE)
+    for name in ("captures", "degraded", "perturbed")
 }
 """The parts of docs/evaluation.json that are replaced."""
 
