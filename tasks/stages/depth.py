@@ -13,9 +13,9 @@ from glint.tasks.stages.capture_geometry import load_geometry
 DEPTH_PROVENANCE = "outside", "integrated", "extrapolated"
 """Names of the codes of where a depth comes from: from the normals, or at the rim from the depth inside it."""
 INTEGRATED, EXTRAPOLATED = 1, 2
-CONFIDENCE_POWER = 0.5
-"""Power of the confidence that weighs a normal: with less the shapes of doubtful normals count, with more a cut through
-them is preferred to one along a lip (measured on stored captures, docs/evaluation.md)."""
+NORMAL_WEIGHT_POWER = 0.5
+"""Power of the confidence in the weight of a normal: with less, the shapes of doubtful normals count; with more, a cut
+through them is preferred to one along a lip (measured on stored captures, docs/evaluation.md)."""
 
 
 def depth(inputs: StageInputs, progress: Progress) -> StageOutput:
@@ -29,7 +29,7 @@ def depth(inputs: StageInputs, progress: Progress) -> StageOutput:
     result = integrate(
         labels.read("normals"),
         mask,
-        confidence=labels.read("confidence") ** CONFIDENCE_POWER if parameters.use_confidence else None,
+        confidence=labels.read("confidence") ** NORMAL_WEIGHT_POWER if parameters.use_confidence else None,
         method=parameters.method,
         camera=geometry.camera_within(geometry.region),
         sharpness=parameters.sharpness,
