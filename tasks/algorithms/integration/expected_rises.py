@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from glint.tasks.algorithms.geometry.robust import robust_deviation
 from glint.tasks.algorithms.integration.edges import GridEdges
 
 LEAST_NOISE = 0.01
@@ -46,8 +47,8 @@ def expected_rises(edges: GridEdges) -> ExpectedRises:
     if known.any():
         weight = _loop_mean(edges.weight)
         certain = known & (weight >= np.median(weight[known]))
-        relative = np.abs(curl[certain]) / np.sqrt(2 * _loop_mean(spread)[certain])
-        noise = max(noise, 1.4826 * float(np.median(relative)))
+        relative = curl[certain] / np.sqrt(2 * _loop_mean(spread)[certain])
+        noise = max(noise, robust_deviation(relative))
     return ExpectedRises(mean, _precision(edges, spread, noise), noise)
 
 

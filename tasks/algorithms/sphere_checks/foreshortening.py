@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.perspective import VirtualCamera
+from glint.tasks.algorithms.geometry.robust import robust_deviation
 from glint.tasks.algorithms.lighting.highlights import PIXEL_VARIANCE, measure_highlights, static_background
 from glint.tasks.algorithms.lighting.lights import classify_frames
 from glint.tasks.algorithms.lighting.spheres import Sphere
@@ -154,8 +155,8 @@ def _fitted(shapes: HighlightShapes, sphere: Sphere) -> tuple[float, float, floa
     radii of the circle, by robust least squares."""
     trace = shapes.moments[:, 0] + shapes.moments[:, 2]
     usual = float(np.median(trace))
-    # The median absolute deviation, times 1.4826, is a Gaussian's standard deviation; a trace has twice the noise.
-    noise = max(0.5 * 1.4826 * float(np.median(np.abs(trace - usual))), MIN_NOISE)
+    # A trace has twice the noise of a moment.
+    noise = max(0.5 * robust_deviation(trace - usual), MIN_NOISE)
     weights = np.array([1.0, np.sqrt(2.0), 1.0]) / noise
 
     def residuals(unknown: np.ndarray) -> np.ndarray:

@@ -192,23 +192,20 @@ def test_a_step_is_the_cheaper_the_more_the_near_side_tilts_towards_the_far_one(
     assert np.isclose(step_price(turned, -continuous - np.array([[0, 0, 3.0, 3.0]]), 2.0), np.exp(2.0 * tilt))
 
 
-def test_a_bowl_is_cut_at_the_near_lip_and_not_at_the_far_one():
-    scene = traced(FIELDS["bowl"], 64)
+@pytest.mark.parametrize(
+    ("field", "share"),
+    [
+        pytest.param("bowl", 0.5, id="a bowl is cut at the near lip and not at the far one"),
+        pytest.param("boxes", 0.3, id="faces stay together and solids come apart", marks=pytest.mark.long),
+    ],
+)
+def test_what_hides_something_is_cut_from_it(field, share):
+    scene = traced(FIELDS[field], 64)
     errors = {}
     for method in METHODS:
         depth = integrate(scene.normals, scene.mask, method=method).depth
         errors[method] = np.abs(deviation(depth, scene.height, scene.piece)).mean()
-    assert errors["bilateral"] < 0.5 * errors["least-squares"]
-
-
-@pytest.mark.long
-def test_solids_with_edges_keep_their_faces_together_and_come_apart_where_they_hide_each_other():
-    scene = traced(FIELDS["boxes"], 64)
-    errors = {}
-    for method in METHODS:
-        depth = integrate(scene.normals, scene.mask, method=method).depth
-        errors[method] = np.abs(deviation(depth, scene.height, scene.piece)).mean()
-    assert errors["bilateral"] < 0.3 * errors["least-squares"]
+    assert errors["bilateral"] < share * errors["least-squares"]
 
 
 @pytest.mark.parametrize("degrees", [0.0, 1.0])
