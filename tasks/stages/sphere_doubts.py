@@ -33,12 +33,13 @@ def confirm_given(
     frames: np.ndarray, given: list[Sphere], camera: np.ndarray | None
 ) -> tuple[list[Sphere], list[StageWarning]]:
     """Measure given spheres; return those to be used, and a warning where the frames contradict what was given."""
+    frames = spread(frames, FIT_FRAMES)
     spheres, warnings = list[Sphere](), list[StageWarning]()
     for sphere in given:
-        confirmed = confirm_sphere(spread(frames, FIT_FRAMES), sphere, camera=camera)
+        confirmed = confirm_sphere(frames, sphere, camera=camera)
         # A fit that replaces the given circle is judged by its own deviation, without the doubt between the two.
         circle = confirmed.fit if confirmed.is_corrected else confirmed.sphere
-        check = check_circle(spread(frames, FIT_FRAMES), circle, camera=camera)
+        check = check_circle(frames, circle, camera=camera)
         if check.is_contradicted:
             used, warning = _against_highlights(sphere, confirmed.is_corrected, check)
             spheres.append(used)
@@ -93,7 +94,8 @@ def confirm_found(
 ) -> tuple[list[Sphere], list[StageWarning]]:
     """Compare found spheres with the shapes of their highlights; return those to be used, and a warning where the
     highlights contradict a circle."""
-    checked = [check_circle(spread(frames, FIT_FRAMES), sphere, camera=camera) for sphere in spheres]
+    frames = spread(frames, FIT_FRAMES)
+    checked = [check_circle(frames, sphere, camera=camera) for sphere in spheres]
     warnings = [_contradiction(check) for check in checked if check.is_contradicted]
     return [check.sphere for check in checked], warnings
 
