@@ -140,7 +140,7 @@ STAGES = (
             "evidence": ArraySchema("HW", "f", "mask"),
         },
         peak_bytes=_per_pixel(900),
-        version=28,
+        version=29,
     ),
     Stage(
         "depth",

@@ -20,6 +20,7 @@ from glint.tasks.algorithms.evaluation.metrics import (
     reliability,
 )
 from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.labelling.results import CONFIDENT
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import LabelsParameters
 from glint.tasks.engine.stage_warning import StageWarning
@@ -29,8 +30,6 @@ from glint.tasks.stages.labels import reconstruct
 from glint.tasks.stages.markup import load_marks
 
 METHODS = ("winner takes all", "silhouette only", "paper", "glint")
-CONFIDENT = 0.95
-"""Confidence from which a pixel counts as confident."""
 CONFIDENT_ERROR_DEG = 5.0
 """Degrees of error within which a confident pixel counts as right."""
 MAX_OBSERVABLE_ANGLE_DEG = 42.0

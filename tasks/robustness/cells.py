@@ -13,11 +13,12 @@ from glint.storage.errors import InputError
 from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.labelling.results import CONFIDENT
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.engine.stage import perform, stage_keys
 from glint.tasks.engine.stage_warning import StageWarning, by_cost
-from glint.tasks.evaluation.captures import CONFIDENT, CONFIDENT_ERROR_DEG
+from glint.tasks.evaluation.captures import CONFIDENT_ERROR_DEG
 from glint.tasks.pipeline import STAGES, stages_until
 from glint.tasks.robustness.perturbations import PERTURBATIONS, UNPERTURBED
 from glint.tasks.robustness.perturbed_captures import write_perturbed

@@ -14,6 +14,7 @@ from glint.tasks.algorithms.labelling.dual_layer import reconstruct_dual_layer
 from glint.tasks.algorithms.labelling.light_evidence import light_evidence
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.labelling.results import (
+    CONFIDENT,
     FILLED,
     MARKED,
     OBSERVED,
@@ -58,7 +59,7 @@ def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
     shared_sd = combined_error([half_vector_sd, spheres_sd, camera.half_vector_sd, lights_sd])
     confidence = with_input_doubt(doubt.share * result.confidence, shared_sd, mask.read("doubt"))
     names = {PROVENANCE[code]: int((result.provenance == code).sum()) for code in (OBSERVED, MARKED, FILLED)}
-    confident = float((confidence[result.provenance != OUTSIDE] >= 0.5).mean())
+    confident = float((confidence[result.provenance != OUTSIDE] >= CONFIDENT).mean())
     return StageOutput(
         arrays={
             "labels": result.labels,

@@ -16,11 +16,11 @@ import numpy as np
 from glint.storage.catalogue.loading import load
 from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.labelling.results import exterior_normals
+from glint.tasks.algorithms.labelling.results import CONFIDENT, exterior_normals
 from glint.tasks.algorithms.near_light.focal_length_of_normals import focal_length_of_normals
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
-from glint.tasks.evaluation.captures import CONFIDENT, CONFIDENT_ERROR_DEG
+from glint.tasks.evaluation.captures import CONFIDENT_ERROR_DEG
 from glint.tasks.simulation.simulate import SHAPES, CaptureOptions, simulate
 from glint.tasks.stages.camera_doubt import unknown_camera
 from glint.tasks.stages.capture_geometry import load_geometry

@@ -172,7 +172,8 @@ class CatalogueView {
         element("b", {}, data.object), element("span", {}, data.capture)),
       element("div", { class: `state ${data.state}` }, element("span", { class: "dot", "aria-hidden": "true" }), element("span", {}, stateText(data))),
       element("div", { class: "reason", title: fullReason(data) }, reason(data)),
-      element("div", { class: "share" }, confidentBar(data.confident), element("span", {}, percent(data.confident))),
+      element("div", { class: "share", title: "Share of the object whose normals are within 5 degrees with a probability of at least 95 %" },
+        confidentBar(data.confident), element("span", {}, percent(data.confident), element("small", {}, "confident"))),
       element("div", { class: "version" }, element("b", {}, data.version || "–"), element("span", {}, day(data.date))),
     );
     row.addEventListener("mousedown", () => this.choose(number));

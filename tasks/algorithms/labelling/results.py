@@ -9,6 +9,8 @@ from glint.tasks.algorithms.geometry.vectors import unit
 PROVENANCE = ("outside", "observed", "marked", "silhouette", "filled")
 """Names of the codes in `Reconstruction.provenance`."""
 OUTSIDE, OBSERVED, MARKED, SILHOUETTE, FILLED = range(len(PROVENANCE))
+CONFIDENT = 0.95
+"""Confidence from which a pixel counts as confident."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,6 +47,7 @@ def test_stages_beat_the_baselines_and_are_not_computed_twice(simulated: Path, s
     assert ours.observed_region.squared < 0.0019
     assert ours.whole_mask.squared < 0.005 and ours.whole_mask.missing == 0
     assert found.confident_right_share > 0.99
+    assert work.load("labels").record["counts"]["confident share"] == pytest.approx(found.confident_share, abs=1e-4)
     assert found.depth is not None and found.depth.relative < 0.025
 
 
