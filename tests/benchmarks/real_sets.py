@@ -15,14 +15,13 @@ import numpy as np
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.labelling.results import CONFIDENT
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import load_catalogue
 from glint.tasks.engine.stage import perform, stage_keys
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.pipeline import STAGES
 from tests.real_sets import RealSet, real_sets, write_catalogue
-
-CONFIDENT = 0.95
 
 
 @dataclass(frozen=True, slots=True)
