@@ -64,14 +64,14 @@ class InboxScan:
     unchanged: int
 
 
-def check_folder(inbox: Location) -> None:
-    """Check that an inbox on this machine is a folder; prefixes of object stores exist with their first file.
+def check_folder(folder: Location, name: str = "the inbox") -> None:
+    """Check that a folder on this machine, which messages call by `name`, is one; prefixes exist with their first file.
 
     Raises:
         InputError: it is not.
     """
-    if inbox.local is not None and not inbox.local.is_dir():
-        raise InputError(f"the inbox {inbox.uri} is not a folder", "create it, or mount its disk")
+    if folder.local is not None and not folder.local.is_dir():
+        raise InputError(f"{name} {folder.uri} is not a folder", "create it, or mount its disk")
 
 
 class Inbox:

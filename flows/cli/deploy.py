@@ -50,11 +50,17 @@ def deploy(
     """Deploy to the Prefect server: inbox nightly, reference and maintenance weekly, objects on demand."""
     from glint.storage.inbox import check_folder
     from glint.storage.locations.location import Location
+    from glint.tasks.engine.references import check_truth
 
     budget = budget_bytes(frames_budget)
-    if inbox is not None and pool_type == "process":
-        # Containers of other pools may have folders that this machine does not have.
-        check_folder(Location.parse(inbox))
+    if pool_type == "process":
+        # Containers of other pools may have files that this machine does not have.
+        if inbox is not None:
+            check_folder(Location.parse(inbox))
+        for folder in inbox_may_read or ():
+            check_folder(Location.parse(folder), "--inbox-may-read")
+        if reference is not None:
+            check_truth(reference)
     from glint.flows.runtime.prefect_server import start_server
 
     server = start_server()

@@ -69,6 +69,7 @@ def evaluate(
     from glint.flows.pipeline.run import run
     from glint.flows.reporting.console import open_console
     from glint.storage.locations.location import Location
+    from glint.tasks.engine.references import check_truth
 
     out.mkdir(parents=True, exist_ok=True)
     address = Location.parse(store or str(out / "store")).uri
@@ -77,7 +78,7 @@ def evaluate(
         return
     with open_console(as_json) as console:
         if file is not None:
-            _check_truth(file, only or ())
+            check_truth(file, only or ())
         path = file or _simulated(out, quick, degraded, only or (), console)
         summary = run(path, address, console, only=only or ())
         table = _write_evaluation(path, address, summary.result, out, ablation, questions, console)
@@ -90,22 +91,6 @@ def evaluate(
     for failure in summary.result.failed:
         echo(f"{failure.name} failed: {failure.error}\n  -> {failure.remedy}", colour="red", err=True)
     sys.exit(1 if summary.result.failed else 0)
-
-
-def _check_truth(file: str, only: Sequence[str]) -> None:
-    """Check, before anything is computed, that a chosen capture has a ground truth.
-
-    Raises:
-        InputError: none has one.
-    """
-    from glint.storage.errors import InputError
-    from glint.tasks.engine.references import chosen_captures, load_catalogue
-
-    objects = load_catalogue(file).objects
-    chosen = chosen_captures(objects, only)
-    captures = [capture for item in objects for capture in item.captures if capture.id in chosen.get(item.id, ())]
-    if not any(capture.truth for capture in captures):
-        raise InputError(f"no capture of {file} names its ground truth", "add `truth: FOLDER` to it")
 
 
 def _simulated(out: Path, quick: bool, degraded: bool, only: Sequence[str], console: "Sink") -> Path:

@@ -73,10 +73,14 @@ def summary_json(summary: "Summary") -> dict[str, Any]:
         for row, capture in zip(run_rows(summary), summary.result.captures, strict=True)
     ]
     drifts = [
-        {"capture": f"{item.object_id}/{item.capture_id}", "degrees": item.degrees,
-         "before": item.before, "after": item.after}
+        {
+            "capture": f"{item.object_id}/{item.capture_id}",
+            "degrees": item.degrees,
+            "before": item.before,
+            "after": item.after,
+        }
         for item in summary.result.drifts
-    ]  # fmt: skip
+    ]
     return {"kind": "summary", "run": summary.result.run, "page": summary.page, "captures": rows, "drifts": drifts}
 
 

@@ -85,3 +85,16 @@ def chosen_captures(objects: Sequence[Object], only: Sequence[str] = ()) -> dict
         for object_id, captures in by_object.items()
     }
     return {object_id: captures for object_id, captures in chosen.items() if captures}
+
+
+def check_truth(path: str | Path, only: Sequence[str] = ()) -> None:
+    """Check, before anything is computed, that a chosen capture of a catalogue has a ground truth.
+
+    Raises:
+        CatalogueError: the catalogue has errors; InputError: it cannot be read, or no chosen capture has one.
+    """
+    objects = load_catalogue(path).objects
+    chosen = chosen_captures(objects, only)
+    captures = [capture for item in objects for capture in item.captures if capture.id in chosen.get(item.id, ())]
+    if not any(capture.truth for capture in captures):
+        raise InputError(f"no capture of {path} names its ground truth", "add `truth: FOLDER` to it")
