@@ -40,6 +40,10 @@ DISTANCE_THRESHOLD, STRONG_DISTANCE = 9.0, 16.0
 differs whatever its neighbours do: lines of highlights are a pixel wide."""
 MAX_RATIO = 5.0
 """Bound of the log-likelihood ratio of a pixel, nats: a surprise is no proof."""
+FEATURE_LIMITS = -4.0, 6.0
+"""Bounds of the two features, standard deviations of the table: beyond them a pixel differs from it in any case."""
+FEATURE_SIGMA_PX = 0.6
+"""Standard deviation of the smoothing before edges of the features are taken."""
 CUT_STRENGTH, CUT_CONTRAST = 3.0, 0.5
 """Cost of the first cut per pixel of contour, nats, and the difference of log response that counts as an edge."""
 CLOSED_CONTOUR_SHARE = 0.02
@@ -124,8 +128,10 @@ def _separate(response: TableResponse, free: np.ndarray, allowed: np.ndarray) ->
 
     free, allowed: (H, W) bool, pixels beside the spheres, and those of them that may be the object.
     """
-    features = np.clip(np.stack([response.deviation, response.flash], axis=-1), -4.0, 6.0).astype(np.float32)
-    images = [cv2.GaussianBlur(channel, (0, 0), 0.6) / CUT_CONTRAST for channel in np.moveaxis(features, -1, 0)]
+    features = np.clip(np.stack([response.deviation, response.flash], axis=-1), *FEATURE_LIMITS).astype(np.float32)
+    images = [
+        cv2.GaussianBlur(channel, (0, 0), FEATURE_SIGMA_PX) / CUT_CONTRAST for channel in np.moveaxis(features, -1, 0)
+    ]
     capacities = links(images, CUT_STRENGTH, EDGE_FLOOR, gaussian=True)
     is_table, edge = response.border, None
     for _ in range(ROUNDS):

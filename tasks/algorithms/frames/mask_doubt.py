@@ -33,6 +33,13 @@ SHIFT_DOUBT, UNSUPPORTED_DOUBT = 0.8, 0.5
 """Probability that the silhouette is wrong where the data contradict it, and where nothing supports it."""
 OVERALL_SHARE = 0.1
 """Doubt that a doubtful contour casts on the whole object, relative to the doubt at the contour."""
+TABLE_SHARES, MAX_TABLE_SHARE = (0.08, 0.03, 0.0), 0.5
+"""Distances from the mask between which pixels show the table, as shares of the edge of a square of its area: the first
+near one at which there are enough, and the far one."""
+ENOUGH_TABLE_PX = 100
+"""Pixels that are enough to know the table."""
+SURROUNDINGS_SIGMA_PX = 3.0
+"""Standard deviation of the window that is a pixel's surroundings."""
 REACH_INRADII = 0.3
 """Distance from a doubtful piece of contour at which its doubt has fallen to 1/e, in inradii."""
 
@@ -111,16 +118,16 @@ def doubt_of(mask: np.ndarray, objections: Sequence[Objection]) -> np.ndarray:
 
 def _table(distance: np.ndarray, edge: float, free: np.ndarray) -> np.ndarray:
     """Return the pixels (H, W) bool that show the table: at some distance from the mask, nearer if there are none."""
-    for share in (0.08, 0.03, 0.0):
-        table = (distance > share * edge + 1.0) & (distance < 0.5 * edge) & free
-        if table.sum() > 100:
+    for share in TABLE_SHARES:
+        table = (distance > share * edge + 1.0) & (distance < MAX_TABLE_SHARE * edge) & free
+        if table.sum() > ENOUGH_TABLE_PX:
             break
     return table
 
 
 def _highlights(rise: np.ndarray, table: np.ndarray) -> np.ndarray:
     """Return the pixels (H, W) bool of highlights: those whose rise stands out of its surroundings."""
-    flash = rise - cv2.GaussianBlur(rise, (0, 0), 3.0)
+    flash = rise - cv2.GaussianBlur(rise, (0, 0), SURROUNDINGS_SIGMA_PX)
     of_table = float(np.quantile(flash[table], FLASH_QUANTILE)) if table.any() else 0.0
     return np.asarray(flash > max(FLASH_FACTOR * of_table, MIN_FLASH_LEVELS))
 

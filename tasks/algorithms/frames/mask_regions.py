@@ -17,6 +17,8 @@ MIN_BRIDGED_RATIO = 0.003
 """Area of the smallest bridged region, relative to the object's."""
 MIN_SEED_RATIO = 0.1
 """Flashing pixels of a further component, relative to the component with the most."""
+MAX_ALONG_EDGE_RATIO = 0.3
+"""Pixels of a component on the frame's edge, relative to the root of its area, from which it lies along that edge."""
 EDGE_PENALTY = 0.1
 """Weight of the flashing pixels of a component along the frame's edge: a light or an arm in the picture."""
 
@@ -30,7 +32,7 @@ def main_components(differing: np.ndarray, flashing: np.ndarray) -> np.ndarray:
     seeds[0] = 0
     areas = np.bincount(components.ravel(), minlength=count + 1)
     along_edge = np.bincount(_frame_edge(components), minlength=count + 1)
-    seeds = np.where(along_edge > 0.3 * np.sqrt(areas), EDGE_PENALTY * seeds, seeds)
+    seeds = np.where(along_edge > MAX_ALONG_EDGE_RATIO * np.sqrt(areas), EDGE_PENALTY * seeds, seeds)
     return differing & np.isin(components, np.flatnonzero(seeds >= MIN_SEED_RATIO * seeds.max()))
 
 

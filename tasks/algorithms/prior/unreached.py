@@ -34,6 +34,8 @@ DARK_ROUNDS = 4
 """Solutions of the field: the directions of dark pixels follow from the one before."""
 MAX_LENGTH = 0.9
 """Length of (n_x, n_y) beyond which dark pixels are not bent: a normal in the image plane has slopes without bounds."""
+MIN_NZ = 0.2
+"""Least z of a normal whose slope is integrated: steeper ones say little of heights."""
 UNKNOWN_WEIGHT = 0.0005
 """Weight of slopes that neither a highlight nor darkness tells, against 1 for frontal accepted normals."""
 
@@ -158,7 +160,7 @@ def _integrable(field: np.ndarray, confidence: np.ndarray, mask: np.ndarray) -> 
 
     confidence: (H, W), 0 where the field is neither dark nor accepted. mask: (H, W) bool.
     """
-    p, q = gradients(field, floor=0.2)
+    p, q = gradients(field, floor=MIN_NZ)
     # The error of a slope is that of its normal divided by n_z squared.
     weight = np.where(confidence > 0.0, confidence * field[..., 2] ** 4, UNKNOWN_WEIGHT)
     slopes = np.where(mask, -q, 0.0), np.where(mask, p, 0.0)
