@@ -27,9 +27,18 @@ MAX_SEARCH_SD_RATIO = 0.04
 sought."""
 SEARCH_LOG_RATIOS = -0.6, 0.25
 """Logarithms of the largest radius, relative to the circle's, between which one is sought: blur adds to it."""
-RIVAL_RADIUS_RATIOS = (0.86, 0.9, 0.94, 0.98, 1.02)
+RIVAL_RADIUS_RATIOS = (0.74, 0.78, 0.82, 0.86, 0.9, 0.94, 0.98, 1.02)
 """Radii that are measured about the highlights' centre, relative to the largest that they allow: without blur it is 2
-to 7% above the true one."""
+to 7% above the true one, with small lights in shaken frames 30%."""
+LEAST_USUAL_RATIO, USUAL_RATIO = 0.86, 0.94
+"""Radius relative to the largest one below which a circle is smaller than blur explains, and the usual one: what it
+lacks is doubt, as it may be an edge inside the sphere."""
+HORIZON_RATIOS = 0.66, 0.79
+"""Ratios of two radii between which the inner circle may be the mirror image of the horizon, seen from above: where the
+normal is 45 degrees from the line of sight, at 0.71 of the radius. The outer one is the contour then."""
+SAME_RADIUS_RATIO, RIVAL_SHARE = 0.06, 0.7
+"""Difference of two radii, relative to one, from which they are two circles, and share of the best one's agreement from
+which the other leaves the radius in doubt."""
 RIVAL_CENTRE_REACH, RIVAL_RADIUS_REACH = 0.015, 0.03
 """Distances that each of them searches, in radii, beside those of the fine fit."""
 CENTRE_PENALTY_DEVIATIONS = 2.0
@@ -114,9 +123,22 @@ def _rival(frames: np.ndarray, sphere: Sphere, shapes: ShapeCircle, camera: np.n
         )
         for ratio in RIVAL_RADIUS_RATIOS
     ]
-    rival = max(circles, key=lambda circle: _agreement(circle, shapes))
-    if rival.score < MIN_CLEAR_CONTRAST or contradicts(shapes, rival):
+    clear = [circle for circle in circles if circle.score >= MIN_CLEAR_CONTRAST and not contradicts(shapes, circle)]
+    if not clear:
         return None
+    rival = _strongest(clear, shapes)
+    around = [circle for circle in clear if _is_horizon(rival, circle)]
+    if around:
+        rival = _strongest(around, shapes)
+    others = [
+        circle.radius - rival.radius
+        for circle in _distinct(clear, shapes)
+        if not _is_same(circle, rival)
+        and not _is_horizon(circle, rival)
+        and _agreement(circle, shapes) > RIVAL_SHARE * _agreement(rival, shapes)
+    ]
+    is_small = rival.radius < LEAST_USUAL_RATIO * shapes.max_radius
+    lacking = USUAL_RATIO * shapes.max_radius - rival.radius if is_small else 0.0
     systematic = SYSTEMATIC_RATIO * rival.radius
     own, other = rival.centre_sd**2 + systematic**2, shapes.sd**2 + systematic**2
     share = other / (own + other)
@@ -126,7 +148,30 @@ def _rival(frames: np.ndarray, sphere: Sphere, shapes: ShapeCircle, camera: np.n
         y=share * rival.y + (1.0 - share) * shapes.y,
         score=sphere.score,
         centre_sd=float(np.sqrt(share * own)) * _birge_ratio(rival, shapes),
+        radius_sd=float(np.linalg.norm([rival.radius_sd, max(others, key=abs, default=0.0) / 2.0, lacking])),
     )
+
+
+def _is_horizon(inner: Sphere, outer: Sphere) -> bool:
+    """Return whether the inner of two circles may be the horizon's mirror image on the sphere that is the outer one."""
+    return HORIZON_RATIOS[0] < inner.radius / outer.radius < HORIZON_RATIOS[1]
+
+
+def _is_same(first: Sphere, second: Sphere) -> bool:
+    return abs(first.radius - second.radius) <= SAME_RADIUS_RATIO * second.radius
+
+
+def _distinct(circles: list[Sphere], shapes: ShapeCircle) -> list[Sphere]:
+    """Return those of some circles with no stronger one of the same radius among them."""
+    kept = list[Sphere]()
+    for circle in sorted(circles, key=lambda circle: -_agreement(circle, shapes)):
+        if not any(_is_same(circle, stronger) for stronger in kept):
+            kept.append(circle)
+    return kept
+
+
+def _strongest(circles: list[Sphere], shapes: ShapeCircle) -> Sphere:
+    return max(circles, key=lambda circle: _agreement(circle, shapes))
 
 
 def _agreement(circle: Sphere, shapes: ShapeCircle) -> float:

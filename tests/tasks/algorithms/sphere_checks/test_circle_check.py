@@ -36,13 +36,33 @@ def test_a_wrong_circle_is_replaced_by_the_contour(frames, wrong):
     assert check.sphere.score == wrong.score
 
 
-def test_without_a_contour_the_circle_is_kept_and_doubted(frames):
+def covered_beyond(frames: np.ndarray, ratio: float) -> np.ndarray:
+    """Frames in which noise covers the sphere beyond a circle about its centre."""
     covered = frames.copy()
     rows, columns = np.mgrid[: frames.shape[1], : frames.shape[2]]
-    outside = np.hypot(columns - TRUTH.x, rows - TRUTH.y) > 0.85 * TRUTH.radius
+    outside = np.hypot(columns - TRUTH.x, rows - TRUTH.y) > ratio * TRUTH.radius
     covered[:, outside] = np.random.default_rng(1).integers(40, 80, (len(frames), int(outside.sum())))
+    return covered
+
+
+def test_an_edge_about_the_right_centre_is_doubted(frames):
+    check = check_circle(covered_beyond(frames, 0.85), beside(3.0, 0.0, 0.95))
+    assert check.is_contradicted
+    assert max(check.sphere.centre_sd, check.sphere.radius_sd) > 0.05 * TRUTH.radius
+
+
+def test_a_stronger_image_of_the_horizon_is_not_taken_for_the_contour(frames):
+    rows, columns = np.mgrid[: frames.shape[1], : frames.shape[2]]
+    inside = np.hypot(columns - TRUTH.x, rows - TRUTH.y) < 0.75 * TRUTH.radius
+    brighter = np.minimum(frames + np.where(inside, 60, 0), 255).astype(np.uint8)
+    check = check_circle(brighter, beside(3.0, 0.0, 1.17))
+    assert check.is_replaced
+    assert abs(check.sphere.radius - TRUTH.radius) < 0.03 * TRUTH.radius
+
+
+def test_without_a_contour_the_circle_is_kept_and_doubted(frames):
     wrong = beside(3.0, 0.0, 0.95)
-    check = check_circle(covered, wrong)
+    check = check_circle(covered_beyond(frames, 0.65), wrong)
     assert check.is_contradicted and not check.is_replaced
     assert (check.sphere.x, check.sphere.y) == (wrong.x, wrong.y)
     assert check.sphere.centre_sd > 0.05 * TRUTH.radius
