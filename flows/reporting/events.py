@@ -1,12 +1,15 @@
 """Events of a run: small records of progress, ends, warnings and failures, and the sinks that receive them.
 
-Stages that run on a Dask worker publish their events to the scheduler; the flow's process subscribes to them and passes
-each to the sinks of its run.
+A stage that runs on a Dask worker publishes its events to the scheduler, those of half a second in one message; the
+flow's process subscribes to them and passes each to the sinks of its run. The age of an event is the time, in seconds,
+that it has waited on its worker.
 """
 
+import threading
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from glint.storage.errors import printable
@@ -16,6 +19,9 @@ if TYPE_CHECKING:
 
 TOPIC = "glint-progress"
 """Dask topic of the workers' events."""
+PUBLISH_SECONDS = 0.5
+"""Time for which a worker keeps an event, so that one message carries several: each costs the flow's process a
+millisecond of processor time, and a short capture has thirty events."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +34,7 @@ class StageStarted:
     unit: str = "parts"
     done: int = 0
     seconds: float = 0.0
+    age: float = field(default=0.0, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +54,7 @@ class StageProgress:
     unit: str = "parts"
     seconds_left: float | None = None
     share: float | None = None
+    age: float = field(default=0.0, compare=False)
 
     @property
     def rate(self) -> float | None:
@@ -64,6 +72,7 @@ class StageEnded:
     seconds: float
     cached: bool = False
     frames: int | None = None
+    age: float = field(default=0.0, compare=False)
 
     @property
     def rate(self) -> float | None:
@@ -98,6 +107,7 @@ class CaptureWarning:
     capture: str
     text: str
     stage: str = ""
+    age: float = field(default=0.0, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,12 +130,11 @@ class Message:
     capture: str = ""
 
 
-type Event = (
-    StageStarted | StageProgress | StageEnded | CaptureEnded | CaptureFailed | CaptureWarning | RunProgress | Message
-)
-_TYPES: dict[str, type[Event]] = {
-    event_type.__name__: event_type
-    for event_type in (StageStarted, StageProgress, StageEnded, CaptureEnded, CaptureFailed, CaptureWarning, Message)
+type StageEvent = StageStarted | StageProgress | StageEnded | CaptureWarning
+"""Events of workers."""
+type Event = StageEvent | CaptureEnded | CaptureFailed | RunProgress | Message
+_TYPES: dict[str, type[StageEvent]] = {
+    event_type.__name__: event_type for event_type in (StageStarted, StageProgress, StageEnded, CaptureWarning)
 }
 
 
@@ -140,7 +149,7 @@ class ProgressThrottle:
     """The progress callable of a stage: emits at most one event per `interval` seconds, and always the last one."""
 
     def __init__(
-        self, emit: Callable[[Event], None], capture: str, stage: str, unit: str = "parts", interval: float = 0.2
+        self, emit: Callable[[StageEvent], None], capture: str, stage: str, unit: str = "parts", interval: float = 0.2
     ) -> None:
         self._emit, self._capture, self._stage, self._unit = emit, capture, stage, unit
         self._interval, self._started, self._emitted = interval, time.monotonic(), 0.0
@@ -154,20 +163,50 @@ class ProgressThrottle:
             self._emit(StageProgress(self._capture, self._stage, done, total, seconds, self._unit))
 
 
-def publish_from_worker() -> Callable[[Event], None]:
-    """Return a function that publishes events; to be called in the thread of a task on a Dask worker."""
-    from distributed import get_worker
+class WorkerEvents(AbstractContextManager["WorkerEvents"]):
+    """Publishes the events of a task on a Dask worker; to be made in the task's thread.
 
-    worker = get_worker()
-    return lambda event: worker.log_event(TOPIC, {"type": type(event).__name__, "event": asdict(event)})
+    An event waits PUBLISH_SECONDS for others to go with it. A context manager that publishes what waits at its end, so
+    that it arrives before the task's result.
+    """
+
+    def __init__(self) -> None:
+        from distributed import get_worker
+
+        self._worker, self._lock = get_worker(), threading.Lock()
+        self._waiting: list[tuple[float, StageEvent]] = []
+
+    def __exit__(self, *unused: object) -> None:
+        """Publish the events that wait."""
+        self._publish()
+
+    def emit(self, event: StageEvent) -> None:
+        """Publish an event, at most PUBLISH_SECONDS later."""
+        with self._lock:
+            self._waiting.append((time.monotonic(), event))
+            is_first = len(self._waiting) == 1
+        if is_first:
+            loop = self._worker.loop
+            loop.add_callback(loop.call_later, PUBLISH_SECONDS, self._publish)
+
+    def _publish(self) -> None:
+        with self._lock:
+            waiting, self._waiting = self._waiting, []
+            now = time.monotonic()
+            message = [
+                {"type": type(event).__name__, "event": asdict(event) | {"age": round(now - moment, 3)}}
+                for moment, event in waiting
+            ]
+            if message:
+                self._worker.log_event(TOPIC, message)
 
 
 def subscribe(client: "Client", emit: Callable[[Event], None]) -> None:
     """Pass on the events that workers of this client's cluster publish; a later subscription replaces an earlier."""
 
-    def receive(entry: tuple[float, dict[str, Any]]) -> None:
-        message = entry[1]
-        emit(_TYPES[message["type"]](**message["event"]))
+    def receive(entry: tuple[float, Sequence[Mapping[str, Any]]]) -> None:
+        for message in entry[1]:
+            emit(_TYPES[message["type"]](**message["event"]))
 
     client.subscribe_topic(TOPIC, receive)
 

@@ -34,8 +34,9 @@ DASK_SETTINGS = {
     # At its default intervals, monitoring costs Dask a twentieth of two processors.
     "distributed.worker.memory.monitor-interval": "200ms",
     "distributed.worker.profile.interval": "200ms",
-    "distributed.admin.tick.interval": "200ms",
-    "distributed.admin.system-monitor.interval": "2s",
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+    "distributed.client.scheduler-info-interval": "10s",
     **{f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in WORKER_MEMORY.items()},
 }
 """Settings of Dask; deploy/ repeats them in the environment of its containers."""
@@ -60,6 +61,8 @@ _PREFECT = {
     "PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL": "CRITICAL",
     "PREFECT_LOGGING_INTERNAL_LEVEL": "CRITICAL",
     "PREFECT_LOGGING_TO_API_WHEN_MISSING_FLOW": "ignore",
+    # One request for the log lines of five seconds rather than two; what waits is sent when a flow run ends.
+    "PREFECT_LOGGING_TO_API_BATCH_INTERVAL": "5",
 }
 
 
