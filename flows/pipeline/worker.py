@@ -11,8 +11,8 @@ from glint.flows.reporting.events import (
     ProgressThrottle,
     StageEnded,
     StageStarted,
-    WorkerEvents,
 )
+from glint.flows.reporting.worker_events import WorkerEvents
 from glint.storage.errors import InputError
 from glint.storage.versions.repository import Version
 from glint.tasks.engine.capture_context import CaptureContext

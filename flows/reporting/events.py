@@ -1,27 +1,14 @@
 """Events of a run: small records of progress, ends, warnings and failures, and the sinks that receive them.
 
-A stage that runs on a Dask worker publishes its events to the scheduler, those of half a second in one message; the
-flow's process subscribes to them and passes each to the sinks of its run. The age of an event is the time, in seconds,
-that it has waited on its worker.
+The age of an event of a stage is the time, in seconds, that it has waited on its worker.
 """
 
-import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
-from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import ClassVar, Protocol
 
 from glint.storage.errors import printable
-
-if TYPE_CHECKING:
-    from distributed import Client
-
-TOPIC = "glint-progress"
-"""Dask topic of the workers' events."""
-PUBLISH_SECONDS = 0.5
-"""Time for which a worker keeps an event, so that one message carries several: each costs the flow's process a
-millisecond of processor time, and a short capture has thirty events."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,9 +120,6 @@ class Message:
 type StageEvent = StageStarted | StageProgress | StageEnded | CaptureWarning
 """Events of workers."""
 type Event = StageEvent | CaptureEnded | CaptureFailed | RunProgress | Message
-_TYPES: dict[str, type[StageEvent]] = {
-    event_type.__name__: event_type for event_type in (StageStarted, StageProgress, StageEnded, CaptureWarning)
-}
 
 
 class Sink(Protocol):
@@ -161,54 +145,6 @@ class ProgressThrottle:
             self._emitted = now
             seconds = round(now - self._started, 3)
             self._emit(StageProgress(self._capture, self._stage, done, total, seconds, self._unit))
-
-
-class WorkerEvents(AbstractContextManager["WorkerEvents"]):
-    """Publishes the events of a task on a Dask worker; to be made in the task's thread.
-
-    An event waits PUBLISH_SECONDS for others to go with it. A context manager that publishes what waits at its end, so
-    that it arrives before the task's result.
-    """
-
-    def __init__(self) -> None:
-        from distributed import get_worker
-
-        self._worker, self._lock = get_worker(), threading.Lock()
-        self._waiting: list[tuple[float, StageEvent]] = []
-
-    def __exit__(self, *unused: object) -> None:
-        """Publish the events that wait."""
-        self._publish()
-
-    def emit(self, event: StageEvent) -> None:
-        """Publish an event, at most PUBLISH_SECONDS later."""
-        with self._lock:
-            self._waiting.append((time.monotonic(), event))
-            is_first = len(self._waiting) == 1
-        if is_first:
-            loop = self._worker.loop
-            loop.add_callback(loop.call_later, PUBLISH_SECONDS, self._publish)
-
-    def _publish(self) -> None:
-        with self._lock:
-            waiting, self._waiting = self._waiting, []
-            now = time.monotonic()
-            message = [
-                {"type": type(event).__name__, "event": asdict(event) | {"age": round(now - moment, 3)}}
-                for moment, event in waiting
-            ]
-            if message:
-                self._worker.log_event(TOPIC, message)
-
-
-def subscribe(client: "Client", emit: Callable[[Event], None]) -> None:
-    """Pass on the events that workers of this client's cluster publish; a later subscription replaces an earlier."""
-
-    def receive(entry: tuple[float, Sequence[Mapping[str, Any]]]) -> None:
-        for message in entry[1]:
-            emit(_TYPES[message["type"]](**message["event"]))
-
-    client.subscribe_topic(TOPIC, receive)
 
 
 def sentence(event: Event) -> str:
