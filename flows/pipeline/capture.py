@@ -5,13 +5,14 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from distributed import Future
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
 from glint.flows.pipeline.context import run_context
 from glint.flows.pipeline.dispatch import capacity, scatter_map, task_key, wait_for
 from glint.flows.pipeline.prefect_sink import TaskRunReporter
-from glint.flows.pipeline.worker import end_events, make_page, run_stages
+from glint.flows.pipeline.worker import end_events, run_last_stages, run_stages
 from glint.flows.reporting.artifacts import create_page_artifact
 from glint.flows.reporting.events import ProgressThrottle, StageStarted
 from glint.flows.runtime.retry import retry_on_disconnect
@@ -33,17 +34,17 @@ def is_store_unreachable(task: Any, run: Any, state: Any) -> bool:
 
 @task(
     name="capture",
-    task_run_name="{capture.name}",
+    task_run_name="{name}",
     cache_policy=NO_CACHE,
     persist_result=False,
     retries=2,
     retry_delay_seconds=[5, 30],
     retry_condition_fn=is_store_unreachable,
 )
-def process_capture(capture: CaptureContext, n_captures: int = 1) -> list[StageRecord]:
+def process_capture(name: str, capture: CaptureContext, n_captures: int = 1) -> list[StageRecord]:
     """Run all stages of a capture, from survey to surface, and put its page on the dashboard.
 
-    n_captures: captures of the catalogue, whose pages share a limit of size.
+    name: OBJECT/CAPTURE; n_captures: captures of the catalogue, whose pages share a limit of size.
 
     Raises:
         InputError, StoreError, UnusableCapture: the capture cannot be processed; ClusterError: it is too large for the
@@ -51,33 +52,34 @@ def process_capture(capture: CaptureContext, n_captures: int = 1) -> list[StageR
     """
     context = run_context()
     check_inputs(capture.capture)
-    with context.cancellable(), context.prefect.attach(capture.name) as reporter:
-        records = run_on_workers(capture, reporter)
-        key = task_key(capture.name, "page")
-        made = context.client.submit(make_page, capture, records, n_captures, pure=False, key=key)
-        page = wait_for(made, capture.name, reporter)
-    retry_on_disconnect(create_page_artifact, capture.name, page)
+    with context.cancellable(), context.prefect.attach(name) as reporter:
+        records, page = run_on_workers(capture, n_captures, reporter)
+    retry_on_disconnect(create_page_artifact, name, page)
     return records
 
 
-def run_on_workers(capture: CaptureContext, reporter: TaskRunReporter) -> list[StageRecord]:
-    """Run all stages on one worker, but clusters on all workers if some are idle."""
+def run_on_workers(
+    capture: CaptureContext, n_captures: int, reporter: TaskRunReporter
+) -> tuple[list[StageRecord], str]:
+    """Run all stages on one worker, but clusters on all workers if some are idle; return the records and the page."""
     context = run_context()
     keys, available = stage_keys(capture, STAGES), capacity(context.client)
 
-    def on_one_worker(stages: Sequence[str], prepare: Callable[[], None] | None = None) -> list[StageRecord]:
+    def send(function: Callable[..., Any], stages: Sequence[str], *args: Any) -> Future:
         key = task_key(capture.name, f"{stages[0]}..{stages[-1]}")
-        future = context.client.submit(run_stages, capture, stages, keys, available.bytes, pure=False, key=key)
-        if prepare is not None:  # while the worker is busy
-            prepare()
-        records: list[StageRecord] = wait_for(future, capture.name, reporter)
-        return records
+        return context.client.submit(function, capture, stages, keys, available.bytes, *args, pure=False, key=key)
 
     has_idle = len(context.active) < available.workers
-    records = on_one_worker(NAMES[:PARALLEL], _import_parallel if has_idle else None)
-    if len(context.active) >= available.workers:
-        return records + on_one_worker(NAMES[PARALLEL:])
-    return [*records, on_all_workers(capture, keys), *on_one_worker(NAMES[PARALLEL + 1 :])]
+    future, rest = send(run_stages, NAMES[:PARALLEL]), NAMES[PARALLEL:]
+    if has_idle:
+        _import_parallel()  # while the worker is busy
+    records: list[StageRecord] = wait_for(future, capture.name, reporter)
+    if len(context.active) < available.workers:
+        records, rest = [*records, on_all_workers(capture, keys)], NAMES[PARALLEL + 1 :]
+    result: tuple[list[StageRecord], str] = wait_for(
+        send(run_last_stages, rest, records, n_captures), capture.name, reporter
+    )
+    return result
 
 
 def on_all_workers(capture: CaptureContext, keys: Mapping[str, str]) -> StageRecord:

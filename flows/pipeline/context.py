@@ -14,9 +14,10 @@ from dataclasses import dataclass, field
 from distributed import Client
 
 from glint.flows.pipeline.prefect_sink import PrefectSink
-from glint.flows.reporting.events import TOPIC, Event, Sink, subscribe
+from glint.flows.reporting.events import Event, Sink
 from glint.flows.reporting.input_reading import reading_shown
 from glint.flows.reporting.time_left import TimeLeft
+from glint.flows.reporting.worker_events import TOPIC, subscribe
 from glint.flows.results import ObjectResult
 from glint.tasks.pipeline import NAMES
 

@@ -2,15 +2,15 @@
 
 import contextvars
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from prefect import flow, runtime
 from prefect.client.schemas.objects import State
+from prefect.utilities.annotations import quote
 
 from glint.flows.errors import USER_ERRORS, message_and_remedy
 from glint.flows.object_captures import ObjectCaptures
@@ -19,22 +19,19 @@ from glint.flows.pipeline.context import run_context
 from glint.flows.pipeline.dispatch import task_key, wait_for
 from glint.flows.pipeline.drift import report_drifts
 from glint.flows.pipeline.model import process_model
-from glint.flows.pipeline.worker import publish_captures
+from glint.flows.pipeline.worker import SURVEY, compare_spheres, publish_captures
 from glint.flows.reporting.events import CaptureEnded, CaptureFailed, CaptureWarning, Message
 from glint.flows.results import CaptureResult, ObjectResult, final_state
+from glint.flows.runtime.orphaned_runs import untagged_tasks
 from glint.storage.catalogue.models import MODEL
-from glint.storage.errors import InputError
 from glint.storage.locking.locks import run_lock
-from glint.storage.versions.repository import Version
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import load_catalogue
-from glint.tasks.engine.stage import StageRecord, stage_keys
+from glint.tasks.engine.stage import StageRecord
 from glint.tasks.model.model_key import wants_model
-from glint.tasks.pipeline import STAGES
 from glint.tasks.publish import check_catalogue
 from glint.tasks.version_diff import Drift, drifts
 
-SURVEY = STAGES[0]
 MAX_THREADS = 32
 """Captures of an object that may wait for a slot, each in a thread."""
 
@@ -82,12 +79,15 @@ def process_object(captures: ObjectCaptures, drift: float | None) -> ObjectResul
             has_model = wants_model(captures.all)
             if has_model:
                 results += (run_model(captures.all),)
-            version = publish_on_worker(completed, captures.catalogue, has_model and not results[-1].error)
+            with_model = has_model and not results[-1].error
+            arguments = completed, first.run, captures.catalogue, with_model
+            version = on_worker(first.object_id, "version", publish_captures, *arguments)
             changes = list[Drift]()
-            names = first.repository.version_names()
-            if drift is not None and version.created and len(names) > 1:
-                changes = drifts(first.repository, names[-2], version.name, drift)
-                report_drifts(changes, drift)
+            if drift is not None and version.created:
+                names = first.repository.version_names()
+                if len(names) > 1:
+                    changes = drifts(first.repository, names[-2], version.name, drift)
+                    report_drifts(changes, drift)
             return ObjectResult(first.object_id, results, version, tuple(changes))
     except USER_ERRORS as error:
         return failed_object(captures, error)
@@ -99,7 +99,8 @@ def run_captures(captures: ObjectCaptures) -> tuple[CaptureResult, ...]:
     def run_capture(capture: CaptureContext) -> CaptureResult:
         # The slot comes first: a capture that waits for one is not yet a running task on the dashboard.
         with run_context().slot(capture.name):
-            process = partial(process_capture, capture, captures.n_captures)
+            # Prefect looks for other runs in all that a task is given, unless it is quoted.
+            process = partial(process_capture, capture.name, quote(capture), captures.n_captures)
             return run_reported(capture.object_id, capture.capture.id, process)
 
     with ThreadPoolExecutor(min(len(captures.chosen), MAX_THREADS)) as pool:
@@ -115,14 +116,11 @@ def with_agreement(captures: ObjectCaptures, results: Sequence[CaptureResult]) -
     failed = {result.capture_id for result in results if result.error}
     if len(captures.all) - len(failed) < 2:
         return tuple(results)
-    # Imported where it is needed, since its compiled modules are slow to import.
-    from glint.tasks.sphere_agreement import sphere_offer, sphere_warnings, surveyed_spheres
-
-    spheres = surveyed_spheres([context for context in captures.all if _is_surveyed(context, failed)])
-    warnings, agreed = sphere_warnings(spheres), list[CaptureResult]()
-    for context, result in zip(captures.chosen, results, strict=True):
-        own = warnings.get(result.capture_id, [])
-        offer = sphere_offer(context, spheres) if "sphere" in result.error else ""
+    refused = {result.capture_id for result in results if "sphere" in result.error}
+    warnings, offers = on_worker(captures.object_id, "spheres", compare_spheres, captures.all, failed, refused)
+    agreed = list[CaptureResult]()
+    for result in results:
+        own, offer = warnings.get(result.capture_id, []), offers.get(result.capture_id, "")
         for text in [warning.message for warning in own] + [offer] * bool(offer):
             run_context().emit(CaptureWarning(result.name, text, SURVEY.name))
         records = (
@@ -134,35 +132,23 @@ def with_agreement(captures: ObjectCaptures, results: Sequence[CaptureResult]) -
     return tuple(agreed)
 
 
-def _is_surveyed(context: CaptureContext, failed: Collection[str]) -> bool:
-    """Return whether the spheres that are stored of a capture are those of its present inputs."""
-    with suppress(InputError):
-        key = stage_keys(context, [SURVEY])[SURVEY.name]
-        return context.capture.id not in failed and context.repository.stage_key(context.capture.id, SURVEY.name) == key
-    return False
-
-
 def run_model(captures: Sequence[CaptureContext]) -> CaptureResult:
     """Merge the views of an object; a failure is the model's alone, the captures are published nevertheless."""
     object_id = captures[0].object_id
     return run_reported(object_id, MODEL, partial(process_model, captures, f"{object_id}/{MODEL}"))
 
 
-def publish_on_worker(captures: Sequence[CaptureContext], catalogue: str, model: bool) -> Version:
-    """Have a worker publish captures of one object; see `publish`."""
-    context, first = run_context(), captures[0]
+def on_worker[**P, R](object_id: str, name: str, function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
+    """Have a worker run a function for an object; name: what it does, on Dask's dashboard.
+
+    Raises:
+        ClusterError: its worker died twice; else what the function raises.
+    """
+    context = run_context()
     with context.cancellable():
-        future = context.client.submit(
-            publish_captures,
-            captures,
-            first.run,
-            catalogue,
-            model,
-            pure=False,
-            key=task_key(first.object_id, "version"),
-        )
-        version: Version = wait_for(future, first.object_id)
-    return version
+        future = context.client.submit(function, *args, **kwargs, pure=False, key=task_key(object_id, name))
+        result: R = wait_for(future, object_id)
+    return result
 
 
 def run_reported(object_id: str, capture_id: str, process: Callable[[], Sequence[StageRecord]]) -> CaptureResult:
@@ -174,7 +160,8 @@ def run_reported(object_id: str, capture_id: str, process: Callable[[], Sequence
     context, started = run_context(), time.monotonic()
     records, error, remedy = tuple[StageRecord, ...](), "", ""
     try:
-        records = tuple(process())
+        with untagged_tasks():
+            records = tuple(process())
     except Exception as failure:
         context.raise_if_cancelled()
         error, remedy = message_and_remedy(failure)

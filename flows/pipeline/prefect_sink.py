@@ -71,7 +71,7 @@ class TaskRunReporter:
             self._context.run(self._stage_run.announce_running)
 
     def handle(self, event: Event, moment: datetime) -> None:
-        """Report an event that arrived at a moment."""
+        """Report an event of a moment."""
         match event:
             case StageStarted():
                 if self._stage_run is not None:
@@ -147,7 +147,7 @@ class PrefectSink(AbstractContextManager["PrefectSink"]):
         reporter = self._reporters.get(event.capture)
         if reporter is not None:
             reporter.stage = getattr(event, "stage", "") or reporter.stage
-            moment = _now()
+            moment = _now() - timedelta(seconds=getattr(event, "age", 0.0))
             self._queue.put((reporter, lambda: reporter.handle(event, moment)))
 
     @contextmanager

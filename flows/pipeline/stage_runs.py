@@ -32,7 +32,6 @@ class StageRun:
             flow_run_id=parent.flow_run_id,
             task_key=f"stage-{stage}",
             dynamic_key=str(identity),
-            tags=list(parent.tags),  # name the process, so that a later run can mark orphans as crashed
             task_inputs={"__parents__": [TaskRunResult(id=parent.id)]},
             run_count=1,
             **times,

@@ -1,6 +1,7 @@
 """Tasks of the Dask workers: they run stages, and import nothing of Prefect, which takes seconds."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 
 from dask.utils import format_bytes
 
@@ -10,15 +11,18 @@ from glint.flows.reporting.events import (
     ProgressThrottle,
     StageEnded,
     StageStarted,
-    publish_from_worker,
 )
+from glint.flows.reporting.worker_events import WorkerEvents
+from glint.storage.errors import InputError
 from glint.storage.versions.repository import Version
 from glint.tasks.engine.capture_context import CaptureContext
-from glint.tasks.engine.stage import StageRecord, perform
+from glint.tasks.engine.stage import StageRecord, perform, stage_keys
+from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.memory import largest_need
-from glint.tasks.pipeline import BY_NAME
+from glint.tasks.pipeline import BY_NAME, STAGES
 from glint.tasks.publish import publish
 
+SURVEY = STAGES[0]
 PROGRESS_SECONDS = 0.5
 """Interval at which a worker reports a stage's progress."""
 
@@ -34,28 +38,60 @@ def run_stages(
     Raises:
         ClusterError: after the survey, the capture needs more bytes; else what the stages raise.
     """
-    emit, records = publish_from_worker(), []
-    for name in stages:
-        stage = BY_NAME[name]
-        unit = stage.progress_unit
-        emit(StageStarted(capture.name, name, unit))
-        progress = ProgressThrottle(emit, capture.name, name, unit, PROGRESS_SECONDS)
-        record = perform(capture, stage, keys[name], progress)
-        for event in end_events(capture.name, record):
-            emit(event)
-        if name == "survey":
-            needed, largest = largest_need(capture)
-            check_bytes(limit, needed, f"{largest} of {capture.name}")
-        records.append(record)
+    records = list[StageRecord]()
+    with WorkerEvents() as events:
+        for name in stages:
+            stage = BY_NAME[name]
+            unit = stage.progress_unit
+            events.emit(StageStarted(capture.name, name, unit))
+            progress = ProgressThrottle(events.emit, capture.name, name, unit, PROGRESS_SECONDS)
+            record = perform(capture, stage, keys[name], progress)
+            for event in end_events(capture.name, record):
+                events.emit(event)
+            if name == "survey":
+                needed, largest = largest_need(capture)
+                check_bytes(limit, needed, f"{largest} of {capture.name}")
+            records.append(record)
     return records
 
 
 @sent_from_worker()
-def make_page(capture: CaptureContext, records: Sequence[StageRecord], n_captures: int) -> str:
-    """Make the page of a capture on a Dask worker; see `capture_page`."""
+def run_last_stages(
+    capture: CaptureContext, stages: Sequence[str], keys: Mapping[str, str], limit: int | None,
+    earlier: Sequence[StageRecord], n_captures: int,
+) -> tuple[list[StageRecord], str]:  # fmt: skip
+    """Run the last stages of a capture on a Dask worker, and make its page; see `run_stages` and `capture_page`.
+
+    earlier: records of the stages before. Returns the records of all stages, and the page.
+    """
     from glint.tasks.figures.capture_page import capture_page
 
-    return capture_page(capture, records, n_captures)
+    records = [*earlier, *run_stages(capture, stages, keys, limit)]
+    return records, capture_page(capture, records, n_captures)
+
+
+@sent_from_worker()
+def compare_spheres(
+    captures: Sequence[CaptureContext], failed: Collection[str], refused: Collection[str]
+) -> tuple[dict[str, list[StageWarning]], dict[str, str]]:
+    """Compare the spheres of an object's captures on a Dask worker; see `sphere_warnings` and `sphere_offer`.
+
+    failed: ids of the captures without a result; refused: those of them that failed for their sphere.
+    Returns, by capture, warnings of spheres that lie elsewhere, and what the refused ones are offered.
+    """
+    from glint.tasks.sphere_agreement import sphere_offer, sphere_warnings, surveyed_spheres
+
+    spheres = surveyed_spheres([context for context in captures if _is_surveyed(context, failed)])
+    offers = {item.capture.id: sphere_offer(item, spheres) for item in captures if item.capture.id in refused}
+    return sphere_warnings(spheres), offers
+
+
+def _is_surveyed(context: CaptureContext, failed: Collection[str]) -> bool:
+    """Return whether the spheres that are stored of a capture are those of its present inputs."""
+    with suppress(InputError):
+        key = stage_keys(context, [SURVEY])[SURVEY.name]
+        return context.capture.id not in failed and context.repository.stage_key(context.capture.id, SURVEY.name) == key
+    return False
 
 
 @sent_from_worker()
@@ -69,11 +105,11 @@ def run_model_stage(captures: Sequence[CaptureContext], key: str, name: str, sta
     """Run the model stage of an object on a Dask worker, and publish its events as those of `name`."""
     from glint.tasks.model.model import perform_model
 
-    emit = publish_from_worker()
-    emit(StageStarted(name, stage))
-    record = perform_model(captures, key, ProgressThrottle(emit, name, stage, interval=PROGRESS_SECONDS))
-    for event in end_events(name, record):
-        emit(event)
+    with WorkerEvents() as events:
+        events.emit(StageStarted(name, stage))
+        record = perform_model(captures, key, ProgressThrottle(events.emit, name, stage, interval=PROGRESS_SECONDS))
+        for event in end_events(name, record):
+            events.emit(event)
     return record
 
 

@@ -41,11 +41,13 @@ class JsonLines(AbstractContextManager["JsonLines"]):
 
     def emit(self, event: Event) -> None:
         """Write the event's line."""
-        fields = {name: value for name, value in asdict(event).items() if value not in (None, "") and name != "unit"}
+        fields = {name: value for name, value in asdict(event).items() if value not in (None, "")}
+        age = fields.pop("age", 0.0)
+        fields.pop("unit", None)
         rate = getattr(event, "rate", None)
         if rate is not None:
             fields["frames_per_second"] = round(rate, 1)
-        line = {"time": round(time.time(), 3), "kind": event.kind, **fields}
+        line = {"time": round(time.time() - age, 3), "kind": event.kind, **fields}
         with self._lock:
             write_line(self._stream, printable(json.dumps(line, ensure_ascii=False)))
 

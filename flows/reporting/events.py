@@ -1,21 +1,14 @@
 """Events of a run: small records of progress, ends, warnings and failures, and the sinks that receive them.
 
-Stages that run on a Dask worker publish their events to the scheduler; the flow's process subscribes to them and passes
-each to the sinks of its run.
+The age of an event of a stage is the time, in seconds, that it has waited on its worker.
 """
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from dataclasses import dataclass, field
+from typing import ClassVar, Protocol
 
 from glint.storage.errors import printable
-
-if TYPE_CHECKING:
-    from distributed import Client
-
-TOPIC = "glint-progress"
-"""Dask topic of the workers' events."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +21,7 @@ class StageStarted:
     unit: str = "parts"
     done: int = 0
     seconds: float = 0.0
+    age: float = field(default=0.0, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +41,7 @@ class StageProgress:
     unit: str = "parts"
     seconds_left: float | None = None
     share: float | None = None
+    age: float = field(default=0.0, compare=False)
 
     @property
     def rate(self) -> float | None:
@@ -64,6 +59,7 @@ class StageEnded:
     seconds: float
     cached: bool = False
     frames: int | None = None
+    age: float = field(default=0.0, compare=False)
 
     @property
     def rate(self) -> float | None:
@@ -98,6 +94,7 @@ class CaptureWarning:
     capture: str
     text: str
     stage: str = ""
+    age: float = field(default=0.0, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,13 +117,9 @@ class Message:
     capture: str = ""
 
 
-type Event = (
-    StageStarted | StageProgress | StageEnded | CaptureEnded | CaptureFailed | CaptureWarning | RunProgress | Message
-)
-_TYPES: dict[str, type[Event]] = {
-    event_type.__name__: event_type
-    for event_type in (StageStarted, StageProgress, StageEnded, CaptureEnded, CaptureFailed, CaptureWarning, Message)
-}
+type StageEvent = StageStarted | StageProgress | StageEnded | CaptureWarning
+"""Events of workers."""
+type Event = StageEvent | CaptureEnded | CaptureFailed | RunProgress | Message
 
 
 class Sink(Protocol):
@@ -140,7 +133,7 @@ class ProgressThrottle:
     """The progress callable of a stage: emits at most one event per `interval` seconds, and always the last one."""
 
     def __init__(
-        self, emit: Callable[[Event], None], capture: str, stage: str, unit: str = "parts", interval: float = 0.2
+        self, emit: Callable[[StageEvent], None], capture: str, stage: str, unit: str = "parts", interval: float = 0.2
     ) -> None:
         self._emit, self._capture, self._stage, self._unit = emit, capture, stage, unit
         self._interval, self._started, self._emitted = interval, time.monotonic(), 0.0
@@ -152,24 +145,6 @@ class ProgressThrottle:
             self._emitted = now
             seconds = round(now - self._started, 3)
             self._emit(StageProgress(self._capture, self._stage, done, total, seconds, self._unit))
-
-
-def publish_from_worker() -> Callable[[Event], None]:
-    """Return a function that publishes events; to be called in the thread of a task on a Dask worker."""
-    from distributed import get_worker
-
-    worker = get_worker()
-    return lambda event: worker.log_event(TOPIC, {"type": type(event).__name__, "event": asdict(event)})
-
-
-def subscribe(client: "Client", emit: Callable[[Event], None]) -> None:
-    """Pass on the events that workers of this client's cluster publish; a later subscription replaces an earlier."""
-
-    def receive(entry: tuple[float, dict[str, Any]]) -> None:
-        message = entry[1]
-        emit(_TYPES[message["type"]](**message["event"]))
-
-    client.subscribe_topic(TOPIC, receive)
 
 
 def sentence(event: Event) -> str:

@@ -71,7 +71,7 @@ class TimeLeft:
         """Yield the event with its capture's seconds left, where they are known, and at intervals the run's."""
         now = time.monotonic() if now is None else now
         with self._lock:
-            self._update(event, now)
+            self._update(event, now - getattr(event, "age", 0.0))
             if isinstance(event, StageProgress) and event.capture in self._captures:
                 event = self._with_time_left(event, self._captures[event.capture], now)
             is_end = isinstance(event, CaptureEnded | CaptureFailed) and event.capture in self._expected

@@ -31,11 +31,16 @@ DASK_SETTINGS = {
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.pause": False,
     "distributed.worker.memory.terminate": TERMINATED,
-    # At its default intervals, monitoring costs Dask a twentieth of two processors.
-    "distributed.worker.memory.monitor-interval": "200ms",
+    # At its default intervals, monitoring costs Dask a twentieth of two processors, all through the run. A worker that
+    # outgrows its memory between two looks is killed by the system, with the same consequence.
+    "distributed.worker.memory.monitor-interval": "500ms",
     "distributed.worker.profile.interval": "200ms",
-    "distributed.admin.tick.interval": "200ms",
-    "distributed.admin.system-monitor.interval": "2s",
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+    "distributed.client.scheduler-info-interval": "10s",
+    "distributed.scheduler.dashboard.bokeh-application.check_unused_sessions_milliseconds": 10_000,
+    # It would remove copies of what is sent to all workers on purpose.
+    "distributed.scheduler.active-memory-manager.start": False,
     **{f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in WORKER_MEMORY.items()},
 }
 """Settings of Dask; deploy/ repeats them in the environment of its containers."""
@@ -60,6 +65,8 @@ _PREFECT = {
     "PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL": "CRITICAL",
     "PREFECT_LOGGING_INTERNAL_LEVEL": "CRITICAL",
     "PREFECT_LOGGING_TO_API_WHEN_MISSING_FLOW": "ignore",
+    # One request for the log lines of five seconds rather than two; what waits is sent when a flow run ends.
+    "PREFECT_LOGGING_TO_API_BATCH_INTERVAL": "5",
 }
 
 

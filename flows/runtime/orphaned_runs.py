@@ -1,7 +1,8 @@
 """Mark runs as crashed whose process has died; the server would otherwise show them as running forever.
 
-Every local run, with its captures and stages, has a tag that names its process. A later run on the same machine looks
-for tags of processes that have ended, and marks their runs as crashed. Results need no such care: a stage is stored
+Every local flow run has a tag that names its process. A later run on the same machine looks for tags of processes that
+have ended, and marks their flow runs as crashed, with the captures and stages in them, which have no tags: Prefect asks
+the server for the concurrency limits of each tag of a task run. Results need no such care: a stage is stored
 whole or not at all. Runs of deployments have heartbeats besides (`deployments.automations`), for other machines.
 """
 
@@ -23,6 +24,15 @@ def tagged_with_process() -> Iterator[None]:
     from prefect import tags
 
     with tags(RUN_TAG, process_tag()):
+        yield
+
+
+@contextmanager
+def untagged_tasks() -> Iterator[None]:
+    """Give the task runs that are started inside no tags; their flow run has them."""
+    from prefect.context import TagsContext
+
+    with TagsContext(current_tags=set()):
         yield
 
 
@@ -55,31 +65,39 @@ def _mark_crashed(is_orphaned: Callable[[Sequence[str]], bool], message: str, ta
     from prefect.client.orchestration import get_client
     from prefect.client.schemas.filters import (
         FlowRunFilter,
+        FlowRunFilterId,
         FlowRunFilterState,
         FlowRunFilterStateType,
         FlowRunFilterTags,
         TaskRunFilter,
         TaskRunFilterState,
         TaskRunFilterStateType,
-        TaskRunFilterTags,
     )
     from prefect.client.schemas.objects import State, StateType
     from prefect.states import Crashed
 
     crashed: State[Any] = Crashed(message=message)
     open_states = [StateType.RUNNING, StateType.PENDING, StateType.CANCELLING]
-    flow_runs = FlowRunFilter(
-        state=FlowRunFilterState(type=FlowRunFilterStateType(any_=open_states)), tags=FlowRunFilterTags(all_=[RUN_TAG])
-    )
-    task_runs = TaskRunFilter(
-        state=TaskRunFilterState(type=TaskRunFilterStateType(any_=open_states)), tags=TaskRunFilterTags(all_=[RUN_TAG])
-    )
+    tagged = FlowRunFilterTags(all_=[RUN_TAG])
+    open_flow_runs = FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=open_states)), tags=tagged)
+    open_task_runs = TaskRunFilter(state=TaskRunFilterState(type=TaskRunFilterStateType(any_=open_states)))
     with get_client(sync_client=True) as client:
-        matching = _pages(client.read_flow_runs, flow_run_filter=flow_runs)
+        matching = _pages(client.read_flow_runs, flow_run_filter=open_flow_runs)
         orphans = [run.id for run in matching if is_orphaned(run.tags)]
         if tasks:
-            for run in list(_pages(client.read_task_runs, task_run_filter=task_runs)):
-                if is_orphaned(run.tags):
+            filters = {"flow_run_filter": FlowRunFilter(tags=tagged), "task_run_filter": open_task_runs}
+            task_runs = list(_pages(client.read_task_runs, **filters))
+            ids = list({run.flow_run_id for run in task_runs})
+            parents = {
+                run.id
+                for start in range(0, len(ids), _PAGE)
+                for run in client.read_flow_runs(
+                    flow_run_filter=FlowRunFilter(id=FlowRunFilterId(any_=ids[start : start + _PAGE])), limit=_PAGE
+                )
+                if is_orphaned(run.tags)
+            }
+            for run in task_runs:
+                if run.flow_run_id in parents:
                     client.set_task_run_state(run.id, crashed, force=True)
         for orphan in orphans:
             client.set_flow_run_state(orphan, crashed, force=True)

@@ -99,7 +99,10 @@ def read_state(folder: Path) -> State | None:
 def keep(folder: Path, ended: threading.Event) -> None:
     """Restart the server at its address whenever it has died, until `ended` is set; a stopped one stays stopped."""
     while not ended.wait(KEEPER_SECONDS):
-        with locked(folder):
+        state = read_state(folder)
+        if state is None or is_alive(*state.process):
+            continue
+        with locked(folder):  # another run may have restarted it meanwhile
             state = read_state(folder)
             if state is not None and not is_alive(*state.process):
                 spawn(folder, state)

@@ -1,12 +1,13 @@
 """What a capture costs beside its computing, and how that grows: the constants of docs/sizing.md.
 
-    python -m tests.benchmarks.sizing [--captures 2000] [--per-object 20] [--frames 64] [--s3]
+    python -m tests.benchmarks.sizing [--captures 2000] [--per-object 20] [--frames 64] [--s3] [--idle SECONDS]
 
 Tiny captures that share one video, labelled by their brightest clusters, are run as one catalogue, so that seconds,
 memory and bytes are the flow's own. Every hundred captures: seconds so far, seconds of processor of this process, the
 Dask workers and the Prefect server, their memory, bytes of the database. Then the store's bytes and files by kind, and
 the seconds of a second run that finds everything unchanged. With --s3 the store is on an S3 gateway of its own (see
-tests/s3_gateway.py), whose requests are counted.
+tests/s3_gateway.py), whose requests are counted. With --idle only the processor time of a cluster without work is
+measured, in the process that would run the flow.
 """
 
 import argparse
@@ -26,6 +27,7 @@ import psutil
 
 from glint.flows.pipeline.run import run
 from glint.flows.reporting.events import CaptureFailed, Event
+from glint.flows.runtime.dask_cluster import DASHBOARD_SECONDS, Cluster
 from glint.flows.runtime.prefect_server import start_server, stop_server
 from glint.storage.catalogue.loading import Catalogue, load, write
 from glint.storage.locations.location import Location
@@ -127,6 +129,16 @@ def requests(gateway: Gateway | None) -> dict[str, int]:
     }
 
 
+def idle(workers: int, seconds: float) -> None:
+    """Print what a cluster without work costs this process, once Dask's dashboard is there."""
+    with Cluster(None, workers) as cluster:
+        assert cluster.client.scheduler_info()
+        time.sleep(2 * DASHBOARD_SECONDS)
+        before = _cpu([psutil.Process()])
+        time.sleep(seconds)
+        print(f"idle: {1000 * (_cpu([psutil.Process()]) - before) / seconds:.1f} ms of processor a second")
+
+
 def measure(options: argparse.Namespace, folder: Path, gateway: Gateway | None) -> None:
     """Run twice, and print what it took."""
     catalogue = drawn(folder / "captures", options.captures, options.per_object, options.frames)
@@ -160,7 +172,11 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--every", type=int, default=100)
     parser.add_argument("--s3", action="store_true")
+    parser.add_argument("--idle", type=float, metavar="SECONDS")
     options = parser.parse_args()
+    if options.idle:
+        idle(options.workers, options.idle)
+        return
     folder = Path(tempfile.mkdtemp(prefix="sizing-"))
     os.environ["GLINT_HOME"] = str(folder / "home")
     try:

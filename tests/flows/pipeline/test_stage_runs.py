@@ -16,7 +16,6 @@ from glint.flows.pipeline.prefect_sink import PrefectSink
 from glint.flows.pipeline.stage_runs import CACHED
 from glint.flows.pipeline.worker import end_events
 from glint.flows.reporting.events import CaptureWarning, Event, StageEnded, StageProgress, StageStarted
-from glint.flows.runtime.orphaned_runs import RUN_TAG, tagged_with_process
 from glint.flows.runtime.prefect_server import Server
 from glint.tasks.engine.stage import StageRecord
 from glint.tasks.engine.stage_warning import StageWarning
@@ -57,7 +56,7 @@ def process(sink: PrefectSink, events: list[Event | float], error: Exception | N
 
 def run(events: list[Event | float], error: Exception | None = None) -> tuple[str, Any]:
     """Run one capture: the flow run's id, and the state of the capture."""
-    with PrefectSink() as sink, tagged_with_process():
+    with PrefectSink() as sink:
         return process(sink, events, error)
 
 
@@ -111,7 +110,6 @@ def test_the_graph_shows_each_stage_inside_its_capture(server: Server) -> None:
         assert stage.end_time and stage.start_time
         assert PAUSE <= (stage.end_time - stage.start_time).total_seconds() < PAUSE + 30
     assert frames.end_time and labels.start_time and frames.end_time <= labels.start_time
-    assert RUN_TAG in labels.tags and len(labels.tags) == 2
 
 
 def _is_final(nodes: dict[str, dict[str, Any]]) -> bool:

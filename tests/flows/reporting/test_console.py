@@ -113,3 +113,12 @@ def test_the_display_fits_where_the_output_goes(monkeypatch: pytest.MonkeyPatch)
     assert isinstance(open_console(), PlainLines)
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     assert isinstance(open_console(), ProgressBars)
+
+
+def test_json_gives_the_time_of_an_event_not_of_its_arrival() -> None:
+    stream = io.StringIO()
+    began = time.time()
+    JsonLines(stream).emit(StageStarted("glass/front", "labels", age=100.0))
+    line = json.loads(stream.getvalue())
+    assert began - 100.0 - 0.01 <= line["time"] <= time.time() - 100.0 + 0.01
+    assert "age" not in line

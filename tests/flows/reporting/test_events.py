@@ -8,13 +8,9 @@ from glint.flows.reporting.events import (
     StageEnded,
     StageProgress,
     StageStarted,
-    publish_from_worker,
     sentence,
-    subscribe,
 )
-from glint.flows.runtime.dask_cluster import Cluster
 from tests.flows.recording_sink import RecordingSink
-from tests.polling import PATIENCE, until
 
 FRONT = "glass/front"
 
@@ -60,24 +56,3 @@ def test_a_throttle_emits_few_events_but_always_the_last() -> None:
         progress(done, 100)
     assert sink.progress[-1].done == 100
     assert len(sink.events) <= 2
-
-
-def work() -> str:
-    emit = publish_from_worker()
-    emit(StageStarted(FRONT, "frames", "frames"))
-    progress = ProgressThrottle(emit, FRONT, "frames", "frames")
-    for done in range(1, 101):
-        progress(done, 100)
-    return "done"
-
-
-@pytest.mark.server
-def test_events_of_workers_arrive(cluster: Cluster) -> None:
-    sink = ProgressSink()
-    subscribe(cluster.client, sink.emit)
-    assert cluster.client.submit(work, pure=False).result(timeout=PATIENCE) == "done"
-    until(lambda: sink.progress and sink.progress[-1].done == 100, pause=0.02)
-    assert sink.events[0] == StageStarted(FRONT, "frames", "frames")
-    assert {(event.capture, event.stage, event.total, event.unit) for event in sink.progress} == {
-        (FRONT, "frames", 100, "frames")
-    }

@@ -19,7 +19,7 @@ from pathlib import Path
 from glint.flows.runtime.prefect_server import start_server
 server = start_server(Path(sys.argv[1]))
 from prefect import flow, task
-from glint.flows.runtime.orphaned_runs import tagged_with_process
+from glint.flows.runtime.orphaned_runs import tagged_with_process, untagged_tasks
 
 @task
 def wait():
@@ -28,7 +28,8 @@ def wait():
 
 @flow
 def inner():
-    wait()
+    with untagged_tasks():
+        wait()
 
 @flow
 def outer():
@@ -40,7 +41,8 @@ with server.connected(), tagged_with_process():
 
 
 def runs_of(server: Server, kind: str, tag: str) -> list[dict[str, Any]]:
-    asked = {f"{kind}s": {"tags": {"all_": [tag]}}}
+    """Flow runs with a tag, or the task runs in them, which have none."""
+    asked = {"flow_runs": {"tags": {"all_": [tag]}}}
     found: list[dict[str, Any]] = ask(f"{server.api_url}/{kind}s/filter", asked)
     return found
 
