@@ -30,6 +30,13 @@ class Model:
     cell: float
 
 
+def face_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Return unit normals (M, 3) of triangles (M, 3) of vertices (N, 3); zero for a degenerate triangle."""
+    corners = vertices[triangles]
+    face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.asarray(face / np.maximum(np.linalg.norm(face, axis=1, keepdims=True), 1e-12))
+
+
 def vertex_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Return unit normals (N, 3) of vertices (N, 3): the area-weighted mean over their triangles (M, 3)."""
     corners = vertices[triangles]

@@ -7,6 +7,7 @@ held by the other views and by the silhouettes. With the displacement h of each 
 unknown, all terms are linear in h, and a step solves one sparse system:
 
 - each edge (i, j) of a triangle is perpendicular to the fused normal n: n . (x_i + h_i m_i - x_j - h_j m_j) = 0;
+- where the surface settles against a normal, as behind a step that smooth normals run across, the normal gives way;
 - no vertex leaves a silhouette; where a silhouette has lost contact with the surface, its nearest vertex is drawn back;
 - the displacement is smooth, and small where no view is confident.
 """
@@ -20,7 +21,7 @@ from scipy import ndimage
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
-from glint.tasks.algorithms.multiview.mesh import vertex_normals
+from glint.tasks.algorithms.multiview.mesh import face_normals, vertex_normals
 from glint.tasks.algorithms.multiview.normal_fusion import FusedNormals, fuse_normals
 from glint.tasks.algorithms.multiview.view import View
 
@@ -36,6 +37,10 @@ MAX_CONTACT_COSINE = 0.5
 """Largest cosine between normal and view vector of a vertex that may lie on the silhouette."""
 CONTACT_RADIUS_PX = 15.0
 """Pixels from a silhouette within which its vertex of contact is searched."""
+TOLERANCE_DEG = (np.inf, 60.0, 40.0, 30.0, 20.0)
+"""Degrees between a triangle and its fused normal at which the normal's weight is halved, by step; later steps are as
+the last. In the first step all normals count: the surface may be wrong itself (graduated non-convexity, Blake and
+Zisserman 1987)."""
 BASE_WEIGHT, BASE_BAND_PX, MIN_BASE_COSINE = 0.3, 0.7, 0.5
 """Weight of the base plane's normal, at vertices within so many pixels of it whose normals point downwards."""
 
@@ -47,10 +52,12 @@ def refine_mesh(
     steps: int = 5,
     progress: Callable[[], None] | None = None,
     base: float | None = None,
+    is_robust: bool = False,
 ) -> np.ndarray:
     """Return vertices (N, 3) after so many steps of refinement; the triangles (M, 3) stay as they are.
 
-    progress: called after each step; base: the height y of the plane on which the object stands, None: unknown.
+    progress: called after each step; base: the height y of the plane on which the object stands, None: unknown;
+    is_robust: whether normals that the surface contradicts lose weight by TOLERANCE_DEG. A hull contradicts most.
     """
     smoothness = _smoothness(len(vertices), triangles)
     edge = float(np.linalg.norm(vertices[triangles[:, 0]] - vertices[triangles[:, 1]], axis=1).mean())
@@ -59,7 +66,8 @@ def refine_mesh(
         normals = vertex_normals(vertices, triangles)
         if base is not None:
             fused = _with_base_normals(views, vertices, normals, fused, base)
-        matrix, right_side = _normal_equations(vertices, normals, triangles, fused)
+        tolerance = TOLERANCE_DEG[min(step, len(TOLERANCE_DEG) - 1)] if is_robust else np.inf
+        matrix, right_side = _normal_equations(vertices, normals, triangles, fused, tolerance)
         matrix = matrix + SMOOTHNESS_WEIGHT * smoothness + DAMPING_WEIGHT * sparse.identity(len(vertices))
         for view in views:
             # The first step only follows the normals and stays inside; contact is restored from the second one on.
@@ -79,13 +87,17 @@ def refine_mesh(
 
 
 def _normal_equations(
-    vertices: np.ndarray, normals: np.ndarray, triangles: np.ndarray, fused: FusedNormals
+    vertices: np.ndarray, normals: np.ndarray, triangles: np.ndarray, fused: FusedNormals, tolerance_deg: float
 ) -> tuple[sparse.csr_matrix, np.ndarray]:
-    """Return matrix (N, N) and right side (N,) of the edges' equations, weighted by the fused normals' weights."""
+    """Return matrix (N, N) and right side (N,) of the edges' equations, weighted by the fused normals' weights.
+
+    tolerance_deg: degrees from a triangle at which the weight of its normal is halved (Cauchy weights).
+    """
     weight = fused.weight[triangles]
     target = (weight[..., None] * fused.normals[triangles]).sum(axis=1)
     target /= np.maximum(np.linalg.norm(target, axis=1, keepdims=True), 1e-12)
-    scale = np.sqrt(weight.mean(axis=1))
+    angle = np.degrees(np.arccos(np.clip((face_normals(vertices, triangles) * target).sum(axis=1), -1.0, 1.0)))
+    scale = np.sqrt(weight.mean(axis=1) / (1.0 + (angle / tolerance_deg) ** 2))
     count, rows = len(vertices), np.arange(len(triangles))
     matrix, right_side = sparse.csr_matrix((count, count)), np.zeros(count)
     for first, second in ((0, 1), (1, 2), (2, 0)):

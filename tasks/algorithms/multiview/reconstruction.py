@@ -1,7 +1,8 @@
 """Multi-view reconstruction: the visual hull, refined until it has the normals of all views (the paper's future work).
 
 Rounds of normal-guided mesh refinement (Nehab et al. 2005) alternate with screened Poisson reconstruction (Kazhdan and
-Hoppe 2013), which removes the folds that steps along normals leave.
+Hoppe 2013), which removes the folds that steps along normals leave. From the second round on normals that the surface
+contradicts lose weight.
 """
 
 from collections.abc import Callable, Sequence
@@ -47,8 +48,11 @@ def reconstruct_surface(
         if progress is not None:
             progress(steps_done, rounds * steps)
 
+    # A hull contradicts the normals wherever it is wrong: they must all move it first.
+    is_robust = bool((model.source >= 0).any())
     for _ in range(rounds):
-        vertices = refine_mesh(views, vertices, triangles, steps, advance, base)
+        vertices = refine_mesh(views, vertices, triangles, steps, advance, base, is_robust)
+        is_robust = True
         vertices, triangles = poisson_reconstruction(vertices, vertex_normals(vertices, triangles), model.cell)
     return _with_confidence(views, vertices, triangles, model.cell)
 
