@@ -21,7 +21,7 @@ MIN_BODY_SHARE = 0.6
 one was forced."""
 DEPTH_SD, INDEPENDENT_SIDE = 0.02, 0.05
 """Standard deviation of the body's depth, and side of a square in which its errors are the same, in inradii."""
-MAX_DEVIATION, MIN_AGREEING_SHARE = 0.1, 0.95
+MAX_BODY_DEVIATION, MIN_UNCONTRADICTED_SHARE = 0.1, 0.95
 """Difference between a height and the body's depth, in inradii, from which they contradict each other, and the share of
 the body's pixels that must not."""
 ATTACHED_WEIGHT, MIN_ATTACHED_PX, ATTACHING_ROUNDS = 1e-4, 1.0, 8
@@ -55,7 +55,7 @@ def known_body(depth: np.ndarray | None, mask: np.ndarray) -> KnownBody | None:
 
 def body_pull(body: KnownBody, height: np.ndarray) -> np.ndarray:
     """Return the weights (H, W), per square pixel, that draw a height (H, W) to the body, by the loss of the edges."""
-    relative = (height - body.depth) / (MAX_DEVIATION * body.scale)
+    relative = (height - body.depth) / (MAX_BODY_DEVIATION * body.scale)
     full = (DEPTH_SD * INDEPENDENT_SIDE * body.scale**2) ** -2.0
     return np.where(body.known, full / (1.0 + relative**2) ** 3, 0.0)
 
@@ -63,7 +63,7 @@ def body_pull(body: KnownBody, height: np.ndarray) -> np.ndarray:
 def agrees(body: KnownBody, height: np.ndarray) -> bool:
     """Return whether a height (H, W), whose constant is the body's, agrees with its depth nearly everywhere."""
     deviation = np.abs(height - body.depth)[body.known]
-    return bool((deviation < MAX_DEVIATION * body.scale).mean() >= MIN_AGREEING_SHARE)
+    return bool((deviation < MAX_BODY_DEVIATION * body.scale).mean() >= MIN_UNCONTRADICTED_SHARE)
 
 
 def beside_body(edges: GridEdges, body: KnownBody) -> GridEdges:

@@ -64,7 +64,7 @@ BILATERAL_SCALE = 10.0
 """First scale after a bilateral start: its own steps have no weight, and what it got wrong may still be mended."""
 BODY_SCALE = 30.0
 """First scale of the attempt that starts from a known body, whose depth is less precise than the normals."""
-BODY_PRICE_RATIO = 1.25
+BODY_PRICE_RATIO = 2.0
 """Ratio of the price of its steps to the lowest other up to which that attempt is preferred."""
 EVIDENCE_SCALE = 3.0
 """Significance of a step's evidence at which its scale falls, or its weight, to half."""

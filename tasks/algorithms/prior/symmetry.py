@@ -158,12 +158,12 @@ def surface_of_revolution_normals(
         # Another tilt moves the end towards the camera, the wall below it hardly.
         moved = (end_depths - depths[around])[~is_far]
         depths[around] = end_depths - (np.nanmedian(moved) if np.isfinite(moved).any() else 0.0)
-    result, seen = np.full((*mask.shape, 3), np.nan, np.float32), np.full(mask.shape, np.nan, np.float32)
-    result[rows, columns], seen[rows, columns] = normals, depths
+    result, body = np.full((*mask.shape, 3), np.nan, np.float32), np.full(mask.shape, np.nan, np.float32)
+    result[rows, columns], body[rows, columns] = normals, depths
     # Rays at the contour may miss the surface: such pixels get the normal of the nearest pixel.
     nearest = ndimage.distance_transform_edt(np.isnan(result[..., 0]), return_distances=False, return_indices=True)
     normals = np.where(mask[..., None], result[tuple(nearest)], np.nan)
-    return RotationalNormals(normals, seen, relief.fit if relief else 0.0)
+    return RotationalNormals(normals, body, relief.fit if relief else 0.0)
 
 
 def body_of_revolution_normals(

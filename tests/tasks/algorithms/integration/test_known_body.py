@@ -114,7 +114,7 @@ def test_a_continuous_surface_needs_no_body(tilt: float) -> None:
 
 
 def test_bodies_are_cropped_with_the_mask_and_checked() -> None:
-    normals, truth, far = seen(glass())
+    normals, truth, _ = seen(glass())
     mask = np.isfinite(truth)
     around = ((9, 4), (3, 12))
     wide = integrate(
