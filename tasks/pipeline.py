@@ -138,9 +138,10 @@ STAGES = (
             "provenance": ArraySchema("HW", "u"),
             "confidence": ArraySchema("HW", "f", "mask"),
             "evidence": ArraySchema("HW", "f", "mask"),
+            "body_depth": ArraySchema("HW", "f", required=False),
         },
         peak_bytes=_per_pixel(900),
-        version=29,
+        version=30,
     ),
     Stage(
         "depth",
@@ -149,7 +150,7 @@ STAGES = (
         reads=("survey", "mask", "labels"),
         arrays={"depth": ArraySchema("HW", "f", "mask"), "provenance": ArraySchema("HW", "u")},
         peak_bytes=_per_pixel(400),
-        version=7,
+        version=8,
     ),
     Stage(
         "surface",

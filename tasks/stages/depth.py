@@ -32,6 +32,7 @@ def depth(inputs: StageInputs, progress: Progress) -> StageOutput:
         confidence=labels.read("confidence") ** NORMAL_WEIGHT_POWER if parameters.use_confidence else None,
         method=parameters.method,
         camera=geometry.camera_within(geometry.region),
+        body=labels.read("body_depth") if "body_depth" in labels.arrays else None,
         sharpness=parameters.sharpness,
         max_rounds=parameters.rounds,
     )
@@ -51,6 +52,7 @@ def depth(inputs: StageInputs, progress: Progress) -> StageOutput:
             "components": int(result.components.max()),
             "energy": result.energy,
             "converged": result.converged,
+            "follows_body": result.follows_body,
         },
         counts={"components": int(result.components.max()), "iterations": result.rounds},
     )

@@ -67,7 +67,8 @@ def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
             "provenance": result.provenance,
             "confidence": confidence,
             "evidence": result.confidence.astype(np.float32),
-        },
+        }
+        | ({} if result.body_depth is None else {"body_depth": result.body_depth}),
         record={
             "provenance": list(PROVENANCE),
             "rounds": [

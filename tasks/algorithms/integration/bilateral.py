@@ -8,7 +8,7 @@ each pixel assumes that the surface is continuous on at least one side. Each ite
 (`multigrid`). Connected components are integrated one by one: offsets between them cannot be known from one view.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -17,16 +17,9 @@ from scipy import ndimage
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.integration.coarse_grid import NormalGrid, doubled, halved
 from glint.tasks.algorithms.integration.edges import GridEdges, focal_length, grid_edges
-from glint.tasks.algorithms.integration.reweighting import (
-    MAX_ROUNDS,
-    SHARPNESS,
-    TOLERANCE_PX,
-    Solution,
-    least_squares,
-    misfit_energy,
-    refined,
-    robust,
-)
+from glint.tasks.algorithms.integration.graduation import MAX_ROUNDS, TOLERANCE_PX, Solution, least_squares
+from glint.tasks.algorithms.integration.known_body import known_body
+from glint.tasks.algorithms.integration.reweighting import SHARPNESS, misfit_energy, refined, robust
 from glint.tasks.algorithms.integration.rim import least_cosines
 
 MIN_PIXEL_WEIGHT = 1e-4
@@ -50,6 +43,7 @@ class Depth:
     converged: whether the height changed by less than the tolerance before the rounds reached their limit.
     energy: mean squared misfit per pixel along the normals, square pixels.
     perspective: whether `depth` is a distance from the camera.
+    follows_body: whether it has the steps of a body that was known beforehand.
     """
 
     depth: np.ndarray
@@ -58,6 +52,7 @@ class Depth:
     converged: bool
     energy: float
     perspective: bool
+    follows_body: bool = False
 
     def height(self, distance: float = 1.0) -> np.ndarray:
         """Return the height towards the camera (H, W) float32.
@@ -75,6 +70,7 @@ def integrate(
     confidence: np.ndarray | None = None,
     method: Method = "bilateral",
     camera: np.ndarray | None = None,
+    body: np.ndarray | None = None,
     sharpness: float = SHARPNESS,
     max_rounds: int = MAX_ROUNDS,
     tolerance: float = TOLERANCE_PX,
@@ -90,6 +86,9 @@ def integrate(
         method: bilateral for a height with steps, or least squares alone.
         camera: (3, 3) intrinsic matrix in pixels of these arrays, whose pixel (0, 0) is the centre of the top-left one;
             None for an orthographic camera.
+        body: (H, W) depth of a body towards the camera in pixels up to a constant, NaN where there is none or normals
+            contradict it. It decides between heights with steps; where a continuous surface explains the normals, or
+            they contradict it as a whole, nothing changes. Under perspective that of parallel rays will do.
         sharpness: see SHARPNESS.
         max_rounds, tolerance, max_searched: see MAX_ROUNDS, TOLERANCE_PX and MAX_SEARCHED_PIXELS.
 
@@ -98,7 +97,7 @@ def integrate(
         ValueError: shapes do not agree, or the method is unknown.
     """
     normals, mask = np.asarray(normals), np.asarray(mask, bool)
-    _check(normals, mask, confidence, method, camera)
+    _check(normals, mask, confidence, body, method, camera)
     components = ndimage.label(mask)[0].astype(np.int32)
     window = ndimage.find_objects(mask.astype(np.int8))[0]
     inner = mask[window]
@@ -106,7 +105,7 @@ def integrate(
     weight, filled = _weighted_normals(normals[window], inner, inner_confidence)
     if camera is not None:
         camera = np.array(camera, float) - [[0, 0, window[1].start], [0, 0, window[0].start], [0, 0, 0]]
-    grid = NormalGrid(filled, inner, weight, camera)
+    grid = NormalGrid(filled, inner, weight, camera, None if body is None else np.asarray(body)[window])
     edges = _edges_of(grid)
     if method == "bilateral":
         solution = _robust(grid, edges, max_searched, (sharpness, max_rounds, tolerance))
@@ -121,7 +120,9 @@ def integrate(
         height = np.exp(-height / focal_length(camera))
     depth = np.full(mask.shape, np.nan, np.float32)
     depth[window][inner] = height[inner]
-    return Depth(depth, components, solution.rounds, solution.converged, energy / int(inner.sum()), camera is not None)
+    energy /= int(inner.sum())
+    perspective, follows_body = camera is not None, solution.follows_body
+    return Depth(depth, components, solution.rounds, solution.converged, energy, perspective, follows_body)
 
 
 def _edges_of(grid: NormalGrid) -> GridEdges:
@@ -140,14 +141,17 @@ def _robust(grid: NormalGrid, edges: GridEdges, max_searched: int, limits: tuple
         coarse = halved(levels[-1][0])
         levels.append((coarse, _edges_of(coarse)))
     coarsest, coarsest_edges = levels.pop()
-    solution = robust(coarsest_edges, coarsest.mask, sharpness, max_rounds, tolerance)
+    body = known_body(coarsest.body, coarsest.mask)
+    solution = robust(coarsest_edges, coarsest.mask, sharpness, max_rounds, tolerance, body)
+    is_followed = solution.follows_body
     mask, rounds = coarsest.mask, solution.rounds
     for finer, finer_edges in reversed(levels):
         tolerance *= 2.0
         start = doubled(solution.height, mask, (finer.mask.shape[0], finer.mask.shape[1]))
-        solution = refined(finer_edges, finer.mask, start, max_rounds, tolerance)
+        body = known_body(finer.body, finer.mask) if is_followed else None
+        solution = refined(finer_edges, finer.mask, start, max_rounds, tolerance, body)
         mask, rounds = finer.mask, rounds + solution.rounds
-    return Solution(solution.height, rounds, solution.converged)
+    return replace(solution, rounds=rounds)
 
 
 def _weighted_normals(
@@ -167,12 +171,19 @@ def _weighted_normals(
 
 
 def _check(
-    normals: np.ndarray, mask: np.ndarray, confidence: np.ndarray | None, method: str, camera: np.ndarray | None
+    normals: np.ndarray,
+    mask: np.ndarray,
+    confidence: np.ndarray | None,
+    body: np.ndarray | None,
+    method: str,
+    camera: np.ndarray | None,
 ) -> None:
     if mask.ndim != 2 or normals.shape != (*mask.shape, 3):
         raise ValueError(f"normals {normals.shape} and mask {mask.shape} do not agree")
     if confidence is not None and np.shape(confidence) != mask.shape:
         raise ValueError(f"confidence {np.shape(confidence)} and mask {mask.shape} do not agree")
+    if body is not None and np.shape(body) != mask.shape:
+        raise ValueError(f"body {np.shape(body)} and mask {mask.shape} do not agree")
     if camera is not None and np.shape(camera) != (3, 3):
         raise ValueError(f"the camera matrix is {np.shape(camera)}, not (3, 3)")
     if method not in ("bilateral", "least-squares"):

@@ -113,6 +113,17 @@ def robust_weights(
     return weights
 
 
+def largest_misfit(rises: ExpectedRises, height: np.ndarray) -> float:
+    """Return the largest misfit of a height (H, W), standard deviations of the expected rise."""
+    largest = 0.0
+    for axis in range(2):
+        # The edges from the last row or column lead nowhere.
+        mean, precision = (np.delete(values[axis], -1, axis) for values in (rises.mean, rises.precision))
+        misfit = np.sqrt(precision) * np.abs(np.diff(height, axis=axis) - mean)
+        largest = max(largest, float(misfit.max(initial=0.0)))
+    return largest
+
+
 def poisson_source(weights: np.ndarray, rise: np.ndarray) -> np.ndarray:
     """Return the right-hand side (H, W) of the Poisson equations of edges with weights and rises (2, H, W)."""
     down, across = weights * rise

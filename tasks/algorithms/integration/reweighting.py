@@ -4,13 +4,13 @@ Weighted by the precision of the expected rises alone, least squares is right wh
 misfit exceeds the noise there is nothing else to do. Otherwise some edges are steps, and which ones is no convex
 problem. Three attempts start differently: two where the two sides of each pixel are compared (bilateral), which sees
 occluding contours; one from evidence in the normals, which sees steps that fade out of a slope. Each ends in the same
-problem, a redescending loss of the misfits whose scale falls from round to round to the noise (graduated non-convexity,
-Blake and Zisserman 1987), until the height no longer changes. All prefer steps whose near side tilts towards the far
-one, and the attempt whose steps are shortest, weighted by that, wins.
+problem, a redescending loss of the misfits (`graduation`). All prefer steps whose near side tilts towards the far one,
+and the attempt whose steps are shortest, weighted by that, wins. Where the depth of a body is known, a fourth one
+starts from it, and is preferred.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,10 +25,22 @@ from glint.tasks.algorithms.integration.expected_rises import (
     ExpectedRises,
     curl_evidence,
     expected_rises,
+    largest_misfit,
     normal_evidence,
-    poisson_source,
-    robust_weights,
 )
+from glint.tasks.algorithms.integration.graduation import (
+    LEAST_SQUARES_TOLERANCE,
+    MIN_EDGE_WEIGHT,
+    MISFIT_SCALE,
+    REWEIGHTED_TOLERANCE,
+    Solution,
+    change,
+    graduated,
+    least_squares,
+    normalized,
+    weighted,
+)
+from glint.tasks.algorithms.integration.known_body import KnownBody, agrees, attached_height, beside_body
 from glint.tasks.algorithms.integration.multigrid import solve_poisson
 
 SHARPNESS = 2.0
@@ -46,14 +58,14 @@ BILATERAL_ROUNDS = 20
 """Limit of the rounds of a bilateral start: it need not converge."""
 LARGEST_SHARE = 0.999
 """Quantile of the differences between sides at which the first bilateral round has the inverse of its slope."""
-MISFIT_SCALE = 6.0
-"""Final scale of the loss, standard deviations of the expected rise."""
 NOISE_SCALE = 4.0
-"""Largest misfit, in the same unit, up to which a continuous surface explains the normals."""
+"""Largest misfit, in standard deviations of the rise, up to which a continuous surface explains the normals."""
 BILATERAL_SCALE = 10.0
 """First scale after a bilateral start: its own steps have no weight, and what it got wrong may still be mended."""
-SHRINKING = 0.7
-"""Factor of the scale from round to round."""
+BODY_SCALE = 30.0
+"""First scale of the attempt that starts from a known body, whose depth is less precise than the normals."""
+BODY_PRICE_RATIO = 2.0
+"""Ratio of the price of its steps to the lowest other up to which that attempt is preferred."""
 EVIDENCE_SCALE = 3.0
 """Significance of a step's evidence at which its scale falls, or its weight, to half."""
 CONTOUR_LENGTHS, LINE_LENGTHS = (2,), (2, 4, 8, 16)
@@ -61,64 +73,83 @@ CONTOUR_LENGTHS, LINE_LENGTHS = (2,), (2, 4, 8, 16)
 contours; else long ones too, which see straight steps through noise, and changes of the normal."""
 CONTOUR_POWER, LINE_POWER = 1.0, 2.0
 """Powers of the fall of the weight with that evidence."""
-MAX_ROUNDS = 30
-"""Limit of an attempt's reweighted solutions."""
-TOLERANCE_PX = 5e-3
-"""Root mean square change of the height in a round below which the rounds end."""
 WEIGHT_POWER, RISE_POWER = 2.0, 1.0
 """Powers of the cosine of incidence with which a pixel weighs an edge in a bilateral start, and with which the rises of
 the two ends are averaged: at 1 the average is the rise by the mean of the two normals, exact on circular arcs."""
-MIN_EDGE_WEIGHT = 1e-10
-"""Weight left to an edge that is a step, as a share of the largest: the two sides stay one component."""
-LEAST_SQUARES_TOLERANCE, REWEIGHTED_TOLERANCE = 1e-5, 1e-3
-"""Relative residuals at which the solver stops: for least squares, and for each round, which begins near its end."""
 
 
-@dataclass(frozen=True, slots=True)
-class Solution:
-    """A height (H, W) float64, the rounds it took, and whether the last one changed it by less than the tolerance."""
+def robust(
+    edges: GridEdges,
+    mask: np.ndarray,
+    sharpness: float,
+    max_rounds: int,
+    tolerance: float,
+    body: KnownBody | None = None,
+) -> Solution:
+    """Solve for the height with steps where the normals require them; `rounds` are those of all attempts.
 
-    height: np.ndarray
-    rounds: int
-    converged: bool
-
-
-def least_squares(edges: GridEdges) -> Solution:
-    """Solve for the height with all edges and both ends of each weighted alike."""
-    equal = np.full(edges.forward_rise.shape, 0.5)
-    weights, source = assemble(edges, equal, 0.0, 0.0, MIN_EDGE_WEIGHT)
-    height, _, converged = solve_poisson(weights, source, np.zeros(source.shape), tolerance=LEAST_SQUARES_TOLERANCE)
-    return Solution(height, 0, converged)
-
-
-def robust(edges: GridEdges, mask: np.ndarray, sharpness: float, max_rounds: int, tolerance: float) -> Solution:
-    """Solve for the height with steps where the normals require them; `rounds` are those of all attempts."""
+    A known body decides between them, unless the height contradicts it or its steps are much dearer.
+    """
     rises = expected_rises(edges)
     plain = least_squares(edges)
     even = np.ones((2, *rises.mean.shape))
-    start = _weighted(rises, even[0], plain.height, LEAST_SQUARES_TOLERANCE)
-    if _largest_misfit(rises, start) <= NOISE_SCALE:
-        return _graduated(rises, even, mask, start, MISFIT_SCALE, max_rounds, tolerance)
-    best, lowest, rounds = plain, step_price(edges, plain.height, TILT_POWER), 0
+    start = weighted(rises, even[0], plain.height, LEAST_SQUARES_TOLERANCE)
+    if largest_misfit(rises, start) <= NOISE_SCALE:
+        return graduated(rises, even, mask, start, MISFIT_SCALE, max_rounds, tolerance)
+    best, lowest, rounds = plain, _price(edges, plain), 0
     for attempt in _attempts(edges, rises, mask, plain.height, (sharpness, max_rounds, tolerance)):
-        price = step_price(edges, attempt.height, TILT_POWER)
+        price = _price(edges, attempt)
         rounds += attempt.rounds
         if price < lowest:
             best, lowest = attempt, price
-    return Solution(best.height, rounds, best.converged)
+    if body is not None:
+        attempt = _from_body(edges, mask, body, None, max_rounds, tolerance)
+        rounds += attempt.rounds
+        if agrees(body, attempt.height) and _price(edges, attempt) < BODY_PRICE_RATIO * lowest:
+            best = attempt
+    return replace(best, rounds=rounds)
 
 
-def refined(edges: GridEdges, mask: np.ndarray, height: np.ndarray, max_rounds: int, tolerance: float) -> Solution:
-    """Solve for the height as `robust`, but from one start: a height of a coarser grid, whose steps it keeps."""
+def refined(
+    edges: GridEdges,
+    mask: np.ndarray,
+    height: np.ndarray,
+    max_rounds: int,
+    tolerance: float,
+    body: KnownBody | None = None,
+) -> Solution:
+    """Solve for the height as `robust`, but from one start: a height of a coarser grid, whose steps it keeps.
+
+    body: that the height follows.
+    """
+    if body is not None:
+        return _from_body(edges, mask, body, height, max_rounds, tolerance)
     rises = expected_rises(edges)
     plain = least_squares(edges)
     even = np.ones((2, *rises.mean.shape))
-    start = _weighted(rises, even[0], plain.height, LEAST_SQUARES_TOLERANCE)
-    if _largest_misfit(rises, start) <= NOISE_SCALE:
-        return _graduated(rises, even, mask, start, MISFIT_SCALE, max_rounds, tolerance)
+    start = weighted(rises, even[0], plain.height, LEAST_SQUARES_TOLERANCE)
+    if largest_misfit(rises, start) <= NOISE_SCALE:
+        return graduated(rises, even, mask, start, MISFIT_SCALE, max_rounds, tolerance)
     softness = _contour_softness(edges, rises)
-    solution = _graduated(rises, softness, mask, height, BILATERAL_SCALE, max_rounds, tolerance)
-    return min(plain, solution, key=lambda choice: step_price(edges, choice.height, TILT_POWER))
+    solution = graduated(rises, softness, mask, height, BILATERAL_SCALE, max_rounds, tolerance)
+    return min(plain, solution, key=lambda choice: _price(edges, choice))
+
+
+def _price(edges: GridEdges, solution: Solution) -> float:
+    return step_price(edges, solution.height, TILT_POWER)
+
+
+def _from_body(
+    edges: GridEdges, mask: np.ndarray, body: KnownBody, height: np.ndarray | None, max_rounds: int, tolerance: float
+) -> Solution:
+    """Solve from a known body, or from a height (H, W) that follows it."""
+    edges = beside_body(edges, body)
+    rises = expected_rises(edges)
+    softness = _contour_softness(edges, rises)
+    if height is None:
+        height = attached_height(rises, normalized(rises.precision), body)
+    solution = graduated(rises, softness, mask, height, BODY_SCALE, max_rounds, tolerance, body)
+    return replace(solution, follows_body=True)
 
 
 def _contour_softness(edges: GridEdges, rises: ExpectedRises) -> np.ndarray:
@@ -142,41 +173,13 @@ def _attempts(
     softness = _contour_softness(edges, rises)
     for powers in BILATERAL_STARTS:
         start, before = _bilateral(edges, mask, height, powers, sharpness, tolerance)
-        solution = _graduated(rises, softness, mask, start, BILATERAL_SCALE, max_rounds, tolerance)
+        solution = graduated(rises, softness, mask, start, BILATERAL_SCALE, max_rounds, tolerance)
         yield Solution(solution.height, before + solution.rounds, solution.converged)
     evidence = curl_evidence(edges, rises, LINE_LENGTHS) + normal_evidence(edges, rises)
     softness = _softness(evidence, LINE_POWER)
-    start = _weighted(rises, softness, height, REWEIGHTED_TOLERANCE)
-    first = max(MISFIT_SCALE, _largest_misfit(rises, start))
-    yield _graduated(rises, _step_prices(edges, softness), mask, start, first, max_rounds, tolerance)
-
-
-def _weighted(rises: ExpectedRises, softness: np.ndarray, height: np.ndarray, tolerance: float) -> np.ndarray:
-    """Solve for the height from a first one by least squares, weighted by precision and softness (2, H, W)."""
-    weights = rises.precision * softness
-    weights = np.where(rises.precision > 0.0, np.maximum(weights / (weights.max() or 1.0), MIN_EDGE_WEIGHT), 0.0)
-    return solve_poisson(weights, poisson_source(weights, rises.mean), height, tolerance=tolerance)[0]
-
-
-def _graduated(
-    rises: ExpectedRises,
-    softness: np.ndarray,
-    mask: np.ndarray,
-    height: np.ndarray,
-    scale: float,
-    max_rounds: int,
-    tolerance: float,
-) -> Solution:
-    """Solve from a height by a redescending loss, whose scale falls from `scale`; it is less where edges are soft."""
-    for completed in range(1, max_rounds + 1):
-        weights = robust_weights(rises, height, softness, scale, MIN_EDGE_WEIGHT)
-        previous = height
-        source = poisson_source(weights, rises.mean)
-        height, _, solved = solve_poisson(weights, source, height, tolerance=REWEIGHTED_TOLERANCE)
-        if scale <= MISFIT_SCALE and _change(height, previous, mask) <= tolerance:
-            return Solution(height, completed, solved)
-        scale = max(scale * SHRINKING, MISFIT_SCALE)
-    return Solution(height, max_rounds, False)
+    start = weighted(rises, softness, height, REWEIGHTED_TOLERANCE)
+    first = max(MISFIT_SCALE, largest_misfit(rises, start))
+    yield graduated(rises, _step_prices(edges, softness), mask, start, first, max_rounds, tolerance)
 
 
 def _bilateral(
@@ -201,25 +204,10 @@ def _bilateral(
         weights, source = assemble(edges, shares, WEIGHT_POWER, RISE_POWER, MIN_EDGE_WEIGHT)
         previous = height
         height = solve_poisson(weights, source, height, tolerance=REWEIGHTED_TOLERANCE)[0]
-        if slope >= sharpness and _change(height, previous, mask) <= tolerance:
+        if slope >= sharpness and change(height, previous, mask) <= tolerance:
             break
         slope = min(slope * SHARPENING, sharpness)
     return height, completed
-
-
-def _change(height: np.ndarray, previous: np.ndarray, mask: np.ndarray) -> float:
-    return float(np.sqrt(np.mean((height - previous)[mask] ** 2)))
-
-
-def _largest_misfit(rises: ExpectedRises, height: np.ndarray) -> float:
-    """Return the largest misfit of a height, standard deviations of the expected rise."""
-    largest = 0.0
-    for axis in range(2):
-        # The edges from the last row or column lead nowhere.
-        mean, precision = (np.delete(values[axis], -1, axis) for values in (rises.mean, rises.precision))
-        misfit = np.sqrt(precision) * np.abs(np.diff(height, axis=axis) - mean)
-        largest = max(largest, float(misfit.max(initial=0.0)))
-    return largest
 
 
 def misfit_energy(edges: GridEdges, height: np.ndarray, sharpness: float) -> float:

@@ -58,7 +58,8 @@ class Alternation:
     by the sheet's shape, by shading and by marks. sheets: the nodes' graph, None: made with each set of marks. labels
     (K, H, W) bool: exterior nodes. values (H, W, 3): accepted normals, NaN elsewhere. confidence (H, W): theirs, NaN
     elsewhere. known (H, W) bool: where they enter the field. initial, smooth (H, W, 3): first and present field.
-    weights (K, H, W): of the clusters. unreached (H, W, 3): normals of dark pixels, NaN elsewhere; None before these.
+    body_depth (H, W): of an expected surface of revolution. weights (K, H, W): of the clusters. unreached (H, W, 3):
+    normals of dark pixels, NaN elsewhere; None before these.
     """
 
     normals: np.ndarray
@@ -92,6 +93,7 @@ class Alternation:
     smooth: np.ndarray = field(init=False)
     faces: FlatFaces | None = field(init=False)
     relief_fit: float = field(init=False)
+    body_depth: np.ndarray | None = field(init=False)
     unreached: np.ndarray | None = field(init=False)
     history: list[Iteration] = field(init=False)
 
@@ -110,7 +112,7 @@ class Alternation:
         self.take_marks(None)
         self.labels = np.zeros(self.normals.shape[:3], dtype=bool)
         self.known, self.values = self.marked, self.marked_normals
-        self.faces, self.relief_fit, self.unreached = None, 0.0, None
+        self.faces, self.relief_fit, self.body_depth, self.unreached = None, 0.0, None, None
         self.confidence = np.full(self.mask.shape, np.nan)
         self.smooth = self.initial = self.solve_field(self.known, self.values)
         self.history = []
@@ -199,12 +201,11 @@ class Alternation:
         rotational = rotational_normals(self.symmetry, accepted, self.normals, self.initial, relative)
         if rotational is None or rotational.relief_fit < self.relief_fit:
             return False
-        surface, relief_fit = rotational
+        surface, depth, relief_fit = rotational
         lights = accepted_weights(self.weights, self.labels)
         if has_other_faces(surface, accepted, lights, self.mask, self.scale):
-            # A prism seen from its front has the silhouette of a cylinder, and a cylinder has no flat faces.
-            return False
-        self.expected, self.relief_fit = surface, relief_fit
+            return False  # A prism seen from its front has the silhouette of a cylinder, which has no flat faces.
+        self.expected, self.body_depth, self.relief_fit = surface, depth, relief_fit
         self.smooth = self.solve_field(self.known, self.values)
         return True
 

@@ -126,7 +126,15 @@ def reconstruct_normals(
         provenance=provenance.astype(np.uint8),
         confidence=np.where(mask, confidence, np.nan).astype(np.float32),
         iterations=tuple(state.history),
+        body_depth=_followed_depth(state, normals),
     )
+
+
+def _followed_depth(state: Alternation, normals: np.ndarray) -> np.ndarray | None:
+    """Return the depth (H, W) of the surface of revolution, NaN where normals (H, W, 3) contradict it."""
+    if state.body_depth is None or state.expected is None:
+        return None
+    return np.where(angles(normals, state.expected) < DETAIL_DEG, state.body_depth, np.nan).astype(np.float32)
 
 
 def settle(

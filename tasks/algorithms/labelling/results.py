@@ -31,6 +31,8 @@ class Reconstruction:
     provenance: (H, W) uint8, codes of PROVENANCE.
     confidence: (H, W) float32, probability that the angular error is below 5 degrees, NaN outside the mask.
     iterations: what each iteration did, in order.
+    body_depth: (H, W) float32, pixels towards the camera up to a constant (seen along parallel rays), of the surface of
+        revolution where the normals follow it, NaN elsewhere; None where there is no such surface.
     """
 
     labels: np.ndarray
@@ -39,6 +41,7 @@ class Reconstruction:
     provenance: np.ndarray
     confidence: np.ndarray
     iterations: tuple[Iteration, ...]
+    body_depth: np.ndarray | None = None
 
 
 def exterior_normals(normals: np.ndarray, labels: np.ndarray) -> np.ndarray:

@@ -42,17 +42,24 @@ class Opening:
     lip: float
     around: np.ndarray
 
-    def normals(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Return the unit normals (N, 3) at x, y (N,), camera frame: of near wall, lip, and the far wall's inner side.
+    def entries(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return what is seen at x, y (N,), camera frame: of near wall, lip, and the far wall's inner side.
 
-        NaN where rays miss the surface.
+        Returns:
+            Unit normals (N, 3), z (N,) in pixels (see `SurfaceOfRevolution.depths_at`), both NaN where rays miss the
+            surface, and whether it is the far wall, (N,) bool.
         """
-        normals = self.surface.normals(x, y)
-        is_wall = self.surface.is_end(x, y)
-        is_wall[is_wall] = _depth(self.surface, x[is_wall], y[is_wall]) >= self.lip
-        inner = self.surface.shrunk(self.lip).normals(x[is_wall], y[is_wall], far=True)
-        normals[is_wall] = np.where(inner[:, 2:] > 0.0, inner, normals[is_wall])
-        return normals
+        hits = self.surface.intersect(x, y)
+        normals, depths = self.surface.normals_at(hits), self.surface.depths_at(hits)
+        is_far = self.surface.is_end_at(hits)
+        is_far[is_far] = _depth(self.surface, x[is_far], y[is_far]) >= self.lip
+        inner = self.surface.shrunk(self.lip)
+        hits = inner.intersect(x[is_far], y[is_far], far=True)
+        inward, inner_depths = -inner.normals_at(hits), inner.depths_at(hits)
+        visible = inward[:, 2] > 0.0
+        is_far[is_far] = visible
+        normals[is_far], depths[is_far] = inward[visible], inner_depths[visible]
+        return normals, depths, is_far
 
 
 def find_opening(surface: SurfaceOfRevolution, mask: np.ndarray, candidates: np.ndarray) -> Opening | None:

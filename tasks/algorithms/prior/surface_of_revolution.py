@@ -199,6 +199,10 @@ class SurfaceOfRevolution:
         axial = -np.interp(hits.heights, self.heights, self.half_slopes)
         return np.asarray(unit(hits.outward + np.outer(axial, self.upward)))
 
+    def depths_at(self, hits: RayHits) -> np.ndarray:
+        """Return z (N,) in pixels, towards the camera, from the plane through the axis' image point."""
+        return np.asarray(hits.heights * np.sin(self.tilt) + hits.outward[:, 2])
+
     def _slope_angles(self, hits: RayHits, normals: np.ndarray) -> np.ndarray:
         """Return the angles (N,) of normals (N, 3) from their circles' planes, positive upward."""
         radius = np.linalg.norm(hits.outward, axis=1)

@@ -78,9 +78,15 @@ class SilhouetteSymmetry:
 
 
 class RotationalNormals(NamedTuple):
-    """Normals (H, W, 3) float32 of a rotationally symmetric object, NaN outside it; how well its relief fits, or 0."""
+    """Normals and depths of a rotationally symmetric object.
+
+    normals: (H, W, 3) float32, NaN outside the object. depths: (H, W) float32, z of what is seen of its body in pixels
+    towards the camera, up to a constant; NaN outside the body, on handles, and where rays miss it. relief_fit: how well
+    its relief fits, or 0.
+    """
 
     normals: np.ndarray
+    depths: np.ndarray
     relief_fit: float
 
 
@@ -138,7 +144,9 @@ def surface_of_revolution_normals(
     elif error > limit:
         return None
     opening = find_opening(surface, mask, candidates)
-    normals = surface.with_risen_plates(*measured[:3]).with_fitted_slopes(*measured).normals(x, y)
+    surface = surface.with_risen_plates(*measured[:3]).with_fitted_slopes(*measured)
+    hits = surface.intersect(x, y)
+    normals, depths = surface.normals_at(hits), surface.depths_at(hits)
     if not np.isfinite(normals[:, 0]).any():
         return None
     if relief is not None:
@@ -146,12 +154,16 @@ def surface_of_revolution_normals(
     if opening is not None:
         opening = replace(opening, surface=opening.surface.with_fitted_slopes(*measured))
         around = opening.around[rows, columns]
-        normals[around] = opening.normals(x[around], y[around])
-    result = np.full((*mask.shape, 3), np.nan, np.float32)
-    result[rows, columns] = normals
+        normals[around], end_depths, is_far = opening.entries(x[around], y[around])
+        # Another tilt moves the end towards the camera, the wall below it hardly.
+        moved = (end_depths - depths[around])[~is_far]
+        depths[around] = end_depths - (np.nanmedian(moved) if np.isfinite(moved).any() else 0.0)
+    result, body = np.full((*mask.shape, 3), np.nan, np.float32), np.full(mask.shape, np.nan, np.float32)
+    result[rows, columns], body[rows, columns] = normals, depths
     # Rays at the contour may miss the surface: such pixels get the normal of the nearest pixel.
     nearest = ndimage.distance_transform_edt(np.isnan(result[..., 0]), return_distances=False, return_indices=True)
-    return RotationalNormals(np.where(mask[..., None], result[tuple(nearest)], np.nan), relief.fit if relief else 0.0)
+    normals = np.where(mask[..., None], result[tuple(nearest)], np.nan)
+    return RotationalNormals(normals, body, relief.fit if relief else 0.0)
 
 
 def body_of_revolution_normals(
@@ -179,7 +191,8 @@ def body_of_revolution_normals(
         return None
     (part, fitted), mask = best, silhouette.mask
     normals = with_handles(fitted.normals, handles_beside(mask, part), mask, accepted, candidates)
-    return fitted._replace(normals=normals)
+    is_body = (normals == fitted.normals).all(axis=-1)
+    return RotationalNormals(normals, np.where(is_body, fitted.depths, np.nan), fitted.relief_fit)
 
 
 def _fitted_surface(silhouette: SilhouetteSymmetry, accepted: np.ndarray) -> tuple[float, SurfaceOfRevolution] | None:

@@ -26,6 +26,14 @@ def test_blocks_have_the_mean_normal_of_what_is_known_inside_the_mask() -> None:
     assert coarse.weight[0, 0] == 0.5 and coarse.weight[0, 2] == 1.0 and np.isfinite(coarse.normals).all()
 
 
+def test_the_depth_of_a_block_is_its_nearest() -> None:
+    body = np.array([[1.0, 3.0, np.nan], [np.nan, 2.0, np.nan], [4.0, -5.0, -6.0]])
+    mask = np.ones((3, 3), bool)
+    coarse = halved(NormalGrid(np.ones((3, 3, 3)), mask, np.ones((3, 3)), None, body))
+    assert coarse.body is not None
+    assert np.array_equal(coarse.body, [[1.5, np.nan], [2.0, -3.0]], equal_nan=True)
+
+
 def test_a_height_of_a_coarse_grid_is_that_of_its_pixels_at_twice_the_resolution() -> None:
     rows, columns = np.indices((7, 9)).astype(float)
     mask = np.ones((4, 5), bool)
@@ -42,7 +50,7 @@ def test_the_coarse_grid_of_a_perspective_plane_is_that_plane() -> None:
     mask, weight = np.ones((40, 60), bool), np.ones((40, 60))
     fine = NormalGrid(np.broadcast_to(normal, (40, 60, 3)), mask, weight, camera)
     coarse = halved(fine)
-    rises = grid_edges(*fine, 0.01).forward_rise[1], grid_edges(*coarse, 0.01).forward_rise[1]
+    rises = [grid_edges(*grid[:4], 0.01).forward_rise[1] for grid in (fine, coarse)]
     # The rise between two blocks, in their pixels, is that of two pixels.
     assert np.allclose(rises[1][:, 0], (rises[0][::2, 1] + rises[0][1::2, 1]) / 2.0, atol=1e-3)
 

@@ -121,3 +121,17 @@ def test_a_solution_that_the_limit_cut_short_is_not_converged() -> None:
     assert iterations == 2 and not converged
     _, iterations, converged = solve_poisson(weights, source, start, tolerance=1e-9, max_iterations=2000)
     assert 2 < iterations < 2000 and converged
+
+
+def test_a_pull_holds_values_and_leaves_no_constant_free() -> None:
+    generator = np.random.default_rng(5)
+    mask = masks(31, 42)["pieces"]
+    weights = random_graph(mask, generator) ** 0.25
+    pull = np.where(mask & (generator.random(mask.shape) < 0.3), generator.uniform(0.01, 1.0, mask.shape), 0.0)
+    truth = np.where(mask, generator.normal(size=mask.shape), 0.0)
+    differences, places = incidence(mask)
+    matrix = differences.T @ sparse.diags(weights.ravel()[places]) @ differences + sparse.diags(pull.ravel())
+    source = (matrix @ truth.ravel()).reshape(mask.shape)
+    solution, _, converged = solve_poisson(weights, source, np.zeros(mask.shape), pull=pull, tolerance=1e-8)
+    held = np.isin(ndimage.label(mask)[0], np.unique(ndimage.label(mask)[0][pull > 0.0]))
+    assert converged and np.abs(solution - truth)[held].max() < 1e-4

@@ -43,12 +43,12 @@ def test_the_lip_and_the_far_wall_are_found_although_the_tilt_is_wrong(turn: flo
     assert np.degrees(opening.surface.tilt) == pytest.approx(TILT_DEG, abs=0.5)
     rows, columns = np.nonzero(mask & opening.around & np.isfinite(candidates[0, ..., 0]))
     x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
-    error = angles(opening.normals(x, y), candidates[0, rows, columns])
+    error = angles(opening.entries(x, y)[0], candidates[0, rows, columns])
     assert np.median(error) < 3.0
     assert np.mean(error < 8.0) > 0.9
     rows, columns = np.nonzero(lip)
     x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
-    assert np.mean(angles(opening.normals(x, y), tumbler().upward[None]) < 20.0) > 0.7
+    assert np.mean(angles(opening.entries(x, y)[0], tumbler().upward[None]) < 20.0) > 0.7
 
 
 def test_a_closed_end_is_no_opening() -> None:
