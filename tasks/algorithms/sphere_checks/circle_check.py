@@ -130,7 +130,7 @@ def _rival(frames: np.ndarray, sphere: Sphere, shapes: ShapeCircle, camera: np.n
     around = [circle for circle in clear if _is_horizon(rival, circle)]
     if around:
         rival = _strongest(around, shapes)
-    others = [
+    radius_differences = [
         circle.radius - rival.radius
         for circle in _distinct(clear, shapes)
         if not _is_same(circle, rival)
@@ -148,7 +148,9 @@ def _rival(frames: np.ndarray, sphere: Sphere, shapes: ShapeCircle, camera: np.n
         y=share * rival.y + (1.0 - share) * shapes.y,
         score=sphere.score,
         centre_sd=float(np.sqrt(share * own)) * _birge_ratio(rival, shapes),
-        radius_sd=float(np.linalg.norm([rival.radius_sd, max(others, key=abs, default=0.0) / 2.0, lacking])),
+        radius_sd=float(
+            np.linalg.norm([rival.radius_sd, max(radius_differences, key=abs, default=0.0) / 2.0, lacking])
+        ),
     )
 
 
