@@ -19,10 +19,10 @@ from glint.tasks.algorithms.candidates.shading import without_shading
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.confidence import with_input_doubt
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
-from glint.tasks.algorithms.labelling.results import Reconstruction
+from glint.tasks.algorithms.labelling.results import CONFIDENT, Reconstruction
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
-from glint.tasks.evaluation.captures import CONFIDENT, CONFIDENT_ERROR_DEG
+from glint.tasks.evaluation.captures import CONFIDENT_ERROR_DEG
 from glint.tasks.simulation.simulate import CaptureOptions
 from glint.tasks.stages.clusters import load_clusters
 from tests.benchmarks.simulated_captures import simulated_captures

@@ -127,18 +127,9 @@ def _rival(frames: np.ndarray, sphere: Sphere, shapes: ShapeCircle, camera: np.n
     if not clear:
         return None
     rival = _strongest(clear, shapes)
-    around = [circle for circle in clear if _is_horizon(rival, circle)]
-    if around:
-        rival = _strongest(around, shapes)
-    radius_differences = [
-        circle.radius - rival.radius
-        for circle in _distinct(clear, shapes)
-        if not _is_same(circle, rival)
-        and not _is_horizon(circle, rival)
-        and _agreement(circle, shapes) > RIVAL_SHARE * _agreement(rival, shapes)
-    ]
-    is_small = rival.radius < LEAST_USUAL_RATIO * shapes.max_radius
-    lacking = USUAL_RATIO * shapes.max_radius - rival.radius if is_small else 0.0
+    outer = [circle for circle in clear if _is_horizon(rival, circle)]
+    if outer:
+        rival = _strongest(outer, shapes)
     systematic = SYSTEMATIC_RATIO * rival.radius
     own, other = rival.centre_sd**2 + systematic**2, shapes.sd**2 + systematic**2
     share = other / (own + other)
@@ -148,10 +139,22 @@ def _rival(frames: np.ndarray, sphere: Sphere, shapes: ShapeCircle, camera: np.n
         y=share * rival.y + (1.0 - share) * shapes.y,
         score=sphere.score,
         centre_sd=float(np.sqrt(share * own)) * _birge_ratio(rival, shapes),
-        radius_sd=float(
-            np.linalg.norm([rival.radius_sd, max(radius_differences, key=abs, default=0.0) / 2.0, lacking])
-        ),
+        radius_sd=float(np.hypot(rival.radius_sd, _radius_doubt(rival, clear, shapes))),
     )
+
+
+def _radius_doubt(rival: Sphere, clear: list[Sphere], shapes: ShapeCircle) -> float:
+    """Return the standard deviation of a circle's radius, in pixels, by other clear circles and by what it lacks."""
+    differences = [
+        circle.radius - rival.radius
+        for circle in _distinct(clear, shapes)
+        if not _is_same(circle, rival)
+        and not _is_horizon(circle, rival)
+        and _agreement(circle, shapes) > RIVAL_SHARE * _agreement(rival, shapes)
+    ]
+    is_small = rival.radius < LEAST_USUAL_RATIO * shapes.max_radius
+    lacking = USUAL_RATIO * shapes.max_radius - rival.radius if is_small else 0.0
+    return float(np.hypot(max(differences, key=abs, default=0.0) / 2.0, lacking))
 
 
 def _is_horizon(inner: Sphere, outer: Sphere) -> bool:

@@ -11,6 +11,7 @@ from glint.tasks.algorithms.integration.known_body import attached_height, besid
 from glint.tasks.algorithms.prior.opening import Opening
 from glint.tasks.algorithms.prior.reflection_axes import ReflectionAxis
 from glint.tasks.algorithms.prior.surface_of_revolution import SurfaceOfRevolution
+from tests.tasks.algorithms.prior.beaker import tumbler
 
 SHAPE = (150, 110)
 LIP_PX = 1.5
@@ -18,11 +19,7 @@ LIP_PX = 1.5
 
 def glass(tilt: float = 20.0) -> SurfaceOfRevolution:
     """Return a tumbler at a tilt in degrees."""
-    heights = np.arange(-50.0, 50.5, 0.5)
-    radii = 36.0 + heights / 8.0
-    radii[[0, -1]] = 0.0
-    axis = ReflectionAxis(np.zeros(2), np.array([1.0, 0.0]), 1.0)
-    return SurfaceOfRevolution(axis, np.radians(tilt), heights, radii**2, np.gradient(radii**2, heights) / 2.0)
+    return tumbler(tilt, 50.0, 36.0)
 
 
 def seen(surface: SurfaceOfRevolution) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""A slightly conical solid with flat ends, rendered from formulas."""
+"""Slightly conical solids with flat ends, a beaker and tumblers, rendered from formulas."""
 
 import numpy as np
 
@@ -25,10 +25,21 @@ def beaker_profile() -> tuple[np.ndarray, np.ndarray]:
 
 def beaker_surface(tilt: float) -> SurfaceOfRevolution:
     """Return the beaker at a tilt in degrees."""
-    radii, heights = beaker_profile()
-    slopes = np.gradient(radii**2, heights) / 2.0
+    return upright_surface(*beaker_profile(), tilt)
+
+
+def tumbler(tilt: float, half_height: float, radius: float) -> SurfaceOfRevolution:
+    """Return a tumbler at a tilt in degrees; radius: in pixels, at half its height."""
+    heights = np.arange(-half_height, half_height + 0.5, 0.5)
+    radii = radius + heights / 8.0
+    radii[[0, -1]] = 0.0
+    return upright_surface(radii, heights, tilt)
+
+
+def upright_surface(radii: np.ndarray, heights: np.ndarray, tilt: float) -> SurfaceOfRevolution:
+    """Return the surface of a profile (N,) about the image's vertical, at a tilt in degrees."""
     axis = ReflectionAxis(np.zeros(2), np.array([1.0, 0.0]), 1.0)
-    return SurfaceOfRevolution(axis, np.radians(tilt), heights, radii**2, slopes)
+    return SurfaceOfRevolution(axis, np.radians(tilt), heights, radii**2, np.gradient(radii**2, heights) / 2.0)
 
 
 def beaker_normals(tilt: float, far: bool = False) -> np.ndarray:

@@ -3,24 +3,20 @@ import pytest
 
 from glint.tasks.algorithms.geometry.vectors import angles, to_camera
 from glint.tasks.algorithms.prior.opening import find_opening
-from glint.tasks.algorithms.prior.reflection_axes import ReflectionAxis
 from glint.tasks.algorithms.prior.surface_of_revolution import SurfaceOfRevolution
+from tests.tasks.algorithms.prior.beaker import tumbler
 
 TILT_DEG = 24.0
 LIP_PX = 5.0
 
 
-def tumbler(tilt: float = TILT_DEG) -> SurfaceOfRevolution:
-    heights = np.arange(-60.0, 60.5, 0.5)
-    radii = 45.0 + heights / 8.0
-    radii[[0, -1]] = 0.0
-    axis = ReflectionAxis(np.zeros(2), np.array([1.0, 0.0]), 1.0)
-    return SurfaceOfRevolution(axis, np.radians(tilt), heights, radii**2, np.gradient(radii**2, heights) / 2.0)
+def vessel(tilt: float = TILT_DEG) -> SurfaceOfRevolution:
+    return tumbler(tilt, 60.0, 45.0)
 
 
 def capture(is_open: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return mask (H, W), candidates (1, H, W, 3) where they can be seen, and which pixels (H, W) show the lip."""
-    shape, glass = (180, 130), tumbler()
+    shape, glass = (180, 130), vessel()
     rows, columns = (index.ravel() for index in np.indices(shape))
     x, y = to_camera(columns.astype(float), rows.astype(float), shape[1], shape[0])
     normals, inner = glass.normals(x, y), glass.shrunk(LIP_PX).normals(x, y, far=True)
@@ -36,7 +32,7 @@ def capture(is_open: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("turn", [0.0, 0.75, -0.75])
 def test_the_lip_and_the_far_wall_are_found_although_the_tilt_is_wrong(turn: float) -> None:
     mask, candidates, lip = capture(is_open=True)
-    fitted = SurfaceOfRevolution.from_silhouette(mask, tumbler().axis, np.radians(TILT_DEG + turn))
+    fitted = SurfaceOfRevolution.from_silhouette(mask, vessel().axis, np.radians(TILT_DEG + turn))
     opening = find_opening(fitted, mask, candidates)
     assert opening is not None
     assert opening.lip == pytest.approx(LIP_PX, abs=1.5)
@@ -48,14 +44,14 @@ def test_the_lip_and_the_far_wall_are_found_although_the_tilt_is_wrong(turn: flo
     assert np.mean(error < 8.0) > 0.9
     rows, columns = np.nonzero(lip)
     x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
-    assert np.mean(angles(opening.entries(x, y)[0], tumbler().upward[None]) < 20.0) > 0.7
+    assert np.mean(angles(opening.entries(x, y)[0], vessel().upward[None]) < 20.0) > 0.7
 
 
 def test_a_closed_end_is_no_opening() -> None:
     mask, candidates, _ = capture(is_open=False)
-    assert find_opening(tumbler(), mask, candidates) is None
+    assert find_opening(vessel(), mask, candidates) is None
 
 
 def test_an_end_that_faces_away_is_no_opening() -> None:
     mask, candidates, _ = capture(is_open=True)
-    assert find_opening(tumbler(0.0), mask, candidates) is None
+    assert find_opening(vessel(0.0), mask, candidates) is None
