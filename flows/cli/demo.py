@@ -12,6 +12,8 @@ from glint.flows.cli.output import echo
 
 DEMO_SHAPES = ("hemisphere", "bird")
 FRAMES, SCALE = 1500, 0.8
+SPHERE_RADIUS_PX = 40.0
+"""The middle of what the guide asks for: 60 to 100 pixels across."""
 
 
 def demo(
@@ -31,12 +33,13 @@ def demo(
     from glint.storage.locations.location import Location
     from glint.tasks.simulation.simulate import CaptureOptions, simulate
 
+    options = CaptureOptions(frames=FRAMES, scale=SCALE, sphere_radius=SPHERE_RADIUS_PX)
     captures, store = folder / "captures", Location.parse(folder / "store")
     with open_console(as_json) as console:
         for shape in DEMO_SHAPES:
             if not (captures / shape / "front" / "video.mp4").exists():
                 console.emit(Message(f"simulating a video of {FRAMES:,} frames", shape))
-                simulate(shape, captures, CaptureOptions(frames=FRAMES, scale=SCALE))
+                simulate(shape, captures, options)
         summary = run(captures / "catalogue.yaml", store.uri, console)
     from glint.flows.cli.tables import run_table, show, summary_json
 

@@ -167,5 +167,5 @@ def sphere_doubts(spheres: Sequence[Sphere], result: Lights, *, is_near: bool) -
 
 
 def _contour_percent(spheres: Sequence[Sphere]) -> float:
-    """Return the largest standard deviation of a sphere's centre in percent of its radius."""
-    return max(100.0 * sphere.centre_sd / sphere.radius for sphere in spheres)
+    """Return the largest standard deviation of a sphere's centre or radius, in percent of its radius."""
+    return max(100.0 * max(sphere.centre_sd, sphere.radius_sd) / sphere.radius for sphere in spheres)
