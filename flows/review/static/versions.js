@@ -41,7 +41,7 @@ export async function open(root, capture, signal) {
     const rows = versions.map(({ name, time, message }, i) => element("tr", {},
       element("td", {}, pick(name, "before", "Left")), element("td", {}, pick(name, "after", "Right")),
       element("td", {}, element("b", {}, name), ` ${time.slice(0, 16).replace("T", " ")}`, element("div", { class: "faint" }, message)),
-      element("td", {}, i ? element("button", { type: "button", onclick: () => restore(name) }, "Restore") : "newest")));
+      element("td", { class: "state" }, i ? element("button", { type: "button", onclick: () => restore(name) }, "Restore") : "newest")));
     const head = element("thead", {}, element("tr", {}, ...["Left", "Right", "Version", "State"].map((text) => element("th", { scope: "col" }, text))));
     return element("section", {}, element("h2", {}, "Versions"), element("table", {}, head, element("tbody", {}, ...rows)));
   }
@@ -79,6 +79,7 @@ export async function open(root, capture, signal) {
 
 /** What differs, in figures and words. */
 function differences({ figures, changes }, { before, after }) {
+  if (before === after) return element("p", { class: "faint" }, `${before} is on both sides: a second version can be chosen as soon as there is one.`);
   const shown = Object.entries(figures).filter(([, value]) => value !== null);
   const words = shown.map(([name, value]) => element("tr", {}, element("th", { scope: "row" }, name), element("td", {}, valueWords(name, value))));
   const rows = changes.map((change) => element("tr", {}, ...[change.stage, change.name, change.before, change.after].map((text) => element("td", {}, text))));
