@@ -28,6 +28,11 @@ MAX_STEM_GAP_PX = 2.0
 """Gap between normals of a stem, along the axis, across which the stem goes on."""
 SHOULDER_SHARE = 0.03
 """Distance of the shoulder before a cone, as a share of the largest radius."""
+CONE_SLOPE_RATIO = 0.7
+"""Slope of the radius, as a share of that of a wall seen edge-on, from which samples belong to a cone: that of the
+contour's circles scatters by the staircase of pixels."""
+MAX_CORNER_SLOPE_RATIO = 0.4
+"""The same of the wall before a cone, up to which a corner lies between the two; a smooth shoulder falls faster."""
 
 
 @njit(cache=True, nogil=True)
@@ -186,11 +191,11 @@ def _cones(radii: np.ndarray, edge_on: float, step: float) -> list[_Cone]:
     before = max(2, round(SHOULDER_SHARE * radii.max() / step))
     cones = []
     for (cone,) in ndimage.find_objects(labels)[:count]:
-        # Where the wall is not yet steep before the cone there is a corner.
+        # Slopes are negative: where the wall is not yet steep before the cone there is a corner.
         last = max(cone.start - reach, 1)
         first = max(last - before, 0)
         slope = (radii[last] - radii[first]) / ((last - first) * step)
-        cones.append(_Cone(cone.start, cone.stop, bool(slope > 0.4 * edge_on)))
+        cones.append(_Cone(cone.start, cone.stop, bool(slope > MAX_CORNER_SLOPE_RATIO * edge_on)))
     return cones
 
 
@@ -227,7 +232,7 @@ def _edge_on_samples(radii: np.ndarray, edge_on: float, reach: int, step: float)
     """Return the samples (N,) bool at which radii (N,) fall nearly as steeply as a wall seen edge-on."""
     before, after = np.append(np.zeros(reach), radii[:-reach]), np.append(radii[reach:], np.zeros(reach))
     slope = (after - before) / (2 * reach * step)
-    return ndimage.binary_closing((slope < 0.7 * edge_on) & (radii > MIN_CONE_RADIUS_PX), iterations=reach)
+    return ndimage.binary_closing((slope < CONE_SLOPE_RATIO * edge_on) & (radii > MIN_CONE_RADIUS_PX), iterations=reach)
 
 
 @njit(cache=True, nogil=True)
