@@ -98,7 +98,7 @@ STAGES = (
             "half_vectors": ArraySchema("N3", "f", "all"),
             "kind": ArraySchema("N", "i"),
         },
-        version=2,
+        version=3,
     ),
     Stage(
         "silhouette",

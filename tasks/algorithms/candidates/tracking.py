@@ -126,8 +126,8 @@ def _is_same(labels: np.ndarray, blob: Blob, next_labels: np.ndarray, next_blob:
         (next_labels, next_blob.label, labels == blob.label),
     ):
         # Pixels of the blob in the neighbouring frame that belong to further blobs there.
-        overlaps = np.bincount(frame_labels[pixels])
-        overlaps[: own + 1][[0, -1]] = 0
+        overlaps = np.bincount(frame_labels[pixels], minlength=own + 1)
+        overlaps[[0, own]] = 0
         if (overlaps > limit).any():
             return False
     return is_single_highlight(next_labels == next_blob.label)

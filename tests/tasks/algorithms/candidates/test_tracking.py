@@ -95,6 +95,15 @@ def test_a_highlight_of_another_fold_that_lights_up_beside_it_is_not_followed() 
     assert max(point.frame for point in tracks.points) == 12
 
 
+@pytest.mark.parametrize("step", [1, -1])
+def test_another_highlight_that_moves_beside_it_is_not_followed(step: int) -> None:
+    frames = np.full((COUNT, SIZE, SIZE), 20, np.uint8)
+    frames[:13, 40:43, 20:27] = frames[:13, 40 - 5 * step : 43 - 5 * step, 20:27] = 255
+    frames[13:, 40 - 3 * step : 43 - 3 * step, 20:27] = 255
+    tracks, _ = tracked(frames, [Mark(10, 23.0, 41.0, True)])
+    assert max(point.frame for point in tracks.points) == 12
+
+
 def test_merged_highlights_count_at_the_marked_pixel() -> None:
     frames = np.full((COUNT, SIZE, SIZE), 20, np.uint8)
     frames[:, 20:40, 20:24] = frames[:, 36:40, 20:40] = 255
