@@ -18,21 +18,17 @@ ONE_SIDED_PENALTY = 1.3
 MIN_TAN_TILT = 0.02
 MIN_CONE_RADIUS_PX = 2.0
 """Radius above which a steep fall of the profile counts as a cone; below, it is the profile's tip."""
-STEM_HEIGHT_PX = 6.0
-"""Height above a cone in which the stem's radius is looked for."""
-MIN_STEM_PX = 4.0
-"""Least height of a profile above a cone for it to have a stem."""
+STEM_HEIGHT_PX, MIN_STEM_PX = 6.0, 4.0
+"""Height above a cone in which the stem's radius is looked for, and least height of a profile there to have a stem."""
 SLOPE_REACH_PX = 1.0
 """Distance to both sides over which slopes are taken."""
 MAX_STEM_GAP_PX = 2.0
 """Gap between normals of a stem, along the axis, across which the stem goes on."""
 SHOULDER_SHARE = 0.03
 """Distance of the shoulder before a cone, as a share of the largest radius."""
-CONE_SLOPE_RATIO = 0.7
-"""Slope of the radius, as a share of that of a wall seen edge-on, from which samples belong to a cone: that of the
-contour's circles scatters by the staircase of pixels."""
-MAX_CORNER_SLOPE_RATIO = 0.4
-"""The same of the wall before a cone, up to which a corner lies between the two; a smooth shoulder falls faster."""
+CONE_SLOPE_RATIO, MAX_CORNER_SLOPE_RATIO = 0.7, 0.4
+"""Slopes of the radius, as shares of that of a wall seen edge-on: from which samples belong to a cone, and up to which
+the wall before a cone ends at a corner; that of a smooth shoulder is steeper."""
 
 
 @njit(cache=True, nogil=True)
