@@ -37,9 +37,8 @@ def smooth_profile(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the squared radii (N,) and their slopes (N,) without the staircase of pixels, corners kept.
 
-    Lines are fitted to windows about and beside each height: the widest that fits is used.
-
-    after_corner, before_corner: whether the profile begins, and ends, at a corner.
+    Lines are fitted to windows about and beside each height: the widest that fits is used. after_corner, before_corner:
+    whether the profile begins, and ends, at a corner.
     """
     step, length = heights[1] - heights[0], len(squared_radii)
     best, value, slope = np.full(length, np.inf), squared_radii.copy(), np.empty(length)
