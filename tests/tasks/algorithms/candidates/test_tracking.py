@@ -65,6 +65,12 @@ def test_a_mark_without_a_highlight_gives_a_warning() -> None:
     assert "mark 0 (false, frame 3, x 140, y 210) has no highlight within 4 pixels" in tracks.warnings[0]
 
 
+@pytest.mark.parametrize("place", [(-200.0, 30.0), (30.0, -90.0), (30.0, 300.0), (-1.0, 30.0)])
+def test_a_mark_beside_the_region_gives_a_warning(place: tuple[float, float]) -> None:
+    tracks, _ = tracked(footage((10, 30, 1.0, 0)), [Mark(3, *place, True)])
+    assert len(tracks.marks.kind) == 0 and "no highlight within 4 pixels" in tracks.warnings[0]
+
+
 def test_a_mark_at_a_frame_without_light_gives_a_warning() -> None:
     frames = footage((10, 30, 1.0, 0))
     frames[:5] = frames[6:] = 20
