@@ -49,7 +49,10 @@ class Run:
 
 
 class Runs:
-    """The runs of a server, one at a time for each capture or object. revision: a number that grows with every event."""
+    """The runs of a server, one at a time for each capture or object.
+
+    revision: a number that grows with every event.
+    """
 
     def __init__(self, store: str, scheduler: str | None = None) -> None:
         self._options = ["--store", store, *(["--scheduler", scheduler] if scheduler else [])]
@@ -58,7 +61,7 @@ class Runs:
         self.revision = 0
 
     def of(self, capture: str) -> Run | None:
-        """Return the newest run of OBJECT/CAPTURE or OBJECT that the page has started, None where it has started none."""
+        """Return the newest run of OBJECT/CAPTURE or OBJECT that the page has started, None without one."""
         return self._runs.get(capture)
 
     def start(self, catalogue: str, capture: str) -> Run:
