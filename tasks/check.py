@@ -39,8 +39,8 @@ FRAMES_READ = 256
 class Check:
     """Measurements of a check.
 
-    frames, and lights: frames with a light; could, observed: shares of the object on which a highlight could be and was
-    seen; spheres: as text; warnings: one for each cause, the dearest first; failure: why the capture cannot be
+    frames, and lights: frames with a light; observable, observed: shares of the object on which a highlight could be
+    and was seen; spheres: as text; warnings: one for each cause, the dearest first; error: why the capture cannot be
     processed, with the remedy, empty if it can, and None or nothing stands for what is then not known; picture: the one
     to look at; pictures: all that were written.
     """
@@ -49,14 +49,14 @@ class Check:
     verdict: Verdict
     frames: int | None
     lights: int | None
-    could: float | None
+    observable: float | None
     observed: float | None
     spheres: tuple[str, ...]
     warnings: tuple[StageWarning, ...]
     picture: Path | None
     pictures: tuple[Path, ...]
     seconds: float
-    failure: str = ""
+    error: str = ""
 
 
 def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int | None], None]) -> Check:
@@ -86,7 +86,7 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
     expected, view = initial_normals(mask).normals, geometry.view_vectors
     if view is not None:
         expected = half_vectors_on_axis(rotate_from_view(expected, view), view)
-    could = is_observable(expected[mask], half_vectors, MAX_HIGHLIGHT_ANGLE_DEG)
+    observable = is_observable(expected[mask], half_vectors, MAX_HIGHLIGHT_ANGLE_DEG)
     pictures = write_check_pictures(
         _first_frame(context),
         geometry.region,
@@ -99,14 +99,14 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
         out,
     )
     warnings = by_cost(warning for record in records for warning in record.warnings)
-    could_share, observed_share = float(could.mean()), float(observed[mask].mean())
-    judged = verdict(warnings, could_share, observed_share, cache.frames, _given_spheres(context))
+    observable_share, observed_share = float(observable.mean()), float(observed[mask].mean())
+    judged = verdict(warnings, observable_share, observed_share, cache.frames, _given_spheres(context))
     return Check(
         name=context.name,
         verdict=judged,
         frames=cache.frames,
         lights=int(np.isfinite(half_vectors[:, 0]).sum()),
-        could=could_share,
+        observable=observable_share,
         observed=observed_share,
         spheres=_texts(geometry.spheres),
         warnings=tuple(warnings),
@@ -122,27 +122,27 @@ def with_agreement(checks: Sequence[tuple[CaptureContext, Check]]) -> list[Check
     Raises:
         StoreError: the store fails.
     """
-    spheres = surveyed_spheres([context for context, result in checks if not result.failure])
+    spheres = surveyed_spheres([context for context, result in checks if not result.error])
     warnings = sphere_warnings(spheres)
     agreed = list[Check]()
     for context, result in checks:
-        offer = sphere_offer(context, spheres) if result.verdict.word == NEEDS_SPHERE and result.failure else ""
-        offered = replace(result, failure=f"{result.failure}; {offer}") if offer else result
+        offer = sphere_offer(context, spheres) if result.verdict.word == NEEDS_SPHERE and result.error else ""
+        offered = replace(result, error=f"{result.error}; {offer}") if offer else result
         agreed.append(_with_warnings(context, offered, warnings.get(context.capture.id, [])))
     return agreed
 
 
 def _with_warnings(context: CaptureContext, result: Check, warnings: Sequence[StageWarning]) -> Check:
     """Return a check of a capture that can be processed with further warnings, judged again."""
-    if not warnings or result.could is None or result.observed is None or result.frames is None:
+    if not warnings or result.observable is None or result.observed is None or result.frames is None:
         return result
     ordered = by_cost([*result.warnings, *warnings])
-    judged = verdict(ordered, result.could, result.observed, result.frames, _given_spheres(context))
+    judged = verdict(ordered, result.observable, result.observed, result.frames, _given_spheres(context))
     picture = next((path for path in result.pictures if path.stem == judged.picture), result.picture)
     return replace(result, verdict=judged, warnings=tuple(ordered), picture=picture)
 
 
-def _failed(context: CaptureContext, records: Sequence[StageRecord], judged: Verdict, failure: str, out: Path) -> Check:
+def _failed(context: CaptureContext, records: Sequence[StageRecord], judged: Verdict, error: str, out: Path) -> Check:
     """Return the check of a capture that cannot be processed, with a picture of what is known of it."""
     spheres, region = _given_spheres(context), context.capture.region
     if records:
@@ -158,7 +158,7 @@ def _failed(context: CaptureContext, records: Sequence[StageRecord], judged: Ver
     seconds = sum(record.seconds for record in records)
     return Check(
         context.name, judged, None, None, None, None, _texts(spheres), tuple(warnings), picture, pictures, seconds,
-        failure,
+        error,
     )  # fmt: skip
 
 

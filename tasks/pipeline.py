@@ -35,7 +35,7 @@ STAGES = (
         catalogue_keys=("spheres", "region", "pixel_size", "camera"),
         files=("frames", "mask", "lights"),
         progress_unit="frames",
-        version=14,
+        version=15,
     ),
     Stage(
         "frames",
@@ -98,7 +98,7 @@ STAGES = (
             "half_vectors": ArraySchema("N3", "f", "all"),
             "kind": ArraySchema("N", "i"),
         },
-        version=2,
+        version=3,
     ),
     Stage(
         "silhouette",

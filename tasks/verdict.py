@@ -44,7 +44,7 @@ class Verdict:
 
 def verdict(
     warnings: Sequence[StageWarning],
-    could: float | None,
+    observable: float | None,
     observed: float,
     frames: int,
     given_spheres: Sequence[Sphere] = (),
@@ -54,8 +54,8 @@ def verdict(
     A gap in the light's sweep costs only what lies in it, so coverage is judged by the share of the object that was
     observed; a set of photographs is never rejected for it.
 
-    could, observed: shares of the object on which a highlight could be (None: not compared), and was, seen; frames:
-    their number; given_spheres: those that the catalogue or a person gave, in pixels of the full frame.
+    observable, observed: shares of the object on which a highlight could be (None: not compared), and was, seen;
+    frames: their number; given_spheres: those that the catalogue or a person gave, in pixels of the full frame.
     """
     ordered = by_cost(warnings)
     faults = [warning for warning in ordered if warning.cause != "coverage"]
@@ -63,8 +63,8 @@ def verdict(
         word = WORD_BY_CAUSE.get(faults[0].cause)
         return _because(word, faults[0]) if word else _again(_because(RECORD_AGAIN, faults[0]), warnings, given_spheres)
     shown = f"highlights on {observed:.0%} of the object"
-    if could is not None:
-        shown += f", {could:.0%} could show one"
+    if observable is not None:
+        shown += f", {observable:.0%} could show one"
     if observed < MIN_OBSERVED_SHARE and frames >= MIN_SWEEP_FRAMES:
         return _again(Verdict(RECORD_AGAIN, shown, "coverage"), warnings, given_spheres)
     if faults and faults[0].cost_deg > MAX_GOOD_COST_DEG:

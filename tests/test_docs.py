@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from glint.storage.catalogue.models import Camera, Capture, Catalogue, Object, P
 from glint.storage.inputs.markup import AnnotationEntry, read_markup
 from glint.tasks.engine.parameters import FORMER_NAMES, Parameters
 from glint.tasks.pipeline import STAGES
+from glint.tasks.simulation.simulate import CaptureOptions
 from tests.generated_docs import BLOCK, FIGURES_FILE, ROOT, TABLES, cells, documents, figures, with_current_tables
 from tests.quoted_figures import BLOCKS, written
 
@@ -35,9 +37,11 @@ def text_of(path: Path) -> str:
 
 
 def code_of(text: str) -> str:
-    """Return what stands in code blocks and between backticks."""
-    blocks = re.findall(r"^```.*?^```|^(?: {4}[^\n]*\n)+", text, re.DOTALL | re.MULTILINE)
-    return "\n".join(blocks + re.findall(r"`([^`\n]+)`", text))
+    """Return what stands in code blocks and between backticks, also where a line ends between them."""
+    fences = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
+    prose = fences.sub("", text)
+    blocks = fences.findall(text) + re.findall(r"^(?: {4}[^\n]*\n)+", prose, re.MULTILINE)
+    return "\n".join(blocks + [" ".join(span.split()) for span in re.findall(r"`((?:[^`\n]|\n(?!\n))+)`", prose)])
 
 
 def calls(path: Path) -> Iterator[tuple[str, str]]:
@@ -114,6 +118,17 @@ def test_commands_are_found_in_text() -> None:
     matches = CALL.finditer(".venv/bin/glint run C --json # all")
     assert [match.groups() for match in matches] == [("run", " C --json ")]
     assert not CALL.search("from ./glint-store and glint.toml")
+    assert (
+        code_of("a `glint\nrun C` b\n\n```sh\nls `pwd`\n```\n\n    glint\n")
+        == "```sh\nls `pwd`\n```\n    glint\n\nglint run C"
+    )
+
+
+def test_options_of_the_simulation_exist() -> None:
+    names = {field.name for field in fields(CaptureOptions)}
+    for path in DOCUMENTS:
+        unknown = set(re.findall(r"--set ([a-z_]+)=", " ".join(text_of(path).split()))) - names
+        assert not unknown, f"{path.name} sets {unknown}"
 
 
 def test_the_catalogue_example_loads(tmp_path: Path) -> None:
@@ -139,7 +154,7 @@ def test_every_key_of_a_catalogue_is_explained() -> None:
 def test_examples_of_parameters_are_valid() -> None:
     from ruamel.yaml import YAML
 
-    examples = re.findall(r"parameters: (\{[^`#\n]*\})", "\n".join(text_of(path) for path in DOCUMENTS))
+    examples = re.findall(r"parameters: (\{[^`#\n]*\})", "\n".join(code_of(text_of(path)) for path in DOCUMENTS))
     assert examples
     for example in examples:
         values = YAML(typ="safe").load(example)

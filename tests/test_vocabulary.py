@@ -1,4 +1,7 @@
-"""One vocabulary: words in help texts, README and error messages; identifiers, constants and docstrings in the code."""
+"""One vocabulary: words in help texts, README and error messages; identifiers, constants and docstrings in the code.
+
+Benchmarks are read like the product, but for constants: each is a program of its own.
+"""
 
 import ast
 import re
@@ -67,6 +70,8 @@ def parsed(path: Path) -> ast.Module:
 
 MODULES = modules()
 NAMES = [path.relative_to(ROOT).as_posix() for path in MODULES]
+BENCHMARKS = sorted((ROOT / "tests" / "benchmarks").glob("*.py"))
+READ = pytest.mark.parametrize("path", [*MODULES, *BENCHMARKS], ids=lambda path: path.relative_to(ROOT).as_posix())
 
 
 def banned_words(text: str) -> list[str]:
@@ -168,12 +173,12 @@ def test_readme_uses_the_vocabulary() -> None:
         assert banned_words(text) == []
 
 
-@pytest.mark.parametrize("path", MODULES, ids=NAMES)
+@READ
 def test_error_messages_use_the_vocabulary(path: Path) -> None:
     assert [word for text in messages(parsed(path), ERRORS) for word in banned_words(text)] == []
 
 
-@pytest.mark.parametrize("path", MODULES, ids=NAMES)
+@READ
 def test_identifiers_are_nouns(path: Path) -> None:
     allowed = PROTOCOL_NAMES.get(path.relative_to(ROOT).as_posix(), set())
     names = [(line, name) for line, name in identifiers(parsed(path)) if name not in allowed]
@@ -189,7 +194,7 @@ def test_a_constant_has_the_same_value_everywhere() -> None:
     assert {name: list(modules.values()) for name, modules in values.items() if len(modules) > 1} == {}
 
 
-@pytest.mark.parametrize("path", MODULES, ids=NAMES)
+@READ
 def test_docstrings_of_functions_begin_with_a_verb(path: Path) -> None:
     functions = (node for node in ast.walk(parsed(path)) if isinstance(node, Function) and not is_property(node))
     docstrings = ((node, ast.get_docstring(node) or "") for node in functions)
@@ -207,6 +212,7 @@ def test_the_rules_find_what_they_should() -> None:
     assert list(messages(tree, {"StoreError"})) == ["a ", "mend it"]
     assert {"GlintError", "StoreError", "UnusableCapture", "ServerError"} <= ERRORS
     assert dict(constants(ast.parse("A, B = 1, 2\nC: int = 3"))).keys() == {"A", "B", "C"}
+    assert {"flows/cli/main.py", "storage/errors.py"} <= set(NAMES) and len(BENCHMARKS) > 30
 
 
 ERRORS = error_classes()

@@ -63,21 +63,19 @@ def check(
                     failed = True
                     continue
                 of_object.append((context, result))
-                ended = CaptureFailed(name, result.failure) if result.failure else CaptureEnded(name, result.seconds)
+                ended = CaptureFailed(name, result.error) if result.error else CaptureEnded(name, result.seconds)
                 console.emit(ended)
             checks += with_agreement(of_object)
-    is_usable = any(not result.failure for result in checks)
+    is_usable = any(not result.error for result in checks)
     if as_json:
-        print_lines(
-            json_line("check", result, name="capture", could="observable", failure="error") for result in checks
-        )
+        print_lines(json_line("check", result, name="capture") for result in checks)
     else:
         _print_checks(checks, out)
         if is_usable:
             echo(f"next: glint run {file}{store_option(store)}")
         else:
             echo(f"next: correct what the verdicts name, then glint check {file}{store_option(store)}")
-    sys.exit(1 if failed or any(result.failure for result in checks) else 0)
+    sys.exit(1 if failed or any(result.error for result in checks) else 0)
 
 
 def _progress(console: "Sink", capture: str) -> Callable[[str, int, int | None], None]:
@@ -102,9 +100,9 @@ def _print_checks(checks: "Sequence[Check]", out: Path) -> None:
             "capture": result.name,
             "frames": "" if result.frames is None else result.frames,
             "lights": "" if result.lights is None else result.lights,
-            "observable": "" if result.could is None else f"{result.could:.0%}",
+            "observable": "" if result.observable is None else f"{result.observable:.0%}",
             "observed": "" if result.observed is None else f"{result.observed:.0%}",
-            "spheres": "; ".join(result.spheres) or ("" if result.failure else "none"),
+            "spheres": "; ".join(result.spheres) or ("" if result.error else "none"),
             "look at": "" if result.picture is None else str(result.picture),
             "verdict": str(result.verdict),
         }

@@ -82,10 +82,13 @@ class Review:
                     return CaptureContext.of(catalogue, object_id, capture_id, self.store)
         self._check_stored(object_id)
         latest = self.stored(object_id).latest
-        entry = latest.metadata.get("captures", {}).get(capture_id, {}).get("entry")
-        if entry is None:
+        recorded = latest.metadata.get("captures", {}).get(capture_id, {})
+        if "entry" not in recorded:
             raise reading.NotFoundError(f"no capture {capture_id!r} of {object_id}", "see the catalogue view")
-        return CaptureContext(self.store, object_id, Capture.model_validate(entry), Parameters())
+        capture, parameters = recorded["entry"], recorded.get("parameters", {})
+        return CaptureContext(
+            self.store, object_id, Capture.model_validate(capture), Parameters.model_validate(parameters)
+        )
 
     def repository(self, object_id: str) -> ObjectRepository | None:
         """Return the object's results, None where the store has none yet."""

@@ -1,4 +1,4 @@
-"""Runs that the page starts: the ordinary `glint run` of one capture, in a process of its own, with its progress.
+"""Runs that the page starts: the ordinary `glint run` of a capture or object, in a process of its own, with progress.
 
 The process is independent of the server: it outlives the server, and so writes to files, not to pipes.
 """
@@ -22,9 +22,12 @@ READ_SECONDS = 0.2
 
 @dataclass
 class Run:
-    """A run of one capture. state: running, done or failed; lines: what it reported, as events of `glint run --json`;
-    share: part of its time that has passed, seconds_left: until it ends, both None before they are known; stages:
-    seconds by stage that has ended, None where its result was stored already."""
+    """A run of one capture (`capture` is OBJECT/CAPTURE), or of all captures of an object (OBJECT).
+
+    state: running, done or failed; share: part of its time that has passed, seconds_left: until it ends, both None
+    before they are known, and for an object; stages: seconds by stage that has ended, None where its result was stored
+    already. Of an object, names of stages and errors begin with the capture.
+    """
 
     capture: str
     started: float = field(default_factory=time.time)
@@ -46,7 +49,10 @@ class Run:
 
 
 class Runs:
-    """The runs of a server, one at a time for each capture. revision: a number that grows with every event."""
+    """The runs of a server, one at a time for each capture or object.
+
+    revision: a number that grows with every event.
+    """
 
     def __init__(self, store: str, scheduler: str | None = None) -> None:
         self._options = ["--store", store, *(["--scheduler", scheduler] if scheduler else [])]
@@ -55,11 +61,11 @@ class Runs:
         self.revision = 0
 
     def of(self, capture: str) -> Run | None:
-        """Return the newest run of OBJECT/CAPTURE that the page has started, None where it has started none."""
+        """Return the newest run of OBJECT/CAPTURE or OBJECT that the page has started, None without one."""
         return self._runs.get(capture)
 
     def start(self, catalogue: str, capture: str) -> Run:
-        """Start the run of OBJECT/CAPTURE, or return the one that is going on."""
+        """Start the run of OBJECT/CAPTURE or OBJECT, or return the one that is going on."""
         with self._lock:
             known = self._runs.get(capture)
             if known is not None and known.state == "running":
@@ -123,19 +129,33 @@ def _lines(process: "subprocess.Popen[bytes]", output: IO[bytes]) -> Iterator[by
 
 
 def note(run: Run, event: dict[str, Any]) -> None:
-    """Take over what an event of `glint run --json` says of the run's capture."""
+    """Take over what an event of `glint run --json` says of the run's capture, or of those of its object."""
     kind = event.get("kind")
     if kind == "summary":
-        for row in event.get("captures", ()):
-            if row.get("capture") == run.capture:
-                run.state = "failed" if row["error"] else "done"
-                run.error, run.remedy, run.version = row["error"], row["remedy"], row["version"]
-    elif event.get("capture") == run.capture:
+        rows = [row for row in event.get("captures", ()) if _is_of(run, row.get("capture", ""))]
+        if rows:
+            row = next((row for row in rows if row["error"]), rows[0])
+            run.state = "failed" if row["error"] else "done"
+            run.error = _prefix(run, row["capture"]) + row["error"] if row["error"] else ""
+            run.remedy, run.version = row["remedy"], row["version"]
+    elif _is_of(run, event.get("capture", "")):
+        prefix = _prefix(run, event["capture"])
         if kind == "progress":
-            run.stage, run.done = event["stage"], event.get("done", 0)
+            run.stage, run.done = prefix + event["stage"], event.get("done", 0)
             run.total, run.unit = event.get("total"), event.get("unit", "")
-            run.share, run.seconds_left = event.get("share", run.share), event.get("seconds_left", run.seconds_left)
+            if not prefix:
+                run.share, run.seconds_left = event.get("share", run.share), event.get("seconds_left", run.seconds_left)
         elif kind == "stage":
-            run.stages[event["stage"]] = None if event.get("cached") else event["seconds"]
+            run.stages[prefix + event["stage"]] = None if event.get("cached") else event["seconds"]
         elif kind == "failed":
-            run.error = event["text"]
+            run.error = prefix + event["text"]
+
+
+def _is_of(run: Run, name: str) -> bool:
+    """Return whether OBJECT/CAPTURE takes part in a run."""
+    return name == run.capture or name.startswith(f"{run.capture}/")
+
+
+def _prefix(run: Run, name: str) -> str:
+    """Return what tells OBJECT/CAPTURE from other captures of the run: nothing where it is the only one."""
+    return "" if name == run.capture else f"{name.removeprefix(f'{run.capture}/')}: "

@@ -69,7 +69,7 @@ class SideBySide:
         is_wanted: whether the frame of a number is converted to luma.
         """
         for context in (stream.codec_context for stream in self._streams):
-            # How a damaged picture is mended depends on the threads: here damage is an error.
+            # How a damaged picture is concealed depends on the threads: here damage is an error.
             context.thread_count, context.options = 1, {"err_detect": "explode"}
             self._contexts.put(context)
         jobs, waiting, expected = self._jobs(), deque[_Job](), None

@@ -131,12 +131,18 @@ def _clean_object(
 
 
 def _clean_frames(location: Location, budget: int | None, held: set[str], dry_run: bool) -> Cleaning:
-    """Remove cached frames beyond the budget, except those of objects that are being run."""
+    """Remove cached frames beyond the budget, except those of objects that are being run.
+
+    None are removed while such an object cannot be read: it may be damaged, or in the first moments of its first run.
+    """
     frames = cached_frames(location)
     total = sum(cache.bytes for cache in frames)
     if budget is None:
         return Cleaning("frames", 0, 0, f"{format_size(total)} cached, no budget set")
-    in_use = {digest for object_id in held for digest in _frame_digests(location, object_id)}
+    try:
+        in_use = {digest for object_id in held for digest in _frame_digests(location, object_id)}
+    except StoreError as error:
+        return Cleaning("frames", 0, 0, f"left alone, as what a run uses of them is unknown: {error}")
     chosen = over_budget(frames, budget, in_use)
     if not dry_run:
         remove_frames(location, chosen)

@@ -43,7 +43,8 @@ def evaluate_captures(contexts: Sequence[CaptureContext], report: Report) -> lis
 def evaluate_models(contexts: Sequence[CaptureContext], catalogue: Catalogue) -> list[ModelEvaluation]:
     """Compare the merged model of each object with its true surface; objects without one are left out.
 
-    contexts: captures of an object stand next to each other.
+    So are those of which `contexts` lack a capture that the model is made of. Captures of an object stand next to each
+    other.
     """
     evaluations = []
     for object_id, captures in groupby(contexts, lambda context: context.object_id):

@@ -47,7 +47,10 @@ class ModelEvaluation:
 
 
 def evaluate_model(entry: Object, works: Sequence[CaptureContext]) -> ModelEvaluation | None:
-    """Compare the stored model of an object's captures with the truth; None where there is no model or no truth.
+    """Compare the stored model of an object with the truth.
+
+    works: captures of the object. None where there is no model, no truth, or where a capture that the model is made of
+    is not among `works`, as in a run of some captures only.
 
     Raises:
         InputError: the true model cannot be read.
@@ -55,8 +58,10 @@ def evaluate_model(entry: Object, works: Sequence[CaptureContext]) -> ModelEvalu
     repository = works[0].repository
     if entry.truth_model is None or repository.stage_key(WHOLE_OBJECT, STAGE) is None:
         return None
-    truth = load_true_mesh(entry.truth_model)
     saved = repository.load(WHOLE_OBJECT, STAGE)
+    if not {view["capture"] for view in saved.record["views"]} <= {work.capture.id for work in works}:
+        return None
+    truth = load_true_mesh(entry.truth_model)
     views, depths = load_registered_views(works)
     hull = hull_model(views)
     aligned = [align_depth(hull, view, depth) for view, depth in zip(views, depths, strict=True)]
@@ -77,8 +82,9 @@ def evaluate_model(entry: Object, works: Sequence[CaptureContext]) -> ModelEvalu
 
 
 def load_registered_views(works: Sequence[CaptureContext]) -> tuple[list[View], list[np.ndarray]]:
-    """Return the views of the stored model of these captures, and their depth maps (H, W) in world units.
+    """Return the views of the stored model, and their depth maps (H, W) in world units.
 
+    works: the captures that it is made of, and perhaps others.
     The views have the poses that the model stage gave them, and the normals of their own labels.
     """
     by_name = {work.capture.id: work for work in works}

@@ -49,7 +49,7 @@ def serial_map(function: Callable[[Any, Any], Any], tasks: Iterable[Any], shared
 
 
 def clusters(inputs: StageInputs, progress: Progress, mapper: Mapper = serial_map) -> StageOutput:
-    """Cluster every pixel of the mask, tile by tile (paper, section 3.2)."""
+    """Cluster every pixel of the mask, tile by tile ("normal clustering", section 4.2 of the paper)."""
     parameters: ClustersParameters = inputs.parameters
     cache, mask = open_frames(inputs), inputs.load("mask").read("mask")
     half_vectors = inputs.load("lights").read("half_vectors")

@@ -90,7 +90,7 @@ def load_levels(results: CaptureResults) -> tuple[np.ndarray, np.ndarray]:
 
 
 def spread_shards(frames: int, count: int) -> list[int]:
-    """Return the first frames of at most `count` runs of 64 frames, spread evenly over so many frames."""
+    """Return the first frames of at most `count` runs of LEVEL_FRAMES frames, spread evenly over so many frames."""
     starts = np.arange(0, frames, LEVEL_FRAMES)
     chosen = np.unique(np.linspace(0, len(starts) - 1, min(count, len(starts))).round().astype(int))
     return [int(start) for start in starts[chosen]]

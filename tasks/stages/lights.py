@@ -35,7 +35,7 @@ from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.camera_doubt import with_camera_of_spheres
 from glint.tasks.stages.capture_geometry import OBJECT, CaptureGeometry, load_geometry, sphere_name
 from glint.tasks.stages.frames import load_thumbnails, open_frames
-from glint.tasks.stages.levels import CLIPPED, load_levels, spread_shards
+from glint.tasks.stages.levels import CLIPPED, LEVEL_FRAMES, load_levels, spread_shards
 from glint.tasks.stages.light_distance import DistanceResult, measure_distance
 from glint.tasks.stages.sphere_doubts import sphere_doubts, sweep_error
 
@@ -49,7 +49,9 @@ MIN_BEFORE_OBJECT_SHARE, BEFORE_OBJECT_COST_DEG = 0.01, 1.0
 """Share of the frames from which a light before the object is reported, and what its disc costs where it is not noticed
 because it lies half behind the object: half a degree in the mean of a simulated dome with a tenth of such frames."""
 MAX_REFLECTION_SHARDS = 50
-"""Most shards from which a sphere's static reflection is taken."""
+"""Most runs of frames from which a sphere's static reflection is taken."""
+REFLECTION_STEP, MAX_UNTHINNED_FRAMES = 16, 640
+"""Every so many-th frame of these runs is taken, in a capture of more frames than the second number; else all are."""
 
 
 def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
@@ -167,8 +169,9 @@ def _of_sphere(
     parameters: LightsParameters, cache: FrameCache, name: str, sphere: Sphere, camera: np.ndarray | None
 ) -> Lights:
     """Measure the lights on one sphere, in the pixels of its crop."""
-    step, shards = 16 if cache.frames > 640 else 1, spread_shards(cache.frames, MAX_REFLECTION_SHARDS)
-    sample = np.concatenate([cache.read(name, slice(start, start + 64))[::step] for start in shards])
+    step = REFLECTION_STEP if cache.frames > MAX_UNTHINNED_FRAMES else 1
+    starts = spread_shards(cache.frames, MAX_REFLECTION_SHARDS)
+    sample = np.concatenate([cache.read(name, slice(start, start + LEVEL_FRAMES))[::step] for start in starts])
     static = static_background(sample, sphere, camera=camera)
     blocks, covered = [], []
     for start in range(0, cache.frames, BLOCK_FRAMES):

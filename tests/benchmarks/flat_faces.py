@@ -7,8 +7,6 @@ whole mask), the share of the mask at confidence 0.95 and of these the share wit
 with them.
 """
 
-import argparse
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +23,7 @@ from glint.tasks.engine.parameters import Parameters
 from glint.tasks.evaluation.captures import CONFIDENT_ERROR_DEG
 from glint.tasks.simulation.simulate import CaptureOptions
 from glint.tasks.stages.clusters import load_clusters
-from tests.benchmarks.simulated_captures import simulated_captures
+from tests.benchmarks.simulated_captures import shapes_parser, simulated_captures
 from tests.tasks.make_context import perform_all
 
 FACETED = ("hexagonal-prism", "cut-cube", "gem", "faceted-bottle")
@@ -60,22 +58,10 @@ def measure(capture: Capture, store: Path, hypothesis: str = "flat_faces") -> st
 
 def main() -> None:
     """Print a line per capture as it is measured."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("shapes", nargs="*", metavar="SHAPE")
-    parser.add_argument("--views", type=int, default=3)
-    parser.add_argument("--seed", type=int, default=5)
-    parser.add_argument("--frames", type=int, default=1500)
-    parser.add_argument("--scale", type=float, default=0.8)
-    parser.add_argument("--folder", type=Path, help="folder for captures and stores; a temporary one by default")
-    options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = options.folder or Path(temporary)
-        for shape in options.shapes or FACETED:
-            simulated = CaptureOptions(
-                frames=options.frames, scale=options.scale, seed=options.seed, views=options.views
-            )
-            for capture, store in simulated_captures(shape, folder / shape, simulated):
-                print(f"{shape}/{capture.id}: {measure(capture, store)}", flush=True)
+    arguments = shapes_parser(__doc__, views=3, seed=5, frames=1500, scale=0.8).parse_args()
+    options = CaptureOptions(frames=arguments.frames, scale=arguments.scale, seed=arguments.seed, views=arguments.views)
+    for name, capture, store in simulated_captures(arguments.shapes or FACETED, arguments.folder, options):
+        print(f"{name}: {measure(capture, store)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -7,8 +7,6 @@ with it, whether the depth follows it, and the same of bodies that are wrong: ha
 the image. With `--forced` a body is accepted although the normals do not fit it.
 """
 
-import argparse
-import tempfile
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -28,7 +26,7 @@ from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.clusters import load_clusters
 from glint.tasks.stages.depth import NORMAL_WEIGHT_POWER
 from glint.tasks.stages.labels import reconstruct
-from tests.benchmarks.simulated_captures import simulated_captures
+from tests.benchmarks.simulated_captures import shapes_parser, simulated_captures
 from tests.tasks.make_context import perform_all
 
 VESSELS = ("goblet", "tumbler", "pitcher", "tankard", "coupe", "cut-bowl", "hobnail-vase", "mug", "wine-glass")
@@ -93,21 +91,13 @@ def measure(capture: Capture, store: Path, forced: bool) -> str:
 
 def main() -> None:
     """Print a line per capture as it is measured."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("shapes", nargs="*", metavar="SHAPE")
-    parser.add_argument("--scale", type=float, default=0.6)
-    parser.add_argument("--frames", type=int, default=900)
-    parser.add_argument("--seed", type=int, default=71)
+    parser = shapes_parser(__doc__, scale=0.6, frames=900, seed=71)
     parser.add_argument("--focal", type=float, help="of a perspective camera, in frame widths")
     parser.add_argument("--forced", action="store_true", help="accept a body although normals do not fit it")
-    parser.add_argument("--folder", type=Path, help="folder for captures and stores; a temporary one by default")
-    options = parser.parse_args()
-    simulated = CaptureOptions(seed=options.seed, scale=options.scale, frames=options.frames, focal=options.focal)
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = options.folder or Path(temporary)
-        for shape in options.shapes or VESSELS:
-            for capture, store in simulated_captures(shape, folder / shape, simulated):
-                print(f"{shape}: {measure(capture, store, options.forced)}", flush=True)
+    arguments = parser.parse_args()
+    options = CaptureOptions(seed=arguments.seed, scale=arguments.scale, frames=arguments.frames, focal=arguments.focal)
+    for name, capture, store in simulated_captures(arguments.shapes or VESSELS, arguments.folder, options):
+        print(f"{name}: {measure(capture, store, arguments.forced)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -31,7 +31,7 @@ FOCAL_WIDTHS = (None, 2.4, 1.5, 0.9)
 
 
 def measure(shape: str, focal: float | None, folder: Path, seed: int) -> str:
-    """One line: what the normals of a simulated capture measure, and what becomes of the confidence."""
+    """Return a line: what the normals of a simulated capture measure, and what becomes of the confidence."""
     options = CaptureOptions(frames=600, scale=0.5, seed=seed, focal=focal)
     capture = load(simulate(shape, folder / f"{shape}-{focal}", options).catalogue).objects[0].captures[0]
     entry = capture.model_copy(update={"camera": None})

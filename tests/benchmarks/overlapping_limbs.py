@@ -9,8 +9,6 @@ the mask within 0.2 inradii of one, and the share of the squared error there. A 
 frames and 0.8 of its size.
 """
 
-import argparse
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +25,7 @@ from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.simulation.simulate import PRESETS, CaptureOptions
 from glint.tasks.stages.clusters import load_clusters
-from tests.benchmarks.simulated_captures import simulated_captures
+from tests.benchmarks.simulated_captures import shapes_parser, simulated_captures
 from tests.tasks.make_context import perform_all
 
 FIGURINES = ("puppy", "elephant", "teddy-bear", "bird")
@@ -104,19 +102,12 @@ def measure(capture: Capture, store: Path) -> str:
 
 def main() -> None:
     """Print a line per capture as it is measured."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("shapes", nargs="*", metavar="SHAPE")
-    parser.add_argument("--views", type=int, default=1)
-    parser.add_argument("--seed", type=int, default=5)
-    parser.add_argument("--folder", type=Path, help="folder for captures and stores; a temporary one by default")
-    options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = options.folder or Path(temporary)
-        for shape in options.shapes or FIGURINES:
-            size = {} if shape in PRESETS else {"frames": 1500, "scale": 0.8}
-            simulated = CaptureOptions(seed=options.seed, views=options.views, **size)
-            for capture, store in simulated_captures(shape, folder / shape, simulated):
-                print(f"{shape}/{capture.id}: {measure(capture, store)}", flush=True)
+    arguments = shapes_parser(__doc__, views=1, seed=5).parse_args()
+    for shape in arguments.shapes or FIGURINES:
+        size = {} if shape in PRESETS else {"frames": 1500, "scale": 0.8}
+        options = CaptureOptions(seed=arguments.seed, views=arguments.views, **size)
+        for name, capture, store in simulated_captures([shape], arguments.folder, options):
+            print(f"{name}: {measure(capture, store)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -67,7 +67,7 @@ def simulated(number: int) -> Iterator[tuple[str, Sample, Sphere]]:
 
 
 def sample_of(video: str) -> Sample:
-    """The survey's sample of a video."""
+    """Take the survey's sample of a video."""
     with open_footage(video) as footage:
         return SampleRecorder(footage, SurveyParameters().sample, lambda done, total: None).sample()
 
@@ -122,7 +122,7 @@ def _error(circle: Sphere, truth: Sphere) -> float:
 
 
 def _is_doubted(circle: Sphere) -> bool:
-    """Whether the lights stage warns of a circle by its standard deviation."""
+    """Return whether the stage `lights` warns of a circle by its standard deviation."""
     return 2.0 * np.sqrt(2.0) * float(np.degrees(circle.centre_sd / circle.radius)) > MAX_LIGHT_DEVIATION_DEG
 
 

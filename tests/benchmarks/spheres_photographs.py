@@ -18,16 +18,15 @@ from glint.tasks.algorithms.lighting.spheres import Sphere
 
 
 def report(name: str, frames: np.ndarray, truth: Sphere, lights: np.ndarray, *, half: bool) -> None:
-    """One line: errors of the found sphere in percent of the radius, of the lights in degrees with each circle."""
+    """Print the errors of the sphere that is found, in percent of the radius, and of the lights with each circle."""
     sample = frames[np.linspace(0, len(frames) - 1, min(len(frames), 100)).astype(int)]
     start = time.process_time()
-    found = find_spheres(sample, frames.max(axis=0)).spheres[0]
+    measured = find_spheres(sample, frames.max(axis=0)).spheres[0]
     seconds = time.process_time() - start
-    error = np.array([found.x - truth.x, found.y - truth.y, found.radius - truth.radius]) / truth.radius * 100
-    line = (
-        f"{name:24s} circle {np.array2string(error, precision=2):22s} % in {seconds:4.1f} s (score {found.score:.2f});"
-    )
-    for label, sphere in (("given", truth), ("found", found)):
+    error = np.array([measured.x - truth.x, measured.y - truth.y, measured.radius - truth.radius]) / truth.radius * 100
+    circle = np.array2string(error, precision=2)
+    line = f"{name:24s} circle {circle:22s} % in {seconds:4.1f} s (score {measured.score:.2f});"
+    for label, sphere in (("given", truth), ("found", measured)):
         margin = sphere.radius + 4
         left, top = max(int(sphere.x - margin), 0), max(int(sphere.y - margin), 0)
         crop = frames[:, top : int(sphere.y + margin) + 1, left : int(sphere.x + margin) + 1]
@@ -42,13 +41,13 @@ def report(name: str, frames: np.ndarray, truth: Sphere, lights: np.ndarray, *, 
 
 
 def photographs(folder: Path, pattern: str) -> np.ndarray:
-    """Grey frames (T, H, W) in natural order."""
+    """Read grey frames (T, H, W) in natural order."""
     paths = sorted(folder.glob(pattern), key=lambda path: (len(path.name), path.name))
     return np.stack([cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in paths])
 
 
 def video(path: Path) -> np.ndarray:
-    """Grey frames (T, H, W)."""
+    """Read grey frames (T, H, W)."""
     reader, frames = cv2.VideoCapture(str(path)), []
     while (item := reader.read())[0]:
         frames.append(cv2.cvtColor(item[1], cv2.COLOR_BGR2GRAY))
@@ -56,7 +55,7 @@ def video(path: Path) -> np.ndarray:
 
 
 def main(data: Path) -> None:
-    """All photographs (errors of light directions), then all captures (errors of half vectors)."""
+    """Measure all photographs (errors of light directions), then all captures (errors of half vectors)."""
     cv2.setNumThreads(1)
     for probe in ("LightProbe-1", "LightProbe-2"):
         folder = data / "real" / "psbox" / probe

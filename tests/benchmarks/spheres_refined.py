@@ -68,10 +68,11 @@ def main() -> None:
     for name, spheres in sources.items():
         for count in arguments.frames:
             generator = np.random.default_rng(0)
-            found = np.array([errors(spread(frames, count), truth, generator) for frames, truth in spheres])
-            centre, radius = found.mean(axis=0)
+            percent = np.array([errors(spread(frames, count), truth, generator) for frames, truth in spheres])
+            centre, radius = percent.mean(axis=0)
             print(
-                f"{name}: {len(found)} spheres, {count} frames: centre {centre:.2f}%, radius {radius:.2f}%", flush=True
+                f"{name}: {len(percent)} spheres, {count} frames: centre {centre:.2f}%, radius {radius:.2f}%",
+                flush=True,
             )
 
 

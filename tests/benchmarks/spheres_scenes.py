@@ -57,19 +57,19 @@ class Result:
 
 
 def read_frames(video: Path) -> np.ndarray:
-    """Luma of all frames (T, H, W) uint8."""
+    """Read the luma of all frames (T, H, W) uint8."""
     with open_footage(str(video)) as footage:
         return np.stack([frame.copy() for frame in footage.frames()])
 
 
 def read_sample(video: Path) -> Sample:
-    """The survey's sample of a video."""
+    """Take the survey's sample of a video."""
     with open_footage(str(video)) as footage:
         return SampleRecorder(footage, SAMPLE_FRAMES, lambda done, total: None).sample()
 
 
 def lights_of_sphere(frames: np.ndarray, sphere: Sphere) -> Lights:
-    """Lights on one sphere of frames (T, H, W)."""
+    """Measure the lights on one sphere of frames (T, H, W)."""
     margin = sphere.radius + 4
     left, top = max(int(sphere.x - margin), 0), max(int(sphere.y - margin), 0)
     crop = frames[:, top : int(sphere.y + margin) + 2, left : int(sphere.x + margin) + 2]
@@ -77,7 +77,7 @@ def lights_of_sphere(frames: np.ndarray, sphere: Sphere) -> Lights:
 
 
 def perturbed(sphere: Sphere, share: float, generator: np.random.Generator) -> Sphere:
-    """The sphere with centre and radius off by `share` of the radius, as by hand."""
+    """Move centre and radius of a sphere by `share` of the radius, as whoever gives it by hand errs."""
     turn, sign = generator.uniform(0, 2 * np.pi), generator.choice((-1.0, 1.0))
     off = share * sphere.radius
     return Sphere(sphere.x + off * np.cos(turn), sphere.y + off * np.sin(turn), sphere.radius + sign * off)

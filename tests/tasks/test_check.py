@@ -11,7 +11,7 @@ from tests.tasks.make_context import make_context
 
 def test_a_capture_has_a_verdict_and_its_picture(simulated: Path, tmp_path: Path) -> None:
     result = check(make_context(simulated, tmp_path / "store"), tmp_path / "out", lambda *_: None)
-    assert result.failure == "" and result.frames == 300
+    assert result.error == "" and result.frames == 300
     assert result.verdict.word in ("good", "usable")
     assert result.picture is not None and result.picture in result.pictures
 
@@ -19,8 +19,8 @@ def test_a_capture_has_a_verdict_and_its_picture(simulated: Path, tmp_path: Path
 def test_a_failed_capture_has_a_verdict_and_a_picture(simulated: Path, tmp_path: Path) -> None:
     work = make_context(simulated, tmp_path / "store", spheres=[{"x": 500.0, "y": 20.0, "radius": 22.0}])
     result = check(work, tmp_path / "out", lambda *_: None)
-    assert result.verdict.word == "correct the catalogue" and "500.0" in result.failure
-    assert (result.frames, result.lights, result.could, result.observed) == (None,) * 4
+    assert result.verdict.word == "correct the catalogue" and "500.0" in result.error
+    assert (result.frames, result.lights, result.observable, result.observed) == (None,) * 4
     assert result.picture == tmp_path / "out" / "overview.png"
     picture = cv2.imread(str(result.picture))
     assert picture is not None and picture.max() > 200, "highlights show in the brightest of the frames"

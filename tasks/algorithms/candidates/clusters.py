@@ -1,4 +1,4 @@
-"""Clusters of candidate normals from each pixel's highlights ("normal clustering", section 4.1 of Yeung et al. 2009).
+"""Clusters of candidate normals from each pixel's highlights ("normal clustering", section 4.2 of Yeung et al. 2009).
 
 A pixel shows a highlight in those frames whose half vector is a normal of one of its light paths. The light is not a
 point, so each direct path lights a small disc of half vectors; false paths light discs too, or arcs. The paper uses

@@ -1,6 +1,6 @@
 """Luma thresholds above which a pixel counts as lit.
 
-Yeung et al. 2009 threshold the intensities "to discard weak intensities" (section 4.1) without giving a threshold.
+Yeung et al. 2009 threshold the intensities "to discard weak intensities" (section 4.2) without giving a threshold.
 Since the background shows through glass, the threshold here is an excess over each pixel's own background level.
 """
 

@@ -44,8 +44,13 @@ def follow_highlight(
 ) -> Iterator[tuple[int, int, int]]:
     """Yield row, column and frame of a mark's highlight over `span` of frames, as far as it can be tracked.
 
+    A mark beside the region, which may have been another when it was set, has no highlight.
+
     thresholds (H, W): luma above which a pixel is lit; mask (H, W) bool: the object.
     """
+    row, column = round(mark.y), round(mark.x)
+    if not (0 <= row < mask.shape[0] and 0 <= column < mask.shape[1]):
+        return
     top, left = max(int(mark.y) - WINDOW_RADIUS_PX, 0), max(int(mark.x) - WINDOW_RADIUS_PX, 0)
     window = slice(top, int(mark.y) + WINDOW_RADIUS_PX + 1), slice(left, int(mark.x) + WINDOW_RADIUS_PX + 1)
     lit = (read(span, *window) > thresholds[window]) & mask[window]
@@ -59,7 +64,6 @@ def follow_highlight(
     centre = blob_centre(labels == blob.label, click) if is_single else None
     if centre is None:
         # Several highlights in one: where its centre lies is unknown, but the user saw a highlight at this pixel.
-        row, column = round(mark.y), round(mark.x)
         if lit[start][row - top, column - left]:
             yield row, column, mark.frame
         return
@@ -126,8 +130,8 @@ def _is_same(labels: np.ndarray, blob: Blob, next_labels: np.ndarray, next_blob:
         (next_labels, next_blob.label, labels == blob.label),
     ):
         # Pixels of the blob in the neighbouring frame that belong to further blobs there.
-        overlaps = np.bincount(frame_labels[pixels])
-        overlaps[: own + 1][[0, -1]] = 0
+        overlaps = np.bincount(frame_labels[pixels], minlength=own + 1)
+        overlaps[[0, own]] = 0
         if (overlaps > limit).any():
             return False
     return is_single_highlight(next_labels == next_blob.label)

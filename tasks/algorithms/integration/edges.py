@@ -164,10 +164,9 @@ def step_price(
 ) -> float:
     """Compute the price of a height's (H, W) steps: their length in pixels, each divided by exp(`tilt_power` x tilt).
 
-    An edge's step is the part of its rise, along the steeper
-    normal and in pixels, that lies outside of what the two ends predict: a crease, with a rise between both, has none.
-    One of less than STEP_PX counts in proportion. The less certain of the two normals weighs it, and it is the cheaper,
-    the more the near side tilts towards the far one.
+    An edge's step is the part of its rise, along the steeper normal and in pixels, that lies outside of what the two
+    ends predict: a crease, with a rise between both, has none. One of less than STEP_PX counts in proportion. The less
+    certain of the two normals weighs it, and it is the cheaper, the more the near side tilts towards the far one.
     """
     inside, forward_rise, backward_rise, cos_incidence, weight, tilt = edges
     rows, columns = height.shape
@@ -208,9 +207,8 @@ def assemble(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Assemble the weighted Poisson equations of the grid for given bilateral weights (2, H, W).
 
-    Each end of an edge counts with bilateral weight x weight x
-    a power of its cosine of incidence: `rise_power` when the two predicted rises are averaged, `weight_power` in the
-    weight of the edge, which is at least `min_edge_weight`.
+    Each end of an edge counts with bilateral weight x weight x a power of its cosine of incidence: `rise_power` when
+    the two predicted rises are averaged, `weight_power` in the weight of the edge, which is at least `min_edge_weight`.
 
     Returns:
         Weights (2, H, W) float64 of the edges, 0 outside, and the right-hand side (H, W) float64 of their Laplacian,

@@ -61,7 +61,7 @@ LARGEST_SHARE = 0.999
 NOISE_SCALE = 4.0
 """Largest misfit, in standard deviations of the rise, up to which a continuous surface explains the normals."""
 BILATERAL_SCALE = 10.0
-"""First scale after a bilateral start: its own steps have no weight, and what it got wrong may still be mended."""
+"""First scale after a bilateral start: its own steps have no weight, and what it got wrong may still be corrected."""
 BODY_SCALE = 30.0
 """First scale of the attempt that starts from a known body, whose depth is less precise than the normals."""
 BODY_PRICE_RATIO = 2.0
@@ -90,12 +90,10 @@ def robust(
 
     A known body decides between them, unless the height contradicts it or its steps are much dearer.
     """
-    rises = expected_rises(edges)
-    plain = least_squares(edges)
-    even = np.ones((2, *rises.mean.shape))
-    start = weighted(rises, even[0], plain.height, LEAST_SQUARES_TOLERANCE)
-    if largest_misfit(rises, start) <= NOISE_SCALE:
-        return graduated(rises, even, mask, start, MISFIT_SCALE, max_rounds, tolerance)
+    rises, plain = expected_rises(edges), least_squares(edges)
+    continuous = _continuous(rises, plain.height, mask, max_rounds, tolerance)
+    if continuous is not None:
+        return continuous
     best, lowest, rounds = plain, _price(edges, plain), 0
     for attempt in _attempts(edges, rises, mask, plain.height, (sharpness, max_rounds, tolerance)):
         price = _price(edges, attempt)
@@ -118,21 +116,33 @@ def refined(
     tolerance: float,
     body: KnownBody | None = None,
 ) -> Solution:
-    """Solve for the height as `robust`, but from one start: a height of a coarser grid, whose steps it keeps.
+    """Solve for the height as `robust`, but from one start.
 
-    body: that the height follows.
+    height: (H, W), of a coarser grid, whose steps are kept; body: the known body that it follows, if it does.
     """
     if body is not None:
         return _from_body(edges, mask, body, height, max_rounds, tolerance)
-    rises = expected_rises(edges)
-    plain = least_squares(edges)
-    even = np.ones((2, *rises.mean.shape))
-    start = weighted(rises, even[0], plain.height, LEAST_SQUARES_TOLERANCE)
-    if largest_misfit(rises, start) <= NOISE_SCALE:
-        return graduated(rises, even, mask, start, MISFIT_SCALE, max_rounds, tolerance)
+    rises, plain = expected_rises(edges), least_squares(edges)
+    continuous = _continuous(rises, plain.height, mask, max_rounds, tolerance)
+    if continuous is not None:
+        return continuous
     softness = _contour_softness(edges, rises)
     solution = graduated(rises, softness, mask, height, BILATERAL_SCALE, max_rounds, tolerance)
     return min(plain, solution, key=lambda choice: _price(edges, choice))
+
+
+def _continuous(
+    rises: ExpectedRises, height: np.ndarray, mask: np.ndarray, max_rounds: int, tolerance: float
+) -> Solution | None:
+    """Solve for the height of a continuous surface; None if it contradicts the normals by more than their noise.
+
+    height: (H, W), of plain least squares.
+    """
+    even = np.ones((2, *rises.mean.shape))
+    start = weighted(rises, even[0], height, LEAST_SQUARES_TOLERANCE)
+    if largest_misfit(rises, start) > NOISE_SCALE:
+        return None
+    return graduated(rises, even, mask, start, MISFIT_SCALE, max_rounds, tolerance)
 
 
 def _price(edges: GridEdges, solution: Solution) -> float:

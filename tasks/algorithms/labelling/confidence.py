@@ -57,9 +57,13 @@ def probability_within_tolerance(spread: np.ndarray) -> np.ndarray:
 def sheet_quality(normals: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Measure cover, roughness and curl of accepted normals.
 
-    normals (H, W, 3), camera frame, NaN where there is none; scale: inradius in pixels -> three (H, W) float. Cover:
-    share of the neighbourhood (COVER_INRADII) that is accepted. Roughness: angle to the local mean
-    normal, in tolerances. Curl: |p_y - q_x| over the norm of the gradients' Jacobian, 0 for a surface.
+    Args:
+        normals: (H, W, 3), camera frame, NaN where there is none.
+        scale: inradius in pixels.
+
+    Returns:
+        (H, W) each. Cover: share of the neighbourhood (COVER_INRADII) that is accepted. Roughness: angle to the local
+        mean normal, in tolerances. Curl: |p_y - q_x| over the norm of the gradients' Jacobian, 0 for a surface.
     """
     known = np.isfinite(normals[..., 0])
     cover = gaussian_blur(known, max(MIN_COVER_PX, COVER_INRADII * scale))

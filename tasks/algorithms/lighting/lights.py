@@ -44,6 +44,7 @@ MIN_ON_SPHERE_NZ = 0.2
 MIN_CONTRAST, MIN_CONTRAST_NOISE_RATIO = 12.0, 8.0
 """Contrast of the highlight, in levels and in noise levels, below which there is no moving light."""
 MAX_OCCLUDED_FRACTION = 0.25
+"""Share of a highlight that static reflections or the crop's edge may hide before its centre is ambiguous."""
 MAX_AREA_FRACTION = 0.25
 """Share of the disc of lights before the object beyond which a highlight's area is ambiguous."""
 

@@ -175,10 +175,10 @@ def _highlight_discs(level: PyramidLevel) -> list[Sphere]:
     lit = (level.residual > 0.5 * np.percentile(level.residual, 99.8)).astype(np.uint8)
     closing = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (CLOSING_PX, CLOSING_PX))
     closed = cv2.morphologyEx(lit, cv2.MORPH_CLOSE, closing)
-    outlines, _ = cv2.findContours(closed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    contours, _ = cv2.findContours(closed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     seeds = []
-    for outline in outlines:
-        (x, y), radius = cv2.minEnclosingCircle(outline)
+    for contour in contours:
+        (x, y), radius = cv2.minEnclosingCircle(contour)
         if DISC_RADIUS_RATIO * MIN_LEVEL_RADIUS_PX <= radius <= MAX_LEVEL_RADIUS_PX:
             seeds.append(Sphere(x, y, radius))
     return seeds

@@ -43,6 +43,15 @@ MAX_SHADING_CORRELATION = 0.85
 MAX_CONTRADICTION_DEG = 6.0
 """Median angle between the half vectors of two spheres from which they are not both chrome spheres, or misplaced."""
 CROP_MARGIN_PX = 4
+INNER_DISC_RATIO, RING_RATIOS = 0.75, (0.85, 0.97)
+"""Radius, in radii of the sphere, of the disc in which highlights of lights before the object lie, and the radii of a
+ring inside the contour that they leave dark."""
+PEAK_PERCENTILE, FULL_PEAK_LEVELS = 98.0, 100.0
+"""Percentile of the disc's levels that counts as its peak, and the peak, in levels, from which it is full evidence."""
+LIT_PEAK_SHARE = 0.35
+"""Share of the peak above which a pixel of the ring is lit."""
+LIT_RING_OFFSET, LIT_RING_SLOPE = 1.8, 2.5
+"""The evidence falls linearly from 1 where 32% of the ring are lit to 0 at 72%."""
 
 
 def highlight_evidence(residual: np.ndarray, x: float, y: float, radius: float) -> float:
@@ -54,16 +63,17 @@ def highlight_evidence(residual: np.ndarray, x: float, y: float, radius: float) 
     window = residual[top : max(int(y + radius) + 2, 0), left : max(int(x + radius) + 2, 0)]
     rows, columns = np.mgrid[: window.shape[0], : window.shape[1]]
     distance = np.hypot(columns + left - x, rows + top - y) / radius
-    inner, ring = window[distance < 0.75], window[(distance > 0.85) & (distance < 0.97)]
+    inner, ring = window[distance < INNER_DISC_RATIO], window[(distance > RING_RATIOS[0]) & (distance < RING_RATIOS[1])]
     if inner.size == 0 or ring.size == 0:
         return 0.0
-    peak = float(np.percentile(inner, 98.0))
+    peak = float(np.percentile(inner, PEAK_PERCENTILE))
     if peak <= 0.0:
         return 0.0
     # The ring is darker than the disc, hardly any of it is lit, and the disc is bright at all.
     contrast = max(1.0 - float(np.median(ring)) / peak, 0.0)
-    lit = float((ring > 0.35 * peak).mean())
-    return contrast * min(max(1.8 - 2.5 * lit, 0.0), 1.0) * min(peak / 100.0, 1.0)
+    lit = float((ring > LIT_PEAK_SHARE * peak).mean())
+    darkness = min(max(LIT_RING_OFFSET - LIT_RING_SLOPE * lit, 0.0), 1.0)
+    return contrast * darkness * min(peak / FULL_PEAK_LEVELS, 1.0)
 
 
 def is_chrome(frames: np.ndarray, sphere: Sphere, camera: np.ndarray | None = None) -> str | None:
@@ -142,10 +152,11 @@ def consistent_spheres(
         spheres: best first, in the frames' pixels.
         camera: perspective camera's matrix (3, 3).
     """
-    kept, half_vectors, sentences = list[Sphere](), list[np.ndarray](), list[str]()
+    kept, sentences = list[Sphere](), list[str]()
     if len(spheres) < 2 or len(frames) < MIN_TESTED_FRAMES:
         return spheres, sentences
-    measured = [find_lights(*_crop(frames, sphere, camera)[:2]).half_vectors for sphere in spheres]
+    crops = [_crop(frames, sphere, camera) for sphere in spheres]
+    measured = [find_lights(crop, inside, camera=matrix).half_vectors for crop, inside, matrix in crops]
     # The reference is the sphere that the others agree with best; of two, the better one.
     matrix = np.array([[_median_angle(first, second) for second in measured] for first in measured])
     agreeing = (matrix < MAX_CONTRADICTION_DEG).sum(axis=1)
@@ -154,7 +165,6 @@ def consistent_spheres(
         angle = matrix[reference, k]
         if k == reference or not angle >= MAX_CONTRADICTION_DEG:
             kept.append(sphere)
-            half_vectors.append(measured[k])
         else:
             sentences.append(
                 f"the sphere at ({sphere.x:.0f}, {sphere.y:.0f}) is left out: its lights are {angle:.0f} degrees from"

@@ -15,6 +15,7 @@ from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.geometry.triangles import triangle_vectors
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
 from glint.tasks.algorithms.integration.edges import focal_length, grid_edges
 from glint.tasks.algorithms.integration.rim import MIN_COSINE, RIM_PX, Contour, contour_of, inner_radius
@@ -223,9 +224,7 @@ def _vertex_normals(normals: np.ndarray, vertices: np.ndarray, triangles: np.nda
     out = unit(normals.astype(float))
     missing = ~np.isfinite(out).all(axis=-1)
     if missing.any():
-        corners = vertices[triangles].astype(float)
-        # Cross products are twice the triangles' areas long.
-        faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        faces = triangle_vectors(vertices.astype(float), triangles)
         sums = np.zeros(vertices.shape)
         for corner in range(3):
             np.add.at(sums, triangles[:, corner], faces)

@@ -11,6 +11,7 @@ import scipy.sparse as sparse
 from scipy.sparse.csgraph import connected_components
 
 from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.geometry.triangles import triangle_vectors
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,24 +33,18 @@ class Model:
 
 def face_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Return unit normals (M, 3) of triangles (M, 3) of vertices (N, 3); zero for a degenerate triangle."""
-    face = _face_vectors(vertices, triangles)
+    face = triangle_vectors(vertices, triangles)
     return np.asarray(face / np.maximum(np.linalg.norm(face, axis=1, keepdims=True), 1e-12))
 
 
 def vertex_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Return unit normals (N, 3) of vertices (N, 3): the area-weighted mean over their triangles (M, 3)."""
-    face = _face_vectors(vertices, triangles)
+    face = triangle_vectors(vertices, triangles)
     total = np.zeros_like(vertices)
     for corner in range(3):
         for axis in range(3):
             total[:, axis] += np.bincount(triangles[:, corner], face[:, axis], len(vertices))
     return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12)
-
-
-def _face_vectors(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Return the normals (M, 3) of triangles (M, 3) of vertices (N, 3), as long as twice their areas."""
-    corners = vertices[triangles]
-    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
 def largest_component(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -65,7 +60,7 @@ def largest_component(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.n
     edges = np.concatenate([triangles[:, :2], triangles[:, 1:]])
     graph = sparse.coo_matrix((np.ones(len(edges), bool), edges.T), shape=(len(vertices), len(vertices)))
     component = connected_components(graph, directed=False)[1][triangles[:, 0]]
-    area = np.linalg.norm(_face_vectors(vertices, triangles), axis=1)
+    area = np.linalg.norm(triangle_vectors(vertices, triangles), axis=1)
     is_largest = component == np.bincount(component, area).argmax()
     kept, numbers = np.unique(triangles[is_largest], return_inverse=True)
     return np.asarray(vertices[kept], float), numbers.reshape(-1, 3)

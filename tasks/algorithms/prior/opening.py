@@ -1,7 +1,7 @@
 """Openings of surfaces of revolution: whether the end that faces the camera is open, how thick the wall is at its lip.
 
-Through an opening the far wall's inner side is seen, and it glints. Between it and the near wall lies the lip, whose
-normals are those of a flat end. Where near wall, lip and far wall meet shows the tilt too.
+Through an opening the far wall's inner side is seen, and shows highlights. Between it and the near wall lies the lip,
+whose normals are those of a flat end. Where near wall, lip and far wall meet shows the tilt too.
 """
 
 from dataclasses import dataclass

@@ -18,16 +18,17 @@ ONE_SIDED_PENALTY = 1.3
 MIN_TAN_TILT = 0.02
 MIN_CONE_RADIUS_PX = 2.0
 """Radius above which a steep fall of the profile counts as a cone; below, it is the profile's tip."""
-STEM_HEIGHT_PX = 6.0
-"""Height above a cone in which the stem's radius is looked for."""
-MIN_STEM_PX = 4.0
-"""Least height of a profile above a cone for it to have a stem."""
+STEM_HEIGHT_PX, MIN_STEM_PX = 6.0, 4.0
+"""Height above a cone in which the stem's radius is looked for, and least height of a profile there to have a stem."""
 SLOPE_REACH_PX = 1.0
 """Distance to both sides over which slopes are taken."""
 MAX_STEM_GAP_PX = 2.0
 """Gap between normals of a stem, along the axis, across which the stem goes on."""
 SHOULDER_SHARE = 0.03
 """Distance of the shoulder before a cone, as a share of the largest radius."""
+CONE_SLOPE_RATIO, MAX_CORNER_SLOPE_RATIO = 0.7, 0.4
+"""Slopes of the radius, as shares of that of a wall seen edge-on: from which samples belong to a cone, and up to which
+the wall before a cone ends at a corner; that of a smooth shoulder is steeper."""
 
 
 @njit(cache=True, nogil=True)
@@ -36,9 +37,8 @@ def smooth_profile(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the squared radii (N,) and their slopes (N,) without the staircase of pixels, corners kept.
 
-    Lines are fitted to windows about and beside each height: the widest that fits is used.
-
-    after_corner, before_corner: whether the profile begins, and ends, at a corner.
+    Lines are fitted to windows about and beside each height: the widest that fits is used. after_corner, before_corner:
+    whether the profile begins, and ends, at a corner.
     """
     step, length = heights[1] - heights[0], len(squared_radii)
     best, value, slope = np.full(length, np.inf), squared_radii.copy(), np.empty(length)
@@ -186,11 +186,11 @@ def _cones(radii: np.ndarray, edge_on: float, step: float) -> list[_Cone]:
     before = max(2, round(SHOULDER_SHARE * radii.max() / step))
     cones = []
     for (cone,) in ndimage.find_objects(labels)[:count]:
-        # Where the wall is not yet steep before the cone there is a corner.
+        # Slopes are negative: where the wall is not yet steep before the cone there is a corner.
         last = max(cone.start - reach, 1)
         first = max(last - before, 0)
         slope = (radii[last] - radii[first]) / ((last - first) * step)
-        cones.append(_Cone(cone.start, cone.stop, bool(slope > 0.4 * edge_on)))
+        cones.append(_Cone(cone.start, cone.stop, bool(slope > MAX_CORNER_SLOPE_RATIO * edge_on)))
     return cones
 
 
@@ -227,7 +227,7 @@ def _edge_on_samples(radii: np.ndarray, edge_on: float, reach: int, step: float)
     """Return the samples (N,) bool at which radii (N,) fall nearly as steeply as a wall seen edge-on."""
     before, after = np.append(np.zeros(reach), radii[:-reach]), np.append(radii[reach:], np.zeros(reach))
     slope = (after - before) / (2 * reach * step)
-    return ndimage.binary_closing((slope < 0.7 * edge_on) & (radii > MIN_CONE_RADIUS_PX), iterations=reach)
+    return ndimage.binary_closing((slope < CONE_SLOPE_RATIO * edge_on) & (radii > MIN_CONE_RADIUS_PX), iterations=reach)
 
 
 @njit(cache=True, nogil=True)

@@ -1,4 +1,4 @@
-"""The highlight that stands for a sheet: a pixel in the sheet's middle, and the frame in which it glints most."""
+"""The highlight that stands for a sheet: a pixel in the sheet's middle, and the frame in which it is brightest."""
 
 from collections.abc import Callable
 

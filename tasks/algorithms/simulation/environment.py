@@ -1,7 +1,7 @@
 """Surroundings of a simulated object: a dim room with windows, and a textured plane behind the object.
 
 Synthetic, by choice and not after a publication: static light that shows through the glass and must not be taken for
-highlights (section 4.1 discards weak intensities).
+highlights (section 4.2 of the paper discards weak intensities).
 """
 
 from dataclasses import dataclass

@@ -44,6 +44,25 @@ def test_progress_is_what_the_run_reports() -> None:
     assert (run.state, run.error, run.remedy) == ("failed", "no sphere", "give one")
 
 
+def test_the_run_of_an_object_reports_all_its_captures() -> None:
+    run = Run("glass")
+    note(run, {"kind": "progress", "capture": "glass/front", "stage": "frames", "done": 40, "total": 160, "share": 0.5})
+    note(run, {"kind": "progress", "capture": "glasses/front", "stage": "survey", "done": 1, "total": 2})
+    assert (run.stage, run.done, run.total, run.share) == ("front: frames", 40, 160, None)
+    for capture in ("front", "back"):
+        note(run, {"kind": "stage", "capture": f"glass/{capture}", "stage": "survey", "seconds": 0.1, "cached": True})
+    assert run.stages == {"front: survey": None, "back: survey": None}
+    rows = [
+        {"capture": "glass/front", "error": "", "remedy": "", "version": "v2"},
+        {"capture": "glass/back", "error": "no sphere", "remedy": "give one", "version": "v2"},
+    ]
+    note(run, {"kind": "summary", "captures": rows})
+    assert (run.state, run.error, run.remedy, run.version) == ("failed", "back: no sphere", "give one", "v2")
+    run = Run("glass")
+    note(run, {"kind": "summary", "captures": rows[:1]})
+    assert (run.state, run.error, run.version) == ("done", "", "v2")
+
+
 def test_a_moved_sphere_is_used_by_the_run_and_only_what_depends_on_it_is_computed(
     server: Server, tmp_path: Path, stored: tuple[Path, Path], chromium: Any
 ) -> None:

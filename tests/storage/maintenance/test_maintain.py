@@ -191,6 +191,28 @@ def test_an_object_that_cannot_be_read_does_not_stop_the_rest(tmp_path: Path) ->
     assert part(done, "broken").failed and not part(done, "glass").failed
 
 
+def test_frames_stay_while_it_is_unknown_which_of_them_a_run_uses(tmp_path: Path) -> None:
+    location = Location.parse(tmp_path)
+    versions(location, 1)
+    save(location, b"of the broken one", "key", "broken")
+    for snapshot in (tmp_path / "objects" / "broken" / "repo" / "snapshots").iterdir():
+        snapshot.write_bytes(b"damaged")
+    frames(location, "a" * 64, 1000, timedelta(days=3))
+    with run_lock(location, "broken", "night"):
+        done = maintain(location, False, None, NOW, 0)
+    assert (tmp_path / "frames" / ("a" * 64) / "zarr.json").exists()
+    assert part(done, "frames").note.startswith("left alone") and not done.failed
+
+
+def test_an_object_in_its_first_run_does_not_stop_the_rest(tmp_path: Path) -> None:
+    location = Location.parse(tmp_path)
+    versions(location, 1)
+    save(location, mesh(1), "unpublished")
+    with run_lock(location, "new", "night"):
+        done = maintain(location, False, None, NOW, 0)
+    assert part(done, "glass").objects > 0 and part(done, "frames").note.startswith("left alone") and not done.failed
+
+
 @pytest.mark.parametrize(("text", "size"), [("500MB", 5 * 10**8), ("1.5 tb", 15 * 10**11), ("0", 0)])
 def test_sizes_are_parsed(text: str, size: int) -> None:
     assert parse_size(text) == size

@@ -85,6 +85,7 @@ def test_the_model_beats_the_hull(modelled: list[CaptureContext]) -> None:
     ours, hull = found.scores["glint"], found.scores["visual hull"]
     assert ours.watertight and ours.chamfer < 0.37 * hull.chamfer and ours.chamfer < 0.0125
     assert ours.f_scores[1] > 0.38 > hull.f_scores[1]
+    assert evaluate_model(entry, modelled[1:]) is None
 
 
 @pytest.mark.slow

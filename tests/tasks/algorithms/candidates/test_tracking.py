@@ -65,6 +65,12 @@ def test_a_mark_without_a_highlight_gives_a_warning() -> None:
     assert "mark 0 (false, frame 3, x 140, y 210) has no highlight within 4 pixels" in tracks.warnings[0]
 
 
+@pytest.mark.parametrize("place", [(-200.0, 30.0), (30.0, -90.0), (30.0, 300.0), (-1.0, 30.0)])
+def test_a_mark_beside_the_region_gives_a_warning(place: tuple[float, float]) -> None:
+    tracks, _ = tracked(footage((10, 30, 1.0, 0)), [Mark(3, *place, True)])
+    assert len(tracks.marks.kind) == 0 and "no highlight within 4 pixels" in tracks.warnings[0]
+
+
 def test_a_mark_at_a_frame_without_light_gives_a_warning() -> None:
     frames = footage((10, 30, 1.0, 0))
     frames[:5] = frames[6:] = 20
@@ -92,6 +98,15 @@ def test_a_highlight_of_another_fold_that_lights_up_beside_it_is_not_followed() 
     frames[13:, 37, 20:27] = 255
     tracks, _ = tracked(frames, [Mark(10, 23.0, 40.0, True)])
     assert set(tracks.marks.pixels[:, 0].tolist()) == {40}
+    assert max(point.frame for point in tracks.points) == 12
+
+
+@pytest.mark.parametrize("step", [1, -1])
+def test_another_highlight_that_moves_beside_it_is_not_followed(step: int) -> None:
+    frames = np.full((COUNT, SIZE, SIZE), 20, np.uint8)
+    frames[:13, 40:43, 20:27] = frames[:13, 40 - 5 * step : 43 - 5 * step, 20:27] = 255
+    frames[13:, 40 - 3 * step : 43 - 3 * step, 20:27] = 255
+    tracks, _ = tracked(frames, [Mark(10, 23.0, 41.0, True)])
     assert max(point.frame for point in tracks.points) == 12
 
 
