@@ -1,0 +1,139 @@
+"""The most that answers can be worth: sheets with wrong labels corrected by the truth, the best ten and all of them.
+
+    python -m tests.benchmarks.answers_bound CATALOGUE STORE [--only OBJECT]... [--answers 10]
+
+The captures of CATALOGUE with a truth (or those of OBJECT) were run into STORE. An answer fixes every candidate of its
+sheet, more than one highlight reaches on the review page. The best answers are chosen by the error that follows: first
+all wrong sheets alone, then, after each choice, the most promising of the rest anew. Squared errors over the observed
+region; changes are relative to the labels without answers. No selection of questions can be worth more than the best
+ones, but for what a greedy choice misses.
+"""
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from glint.storage.inputs.masks_and_truth import read_truth
+from glint.tasks.algorithms.candidates.markup import Marks
+from glint.tasks.algorithms.evaluation.metrics import squared_errors
+from glint.tasks.algorithms.labelling.answers import sheet_graph
+from glint.tasks.algorithms.prior.smooth_normals import inradius
+from glint.tasks.algorithms.questions.proposals import Question
+from glint.tasks.algorithms.questions.sheets import cut_patches
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.engine.references import CaptureReference, chosen_captures, load_catalogue
+from glint.tasks.evaluation.questions import oracle
+from glint.tasks.questions.capture_questions import CaptureQuestions
+
+MIN_PIXELS = 3
+"""Smallest sheet that a person can be asked about."""
+TRIED_AGAIN = 12
+"""Sheets whose worth is measured anew after each choice."""
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """A sheet with the wrong label, and the marks that correct all its candidates."""
+
+    marks: Marks
+    pixels: int
+    is_true: bool
+
+
+def corrections(questions: CaptureQuestions, labels: np.ndarray, truth: np.ndarray) -> list[Correction]:
+    """Return the sheets of at least MIN_PIXELS whose label the truth contradicts."""
+    normals = np.where(questions.mask[None, :, :, None], questions.clusters.normals, np.nan).astype(np.float32)
+    nodes, ties = sheet_graph(normals)
+    patches = cut_patches(nodes, ties, labels, inradius(questions.mask))
+    wrong = []
+    for number in range(patches.count):
+        chosen = patches.number == number
+        at = patches.layer[chosen], patches.row[chosen], patches.column[chosen]
+        is_exterior = bool(np.mean(labels[at] > 0) > 0.5)
+        is_true = oracle(Question(*at, is_exterior, 0.0, 0.0), normals, truth)
+        if is_true is None or is_true == is_exterior or len(at[0]) < MIN_PIXELS:
+            continue
+        pixels = np.stack(at[1:], axis=-1).astype(np.int32)
+        marks = Marks(pixels, normals[at], np.full(len(pixels), int(is_true), np.int8))
+        wrong.append(Correction(marks, len(pixels), is_true))
+    return wrong
+
+
+def joined(chosen: list[Correction]) -> Marks | None:
+    """Return the marks of several corrections; None without any."""
+    if not chosen:
+        return None
+    parts = [correction.marks for correction in chosen]
+    return Marks(
+        np.concatenate([part.pixels for part in parts]),
+        np.concatenate([part.half_vectors for part in parts]),
+        np.concatenate([part.kind for part in parts]),
+    )
+
+
+def best(questions: CaptureQuestions, wrong: list[Correction], truth: np.ndarray, count: int) -> list[Correction]:
+    """Choose at most `count` corrections, one after the other, by the error of the draft that follows."""
+
+    def error(chosen: list[Correction]) -> float:
+        observed = questions.mask & (questions.clusters.observations > 0)
+        return squared_errors(questions.draft_normals(joined(chosen)), truth, observed)
+
+    chosen, reached = list[Correction](), error([])
+    worth = [error([correction]) - reached for correction in wrong]
+    remaining = list(np.argsort(worth))
+    while remaining and len(chosen) < count:
+        tried = {number: error([*chosen, wrong[number]]) for number in remaining[:TRIED_AGAIN]}
+        number = min(tried, key=lambda item: tried[item])
+        if tried[number] >= reached:
+            break
+        reached = tried[number]
+        chosen.append(wrong[number])
+        remaining = sorted(tried, key=lambda item: tried[item])[1:] + remaining[TRIED_AGAIN:]
+    return chosen
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("catalogue", type=Path)
+    parser.add_argument("store")
+    parser.add_argument("--only", action="append", default=[])
+    parser.add_argument("--answers", type=int, default=10)
+    arguments = parser.parse_args()
+    address = str(arguments.catalogue)
+    for object_id, captures in chosen_captures(load_catalogue(address).objects, arguments.only).items():
+        for capture_id in captures:
+            measure(
+                CaptureReference(address, object_id, capture_id, arguments.store, "benchmark").context(),
+                arguments.answers,
+            )
+
+
+def measure(work: CaptureContext, count: int) -> None:
+    """Print what corrections of a capture are worth; nothing without a truth."""
+    if work.capture.truth is None:
+        return
+    questions = CaptureQuestions(work)
+    truth = read_truth(work.capture.truth, (questions.mask.shape[0], questions.mask.shape[1])).normals
+    assert truth is not None
+    result = questions.label(None)
+    observed = questions.mask & (questions.clusters.observations > 0)
+    before = squared_errors(result.normals, truth, observed)
+    wrong = corrections(questions, result.labels, truth)
+    chosen = best(questions, wrong, truth, count)
+    with_best, with_all = (
+        squared_errors(questions.label(joined(some)).normals, truth, observed) for some in (chosen, wrong)
+    )
+    pixels = ", ".join(f"{'true' if item.is_true else 'false'} {item.pixels}" for item in chosen)
+    print(
+        f"{work.name}: {before:.4f}; best {len(chosen)} of {len(wrong)} wrong sheets {with_best:.4f}"
+        f" ({with_best / before - 1.0:+.0%}), all {with_all:.4f} ({with_all / before - 1.0:+.0%});"
+        f" pixels of the best: {pixels}",
+        flush=True,
+    )
+
+
+if __name__ == "__main__":
+    main()
