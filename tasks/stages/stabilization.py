@@ -76,8 +76,8 @@ def measure_shake(footage: Footage, to_first: bool, excluded: Sequence[Region] =
         return Shake({"shake_pixels": round(shake, 3), "applied": False})
     if known.mean() < MIN_REGISTERED:
         message = (
-            f"the camera moved by {shake:.1f} pixels or more, but only {known.mean():.0%} of the frames show how far, so"
-            " they are left as they are: record again from a firm tripod, before a background of fine structure"
+            f"the camera moved by {shake:.1f} pixels or more, but only {known.mean():.0%} of the frames show how far,"
+            " so they are left as they are: record again from a firm tripod, before a background of fine structure"
         )
         warning = StageWarning(message, "camera", UNKNOWN_SHAKE_ERROR_DEG)
         return Shake({"shake_pixels": round(shake, 3), "applied": False}, warnings=[warning])
@@ -106,7 +106,7 @@ def measure_shake(footage: Footage, to_first: bool, excluded: Sequence[Region] =
 
 
 def _first_place(footage: Footage, estimator: TranslationEstimator, reduction: int) -> np.ndarray | None:
-    """Return the translation (2,) of the first frame, or of the next one that shows it; None: none of the first does."""
+    """Return the translation (2,) of the first frame, or of the next one that shows it; None: none does."""
     for frame in islice(footage.frames(), CONTINUOUS_FRAMES):
         shift = estimator.estimate(downsample(frame, reduction))
         if shift is not None:
