@@ -20,7 +20,7 @@ from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.levels import BACKGROUND, CLIPPED, PEAK, LevelRecorder, stored_levels
-from glint.tasks.stages.stabilization import REFERENCE, stabilized
+from glint.tasks.stages.stabilization import CONTINUOUS_FRAMES, REFERENCE, stabilized
 from glint.tasks.stages.thumbnails import NUMBERS, PICTURES, ThumbnailRecorder
 
 USE_SECONDS = 600.0
@@ -111,6 +111,7 @@ def _digest(results: CaptureResults) -> str:
     if stabilization["applied"]:
         reference = sha256(survey.read(REFERENCE).tobytes()).hexdigest()
         content = f"{content} stabilized to {reference} at {stabilization['origin']} {stabilization['places']}"
+        content = f"{content} as within {CONTINUOUS_FRAMES} frames"
     return cache_digest(content, load_geometry(results).crops)
 
 

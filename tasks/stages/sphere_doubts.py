@@ -8,17 +8,27 @@ import numpy as np
 
 from glint.tasks.algorithms.lighting.lights import ACCEPTED, BEHIND, Lights, inter_sphere_angles
 from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, spread
-from glint.tasks.algorithms.lighting.spheres import UNKNOWN_DEVIATION_RATIO, Sphere, confirm_sphere
+from glint.tasks.algorithms.lighting.spheres import (
+    UNKNOWN_DEVIATION_RATIO,
+    ConfirmedSphere,
+    Sphere,
+    confirm_sphere,
+    judged,
+)
 from glint.tasks.algorithms.sphere_checks.circle_check import (
     SYSTEMATIC_RATIO,
     CheckedCircle,
     check_circle,
     contradicts,
+    radius_lacking,
 )
 from glint.tasks.engine.stage_warning import StageWarning
 
 MAX_LIGHT_DEVIATION_DEG = 2.2
 """Standard deviation of the lights' directions, from the spheres' fits, above which they are doubted."""
+MIN_OWN_CONTRAST, HAND_DEVIATION_RATIO = 0.5, 0.06
+"""Contrast of a given circle, relative to that of an edge beside it, below which it has no edge of its own (right ones
+have 0.75 and more), and the standard deviation of its radius then: by hand one errs by 6%."""
 MIN_DISAGREEMENT_DEG, DISAGREEMENT_DEVIATIONS = 0.6, 2.5
 """Median angle between a sphere's half vectors and the mean that is doubted: at least, and in standard deviations."""
 MIN_RADIUS_PX = 19.5
@@ -41,28 +51,24 @@ def confirm_given(
         circle = confirmed.fit if confirmed.is_corrected else confirmed.sphere
         check = check_circle(frames, circle, camera=camera)
         if check.is_contradicted:
-            used, warning = _against_highlights(sphere, confirmed.is_corrected, check)
+            used, warning = _against_highlights(sphere, confirmed, check)
             spheres.append(used)
             warnings.append(warning)
             continue
-        spheres.append(confirmed.sphere)
-        place = f"the sphere given at ({sphere.x:.1f}, {sphere.y:.1f}) with radius {sphere.radius:.1f}"
-        fit = confirmed.fit
-        cost = float(np.degrees(confirmed.sphere.centre_sd / confirmed.sphere.radius))
         if confirmed.is_corrected:
+            # An edge inside the contour that touches it has a smaller radius as well as another centre.
+            lacking = 0.0 if check.shapes is None else radius_lacking(confirmed.fit, check.shapes)
+            used = replace(confirmed.sphere, radius_sd=float(np.hypot(confirmed.sphere.radius_sd, lacking)))
+            spheres.append(used)
+            warnings.append(_correction(sphere, confirmed.fit, used))
+            continue
+        spheres.append(confirmed.sphere)
+        cost = float(np.degrees(confirmed.sphere.centre_sd / confirmed.sphere.radius))
+        if not confirmed.is_clear:
             warnings.append(
                 StageWarning(
-                    f"{place} is seen at ({fit.x:.1f}, {fit.y:.1f}) with radius {fit.radius:.1f}, which is used:"
-                    " correct `spheres` in the catalogue",
-                    "sphere",
-                    cost,
-                )
-            )
-        elif not confirmed.is_clear:
-            warnings.append(
-                StageWarning(
-                    f"{place} is used as it is, since its contour is not seen: compare it with the frame, and put a"
-                    " plain background behind the sphere",
+                    f"{_place(sphere)} is used as it is, since its contour is not seen: compare it with the frame, and"
+                    " put a plain background behind the sphere",
                     "sphere",
                     cost,
                 )
@@ -70,23 +76,45 @@ def confirm_given(
     return spheres, warnings
 
 
-def _against_highlights(given: Sphere, is_corrected: bool, check: CheckedCircle) -> tuple[Sphere, StageWarning]:
+def _against_highlights(given: Sphere, confirmed: ConfirmedSphere, check: CheckedCircle) -> tuple[Sphere, StageWarning]:
     """Return the sphere to be used, and a warning, where highlights contradict a given circle or the fit that replaces
-    it: the given one stands if they contradict the fit alone."""
+    it: if they contradict the fit alone, the given one stands against it, and its contrast decides between it and a
+    circle that they allow."""
     fit, shapes = check.before, check.shapes
     assert shapes is not None
     unknown = UNKNOWN_DEVIATION_RATIO * given.radius
     stated = replace(given, centre_sd=unknown, radius_sd=unknown)
-    if not is_corrected or contradicts(shapes, stated):
+    if not confirmed.is_corrected or contradicts(shapes, stated):
         return check.sphere, _contradiction(check)
+    radius_sd = unknown
+    if check.is_replaced:
+        other = judged(given, replace(check.sphere, score=check.contrast), confirmed.given_contrast * fit.score)
+        if other.is_corrected:
+            return other.sphere, _correction(given, other.fit, other.sphere)
+        radius_sd = other.sphere.radius_sd
+    elif confirmed.given_contrast < MIN_OWN_CONTRAST:
+        radius_sd = HAND_DEVIATION_RATIO * given.radius
     centre_sd = max(shapes.sd, float(np.hypot(given.x - shapes.x, given.y - shapes.y)) / np.sqrt(2.0))
-    used = replace(stated, centre_sd=max(centre_sd, SYSTEMATIC_RATIO * given.radius))
+    used = replace(given, centre_sd=max(centre_sd, SYSTEMATIC_RATIO * given.radius), radius_sd=radius_sd)
     message = (
-        f"the sphere given at ({given.x:.1f}, {given.y:.1f}) with radius {given.radius:.1f} is used as it is: a clearer"
-        f" circle, at ({fit.x:.1f}, {fit.y:.1f}) with radius {fit.radius:.1f}, contradicts the shapes of the highlights"
-        ": compare it with the frame, and put a plain background behind the sphere"
+        f"{_place(given)} is used as it is: a clearer circle, at ({fit.x:.1f}, {fit.y:.1f}) with radius"
+        f" {fit.radius:.1f}, contradicts the shapes of the highlights: compare it with the frame, and put a plain"
+        " background behind the sphere"
     )
     return used, StageWarning(message, "sphere", float(np.degrees(used.centre_sd / used.radius)))
+
+
+def _place(given: Sphere) -> str:
+    return f"the sphere given at ({given.x:.1f}, {given.y:.1f}) with radius {given.radius:.1f}"
+
+
+def _correction(given: Sphere, fit: Sphere, used: Sphere) -> StageWarning:
+    """Return the warning that a fit replaces a given circle."""
+    message = (
+        f"{_place(given)} is seen at ({fit.x:.1f}, {fit.y:.1f}) with radius {fit.radius:.1f}, which is used: correct"
+        " `spheres` in the catalogue"
+    )
+    return StageWarning(message, "sphere", float(np.degrees(used.centre_sd / used.radius)))
 
 
 def confirm_found(

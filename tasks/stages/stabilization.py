@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ from glint.storage.footage.source import Footage
 from glint.storage.footage.wrapper import FootageWrapper
 from glint.tasks.algorithms.frames.shake import knocked_places, shake_amplitude
 from glint.tasks.algorithms.frames.stabilization import (
+    MIN_REFERENCE_FRAMES,
+    MIN_REGISTERED,
     TranslationEstimator,
     downsample,
     register,
@@ -32,6 +35,10 @@ STEADY_OBJECT_PX = 1.5
 """The same where only the object and the spheres have structure: shading moves over a round object with the light."""
 SETTLED_PX = 1.0
 """Distance from one of the places of a knocked camera up to which a frame is taken to stand there."""
+UNKNOWN_SHAKE_ERROR_DEG = 5.0
+"""Error in degrees of normals that a shake of three pixels leaves on a sphere of 30 pixels."""
+CONTINUOUS_FRAMES = 25
+"""Frames over which a camera stays about where it is: a second."""
 REFERENCE = "stabilization_reference"
 
 
@@ -59,13 +66,24 @@ def measure_shake(footage: Footage, to_first: bool, excluded: Sequence[Region] =
     frames = np.stack([downsample(frame, reduction) for frame in footage.spread(SAMPLED_FRAMES)])
     rectangles = [region.model_dump() for region in excluded]
     covered = _covered(frames.shape[1:], rectangles, reduction)
-    reference, shifts = register(frames, covered)
+    reference, sampled = register(frames, covered)
+    estimator, known = TranslationEstimator(reference, covered), np.isfinite(sampled[:, 0])
+    if known.sum() < MIN_REFERENCE_FRAMES:
+        return Shake({"shake_pixels": None, "applied": False})
+    shifts = sampled[known]
     shake = reduction * shake_amplitude(shifts)
-    steady = STEADY_PX if TranslationEstimator(reference, covered).on_background else STEADY_OBJECT_PX
-    if shake <= steady:
+    if shake <= (STEADY_PX if estimator.on_background else STEADY_OBJECT_PX):
         return Shake({"shake_pixels": round(shake, 3), "applied": False})
+    if known.mean() < MIN_REGISTERED:
+        message = (
+            f"the camera moved by {shake:.1f} pixels or more, but only {known.mean():.0%} of the frames show how far,"
+            " so they are left as they are: record again from a firm tripod, before a background of fine structure"
+        )
+        warning = StageWarning(message, "camera", UNKNOWN_SHAKE_ERROR_DEG)
+        return Shake({"shake_pixels": round(shake, 3), "applied": False}, warnings=[warning])
     places = knocked_places(shifts)
-    origin = shifts[0] if to_first else np.median(shifts, axis=0)
+    first = _first_place(footage, estimator, reduction) if to_first else np.median(shifts, axis=0)
+    origin = shifts[0] if first is None else first
     if places is not None:
         origin = places[np.abs(places - origin).sum(axis=1).argmin()]
     record = {
@@ -80,11 +98,20 @@ def measure_shake(footage: Footage, to_first: bool, excluded: Sequence[Region] =
     moved = f"the camera moved by {shake:.1f} pixels: frames are moved back to {target}"
     if places is not None:
         moved = f"the camera was knocked {shake:.1f} pixels aside once: the frames of one side are moved to the other"
-    warning = (
+    message = (
         f"{moved}; a firm tripod gives better normals, and `parameters: {{survey: {{stabilize: false}}}}` leaves the"
         " frames as they are"
     )
-    return Shake(record, {REFERENCE: reference}, [StageWarning(warning, "camera", STABILIZED_ERROR_DEG)])
+    return Shake(record, {REFERENCE: reference}, [StageWarning(message, "camera", STABILIZED_ERROR_DEG)])
+
+
+def _first_place(footage: Footage, estimator: TranslationEstimator, reduction: int) -> np.ndarray | None:
+    """Return the translation (2,) of the first frame, or of the next one that shows it; None: none does."""
+    for frame in islice(footage.frames(), CONTINUOUS_FRAMES):
+        shift = estimator.estimate(downsample(frame, reduction))
+        if shift is not None:
+            return shift
+    return None
 
 
 def _covered(shape: tuple[int, ...], rectangles: Sequence[Mapping[str, int]], reduction: int) -> np.ndarray:
@@ -109,10 +136,21 @@ class StabilizedFootage(FootageWrapper):
         self._places = None if about["places"] is None else np.array(about["places"])
 
     def frames(self, start: int = 0, step: int = 1) -> Iterator[np.ndarray]:
-        """Yield the luma (H, W) of frames start, start + step, .., each moved back."""
-        for frame in self._footage.frames(start, step):
-            shift = self._settled(self._estimator.estimate(downsample(frame, self._reduction)))
-            yield translate(frame, self._reduction * (self._origin - shift))
+        """Yield the luma (H, W) of frames start, start + step, .., each moved back.
+
+        A frame that does not show its own place is moved as the last one of CONTINUOUS_FRAMES before it that does, and
+        by the reference's without one. So that does not depend on where reading starts.
+        """
+        earlier = min(CONTINUOUS_FRAMES, start // step)
+        shift, age = np.zeros(2), 0
+        for number, frame in enumerate(self._footage.frames(start - earlier * step, step)):
+            measured, age = self._estimator.estimate(downsample(frame, self._reduction)), age + 1
+            if measured is not None:
+                shift, age = self._settled(measured), 0
+            elif age > CONTINUOUS_FRAMES:
+                shift = self._settled(np.zeros(2))
+            if number >= earlier:
+                yield translate(frame, self._reduction * (self._origin - shift))
 
     def _settled(self, shift: np.ndarray) -> np.ndarray:
         """Return the place (2,) of a camera that was knocked once, or the shift itself during the knock."""

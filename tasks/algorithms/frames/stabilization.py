@@ -3,8 +3,8 @@
 Sphere and highlights must be located to a fraction of a pixel, since a shift of one pixel turns normals by a degree or
 two. On a tripod only the light moves; but its highlights, the shadows of sphere and object and the caustics beside the
 glass move too, and shading changes. Each block of the image is therefore registered by itself (Lucas and Kanade 1981,
-Gauss-Newton) by its fine structure (band-pass), and a shake is what most blocks, on all sides of the image, agree on. A
-frame without such a consensus is taken to have stood still.
+Gauss-Newton) by its fine structure (band-pass), and a shake is what most blocks, on all sides of the image, agree on.
+Of a frame without such a consensus nothing is known.
 """
 
 from dataclasses import dataclass
@@ -31,6 +31,8 @@ MIN_AGREEMENT = 0.5
 """Share of the blocks with structure that must agree, in the whole image and in three of its quarters."""
 MIN_REGISTERED = 0.6
 """Share of the frames that must find a consensus."""
+MIN_REFERENCE_FRAMES = 5
+"""Registered frames from which on their median is a reference."""
 MAX_GAUSS_NEWTON_STEPS = 8
 STILL_AGREEMENT = 0.8
 """Share of the blocks with structure that agree on a frame's having stood still, without a search farther off."""
@@ -81,12 +83,13 @@ class TranslationEstimator:
         rows, columns = np.indices(self._structured.shape)
         self._quarter = 2 * (2 * rows >= rows.max() + 1) + (2 * columns >= columns.max() + 1)
 
-    def estimate(self, image: np.ndarray) -> np.ndarray:
+    def estimate(self, image: np.ndarray) -> np.ndarray | None:
         """Return the translation (2,) of an image (H, W) against the reference: pixels to the right and down.
 
-        It is zero where no consensus of the blocks shows another.
+        None without a consensus of the blocks.
         """
-        return self.consensus(image).translation
+        consensus = self.consensus(image)
+        return consensus.translation if consensus.blocks else None
 
     def consensus(self, image: np.ndarray) -> Consensus:
         """Return the translation of an image (H, W) with the number of blocks that agree."""
@@ -195,25 +198,33 @@ def register(
 
     Returns:
         The temporal median (H, W) float32 of the registered frames, and each frame's translation (T, 2) against it:
-        pixels to the right and down.
+        pixels to the right and down, NaN without a consensus.
     """
     # The median of all frames has no highlights and shadows, but a large shake blurs it beyond recognition; one frame
     # is sharp. Against something that moves by itself, only neighbouring frames agree.
-    median, middle = np.median(frames, axis=0).astype(np.float32), frames[len(frames) // 2].astype(np.float32)
-    translated, best = _translations(frames, median, excluded), 0
-    if np.isfinite(translated[:, 0]).mean() < MIN_REGISTERED:
-        translated, best = _translations(frames, middle, excluded), 1
-    if np.isfinite(translated[:, 0]).mean() < MIN_REGISTERED:
-        return median, np.zeros((len(frames), 2))
-    reference, translations = (median, middle)[best], np.nan_to_num(translated)
+    reference = np.median(frames, axis=0).astype(np.float32)
+    translations, is_single = _translations(frames, reference, excluded), False
+    if _known(translations).mean() < MIN_REGISTERED:
+        reference = frames[len(frames) // 2].astype(np.float32)
+        translations, is_single = _translations(frames, reference, excluded), True
     for _ in range(iterations - 1):
-        if best == 0 and np.abs(translations).max() < AGREEMENT_PX:
+        known = _known(translations)
+        if known.sum() < MIN_REFERENCE_FRAMES:
             break
-        # The median of the registered frames is a sharper reference than that of the shaken ones.
-        registered = [translate(frame, -translation) for frame, translation in zip(frames, translations, strict=True)]
-        reference, best = np.median(registered, axis=0).astype(np.float32), 0
-        translations = np.nan_to_num(_translations(frames, reference, excluded))
+        if not is_single and np.abs(translations[known]).max() < AGREEMENT_PX:
+            break
+        # The median of the registered frames is a sharper reference than that of the shaken ones, and has less noise
+        # than one frame.
+        pairs = zip(frames[known], translations[known], strict=True)
+        reference = np.median([translate(frame, -translation) for frame, translation in pairs], axis=0)
+        reference, is_single = reference.astype(np.float32), False
+        translations = _translations(frames, reference, excluded)
     return reference, translations
+
+
+def _known(translations: np.ndarray) -> np.ndarray:
+    """Return which of some translations (T, 2) are known, (T,) bool."""
+    return np.isfinite(translations[:, 0])
 
 
 def _translations(frames: np.ndarray, reference: np.ndarray, excluded: np.ndarray | None) -> np.ndarray:

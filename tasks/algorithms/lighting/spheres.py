@@ -122,13 +122,24 @@ def confirm_sphere(
     Args: see `measure_sphere`.
     """
     fit, start_contrast = _measured(frames, given, GIVEN_REACH_RATIO, GIVEN_REACH_RATIO, camera, refined=True)
+    return judged(given, fit, start_contrast)
+
+
+def judged(given: Sphere, fit: Sphere, contrast: float) -> ConfirmedSphere:
+    """Return which of a given circle and a measured one is to be used, and how well it is known.
+
+    Args:
+        given: as the user states it.
+        fit: its score is the contrast of its contour.
+        contrast: of the given circle.
+    """
     if fit.score < MIN_CLEAR_CONTRAST:
         deviation = UNKNOWN_DEVIATION_RATIO * given.radius
         return ConfirmedSphere(replace(given, centre_sd=deviation, radius_sd=deviation), fit, False, False)
     least = max(MIN_CORRECTION_RATIO * given.radius, MIN_CORRECTION_PX)
     distance, difference = given.distance(fit), abs(given.radius - fit.radius)
     is_inside = distance + fit.radius < MAX_TOUCHING_REACH * given.radius
-    given_contrast = start_contrast / fit.score
+    given_contrast = contrast / fit.score
     is_corrected = given_contrast < (MAX_INNER_START_RATIO if is_inside else MAX_START_RATIO) and (
         distance > max(least, MIN_CORRECTION_DEVIATIONS * fit.centre_sd)
         or difference > max(least, MIN_CORRECTION_DEVIATIONS * fit.radius_sd)

@@ -50,7 +50,8 @@ class CheckedCircle:
     """A circle and what the highlights say of it.
 
     sphere: what is to be used; before: the circle that was checked; shapes: what the highlights say, None where it is
-    nothing. is_contradicted: they contradict the circle; is_replaced: another circle, which agrees with them, is used.
+    nothing. is_contradicted: they contradict the circle; is_replaced: another circle, which agrees with them, is used;
+    contrast: of that one's contour.
     """
 
     sphere: Sphere
@@ -58,6 +59,7 @@ class CheckedCircle:
     shapes: ShapeCircle | None
     is_contradicted: bool = False
     is_replaced: bool = False
+    contrast: float = 0.0
 
 
 def check_circle(frames: np.ndarray, sphere: Sphere, *, camera: np.ndarray | None = None) -> CheckedCircle:
@@ -79,7 +81,7 @@ def check_circle(frames: np.ndarray, sphere: Sphere, *, camera: np.ndarray | Non
         return CheckedCircle(doubted, sphere, shapes)
     rival = _rival(frames, sphere, shapes, camera)
     if rival is not None:
-        return CheckedCircle(rival, sphere, shapes, True, True)
+        return CheckedCircle(replace(rival, score=sphere.score), sphere, shapes, True, True, rival.score)
     doubted = replace(
         sphere,
         centre_sd=float(np.hypot(sphere.centre_sd, _distance(sphere, shapes) / np.sqrt(2.0))),
@@ -137,7 +139,6 @@ def _rival(frames: np.ndarray, sphere: Sphere, shapes: ShapeCircle, camera: np.n
         rival,
         x=share * rival.x + (1.0 - share) * shapes.x,
         y=share * rival.y + (1.0 - share) * shapes.y,
-        score=sphere.score,
         centre_sd=float(np.sqrt(share * own)) * _birge_ratio(rival, shapes),
         radius_sd=float(np.hypot(rival.radius_sd, _radius_doubt(rival, clear, shapes))),
     )
@@ -152,9 +153,13 @@ def _radius_doubt(rival: Sphere, clear: list[Sphere], shapes: ShapeCircle) -> fl
         and not _is_horizon(circle, rival)
         and _agreement(circle, shapes) > RIVAL_SHARE * _agreement(rival, shapes)
     ]
-    is_small = rival.radius < LEAST_USUAL_RATIO * shapes.max_radius
-    lacking = USUAL_RATIO * shapes.max_radius - rival.radius if is_small else 0.0
-    return float(np.hypot(max(differences, key=abs, default=0.0) / 2.0, lacking))
+    return float(np.hypot(max(differences, key=abs, default=0.0) / 2.0, radius_lacking(rival, shapes)))
+
+
+def radius_lacking(circle: Sphere, shapes: ShapeCircle) -> float:
+    """Return what a circle's radius lacks of the usual one, in pixels; 0 where blur of the highlights explains it."""
+    is_small = circle.radius < LEAST_USUAL_RATIO * shapes.max_radius
+    return USUAL_RATIO * shapes.max_radius - circle.radius if is_small else 0.0
 
 
 def _is_horizon(inner: Sphere, outer: Sphere) -> bool:

@@ -5,6 +5,8 @@ import pytest
 
 from glint.tasks.algorithms.lighting.lights import ACCEPTED, Lights
 from glint.tasks.algorithms.lighting.spheres import ConfirmedSphere, Sphere
+from glint.tasks.algorithms.sphere_checks.circle_check import radius_lacking
+from glint.tasks.algorithms.sphere_checks.foreshortening import ShapeCircle
 from glint.tasks.stages import sphere_doubts as doubts_module
 from glint.tasks.stages.sphere_doubts import confirm_given, sphere_doubts, spheres_error, sweep_error
 from tests.tasks.algorithms.sphere_checks.mirrored_lamp import lamps, mirrored_lamp
@@ -60,3 +62,19 @@ def test_where_the_highlights_contradict_both_neither_passes_as_right():
     (used,), (warning,) = confirm_given(mirrored_lamp(truth, lamps(120)), [given], None)
     assert used.distance(truth) < max(2.0 * used.centre_sd, 0.03 * truth.radius)
     assert "contradicts the shapes of the highlights" in warning.message
+
+
+@pytest.mark.usefixtures("misled_fit")
+def test_a_given_circle_without_an_edge_of_its_own_gives_way_to_one_that_the_highlights_allow():
+    """It is too small about the true centre: the highlights, whose radius is an upper bound, do not contradict it."""
+    truth, given = Sphere(58.3, 60.8, 30.4), Sphere(58.3, 60.8, 27.9)
+    frames = mirrored_lamp(truth, lamps(120))
+    (used,), (warning,) = confirm_given(frames, [given], None)
+    assert used.distance(truth) < 0.02 * truth.radius and abs(used.radius - truth.radius) < 0.02 * truth.radius
+    assert "which is used: correct `spheres`" in warning.message
+
+
+def test_what_a_radius_lacks_of_the_largest_one_is_doubt():
+    shapes = ShapeCircle(50.0, 50.0, 0.3, 40.0, 0.02)
+    assert radius_lacking(Sphere(50.0, 50.0, 36.0), shapes) == 0.0
+    assert radius_lacking(Sphere(50.0, 50.0, 30.0), shapes) == pytest.approx(7.6)
