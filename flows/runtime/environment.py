@@ -25,8 +25,11 @@ DASK_SETTINGS = {
     "distributed.scheduler.allowed-failures": 1,
     # A graph cut holds the GIL for minutes; the death of a local worker is noticed without heartbeats.
     "distributed.scheduler.worker-ttl": None,
-    # The stages of a capture may be queued at a busy worker; an idle one takes them over at once.
-    "distributed.scheduler.work-stealing-interval": "100ms",
+    # A task that finds all workers busy waits at the scheduler for the first that is not. Only the first few of a kind
+    # wait at one worker, from which an idle one takes them over; to look for these costs the scheduler a third of what
+    # it takes without any task if it looks every 100 ms.
+    "distributed.scheduler.worker-saturation": 1.0,
+    "distributed.scheduler.work-stealing-interval": "500ms",
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.pause": False,
@@ -35,9 +38,12 @@ DASK_SETTINGS = {
     # outgrows its memory between two looks is killed by the system, with the same consequence.
     "distributed.worker.memory.monitor-interval": "500ms",
     "distributed.worker.profile.interval": "200ms",
+    "distributed.worker.profile.cycle": "30s",
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
     "distributed.client.scheduler-info-interval": "10s",
+    # Each of these logs, one for every connection, holds what it has sent, with the catalogue's entry of each capture.
+    "distributed.admin.low-level-log-length": 20,
     "distributed.scheduler.dashboard.bokeh-application.check_unused_sessions_milliseconds": 10_000,
     # It would remove copies of what is sent to all workers on purpose.
     "distributed.scheduler.active-memory-manager.start": False,
