@@ -32,12 +32,12 @@ def capacity(client: Client) -> Capacity:
     return Capacity(len(workers), int(min(limits) * TERMINATED) if limits and all(limits) else None)
 
 
-def task_key(work: str, what: str) -> tuple[str, str, str]:
-    """Return the key of a Dask task: what it does, and for which capture or object.
+def task_key(work: str, kind: str) -> tuple[str, str, str]:
+    """Return the key of a Dask task: its kind, and the capture or object that it works for.
 
     Dask groups tasks by the first part, and keeps figures of each group for as long as its scheduler runs.
     """
-    return what, work, uuid4().hex
+    return kind, work, uuid4().hex
 
 
 def wait_for(future: Future, work: str, reporter: TaskRunReporter | None = None) -> Any:
