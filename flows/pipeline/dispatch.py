@@ -32,12 +32,12 @@ def capacity(client: Client) -> Capacity:
     return Capacity(len(workers), int(min(limits) * TERMINATED) if limits and all(limits) else None)
 
 
-def task_key(capture: str, stages: str) -> str:
-    """Return the key of a Dask task, which names capture and stages on Dask's dashboard.
+def task_key(work: str, kind: str) -> tuple[str, str, str]:
+    """Return the key of a Dask task: its kind, and the capture or object that it works for.
 
-    Dask groups tasks by the part of their key before a dash that is followed by a number, so names lose their dashes.
+    Dask groups tasks by the first part, and keeps figures of each group for as long as its scheduler runs.
     """
-    return f"{_key_prefix(capture, stages)}-{uuid4().hex}"
+    return kind, work, uuid4().hex
 
 
 def wait_for(future: Future, work: str, reporter: TaskRunReporter | None = None) -> Any:
@@ -72,7 +72,8 @@ def scatter_map[Task, Shared, Result](
         futures: list[Future] = []
         try:
             scattered = _scattered(client, shared)
-            futures = client.map(function, remaining, shared=scattered, pure=False, key=_key_prefix(capture, stage))
+            keys = [task_key(capture, stage) for _ in remaining]
+            futures = client.map(function, remaining, shared=scattered, pure=False, key=keys)
             while futures:
                 result = futures[0].result()
                 futures.pop(0).release()
@@ -105,7 +106,3 @@ def _scattered(client: Client, shared: object) -> Future:
         return client.scatter(shared, broadcast=True, hash=False)
     except OSError as error:
         raise _NotSent from error
-
-
-def _key_prefix(capture: str, stages: str) -> str:
-    return f"{capture} {stages}".replace("-", "_")

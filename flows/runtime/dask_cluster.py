@@ -24,6 +24,7 @@ from distributed import Client, LocalCluster, Scheduler, Security, Worker
 from distributed.core import Status
 from distributed.deploy.spec import close_clusters
 from distributed.diagnostics.plugin import WorkerPlugin
+from distributed.scheduler import DEFAULT_EXTENSIONS
 from distributed.system import MEMORY_LIMIT
 
 from glint.flows.errors import ClusterError
@@ -49,6 +50,8 @@ WORKERS_SECONDS = 120
 DASHBOARD_SECONDS = 10.0
 """Time after the start of a local cluster at which Dask's dashboard is added: importing its plots would delay the first
 task of every run."""
+SCHEDULER_EXTENSIONS = {name: extension for name, extension in DEFAULT_EXTENSIONS.items() if name != "spans"}
+"""Extensions of a local scheduler. That of spans, the only one that workers have, would keep a record of every task."""
 
 
 @dataclass
@@ -192,7 +195,8 @@ class Cluster:
             memory_limit=int(MEMORY_LIMIT * MEMORY_SHARE / self._workers),
             host="127.0.0.1",
             dashboard_address=dashboard,
-            scheduler_kwargs={"dashboard": False},
+            scheduler_kwargs={"dashboard": False, "extensions": SCHEDULER_EXTENSIONS},
+            extensions={},
             security=Security.temporary(),
             silence_logs=logging.ERROR,
         )

@@ -2,8 +2,25 @@
 
 import os
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+
+@dataclass
+class Named:
+    """What a task is given of a capture."""
+
+    name: str
+
+
+def name_of(capture: Named) -> str:
+    return capture.name
+
+
+def metrics_of_tasks(what: str, dask_worker: Any) -> int:
+    """Count the figures that a worker keeps of one kind of task."""
+    return sum(isinstance(key, tuple) and what in key for key in dask_worker.digests_total)
 
 
 def slowly(seconds: float) -> str:

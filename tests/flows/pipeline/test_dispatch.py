@@ -1,5 +1,6 @@
 """Waiting for work on workers: results, errors of any kind, and the death of workers."""
 
+import gc
 import os
 import signal
 import time
@@ -9,12 +10,13 @@ from typing import cast
 
 import pytest
 from dask.utils import key_split
+from distributed.scheduler import TaskGroup
 
 from glint.flows.errors import ClusterError
 from glint.flows.pipeline.dispatch import scatter_map, task_key, wait_for
 from glint.flows.pipeline.prefect_sink import TaskRunReporter
 from glint.flows.runtime.dask_cluster import Cluster
-from tests.flows.pipeline.sent_to_workers import die, die_once, late, slowly, times
+from tests.flows.pipeline.sent_to_workers import Named, die, die_once, late, metrics_of_tasks, name_of, slowly, times
 
 pytestmark = pytest.mark.server
 
@@ -24,8 +26,24 @@ REPORTER = cast(TaskRunReporter, SimpleNamespace(stage="labels"))
 
 def test_the_result_of_a_task_is_returned(cluster: Cluster) -> None:
     future = cluster.client.submit(slowly, 0.5, pure=False, key=task_key("glass-2/front", "labels..surface"))
-    assert key_split(future.key) == "glass_2/front labels..surface"
+    assert key_split(future.key) == "labels..surface"
     assert wait_for(future, "glass-2/front", REPORTER) == "done"
+
+
+def test_neither_scheduler_nor_workers_remember_captures(cluster: Cluster) -> None:
+    def run(captures: range) -> tuple[int, int]:
+        for number in captures:
+            capture = Named(f"object/capture-{number}")
+            wait_for(cluster.client.submit(name_of, capture, pure=False, key=task_key(capture.name, "survey")), "")
+        gc.collect()
+        figures = cluster.client.run(metrics_of_tasks, "survey")
+        named = sum(isinstance(item, Named | TaskGroup) for item in gc.get_objects())
+        groups = cluster.client.run_on_scheduler(lambda dask_scheduler: len(dask_scheduler.task_prefixes))
+        return named + groups, max(figures.values())
+
+    few = run(range(100))
+    assert few[0] < 100 and few[1] > 0
+    assert run(range(100, 300)) == pytest.approx(few, abs=10)
 
 
 def test_a_time_out_of_the_task_is_its_own(cluster: Cluster) -> None:
