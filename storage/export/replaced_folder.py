@@ -64,9 +64,15 @@ def replaced_folder(out: Path, facts: Mapping[str, str]) -> Iterator[Path]:
     with temporary_folder_beside(out) as content:
         yield content
         (content / MARKER).write_text(json.dumps(dict(facts), indent=2) + "\n", encoding="utf-8")
+        old = content.with_name("old")
         if out.exists():
-            out.rename(content.with_name("old"))
-        content.rename(out)
+            out.rename(old)
+        try:
+            content.rename(out)
+        except OSError:
+            if old.exists():
+                old.rename(out)
+            raise
 
 
 @contextmanager

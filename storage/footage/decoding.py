@@ -45,8 +45,9 @@ def undamaged_frames(container: Any, warnings: list[str]) -> Iterator[av.VideoFr
         if frame.is_corrupt and len(damaged) < _MAX_DAMAGED_END:
             damaged.append(frame)
         else:
-            if damaged:
-                warnings.append(f"frames {index} to {index + len(damaged) - 1} are damaged in the file")
+            count = len(damaged) + int(frame.is_corrupt)
+            if count:
+                warnings.append(f"frames {index} to {index + count - 1} are damaged in the file")
             yield from damaged
             index += len(damaged) + 1
             damaged = []

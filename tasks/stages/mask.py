@@ -47,7 +47,8 @@ def _objections(inputs: StageInputs, geometry: CaptureGeometry, pixels: np.ndarr
     background, peak = load_levels(inputs)
     scale = np.float32(1.0 if background.dtype == np.uint8 else 1.0 / 257.0)
     frame_edges = np.zeros(pixels.shape, bool)
-    frame_edges[0], frame_edges[:, 0] = region.y == 0, region.x == 0
+    frame_edges[0] |= region.y == 0
+    frame_edges[:, 0] |= region.x == 0
     frame_edges[-1] |= region.y + region.height == height
     frame_edges[:, -1] |= region.x + region.width == width
     return mask_objections(
