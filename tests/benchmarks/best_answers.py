@@ -1,12 +1,12 @@
-"""The most that answers can be worth: sheets with wrong labels corrected by the truth, the best ten and all of them.
+"""What the best answers are worth: sheets with wrong labels corrected by the truth, the best ten and all of them.
 
-    python -m tests.benchmarks.answers_bound CATALOGUE STORE [--only OBJECT]... [--answers 10]
+    python -m tests.benchmarks.best_answers CATALOGUE STORE [--only OBJECT]... [--answers 10]
 
 The captures of CATALOGUE with a truth (or those of OBJECT) were run into STORE. An answer fixes every candidate of its
 sheet, more than one highlight reaches on the review page. The best answers are chosen by the error that follows: first
 all wrong sheets alone, then, after each choice, the most promising of the rest anew. Squared errors over the observed
-region; changes are relative to the labels without answers. No selection of questions can be worth more than the best
-ones, but for what a greedy choice misses.
+region; changes are relative to the labels without answers. A greedy choice by the draft that the review page shows is
+no strict bound: it ends where no further sheet lowers the draft's error.
 """
 
 import argparse
