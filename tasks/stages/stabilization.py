@@ -10,7 +10,7 @@ import numpy as np
 from glint.storage.catalogue.loading import Region
 from glint.storage.footage.source import Footage
 from glint.storage.footage.wrapper import FootageWrapper
-from glint.tasks.algorithms.frames.shake import knocked_places, shake_amplitude
+from glint.tasks.algorithms.frames.shake import is_shown_throughout, knocked_places, shake_amplitude
 from glint.tasks.algorithms.frames.stabilization import (
     MIN_REFERENCE_FRAMES,
     MIN_REGISTERED,
@@ -68,13 +68,14 @@ def measure_shake(footage: Footage, to_first: bool, excluded: Sequence[Region] =
     covered = _covered(frames.shape[1:], rectangles, reduction)
     reference, sampled = register(frames, covered)
     estimator, known = TranslationEstimator(reference, covered), np.isfinite(sampled[:, 0])
-    if known.sum() < MIN_REFERENCE_FRAMES:
+    is_registered = known.mean() >= MIN_REGISTERED
+    if known.sum() < MIN_REFERENCE_FRAMES or not (is_registered or is_shown_throughout(known)):
         return Shake({"shake_pixels": None, "applied": False})
     shifts = sampled[known]
     shake = reduction * shake_amplitude(shifts)
     if shake <= (STEADY_PX if estimator.on_background else STEADY_OBJECT_PX):
         return Shake({"shake_pixels": round(shake, 3), "applied": False})
-    if known.mean() < MIN_REGISTERED:
+    if not is_registered:
         message = (
             f"the camera moved by {shake:.1f} pixels or more, but only {known.mean():.0%} of the frames show how far,"
             " so they are left as they are: record again from a firm tripod, before a background of fine structure"

@@ -16,6 +16,7 @@ from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from glint.tasks.stages.capture_geometry import OBJECT
 from glint.tasks.stages.frames import open_frames
 from glint.tasks.stages.stabilization import STEADY_PX, measure_shake, stabilized
+from tests.tasks.algorithms.frames.test_stabilization import shadowed_frames
 from tests.tasks.make_context import make_context, perform_all
 
 
@@ -110,6 +111,14 @@ def test_a_shake_that_few_frames_show_is_reported(tmp_path: Path) -> None:
         shake = measure_shake(footage, to_first=True)
     assert not shake.record["applied"]
     assert [warning.cause for warning in shake.warnings] == ["camera"]
+
+
+def test_shadows_that_drift_over_a_black_cloth_are_no_shake(tmp_path: Path) -> None:
+    frames = np.repeat(shadowed_frames(np.zeros((24, 2)), 0.0), 5, axis=0)
+    write_video(tmp_path / "video.mp4", iter(frames), 320, 240, 25, 4)
+    with open_footage(tmp_path / "video.mp4") as footage:
+        shake = measure_shake(footage, to_first=True)
+    assert not shake.record["applied"] and not shake.warnings
 
 
 @pytest.mark.slow

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from glint.tasks.algorithms.frames.shake import knocked_places, shake_amplitude
+from glint.tasks.algorithms.frames.shake import is_shown_throughout, knocked_places, shake_amplitude
 from glint.tasks.algorithms.frames.stabilization import (
     MIN_REGISTERED,
     TranslationEstimator,
@@ -83,7 +83,14 @@ def test_shadows_and_caustics_are_no_shake(texture: float) -> None:
     """Nor are they on a cloth of weak structure, nor on a black one, where what moves is all that there is."""
     _, found = register(shadowed_frames(np.zeros((24, 2)), texture))
     known = np.isfinite(found[:, 0])
-    assert known.mean() < MIN_REGISTERED or np.abs(found[known]).max() < 0.2
+    assert not is_shown_throughout(known) or np.abs(found[known]).max() < 0.2
+
+
+@pytest.mark.parametrize(
+    ("pattern", "expected"), [("x..x..x", True), ("..xxxx.", False), ("x......", False), (".......", False)]
+)
+def test_a_place_is_shown_throughout_or_in_a_part_of_the_frames(pattern: str, expected: bool) -> None:
+    assert is_shown_throughout(np.array([letter == "x" for letter in pattern])) is expected
 
 
 def test_a_shake_is_measured_under_moving_shadows() -> None:
