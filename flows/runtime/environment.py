@@ -35,12 +35,13 @@ DASK_SETTINGS = {
     # outgrows its memory between two looks is killed by the system, with the same consequence.
     "distributed.worker.memory.monitor-interval": "500ms",
     "distributed.worker.profile.interval": "200ms",
-    "distributed.worker.profile.cycle": "30s",
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
     "distributed.client.scheduler-info-interval": "10s",
     # Each of these logs, one for every connection, holds what it has sent, with the catalogue's entry of each capture.
+    # That of profiles gets an entry in every cycle: these cover ten minutes.
     "distributed.admin.low-level-log-length": 20,
+    "distributed.worker.profile.cycle": "30s",
     "distributed.scheduler.dashboard.bokeh-application.check_unused_sessions_milliseconds": 10_000,
     # It would remove copies of what is sent to all workers on purpose.
     "distributed.scheduler.active-memory-manager.start": False,

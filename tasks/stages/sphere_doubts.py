@@ -44,36 +44,30 @@ def confirm_given(
 ) -> tuple[list[Sphere], list[StageWarning]]:
     """Measure given spheres; return those to be used, and a warning where the frames contradict what was given."""
     frames = spread(frames, FIT_FRAMES)
-    spheres, warnings = list[Sphere](), list[StageWarning]()
-    for sphere in given:
-        confirmed = confirm_sphere(frames, sphere, camera=camera)
-        # A fit that replaces the given circle is judged by its own deviation, without the doubt between the two.
-        circle = confirmed.fit if confirmed.is_corrected else confirmed.sphere
-        check = check_circle(frames, circle, camera=camera)
-        if check.is_contradicted:
-            used, warning = _against_highlights(sphere, confirmed, check)
-            spheres.append(used)
-            warnings.append(warning)
-            continue
-        if confirmed.is_corrected:
-            # An edge inside the contour that touches it has a smaller radius as well as another centre.
-            lacking = 0.0 if check.shapes is None else radius_lacking(confirmed.fit, check.shapes)
-            used = replace(confirmed.sphere, radius_sd=float(np.hypot(confirmed.sphere.radius_sd, lacking)))
-            spheres.append(used)
-            warnings.append(_correction(sphere, confirmed.fit, used))
-            continue
-        spheres.append(confirmed.sphere)
-        cost = float(np.degrees(confirmed.sphere.centre_sd / confirmed.sphere.radius))
-        if not confirmed.is_clear:
-            warnings.append(
-                StageWarning(
-                    f"{_place(sphere)} is used as it is, since its contour is not seen: compare it with the frame, and"
-                    " put a plain background behind the sphere",
-                    "sphere",
-                    cost,
-                )
-            )
-    return spheres, warnings
+    confirmed = [_confirm(frames, sphere, camera) for sphere in given]
+    return [sphere for sphere, _ in confirmed], [warning for _, warning in confirmed if warning is not None]
+
+
+def _confirm(frames: np.ndarray, given: Sphere, camera: np.ndarray | None) -> tuple[Sphere, StageWarning | None]:
+    """Measure a given sphere; return the one to be used, and a warning where the frames contradict what was given."""
+    confirmed = confirm_sphere(frames, given, camera=camera)
+    # A fit that replaces the given circle is judged by its own deviation, without the doubt between the two.
+    circle = confirmed.fit if confirmed.is_corrected else confirmed.sphere
+    check = check_circle(frames, circle, camera=camera)
+    if check.is_contradicted:
+        return _against_highlights(given, confirmed, check)
+    if confirmed.is_corrected:
+        # An edge inside the contour that touches it has a smaller radius as well as another centre.
+        lacking = 0.0 if check.shapes is None else radius_lacking(confirmed.fit, check.shapes)
+        used = replace(confirmed.sphere, radius_sd=float(np.hypot(confirmed.sphere.radius_sd, lacking)))
+        return used, _correction(given, confirmed.fit, used)
+    if confirmed.is_clear:
+        return confirmed.sphere, None
+    message = (
+        f"{_place(given)} is used as it is, since its contour is not seen: compare it with the frame, and put a plain"
+        " background behind the sphere"
+    )
+    return confirmed.sphere, _warning(message, confirmed.sphere)
 
 
 def _against_highlights(given: Sphere, confirmed: ConfirmedSphere, check: CheckedCircle) -> tuple[Sphere, StageWarning]:
@@ -101,11 +95,16 @@ def _against_highlights(given: Sphere, confirmed: ConfirmedSphere, check: Checke
         f" {fit.radius:.1f}, contradicts the shapes of the highlights: compare it with the frame, and put a plain"
         " background behind the sphere"
     )
-    return used, StageWarning(message, "sphere", float(np.degrees(used.centre_sd / used.radius)))
+    return used, _warning(message, used)
 
 
 def _place(given: Sphere) -> str:
     return f"the sphere given at ({given.x:.1f}, {given.y:.1f}) with radius {given.radius:.1f}"
+
+
+def _warning(message: str, used: Sphere) -> StageWarning:
+    """Return a warning that costs what the centre of the sphere that is used is off, in degrees of its normals."""
+    return StageWarning(message, "sphere", float(np.degrees(used.centre_sd / used.radius)))
 
 
 def _correction(given: Sphere, fit: Sphere, used: Sphere) -> StageWarning:
@@ -114,7 +113,7 @@ def _correction(given: Sphere, fit: Sphere, used: Sphere) -> StageWarning:
         f"{_place(given)} is seen at ({fit.x:.1f}, {fit.y:.1f}) with radius {fit.radius:.1f}, which is used: correct"
         " `spheres` in the catalogue"
     )
-    return StageWarning(message, "sphere", float(np.degrees(used.centre_sd / used.radius)))
+    return _warning(message, used)
 
 
 def confirm_found(
@@ -139,7 +138,7 @@ def _contradiction(check: CheckedCircle) -> StageWarning:
         f" shapes of the highlights, which are those on a sphere at ({shapes.x:.1f}, {shapes.y:.1f}) with a radius of"
         f" at most {shapes.max_radius:.1f}; {outcome}: compare it with the frame, and give `spheres` in the catalogue"
     )
-    return StageWarning(message, "sphere", float(np.degrees(used.centre_sd / used.radius)))
+    return _warning(message, used)
 
 
 def spheres_error(spheres: Sequence[Sphere], nz: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ no strict bound: it ends where no further sheet lowers the draft's error.
 """
 
 import argparse
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -33,17 +33,8 @@ TRIED_AGAIN = 12
 """Sheets whose worth is measured anew after each choice."""
 
 
-@dataclass(frozen=True, slots=True)
-class Correction:
-    """A sheet with the wrong label, and the marks that correct all its candidates."""
-
-    marks: Marks
-    pixels: int
-    is_true: bool
-
-
-def corrections(questions: CaptureQuestions, labels: np.ndarray, truth: np.ndarray) -> list[Correction]:
-    """Return the sheets of at least MIN_PIXELS whose label the truth contradicts."""
+def corrections(questions: CaptureQuestions, labels: np.ndarray, truth: np.ndarray) -> list[Marks]:
+    """Return, for each sheet of at least MIN_PIXELS whose label the truth contradicts, marks of all its candidates."""
     normals = np.where(questions.mask[None, :, :, None], questions.clusters.normals, np.nan).astype(np.float32)
     nodes, ties = sheet_graph(normals)
     patches = cut_patches(nodes, ties, labels, inradius(questions.mask))
@@ -56,42 +47,56 @@ def corrections(questions: CaptureQuestions, labels: np.ndarray, truth: np.ndarr
         if is_true is None or is_true == is_exterior or len(at[0]) < MIN_PIXELS:
             continue
         pixels = np.stack(at[1:], axis=-1).astype(np.int32)
-        marks = Marks(pixels, normals[at], np.full(len(pixels), int(is_true), np.int8))
-        wrong.append(Correction(marks, len(pixels), is_true))
+        wrong.append(Marks(pixels, normals[at], np.full(len(pixels), int(is_true), np.int8)))
     return wrong
 
 
-def joined(chosen: list[Correction]) -> Marks | None:
+def joined(chosen: Sequence[Marks]) -> Marks | None:
     """Return the marks of several corrections; None without any."""
     if not chosen:
         return None
-    parts = [correction.marks for correction in chosen]
-    return Marks(
-        np.concatenate([part.pixels for part in parts]),
-        np.concatenate([part.half_vectors for part in parts]),
-        np.concatenate([part.kind for part in parts]),
-    )
+    columns = zip(*((marks.pixels, marks.half_vectors, marks.kind) for marks in chosen), strict=True)
+    return Marks(*(np.concatenate(column) for column in columns))
 
 
-def best(questions: CaptureQuestions, wrong: list[Correction], truth: np.ndarray, count: int) -> list[Correction]:
+def best(wrong: Sequence[Marks], count: int, error: Callable[[Sequence[Marks]], float]) -> list[Marks]:
     """Choose at most `count` corrections, one after the other, by the error of the draft that follows."""
-
-    def error(chosen: list[Correction]) -> float:
-        observed = questions.mask & (questions.clusters.observations > 0)
-        return squared_errors(questions.draft_normals(joined(chosen)), truth, observed)
-
-    chosen, reached = list[Correction](), error([])
-    worth = [error([correction]) - reached for correction in wrong]
-    remaining = list(np.argsort(worth))
+    chosen, reached = list[Marks](), error([])
+    remaining = list(np.argsort([error([marks]) for marks in wrong]))
     while remaining and len(chosen) < count:
         tried = {number: error([*chosen, wrong[number]]) for number in remaining[:TRIED_AGAIN]}
-        number = min(tried, key=lambda item: tried[item])
-        if tried[number] >= reached:
+        ordered = sorted(tried, key=lambda number: tried[number])
+        if tried[ordered[0]] >= reached:
             break
-        reached = tried[number]
-        chosen.append(wrong[number])
-        remaining = sorted(tried, key=lambda item: tried[item])[1:] + remaining[TRIED_AGAIN:]
+        reached = tried[ordered[0]]
+        chosen.append(wrong[ordered[0]])
+        remaining = ordered[1:] + remaining[TRIED_AGAIN:]
     return chosen
+
+
+def measure(work: CaptureContext, count: int) -> None:
+    """Print what corrections of a capture are worth; nothing without a truth."""
+    if work.capture.truth is None:
+        return
+    questions = CaptureQuestions(work)
+    truth = read_truth(work.capture.truth, (questions.mask.shape[0], questions.mask.shape[1])).normals
+    assert truth is not None
+    observed = questions.mask & (questions.clusters.observations > 0)
+
+    def error(normals: np.ndarray) -> float:
+        return squared_errors(normals, truth, observed)
+
+    result = questions.label(None)
+    before, wrong = error(result.normals), corrections(questions, result.labels, truth)
+    chosen = best(wrong, count, lambda some: error(questions.draft_normals(joined(some))))
+    with_best, with_all = (error(questions.label(joined(some)).normals) for some in (chosen, wrong))
+    pixels = ", ".join(f"{'true' if marks.kind[0] else 'false'} {len(marks.kind)}" for marks in chosen)
+    print(
+        f"{work.name}: {before:.4f}; best {len(chosen)} of {len(wrong)} wrong sheets {with_best:.4f}"
+        f" ({with_best / before - 1.0:+.0%}), all {with_all:.4f} ({with_all / before - 1.0:+.0%});"
+        f" pixels of the best: {pixels}",
+        flush=True,
+    )
 
 
 def main() -> None:
@@ -105,34 +110,8 @@ def main() -> None:
     address = str(arguments.catalogue)
     for object_id, captures in chosen_captures(load_catalogue(address).objects, arguments.only).items():
         for capture_id in captures:
-            measure(
-                CaptureReference(address, object_id, capture_id, arguments.store, "benchmark").context(),
-                arguments.answers,
-            )
-
-
-def measure(work: CaptureContext, count: int) -> None:
-    """Print what corrections of a capture are worth; nothing without a truth."""
-    if work.capture.truth is None:
-        return
-    questions = CaptureQuestions(work)
-    truth = read_truth(work.capture.truth, (questions.mask.shape[0], questions.mask.shape[1])).normals
-    assert truth is not None
-    result = questions.label(None)
-    observed = questions.mask & (questions.clusters.observations > 0)
-    before = squared_errors(result.normals, truth, observed)
-    wrong = corrections(questions, result.labels, truth)
-    chosen = best(questions, wrong, truth, count)
-    with_best, with_all = (
-        squared_errors(questions.label(joined(some)).normals, truth, observed) for some in (chosen, wrong)
-    )
-    pixels = ", ".join(f"{'true' if item.is_true else 'false'} {item.pixels}" for item in chosen)
-    print(
-        f"{work.name}: {before:.4f}; best {len(chosen)} of {len(wrong)} wrong sheets {with_best:.4f}"
-        f" ({with_best / before - 1.0:+.0%}), all {with_all:.4f} ({with_all / before - 1.0:+.0%});"
-        f" pixels of the best: {pixels}",
-        flush=True,
-    )
+            reference = CaptureReference(address, object_id, capture_id, arguments.store, "benchmark")
+            measure(reference.context(), arguments.answers)
 
 
 if __name__ == "__main__":

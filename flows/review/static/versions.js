@@ -79,7 +79,7 @@ export async function open(root, capture, signal) {
 
 /** What differs, in figures and words. */
 function differences({ figures, changes }, { before, after }) {
-  if (before === after) return element("p", { class: "faint" }, `${before} is on both sides: a second version can be chosen as soon as there is one.`);
+  if (before === after) return element("p", { class: "faint" }, `${before} is on both sides: choose another version on one of them, once there is one.`);
   const shown = Object.entries(figures).filter(([, value]) => value !== null);
   const words = shown.map(([name, value]) => element("tr", {}, element("th", { scope: "row" }, name), element("td", {}, valueWords(name, value))));
   const rows = changes.map((change) => element("tr", {}, ...[change.stage, change.name, change.before, change.after].map((text) => element("td", {}, text))));

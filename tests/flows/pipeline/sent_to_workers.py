@@ -18,9 +18,9 @@ def name_of(capture: Named) -> str:
     return capture.name
 
 
-def metrics_of_tasks(what: str, dask_worker: Any) -> int:
+def metrics_of_tasks(kind: str, dask_worker: Any) -> int:
     """Count the figures that a worker keeps of one kind of task."""
-    return sum(isinstance(key, tuple) and what in key for key in dask_worker.digests_total)
+    return sum(isinstance(key, tuple) and kind in key for key in dask_worker.digests_total)
 
 
 def slowly(seconds: float) -> str:

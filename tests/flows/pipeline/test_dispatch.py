@@ -38,8 +38,8 @@ def test_neither_scheduler_nor_workers_remember_captures(cluster: Cluster) -> No
         gc.collect()
         figures = cluster.client.run(metrics_of_tasks, "survey")
         named = sum(isinstance(item, Named | TaskGroup) for item in gc.get_objects())
-        groups = cluster.client.run_on_scheduler(lambda dask_scheduler: len(dask_scheduler.task_prefixes))
-        return named + groups, max(figures.values())
+        prefixes = cluster.client.run_on_scheduler(lambda dask_scheduler: len(dask_scheduler.task_prefixes))
+        return named + prefixes, max(figures.values())
 
     few = run(range(100))
     assert few[0] < 100 and few[1] > 0

@@ -181,12 +181,17 @@ def test_frames_that_were_used_just_now_stay_whatever_the_budget() -> None:
     assert over_budget([old, fresh], 20, (), now) == []
 
 
+def save_broken(location: Location, folder: Path) -> None:
+    """Save the object `broken` in the store of a folder, and damage it."""
+    save(location, b"of the broken one", "key", "broken")
+    for snapshot in (folder / "objects" / "broken" / "repo" / "snapshots").iterdir():
+        snapshot.write_bytes(b"damaged")
+
+
 def test_an_object_that_cannot_be_read_does_not_stop_the_rest(tmp_path: Path) -> None:
     location = Location.parse(tmp_path)
     versions(location, 1)
-    save(location, b"of the broken one", "key", "broken")
-    for snapshot in (tmp_path / "objects" / "broken" / "repo" / "snapshots").iterdir():
-        snapshot.write_bytes(b"damaged")
+    save_broken(location, tmp_path)
     done = maintain(location, False, None, NOW, None)
     assert part(done, "broken").failed and not part(done, "glass").failed
 
@@ -194,9 +199,7 @@ def test_an_object_that_cannot_be_read_does_not_stop_the_rest(tmp_path: Path) ->
 def test_frames_stay_while_it_is_unknown_which_of_them_a_run_uses(tmp_path: Path) -> None:
     location = Location.parse(tmp_path)
     versions(location, 1)
-    save(location, b"of the broken one", "key", "broken")
-    for snapshot in (tmp_path / "objects" / "broken" / "repo" / "snapshots").iterdir():
-        snapshot.write_bytes(b"damaged")
+    save_broken(location, tmp_path)
     frames(location, "a" * 64, 1000, timedelta(days=3))
     with run_lock(location, "broken", "night"):
         done = maintain(location, False, None, NOW, 0)
