@@ -18,10 +18,10 @@ import numpy as np
 from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.evaluation.metrics import squared_errors
-from glint.tasks.algorithms.labelling.answers import sheet_graph
 from glint.tasks.algorithms.prior.smooth_normals import inradius
 from glint.tasks.algorithms.questions.proposals import Question
-from glint.tasks.algorithms.questions.sheets import cut_patches
+from glint.tasks.algorithms.sheets.patches import cut_patches
+from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import CaptureReference, chosen_captures, load_catalogue
 from glint.tasks.evaluation.questions import oracle

@@ -12,20 +12,14 @@ from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
 from glint.tasks.algorithms.candidates.shading import shading_log_ratio
 from glint.tasks.algorithms.faces.flat_faces import FlatFaces, flat_faces, has_other_faces
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.labelling.answers import MARKED_SHEET_NATS, mark_influence, marked_confidence, sheet_graph
+from glint.tasks.algorithms.labelling.answers import MARKED_SHEET_NATS, mark_influence, marked_confidence
 from glint.tasks.algorithms.labelling.confidence import (
-    face_confidence,
     field_confidence,
-    field_error_slope,
     observed_confidence,
-    place_confidence,
     probability_within_tolerance,
-    sheet_confidence,
 )
 from glint.tasks.algorithms.labelling.graph_cut import HARD_CONSTRAINT, GraphCut, keep_best_per_pixel, unary_log_ratio
-from glint.tasks.algorithms.labelling.integrability import shape_log_ratio
 from glint.tasks.algorithms.labelling.results import Iteration, accepted_normals, accepted_weights
-from glint.tasks.algorithms.labelling.segments import held_out_residual, segment_sheets, sheet_means
 from glint.tasks.algorithms.labelling.weights import FieldError, FieldWeights, GraphCutWeights
 from glint.tasks.algorithms.prior.smooth_normals import (
     MAX_NODES,
@@ -38,9 +32,11 @@ from glint.tasks.algorithms.prior.smooth_normals import (
 )
 from glint.tasks.algorithms.prior.symmetry import SilhouetteSymmetry, rotational_normals
 from glint.tasks.algorithms.prior.unreached import with_unreached
+from glint.tasks.algorithms.sheets.integrability import shape_log_ratio
+from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
 
-DRAFT_NODES, HELD_OUT_NODES = 7_000, 5_000
-"""Grid nodes of coarser fields: a draft's (a third of the time, 1% more squared error), one that predicts a sheet."""
+DRAFT_NODES = 7_000
+"""Grid nodes of a draft's coarser field: a third of the time, 1% more squared error."""
 MAX_REFUTATIONS = 3
 """Rounds in which flat faces are looked for, and false ones refuted."""
 REFUTED_DEG, REFUTED_NATS = 3.0, 10.0
@@ -54,17 +50,19 @@ class Alternation:
     No array is changed in place, so that copies can go on independently. What depends on candidates and mask alone, the
     graph and the silhouette's symmetry among them, is shared by copies.
 
-    is_draft: whether the field is coarse. evidence (K, H, W): log-likelihood ratio of a true against a false highlight,
-    by the sheet's shape, by shading and by marks. sheets: the nodes' graph, None: made with each set of marks. labels
-    (K, H, W) bool: exterior nodes. values (H, W, 3): accepted normals, NaN elsewhere. confidence (H, W): theirs, NaN
-    elsewhere. known (H, W) bool: where they enter the field. initial, smooth (H, W, 3): first and present field.
-    body_depth (H, W): of an expected surface of revolution. weights (K, H, W): of the clusters. unreached (H, W, 3):
-    normals of dark pixels, NaN elsewhere; None before these.
+    observations (H, W): frames in which a pixel is lit. weights (K, H, W): of the clusters. is_draft: whether the field
+    is coarse. sheets: the graph of the nodes. evidence (K, H, W): log-likelihood ratio of a true against a false
+    highlight, by the sheet's shape, by shading and by marks. labels (K, H, W) bool: exterior nodes. readmitted (K, H,
+    W): probability of nodes that were rejected and then readmitted, 0 elsewhere. values (H, W, 3): accepted normals,
+    NaN elsewhere. confidence (H, W): theirs, NaN elsewhere. known (H, W) bool: where they enter the field. initial,
+    smooth (H, W, 3): first and present field. body_depth (H, W): of an expected surface of revolution. unreached (H, W,
+    3): normals of dark pixels, NaN elsewhere; None before these.
     """
 
     normals: np.ndarray
     shading: np.ndarray
     weights: np.ndarray
+    observations: np.ndarray
     mask: np.ndarray
     expected: np.ndarray | None
     graph_cut_weights: GraphCutWeights
@@ -80,12 +78,13 @@ class Alternation:
     symmetry: SilhouetteSymmetry = field(init=False)
     evidence: np.ndarray = field(init=False)
     unmarked_evidence: np.ndarray = field(init=False)
-    sheets: tuple[np.ndarray, sparse.csr_matrix] | None = field(init=False)
+    sheets: tuple[np.ndarray, sparse.csr_matrix] = field(init=False)
     marked: np.ndarray = field(init=False)
     marked_normals: np.ndarray = field(init=False)
     pins: np.ndarray = field(init=False)
     influence: np.ndarray = field(init=False)
     labels: np.ndarray = field(init=False)
+    readmitted: np.ndarray = field(init=False)
     known: np.ndarray = field(init=False)
     values: np.ndarray = field(init=False)
     confidence: np.ndarray = field(init=False)
@@ -108,9 +107,9 @@ class Alternation:
         self.symmetry = SilhouetteSymmetry(self.mask)
         self.unmarked_evidence = weights.shape_weight * shape_log_ratio(self.normals, self.scale)
         self.unmarked_evidence += weights.shading_weight * shading_log_ratio(self.shading)
-        self.sheets = sheet_graph(self.normals) if self.is_draft else None  # many sets of marks go on from a draft
+        self.sheets = sheet_graph(self.normals)
         self.take_marks(None)
-        self.labels = np.zeros(self.normals.shape[:3], dtype=bool)
+        self.labels, self.readmitted = np.zeros(self.normals.shape[:3], dtype=bool), np.zeros(self.normals.shape[:3])
         self.known, self.values = self.marked, self.marked_normals
         self.faces, self.relief_fit, self.body_depth, self.unreached = None, 0.0, None, None
         self.confidence = np.full(self.mask.shape, np.nan)
@@ -122,7 +121,7 @@ class Alternation:
         self.marked, self.marked_normals, self.pins = mark_constraints(marks, self.normals, self.mask)
         self.influence, self.evidence = np.zeros(self.pins.shape, np.float32), self.unmarked_evidence
         if self.pins.any():
-            self.influence = mark_influence(*(self.sheets or sheet_graph(self.normals)), self.pins, self.scale)
+            self.influence = mark_influence(*self.sheets, self.pins, self.scale)
             self.evidence = self.unmarked_evidence + MARKED_SHEET_NATS * self.influence
 
     def solve_field(
@@ -166,7 +165,9 @@ class Alternation:
     def follow_labels(self, min_confidence: float) -> None:
         """Replace accepted normals, their confidence and the field by those of the present labels."""
         self.values = accepted_normals(self.normals, self.labels, self.marked_normals)
-        self.confidence = self.with_marks(observed_confidence(self.values, self.scale))
+        confidence = observed_confidence(self.values, self.scale)
+        readmitted = np.where(self.labels, self.readmitted, 0.0).max(axis=0, initial=0.0)
+        self.confidence = self.with_marks(np.where(readmitted > 0.0, np.fmax(confidence, readmitted), confidence))
         self.known = self.confidence >= min_confidence
         self.smooth = self.solve_field(self.known, self.values, faces=self.faces)
 
@@ -177,6 +178,17 @@ class Alternation:
 
     def label(self) -> int:
         """Label all nodes against the present field; return the number of pixels whose labels changed."""
+        ratios = self.log_ratios()
+        previous = self.labels
+        self.labels = keep_best_per_pixel(self.graph.cut(ratios), ratios)
+        return int((previous != self.labels).any(axis=0).sum())
+
+    def log_likelihood(self) -> float:
+        """Return how likely the present field makes the present exterior nodes: their summed log-likelihood ratio."""
+        return float(np.where(self.labels, self.log_ratios(), 0.0).sum())
+
+    def log_ratios(self) -> np.ndarray:
+        """Compute the nodes' log-likelihood ratios (K, H, W), nats, under the present field."""
         error = self.field_error
         observed = self.known & self.labels.any(axis=0)
         if self.faces is not None:
@@ -184,15 +196,16 @@ class Alternation:
         # The field is trusted near what shaped it: the contour too, unless expected normals took its place.
         sources = observed if self.expected is not None else self.rim | observed
         spread = field_spread(sources, self.local_scale, error.floor, error.slope, error.ceiling)
-        ratios = self.log_ratios(spread)
-        previous = self.labels
-        self.labels = keep_best_per_pixel(self.graph.cut(ratios), ratios)
-        return int((previous != self.labels).any(axis=0).sum())
-
-    def log_ratios(self, spread: np.ndarray) -> np.ndarray:
-        """Compute the nodes' log-likelihood ratios (K, H, W), nats, for a spread (H, W) of the field in radians."""
         ratios = unary_log_ratio(self.normals, self.smooth, spread, self.graph_cut_weights.prior) + self.evidence
         return np.where(self.pins != 0, self.pins * HARD_CONSTRAINT, ratios) if self.pins.any() else ratios
+
+    def readmit(self, probability: np.ndarray, min_confidence: float) -> None:
+        """Accept rejected nodes of this probability (K, H, W), 0 for all others, and let the field follow them."""
+        chosen = probability > 0.0
+        self.readmitted = np.where(chosen, probability, self.readmitted)
+        self.labels = np.where(chosen.any(axis=0), chosen, self.labels)
+        self.unreached = None
+        self.follow_labels(min_confidence)
 
     def adopt_symmetry(self) -> bool:
         """Make a surface of revolution the expected field, where there was none, if the accepted normals support it."""
@@ -226,25 +239,12 @@ class Alternation:
             self.iterate(1, 0.0, min_confidence)
         return True
 
-    def final_confidence(self, normals: np.ndarray, min_confidence: float) -> np.ndarray:
-        """Compute the confidence (H, W) of resulting normals (H, W, 3): by sheets where accepted, else by the field."""
-        # While labels change, the neighbourhood has to do; now each sheet is tested against the rest of the object.
-        coarse = smooth_normal_field(self.mask, self.field_weights.tension_length, HELD_OUT_NODES)
-        sheets = segment_sheets(self.values)
-        evidence = np.take_along_axis(self.evidence, self.labels.argmax(axis=0)[None], axis=0)[0]
+    def field_confidence(self, known: np.ndarray, slope: float) -> np.ndarray:
+        """Return the confidence (H, W) of the field and its faces, for `known` pixels (H, W) that can be trusted.
 
-        def predict(kept: np.ndarray) -> np.ndarray:
-            return self.solve_field(kept, self.values, coarse)
-
-        residual = held_out_residual(sheets, self.values, self.known, self.rim, self.mask, self.scale, predict)
-        observed = sheet_confidence(self.values, sheet_means(sheets, evidence), residual, self.scale)
-        observed = self.with_marks(observed * place_confidence(normals))
-        accepted = np.where(self.known[..., None], self.values, np.nan)
-        slope = field_error_slope(lambda kept: self.solve_field(kept, self.values), accepted, self.scale)
-        between = field_confidence(self.known & (observed >= min_confidence), self.rim, slope, self.scale)
-        if self.faces is not None:
-            is_unseen = np.isfinite(self.faces.spread)
-            between = np.where(is_unseen, probability_within_tolerance(self.faces.spread), between)
-            agrees = angles(self.values, self.faces.normals) < REFUTED_DEG
-            observed = np.where(agrees, np.fmax(observed, face_confidence(self.faces.residual)), observed)
-        return np.where(np.isfinite(self.confidence), observed, between)
+        slope: see `field_error_slope`.
+        """
+        between = field_confidence(known, self.rim, slope, self.scale)
+        if self.faces is None:
+            return between
+        return np.where(np.isfinite(self.faces.spread), probability_within_tolerance(self.faces.spread), between)

@@ -9,13 +9,6 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
-from glint.tasks.algorithms.labelling.graph_cut import pairwise_edges
-
-TIE_DEG = 3.0
-"""Neighbouring nodes of one sheet differ by less, degrees; beyond it more true and false sheets merge than are made
-whole."""
-NOISE_TIE_DEG = 1.0
-"""Difference of neighbouring nodes that doubles the length of a step, degrees: a sheet is left where it is rough."""
 MARK_REACH_INRADII = 0.3
 """Distance along the sheet, in inradii, at which a mark's influence has fallen to 1/e: beyond it true and false sheets
 that cross merge."""
@@ -28,31 +21,13 @@ MARKED_SHEET_CONFIDENCE = 0.97
 """Confidence of accepted normals beside a true mark on the same sheet."""
 
 
-def sheet_graph(normals: np.ndarray, tie_deg: float = TIE_DEG) -> tuple[np.ndarray, sparse.csr_matrix]:
-    """Return the graph of sheets: numbers of the nodes (K, H, W) int64, -1 without one, and lengths between them.
-
-    normals (K, H, W, 3), unit, NaN without cluster. tie_deg: neighbouring nodes that differ by less are tied. The
-    matrix (N, N) holds the length in pixels of each tie; a tie is the longer the more the two differ.
-    """
-    present = np.isfinite(normals[..., 0])
-    nodes = np.full(present.shape, -1, dtype=np.int64)
-    nodes[present] = np.arange(present.sum())
-    contrast = np.radians(tie_deg)
-    first, second, weight = pairwise_edges(normals, nodes, 1.0, contrast)
-    degrees = tie_deg * np.sqrt(-np.log(np.maximum(weight, 1e-30)))
-    tied = degrees < tie_deg
-    length = 1.0 + (degrees[tied] / NOISE_TIE_DEG) ** 2
-    count = int(present.sum())
-    return nodes, sparse.coo_matrix((length, (first[tied], second[tied])), shape=(count, count)).tocsr()
-
-
 def mark_influence(
     nodes: np.ndarray, ties: sparse.csr_matrix, pins: np.ndarray, scale: float, reach: float = MARK_REACH_INRADII
 ) -> np.ndarray:
     """Spread marks over their sheets: (K, H, W), from 1 (exterior) to -1 (false), 0 where no mark reaches.
 
     Args:
-        nodes, ties: of `sheet_graph`.
+        nodes, ties: of `sheets.sheet_graph`.
         pins: (K, H, W) int8, labels of marked nodes: 1 exterior, -1 false, 0 free.
         scale: inradius of the mask in pixels.
         reach: in inradii.

@@ -12,12 +12,12 @@ import maxflow
 import numpy as np
 from numba import njit
 
+from glint.tasks.algorithms.sheets.sheet_graph import pairwise_edges
+
 OBSERVABLE_SOLID_ANGLE = 2.0 * np.pi * (1.0 - np.cos(np.pi / 4))
 """Steradians: normals within 45 degrees of the view vector, the only ones that can be observed."""
 HARD_CONSTRAINT = 1e6
 """Unary log-likelihood ratio of a marked node, nats: larger than any sum of the remaining terms at a node."""
-MAX_TIED_CONTRASTS = 7.0
-"""Squared differences of normals, in squared contrasts, above which two nodes are not tied: exp(-7) is negligible."""
 
 
 def unary_log_ratio(normals: np.ndarray, field: np.ndarray, spread: np.ndarray, prior: float = 0.5) -> np.ndarray:
@@ -55,54 +55,6 @@ def _gaussian_log_ratio(normals: np.ndarray, field: np.ndarray, spread: np.ndarr
                 angle = 2.0 * np.arcsin(min(np.sqrt(square) / 2.0, 1.0))
                 result[k, y, x] = constant[y, x] - angle**2 / (2.0 * spread[y, x] ** 2)
     return result
-
-
-@njit(cache=True, nogil=True)
-def _nearest_layer(normals: np.ndarray, nodes: np.ndarray, k: int, y: int, x: int, v: int, u: int) -> tuple[int, float]:
-    """Return the layer at pixel (v, u) nearest to node (k, y, x), -1 if none, and the squared difference."""
-    nearest, min_gap = -1, np.inf
-    for j in range(len(nodes)):
-        if nodes[j, v, u] >= 0:
-            gap = 0.0
-            for a in range(3):
-                gap += (normals[k, y, x, a] - normals[j, v, u, a]) ** 2
-            if gap < min_gap:
-                nearest, min_gap = j, gap
-    return nearest, min_gap
-
-
-@njit(cache=True, nogil=True)
-def pairwise_edges(
-    normals: np.ndarray, nodes: np.ndarray, strength: float, contrast: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the edges between 8-neighbouring pixels: ids of the two nodes (E,) int64 and weights (E,) float64.
-
-    Only mutually nearest nodes are tied: a sheet passes each pixel once, and two sheets that cross must stay separate.
-    """
-    layers, height, width = nodes.shape
-    # Each node has at most one edge to each of the four neighbours that follow it in raster order.
-    first = np.empty(4 * (nodes >= 0).sum(), np.int64)
-    second, weight = np.empty_like(first), np.empty(len(first), np.float64)
-    size = 0
-    for k in range(layers):
-        for y in range(height):
-            for x in range(width):
-                if nodes[k, y, x] < 0:
-                    continue
-                for dy, dx in ((0, 1), (1, -1), (1, 0), (1, 1)):
-                    v, u = y + dy, x + dx
-                    if v >= height or u < 0 or u >= width:
-                        continue
-                    j, gap = _nearest_layer(normals, nodes, k, y, x, v, u)
-                    if j < 0 or gap > MAX_TIED_CONTRASTS * contrast**2:
-                        continue
-                    # The relation must be mutual, or a node near two sheets would join them.
-                    if _nearest_layer(normals, nodes, j, v, u, y, x)[0] != k:
-                        continue
-                    first[size], second[size] = nodes[k, y, x], nodes[j, v, u]
-                    weight[size] = strength * np.exp(-gap / contrast**2)
-                    size += 1
-    return first[:size], second[:size], weight[:size]
 
 
 class GraphCut:

@@ -14,7 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.labelling.integrability import shape_log_ratio, sheet_jacobian
+from glint.tasks.algorithms.sheets.integrability import shape_log_ratio, sheet_jacobian
 
 AXES: Mapping[str, tuple[tuple[float, float], tuple[float, float]]] = MappingProxyType(
     {

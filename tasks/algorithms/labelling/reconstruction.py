@@ -6,8 +6,9 @@ maps the image smoothly to half vectors, so true and false candidates form diffe
 sheets by a graph cut against the present field (`graph_cut`), then solves the field again from the accepted normals of
 sufficient confidence and the occluding contour (`smooth_normals`). The first field knows the contour alone. If the
 converged normals show a surface of revolution, it becomes the expected field and the iterations continue (`symmetry`).
-Then sheets that the field contradicts are accepted if their own shape outweighs that (`segments`), unless the expected
-field is given; where there is no expected field, it is bent away from the lights where nothing flashed (`unreached`).
+Then rejected sheets that are probably the surface are readmitted (`readmission`) and the iterations continue from them,
+unless the expected field is given; what follows is kept if the labels are more likely than before. Where there is no
+expected field, it is bent away from the lights where nothing flashed (`unreached`).
 """
 
 from copy import copy
@@ -16,17 +17,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from glint.tasks.algorithms.candidates.markup import Marks
-from glint.tasks.algorithms.geometry.vectors import angles, unit
+from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.alternation import Alternation
+from glint.tasks.algorithms.labelling.final_confidence import final_confidence
+from glint.tasks.algorithms.labelling.readmission import probable_sheets
 from glint.tasks.algorithms.labelling.results import (
+    DETAIL_DEG,
     FILLED,
     MARKED,
     OBSERVED,
     OUTSIDE,
     SILHOUETTE,
     Reconstruction,
+    blended_normals,
 )
-from glint.tasks.algorithms.labelling.segments import unexpected_sheets
 from glint.tasks.algorithms.labelling.weights import (
     DEFAULT_FIELD,
     DEFAULT_FIELD_ERROR,
@@ -40,12 +44,10 @@ from glint.tasks.algorithms.prior.unreached import SweptNormals, unreached_norma
 if TYPE_CHECKING:
     from glint.tasks.algorithms.candidates.clusters import Clusters
 
-NOISE_DEG, DETAIL_DEG = 3.0, 6.0
-"""Angle between accepted normal and field up to which the difference is noise, and from which it is surface detail."""
 PLAUSIBLE_NATS = 1.0
 """Evidence of a rejected candidate from which it may be a true highlight."""
-MAX_UNEXPECTED_ROUNDS = 3
-"""Rounds in which sheets that the field contradicts are looked for: each may show the field of the next."""
+MAX_READMISSIONS = 3
+"""Rounds in which rejected sheets are readmitted: each may show the field of the next."""
 
 
 def reconstruct_normals(
@@ -108,17 +110,18 @@ def reconstruct_normals(
     if state.relief_fit > 0.0 and state.adopt_symmetry():
         # Highlights that a relief explains show more of it.
         state.iterate(max_iterations, convergence_tolerance, min_confidence)
-    for _ in range(MAX_UNEXPECTED_ROUNDS):
-        if expected is not None or not _accept_unexpected(state, min_confidence):
+    for _ in range(MAX_READMISSIONS if expected is None else 0):
+        better = _readmitted(state, max_iterations, convergence_tolerance, min_confidence)
+        if better is None:
             break
-        state.iterate(max_iterations, convergence_tolerance, min_confidence)
+        state = better
     if state.expected is None:
         _bend_dark_pixels(state)
 
     accepted = np.isfinite(state.confidence)
     provenance = np.select([~mask, state.marked, accepted, state.rim], [OUTSIDE, MARKED, OBSERVED, SILHOUETTE], FILLED)
-    normals = np.where(accepted[..., None], _denoise(state.values, state.smooth), state.smooth).astype(np.float32)
-    confidence = state.confidence if state.is_draft else state.final_confidence(normals, min_confidence)
+    normals = blended_normals(state.values, state.smooth).astype(np.float32)
+    confidence = state.confidence if state.is_draft else final_confidence(state, normals, min_confidence)
     return Reconstruction(
         labels=state.labels.astype(np.uint8),
         normals=normals,
@@ -168,6 +171,7 @@ def settle(
         normals,
         clusters.shading,
         clusters.weight,
+        clusters.observations,
         mask,
         expected,
         graph_cut_weights,
@@ -177,6 +181,20 @@ def settle(
     )
     state.iterate(max_iterations, convergence_tolerance, min_confidence)
     return state
+
+
+def _readmitted(
+    state: Alternation, max_iterations: int, convergence_tolerance: float, min_confidence: float
+) -> Alternation | None:
+    """Return what follows from readmitting probable sheets, None if there are none or the labels become less likely."""
+    probability = probable_sheets(state)
+    if not probability.any():
+        return None
+    after = copy(state)
+    after.readmit(probability, min_confidence)
+    # The readmitted are not held: a false sheet that the field no longer needs to contradict is rejected again.
+    after.iterate(max_iterations, convergence_tolerance, min_confidence)
+    return after if after.log_likelihood() > state.log_likelihood() else None
 
 
 def _bend_dark_pixels(state: Alternation) -> None:
@@ -197,23 +215,3 @@ def _bend_dark_pixels(state: Alternation) -> None:
     estimate = unreached_normals(state.smooth, confidence, lit, state.mask, swept, state.scale, solve)
     if estimate is not None:
         state.unreached, state.smooth = estimate
-
-
-def _accept_unexpected(state: Alternation, min_confidence: float) -> bool:
-    """Accept sheets that the field contradicts and their own shape outweighs; return whether there are any."""
-    ratios = state.log_ratios(np.full(state.mask.shape, np.radians(state.field_error.ceiling)))
-    unexpected = unexpected_sheets(state.normals, state.labels, ratios, state.graph.cut(ratios), state.scale)
-    state.labels = np.where(unexpected.any(axis=0), unexpected, state.labels)
-    if unexpected.any():
-        # The field is solved before it is asked again: it would reject the sheets for what it knew without them.
-        state.follow_labels(min_confidence)
-    return bool(unexpected.any())
-
-
-def _denoise(values: np.ndarray, smooth: np.ndarray) -> np.ndarray:
-    """Blend accepted normals (H, W, 3) into the field (H, W, 3) where they agree.
-
-    Light directions are sparse, so an accepted normal errs by about a degree, independently of its neighbours.
-    """
-    share = np.clip((DETAIL_DEG - angles(values, smooth)) / (DETAIL_DEG - NOISE_DEG), 0.0, 1.0)[..., None]
-    return unit(share * smooth + (1.0 - share) * values)

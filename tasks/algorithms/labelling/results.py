@@ -4,13 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glint.tasks.algorithms.geometry.vectors import unit
+from glint.tasks.algorithms.geometry.vectors import angles, unit
 
 PROVENANCE = ("outside", "observed", "marked", "silhouette", "filled")
 """Names of the codes in `Reconstruction.provenance`."""
 OUTSIDE, OBSERVED, MARKED, SILHOUETTE, FILLED = range(len(PROVENANCE))
 CONFIDENT = 0.95
 """Confidence from which a pixel counts as confident."""
+NOISE_DEG, DETAIL_DEG = 3.0, 6.0
+"""Angle between accepted normal and field up to which the difference is noise, and from which it is surface detail."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,3 +64,12 @@ def accepted_normals(normals: np.ndarray, labels: np.ndarray, marked: np.ndarray
 def accepted_weights(weights: np.ndarray, labels: np.ndarray) -> np.ndarray:
     """Return the weights (H, W) of the accepted clusters, of weights and labels (K, H, W); any where none is."""
     return np.take_along_axis(weights, labels.argmax(axis=0)[None], axis=0)[0]
+
+
+def blended_normals(accepted: np.ndarray, field: np.ndarray) -> np.ndarray:
+    """Return accepted normals (H, W, 3), blended into the field (H, W, 3) where they agree; the field where NaN.
+
+    Light directions are sparse, so an accepted normal errs by about a degree, independently of its neighbours.
+    """
+    share = np.clip((DETAIL_DEG - angles(accepted, field)) / (DETAIL_DEG - NOISE_DEG), 0.0, 1.0)[..., None]
+    return np.where(np.isnan(accepted), field, unit(share * field + (1.0 - share) * accepted))

@@ -7,7 +7,7 @@ from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.results import MARKED, OBSERVED, Reconstruction
 from glint.tasks.algorithms.labelling.weights import FieldWeights
 from glint.tasks.algorithms.prior.smooth_normals import contour_normals, smooth_normal_field
-from glint.tasks.algorithms.questions.sheets import Patches
+from glint.tasks.algorithms.sheets.patches import Patches
 
 FIELD_NODES = 3_000
 """Grid nodes of the coarser field that predicts what hangs on a sheet."""

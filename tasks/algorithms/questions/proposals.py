@@ -14,15 +14,15 @@ from scipy import ndimage
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
 from glint.tasks.algorithms.candidates.shading import shading_log_ratio
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.labelling.answers import mark_influence, sheet_graph
-from glint.tasks.algorithms.labelling.confidence import TOLERANCE_RAD
-from glint.tasks.algorithms.labelling.graph_cut import OBSERVABLE_SOLID_ANGLE
-from glint.tasks.algorithms.labelling.integrability import shape_log_ratio
+from glint.tasks.algorithms.labelling.answers import mark_influence
+from glint.tasks.algorithms.labelling.readmission import CONFIDENCE_RANGE, surface_probability
 from glint.tasks.algorithms.labelling.results import Reconstruction
 from glint.tasks.algorithms.labelling.weights import DEFAULT_FIELD, FieldWeights
 from glint.tasks.algorithms.prior.smooth_normals import contour_normals, inradius
 from glint.tasks.algorithms.questions.prediction import MAX_CHANGE_DEG, Prediction, accepted_pixels
-from glint.tasks.algorithms.questions.sheets import Patches, cut_patches
+from glint.tasks.algorithms.sheets.integrability import shape_log_ratio
+from glint.tasks.algorithms.sheets.patches import Patches, cut_patches
+from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
 
 if TYPE_CHECKING:
     from glint.tasks.algorithms.candidates.clusters import Clusters
@@ -32,13 +32,6 @@ OPEN_PROBABILITY = 0.25
 REMOVAL_GAIN = 0.05
 """Worth of a degree that a sheet's withdrawal changes against one that its acceptance changes: the field that fills the
 hole may be no better than the sheet."""
-LIT_SHARE_POWER = -1.5
-"""Power of the number of frames in which a pixel is lit in the odds that a rejected candidate is the surface: where
-light crosses the glass on many ways, most highlights are false (fitted to presets, as the next two)."""
-TILT_NATS_PER_DEG = 0.1
-"""Rise of the log-odds with the candidate's tilt: the field is right where the surface faces the camera."""
-REJECTED_NATS = -4.0
-"""Log-odds of a rejected candidate that faces the camera, before its evidence."""
 ANSWERED_INFLUENCE = 0.2
 """Mean influence of marks on a sheet from which it counts as answered."""
 PREDICTED = 24
@@ -48,10 +41,6 @@ ASKED_TURN_DEG = 10.0
 """Angle of a rejected sheet to the present normals from which it is asked about, degrees: others change little."""
 SHARED_CHANGE = 0.5
 """Share of a sheet's change that also follows from a sheet proposed before, from which it is a near-duplicate."""
-CONFIDENCE_RANGE, EXTERIOR_SHARE_RANGE = (0.01, 0.99), (0.1, 0.9)
-"""Bounds of the confidence in a normal, and of the share of exterior nodes, in odds: nothing is certain."""
-WRONG_SPREAD_RAD = np.radians(25.0)
-"""Standard deviation per axis of the error of normals that are not within the tolerance, radians."""
 EXTERIOR_MARGIN_PX = 20.0
 """Width, in pixels, of the margin of the field that hangs on an accepted patch."""
 
@@ -183,32 +172,16 @@ def rough_change(
     return patches.mean(own) * held
 
 
-def _angular_density(angle: np.ndarray, spread: float) -> np.ndarray:
-    """Return the density per steradian of normals at `angle` from the expected one; both in radians."""
-    return np.asarray(np.exp(-(angle**2) / (2.0 * spread**2)) / (2.0 * np.pi * spread**2))
-
-
 def wrong_probability(
     patches: Patches, normals: np.ndarray, evidence: np.ndarray, observations: np.ndarray, result: Reconstruction
 ) -> np.ndarray:
     """Return the probability (count,) that the label of a patch is wrong, by the confidence of the labelling.
 
-    An exterior node is wrong if its normal is. A false node can be the surface only where the present normal is wrong:
-    its log-likelihood ratio is that of the labelling (`labelling.graph_cut.unary_log_ratio`), but with the spread that
-    the confidence implies, the evidence (K, H, W) of shape and shading, nats, its tilt, and the number of frames (H, W)
-    in which its pixels are lit, `observations`. Nodes of a sheet share their errors, so that ratios are averaged.
+    An exterior patch is wrong if its normals are; for a rejected one, and for the arguments, see `surface_probability`.
     """
+    surface = surface_probability(
+        patches, normals, result.labels, result.normals, result.confidence, evidence, observations
+    )
     confidence = np.clip(result.confidence[patches.row, patches.column], *CONFIDENCE_RANGE)
-    exterior = patches.of(result.labels) > 0
-    # The present normal is right within the tolerance with its confidence; else it says little, but not nothing.
-    angle = np.radians(angles(patches.of(normals), result.normals[patches.row, patches.column]))
-    likelihood = confidence * _angular_density(angle, TOLERANCE_RAD / 2.0)
-    likelihood += (1.0 - confidence) * _angular_density(angle, WRONG_SPREAD_RAD)
-    ratio = np.log(OBSERVABLE_SOLID_ANGLE * np.maximum(likelihood, 1e-30))
-    share = np.clip(exterior.mean(), *EXTERIOR_SHARE_RANGE)
-    ratio += np.log(share / (1.0 - share)) + patches.of(evidence)
-    lit = np.maximum(patches.mean(observations[patches.row, patches.column].astype(float)), 1.0)
-    tilt = np.degrees(np.arccos(np.clip(patches.mean(patches.of(normals)[:, 2]), -1.0, 1.0)))
-    nats = patches.mean(ratio) + LIT_SHARE_POWER * np.log(lit / np.median(lit)) + TILT_NATS_PER_DEG * tilt
-    surface = 1.0 / (1.0 + np.exp(-np.clip(nats + REJECTED_NATS, -50.0, 50.0)))
-    return np.where(patches.mean(exterior) > 0.5, patches.mean(1.0 - confidence), surface)
+    exterior = patches.mean(patches.of(result.labels) > 0) > 0.5
+    return np.where(exterior, patches.mean(1.0 - confidence), surface)

@@ -5,8 +5,9 @@ import pytest
 
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.geometry.vectors import unit
-from glint.tasks.algorithms.labelling.answers import mark_influence, sheet_graph
+from glint.tasks.algorithms.labelling.answers import mark_influence
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
+from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
 from tests.tasks.algorithms.labelling.test_reconstruction import Scene, pebble
 
 

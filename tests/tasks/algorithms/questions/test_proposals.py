@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.candidates.markup import Marks
-from glint.tasks.algorithms.labelling.answers import sheet_graph
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.labelling.results import FILLED, Reconstruction
 from glint.tasks.algorithms.questions.highlights import choose_highlight
 from glint.tasks.algorithms.questions.proposals import Question, propose
-from glint.tasks.algorithms.questions.sheets import cut_patches
+from glint.tasks.algorithms.sheets.patches import cut_patches
+from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
 from tests.tasks.algorithms.labelling.test_reconstruction import Scene, clusters_of, pebble
 
 PATCH = np.s_[25:37, 20:32]

@@ -31,11 +31,6 @@ def window_step(scale: float) -> int:
     return max(1, round(scale / 100.0))
 
 
-def window_area(scale: float) -> int:
-    """Return the pixels under a node's window: nodes so near share the noise of their evidence."""
-    return (7 * window_step(scale)) ** 2
-
-
 def shape_log_ratio(normals: np.ndarray, scale: float) -> np.ndarray:
     """Compute the log-likelihood ratio of exterior against false from the shape of each node's sheet.
 

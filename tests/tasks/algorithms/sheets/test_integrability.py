@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.labelling.integrability import shape_log_ratio, sheet_jacobian
+from glint.tasks.algorithms.sheets.integrability import shape_log_ratio, sheet_jacobian
 from tests.tasks.algorithms.geometry.gradient_normals import from_gradients
 
 SIZE, RADIUS = 41, 40.0

@@ -1,0 +1,85 @@
+"""Confidence of settled labels: each sheet is judged by its residual against the field of all the rest.
+
+A false sheet can be smooth, and once it is accepted the field follows it, so that each seems to confirm the other.
+Therefore a whole sheet is held out at a time and predicted from the occluding contour and all remaining sheets
+(leave-one-out cross-validation with sheets as folds). The paper has no such test.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.labelling.alternation import REFUTED_DEG, Alternation
+from glint.tasks.algorithms.labelling.confidence import (
+    face_confidence,
+    field_error_slope,
+    place_confidence,
+    sheet_confidence,
+)
+from glint.tasks.algorithms.prior.smooth_normals import field_spread, smooth_normal_field
+from glint.tasks.algorithms.sheets.segments import segment_sheets, sheet_means
+
+HELD_OUT_NODES = 5_000
+"""Grid nodes of the coarser field that predicts a sheet."""
+MIN_HELD_OUT_SHARE = 0.004
+"""Sheets of at least this share of the mask are held out; each costs a solve, and smaller ones are many."""
+SMALL_SHEET_RESIDUAL = 2.0
+"""Residual given to smaller sheets: as large as that of most false sheets."""
+MAX_RESIDUAL_DEG = 20.0
+"""Angles to the prediction are clipped here: beyond it a sheet is no more wrong."""
+
+
+def final_confidence(state: Alternation, normals: np.ndarray, min_confidence: float) -> np.ndarray:
+    """Compute the confidence (H, W) of resulting normals (H, W, 3): by sheets where accepted, else by the field."""
+    coarse = smooth_normal_field(state.mask, state.field_weights.tension_length, HELD_OUT_NODES)
+    sheets = segment_sheets(state.values)
+    evidence = np.take_along_axis(state.evidence, state.labels.argmax(axis=0)[None], axis=0)[0]
+
+    def predict(kept: np.ndarray) -> np.ndarray:
+        return state.solve_field(kept, state.values, coarse)
+
+    residual = held_out_residual(sheets, state.values, state.known, state.rim, state.mask, state.scale, predict)
+    observed = sheet_confidence(state.values, sheet_means(sheets, evidence), residual, state.scale)
+    observed = state.with_marks(observed * place_confidence(normals))
+    accepted = np.where(state.known[..., None], state.values, np.nan)
+    slope = field_error_slope(lambda kept: state.solve_field(kept, state.values), accepted, state.scale)
+    between = state.field_confidence(state.known & (observed >= min_confidence), slope)
+    if state.faces is not None:
+        agrees = angles(state.values, state.faces.normals) < REFUTED_DEG
+        observed = np.where(agrees, np.fmax(observed, face_confidence(state.faces.residual)), observed)
+    return np.where(np.isfinite(state.confidence), observed, between)
+
+
+def held_out_residual(
+    sheets: np.ndarray,
+    normals: np.ndarray,
+    known: np.ndarray,
+    rim: np.ndarray,
+    mask: np.ndarray,
+    scale: float,
+    predict: Callable[[np.ndarray], np.ndarray],
+) -> np.ndarray:
+    """Compute each sheet's held-out (leave-one-out) residual: its mean angle to the field of all remaining data.
+
+    Args:
+        sheets: (H, W) int, numbers of the sheets, -1 outside.
+        normals: (H, W, 3) accepted normals.
+        known, rim, mask: (H, W) bool; accepted normals of the field, occluding contour, object.
+        scale: inradius of the mask in pixels.
+        predict: maps known pixels (H, W) bool to the field (H, W, 3) from these normals, the contour and dark pixels.
+
+    Returns:
+        (H, W), in units of the field's expected error at the sheet's distance from the remaining data (`field_spread`);
+        SMALL_SHEET_RESIDUAL for small sheets, NaN outside sheets.
+    """
+    result = np.where(sheets >= 0, SMALL_SHEET_RESIDUAL, np.nan)
+    sizes = np.bincount(sheets[sheets >= 0])
+    for sheet in np.flatnonzero(sizes >= max(MIN_HELD_OUT_SHARE * mask.sum(), 1)):
+        withheld = sheets == sheet
+        kept = known & ~withheld
+        # Without a ceiling: a sheet far from everything else must not be blamed for a poor prediction.
+        spread = field_spread(kept | rim, scale, ceiling_deg=np.inf)[withheld]
+        residual = np.minimum(angles(predict(kept)[withheld], normals[withheld]), MAX_RESIDUAL_DEG)
+        result[withheld] = residual.mean() / np.degrees(spread).mean()
+    return result

@@ -1,0 +1,98 @@
+"""Rejected sheets that are probably the surface: readmitted, so that the field can show what follows from them.
+
+The alternation settles where labels and field confirm each other, which need not be the best labels there are: of a
+limb that hangs before the body the silhouette says nothing, and once its sheet is rejected, the field never comes to
+know of it. How far the field can be trusted at a place is known, however, and so is what speaks for the sheet itself.
+Both give the probability that the sheet is the surface. The paper has no such step; see `reconstruction`.
+"""
+
+import numpy as np
+
+from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.labelling.alternation import Alternation
+from glint.tasks.algorithms.labelling.confidence import TOLERANCE_RAD
+from glint.tasks.algorithms.labelling.graph_cut import OBSERVABLE_SOLID_ANGLE, keep_best_per_pixel
+from glint.tasks.algorithms.labelling.results import blended_normals
+from glint.tasks.algorithms.sheets.patches import Patches, cut_patches
+
+READMITTED_PROBABILITY = 0.3
+"""Probability of being the surface from which a rejected sheet is readmitted."""
+FIELD_SLOPE_DEG = 60.0
+"""Slope of the field's error, degrees per inradius, while labels change: about what held-out blocks mostly show."""
+LIT_SHARE_POWER = -1.5
+"""Power of the number of frames in which a pixel is lit in the odds that a rejected candidate is the surface: where
+light crosses the glass on many ways, most highlights are false (fitted to presets, as the next two)."""
+TILT_NATS_PER_DEG = 0.1
+"""Rise of the log-odds with the candidate's tilt: the field is right where the surface faces the camera."""
+REJECTED_NATS = -4.0
+"""Log-odds of a rejected candidate that faces the camera, before its evidence."""
+CONFIDENCE_RANGE, EXTERIOR_SHARE_RANGE = (0.01, 0.99), (0.1, 0.9)
+"""Bounds of the confidence in a normal, and of the share of exterior nodes, in odds: nothing is certain."""
+WRONG_SPREAD_RAD = np.radians(25.0)
+"""Standard deviation per axis of the error of normals that are not within the tolerance, radians."""
+
+
+def probable_sheets(state: Alternation) -> np.ndarray:
+    """Find rejected sheets that contradict the present normals and are probably the surface, for the first time.
+
+    Returns:
+        (K, H, W) their probability, at most at one node of a pixel, 0 elsewhere.
+    """
+    result = np.zeros(state.labels.shape)
+    patches = cut_patches(*state.sheets, state.labels, state.scale)
+    if patches.count == 0:
+        return result
+    normals = blended_normals(state.values, state.smooth)
+    between = state.field_confidence(state.known, np.radians(FIELD_SLOPE_DEG) / state.scale)
+    confidence = np.where(np.isfinite(state.confidence), state.confidence, between)
+    evidence, observations = state.evidence, state.observations
+    probability = surface_probability(patches, state.normals, state.labels, normals, confidence, evidence, observations)
+    exterior = patches.mean(patches.of(state.labels).astype(float)) > 0.5
+    turn = np.radians(patches.mean(angles(patches.of(state.normals), normals[patches.row, patches.column])))
+    probability[exterior | (turn < TOLERANCE_RAD) | (probability < READMITTED_PROBABILITY)] = 0.0
+    result[patches.layer, patches.row, patches.column] = probability[patches.number]
+    result[state.readmitted > 0.0] = 0.0
+    return np.where(keep_best_per_pixel(result > 0.0, result), result, 0.0)
+
+
+def surface_probability(
+    patches: Patches,
+    candidates: np.ndarray,
+    labels: np.ndarray,
+    normals: np.ndarray,
+    confidence: np.ndarray,
+    evidence: np.ndarray,
+    observations: np.ndarray,
+) -> np.ndarray:
+    """Return the probability (count,) that a patch of rejected candidates is the surface.
+
+    It can be only where the present normal is wrong: its log-likelihood ratio is that of the labelling
+    (`graph_cut.unary_log_ratio`), but with the spread that the confidence implies. Nodes of a sheet share their errors,
+    so that ratios are averaged.
+
+    Args:
+        patches: of the candidates.
+        candidates: (K, H, W, 3) unit, camera frame, NaN without cluster.
+        labels: (K, H, W), nonzero = exterior.
+        normals: (H, W, 3) present normals.
+        confidence: (H, W) probability that they are right.
+        evidence: (K, H, W) of shape and shading, nats.
+        observations: (H, W) number of frames in which a pixel is lit.
+    """
+    confidence = np.clip(confidence[patches.row, patches.column], *CONFIDENCE_RANGE)
+    # The present normal is right within the tolerance with its confidence; else it says little, but not nothing.
+    angle = np.radians(angles(patches.of(candidates), normals[patches.row, patches.column]))
+    likelihood = confidence * _angular_density(angle, TOLERANCE_RAD / 2.0)
+    likelihood += (1.0 - confidence) * _angular_density(angle, WRONG_SPREAD_RAD)
+    ratio = np.log(OBSERVABLE_SOLID_ANGLE * np.maximum(likelihood, 1e-30))
+    share = np.clip((patches.of(labels) > 0).mean(), *EXTERIOR_SHARE_RANGE)
+    ratio += np.log(share / (1.0 - share)) + patches.of(evidence)
+    lit = np.maximum(patches.mean(observations[patches.row, patches.column].astype(float)), 1.0)
+    tilt = np.degrees(np.arccos(np.clip(patches.mean(patches.of(candidates)[:, 2]), -1.0, 1.0)))
+    nats = patches.mean(ratio) + LIT_SHARE_POWER * np.log(lit / np.median(lit)) + TILT_NATS_PER_DEG * tilt
+    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(nats + REJECTED_NATS, -50.0, 50.0))))
+
+
+def _angular_density(angle: np.ndarray, spread: float) -> np.ndarray:
+    """Return the density per steradian of normals at `angle` from the expected one; both in radians."""
+    return np.asarray(np.exp(-(angle**2) / (2.0 * spread**2)) / (2.0 * np.pi * spread**2))

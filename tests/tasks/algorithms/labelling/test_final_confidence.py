@@ -1,0 +1,26 @@
+import numpy as np
+
+from glint.tasks.algorithms.labelling.final_confidence import SMALL_SHEET_RESIDUAL, held_out_residual
+from glint.tasks.algorithms.sheets.segments import segment_sheets
+from tests.tasks.algorithms.sheets.test_segments import tilted, two_sheets
+
+
+def test_a_sheet_that_the_rest_of_the_object_contradicts_has_a_large_residual() -> None:
+    normals = two_sheets()
+    sheets, known = segment_sheets(normals), np.isfinite(normals[..., 0])
+    predicted = []
+
+    def predict(kept: np.ndarray) -> np.ndarray:
+        predicted.append(kept)
+        return np.broadcast_to(tilted(0.0), normals.shape)
+
+    mask, rim = np.ones((40, 60), dtype=bool), np.zeros((40, 60), dtype=bool)
+    residual = held_out_residual(sheets, normals, known, rim, mask, 20.0, predict)
+    assert residual[20, 5] < 1e-3
+    assert residual[20, 50] > 0.7
+    assert residual[35, 10] == SMALL_SHEET_RESIDUAL
+    assert np.isnan(residual[0, 0])
+    assert len(predicted) == 2
+    assert not predicted[0][20, 5]
+    assert predicted[0][20, 50]
+    assert not predicted[1][20, 50]

@@ -1,0 +1,39 @@
+import numpy as np
+
+from glint.tasks.algorithms.sheets.segments import segment_sheets, sheet_means
+
+
+def tilted(degrees: float) -> np.ndarray:
+    return np.array([np.sin(np.radians(degrees)), 0.0, np.cos(np.radians(degrees))])
+
+
+def two_sheets() -> np.ndarray:
+    """Left and right halves 20 degrees apart, without normals above; a scrap of four pixels stands apart below."""
+    normals = np.full((40, 60, 3), np.nan)
+    normals[10:30, :30], normals[10:30, 30:] = tilted(0.0), tilted(20.0)
+    normals[35:37, 10:12] = tilted(0.0)
+    return normals
+
+
+def test_sheets_end_at_creases_and_gaps() -> None:
+    sheets = segment_sheets(two_sheets())
+    assert len(np.unique(sheets[10:30, :30])) == len(np.unique(sheets[10:30, 30:])) == 1
+    assert len({sheets[20, 5], sheets[20, 50], sheets[35, 10]}) == 3
+    assert (sheets[:10] == -1).all()
+
+
+def test_diagonal_neighbours_belong_together_and_nothing_is_no_sheet() -> None:
+    normals = np.full((5, 5, 3), np.nan)
+    for i in range(5):
+        normals[i, 4 - i] = tilted(0.0)
+    assert set(segment_sheets(normals).ravel()) == {-1, 0}
+    assert (segment_sheets(np.full((5, 5, 3), np.nan)) == -1).all()
+
+
+def test_means_are_those_of_each_sheet() -> None:
+    sheets = segment_sheets(two_sheets())
+    values = np.where(np.arange(60)[None] < 30, 2.0, np.nan) * np.ones((40, 1))
+    means = sheet_means(sheets, values)
+    assert means[20, 5] == 2.0
+    assert means[20, 50] == 0.0
+    assert np.isnan(means[0, 0])
