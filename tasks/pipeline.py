@@ -141,7 +141,7 @@ STAGES = (
             "body_depth": ArraySchema("HW", "f", required=False),
         },
         peak_bytes=_per_pixel(900),
-        version=30,
+        version=31,
     ),
     Stage(
         "depth",

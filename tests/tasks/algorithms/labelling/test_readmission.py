@@ -1,0 +1,120 @@
+"""An ear before a head, of which the silhouette says nothing: rejected at first, and readmitted."""
+
+from copy import copy
+
+import numpy as np
+import pytest
+
+from glint.tasks.algorithms.candidates.markup import Marks
+from glint.tasks.algorithms.labelling import reconstruction
+from glint.tasks.algorithms.labelling.alternation import Alternation
+from glint.tasks.algorithms.labelling.readmission import READMITTED_PROBABILITY, probable_sheets, surface_probability
+from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
+from glint.tasks.algorithms.sheets.patches import Patches
+from tests.tasks.algorithms.labelling.test_reconstruction import Scene, head_with_ear
+
+EarScene = tuple[Scene, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def ear_scene() -> EarScene:
+    return head_with_ear()
+
+
+@pytest.fixture(scope="module")
+def settled(ear_scene: EarScene) -> Alternation:
+    (clusters, mask, _), _ = ear_scene
+    return settle(clusters, mask)
+
+
+def test_the_ear_is_rejected_at_first_and_is_probable(ear_scene: EarScene, settled: Alternation) -> None:
+    _, ear = ear_scene
+    assert settled.labels.any(axis=0)[ear].mean() < 0.2
+    probability = probable_sheets(settled)
+    found = probability > 0.0
+    assert found[0][ear & ~settled.labels[0]].mean() > 0.8
+    assert not found[0][~ear].any()
+    assert ((probability[found] >= READMITTED_PROBABILITY) & (probability[found] < 1.0)).all()
+
+
+def test_without_readmission_the_ear_is_lost(ear_scene: EarScene, monkeypatch: pytest.MonkeyPatch) -> None:
+    (clusters, mask, _), ear = ear_scene
+    accepted = reconstruct_normals(clusters, mask, symmetry=False, flat_faces=False).labels.any(axis=0)[ear].mean()
+    monkeypatch.setattr(reconstruction, "MAX_READMISSIONS", 0)
+    without = reconstruct_normals(clusters, mask, symmetry=False, flat_faces=False).labels.any(axis=0)[ear].mean()
+    assert accepted > 0.8 and without < 0.2
+
+
+def test_nothing_is_readmitted_twice(settled: Alternation) -> None:
+    state = copy(settled)
+    probability = probable_sheets(state)
+    state.readmit(probability, 0.5)
+    state.labels = settled.labels  # rejected once more
+    assert not (probable_sheets(state)[probability > 0.0] > 0.0).any()
+
+
+def test_of_two_sheets_at_a_pixel_the_more_probable_is_readmitted(ear_scene: EarScene) -> None:
+    (clusters, mask, _), ear = ear_scene
+    twice = copy(clusters)
+    other = clusters.normals[0] + np.array([0.0, 0.3, 0.0], np.float32)
+    other = np.where(ear[..., None], other / np.linalg.norm(other, axis=-1, keepdims=True), np.nan)
+    twice.normals = np.stack([clusters.normals[0], other])
+    twice.shading, twice.weight = np.full((2, *mask.shape), np.nan), np.ones((2, *mask.shape))
+    found = probable_sheets(settle(twice, mask)) > 0.0
+    assert found.any() and found.sum(axis=0).max() == 1
+
+
+def test_a_sheet_marked_false_stays_rejected(ear_scene: EarScene) -> None:
+    (clusters, mask, _), ear = ear_scene
+    places = np.argwhere(ear)[::4].astype(np.int32)
+    normals = clusters.normals[0][tuple(places.T)]
+    false = Marks(places, normals, np.zeros(len(places), np.int8))
+    result = reconstruct_normals(clusters, mask, marks=false, symmetry=False, flat_faces=False)
+    assert result.labels.any(axis=0)[ear].mean() < 0.05
+
+
+def test_given_expected_normals_are_not_contradicted(
+    ear_scene: EarScene, settled: Alternation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (clusters, mask, _), _ = ear_scene
+
+    def refuse(_: Alternation) -> np.ndarray:
+        pytest.fail("the expected normals are contradicted")
+
+    monkeypatch.setattr(reconstruction, "probable_sheets", refuse)
+    reconstruct_normals(clusters, mask, expected=settled.smooth)
+
+
+def test_labels_that_become_less_likely_are_not_kept(settled: Alternation, monkeypatch: pytest.MonkeyPatch) -> None:
+    settings = (10, 0.002, 0.5)
+    assert reconstruction._readmitted(settled, *settings) is not None
+    likelihoods = iter([1.0, 2.0])  # after, before
+    monkeypatch.setattr(Alternation, "log_likelihood", lambda _: next(likelihoods))
+    assert reconstruction._readmitted(settled, *settings) is None
+
+
+@pytest.mark.parametrize(
+    ("change", "is_higher"),
+    [("sure", False), ("beside", False), ("evident", True), ("tilted", True), ("often lit", False)],
+)
+def test_the_probability_follows_field_shape_tilt_and_lights(change: str, is_higher: bool) -> None:
+    def probability(changed: str) -> float:
+        shape = (1, 4, 8)
+        number = np.repeat([0, 1], 16)
+        row, column = np.tile(np.repeat(np.arange(4), 4), 2), np.tile(np.arange(4), 8) + 4 * number
+        patches = Patches(number, np.zeros(32, int), row, column, 2)
+        tilt = np.radians(40.0 if changed == "tilted" else 20.0)
+        candidates = np.zeros((*shape, 3))
+        candidates[..., 0], candidates[..., 2] = np.sin(tilt), np.cos(tilt)
+        # The present normals are 15 degrees from the candidates, or twice as far.
+        turned = tilt - np.radians(30.0 if changed == "beside" else 15.0)
+        normals = np.broadcast_to([np.sin(turned), 0.0, np.cos(turned)], (*shape[1:], 3))
+        confidence = np.full(shape[1:], 0.9 if changed == "sure" else 0.4)
+        evidence = np.full(shape, 2.0 if changed == "evident" else 0.5)
+        observations = np.full(shape[1:], 10)
+        observations[:, :4] = 40 if changed == "often lit" else 10
+        labels = np.zeros(shape, bool)
+        return float(surface_probability(patches, candidates, labels, normals, confidence, evidence, observations)[0])
+
+    assert 0.0 < probability("") < 1.0
+    assert (probability(change) > probability("")) == is_higher
