@@ -31,6 +31,7 @@ ABLATIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         "no tension": {"field_weights": FieldWeights(tension_length=100.0)},
         "spread that does not grow": {"field_error": FieldError(slope=0.0)},
         "rim as weak as a normal": {"field_weights": FieldWeights(rim=0.1)},
+        "nothing readmitted": {"max_readmissions": 0},
         "dark pixels not bent": {"field_weights": FieldWeights(unreached=0.0)},
         "no evidence of shading": {"graph_cut_weights": GraphCutWeights(shading_weight=0.0)},
         "shading taken for highlights": {"without_shading": False},
