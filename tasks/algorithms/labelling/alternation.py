@@ -15,6 +15,7 @@ from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.answers import MARKED_SHEET_NATS, mark_influence, marked_confidence
 from glint.tasks.algorithms.labelling.confidence import (
     field_confidence,
+    field_error_slope,
     observed_confidence,
     probability_within_tolerance,
 )
@@ -35,8 +36,8 @@ from glint.tasks.algorithms.prior.unreached import with_unreached
 from glint.tasks.algorithms.sheets.integrability import shape_log_ratio
 from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
 
-DRAFT_NODES = 7_000
-"""Grid nodes of a draft's coarser field: a third of the time, 1% more squared error."""
+DRAFT_NODES, HELD_OUT_NODES = 7_000, 5_000
+"""Grid nodes of coarser fields: a draft's (a third of the time, 1% more squared error), one that predicts a sheet."""
 MAX_REFUTATIONS = 3
 """Rounds in which flat faces are looked for, and false ones refuted."""
 REFUTED_DEG, REFUTED_NATS = 3.0, 10.0
@@ -51,12 +52,12 @@ class Alternation:
     graph and the silhouette's symmetry among them, is shared by copies.
 
     observations (H, W): frames in which a pixel is lit. weights (K, H, W): of the clusters. is_draft: whether the field
-    is coarse. sheets: the graph of the nodes. evidence (K, H, W): log-likelihood ratio of a true against a false
-    highlight, by the sheet's shape, by shading and by marks. labels (K, H, W) bool: exterior nodes. readmitted (K, H,
-    W): probability of nodes that were rejected and then readmitted, 0 elsewhere. values (H, W, 3): accepted normals,
-    NaN elsewhere. confidence (H, W): theirs, NaN elsewhere. known (H, W) bool: where they enter the field. initial,
-    smooth (H, W, 3): first and present field. body_depth (H, W): of an expected surface of revolution. unreached (H, W,
-    3): normals of dark pixels, NaN elsewhere; None before these.
+    is that of a draft. coarse: the field that predicts what is held out. sheets: the nodes' graph. evidence (K, H, W):
+    log-likelihood ratio of a true against a false highlight, by the sheet's shape, by shading and by marks. labels (K,
+    H, W) bool: exterior nodes. readmitted (K, H, W): probability of nodes that were rejected and then readmitted, 0
+    elsewhere. values (H, W, 3): accepted normals, NaN elsewhere. confidence (H, W): theirs, NaN elsewhere. known (H, W)
+    bool: where they enter the field. initial, smooth (H, W, 3): first and present field. body_depth (H, W): of an
+    expected surface of revolution. unreached (H, W, 3): normals of dark pixels, NaN elsewhere; None before these.
     """
 
     normals: np.ndarray
@@ -72,6 +73,7 @@ class Alternation:
     scale: float = field(init=False)
     local_scale: np.ndarray = field(init=False)
     surface: SmoothNormalField = field(init=False)
+    coarse: SmoothNormalField = field(init=False)
     rim: np.ndarray = field(init=False)
     outward: np.ndarray = field(init=False)
     graph: GraphCut = field(init=False)
@@ -99,8 +101,9 @@ class Alternation:
     def __post_init__(self) -> None:
         """Prepare the field, and solve it once from the contour."""
         self.scale, self.local_scale = inradius(self.mask), thickness(self.mask)
-        nodes = DRAFT_NODES if self.is_draft else MAX_NODES
-        self.surface = smooth_normal_field(self.mask, self.field_weights.tension_length, nodes)
+        tension = self.field_weights.tension_length
+        self.surface = smooth_normal_field(self.mask, tension, DRAFT_NODES if self.is_draft else MAX_NODES)
+        self.coarse = smooth_normal_field(self.mask, tension, HELD_OUT_NODES)
         self.rim, self.outward = contour_normals(self.mask)
         weights = self.graph_cut_weights
         self.graph = GraphCut(self.normals, weights.strength, weights.contrast)
@@ -109,12 +112,11 @@ class Alternation:
         self.unmarked_evidence += weights.shading_weight * shading_log_ratio(self.shading)
         self.sheets = sheet_graph(self.normals)
         self.take_marks(None)
-        self.labels, self.readmitted = np.zeros(self.normals.shape[:3], dtype=bool), np.zeros(self.normals.shape[:3])
-        self.known, self.values = self.marked, self.marked_normals
+        self.readmitted, self.known, self.values = np.zeros(self.normals.shape[:3]), self.marked, self.marked_normals
+        self.labels = np.zeros(self.normals.shape[:3], dtype=bool)
         self.faces, self.relief_fit, self.body_depth, self.unreached = None, 0.0, None, None
-        self.confidence = np.full(self.mask.shape, np.nan)
+        self.confidence, self.history = np.full(self.mask.shape, np.nan), []
         self.smooth = self.initial = self.solve_field(self.known, self.values)
-        self.history = []
 
     def take_marks(self, marks: Marks | None) -> None:
         """Let marks speak from now on."""
@@ -178,8 +180,7 @@ class Alternation:
 
     def label(self) -> int:
         """Label all nodes against the present field; return the number of pixels whose labels changed."""
-        ratios = self.log_ratios()
-        previous = self.labels
+        ratios, previous = self.log_ratios(), self.labels
         self.labels = keep_best_per_pixel(self.graph.cut(ratios), ratios)
         return int((previous != self.labels).any(axis=0).sum())
 
@@ -239,11 +240,10 @@ class Alternation:
             self.iterate(1, 0.0, min_confidence)
         return True
 
-    def field_confidence(self, known: np.ndarray, slope: float) -> np.ndarray:
-        """Return the confidence (H, W) of the field and its faces, for `known` pixels (H, W) that can be trusted.
-
-        slope: see `field_error_slope`.
-        """
+    def field_confidence(self, known: np.ndarray) -> np.ndarray:
+        """Return the confidence (H, W) of the field and its faces, for `known` pixels (H, W) that can be trusted."""
+        accepted = np.where(self.known[..., None], self.values, np.nan)
+        slope = field_error_slope(lambda kept: self.solve_field(kept, self.values, self.coarse), accepted, self.scale)
         between = field_confidence(known, self.rim, slope, self.scale)
         if self.faces is None:
             return between

@@ -13,15 +13,12 @@ from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.alternation import REFUTED_DEG, Alternation
 from glint.tasks.algorithms.labelling.confidence import (
     face_confidence,
-    field_error_slope,
     place_confidence,
     sheet_confidence,
 )
-from glint.tasks.algorithms.prior.smooth_normals import field_spread, smooth_normal_field
+from glint.tasks.algorithms.prior.smooth_normals import field_spread
 from glint.tasks.algorithms.sheets.segments import segment_sheets, sheet_means
 
-HELD_OUT_NODES = 5_000
-"""Grid nodes of the coarser field that predicts a sheet."""
 MIN_HELD_OUT_SHARE = 0.004
 """Sheets of at least this share of the mask are held out; each costs a solve, and smaller ones are many."""
 SMALL_SHEET_RESIDUAL = 2.0
@@ -32,19 +29,16 @@ MAX_RESIDUAL_DEG = 20.0
 
 def final_confidence(state: Alternation, normals: np.ndarray, min_confidence: float) -> np.ndarray:
     """Compute the confidence (H, W) of resulting normals (H, W, 3): by sheets where accepted, else by the field."""
-    coarse = smooth_normal_field(state.mask, state.field_weights.tension_length, HELD_OUT_NODES)
     sheets = segment_sheets(state.values)
     evidence = np.take_along_axis(state.evidence, state.labels.argmax(axis=0)[None], axis=0)[0]
 
     def predict(kept: np.ndarray) -> np.ndarray:
-        return state.solve_field(kept, state.values, coarse)
+        return state.solve_field(kept, state.values, state.coarse)
 
     residual = held_out_residual(sheets, state.values, state.known, state.rim, state.mask, state.scale, predict)
     observed = sheet_confidence(state.values, sheet_means(sheets, evidence), residual, state.scale)
     observed = state.with_marks(observed * place_confidence(normals))
-    accepted = np.where(state.known[..., None], state.values, np.nan)
-    slope = field_error_slope(lambda kept: state.solve_field(kept, state.values), accepted, state.scale)
-    between = state.field_confidence(state.known & (observed >= min_confidence), slope)
+    between = state.field_confidence(state.known & (observed >= min_confidence))
     if state.faces is not None:
         agrees = angles(state.values, state.faces.normals) < REFUTED_DEG
         observed = np.where(agrees, np.fmax(observed, face_confidence(state.faces.residual)), observed)

@@ -15,10 +15,8 @@ from glint.tasks.algorithms.labelling.graph_cut import OBSERVABLE_SOLID_ANGLE, k
 from glint.tasks.algorithms.labelling.results import blended_normals
 from glint.tasks.algorithms.sheets.patches import Patches, cut_patches
 
-READMITTED_PROBABILITY = 0.3
-"""Probability of being the surface from which a rejected sheet is readmitted."""
-FIELD_SLOPE_DEG = 60.0
-"""Slope of the field's error, degrees per inradius, while labels change: about what held-out blocks mostly show."""
+READMITTED_PROBABILITY = 0.2
+"""Probability of being the surface from which a rejected sheet is readmitted: a false one mostly is rejected again."""
 LIT_SHARE_POWER = -1.5
 """Power of the number of frames in which a pixel is lit in the odds that a rejected candidate is the surface: where
 light crosses the glass on many ways, most highlights are false (fitted to presets, as the next two)."""
@@ -43,8 +41,7 @@ def probable_sheets(state: Alternation) -> np.ndarray:
     if patches.count == 0:
         return result
     normals = blended_normals(state.values, state.smooth)
-    between = state.field_confidence(state.known, np.radians(FIELD_SLOPE_DEG) / state.scale)
-    confidence = np.where(np.isfinite(state.confidence), state.confidence, between)
+    confidence = np.where(np.isfinite(state.confidence), state.confidence, state.field_confidence(state.known))
     evidence, observations = state.evidence, state.observations
     probability = surface_probability(patches, state.normals, state.labels, normals, confidence, evidence, observations)
     exterior = patches.mean(patches.of(state.labels).astype(float)) > 0.5
