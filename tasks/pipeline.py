@@ -132,6 +132,7 @@ STAGES = (
         _function("labels"),
         parameters.LabelsParameters,
         reads=("survey", "lights", "mask", "markup", "silhouette", "clusters"),
+        catalogue_keys=("pose",),
         arrays={
             "labels": ArraySchema("KHW", "u"),
             "normals": ArraySchema("HW3", "f", "mask"),

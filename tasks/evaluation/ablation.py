@@ -18,6 +18,7 @@ from glint.tasks.algorithms.labelling.weights import FieldError, FieldWeights, G
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.clusters import faced, load_clusters
+from glint.tasks.stages.labels import max_readmissions
 from glint.tasks.stages.markup import faced_marks, load_marks
 
 ABLATIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
@@ -63,7 +64,8 @@ def ablate(work: CaptureContext) -> dict[str, tuple[float, float]] | None:
     for name, parameters in ABLATIONS.items():
         if name == "no marks" and marks is None:
             continue
-        normals = _labelled_normals(clusters, mask, marks, dict(parameters))
+        readmissions = {"max_readmissions": max_readmissions(work.capture.pose)}
+        normals = _labelled_normals(clusters, mask, marks, readmissions | dict(parameters))
         results[name] = squared_errors(normals, truth, observed), squared_errors(normals, truth, mask)
     return results
 

@@ -28,7 +28,7 @@ from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.clusters import faced, load_clusters
 from glint.tasks.stages.frames import open_frames
-from glint.tasks.stages.labels import field_weights, graph_cut_weights, reconstruct
+from glint.tasks.stages.labels import field_weights, graph_cut_weights, max_readmissions, reconstruct
 from glint.tasks.stages.light_distance import load_near_light
 from glint.tasks.stages.markup import corrected, corrected_tracks, faced_marks, load_marks, marks_in_region
 
@@ -107,7 +107,14 @@ class CaptureQuestions:
         """Label the candidates with these marks."""
         parameters, view = self.work.parameters, self.geometry.view_vectors
         return reconstruct(
-            self.clusters, self.mask, self._initial, marks, parameters.labels, parameters.silhouette, view=view
+            self.clusters,
+            self.mask,
+            self._initial,
+            marks,
+            parameters.labels,
+            parameters.silhouette,
+            view=view,
+            max_readmissions=max_readmissions(self.work.capture.pose),
         )
 
     def stored_labels(self, marks: Marks | None) -> Reconstruction | None:
@@ -145,7 +152,14 @@ class CaptureQuestions:
         }
         if self._settled is None:
             self._settled = settle(clusters, self.mask, draft=True, **options)
-        normals = reconstruct_normals(clusters, self.mask, marks=marks, settled=self._settled, **options).normals
+        normals = reconstruct_normals(
+            clusters,
+            self.mask,
+            marks=marks,
+            max_readmissions=max_readmissions(self.work.capture.pose),
+            settled=self._settled,
+            **options,
+        ).normals
         return normals if view is None else rotate_from_view(normals, view)
 
     def propose(self, result: Reconstruction, marks: Marks | None, count: int) -> list[ShownQuestion]:

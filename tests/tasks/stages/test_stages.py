@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -12,10 +13,13 @@ from glint.storage.export.export import export
 from glint.storage.footage.source import open_footage
 from glint.storage.inputs.lp_file import write_lights
 from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
+from glint.tasks.algorithms.labelling.results import Reconstruction
 from glint.tasks.engine.stage import stage_keys
 from glint.tasks.evaluation.captures import evaluate
 from glint.tasks.pipeline import STAGES
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
+from glint.tasks.stages import labels
 from tests.tasks.make_context import make_context, perform_all
 
 NAMES = tuple(stage.name for stage in STAGES)
@@ -49,6 +53,24 @@ def test_stages_beat_the_baselines_and_are_not_computed_twice(simulated: Path, s
     assert found.confident_right_share > 0.99
     assert work.load("labels").record["counts"]["confident share"] == pytest.approx(found.confident_share, abs=1e-4)
     assert found.depth is not None and found.depth.relative < 0.025
+
+
+def test_sheets_are_readmitted_only_in_a_capture_that_stands_alone(
+    simulated: Path, store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    alone, posed = make_context(simulated, store), make_context(simulated, store, pose={"turntable": 30.0})
+    keys, others = stage_keys(alone, STAGES), stage_keys(posed, STAGES)
+    assert keys["clusters"] == others["clusters"] and keys["labels"] != others["labels"]
+    rounds = []
+
+    def reconstruct(*arguments: Any, **options: Any) -> Reconstruction:
+        rounds.append(options["max_readmissions"])
+        return reconstruct_normals(*arguments, **options)
+
+    monkeypatch.setattr(labels, "reconstruct_normals", reconstruct)
+    perform_all(posed, "labels")
+    assert rounds == [0]
+    assert labels.max_readmissions(alone.capture.pose) == labels.READMISSIONS > 0
 
 
 def test_lights_are_those_of_the_simulation(simulated: Path, store: Path) -> None:
