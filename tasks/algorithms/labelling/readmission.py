@@ -1,4 +1,4 @@
-"""Rejected sheets that are probably the surface: readmitted, so that the field can show what follows from them.
+"""Rejected sheets that may well be the surface: readmitted, so that the field can show what follows from them.
 
 The alternation settles where labels and field confirm each other, which need not be the best labels there are: of a
 limb that hangs before the body the silhouette says nothing, and once its sheet is rejected, the field never comes to
@@ -30,8 +30,8 @@ WRONG_SPREAD_RAD = np.radians(25.0)
 """Standard deviation per axis of the error of normals that are not within the tolerance, radians."""
 
 
-def probable_sheets(state: Alternation) -> np.ndarray:
-    """Find rejected sheets that contradict the present normals and are probably the surface, for the first time.
+def plausible_sheets(state: Alternation) -> np.ndarray:
+    """Find rejected sheets, none readmitted before, that contradict the present normals and may well be the surface.
 
     Returns:
         (K, H, W) their probability, at most at one node of a pixel, 0 elsewhere.

@@ -6,7 +6,7 @@ maps the image smoothly to half vectors, so true and false candidates form diffe
 sheets by a graph cut against the present field (`graph_cut`), then solves the field again from the accepted normals of
 sufficient confidence and the occluding contour (`smooth_normals`). The first field knows the contour alone. If the
 converged normals show a surface of revolution, it becomes the expected field and the iterations continue (`symmetry`).
-Then rejected sheets that are probably the surface are readmitted (`readmission`) and the iterations continue from them,
+Then rejected sheets that may well be the surface are readmitted (`readmission`) and the iterations continue from them,
 unless the expected field is given; what follows is kept if the labels are more likely than before. Where there is no
 expected field, it is bent away from the lights where nothing flashed (`unreached`).
 """
@@ -20,7 +20,7 @@ from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.final_confidence import final_confidence
-from glint.tasks.algorithms.labelling.readmission import probable_sheets
+from glint.tasks.algorithms.labelling.readmission import plausible_sheets
 from glint.tasks.algorithms.labelling.results import (
     DETAIL_DEG,
     FILLED,
@@ -187,8 +187,8 @@ def settle(
 def _readmitted(
     state: Alternation, max_iterations: int, convergence_tolerance: float, min_confidence: float
 ) -> Alternation | None:
-    """Return what follows from readmitting probable sheets, None if there are none or the labels become less likely."""
-    probability = probable_sheets(state)
+    """Return what follows from readmitting plausible sheets, None if there are none or labels become less likely."""
+    probability = plausible_sheets(state)
     if not probability.any():
         return None
     after = copy(state)

@@ -8,7 +8,7 @@ import pytest
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.labelling import reconstruction
 from glint.tasks.algorithms.labelling.alternation import Alternation
-from glint.tasks.algorithms.labelling.readmission import READMITTED_PROBABILITY, probable_sheets, surface_probability
+from glint.tasks.algorithms.labelling.readmission import READMITTED_PROBABILITY, plausible_sheets, surface_probability
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
 from glint.tasks.algorithms.sheets.patches import Patches
 from tests.tasks.algorithms.labelling.test_reconstruction import Scene, head_with_ear
@@ -27,10 +27,10 @@ def settled(ear_scene: EarScene) -> Alternation:
     return settle(clusters, mask)
 
 
-def test_the_ear_is_rejected_at_first_and_is_probable(ear_scene: EarScene, settled: Alternation) -> None:
+def test_the_ear_is_rejected_at_first_and_is_plausible(ear_scene: EarScene, settled: Alternation) -> None:
     _, ear = ear_scene
     assert settled.labels.any(axis=0)[ear].mean() < 0.2
-    probability = probable_sheets(settled)
+    probability = plausible_sheets(settled)
     found = probability > 0.0
     assert found[0][ear & ~settled.labels[0]].mean() > 0.8
     assert not found[0][~ear].any()
@@ -49,10 +49,10 @@ def test_without_readmission_the_ear_is_lost(ear_scene: EarScene) -> None:
 
 def test_nothing_is_readmitted_twice(settled: Alternation) -> None:
     state = copy(settled)
-    probability = probable_sheets(state)
+    probability = plausible_sheets(state)
     state.readmit(probability, 0.5)
     state.labels = settled.labels  # rejected once more
-    assert not (probable_sheets(state)[probability > 0.0] > 0.0).any()
+    assert not (plausible_sheets(state)[probability > 0.0] > 0.0).any()
 
 
 def test_of_two_sheets_at_a_pixel_the_more_probable_is_readmitted(ear_scene: EarScene) -> None:
@@ -62,7 +62,7 @@ def test_of_two_sheets_at_a_pixel_the_more_probable_is_readmitted(ear_scene: Ear
     other = np.where(ear[..., None], other / np.linalg.norm(other, axis=-1, keepdims=True), np.nan)
     twice.normals = np.stack([clusters.normals[0], other])
     twice.shading, twice.weight = np.full((2, *mask.shape), np.nan), np.ones((2, *mask.shape))
-    found = probable_sheets(settle(twice, mask)) > 0.0
+    found = plausible_sheets(settle(twice, mask)) > 0.0
     assert found.any() and found.sum(axis=0).max() == 1
 
 
@@ -83,7 +83,7 @@ def test_given_expected_normals_are_not_contradicted(
     def refuse(_: Alternation) -> np.ndarray:
         pytest.fail("the expected normals are contradicted")
 
-    monkeypatch.setattr(reconstruction, "probable_sheets", refuse)
+    monkeypatch.setattr(reconstruction, "plausible_sheets", refuse)
     reconstruct_normals(clusters, mask, expected=settled.smooth)
 
 
