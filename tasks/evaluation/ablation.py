@@ -18,7 +18,7 @@ from glint.tasks.algorithms.labelling.weights import FieldError, FieldWeights, G
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.clusters import faced, load_clusters
-from glint.tasks.stages.labels import max_readmissions
+from glint.tasks.stages.labels import has_readmission
 from glint.tasks.stages.markup import faced_marks, load_marks
 
 ABLATIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
@@ -32,7 +32,7 @@ ABLATIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         "no tension": {"field_weights": FieldWeights(tension_length=100.0)},
         "spread that does not grow": {"field_error": FieldError(slope=0.0)},
         "rim as weak as a normal": {"field_weights": FieldWeights(rim=0.1)},
-        "nothing readmitted": {"max_readmissions": 0},
+        "nothing readmitted": {"readmission": False},
         "dark pixels not bent": {"field_weights": FieldWeights(unreached=0.0)},
         "no evidence of shading": {"graph_cut_weights": GraphCutWeights(shading_weight=0.0)},
         "shading taken for highlights": {"without_shading": False},
@@ -64,8 +64,8 @@ def ablate(work: CaptureContext) -> dict[str, tuple[float, float]] | None:
     for name, parameters in ABLATIONS.items():
         if name == "no marks" and marks is None:
             continue
-        readmissions = {"max_readmissions": max_readmissions(work.capture.pose)}
-        normals = _labelled_normals(clusters, mask, marks, readmissions | dict(parameters))
+        settings: dict[str, Any] = {"readmission": has_readmission(work.capture.pose), **parameters}
+        normals = _labelled_normals(clusters, mask, marks, settings)
         results[name] = squared_errors(normals, truth, observed), squared_errors(normals, truth, mask)
     return results
 

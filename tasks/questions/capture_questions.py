@@ -28,7 +28,7 @@ from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.clusters import faced, load_clusters
 from glint.tasks.stages.frames import open_frames
-from glint.tasks.stages.labels import field_weights, graph_cut_weights, max_readmissions, reconstruct
+from glint.tasks.stages.labels import field_weights, graph_cut_weights, has_readmission, reconstruct
 from glint.tasks.stages.light_distance import load_near_light
 from glint.tasks.stages.markup import corrected, corrected_tracks, faced_marks, load_marks, marks_in_region
 
@@ -114,7 +114,7 @@ class CaptureQuestions:
             parameters.labels,
             parameters.silhouette,
             view=view,
-            max_readmissions=max_readmissions(self.work.capture.pose),
+            readmission=has_readmission(self.work.capture.pose),
         )
 
     def stored_labels(self, marks: Marks | None) -> Reconstruction | None:
@@ -156,7 +156,7 @@ class CaptureQuestions:
             clusters,
             self.mask,
             marks=marks,
-            max_readmissions=max_readmissions(self.work.capture.pose),
+            readmission=has_readmission(self.work.capture.pose),
             settled=self._settled,
             **options,
         ).normals

@@ -38,9 +38,6 @@ from glint.tasks.stages.lights import FILE
 from glint.tasks.stages.markup import faced_marks, load_marks
 from glint.tasks.stages.sphere_doubts import spheres_error
 
-READMISSIONS = 3
-"""Times that rejected sheets are readmitted in a capture that stands alone."""
-
 
 def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
     """Label the candidates: labels, normals, their provenance and confidence."""
@@ -53,7 +50,7 @@ def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
         inputs.parameters,
         inputs.parameters_of("silhouette"),
         view=load_geometry(inputs).view_vectors,
-        max_readmissions=max_readmissions(inputs.field("pose")),
+        readmission=has_readmission(inputs.field("pose")),
     )
     mask, half_vector_sd = inputs.load("mask"), inputs.load("lights").read("half_vector_sd")
     doubt = _light_doubt(inputs, clusters, result.labels)
@@ -116,21 +113,19 @@ def reconstruct(
     silhouette: SilhouetteParameters,
     expected: np.ndarray | None = None,
     view: np.ndarray | None = None,
-    max_readmissions: int = 0,
+    readmission: bool = True,
 ) -> Reconstruction:
     """Reconstruct the normals of one view by the method that `parameters` names.
 
     expected: normals (H, W, 3) of a model of all views, for the method `sheets`. view: view vectors (H, W, 3) under a
-    perspective camera; each pixel's normals are labelled as seen along its own ray. max_readmissions: see
-    `reconstruct_normals`.
+    perspective camera; each pixel's normals are labelled as seen along its own ray. readmission: of the method
+    `sheets`, see `reconstruct_normals`.
     """
     if view is not None:
         expected = None if expected is None else rotate_to_view(expected, view)
         clusters, marks = faced(clusters, view), faced_marks(marks, view)
         initial = rotate_to_view(initial, view)
-        result = reconstruct(
-            clusters, mask, initial, marks, parameters, silhouette, expected, max_readmissions=max_readmissions
-        )
+        result = reconstruct(clusters, mask, initial, marks, parameters, silhouette, expected, readmission=readmission)
         return replace(
             result, normals=rotate_from_view(result.normals, view), initial=rotate_from_view(result.initial, view)
         )
@@ -150,19 +145,19 @@ def reconstruct(
         mask,
         marks=marks,
         expected=expected,
-        max_readmissions=max_readmissions,
+        readmission=readmission,
         max_iterations=parameters.rounds,
         graph_cut_weights=graph_cut_weights(parameters),
         field_weights=field_weights(silhouette),
     )
 
 
-def max_readmissions(pose: Pose | None) -> int:
-    """Return how often rejected sheets are readmitted: never in a view with a pose, which other views will explain.
+def has_readmission(pose: Pose | None) -> bool:
+    """Return whether rejected sheets are readmitted: not in a view with a pose, which other views will explain.
 
     A false sheet is worse there than a missing one: the model that it becomes part of labels all views again.
     """
-    return READMISSIONS if pose is None else 0
+    return pose is None
 
 
 def graph_cut_weights(parameters: LabelsParameters) -> GraphCutWeights:

@@ -34,8 +34,8 @@ def measure(work: CaptureContext) -> tuple[str, float]:
     if view is not None:
         clusters, truth = faced(clusters, view), rotate_to_view(truth, view)
     observed, parts, errors = mask & (clusters.observations > 0), [], []
-    for rounds in (0, 3):
-        result = reconstruct_normals(clusters, mask, max_readmissions=rounds)
+    for readmission in (False, True):
+        result = reconstruct_normals(clusters, mask, readmission=readmission)
         confident = mask & (result.confidence >= CONFIDENT)
         right = (angles(result.normals, truth)[confident] < 5.0).mean() if confident.any() else np.nan
         errors.append(squared_errors(result.normals, truth, mask))

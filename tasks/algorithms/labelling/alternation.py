@@ -167,9 +167,8 @@ class Alternation:
     def follow_labels(self, min_confidence: float) -> None:
         """Replace accepted normals, their confidence and the field by those of the present labels."""
         self.values = accepted_normals(self.normals, self.labels, self.marked_normals)
-        confidence = observed_confidence(self.values, self.scale)
         readmitted = np.where(self.labels, self.readmitted, 0.0).max(axis=0, initial=0.0)
-        self.confidence = self.with_marks(np.where(readmitted > 0.0, np.fmax(confidence, readmitted), confidence))
+        self.confidence = self.with_marks(np.maximum(observed_confidence(self.values, self.scale), readmitted))
         self.known = self.confidence >= min_confidence
         self.smooth = self.solve_field(self.known, self.values, faces=self.faces)
 

@@ -8,7 +8,6 @@ Both give the probability that the sheet is the surface. The paper has no such s
 
 import numpy as np
 
-from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.confidence import TOLERANCE_RAD
 from glint.tasks.algorithms.labelling.graph_cut import OBSERVABLE_SOLID_ANGLE, keep_best_per_pixel
@@ -42,11 +41,11 @@ def plausible_sheets(state: Alternation) -> np.ndarray:
         return result
     normals = blended_normals(state.values, state.smooth)
     confidence = np.where(np.isfinite(state.confidence), state.confidence, state.field_confidence(state.known))
-    evidence, observations = state.evidence, state.observations
-    probability = surface_probability(patches, state.normals, state.labels, normals, confidence, evidence, observations)
-    exterior = patches.mean(patches.of(state.labels).astype(float)) > 0.5
-    turn = np.radians(patches.mean(angles(patches.of(state.normals), normals[patches.row, patches.column])))
-    probability[exterior | (turn < TOLERANCE_RAD) | (probability < READMITTED_PROBABILITY)] = 0.0
+    probability = surface_probability(
+        patches, state.normals, state.labels, normals, confidence, state.evidence, state.observations
+    )
+    turn = np.radians(patches.mean(patches.turns(state.normals, normals)))
+    probability[patches.exterior(state.labels) | (turn < TOLERANCE_RAD) | (probability < READMITTED_PROBABILITY)] = 0.0
     result[patches.layer, patches.row, patches.column] = probability[patches.number]
     result[state.readmitted > 0.0] = 0.0
     return np.where(keep_best_per_pixel(result > 0.0, result), result, 0.0)
@@ -78,7 +77,7 @@ def surface_probability(
     """
     confidence = np.clip(confidence[patches.row, patches.column], *CONFIDENCE_RANGE)
     # The present normal is right within the tolerance with its confidence; else it says little, but not nothing.
-    angle = np.radians(angles(patches.of(candidates), normals[patches.row, patches.column]))
+    angle = np.radians(patches.turns(candidates, normals))
     likelihood = confidence * _angular_density(angle, TOLERANCE_RAD / 2.0)
     likelihood += (1.0 - confidence) * _angular_density(angle, WRONG_SPREAD_RAD)
     ratio = np.log(OBSERVABLE_SOLID_ANGLE * np.maximum(likelihood, 1e-30))

@@ -46,6 +46,8 @@ if TYPE_CHECKING:
 
 PLAUSIBLE_NATS = 1.0
 """Evidence of a rejected candidate from which it may be a true highlight."""
+MAX_READMISSIONS = 3
+"""Rounds in which rejected sheets are readmitted: each may show the field of the next."""
 
 
 def reconstruct_normals(
@@ -56,7 +58,7 @@ def reconstruct_normals(
     expected: np.ndarray | None = None,
     symmetry: bool = True,
     flat_faces: bool = True,
-    max_readmissions: int = 3,
+    readmission: bool = True,
     max_iterations: int = 10,
     convergence_tolerance: float = 0.002,
     min_confidence: float = 0.5,
@@ -76,8 +78,7 @@ def reconstruct_normals(
             occluding contour as data of the field.
         symmetry: whether a surface of revolution may be detected and become the expected field.
         flat_faces: whether flat faces may be detected, where there is no surface of revolution.
-        max_readmissions: at most so many times rejected sheets are readmitted, where no expected normals are given:
-            each time may show the field of the next.
+        readmission: whether rejected sheets may be readmitted, where no expected normals are given.
         max_iterations: at most so many each time: at first, and again after all that is found or marked.
         convergence_tolerance: share of the mask whose labels may still change in the last iteration.
         min_confidence: accepted normals of lower confidence do not enter the field.
@@ -111,7 +112,7 @@ def reconstruct_normals(
     if state.relief_fit > 0.0 and state.adopt_symmetry():
         # Highlights that a relief explains show more of it.
         state.iterate(max_iterations, convergence_tolerance, min_confidence)
-    for _ in range(max_readmissions if expected is None else 0):
+    for _ in range(MAX_READMISSIONS if readmission and expected is None else 0):
         better = _readmitted(state, max_iterations, convergence_tolerance, min_confidence)
         if better is None:
             break

@@ -13,7 +13,6 @@ from scipy import ndimage
 
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
 from glint.tasks.algorithms.candidates.shading import shading_log_ratio
-from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.answers import mark_influence
 from glint.tasks.algorithms.labelling.readmission import CONFIDENCE_RANGE, surface_probability
 from glint.tasks.algorithms.labelling.results import Reconstruction
@@ -112,10 +111,10 @@ def propose(
     answered = patches.mean(np.abs(patches.of(influence))) > ANSWERED_INFLUENCE
     evidence = shape_log_ratio(normals, scale) + shading_log_ratio(clusters.shading)
     wrong = wrong_probability(patches, normals, evidence, clusters.observations, result)
-    exterior = patches.mean(patches.of(result.labels) > 0) > 0.5
+    exterior = patches.exterior(result.labels)
     gain = np.where(exterior, REMOVAL_GAIN, 1.0)
     first = gain * wrong * rough_change(patches, normals, result, mask, scale)
-    turn = patches.mean(angles(patches.of(normals), result.normals[patches.row, patches.column]))
+    turn = patches.mean(patches.turns(normals, result.normals))
     first[answered | (~exterior & (turn < ASKED_TURN_DEG))] = 0.0
     order = np.lexsort((-first, wrong < OPEN_PROBABILITY))
     order = order[first[order] > 0]
@@ -157,9 +156,8 @@ def rough_change(
     A patch has the pixels that are nearer to it than to any confident normal or the contour: the field there follows
     it. They turn by the patch's angle to the present normals.
     """
-    own = np.minimum(angles(patches.of(normals), result.normals[patches.row, patches.column]), MAX_CHANGE_DEG)
-    exterior = patches.of(result.labels) > 0
-    own = np.where(exterior, MAX_CHANGE_DEG / 3.0, own)
+    own = np.minimum(patches.turns(normals, result.normals), MAX_CHANGE_DEG)
+    own = np.where(patches.of(result.labels) > 0, MAX_CHANGE_DEG / 3.0, own)
     rim, _ = contour_normals(mask)
     known = (accepted_pixels(result) | rim) & mask
     distance = ndimage.distance_transform_edt(~known) if known.any() else np.full(mask.shape, scale)
@@ -168,7 +166,7 @@ def rough_change(
     pixels = np.bincount(patches.number, minlength=patches.count)
     held = pixels + np.pi * np.minimum(reach, scale) ** 2
     lonely = np.sqrt(pixels) * EXTERIOR_MARGIN_PX
-    held = np.where(patches.mean(exterior) > 0.5, pixels + lonely, held)
+    held = np.where(patches.exterior(result.labels), pixels + lonely, held)
     return patches.mean(own) * held
 
 
@@ -183,5 +181,5 @@ def wrong_probability(
         patches, normals, result.labels, result.normals, result.confidence, evidence, observations
     )
     confidence = np.clip(result.confidence[patches.row, patches.column], *CONFIDENCE_RANGE)
-    exterior = patches.mean(patches.of(result.labels) > 0) > 0.5
+    exterior = patches.exterior(result.labels)
     return np.where(exterior, patches.mean(1.0 - confidence), surface)

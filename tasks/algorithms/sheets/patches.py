@@ -10,6 +10,8 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
+from glint.tasks.algorithms.geometry.vectors import angles
+
 PATCH_INRADII = 0.6
 """Side of the largest patch, in inradii: about as far as a mark is believed along its sheet."""
 MIN_PATCH_NODES = 3
@@ -40,6 +42,14 @@ class Patches:
     def of(self, values: np.ndarray) -> np.ndarray:
         """Return values (K, H, W, ..) at the nodes: (N, ..)."""
         return values[self.layer, self.row, self.column]
+
+    def exterior(self, labels: np.ndarray) -> np.ndarray:
+        """Return which patches (count,) bool are exterior by labels (K, H, W), nonzero = exterior."""
+        return self.mean(self.of(labels) > 0) > 0.5
+
+    def turns(self, candidates: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Return the angles (N,), degrees, between the nodes of candidates (K, H, W, 3) and the normals (H, W, 3)."""
+        return angles(self.of(candidates), normals[self.row, self.column])
 
 
 def cut_patches(nodes: np.ndarray, ties: sparse.csr_matrix, labels: np.ndarray, scale: float) -> Patches:

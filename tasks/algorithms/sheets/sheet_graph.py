@@ -64,19 +64,19 @@ def pairwise_edges(
     return first[:size], second[:size], weight[:size]
 
 
-def sheet_graph(normals: np.ndarray, tie_deg: float = TIE_DEG) -> tuple[np.ndarray, sparse.csr_matrix]:
+def sheet_graph(normals: np.ndarray) -> tuple[np.ndarray, sparse.csr_matrix]:
     """Return the graph of sheets: numbers of the nodes (K, H, W) int64, -1 without one, and lengths between them.
 
-    normals (K, H, W, 3), unit, NaN without cluster. tie_deg: neighbouring nodes that differ by less are tied. The
-    matrix (N, N) holds the length in pixels of each tie; a tie is the longer the more the two differ.
+    normals (K, H, W, 3), unit, NaN without cluster. The matrix (N, N) holds the length in pixels of each tie; a tie is
+    the longer the more the two differ.
     """
     present = np.isfinite(normals[..., 0])
     nodes = np.full(present.shape, -1, dtype=np.int64)
     nodes[present] = np.arange(present.sum())
-    contrast = np.radians(tie_deg)
+    contrast = np.radians(TIE_DEG)
     first, second, weight = pairwise_edges(normals, nodes, 1.0, contrast)
-    degrees = tie_deg * np.sqrt(-np.log(np.maximum(weight, 1e-30)))
-    tied = degrees < tie_deg
+    degrees = TIE_DEG * np.sqrt(-np.log(np.maximum(weight, 1e-30)))
+    tied = degrees < TIE_DEG
     length = 1.0 + (degrees[tied] / NOISE_TIE_DEG) ** 2
     count = int(present.sum())
     return nodes, sparse.coo_matrix((length, (first[tied], second[tied])), shape=(count, count)).tocsr()

@@ -61,16 +61,16 @@ def test_sheets_are_readmitted_only_in_a_capture_that_stands_alone(
     alone, posed = make_context(simulated, store), make_context(simulated, store, pose={"turntable": 30.0})
     keys, others = stage_keys(alone, STAGES), stage_keys(posed, STAGES)
     assert keys["clusters"] == others["clusters"] and keys["labels"] != others["labels"]
-    rounds = []
+    readmissions = []
 
     def reconstruct(*arguments: Any, **options: Any) -> Reconstruction:
-        rounds.append(options["max_readmissions"])
+        readmissions.append(options["readmission"])
         return reconstruct_normals(*arguments, **options)
 
     monkeypatch.setattr(labels, "reconstruct_normals", reconstruct)
     perform_all(posed, "labels")
-    assert rounds == [0]
-    assert labels.max_readmissions(alone.capture.pose) == labels.READMISSIONS > 0
+    assert readmissions == [False]
+    assert labels.has_readmission(alone.capture.pose)
 
 
 def test_lights_are_those_of_the_simulation(simulated: Path, store: Path) -> None:

@@ -40,11 +40,11 @@ def test_the_ear_is_rejected_at_first_and_is_plausible(ear_scene: EarScene, sett
 def test_without_readmission_the_ear_is_lost(ear_scene: EarScene) -> None:
     (clusters, mask, _), ear = ear_scene
 
-    def accepted(rounds: int) -> float:
-        labels = reconstruct_normals(clusters, mask, symmetry=False, flat_faces=False, max_readmissions=rounds).labels
+    def accepted(readmission: bool) -> float:
+        labels = reconstruct_normals(clusters, mask, symmetry=False, flat_faces=False, readmission=readmission).labels
         return float(labels.any(axis=0)[ear].mean())
 
-    assert accepted(1) > 0.8 and accepted(0) < 0.2
+    assert accepted(True) > 0.8 and accepted(False) < 0.2
 
 
 def test_nothing_is_readmitted_twice(settled: Alternation) -> None:
