@@ -1,9 +1,10 @@
 """Tests of what looks like a chrome sphere, by its highlight in single frames.
 
 A chrome sphere shows one highlight of constant area in nearly all frames: the directions that its pixels reflect cover
-the surroundings evenly, wherever the light is. Glass shows highlights of several surfaces, which grow, merge and
-divide; coins and clock faces show them in few frames. A glossy sphere shows one too, but its body is lit: its levels
-follow Lambert's law over pixels and frames. And all chrome spheres of a capture mirror the same light.
+the surroundings evenly, wherever the light is. Small highlights that it mirrors from the glass beside it lie on one
+side of it alone. Glass shows highlights of several surfaces, which grow, merge and divide; coins and clock faces show
+them in few frames. A glossy sphere shows one too, but its body is lit: its levels follow Lambert's law over pixels and
+frames. And all chrome spheres of a capture mirror the same light.
 """
 
 import numpy as np
@@ -32,6 +33,11 @@ MAX_OCCLUDED_SHARE = 0.05
 MAX_IRREGULAR_SHARE, MIN_IRREGULAR = 0.05, 1
 """Share and number of the frames with a highlight before the object from which irregular ones (of another area, or two
 lights) show glass: at most 2% on 38 chrome spheres, 8 to 62% on glass that is as round."""
+MAX_BESIDE_NZ = 0.85
+"""n_z of the sphere's normal below which it mirrors what stands beside it, up to 26 degrees nearer to the camera."""
+MIN_BESIDE_RESULTANT = 0.8
+"""Length of the mean of unit vectors, from the sphere's centre to highlights mirrored from an object beside it: 0.90 to
+1.00 on 28 chrome spheres with three or more of them, less than this on seven in eight circles of glass."""
 MIN_TESTED_FRAMES = 4
 """Frames below which a circle is not tested."""
 HIGHLIGHT_REACH_DEG = 25.0
@@ -96,12 +102,13 @@ def is_chrome(frames: np.ndarray, sphere: Sphere, camera: np.ndarray | None = No
     share = float(lights.accepted.mean())
     if share < MIN_ACCEPTED_SHARE:
         return f"{share:.0%} of the frames show one light on it"
-    several = int((lights.reason == TWO_LIGHTS).sum())
+    shown, differs, divided = irregular_highlights(highlights, lights)
+    several = int(divided.sum())
     if several > max(MIN_TWO_LIGHTS, MAX_TWO_LIGHTS_SHARE * len(frames)):
         return f"{several} of {len(frames)} frames show two lights on it, as glass does"
-    irregular, shown = irregular_highlights(highlights, lights)
-    if irregular > max(MIN_IRREGULAR, MAX_IRREGULAR_SHARE * shown):
-        return f"its highlight has another size in {irregular} of {shown} frames, as that of glass has"
+    irregular = int((differs | (divided & shown)).sum())
+    if irregular > max(MIN_IRREGULAR, MAX_IRREGULAR_SHARE * shown.sum()):
+        return f"its highlight has another size in {irregular} of {shown.sum()} frames, as that of glass has"
     if lights.accepted.sum() >= MIN_TESTED_FRAMES:
         correlation = shading_correlation(crop, inside, lights)
         if correlation > MAX_SHADING_CORRELATION:
@@ -109,21 +116,34 @@ def is_chrome(frames: np.ndarray, sphere: Sphere, camera: np.ndarray | None = No
     return None
 
 
-def irregular_highlights(highlights: Highlights, lights: Lights) -> tuple[int, int]:
-    """Return in how many frames a highlight's area is not the usual one, or is divided, and in how many there is one.
+def irregular_highlights(highlights: Highlights, lights: Lights) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return, by frame (T,) bool, whether there is a highlight before the object, whether its area is not the usual
+    one, and whether there are two lights; the last two only where the object beside the sphere does not explain it.
 
     highlights: of the frames (T,); lights: what they were classified as.
     """
-    area = highlights.area[:, 0]
-    half_vectors = half_vectors_of(highlights.directions[:, 0].astype(float))
-    shown = (half_vectors[:, 2] >= MIN_HALF_VECTOR_NZ) & (area > 0)
+    area = highlights.area
+    half_vectors = half_vectors_of(highlights.directions.astype(float))
+    shown = (half_vectors[:, 0, 2] >= MIN_HALF_VECTOR_NZ) & (area[:, 0] > 0)
     whole = shown & (highlights.occluded_fraction[:, 0] <= MAX_OCCLUDED_SHARE)
+    divided = lights.reason == TWO_LIGHTS
     if not whole.any():
-        return 0, int(shown.sum())
-    usual = float(np.median(area[whole]))
-    larger = area > IRREGULAR_AREA_RATIO * usual + IRREGULAR_AREA_PX
-    differs = larger | (area < (usual - IRREGULAR_AREA_PX) / IRREGULAR_AREA_RATIO)
-    return int(((whole & differs) | (shown & (lights.reason == TWO_LIGHTS))).sum()), int(shown.sum())
+        return shown, whole, divided
+    usual = float(np.median(area[whole, 0]))
+    larger = whole & (area[:, 0] > IRREGULAR_AREA_RATIO * usual + IRREGULAR_AREA_PX)
+    smaller = whole & (area[:, 0] < (usual - IRREGULAR_AREA_PX) / IRREGULAR_AREA_RATIO)
+    # The sphere mirrors the object's highlights too, alone where the light is behind, else as a second, smaller one.
+    beside = half_vectors[..., 2] < MAX_BESIDE_NZ
+    smaller_beside, second_beside = smaller & beside[:, 0], divided & beside[:, 1] & (area[:, 1] < area[:, 0])
+    if _is_one_side(np.concatenate([half_vectors[smaller_beside, 0], half_vectors[second_beside, 1]])):
+        smaller, divided = smaller & ~smaller_beside, divided & ~second_beside
+    return shown, larger | smaller, divided
+
+
+def _is_one_side(normals: np.ndarray) -> bool:
+    """Return whether normals (N, 3), none of which is the view vector, are turned to one side."""
+    sideways = normals[:, :2] / np.linalg.norm(normals[:, :2], axis=1, keepdims=True)
+    return len(sideways) > 0 and float(np.linalg.norm(sideways.mean(axis=0))) >= MIN_BESIDE_RESULTANT
 
 
 def shading_correlation(crop: np.ndarray, sphere: Sphere, lights: Lights) -> float:

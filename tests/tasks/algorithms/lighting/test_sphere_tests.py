@@ -1,5 +1,7 @@
 """What tells glass from chrome: a chrome sphere's highlight has one size wherever the light is."""
 
+from itertools import cycle
+
 import numpy as np
 
 from glint.tasks.algorithms.geometry.perspective import Cone, view_vectors
@@ -38,6 +40,45 @@ def test_a_highlight_that_a_window_hides_in_part_is_no_other_size() -> None:
 def test_a_highlight_that_grows_is_that_of_glass() -> None:
     reason = is_chrome(swept(radii_deg=(6.0, 6.0, 6.0, 12.0)), SPHERE)
     assert reason == "its highlight has another size in 8 of 32 frames, as that of glass has"
+
+
+def with_glints(frames: np.ndarray, *, azimuths: tuple[float, ...]) -> np.ndarray:
+    """Return frames in every fourth of which the light is behind the sphere, which mirrors one small highlight.
+
+    azimuths: degrees, in turn, of the direction in which the sphere mirrors it, level with its centre.
+    """
+    for number, azimuth in zip(range(0, COUNT, 4), cycle(azimuths), strict=False):
+        glint = light_direction(azimuth, 80.0)
+        frames[number] = sphere_frame(SPHERE, [glint], SHAPE, light_radius_deg=2.0, seed=number)
+    return frames
+
+
+def test_small_highlights_mirrored_from_the_object_beside_are_no_other_size() -> None:
+    assert is_chrome(with_glints(swept(radii_deg=(6.0,)), azimuths=(150.0, 180.0, 200.0)), SPHERE) is None
+
+
+def test_small_highlights_on_all_sides_are_those_of_glass() -> None:
+    reason = is_chrome(with_glints(swept(radii_deg=(6.0,)), azimuths=(0.0, 90.0, 180.0, 270.0)), SPHERE)
+    assert reason == "its highlight has another size in 8 of 32 frames, as that of glass has"
+
+
+def with_second_highlights(frames: np.ndarray, *, azimuths: tuple[float, ...]) -> np.ndarray:
+    """Return frames of which every fourth shows a second highlight, a little smaller; azimuths: see `with_glints`."""
+    for number, azimuth in zip(range(0, COUNT, 4), cycle(azimuths), strict=False):
+        second = sphere_frame(SPHERE, [light_direction(azimuth, 80.0)], SHAPE, light_radius_deg=5.0, seed=number)
+        frames[number] = np.maximum(frames[number], second)
+    return frames
+
+
+def test_second_highlights_mirrored_from_the_object_beside_are_no_lights() -> None:
+    frames = with_second_highlights(swept(radii_deg=(6.0,)), azimuths=(150.0, 180.0, 200.0))
+    assert is_chrome(frames, SPHERE) is None
+
+
+def test_second_highlights_on_all_sides_are_those_of_glass() -> None:
+    frames = with_second_highlights(swept(radii_deg=(6.0,)), azimuths=(0.0, 90.0, 180.0, 270.0))
+    reason = is_chrome(frames, SPHERE)
+    assert reason is not None and reason.endswith("of 32 frames show two lights on it, as glass does")
 
 
 def test_one_frame_of_another_size_proves_nothing() -> None:
