@@ -63,12 +63,7 @@ def reflection_axes(mask: np.ndarray, min_iou: float = MIN_SYMMETRY_IOU, count: 
     points = points[:: max(1, len(points) // MAX_SCORED_PIXELS)]
 
     def iou(angle: float, offset: float) -> float:
-        normal = np.array([np.cos(angle), np.sin(angle)])
-        mirrored = points - 2.0 * np.outer((points - centre) @ normal - offset, normal)
-        column = np.rint(mirrored[:, 0] + (width - 1) / 2).astype(int)
-        row = np.rint((height - 1) / 2 - mirrored[:, 1]).astype(int)
-        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-        share = float((inside & mask[row.clip(0, height - 1), column.clip(0, width - 1)]).mean())
+        share = _mirrored_share(points, centre, angle, offset, mask)
         # Both silhouettes have the same area, so the union is twice it less the intersection.
         return share / (2.0 - share)
 
@@ -151,6 +146,23 @@ def symmetric_bodies(mask: np.ndarray, count: int = 3) -> list[np.ndarray]:
         if body.sum() >= MIN_BODY_SHARE * mask.sum() and share >= MIN_MATCHED_SHARE:
             bodies.append(body)
     return bodies
+
+
+@njit(cache=True, nogil=True)
+def _mirrored_share(points: np.ndarray, centre: np.ndarray, angle: float, offset: float, mask: np.ndarray) -> float:
+    """Return the share of points (N, 2), camera frame, whose mirror images lie in a mask (H, W) bool.
+
+    centre: (2,); angle: of the axis' normal, radians; offset: of the axis from the centre along it, in pixels.
+    """
+    height, width = mask.shape
+    x, y = np.cos(angle), np.sin(angle)
+    within = 0
+    for point in range(len(points)):
+        beyond = (points[point, 0] - centre[0]) * x + (points[point, 1] - centre[1]) * y - offset
+        column = int(np.rint(points[point, 0] - 2.0 * beyond * x + (width - 1) / 2))
+        row = int(np.rint((height - 1) / 2 - points[point, 1] + 2.0 * beyond * y))
+        within += 0 <= column < width and 0 <= row < height and mask[row, column]
+    return within / len(points)
 
 
 @njit(cache=True, nogil=True)

@@ -6,10 +6,11 @@ tilt are known: each circle is as wide as its ellipse fits inside the silhouette
 
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
+from numba import njit
 from scipy import ndimage
 
+from glint.tasks.algorithms.geometry.contours import smooth_contour
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
 from glint.tasks.algorithms.prior.profile import Plate, profile_of_contour, with_risen_plate
 from glint.tasks.algorithms.prior.reflection_axes import ReflectionAxis
@@ -23,8 +24,6 @@ SLOPE_SIGMA_PX = 1.0
 """Standard deviation along the axis of the smoothing of slope corrections."""
 CONTOUR_SLOPE_WEIGHT = 5.0
 """Weight of the contour's slope at a height, in normals."""
-CONTOUR_SIGMA_PX = 1.5
-"""Standard deviation of the smoothing along the contour, against the staircase of pixels."""
 END_CONE_DEG, END_PX = 25.0, 2.0
 """Angle from the axis, and distance along it from the end of the wall, up to which normals belong to a flat end."""
 MIN_SIN_TILT = 0.005
@@ -66,16 +65,14 @@ class SurfaceOfRevolution:
 
         step: distance of the samples along the axis in pixels, and about twice that of the contour's points.
         """
-        contour = _contour(mask)[:: max(1, int(step / 2))]
+        contour = smooth_contour(mask)[:: max(1, int(step / 2))]
         position = np.stack(to_camera(contour[:, 0], contour[:, 1], mask.shape[1], mask.shape[0]), axis=-1) - axis.point
         side, up = position @ axis.normal, position @ axis.direction
         cos_tilt, sin_tilt = np.cos(tilt), max(abs(np.sin(tilt)), MIN_SIN_TILT)
         heights = np.arange(up.min() / cos_tilt, up.max() / cos_tilt + step, step)
         # A circle's image is an ellipse flattened by the sine of the tilt. The largest one inside the silhouette
         # touches the contour: its radius is the least distance to the contour, stretched along the axis.
-        distance = np.subtract.outer(heights * (cos_tilt / sin_tilt), up / sin_tilt)
-        np.multiply(distance, distance, out=distance)
-        squared_distance = np.add(distance, side**2, out=distance).min(axis=1)
+        squared_distance = _squared_distances(heights * (cos_tilt / sin_tilt), up / sin_tilt, side**2)
         # A circle that is seen nearly edge-on passes between two points of the contour.
         heights_met, sides_met = _crossings(up / (cos_tilt * step) - heights[0] / step, side, len(heights))
         np.minimum.at(squared_distance, heights_met, sides_met**2)
@@ -214,6 +211,21 @@ class SurfaceOfRevolution:
         return position @ self.axis.normal, position @ self.axis.direction
 
 
+@njit(cache=True, nogil=True, fastmath={"nnan", "ninf", "nsz", "reassoc"})
+def _squared_distances(heights: np.ndarray, up: np.ndarray, squared_side: np.ndarray) -> np.ndarray:
+    """Return the least squared distance (N,) of points at heights (N,) on an axis to points beside it.
+
+    up, squared_side: (M,), of these, along the axis and across; all finite, which lets the compiler use vectors.
+    """
+    least = np.empty(len(heights))
+    for sample in range(len(heights)):
+        nearest = np.inf
+        for point in range(len(up)):
+            nearest = min(nearest, (heights[sample] - up[point]) ** 2 + squared_side[point])
+        least[sample] = nearest
+    return least
+
+
 def _crossings(position: np.ndarray, side: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the samples (N,), from 0 to length - 1, at which a closed polygon crosses them, and its sides (N,) there.
 
@@ -232,16 +244,3 @@ def _crossings(position: np.ndarray, side: np.ndarray, length: int) -> tuple[np.
         numbers.append(number[used].astype(int))
         sides.append(side[used] + share * (next_side - side)[used])
     return np.concatenate(numbers), np.concatenate(sides)
-
-
-def _contour(mask: np.ndarray) -> np.ndarray:
-    """Return the longest contour (N, 2) of a mask (H, W) bool: column and row, to a fraction of a pixel."""
-    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    pixels = max(contours, key=len)[:, 0].astype(float)
-    smooth = ndimage.gaussian_filter1d(pixels, CONTOUR_SIGMA_PX, axis=0, mode="wrap")
-    following, before = np.roll(smooth, -1, axis=0), np.roll(smooth, 1, axis=0)
-    along = np.asarray(unit(following - before))
-    turns = np.sign((smooth[:, 0] * following[:, 1] - smooth[:, 1] * following[:, 0]).sum())
-    outward = turns * np.column_stack([along[:, 1], -along[:, 0]])
-    # The centres of the outermost pixels lie half a pixel, a row or a column, inside the edge.
-    return np.asarray(smooth + 0.5 * np.abs(outward).max(axis=1, keepdims=True) * outward)
