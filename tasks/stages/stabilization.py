@@ -142,10 +142,10 @@ class StabilizedFootage(FootageWrapper):
         A frame that does not show its own place is moved as the last one of CONTINUOUS_FRAMES before it that does, and
         by the reference's without one. So that does not depend on where reading starts.
         """
-        earlier = min(CONTINUOUS_FRAMES, start // step)
-        shift, age = np.zeros(2), 0
+        earlier = min(CONTINUOUS_FRAMES, start) // step
+        shift, age = self._settled(np.zeros(2)), 0
         for number, frame in enumerate(self._footage.frames(start - earlier * step, step)):
-            measured, age = self._estimator.estimate(downsample(frame, self._reduction)), age + 1
+            measured, age = self._estimator.estimate(downsample(frame, self._reduction)), age + step
             if measured is not None:
                 shift, age = self._settled(measured), 0
             elif age > CONTINUOUS_FRAMES:

@@ -223,14 +223,15 @@ class Alternation:
         return True
 
     def adopt_faces(self, min_confidence: float) -> bool:
-        """Make flat faces part of the field if the accepted normals show any."""
-        for _ in range(MAX_REFUTATIONS):
+        """Make flat faces part of the field if accepted normals show any; return whether field or evidence changed."""
+        for number in range(MAX_REFUTATIONS):
             accepted = np.where(self.known[..., None], self.values, np.nan)
             lights = accepted_weights(self.weights, self.labels)
             self.faces = flat_faces(accepted, lights, self.normals, self.smooth, self.mask, self.scale)
+            if self.faces or number > 0:
+                self.smooth = self.solve_field(self.known, self.values, faces=self.faces)
             if self.faces is None:
-                return False
-            self.smooth = self.solve_field(self.known, self.values, faces=self.faces)
+                return number > 0
             false = angles(self.normals, self.faces.refuted[None]) < REFUTED_DEG
             if not false.any():
                 break

@@ -38,6 +38,8 @@ MAX_BESIDE_NZ = 0.85
 MIN_BESIDE_RESULTANT = 0.8
 """Length of the mean of unit vectors, from the sphere's centre to highlights mirrored from an object beside it: 0.90 to
 1.00 on 28 chrome spheres with three or more of them, less than this on seven in eight circles of glass."""
+MAX_BESIDE_SHARE = 0.2
+"""Share of the frames with a highlight before the object beyond which they are not mirrored: up to 16% on chrome."""
 MIN_TESTED_FRAMES = 4
 """Frames below which a circle is not tested."""
 HIGHLIGHT_REACH_DEG = 25.0
@@ -135,7 +137,8 @@ def irregular_highlights(highlights: Highlights, lights: Lights) -> tuple[np.nda
     # The sphere mirrors the object's highlights too, alone where the light is behind, else as a second, smaller one.
     beside = half_vectors[..., 2] < MAX_BESIDE_NZ
     smaller_beside, second_beside = smaller & beside[:, 0], divided & beside[:, 1] & (area[:, 1] < area[:, 0])
-    if _is_one_side(np.concatenate([half_vectors[smaller_beside, 0], half_vectors[second_beside, 1]])):
+    mirrored = np.concatenate([half_vectors[smaller_beside, 0], half_vectors[second_beside, 1]])
+    if len(mirrored) <= MAX_BESIDE_SHARE * shown.sum() and _is_one_side(mirrored):
         smaller, divided = smaller & ~smaller_beside, divided & ~second_beside
     return shown, larger | smaller, divided
 

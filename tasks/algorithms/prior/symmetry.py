@@ -41,7 +41,7 @@ COARSE_STEP_PX, COARSE_STRIDE = 2.0, 8
 FITTED_STEP_PX, FINAL_STEP_PX = 1.0, 0.5
 """Steps along the axis while the tilt is refined, and of the surface that results."""
 FITTED_LENGTH_PX = 600.0
-"""Length of an object for which these steps are meant; those of a larger one are as many."""
+"""Length of an object beyond which the first two steps grow with it, so that there are as many."""
 REFINED_ERROR_RATIO = 1.3
 """Ratio to the least error of those tilts up to which an axis is refined."""
 
@@ -246,5 +246,5 @@ def _fitted_surface(silhouette: SilhouetteSymmetry, accepted: np.ndarray) -> tup
             least_error, best = error, silhouette.surface(axis, tilt, FINAL_STEP_PX)
             # Trimming is discontinuous: with finer steps a profile can collapse that fits with coarser ones.
             if surface_error(best) > COLLAPSED_ERROR_RATIO * least_error:
-                best = silhouette.surface(axis, tilt, FITTED_STEP_PX)
+                best = silhouette.surface(axis, tilt, enlarged * FITTED_STEP_PX)
     return None if best is None else (least_error, best)

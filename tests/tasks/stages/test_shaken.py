@@ -105,6 +105,19 @@ def test_a_frame_that_does_not_show_its_place_is_moved_as_those_before_it(tmp_pa
     assert np.abs(cloth - place)[inner].mean() > 10.0
 
 
+def test_a_frame_is_moved_alike_whatever_frames_are_read(tmp_path: Path) -> None:
+    covered_video(tmp_path / "video.mp4", WALK, range(41, 100))
+    with open_footage(tmp_path / "video.mp4") as footage:
+        shake = measure_shake(footage, to_first=True)
+        assert shake.record["applied"]
+        still = stabilized(footage, shake.record, shake.arrays)
+        every, tenth = list(still.frames()), list(still.frames(step=10))
+        later = list(still.frames(50, 10))
+    for number in (40, 50, 60, 80, 110):
+        assert np.array_equal(tenth[number // 10], every[number]), number
+        assert number < 50 or np.array_equal(later[number // 10 - 5], every[number]), number
+
+
 def test_a_shake_that_few_frames_show_is_reported(tmp_path: Path) -> None:
     covered_video(tmp_path / "video.mp4", WALK, [number for number in range(150) if number % 24 > 10])
     with open_footage(tmp_path / "video.mp4") as footage:
