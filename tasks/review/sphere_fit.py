@@ -6,7 +6,7 @@ from glint.storage.inputs.masks_and_truth import camera_matrix
 from glint.tasks.algorithms.lighting.spheres import Sphere, confirm_sphere
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.review.pictures import first_frame, frame_sample
-from glint.tasks.stages.survey import check_spheres
+from glint.tasks.stages.frame_parts import check_spheres
 
 
 @dataclass(frozen=True, slots=True)

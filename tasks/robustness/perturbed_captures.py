@@ -15,7 +15,7 @@ from glint.tasks.engine.parameters import SurveyParameters
 from glint.tasks.robustness.input_changes import SEED
 from glint.tasks.robustness.perturbation import CaptureInputs, Perturbation, VideoChange
 from glint.tasks.robustness.video_changes import changed_frames
-from glint.tasks.stages.survey import around
+from glint.tasks.stages.frame_parts import around
 
 FRAME_RATE = 25
 """Frames per second of perturbed videos."""

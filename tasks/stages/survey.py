@@ -8,24 +8,21 @@ import numpy as np
 
 from glint.storage.catalogue import models
 from glint.storage.catalogue.loading import Region
-from glint.storage.errors import InputError
-from glint.storage.footage.source import open_footage
+from glint.storage.footage.source import Footage, open_footage
 from glint.storage.inputs.masks_and_truth import camera_matrix, read_mask
+from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.perspective import Cone
 from glint.tasks.algorithms.lighting.sphere_detection import find_spheres
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from glint.tasks.engine.parameters import SurveyParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import crops_of
 from glint.tasks.stages.first_pass import Sample, SampleRecorder, discard_stored, sampled_and_stored
+from glint.tasks.stages.frame_parts import around, check_region, check_spheres, moving_parts, within
 from glint.tasks.stages.levels import BACKGROUND, CLIPPED, PEAK
 from glint.tasks.stages.sphere_doubts import confirm_found, confirm_given
 from glint.tasks.stages.stabilization import Shake, measure_shake, stabilized
-
-SHADED_REACH = 1.1
-"""Half the side of the square around a sphere in which nothing counts as standing still, in radii."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +35,93 @@ class _Located:
     warnings: Sequence[StageWarning] = ()
 
 
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """What the catalogue gives of a video, and the search for the rest.
+
+    given: its spheres; region: its region, or that around its mask; camera: matrix (3, 3).
+    """
+
+    inputs: StageInputs
+    footage: Footage
+    progress: Progress
+    given: list[Sphere]
+    region: Region | None
+    camera: np.ndarray | None
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Rows and columns of the frame."""
+        return self.footage.height, self.footage.width
+
+    @property
+    def has_lights(self) -> bool:
+        """Whether the catalogue gives the lights, which need no sphere."""
+        return self.inputs.file("lights") is not None
+
+    @property
+    def seeks_spheres(self) -> bool:
+        """Whether spheres are to be found."""
+        return not self.given and not self.has_lights
+
+    @property
+    def seeks_mask(self) -> bool:
+        """Whether the mask is to be estimated."""
+        return self.inputs.file("mask") is None
+
+    @property
+    def needs_sample(self) -> bool:
+        """Whether frames are looked at: spheres are sought or confirmed, or the mask is estimated."""
+        return not self.has_lights or self.seeks_mask
+
+    def shake(self, region: Region | None, spheres: Sequence[Sphere]) -> Shake:
+        """Measure whether the camera moved, outside the region and the spheres that are known."""
+        if not self.inputs.parameters.stabilize:
+            return Shake({"shake_pixels": None, "applied": False})
+        # Whoever gives spheres or a mask has read them off the first frame.
+        to_first = bool(self.given) or not self.seeks_mask
+        return measure_shake(self.footage, to_first, moving_parts(region, spheres, self.size))
+
+    def sampled(self, shake: Shake | None) -> Sample:
+        """Return a sample of the frames, moved back if they are shaken."""
+        # Where the camera moved, spheres and object are blurred, and beside their places in the first frame.
+        source = self.footage if shake is None else stabilized(self.footage, shake.record, shake.arrays)
+        return SampleRecorder(source, self.inputs.parameters.sample, self.progress).sample()
+
+    def located(self, sample: Sample) -> _Located:
+        """Find or confirm the spheres, and estimate mask and region where they are not given.
+
+        Raises:
+            UnusableCapture: no sphere or no object can be found.
+        """
+        spheres, mask, warnings = self.given, None, list[StageWarning]()
+        if self.seeks_spheres:
+            detection = find_spheres(sample.frames, sample.peak, camera=self.camera)
+            spheres, warnings = confirm_found(sample.frames, detection.spheres, self.camera)
+            warnings += [StageWarning(sentence, "sphere") for sentence in detection.contradicting]
+        elif not self.has_lights:
+            spheres, warnings = confirm_given(sample.frames, self.given, self.camera)
+        region = self.region
+        if self.seeks_mask:
+            mask = sample.reduced.estimate_mask(spheres, within(region, self.size))
+            region = region or around(mask, 2 * self.inputs.parameters.margin)
+        return _Located(spheres, region, mask, warnings)
+
+    def found(self) -> tuple[_Located, Shake | None]:
+        """Look at the frames as they are; if they show nothing for a moved camera, at frames that are moved back.
+
+        Raises:
+            UnusableCapture: as `located`.
+        """
+        try:
+            return self.located(self.sampled(None)), None
+        except UnusableCapture:
+            shake = self.shake(self.region, self.given)
+            if not shake.record["applied"]:
+                raise
+        return self.located(self.sampled(shake)), shake
+
+
 def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
     """Find frame size and count, the camera's shake, spheres and region, where the catalogue does not give them.
 
@@ -45,117 +129,74 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
         InputError: the video or the mask cannot be used; a sphere or region lies outside the frame.
         UnusableCapture: no sphere or no object can be found.
     """
-    parameters: SurveyParameters = inputs.parameters
-    given_spheres, given_region, mask = inputs.field("spheres"), inputs.field("region"), inputs.file("mask")
-    camera = camera_matrix(inputs.field("camera"))
     frames = inputs.file("frames")
     assert frames is not None
     with open_footage(frames) as footage:
-        size = (footage.height, footage.width)
-        mask_region = around(read_mask(mask, size), parameters.margin) if given_region is None and mask else None
-        seek_spheres = not given_spheres and inputs.file("lights") is None
-        seek_mask = mask is None
-        needs_sample = inputs.file("lights") is None or seek_mask
-        given = [Sphere(sphere.x, sphere.y, sphere.radius) for sphere in given_spheres]
-        check_spheres(given, size)
-        region = given_region or mask_region
-        if region is not None:
-            _check_region(region, size)
-
-        def shake_of(region: Region, spheres: Sequence[Sphere]) -> Shake:
-            # Whoever gives spheres or a mask has read them off the first frame.
-            if not parameters.stabilize:
-                return Shake({"shake_pixels": None, "applied": False})
-            return measure_shake(footage, bool(given_spheres or mask), _moving_parts(region, spheres, size))
-
-        def sampled(shake: Shake | None) -> Sample:
-            # Where the camera moved, spheres and object are blurred, and beside their places in the first frame.
-            source = footage if shake is None else stabilized(footage, shake.record, shake.arrays)
-            return SampleRecorder(source, parameters.sample, progress).sample()
-
-        def located(sample: Sample) -> _Located:
-            spheres, mask, warnings = given, None, list[StageWarning]()
-            if seek_spheres:
-                detection = find_spheres(sample.frames, sample.peak, camera=camera)
-                spheres, warnings = confirm_found(sample.frames, detection.spheres, camera)
-                warnings += [StageWarning(sentence, "sphere") for sentence in detection.contradicting]
-            elif inputs.file("lights") is None:
-                spheres, warnings = confirm_given(sample.frames, given, camera)
-            if seek_mask:
-                mask = sample.reduced.estimate_mask(spheres, _within(region, size))
-            place = around(mask, 2 * parameters.margin) if region is None and mask is not None else region
-            return _Located(spheres, place, mask, warnings)
-
-        arrays, shake, crops = dict[str, np.ndarray](), None, None
+        search = _search(inputs, footage, progress)
+        given, region = search.given, search.region
+        arrays, crops, shake = dict[str, np.ndarray](), None, None
         places = _Located(given, region)
-        if needs_sample and region is not None and not seek_spheres:
-            shake = shake_of(region, given)
-            crops = None if shake.record["applied"] else crops_of(region, given, size)
+        if region is not None and search.needs_sample and not search.seeks_spheres:
+            shake = search.shake(region, given)
+            crops = None if shake.record["applied"] else crops_of(region, given, search.size)
         if crops is not None:
-            sample, recorded = sampled_and_stored(inputs, footage, parameters.sample, crops, progress)
+            sample, recorded = sampled_and_stored(inputs, footage, inputs.parameters.sample, crops, progress)
             arrays |= recorded
-            places = located(sample)
-        elif needs_sample:
-            places = located(sampled(shake))
-        assert places.region is not None
+            places = search.located(sample)
+        elif shake is not None:
+            places = search.located(search.sampled(shake))
+        elif search.needs_sample:
+            places, shake = search.found()
         if shake is None or (not shake.record["applied"] and _circles(places.spheres) != _circles(given)):
-            shake = shake_of(places.region, places.spheres)
-            if needs_sample and shake.record["applied"]:
-                places = located(sampled(shake))
+            shake = search.shake(places.region, places.spheres)
+            if search.needs_sample and shake.record["applied"]:
+                places = search.located(search.sampled(shake))
         region, spheres = places.region, places.spheres
         assert region is not None
         if places.mask is not None:
             arrays["mask"] = places.mask[region.rows, region.columns]
-        if crops is not None and (shake.record["applied"] or crops != crops_of(region, spheres, size)):
+        if crops is not None and (shake.record["applied"] or crops != crops_of(region, spheres, search.size)):
             discard_stored(inputs, crops)
             arrays = {name: array for name, array in arrays.items() if name not in (BACKGROUND, PEAK, CLIPPED)}
-        record = {
-            "frame_size": [footage.width, footage.height],
-            "frames_claimed": footage.count,
-            "bits": footage.bits,
-            "codec": footage.codec,
-            "region": region.model_dump(),
-            "spheres": [asdict(sphere) | {"found": seek_spheres} for sphere in spheres],
-            "given_spheres": [sphere.model_dump() for sphere in given_spheres],
-            "camera": None if camera is None else camera.tolist(),
-            "stabilization": shake.record,
-            **_scale(inputs, camera),
-        }
-    return StageOutput(
-        arrays={**arrays, **shake.arrays},
-        record=record,
-        counts={"spheres": len(spheres)},
-        warnings=[*places.warnings, *shake.warnings],
-    )
+        return StageOutput(
+            arrays={**arrays, **shake.arrays},
+            record=_record(search, region, spheres, shake),
+            counts={"spheres": len(spheres)},
+            warnings=[*places.warnings, *shake.warnings],
+        )
 
 
-def _within(region: Region | None, size: tuple[int, int]) -> np.ndarray | None:
-    """Return the pixels (H, W) bool of a region; None: no region is given."""
-    if region is None:
-        return None
-    inside = np.zeros(size, bool)
-    inside[region.rows, region.columns] = True
-    return inside
+def _search(inputs: StageInputs, footage: Footage, progress: Progress) -> _Search:
+    """Check what the catalogue gives, and return it.
+
+    Raises:
+        InputError: as `survey`.
+    """
+    size, mask, region = (footage.height, footage.width), inputs.file("mask"), inputs.field("region")
+    if region is None and mask:
+        region = around(read_mask(mask, size), inputs.parameters.margin)
+    given = [Sphere(sphere.x, sphere.y, sphere.radius) for sphere in inputs.field("spheres")]
+    check_spheres(given, size)
+    if region is not None:
+        check_region(region, size)
+    return _Search(inputs, footage, progress, given, region, camera_matrix(inputs.field("camera")))
 
 
-def around(mask: np.ndarray, margin: int) -> Region:
-    """Return the rectangle around a mask (H, W) of the full frame, `margin` pixels wider, inside the frame."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    top, left = max(int(rows[0]) - margin, 0), max(int(columns[0]) - margin, 0)
-    bottom = min(int(rows[-1]) + margin + 1, mask.shape[0])
-    right = min(int(columns[-1]) + margin + 1, mask.shape[1])
-    return Region(x=left, y=top, width=right - left, height=bottom - top)
-
-
-def _moving_parts(region: Region, spheres: Sequence[Sphere], size: tuple[int, int]) -> list[Region]:
-    """Return the rectangles of object and spheres: their shading and reflections move with the light."""
-    parts = [region]
-    for sphere in spheres:
-        reach = SHADED_REACH * sphere.radius
-        left, top = max(int(sphere.x - reach), 0), max(int(sphere.y - reach), 0)
-        right, bottom = min(int(sphere.x + reach) + 1, size[1]), min(int(sphere.y + reach) + 1, size[0])
-        parts.append(Region(x=left, y=top, width=right - left, height=bottom - top))
-    return parts
+def _record(search: _Search, region: Region, spheres: Sequence[Sphere], shake: Shake) -> dict[str, Any]:
+    """Return what is stored of a survey beside its arrays."""
+    footage, inputs, camera = search.footage, search.inputs, search.camera
+    return {
+        "frame_size": [footage.width, footage.height],
+        "frames_claimed": footage.count,
+        "bits": footage.bits,
+        "codec": footage.codec,
+        "region": region.model_dump(),
+        "spheres": [asdict(sphere) | {"found": search.seeks_spheres} for sphere in spheres],
+        "given_spheres": [sphere.model_dump() for sphere in inputs.field("spheres")],
+        "camera": None if camera is None else camera.tolist(),
+        "stabilization": shake.record,
+        **_scale(inputs, camera),
+    }
 
 
 def _scale(inputs: StageInputs, camera: np.ndarray | None) -> Mapping[str, Any]:
@@ -177,29 +218,3 @@ def _pixel_size(sphere: models.Sphere, camera: np.ndarray | None) -> float:
 
 def _circles(spheres: Sequence[Sphere]) -> list[tuple[float, float, float]]:
     return [(sphere.x, sphere.y, sphere.radius) for sphere in spheres]
-
-
-def check_spheres(spheres: list[Sphere], size: tuple[int, int]) -> None:
-    """Check that given spheres, in pixels, lie inside a frame of `size` (rows, columns).
-
-    Raises:
-        InputError: one leaves it.
-    """
-    for sphere in spheres:
-        reach = sphere.radius - 1.0
-        inside = reach <= sphere.x <= size[1] - 1 - reach and reach <= sphere.y <= size[0] - 1 - reach
-        if not inside:
-            raise InputError(
-                f"the sphere at ({sphere.x:.1f}, {sphere.y:.1f}) with radius {sphere.radius:.1f} leaves the frame of"
-                f" {size[1]} x {size[0]} pixels",
-                "correct it (pixels of the full frame, y down), or leave it out to have it found",
-            )
-
-
-def _check_region(region: Region, size: tuple[int, int]) -> None:
-    if region.x + region.width > size[1] or region.y + region.height > size[0]:
-        raise InputError(
-            f"the region x {region.x} to {region.x + region.width - 1}, y {region.y} to"
-            f" {region.y + region.height - 1} leaves the frame of {size[1]} x {size[0]} pixels",
-            "correct it in the catalogue (pixels of the full frame), or leave it out to have it found",
-        )

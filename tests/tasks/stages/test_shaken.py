@@ -10,10 +10,14 @@ from scipy.ndimage import gaussian_filter
 from glint.storage.catalogue.loading import load
 from glint.storage.footage.source import open_footage
 from glint.storage.footage.writer import write_video
+from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.frames.shake import shake_amplitude
 from glint.tasks.algorithms.frames.stabilization import register, translate
+from glint.tasks.algorithms.lighting.sphere_detection import find_spheres
+from glint.tasks.engine.stage import no_progress
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from glint.tasks.stages.capture_geometry import OBJECT
+from glint.tasks.stages.first_pass import SampleRecorder
 from glint.tasks.stages.frames import open_frames
 from glint.tasks.stages.stabilization import STEADY_PX, measure_shake, stabilized
 from tests.tasks.algorithms.frames.test_stabilization import shadowed_frames
@@ -57,6 +61,19 @@ def test_the_sphere_is_where_the_frames_are_moved_to(tmp_path: Path, given: bool
     (found,) = work.load("survey").record["spheres"]
     assert np.hypot(found["x"] - sphere.x, found["y"] - sphere.y) < 0.05 * sphere.radius
     assert not any("is seen at" in warning.message for warning in records[0].warnings)
+
+
+def test_a_sphere_that_is_not_found_in_shaken_frames_is_found_in_those_moved_back(tmp_path: Path) -> None:
+    options = CaptureOptions(frames=300, scale=0.4, rays=1, sphere_radius=22, shake=4.0)
+    work = make_context(simulate("hemisphere", tmp_path / "shaken", options).catalogue, tmp_path / "store", spheres=())
+    with open_footage(work.capture.frames) as footage:
+        sample = SampleRecorder(footage, 300, no_progress).sample()
+    with pytest.raises(UnusableCapture, match="no chrome sphere found"):
+        find_spheres(sample.frames, sample.peak)
+    perform_all(work, "survey")
+    record = work.load("survey").record
+    assert record["stabilization"]["applied"]
+    assert abs(record["spheres"][0]["radius"] - 22.0) < 1.0
 
 
 def covered_video(path: Path, shifts: np.ndarray, covered: Collection[int]) -> np.ndarray:

@@ -1,0 +1,72 @@
+"""Parts of a frame: the rectangles of object and spheres, and whether the frame holds what is given."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from glint.storage.catalogue.loading import Region
+from glint.storage.errors import InputError
+from glint.tasks.algorithms.lighting.spheres import Sphere
+
+SHADED_REACH = 1.1
+"""Half the side of the square around a sphere in which nothing counts as standing still, in radii."""
+
+
+def around(mask: np.ndarray, margin: int) -> Region:
+    """Return the rectangle around a mask (H, W) of the full frame, `margin` pixels wider, inside the frame."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    top, left = max(int(rows[0]) - margin, 0), max(int(columns[0]) - margin, 0)
+    bottom = min(int(rows[-1]) + margin + 1, mask.shape[0])
+    right = min(int(columns[-1]) + margin + 1, mask.shape[1])
+    return Region(x=left, y=top, width=right - left, height=bottom - top)
+
+
+def within(region: Region | None, size: tuple[int, int]) -> np.ndarray | None:
+    """Return the pixels (H, W) bool of a region; None: no region is given."""
+    if region is None:
+        return None
+    inside = np.zeros(size, bool)
+    inside[region.rows, region.columns] = True
+    return inside
+
+
+def moving_parts(region: Region | None, spheres: Sequence[Sphere], size: tuple[int, int]) -> list[Region]:
+    """Return the rectangles of object and spheres: their shading and reflections move with the light."""
+    parts = [] if region is None else [region]
+    for sphere in spheres:
+        reach = SHADED_REACH * sphere.radius
+        left, top = max(int(sphere.x - reach), 0), max(int(sphere.y - reach), 0)
+        right, bottom = min(int(sphere.x + reach) + 1, size[1]), min(int(sphere.y + reach) + 1, size[0])
+        parts.append(Region(x=left, y=top, width=right - left, height=bottom - top))
+    return parts
+
+
+def check_spheres(spheres: list[Sphere], size: tuple[int, int]) -> None:
+    """Check that given spheres, in pixels, lie inside a frame of `size` (rows, columns).
+
+    Raises:
+        InputError: one leaves it.
+    """
+    for sphere in spheres:
+        reach = sphere.radius - 1.0
+        inside = reach <= sphere.x <= size[1] - 1 - reach and reach <= sphere.y <= size[0] - 1 - reach
+        if not inside:
+            raise InputError(
+                f"the sphere at ({sphere.x:.1f}, {sphere.y:.1f}) with radius {sphere.radius:.1f} leaves the frame of"
+                f" {size[1]} x {size[0]} pixels",
+                "correct it (pixels of the full frame, y down), or leave it out to have it found",
+            )
+
+
+def check_region(region: Region, size: tuple[int, int]) -> None:
+    """Check that a given region, in pixels, lies inside a frame of `size` (rows, columns).
+
+    Raises:
+        InputError: it leaves the frame.
+    """
+    if region.x + region.width > size[1] or region.y + region.height > size[0]:
+        raise InputError(
+            f"the region x {region.x} to {region.x + region.width - 1}, y {region.y} to"
+            f" {region.y + region.height - 1} leaves the frame of {size[1]} x {size[0]} pixels",
+            "correct it in the catalogue (pixels of the full frame), or leave it out to have it found",
+        )
