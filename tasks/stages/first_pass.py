@@ -7,6 +7,7 @@ import numpy as np
 
 from glint.storage.catalogue.loading import Region
 from glint.storage.errors import InputError
+from glint.storage.footage.luma import eight_bits
 from glint.storage.footage.source import Footage
 from glint.storage.footage.wrapper import FootageWrapper
 from glint.storage.frames.cache import cache_digest
@@ -78,8 +79,7 @@ class SampleRecorder(FootageWrapper):
         if self._peak is None:
             raise InputError(f"{self.uri} holds no frame", "record or copy it again")
         scale = np.float32(1.0 if self.bits == 8 else 1.0 / 257.0)
-        some = spread(np.stack(self._kept), FIT_FRAMES)
-        some = some if self.bits == 8 else (some >> 8).astype(np.uint8)
+        some = eight_bits(spread(np.stack(self._kept), FIT_FRAMES))
         return Sample(self._peak.astype(np.float32) * scale, some, self._reduced)
 
     def _begin(self) -> None:

@@ -6,6 +6,7 @@ Therefore a whole sheet is held out at a time and predicted from the occluding c
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from glint.tasks.algorithms.labelling.confidence import (
     place_confidence,
     sheet_confidence,
 )
+from glint.tasks.algorithms.labelling.weights import FieldError
 from glint.tasks.algorithms.prior.smooth_normals import field_spread
 from glint.tasks.algorithms.sheets.segments import segment_sheets, sheet_means
 
@@ -35,7 +37,8 @@ def final_confidence(state: Alternation, normals: np.ndarray, min_confidence: fl
     def predict(kept: np.ndarray) -> np.ndarray:
         return state.solve_field(kept, state.values, state.coarse)
 
-    residual = held_out_residual(sheets, state.values, state.known, state.rim, state.mask, state.scale, predict)
+    error = replace(state.field_error, ceiling=np.inf)
+    residual = held_out_residual(sheets, state.values, state.known, state.rim, state.mask, state.scale, error, predict)
     observed = sheet_confidence(state.values, sheet_means(sheets, evidence), residual, state.scale)
     observed = state.with_marks(observed * place_confidence(normals))
     between = state.field_confidence(state.known & (observed >= min_confidence))
@@ -52,6 +55,7 @@ def held_out_residual(
     rim: np.ndarray,
     mask: np.ndarray,
     scale: float,
+    error: FieldError,
     predict: Callable[[np.ndarray], np.ndarray],
 ) -> np.ndarray:
     """Compute each sheet's held-out (leave-one-out) residual: its mean angle to the field of all remaining data.
@@ -61,6 +65,7 @@ def held_out_residual(
         normals: (H, W, 3) accepted normals.
         known, rim, mask: (H, W) bool; accepted normals of the field, occluding contour, object.
         scale: inradius of the mask in pixels.
+        error: of the field; without a ceiling, so that a sheet far from all else is not blamed for a poor prediction.
         predict: maps known pixels (H, W) bool to the field (H, W, 3) from these normals, the contour and dark pixels.
 
     Returns:
@@ -72,8 +77,7 @@ def held_out_residual(
     for sheet in np.flatnonzero(sizes >= max(MIN_HELD_OUT_SHARE * mask.sum(), 1)):
         withheld = sheets == sheet
         kept = known & ~withheld
-        # Without a ceiling: a sheet far from everything else must not be blamed for a poor prediction.
-        spread = field_spread(kept | rim, scale, ceiling_deg=np.inf)[withheld]
+        spread = field_spread(kept | rim, scale, error.floor, error.slope, error.ceiling)[withheld]
         residual = np.minimum(angles(predict(kept)[withheld], normals[withheld]), MAX_RESIDUAL_DEG)
         result[withheld] = residual.mean() / np.degrees(spread).mean()
     return result

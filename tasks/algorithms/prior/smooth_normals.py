@@ -162,9 +162,9 @@ def thickness(mask: np.ndarray, levels: int = 12) -> np.ndarray:
 def field_spread(
     known: np.ndarray,
     scale: np.ndarray | float,
-    floor_deg: float = 4.0,
-    slope_deg: float = 25.0,
-    ceiling_deg: float = 30.0,
+    floor_deg: float,
+    slope_deg: float,
+    ceiling_deg: float,
 ) -> np.ndarray:
     """Return the field's error model: its standard deviation (H, W) in radians.
 
