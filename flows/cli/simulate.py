@@ -48,11 +48,12 @@ def simulate(
         typer.Option("--out", metavar="DIR", help="Folder of the catalogue; other shapes in it are kept."),
     ],
     frames: Annotated[
-        int | None, typer.Option(min=2, help="Number of frames (default: as many as in the paper).")
+        int | None,
+        typer.Option(min=2, help="Number of frames (default: as in the paper; 2,000 or 2,400 for other shapes)."),
     ] = None,
     seed: Annotated[int, typer.Option(help="Random seed of the light's path, the noise and the room.")] = 0,
     views: Annotated[int, typer.Option(min=1, max=360, help="Number of captures around a turntable.")] = 1,
-    scale: Annotated[float, typer.Option(min=0.1, max=8.0, help="Size of the frames relative to the paper's.")] = 1.0,
+    scale: Annotated[float, typer.Option(min=0.1, max=8.0, help="Size relative to the shape's usual one.")] = 1.0,
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="Set another option of docs/evaluation.md; repeatable."),
