@@ -35,9 +35,9 @@ MAX_IRREGULAR_SHARE, MIN_IRREGULAR = 0.05, 1
 lights) show glass: at most 2% on 38 chrome spheres, 8 to 62% on glass that is as round."""
 MAX_BESIDE_NZ = 0.85
 """n_z of the sphere's normal below which it mirrors what stands beside it, up to 26 degrees nearer to the camera."""
-MIN_BESIDE_RESULTANT = 0.8
-"""Length of the mean of unit vectors, from the sphere's centre to highlights mirrored from an object beside it: 0.90 to
-1.00 on 28 chrome spheres with three or more of them, less than this on seven in eight circles of glass."""
+MIN_BESIDE_RESULTANT = 0.6
+"""Length of the mean of unit vectors, from the sphere's centre to highlights mirrored from an object beside it: 0.64 if
+they are spread over half a circle, 0.78 to 1.00 on 29 chrome spheres with three or more of them."""
 MAX_BESIDE_SHARE = 0.2
 """Share of the frames with a highlight before the object beyond which they are not mirrored: up to 16% on chrome."""
 MIN_TESTED_FRAMES = 4
