@@ -8,12 +8,12 @@ from glint.flows.cli.output import echo
 
 
 def dashboard(
-    stop: Annotated[bool, typer.Option("--stop", help="Stop the embedded server.")] = False,
+    stop: Annotated[bool, typer.Option("--stop", help="Stop Glint's own server.")] = False,
 ) -> None:
-    """Print a link that opens the dashboard once; start the embedded server if none is running."""
+    """Print a link that opens the dashboard once; start Glint's own server if none is running."""
     from glint.flows.runtime.prefect_server import ensure_server, stop_server
 
     if stop:
-        echo("the embedded server was stopped" if stop_server() else "no embedded server was running")
+        echo("Glint's own server was stopped" if stop_server() else "Glint's own server was not running")
     else:
         echo(ensure_server().link())

@@ -75,7 +75,7 @@ _PREFECT = {
 
 
 def glint_home() -> Path:
-    """Return the folder of the embedded server: $GLINT_HOME, else ~/.glint."""
+    """Return the folder of Glint's own server: $GLINT_HOME, else ~/.glint."""
     return Path(os.environ.get("GLINT_HOME") or Path.home() / ".glint").absolute()
 
 
@@ -84,7 +84,7 @@ def prepare_environment(
 ) -> None:
     """Set variables that libraries read at import, for this process and its workers; the user's own values are kept.
 
-    `api_url`, `prefect_home` and `authentication` (user:password) belong to the embedded server and replace earlier
+    `api_url`, `prefect_home` and `authentication` (user:password) belong to Glint's own server and replace earlier
     values.
     """
     for name, value in (ONE_THREAD | _PREFECT).items():

@@ -2,7 +2,7 @@
 
     python -m tests.benchmarks.stage_runs [--captures 20] [--repeats 3]
 
-Captures of ten stages that only wait are reported to an embedded server of their own: not announced at all, announced
+Captures of ten stages that only wait are reported to a server of their own: not announced at all, announced
 at their ends, and announced at start and end, as stages are that take longer than a second. The bar: 3% of what a
 capture computes, 3.6 processor seconds at 0.6 of the paper's size and 1,000 frames, of which three stages take longer.
 """

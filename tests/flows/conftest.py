@@ -12,7 +12,7 @@ from glint.flows.runtime.prefect_server import Server, start_server, stop_server
 
 @pytest.fixture(scope="session")
 def glint_home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A home for the embedded server; the environment is as before when the tests are done."""
+    """A home for Glint's own server; the environment is as before when the tests are done."""
     home, before = tmp_path_factory.mktemp("home"), os.environ.copy()
     os.environ.pop("PREFECT_API_URL", None)
     os.environ["GLINT_HOME"] = str(home)

@@ -26,7 +26,7 @@ ROOT = Path(__file__).parents[3]
 
 
 def environment(home: Path) -> dict[str, str]:
-    """That of a command with the embedded server of the tests."""
+    """That of a command with Glint's own server of the tests."""
     others = {name: value for name, value in os.environ.items() if not name.startswith(("PREFECT", "GLINT"))}
     return others | {"GLINT_HOME": str(home), "PYTHONPATH": str(ROOT)}
 
