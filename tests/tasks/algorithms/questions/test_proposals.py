@@ -115,8 +115,11 @@ def test_the_highlight_lies_in_the_middle_at_the_frame_nearest_to_the_normal() -
     half_vectors = np.stack([np.sin(tilts), 0 * tilts, np.cos(tilts)], axis=-1)
     levels = np.array([200, 200, 200, 200, 10])
 
-    def choose(bright: np.ndarray) -> tuple[int, int, int] | None:
-        return choose_highlight(question, normals, np.full((9, 9), 100), lambda *_: bright, lambda *_: half_vectors)
+    def choose(bright: np.ndarray, radius_deg: float = 2.2) -> tuple[int, int, int] | None:
+        thresholds = np.full((9, 9), 100)
+        return choose_highlight(question, normals, thresholds, lambda *_: bright, lambda *_: half_vectors, radius_deg)
 
     assert choose(levels) == (2, 4, 4)
-    assert choose(np.where(np.arange(5) == 0, 200, 0)) is None
+    first_alone = np.where(np.arange(5) == 0, 200, 0)
+    assert choose(first_alone) is None
+    assert choose(first_alone, radius_deg=9.0) == (0, 4, 4)
