@@ -49,7 +49,7 @@ class LightEvidence:
 
     axes: of AXES, what fits best; axes_ratio: its score relative to that of the given axes; turn_deg, turn_error_deg:
     turn of the accepted normals about the view vector and its standard error; log_ratio: mean log-likelihood ratio, in
-    nats, of the best sheet of each pixel being exterior against being none; NaN: no sheet is large enough.
+    nats, of the best sheet of each pixel being exterior against being none; NaN: there are no candidates.
     """
 
     axes: str

@@ -5,7 +5,8 @@ candidate normals across neighbouring pixels: one kind of light path (direct ref
 maps the image smoothly to half vectors, so true and false candidates form different sheets. Each iteration labels whole
 sheets by a graph cut against the present field (`graph_cut`), then solves the field again from the accepted normals of
 sufficient confidence and the occluding contour (`smooth_normals`). The first field knows the contour alone. If the
-converged normals show a surface of revolution, it becomes the expected field and the iterations continue (`symmetry`).
+converged normals show a surface of revolution, it becomes the expected field and the iterations continue (`symmetry`);
+else flat faces that they show become part of the field, and the iterations continue likewise (`faces.flat_faces`).
 Then rejected sheets that may well be the surface are readmitted (`readmission`) and the iterations continue from them,
 unless the expected field is given; what follows is kept if the labels are more likely than before. Where there is no
 expected field, it is bent away from the lights where nothing flashed (`unreached`).
