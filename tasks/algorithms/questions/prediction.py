@@ -5,14 +5,12 @@ import numpy as np
 
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.results import MARKED, OBSERVED, Reconstruction
-from glint.tasks.algorithms.labelling.weights import FieldWeights
+from glint.tasks.algorithms.labelling.weights import MIN_FIELD_CONFIDENCE, FieldWeights
 from glint.tasks.algorithms.prior.smooth_normals import contour_normals, smooth_normal_field
 from glint.tasks.algorithms.sheets.patches import Patches
 
 FIELD_NODES = 3_000
 """Grid nodes of the coarser field that predicts what hangs on a sheet."""
-MIN_FIELD_CONFIDENCE = 0.5
-"""Confidence from which accepted normals shape the field, as in the labelling."""
 MAX_CHANGE_DEG = 45.0
 """Angles are clipped here: a worse normal is no more wrong."""
 
