@@ -133,6 +133,39 @@ def smooth_normal_field(
     return SmoothNormalField(grid, smoothness.tocsc())
 
 
+@dataclass(frozen=True, slots=True)
+class ContourField:
+    """Field between known normals and the occluding contour.
+
+    surface: interpolant of the mask. rim (H, W) bool and outward (H, W, 3): contour and its normals. known_weight,
+    rim_weight: of a known normal and of a pixel of the contour.
+    """
+
+    surface: SmoothNormalField
+    rim: np.ndarray
+    outward: np.ndarray
+    known_weight: float
+    rim_weight: float
+
+    @classmethod
+    def of(
+        cls,
+        mask: np.ndarray,
+        tension_length: float,
+        known_weight: float,
+        rim_weight: float,
+        max_nodes: int = MAX_NODES,
+    ) -> "ContourField":
+        """Prepare the field of a mask (H, W) bool; tension_length, max_nodes: see `smooth_normal_field`."""
+        surface = smooth_normal_field(mask, tension_length, max_nodes)
+        return cls(surface, *contour_normals(mask), known_weight, rim_weight)
+
+    def solve(self, known: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Return the field (H, W, 3) by normals (H, W, 3) at `known` pixels (H, W) bool and the contour elsewhere."""
+        weights = np.where(known, self.known_weight, np.where(self.rim, self.rim_weight, 0.0))
+        return self.surface.solve(np.where(known[..., None], normals, self.outward), weights)
+
+
 def _quadratic_form(grid: np.ndarray, stencil: Stencil) -> sparse.csr_matrix:
     """Return the sum of squares of a finite difference, taken wherever all its nodes exist: free boundaries."""
     height, width = grid.shape
