@@ -10,6 +10,7 @@ import pytest
 
 from glint.storage.errors import InputError
 from glint.storage.locations.location import Location
+from glint.tasks.algorithms.labelling.results import PROVENANCE
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import load_catalogue
 from glint.tasks.questions.capture_questions import CaptureQuestions
@@ -95,7 +96,7 @@ def test_a_pixel_names_its_frames_and_candidates(context: CaptureContext) -> Non
     normals = clusters.read("normals")[:, row, column]
     assert len(pixel["candidates"]) == np.isfinite(normals[:, 0]).sum()
     assert pixel["candidates"][0]["normal"] == pytest.approx(normals[0].tolist(), abs=1e-3)
-    assert pixel["normal"]["provenance"] in ("observed", "marked", "silhouette", "filled", "inferred")
+    assert pixel["normal"]["provenance"] == PROVENANCE[context.load("labels").read("provenance")[row, column]]
     with pytest.raises(InputError, match="outside the region"):
         pixel_history(context, region.x - 1, region.y)
 
