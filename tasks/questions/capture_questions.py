@@ -238,9 +238,9 @@ class CaptureQuestions:
         return np.asarray(self.cache.read(OBJECT, rows=pixel[0], columns=pixel[1])[:, 0, 0])
 
 
-def _are_same(marks: Marks, others: Marks) -> bool:
+def _are_same(known: Marks, marks: Marks) -> bool:
     return (
-        np.array_equal(marks.pixels, others.pixels)
-        and np.array_equal(marks.kind, others.kind)
-        and np.allclose(marks.half_vectors, others.half_vectors, atol=1e-5)
+        np.array_equal(known.pixels, marks.pixels)
+        and np.array_equal(known.kind, marks.kind)
+        and np.allclose(known.half_vectors, marks.half_vectors, atol=1e-5)
     )
