@@ -1,6 +1,6 @@
 """Evaluation of captures: errors of the result against its truth, beside those of the baselines and of the paper.
 
-Squared errors of unit normals over observed region and whole mask are those of the paper's Table 2.
+Squared errors of unit normals over observed region and whole mask are those of the paper's Table 3.
 """
 
 from dataclasses import dataclass
@@ -49,11 +49,11 @@ class MethodErrors:
 class Evaluation:
     """A capture compared with its truth: all methods; depth, confidence and stages of the stored result.
 
-    size: (width, height) of the region in pixels; depth: None without true depth; confident_share: share of the mask
-    with confidence >= CONFIDENT; confident_right_share: share of these pixels within CONFIDENT_ERROR_DEG; within_42deg,
-    beyond_42deg: mean squared error of pixels whose true normal is within and beyond MAX_OBSERVABLE_ANGLE_DEG of the
-    view vector; labels, reliability: of the stored labels and confidence; warnings: of all stages; seconds: by stage;
-    normals: by method, (H, W, 3); truth (H, W, 3); confidence (H, W).
+    size: (width, height) of the region in pixels; depth: None without true depth; confident_share: share of the mask's
+    pixels with truth and result that have confidence >= CONFIDENT; confident_right_share: share of these within
+    CONFIDENT_ERROR_DEG; within_42deg, beyond_42deg: mean squared error of pixels whose true normal is within and beyond
+    MAX_OBSERVABLE_ANGLE_DEG of the view vector; labels, reliability: of the stored labels and confidence; warnings: of
+    all stages; seconds: by stage; normals: by method, (H, W, 3); truth (H, W, 3); confidence (H, W).
     """
 
     name: str

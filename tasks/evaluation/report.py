@@ -12,7 +12,7 @@ from glint.tasks.evaluation.models import MODEL_METHODS, ModelEvaluation
 
 
 def capture_tables(evaluations: Sequence[Evaluation]) -> str:
-    """Return tables of squared errors (the paper's Table 2), degrees, depth and confidence, seconds (its Table 3)."""
+    """Return tables of squared errors (the paper's Table 3), degrees, depth and confidence, seconds (its Table 2)."""
     parts = ["# Errors against truth", ""]
     parts += ["Mean squared difference of unit normals, data region (M > 0) / whole mask.", ""]
     parts += _squared_errors(evaluations)

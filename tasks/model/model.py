@@ -17,7 +17,7 @@ from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import Progress, StageOutput, StageRecord, load_or_compute, no_progress
 from glint.tasks.model.base_plane import base_plane
 from glint.tasks.model.model_key import STAGE, VERSION
-from glint.tasks.model.model_output import model_outcome
+from glint.tasks.model.model_output import model_output
 from glint.tasks.model.view_registration import register_views, relabelled, unit_of_model
 from glint.tasks.sphere_agreement import deviating_spheres, surveyed_spheres
 
@@ -77,7 +77,7 @@ def model(works: Sequence[CaptureContext], progress: Progress) -> StageOutput:
     assert surface is not None
     if parameters.most_triangles is not None:
         surface = simplify(surface, views, parameters.most_triangles)
-    return model_outcome(registered, surface, unit, doubts, base)
+    return model_output(registered, surface, unit, doubts, base)
 
 
 def _part_of(progress: Progress, rounds_done: int, passes: int) -> Progress:

@@ -23,14 +23,14 @@ OBSERVED_CONFIDENCE = 0.5
 """Confidence from which a part of the surface counts as observed."""
 
 
-def model_outcome(
+def model_output(
     registered: RegisteredViews,
     model: Model,
     unit: str,
     doubts: Mapping[str, Sequence[StageWarning]],
     base: BasePlane,
 ) -> StageOutput:
-    """Store the files of a model and return its arrays, report, counts and warnings.
+    """Return a model's arrays, files, report, counts and warnings.
 
     unit: "mm" or "pixels"; doubts: warnings about the spheres of views, by their names; base: the plane on which the
     object stands.

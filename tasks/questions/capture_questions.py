@@ -120,10 +120,7 @@ class CaptureQuestions:
     def stored_labels(self, marks: Marks | None) -> Reconstruction | None:
         """Return the labelling of the last run if its marks were the same; None: label again."""
         saved, known = self.work.load("labels"), load_marks(self.work) or Marks.empty()
-        same = all(
-            np.array_equal(getattr(known, name), getattr(marks or Marks.empty(), name)) for name in ("pixels", "kind")
-        )
-        if not same or "evidence" not in saved.arrays:
+        if not _are_same(known, marks or Marks.empty()) or "evidence" not in saved.arrays:
             return None
         return Reconstruction(
             labels=saved.read("labels"),
@@ -225,8 +222,8 @@ class CaptureQuestions:
         return self.cache.read(OBJECT, *(slice(start, end) for start, end in whole))
 
     def _highlight(self, question: Question) -> tuple[int, int, int] | None:
-        normals = self.clusters.normals
-        return choose_highlight(question, normals, self.thresholds, self._levels, self.half_vectors_of)
+        normals, radius_deg = self.clusters.normals, self.work.parameters.clusters.radius
+        return choose_highlight(question, normals, self.thresholds, self._levels, self.half_vectors_of, radius_deg)
 
     def half_vectors_of(self, row: int, column: int) -> np.ndarray:
         """Return the half vectors (T, 3) of the frames as seen at a pixel of the region."""
@@ -239,3 +236,11 @@ class CaptureQuestions:
     def _read_levels(self, row: int, column: int) -> np.ndarray:
         pixel = slice(row, row + 1), slice(column, column + 1)
         return np.asarray(self.cache.read(OBJECT, rows=pixel[0], columns=pixel[1])[:, 0, 0])
+
+
+def _are_same(known: Marks, marks: Marks) -> bool:
+    return (
+        np.array_equal(known.pixels, marks.pixels)
+        and np.array_equal(known.kind, marks.kind)
+        and np.allclose(known.half_vectors, marks.half_vectors, atol=1e-5)
+    )

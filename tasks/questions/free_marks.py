@@ -12,7 +12,6 @@ from glint.tasks.algorithms.candidates.marked_tracks import TrackPoint as Point
 from glint.tasks.algorithms.candidates.markup import MARK_RADIUS_DEG
 from glint.tasks.algorithms.candidates.tracking import CLICK_RADIUS_PX
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.questions.highlights import LIGHT_DISC_DEG
 from glint.tasks.questions.capture_questions import CaptureQuestions
 
 SNAP_RADIUS_PX = 12.0
@@ -135,7 +134,7 @@ def _contradiction(
     tracks = held.tracks(marks)
     mine = np.array([(point.row, point.column, point.frame) for point in own])
     for number, mark in enumerate(marks):
-        path = np.array([(point.row, point.column, point.frame) for point in tracks.path(number)]).reshape(-1, 3)
+        path = np.array([(point.row, point.column, point.frame) for point in tracks.path(number)], int).reshape(-1, 3)
         beside = (np.abs(path[:, None, :2] - mine[None, :, :2]) <= CONFLICT_RADIUS_PX).all(axis=-1)
         turn = angles(held.half_vectors[path[:, None, 2]], held.half_vectors[mine[None, :, 2]])
         name = f"mark {number + 1} ({mark.kind}, frame {mark.frame:,}, x {mark.x:g}, y {mark.y:g})"
@@ -209,7 +208,8 @@ def _tracked(held: CaptureQuestions, frame: int, row: int, column: int) -> Highl
 def _shown(held: CaptureQuestions, layer: int, row: int, column: int) -> Highlight | None:
     """Return the highlight that shows a candidate best; None if no frame does."""
     angle = angles(held.half_vectors_of(row, column), held.clusters.normals[layer, row, column])
-    shown = [frame for frame in held.frames_lit_at(row, column).tolist() if angle[frame] < LIGHT_DISC_DEG]
+    radius = held.work.parameters.clusters.radius
+    shown = [frame for frame in held.frames_lit_at(row, column).tolist() if angle[frame] < radius]
     if not shown:
         return None
     frame = min(shown, key=lambda item: float(angle[item]))

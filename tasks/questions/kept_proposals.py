@@ -12,8 +12,9 @@ from glint.storage.kept_values import keep, read_kept
 from glint.storage.seals import digest_of
 from glint.tasks.algorithms.questions.proposals import Question
 from glint.tasks.questions.capture_questions import CaptureQuestions, ShownQuestion
+from glint.tasks.stages.labels import has_readmission
 
-PROPOSALS_VERSION = 2
+PROPOSALS_VERSION = 3
 """Grows when other questions would be proposed about the same results."""
 
 
@@ -28,12 +29,14 @@ def propose_or_recall(
         StoreError: the store cannot be read.
     """
     work = held.work
-    parameters = {name: getattr(work.parameters, name).model_dump(mode="json") for name in ("labels", "silhouette")}
+    names = ("clusters", "labels", "silhouette")
+    parameters = {name: getattr(work.parameters, name).model_dump(mode="json") for name in names}
     key = digest_of(
         {
             "questions": PROPOSALS_VERSION,
             "stages": dict(keys),
             "parameters": parameters,
+            "readmission": has_readmission(work.capture.pose),
             "marks": [mark.model_dump(mode="json") for mark in marks],
             "count": count,
         }

@@ -85,9 +85,8 @@ def _window(held: CaptureQuestions, x: int, y: int) -> tuple[int, int, int, int]
     Raises:
         InputError: the pixel lies outside the region.
     """
+    held.geometry.row_and_column(x, y)
     region = held.geometry.region
-    if not (region.x <= x < region.x + region.width and region.y <= y < region.y + region.height):
-        raise InputError(f"the pixel {x}, {y} lies outside the region", "choose one inside it")
     left, top = max(region.x, x - WINDOW_PX), max(region.y, y - WINDOW_PX)
     right = min(region.x + region.width, x + WINDOW_PX + 1)
     return left, top, right - left, min(region.y + region.height, y + WINDOW_PX + 1) - top

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from glint.storage.catalogue.loading import Region
 from glint.storage.errors import InputError
 from glint.storage.export.image_files import encode_png
 from glint.storage.inputs.masks_and_truth import read_mask
@@ -68,11 +69,13 @@ def mask_in_use(context: CaptureContext, edited: np.ndarray | None = None) -> np
     """
     if edited is not None:
         return edited
-    shape, geometry = first_frame(context).shape, stored_geometry(context)
+    shape, saved = first_frame(context).shape, saved_records(context)
     whole = np.zeros(shape, bool)
     address, region = context.file("mask"), context.capture.region
-    if geometry is not None and "mask" in saved_records(context):
-        whole[geometry.region.rows, geometry.region.columns] = context.load("mask").read("mask")
+    if "mask" in saved:
+        # The survey may have another region already, where a run ended before the mask.
+        used = Region(**saved["mask"][1]["region"])
+        whole[used.rows, used.columns] = context.load("mask").read("mask")
     elif address is not None:
         given = read_mask(address, shape, region)
         rows, columns = (region.rows, region.columns) if region is not None else (slice(None), slice(None))

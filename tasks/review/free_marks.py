@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import Any
 
-from glint.storage.errors import InputError
 from glint.storage.inputs.markup import AnnotationEntry
 from glint.tasks.algorithms.candidates.marked_tracks import TrackPoint
 from glint.tasks.engine.capture_context import CaptureContext
@@ -33,11 +32,10 @@ def meant_highlights(context: CaptureContext, frame: int | None, points: Sequenc
             the store cannot be read.
     """
     session, (revision, marks) = session_of(context), saved_marks(context)
-    held, region = session.questions, session.questions.geometry.region
-    pixels = [(y - region.y, x - region.x) for x, y in points]
-    if any(not (0 <= row < region.height and 0 <= column < region.width) for row, column in pixels[:1]):
-        raise InputError(f"the pixel {points[0][0]}, {points[0][1]} lies outside the region", "choose one inside it")
-    pixels = [(row, column) for row, column in pixels if 0 <= row < region.height and 0 <= column < region.width]
+    held, geometry = session.questions, session.questions.geometry
+    # A line may leave the region after its first point.
+    inside = [points[0], *(point for point in points[1:] if geometry.holds(*point))]
+    pixels = [geometry.row_and_column(x, y) for x, y in inside]
     with session.marking_lock:
         if len(pixels) > 1:
             groups = [highlights_along(held, frame, pixels)]

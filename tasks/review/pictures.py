@@ -55,8 +55,7 @@ def frame_image(context: CaptureContext, number: int) -> np.ndarray:
     whole = eight_bits(first_frame(context)).copy()
     if number == 0:
         return whole
-    geometry = stored_geometry(context)
-    if geometry is None or "frames" not in saved_records(context):
+    if "frames" not in saved_records(context):
         raise InputError("only the first frame is known before the first run", "run the capture")
     cache = open_frames(context)
     if number >= cache.frames:
@@ -74,14 +73,13 @@ def level_image(context: CaptureContext, level: str) -> np.ndarray:
     """
     if level not in LEVELS:
         raise InputError(f"there is no level {level!r}", f"choose from {', '.join(LEVELS)}")
-    geometry = stored_geometry(context)
     if level == "mean":
         return np.asarray(frame_sample(context).mean(axis=0).round(), np.uint8)
-    if geometry is None or "frames" not in saved_records(context):
+    if "frames" not in saved_records(context):
         sample = frame_sample(context)
         return np.asarray(sample.max(axis=0) if level == "peak" else np.median(sample, axis=0), np.uint8)
     whole, cache = eight_bits(first_frame(context)).copy(), open_frames(context)
-    for name, crop in geometry.crops.items():
+    for name, crop in cache.crops.items():
         pictures = load_levels(context) if name == OBJECT else levels(cache, name)
         whole[crop.rows, crop.columns] = eight_bits(pictures[LEVELS.index(level)])
     return whole

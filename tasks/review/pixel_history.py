@@ -28,10 +28,7 @@ def pixel_history(context: CaptureContext, x: int, y: int) -> dict[str, Any]:
     saved, geometry = saved_records(context), stored_geometry(context)
     if geometry is None or "thresholds" not in saved:
         raise InputError("highlights are not known before the first run", "run the capture")
-    region = geometry.region
-    row, column = y - region.y, x - region.x
-    if not (0 <= row < region.height and 0 <= column < region.width):
-        raise InputError(f"the pixel {x}, {y} lies outside the region", "choose one inside it")
+    row, column = geometry.row_and_column(x, y)
     place = slice(row, row + 1), slice(column, column + 1)
     levels = open_frames(context).read(OBJECT, slice(None), *place)[:, 0, 0].astype(int)
     threshold = int(_at(context, "thresholds", "thresholds", row, column))

@@ -32,7 +32,7 @@ CHANGED_DEG = 2.0
 NEEDED = ("survey", "frames", "lights", "mask", "silhouette", "thresholds", "clusters", "labels")
 """Stages that must have run before questions are asked."""
 
-Marks = tuple[AnnotationEntry, ...]
+Annotations = tuple[AnnotationEntry, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +60,8 @@ class Session:
     proposal_lock: Lock = field(default_factory=Lock)
     labelling_lock: Lock = field(default_factory=Lock)
     marking_lock: Lock = field(default_factory=Lock)
-    proposals: dict[Marks, list[ShownQuestion]] = field(default_factory=dict)
-    labellings: dict[Marks, Labelling] = field(default_factory=dict)
+    proposals: dict[Annotations, list[ShownQuestion]] = field(default_factory=dict)
+    labellings: dict[Annotations, Labelling] = field(default_factory=dict)
 
 
 def questions(context: CaptureContext) -> dict[str, Any]:
@@ -124,7 +124,7 @@ def normals_picture(context: CaptureContext) -> bytes:
     return encode_png(colour_normals(_labelled(context, saved_marks(context)[1]).normals, background=20))
 
 
-def saved_marks(context: CaptureContext) -> tuple[int, Marks]:
+def saved_marks(context: CaptureContext) -> tuple[int, Annotations]:
     """Return the revision of a capture's edits and its marks: those that people saved, else those of its catalogue.
 
     Raises:
@@ -148,12 +148,12 @@ def mark_authors(context: CaptureContext, revision: int) -> dict[AnnotationEntry
         return session.authors.at(Edits.open(context.location, context.object_id, create=False), revision)
 
 
-def _given_marks(context: CaptureContext) -> Marks:
+def _given_marks(context: CaptureContext) -> Annotations:
     address = context.file("markup")
     return () if address is None else tuple(read_marks(address))
 
 
-def _labelled(context: CaptureContext, marks: Marks) -> Labelling:
+def _labelled(context: CaptureContext, marks: Annotations) -> Labelling:
     session = session_of(context)
     before = _draft_before(session)
     with session.labelling_lock:
@@ -175,7 +175,7 @@ def _draft_before(session: Session) -> np.ndarray:
         return session.before
 
 
-def _proposed(session: Session, marks: Marks) -> list[ShownQuestion]:
+def _proposed(session: Session, marks: Annotations) -> list[ShownQuestion]:
     with session.proposal_lock:
         if marks not in session.proposals:
             session.proposals = {marks: propose_or_recall(session.questions, session.keys, marks, COUNT)}

@@ -12,8 +12,9 @@ from glint.tasks.stages.frame_parts import check_spheres
 @dataclass(frozen=True, slots=True)
 class SphereFit:
     """x, y, radius: of the fitted contour, pixels of the full frame; contrast: of the contour, 0 to 1; is_clear: it is
-    seen; is_corrected: a run would use the fit instead of what was drawn; misfit_px, misfit_radius_px: distance of the
-    centres and difference of the radii, in pixels; centre_sd, radius_sd: standard deviations of the fit, in pixels."""
+    seen; is_corrected: a run would use the fit instead of what was drawn, unless the highlights' shapes contradict it;
+    misfit_px, misfit_radius_px: distance of the centres and difference of the radii, in pixels; centre_sd, radius_sd:
+    standard deviations of the fit, in pixels."""
 
     x: float
     y: float
@@ -28,7 +29,9 @@ class SphereFit:
 
 
 def fit_sphere(context: CaptureContext, x: float, y: float, radius: float) -> SphereFit:
-    """Measure the sphere near a drawn circle, in pixels of the full frame, as the survey does with a given one.
+    """Measure the sphere near a drawn circle, in pixels of the full frame, by its contour alone.
+
+    The survey measures a given one likewise, before it compares it with the highlights' shapes.
 
     Raises:
         InputError: the circle leaves the frame, as that of no capture that is run may, or the video cannot be read.

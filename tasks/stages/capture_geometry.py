@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from glint.storage.catalogue.loading import Region
+from glint.storage.errors import InputError
 from glint.tasks.algorithms.geometry.perspective import view_vectors
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.stage_inputs import CaptureResults
@@ -56,6 +57,20 @@ class CaptureGeometry:
     def camera_within(self, crop: Region) -> np.ndarray | None:
         """Return the perspective camera's matrix (3, 3) in the pixels of a crop; None: orthographic."""
         return None if self.camera is None else self.camera - np.array([[0, 0, crop.x], [0, 0, crop.y], [0, 0, 0]])
+
+    def holds(self, x: int, y: int) -> bool:
+        """Return whether a pixel of the full frame lies in the region."""
+        return 0 <= x - self.region.x < self.region.width and 0 <= y - self.region.y < self.region.height
+
+    def row_and_column(self, x: int, y: int) -> tuple[int, int]:
+        """Return row and column in the region of a pixel of the full frame.
+
+        Raises:
+            InputError: it lies outside the region.
+        """
+        if not self.holds(x, y):
+            raise InputError(f"the pixel {x}, {y} lies outside the region", "choose one inside it")
+        return y - self.region.y, x - self.region.x
 
     @cached_property
     def view_vectors(self) -> np.ndarray | None:

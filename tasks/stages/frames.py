@@ -70,11 +70,16 @@ def open_cache(results: CaptureResults, digest: str, progress: Progress | None =
     """Open a cache of the capture's frames, filled from the video where it is gone or incomplete.
 
     Raises:
-        InputError: the video cannot be read; StoreError: the store fails.
+        InputError: the video cannot be read; StoreError: the store fails, or video, region or spheres have changed
+            since the frames were stored, so that they cannot be stored again.
     """
     cache = _complete(results.location, digest)
     if cache is not None:
         return cache
+    if digest != _digest(results):
+        raise StoreError(
+            "the stored frames are gone, and video, region or spheres have changed since", "run the capture again"
+        )
     address = results.file("frames")
     assert address is not None
     with open_footage(address) as footage:

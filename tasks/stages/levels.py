@@ -12,7 +12,7 @@ from glint.tasks.algorithms.lighting.occlusion import clipped_pixels
 from glint.tasks.engine.stage_inputs import CaptureResults
 from glint.tasks.stages.capture_geometry import OBJECT
 
-LEVEL_SHARDS, LEVEL_FRAMES = 24, 64
+LEVEL_RUNS, LEVEL_FRAMES = 24, 64
 """Most runs of frames from which background and peak level are taken, and the frames of one."""
 MEDIAN_STEP = 16
 """Frames of them from one for the median to the next: neighbouring frames are alike."""
@@ -77,7 +77,7 @@ def levels(cache: FrameCache, crop: str = OBJECT) -> tuple[np.ndarray, np.ndarra
         StoreError: the cache cannot be read.
     """
     sampled = _Levels(cache.frames)
-    for start in spread_shards(cache.frames, LEVEL_SHARDS):
+    for start in spread_runs(cache.frames, LEVEL_RUNS):
         for number, frame in enumerate(cache.read(crop, slice(start, start + LEVEL_FRAMES)), start):
             sampled.add(number, frame)
     return sampled.background_and_peak()
@@ -89,7 +89,7 @@ def load_levels(results: CaptureResults) -> tuple[np.ndarray, np.ndarray]:
     return stored.read(BACKGROUND), stored.read(PEAK)
 
 
-def spread_shards(frames: int, count: int) -> list[int]:
+def spread_runs(frames: int, count: int) -> list[int]:
     """Return the first frames of at most `count` runs of LEVEL_FRAMES frames, spread evenly over so many frames."""
     starts = np.arange(0, frames, LEVEL_FRAMES)
     chosen = np.unique(np.linspace(0, len(starts) - 1, min(count, len(starts))).round().astype(int))
@@ -100,7 +100,7 @@ class _Levels:
     """Median and maximum of frames that are added in their order; those that neither needs are ignored."""
 
     def __init__(self, count: int) -> None:
-        starts = np.array(spread_shards(count, LEVEL_SHARDS) if count else [], int)
+        starts = np.array(spread_runs(count, LEVEL_RUNS) if count else [], int)
         step = max(1, min(MEDIAN_STEP, count // LEVEL_FRAMES))
         self._for_peak = {int(number) for start in starts for number in range(start, start + LEVEL_FRAMES)}
         self._for_median = {int(number) for start in starts for number in range(start, start + LEVEL_FRAMES, step)}

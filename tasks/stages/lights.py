@@ -35,7 +35,7 @@ from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.camera_doubt import with_camera_of_spheres
 from glint.tasks.stages.capture_geometry import OBJECT, CaptureGeometry, load_geometry, sphere_name
 from glint.tasks.stages.frames import load_thumbnails, open_frames
-from glint.tasks.stages.levels import CLIPPED, LEVEL_FRAMES, load_levels, spread_shards
+from glint.tasks.stages.levels import CLIPPED, LEVEL_FRAMES, load_levels, spread_runs
 from glint.tasks.stages.light_distance import DistanceResult, measure_distance
 from glint.tasks.stages.sphere_doubts import sphere_doubts, sweep_error
 
@@ -48,7 +48,7 @@ MAX_BEFORE_OBJECT_SHARE = 0.2
 MIN_BEFORE_OBJECT_SHARE, BEFORE_OBJECT_COST_DEG = 0.01, 1.0
 """Share of the frames from which a light before the object is reported, and what its disc costs where it is not noticed
 because it lies half behind the object: half a degree in the mean of a simulated dome with a tenth of such frames."""
-MAX_REFLECTION_SHARDS = 50
+MAX_REFLECTION_RUNS = 50
 """Most runs of frames from which a sphere's static reflection is taken."""
 REFLECTION_STEP, MAX_UNTHINNED_FRAMES = 16, 640
 """Every so many-th frame of these runs is taken, in a capture of more frames than the second number; else all are."""
@@ -170,7 +170,7 @@ def _of_sphere(
 ) -> Lights:
     """Measure the lights on one sphere, in the pixels of its crop."""
     step = REFLECTION_STEP if cache.frames > MAX_UNTHINNED_FRAMES else 1
-    starts = spread_shards(cache.frames, MAX_REFLECTION_SHARDS)
+    starts = spread_runs(cache.frames, MAX_REFLECTION_RUNS)
     sample = np.concatenate([cache.read(name, slice(start, start + LEVEL_FRAMES))[::step] for start in starts])
     static = static_background(sample, sphere, camera=camera)
     blocks, covered = [], []

@@ -1,11 +1,11 @@
 """Mask: the object's pixels, given or estimated, and where they are doubtful."""
 
 import numpy as np
-from scipy import ndimage
 
 from glint.storage.inputs.masks_and_truth import read_mask
 from glint.tasks.algorithms.frames.mask import beside_spheres
 from glint.tasks.algorithms.frames.mask_doubt import Objection, doubt_of, mask_objections
+from glint.tasks.algorithms.prior.smooth_normals import inradius
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
@@ -66,12 +66,11 @@ def _warning(objection: Objection, pixels: np.ndarray, geometry: CaptureGeometry
     name = "the estimated mask" if estimated else "the mask"
     x, y = objection.x + geometry.region.x, objection.y + geometry.region.y
     place = f"on its {_side(objection, pixels)}, about x {x:.0f}, y {y:.0f}"
-    inradius = float(ndimage.distance_transform_edt(np.pad(pixels, 1)).max())
     if objection.kind in ("too large", "too small"):
         amount = f" by {abs(objection.offset):.0f} pixels" if objection.offset else f" {place}"
         beside = "inside" if objection.kind == "too large" else "outside"
         evidence = f"the strongest edges and highlights lie {beside} its contour"
-        cost = float(np.degrees(np.arctan(max(abs(objection.offset), 2.0) / max(inradius, 1.0))))
+        cost = float(np.degrees(np.arctan(max(abs(objection.offset), 2.0) / max(inradius(pixels), 1.0))))
         return StageWarning(f"{name} is {objection.kind}{amount}: {evidence}; {REMEDY}", "mask", round(cost, 1))
     share = f"{objection.share:.0%} of its contour"
     text, cost = {

@@ -9,7 +9,7 @@ from glint.storage.footage.luma import eight_bits
 from glint.storage.footage.source import Footage
 from glint.storage.footage.wrapper import FootageWrapper
 
-MAX_THUMBNAILS = 128
+MIN_THUMBNAILS = 128
 """Thumbnails that a capture has at least, if it has as many frames; at most twice as many."""
 UNKNOWN_LENGTH_INTERVAL = 16
 """Frames from one thumbnail to the next of a video that does not state its length."""
@@ -25,7 +25,7 @@ class ThumbnailRecorder(FootageWrapper):
     def __init__(self, footage: Footage) -> None:
         """Watch a video."""
         super().__init__(footage)
-        self._interval = max(1, footage.count // MAX_THUMBNAILS) if footage.count else UNKNOWN_LENGTH_INTERVAL
+        self._interval = max(1, footage.count // MIN_THUMBNAILS) if footage.count else UNKNOWN_LENGTH_INTERVAL
         self._pictures: dict[int, np.ndarray] = {}
 
     def frames(self, start: int = 0, step: int = 1) -> Iterator[np.ndarray]:

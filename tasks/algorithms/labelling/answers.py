@@ -21,22 +21,19 @@ MARKED_SHEET_CONFIDENCE = 0.97
 """Confidence of accepted normals beside a true mark on the same sheet."""
 
 
-def mark_influence(
-    nodes: np.ndarray, ties: sparse.csr_matrix, pins: np.ndarray, scale: float, reach: float = MARK_REACH_INRADII
-) -> np.ndarray:
+def mark_influence(nodes: np.ndarray, ties: sparse.csr_matrix, pins: np.ndarray, scale: float) -> np.ndarray:
     """Spread marks over their sheets: (K, H, W), from 1 (exterior) to -1 (false), 0 where no mark reaches.
 
     Args:
         nodes, ties: of `sheets.sheet_graph`.
         pins: (K, H, W) int8, labels of marked nodes: 1 exterior, -1 false, 0 free.
         scale: inradius of the mask in pixels.
-        reach: in inradii.
 
     The nearer of two marks wins, as far along the sheet as it is near.
     """
     result = np.zeros(nodes.shape)
     present = nodes >= 0
-    labels, reach_px = pins[present], max(reach * scale, 1.0)
+    labels, reach_px = pins[present], max(MARK_REACH_INRADII * scale, 1.0)
     distances = []
     for label in (1, -1):
         sources = np.flatnonzero(labels == label)

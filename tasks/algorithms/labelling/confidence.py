@@ -2,9 +2,9 @@
 
 An observed normal is wrong if its sheet is. Logistic regressions fitted to simulated captures judge that by the
 roughness of the normals, by curl (a normal field's gradients have none; half vectors of internal paths have), by the
-evidence of shape and shading, and by the held-out residual (`segments`). Where the surface turns by degrees from pixel
-to pixel, it also matters which place within the pixel showed the light. While labels still change, only neighbourhood
-cues are used. Between observations the field is trusted as far as it proves itself by cross-validation:
+evidence of shape and shading, and by the held-out residual (`final_confidence`). Where the surface turns by degrees
+from pixel to pixel, it also matters which place within the pixel showed the light. While labels still change, only
+neighbourhood cues are used. Between observations the field is trusted as far as it proves itself by cross-validation:
 blocks of accepted normals are held out, and its error is taken to grow linearly with the distance from known pixels.
 """
 
@@ -93,8 +93,8 @@ def observed_confidence(normals: np.ndarray, scale: float) -> np.ndarray:
 def sheet_confidence(normals: np.ndarray, evidence: np.ndarray, residual: np.ndarray, scale: float) -> np.ndarray:
     """Return the confidence (H, W) of accepted normals (H, W, 3; NaN elsewhere) by their sheets, NaN elsewhere.
 
-    evidence (H, W): the sheet's mean log-likelihood ratio by shape and shading; residual (H, W): its
-    `held_out_residual`; scale: inradius in pixels.
+    evidence (H, W): the sheet's mean log-likelihood ratio by shape, shading, marks and refuted faces; residual (H, W):
+    its `held_out_residual`; scale: inradius in pixels.
     """
     _, roughness, curl = sheet_quality(normals, scale)
     return _logistic(SHEET_LOGIT, roughness, np.minimum(curl, 2.0), evidence, residual)

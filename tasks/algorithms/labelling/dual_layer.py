@@ -14,15 +14,12 @@ import numpy as np
 
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
-from glint.tasks.algorithms.geometry.vectors import NZ_FLOOR, angles, gradients
+from glint.tasks.algorithms.geometry.vectors import angles, gradients
 from glint.tasks.algorithms.labelling.confidence import (
     OCCLUDING_CONTOUR_SHARE,
-    field_confidence,
-    field_error_slope,
     observed_confidence,
 )
 from glint.tasks.algorithms.labelling.results import (
-    FILLED,
     MARKED,
     OBSERVED,
     OUTSIDE,
@@ -30,8 +27,7 @@ from glint.tasks.algorithms.labelling.results import (
     Iteration,
     Reconstruction,
 )
-from glint.tasks.algorithms.labelling.weights import DEFAULT_FIELD, FieldWeights
-from glint.tasks.algorithms.prior.smooth_normals import contour_normals, inradius, smooth_normal_field
+from glint.tasks.algorithms.prior.smooth_normals import inradius
 
 Connectivity = Literal["layers", "surface"]
 """The two readings of "up to 9 edges" of a node (Figure 6): the four neighbours in both layers, or the eight in its own
@@ -53,9 +49,7 @@ class NodeTerms:
     false_cost: np.ndarray
 
 
-def node_terms(
-    normals: np.ndarray, initial: np.ndarray, mask: np.ndarray, pins: np.ndarray, min_nz: float = NZ_FLOOR
-) -> NodeTerms:
+def node_terms(normals: np.ndarray, initial: np.ndarray, mask: np.ndarray, pins: np.ndarray) -> NodeTerms:
     """Compute gradients and likelihood terms of the two nodes of each pixel (Eqn 2).
 
     A pixel with one cluster holds it in both nodes; one with none holds the initial normal in both.
@@ -65,14 +59,13 @@ def node_terms(
         initial: (H, W, 3) normals from the silhouette.
         mask: (H, W) bool; terms are 0 outside.
         pins: (2, H, W), +1 marked true, -1 marked false, 0 unmarked.
-        min_nz: n_z is clamped from below to this in gradients.
     """
     observed = np.isfinite(normals[..., 0])
     first = np.where(observed[0][..., None], normals[0], initial)
     nodes = np.stack([first, np.where(observed[1][..., None], normals[1], first)])
-    p, q = gradients(nodes, min_nz)
+    p, q = gradients(nodes)
     # The counter normal has the opposite gradient, so its differences are sums.
-    front_p, front_q = gradients(initial, min_nz)
+    front_p, front_q = gradients(initial)
     front = np.abs(p - front_p) + np.abs(q - front_q)
     counter = np.abs(p + front_p) + np.abs(q + front_q)
     total = front + counter
@@ -151,8 +144,6 @@ def reconstruct_dual_layer(
     marks: Marks | None = None,
     connectivity: Connectivity = "layers",
     weight: float = 0.1,
-    iterations: int = 0,
-    field_weights: FieldWeights = DEFAULT_FIELD,
 ) -> Reconstruction:
     """Reconstruct normals as the paper does: the cluster labelled 1 (of two, the better one), else the initial normal.
 
@@ -162,9 +153,6 @@ def reconstruct_dual_layer(
         initial: (H, W, 3) normals from the silhouette.
         marks: true and false highlights marked by a user.
         connectivity, weight: see `Connectivity` and `label_dual_layer`.
-        iterations: 0 is the paper's method. Otherwise rejected and unobserved pixels are filled so many times from the
-            accepted normals and the occluding contour; between two fillings, nodes are labelled again against them.
-        field_weights: `rim`, `observed` and `tension_length` of the filling.
 
     Raises:
         ValueError: clusters and mask differ in size, or the weight is negative.
@@ -173,47 +161,25 @@ def reconstruct_dual_layer(
         raise ValueError(f"clusters of {clusters.normals.shape[1:3]} pixels do not fit a mask of {mask.shape}")
     normals = np.where(mask[None, :, :, None], clusters.normals[:2], np.nan)
     marked, marked_normals, pins = mark_constraints(marks, normals, mask)
-    rim, outward = contour_normals(mask)
-    scale, surface = inradius(mask), smooth_normal_field(mask, field_weights.tension_length) if iterations else None
-
-    def label_against(field: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        nodes = node_terms(normals, field, mask, pins)
-        labels = label_dual_layer(nodes, mask, connectivity=connectivity, weight=weight)
-        labels[~np.isfinite(normals[..., 0])] = 0
-        best = np.where(labels == 1, nodes.exterior_cost, np.inf).argmin(axis=0)
-        chosen = np.take_along_axis(normals, best[None, :, :, None], axis=0)[0]
-        return labels, np.where(labels.any(axis=0)[..., None], chosen, marked_normals)
-
-    def solve_field(known: np.ndarray) -> np.ndarray:
-        assert surface is not None
-        weights = np.where(known, field_weights.observed, np.where(rim, field_weights.rim, 0.0))
-        return surface.solve(np.where(known[..., None], chosen, outward), weights)
-
-    field, changes = initial, []
-    labels, chosen = label_against(field)
-    for number in range(iterations):
-        if number:
-            previous, (labels, chosen) = labels, label_against(field)
-            changes.append(int((previous != labels).any(axis=0).sum()))
-        field = solve_field(np.isfinite(chosen[..., 0]))
+    nodes = node_terms(normals, initial, mask, pins)
+    labels = label_dual_layer(nodes, mask, connectivity=connectivity, weight=weight)
+    labels[~np.isfinite(normals[..., 0])] = 0
+    best = np.where(labels == 1, nodes.exterior_cost, np.inf).argmin(axis=0)
+    chosen = np.take_along_axis(normals, best[None, :, :, None], axis=0)[0]
+    chosen = np.where(labels.any(axis=0)[..., None], chosen, marked_normals)
     accepted = np.isfinite(chosen[..., 0])
-    if iterations:
-        slope = field_error_slope(solve_field, chosen, scale)
-        unobserved = field_confidence(accepted, rim, slope, scale)
-    else:
-        unobserved = np.full(mask.shape, _initial_accuracy(initial, chosen))
-    observed = np.where(marked, 1.0, LABEL_PRECISION * observed_confidence(chosen, scale))
+    observed = np.where(marked, 1.0, LABEL_PRECISION * observed_confidence(chosen, inradius(mask)))
+    confidence = np.where(accepted, observed, _initial_accuracy(initial, chosen))
     kept = np.zeros(clusters.normals.shape[:3], np.uint8)
     kept[:2] = labels
-    elsewhere = np.where(rim, SILHOUETTE, FILLED) if iterations else SILHOUETTE
-    provenance = np.select([~mask, marked, accepted], [OUTSIDE, MARKED, OBSERVED], elsewhere)
+    provenance = np.select([~mask, marked, accepted], [OUTSIDE, MARKED, OBSERVED], SILHOUETTE)
     return Reconstruction(
         labels=kept,
-        normals=np.where(accepted[..., None], chosen, field).astype(np.float32),
+        normals=np.where(accepted[..., None], chosen, initial).astype(np.float32),
         initial=initial,
         provenance=provenance.astype(np.uint8),
-        confidence=np.where(mask, np.where(accepted, observed, unobserved), np.nan).astype(np.float32),
-        iterations=tuple(Iteration(int(accepted.sum()), changed) for changed in [int(accepted.sum()), *changes]),
+        confidence=np.where(mask, confidence, np.nan).astype(np.float32),
+        iterations=(Iteration(int(accepted.sum()), int(accepted.sum())),),
     )
 
 

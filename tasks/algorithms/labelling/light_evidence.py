@@ -14,7 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.sheets.integrability import shape_log_ratio, sheet_jacobian
+from glint.tasks.algorithms.sheets.integrability import shape_log_ratio, sheet_jacobian, window_step
 
 AXES: Mapping[str, tuple[tuple[float, float], tuple[float, float]]] = MappingProxyType(
     {
@@ -49,7 +49,7 @@ class LightEvidence:
 
     axes: of AXES, what fits best; axes_ratio: its score relative to that of the given axes; turn_deg, turn_error_deg:
     turn of the accepted normals about the view vector and its standard error; log_ratio: mean log-likelihood ratio, in
-    nats, of the best sheet of each pixel being exterior against being none; NaN: no sheet is large enough.
+    nats, of the best sheet of each pixel being exterior against being none; NaN: there are no candidates.
     """
 
     axes: str
@@ -104,7 +104,7 @@ def turn_angle(accepted: np.ndarray, scale: float) -> tuple[float, float]:
 
     With it its standard error, the jackknife's over blocks of the region. NaN where too few normals are accepted.
     """
-    curl, _, convexity = np.moveaxis(sheet_jacobian(accepted, max(1, round(scale / 100.0))), -1, 0)
+    curl, _, convexity = np.moveaxis(sheet_jacobian(accepted, window_step(scale)), -1, 0)
     height, width = accepted.shape[1:3]
     rows, columns = np.indices((height, width))
     block = (rows * TURN_BLOCKS // height) * TURN_BLOCKS + columns * TURN_BLOCKS // width

@@ -72,7 +72,7 @@ def surface_probability(
         labels: (K, H, W), nonzero = exterior.
         normals: (H, W, 3) present normals.
         confidence: (H, W) probability that they are right.
-        evidence: (K, H, W) of shape and shading, nats.
+        evidence: (K, H, W) of shape and shading, and of marks and refuted faces where there are any, nats.
         observations: (H, W) number of frames in which a pixel is lit.
     """
     confidence = np.clip(confidence[patches.row, patches.column], *CONFIDENCE_RANGE)

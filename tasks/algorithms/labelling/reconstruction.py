@@ -5,7 +5,8 @@ candidate normals across neighbouring pixels: one kind of light path (direct ref
 maps the image smoothly to half vectors, so true and false candidates form different sheets. Each iteration labels whole
 sheets by a graph cut against the present field (`graph_cut`), then solves the field again from the accepted normals of
 sufficient confidence and the occluding contour (`smooth_normals`). The first field knows the contour alone. If the
-converged normals show a surface of revolution, it becomes the expected field and the iterations continue (`symmetry`).
+converged normals show a surface of revolution, it becomes the expected field and the iterations continue (`symmetry`);
+else flat faces that they show become part of the field, and the iterations continue likewise (`faces.flat_faces`).
 Then rejected sheets that may well be the surface are readmitted (`readmission`) and the iterations continue from them,
 unless the expected field is given; what follows is kept if the labels are more likely than before. Where there is no
 expected field, it is bent away from the lights where nothing flashed (`unreached`).
@@ -35,6 +36,7 @@ from glint.tasks.algorithms.labelling.weights import (
     DEFAULT_FIELD,
     DEFAULT_FIELD_ERROR,
     DEFAULT_GRAPH_CUT,
+    MIN_FIELD_CONFIDENCE,
     FieldError,
     FieldWeights,
     GraphCutWeights,
@@ -44,6 +46,8 @@ from glint.tasks.algorithms.prior.unreached import SweptNormals, unreached_norma
 if TYPE_CHECKING:
     from glint.tasks.algorithms.candidates.clusters import Clusters
 
+CONVERGED_SHARE = 0.002
+"""Share of the mask whose labels may still change in the last iteration."""
 PLAUSIBLE_NATS = 1.0
 """Evidence of a rejected candidate from which it may be a true highlight."""
 MAX_READMISSIONS = 3
@@ -60,8 +64,7 @@ def reconstruct_normals(
     flat_faces: bool = True,
     readmission: bool = True,
     max_iterations: int = 10,
-    convergence_tolerance: float = 0.002,
-    min_confidence: float = 0.5,
+    min_confidence: float = MIN_FIELD_CONFIDENCE,
     graph_cut_weights: GraphCutWeights = DEFAULT_GRAPH_CUT,
     field_weights: FieldWeights = DEFAULT_FIELD,
     field_error: FieldError = DEFAULT_FIELD_ERROR,
@@ -80,7 +83,6 @@ def reconstruct_normals(
         flat_faces: whether flat faces may be detected, where there is no surface of revolution.
         readmission: whether rejected sheets may be readmitted, where no expected normals are given.
         max_iterations: at most so many each time: at first, and again after all that is found or marked.
-        convergence_tolerance: share of the mask whose labels may still change in the last iteration.
         min_confidence: accepted normals of lower confidence do not enter the field.
         graph_cut_weights, field_weights, field_error: see `weights`.
         settled: result of `settle` for the same arguments, None to settle first. If it is a draft, so is the result:
@@ -95,7 +97,6 @@ def reconstruct_normals(
             mask,
             expected=expected,
             max_iterations=max_iterations,
-            convergence_tolerance=convergence_tolerance,
             min_confidence=min_confidence,
             graph_cut_weights=graph_cut_weights,
             field_weights=field_weights,
@@ -105,15 +106,15 @@ def reconstruct_normals(
     if marks is not None:
         # Labels settle without marks first: started with them, a single mark may tip sheets that it has no part in.
         state.take_marks(marks)
-        state.iterate(max_iterations, convergence_tolerance, min_confidence)
+        state.iterate(max_iterations, CONVERGED_SHARE, min_confidence)
     is_symmetric = expected is None and symmetry and state.adopt_symmetry()
     if is_symmetric or (expected is None and flat_faces and state.adopt_faces(min_confidence)):
-        state.iterate(max_iterations, convergence_tolerance, min_confidence)
+        state.iterate(max_iterations, CONVERGED_SHARE, min_confidence)
     if state.relief_fit > 0.0 and state.adopt_symmetry():
         # Highlights that a relief explains show more of it.
-        state.iterate(max_iterations, convergence_tolerance, min_confidence)
+        state.iterate(max_iterations, CONVERGED_SHARE, min_confidence)
     for _ in range(MAX_READMISSIONS if readmission and expected is None else 0):
-        better = _readmitted(state, max_iterations, convergence_tolerance, min_confidence)
+        better = _readmitted(state, max_iterations, min_confidence)
         if better is None:
             break
         state = better
@@ -148,8 +149,7 @@ def settle(
     *,
     expected: np.ndarray | None = None,
     max_iterations: int = 10,
-    convergence_tolerance: float = 0.002,
-    min_confidence: float = 0.5,
+    min_confidence: float = MIN_FIELD_CONFIDENCE,
     graph_cut_weights: GraphCutWeights = DEFAULT_GRAPH_CUT,
     field_weights: FieldWeights = DEFAULT_FIELD,
     field_error: FieldError = DEFAULT_FIELD_ERROR,
@@ -181,13 +181,11 @@ def settle(
         field_error,
         is_draft=draft,
     )
-    state.iterate(max_iterations, convergence_tolerance, min_confidence)
+    state.iterate(max_iterations, CONVERGED_SHARE, min_confidence)
     return state
 
 
-def _readmitted(
-    state: Alternation, max_iterations: int, convergence_tolerance: float, min_confidence: float
-) -> Alternation | None:
+def _readmitted(state: Alternation, max_iterations: int, min_confidence: float) -> Alternation | None:
     """Return what follows from readmitting plausible sheets, None if there are none or labels become less likely."""
     probability = plausible_sheets(state)
     if not probability.any():
@@ -195,7 +193,7 @@ def _readmitted(
     after = copy(state)
     after.readmit(probability, min_confidence)
     # The readmitted are not held: a false sheet that the field no longer needs to contradict is rejected again.
-    after.iterate(max_iterations, convergence_tolerance, min_confidence)
+    after.iterate(max_iterations, CONVERGED_SHARE, min_confidence)
     return after if after.log_likelihood() > state.log_likelihood() else None
 
 

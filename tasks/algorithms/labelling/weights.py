@@ -53,6 +53,8 @@ class FieldError:
     ceiling: float = 30.0
 
 
+MIN_FIELD_CONFIDENCE = 0.5
+"""Confidence from which accepted normals enter the field."""
 DEFAULT_GRAPH_CUT = GraphCutWeights()
 DEFAULT_FIELD = FieldWeights()
 DEFAULT_FIELD_ERROR = FieldError()

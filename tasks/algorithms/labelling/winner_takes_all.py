@@ -19,7 +19,7 @@ from glint.tasks.algorithms.labelling.results import (
     Reconstruction,
 )
 from glint.tasks.algorithms.labelling.weights import DEFAULT_FIELD, FieldWeights
-from glint.tasks.algorithms.prior.smooth_normals import contour_normals, inradius, smooth_normal_field
+from glint.tasks.algorithms.prior.smooth_normals import ContourField, inradius
 
 
 def reconstruct_winner(
@@ -43,22 +43,17 @@ def reconstruct_winner(
     observed = mask & np.isfinite(clusters.winner[..., 0])
     values = np.where(marked[..., None], marked_normals, np.where(observed[..., None], clusters.winner, np.nan))
     known = marked | observed
-    rim, outward = contour_normals(mask)
-    surface, scale = smooth_normal_field(mask, field_weights.tension_length), inradius(mask)
-
-    def solve_field(kept: np.ndarray) -> np.ndarray:
-        weights = np.where(kept, field_weights.observed, np.where(rim, field_weights.rim, 0.0))
-        return surface.solve(np.where(kept[..., None], values, outward), weights)
-
-    slope = field_error_slope(solve_field, values, scale)
-    confidence = np.where(known, observed_confidence(values, scale), field_confidence(known, rim, slope, scale))
+    field = ContourField.of(mask, field_weights.tension_length, field_weights.observed, field_weights.rim)
+    scale = inradius(mask)
+    slope = field_error_slope(lambda kept: field.solve(kept, values), values, scale)
+    confidence = np.where(known, observed_confidence(values, scale), field_confidence(known, field.rim, slope, scale))
     confidence = np.where(marked, 1.0, confidence)
     labels = np.zeros(clusters.normals.shape[:3], np.uint8)
     labels[0] = observed
-    provenance = np.select([~mask, marked, observed, rim], [OUTSIDE, MARKED, OBSERVED, SILHOUETTE], FILLED)
+    provenance = np.select([~mask, marked, observed, field.rim], [OUTSIDE, MARKED, OBSERVED, SILHOUETTE], FILLED)
     return Reconstruction(
         labels=labels,
-        normals=np.where(known[..., None], values, solve_field(known)).astype(np.float32),
+        normals=np.where(known[..., None], values, field.solve(known, values)).astype(np.float32),
         initial=initial,
         provenance=provenance.astype(np.uint8),
         confidence=np.where(mask, confidence, np.nan).astype(np.float32),

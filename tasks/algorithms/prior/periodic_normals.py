@@ -9,14 +9,14 @@ from numba import njit
 
 from glint.tasks.algorithms.geometry.vectors import unit
 
-CELL_SIGMA_PX = 1.0
-"""Standard deviation of the Gaussian."""
+SIGMA_CELLS = 1.0
+"""Standard deviation of the Gaussian, in cells."""
 REACH = 4
 """Cells to each side at which it ends."""
-GAUSSIAN = np.exp(-0.5 * (np.arange(-REACH, REACH + 1) / CELL_SIGMA_PX) ** 2)
+GAUSSIAN = np.exp(-0.5 * (np.arange(-REACH, REACH + 1) / SIGMA_CELLS) ** 2)
 GAUSSIAN /= GAUSSIAN.sum()
 MIN_SUPPORT = 0.05
-"""Normals per square pixel from which they predict others, and count as much as a surface without relief."""
+"""Normals per cell from which they predict others, and count as much as a surface without relief."""
 
 
 def sums_over_periods(row: np.ndarray, turns: np.ndarray, normals: np.ndarray, rows: int, columns: int) -> np.ndarray:

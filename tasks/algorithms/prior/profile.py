@@ -16,14 +16,13 @@ WINDOWS_PX_AND_LIMITS = ((24.0, 0.35), (12.0, 0.35), (6.0, 0.35), (3.0, 0.5))
 ONE_SIDED_PENALTY = 1.3
 """Factor of a one-sided window's error, against a centred one's."""
 MIN_TAN_TILT = 0.02
+"""Least tangent of the tilt that is reckoned with: seen from the side, a wall seen edge-on has no finite slope."""
 MIN_CONE_RADIUS_PX = 2.0
 """Radius above which a steep fall of the profile counts as a cone; below, it is the profile's tip."""
 STEM_HEIGHT_PX, MIN_STEM_PX = 6.0, 4.0
 """Height above a cone in which the stem's radius is looked for, and least height of a profile there to have a stem."""
-SLOPE_REACH_PX = 1.0
-"""Distance to both sides over which slopes are taken."""
-MAX_STEM_GAP_PX = 2.0
-"""Gap between normals of a stem, along the axis, across which the stem goes on."""
+SLOPE_REACH_PX, MAX_STEM_GAP_PX = 1.0, 2.0
+"""Distance to both sides over which slopes are taken, and gap along the axis across which a stem's normals go on."""
 SHOULDER_SHARE = 0.03
 """Distance of the shoulder before a cone, as a share of the largest radius."""
 CONE_SLOPE_RATIO, MAX_CORNER_SLOPE_RATIO = 0.7, 0.4

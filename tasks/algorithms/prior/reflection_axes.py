@@ -32,6 +32,8 @@ MAX_AXIS_OFFSET = 0.5
 """Distance of a body's axis from the silhouette's centroid that is tried, in inradii."""
 MIN_BODY_SHARE, MIN_MATCHED_SHARE = 0.6, 0.7
 """Shares of a silhouette that its body must cover, and of the body's contour that must lie on the silhouette's."""
+MAX_AXES, MAX_BODIES = 4, 3
+"""Most axes of a silhouette, and most parts of one that could be its body, the best ones."""
 CONTOUR_PX = 1.5
 """Distance up to which a pixel is one of the contour."""
 
@@ -54,8 +56,8 @@ class ReflectionAxis:
         return np.array([-self.normal[1], self.normal[0]])
 
 
-def reflection_axes(mask: np.ndarray, min_iou: float = MIN_SYMMETRY_IOU, count: int = 4) -> list[ReflectionAxis]:
-    """Return up to `count` axes of a silhouette (H, W) bool with an overlap of at least `min_iou`, best first."""
+def reflection_axes(mask: np.ndarray) -> list[ReflectionAxis]:
+    """Return at most MAX_AXES axes of a silhouette (H, W) bool that is symmetric about them, best first."""
     height, width = mask.shape
     rows, columns = np.nonzero(mask)
     points = np.stack(to_camera(columns.astype(float), rows.astype(float), width, height), axis=-1)
@@ -70,14 +72,15 @@ def reflection_axes(mask: np.ndarray, min_iou: float = MIN_SYMMETRY_IOU, count: 
     # Local maxima over the angle, for axes through the centroid.
     seeds = np.radians(np.arange(0.0, 180.0, SEED_STEP_DEG))
     scores = np.array([iou(angle, 0.0) for angle in seeds])
-    is_peak = (scores >= np.roll(scores, 1)) & (scores >= np.roll(scores, -1)) & (scores >= min_iou - SEED_IOU_MARGIN)
+    is_peak = (scores >= np.roll(scores, 1)) & (scores >= np.roll(scores, -1))
+    is_peak &= scores >= MIN_SYMMETRY_IOU - SEED_IOU_MARGIN
     axes = []
     for seed in seeds[is_peak]:
         steps = (float(np.radians(SEED_STEP_DEG / 2)), 1.0)
         (angle, offset), _ = _refined(iou, (float(seed), 0.0), steps, float(np.radians(FINAL_STEP_DEG)))
         normal = np.array([np.cos(angle), np.sin(angle)])
         axes.append(ReflectionAxis(centre + offset * normal, normal, iou(angle, offset)))
-    return sorted((axis for axis in axes if axis.iou >= min_iou), key=lambda axis: -axis.iou)[:count]
+    return sorted((axis for axis in axes if axis.iou >= MIN_SYMMETRY_IOU), key=lambda axis: -axis.iou)[:MAX_AXES]
 
 
 def _refined(
@@ -100,8 +103,8 @@ def _refined(
     return (angle, offset), (turn, shift)
 
 
-def symmetric_bodies(mask: np.ndarray, count: int = 3) -> list[np.ndarray]:
-    """Return up to `count` symmetric parts (H, W) bool of a silhouette (H, W) bool that could be its body.
+def symmetric_bodies(mask: np.ndarray) -> list[np.ndarray]:
+    """Return at most MAX_BODIES symmetric parts (H, W) bool of a silhouette (H, W) bool that could be its body.
 
     Each is where the silhouette and its mirror image overlap, for an axis about which much of the contour is the image
     of contour.
@@ -130,7 +133,7 @@ def symmetric_bodies(mask: np.ndarray, count: int = 3) -> list[np.ndarray]:
     best = scores.max(axis=1)
     peaks = np.flatnonzero((best >= np.roll(best, 1)) & (best >= np.roll(best, -1)))
     bodies = []
-    for peak in peaks[np.argsort(-best[peaks])][:count]:
+    for peak in peaks[np.argsort(-best[peaks])][:MAX_BODIES]:
         place = (float(angles[peak]), float(offsets[scores[peak].argmax()]))
         steps = (float(np.radians(SEED_STEP_DEG / 2)), coarse / 4)
         for sigma in MATCH_SIGMAS_PX:

@@ -19,6 +19,10 @@ from glint.tasks.algorithms.geometry.distance import distance_inside
 
 MAX_NODES = 30_000
 """Grid nodes of the solve; larger regions get one node for several pixels, which bounds time and memory."""
+CONTOUR_BLUR_PX = 2.0
+"""Standard deviation in pixels of the smoothing of the mask's staircase."""
+THICKNESS_LEVELS = 12
+"""Number of radii to which the local thickness is rounded down."""
 MIN_DIAGONAL = 1e-9
 """Added to the matrix's diagonal, so that components without any known normal stay solvable."""
 
@@ -26,15 +30,13 @@ Stencil = list[tuple[int, int, float]]
 """Finite difference: row offset, column offset and coefficient of each node."""
 
 
-def contour_normals(mask: np.ndarray, blur: float = 2.0) -> tuple[np.ndarray, np.ndarray]:
+def contour_normals(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the pixels of the occluding contour and their outward normals in the image plane.
 
     Where the mask runs into the region's border it is cut off, and has no contour; nor has it so near that the blur
     would reach the cut.
 
-    Args:
-        mask: (H, W) bool.
-        blur: standard deviation in pixels of the smoothing of the mask's staircase.
+    mask: (H, W) bool.
 
     Returns:
         contour (H, W) bool; normals (H, W, 3) float32 with n_z = 0, NaN off the contour.
@@ -44,8 +46,8 @@ def contour_normals(mask: np.ndarray, blur: float = 2.0) -> tuple[np.ndarray, np
     for edge in (np.s_[0], np.s_[-1], np.s_[:, 0], np.s_[:, -1]):
         cut[edge] = mask[edge]
     if cut.any():
-        contour &= distance_inside(~cut) > 2 * blur
-    smooth = ndimage.gaussian_filter(mask.astype(np.float32), blur, mode="nearest")
+        contour &= distance_inside(~cut) > 2 * CONTOUR_BLUR_PX
+    smooth = ndimage.gaussian_filter(mask.astype(np.float32), CONTOUR_BLUR_PX, mode="nearest")
     down, right = np.gradient(smooth)
     normals = np.stack([-right, down, np.zeros_like(right)], axis=-1)
     length = np.linalg.norm(normals, axis=-1)
@@ -131,6 +133,39 @@ def smooth_normal_field(
     return SmoothNormalField(grid, smoothness.tocsc())
 
 
+@dataclass(frozen=True, slots=True)
+class ContourField:
+    """Field between known normals and the occluding contour.
+
+    surface: interpolant of the mask. rim (H, W) bool and outward (H, W, 3): contour and its normals. known_weight,
+    rim_weight: of a known normal and of a pixel of the contour.
+    """
+
+    surface: SmoothNormalField
+    rim: np.ndarray
+    outward: np.ndarray
+    known_weight: float
+    rim_weight: float
+
+    @classmethod
+    def of(
+        cls,
+        mask: np.ndarray,
+        tension_length: float,
+        known_weight: float,
+        rim_weight: float,
+        max_nodes: int = MAX_NODES,
+    ) -> "ContourField":
+        """Prepare the field of a mask (H, W) bool; tension_length, max_nodes: see `smooth_normal_field`."""
+        surface = smooth_normal_field(mask, tension_length, max_nodes)
+        return cls(surface, *contour_normals(mask), known_weight, rim_weight)
+
+    def solve(self, known: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Return the field (H, W, 3) by normals (H, W, 3) at `known` pixels (H, W) bool and the contour elsewhere."""
+        weights = np.where(known, self.known_weight, np.where(self.rim, self.rim_weight, 0.0))
+        return self.surface.solve(np.where(known[..., None], normals, self.outward), weights)
+
+
 def _quadratic_form(grid: np.ndarray, stencil: Stencil) -> sparse.csr_matrix:
     """Return the sum of squares of a finite difference, taken wherever all its nodes exist: free boundaries."""
     height, width = grid.shape
@@ -144,15 +179,15 @@ def _quadratic_form(grid: np.ndarray, stencil: Stencil) -> sparse.csr_matrix:
     return difference.T @ difference
 
 
-def thickness(mask: np.ndarray, levels: int = 12) -> np.ndarray:
+def thickness(mask: np.ndarray) -> np.ndarray:
     """Return the local thickness (H, W): radius in pixels of the largest circle inside the mask that covers a pixel.
 
-    (Hildebrand and Ruegsegger 1997.) It is rounded down to `levels` radii. A fin is thin, and turns to its contour
-    within a few pixels whatever the size of the body.
+    (Hildebrand and Ruegsegger 1997.) It is rounded down to one of THICKNESS_LEVELS radii. A fin is thin, and turns to
+    its contour within a few pixels whatever the size of the body.
     """
     depth = distance_inside(np.pad(mask, 1))[1:-1, 1:-1]
     result = np.ones(mask.shape)
-    for radius in np.geomspace(2.0, max(2.0, depth.max()), levels):
+    for radius in np.geomspace(2.0, max(2.0, depth.max()), THICKNESS_LEVELS):
         core = depth >= radius
         if core.any():
             result[distance_inside(~core) <= radius] = radius

@@ -8,9 +8,6 @@ from scipy import ndimage
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.questions.proposals import Question
 
-LIGHT_DISC_DEG = 2.2
-"""Angle between a frame's half vector and a sheet's normal within which the frame shows the sheet, degrees: the light's
-disc of half vectors, as in the clusters."""
 TRIED_PIXELS = 12
 """Pixels of a sheet, from its middle outwards, in which a lit frame is looked for."""
 
@@ -26,6 +23,7 @@ def choose_highlight(
     thresholds: np.ndarray,
     read_levels: LevelsReader,
     half_vectors: HalfVectors,
+    radius_deg: float,
 ) -> tuple[int, int, int] | None:
     """Choose frame, row and column of the highlight by which a question is asked; None if no frame shows the sheet.
 
@@ -34,6 +32,8 @@ def choose_highlight(
         normals: (K, H, W, 3), the candidates that it is a part of.
         thresholds: (H, W), luma above which a pixel is lit.
         read_levels, half_vectors: of a pixel in all frames.
+        radius_deg: angle between a frame's half vector and a sheet's normal within which the frame shows the sheet,
+            degrees: the light's disc of half vectors, as in the clusters.
     """
     footprint = np.zeros(thresholds.shape, dtype=bool)
     footprint[question.rows, question.columns] = True
@@ -43,7 +43,7 @@ def choose_highlight(
         layer, row, column = (int(index[node]) for index in (question.layers, question.rows, question.columns))
         angle = angles(half_vectors(row, column), normals[layer, row, column])
         lit = read_levels(row, column) > thresholds[row, column]
-        shown = np.flatnonzero(lit & (angle < LIGHT_DISC_DEG))
+        shown = np.flatnonzero(lit & (angle < radius_deg))
         if len(shown):
             # A highlight is brightest where the half vector is the normal, and clipped around it.
             return int(shown[np.argmin(angle[shown])]), row, column

@@ -5,14 +5,12 @@ import numpy as np
 
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.results import MARKED, OBSERVED, Reconstruction
-from glint.tasks.algorithms.labelling.weights import FieldWeights
-from glint.tasks.algorithms.prior.smooth_normals import contour_normals, smooth_normal_field
+from glint.tasks.algorithms.labelling.weights import MIN_FIELD_CONFIDENCE, FieldWeights
+from glint.tasks.algorithms.prior.smooth_normals import ContourField
 from glint.tasks.algorithms.sheets.patches import Patches
 
 FIELD_NODES = 3_000
 """Grid nodes of the coarser field that predicts what hangs on a sheet."""
-MIN_FIELD_CONFIDENCE = 0.5
-"""Confidence from which accepted normals shape the field, as in the labelling."""
 MAX_CHANGE_DEG = 45.0
 """Angles are clipped here: a worse normal is no more wrong."""
 
@@ -34,15 +32,10 @@ class Prediction:
         patches: Patches,
         weights: FieldWeights,
     ) -> None:
-        self.mask, self.normals, self.result, self.patches, self.weights = mask, normals, result, patches, weights
-        self.surface = smooth_normal_field(mask, weights.tension_length, FIELD_NODES)
-        self.rim, self.outward = contour_normals(mask)
+        self.mask, self.normals, self.result, self.patches = mask, normals, result, patches
         self.accepted = accepted_pixels(result)
-        self.field = self._solve(self.accepted, result.normals)
-
-    def _solve(self, known: np.ndarray, values: np.ndarray) -> np.ndarray:
-        pull = np.where(known, self.weights.observed, np.where(self.rim, self.weights.rim, 0.0))
-        return self.surface.solve(np.where(known[..., None], values, self.outward), pull)
+        self._field = ContourField.of(mask, weights.tension_length, weights.observed, weights.rim, FIELD_NODES)
+        self.field = self._field.solve(self.accepted, result.normals)
 
     def change(self, number: int, exterior: bool) -> np.ndarray:
         """Return the angles (H, W), degrees, between the normals now and with the opposite label of a patch."""
@@ -52,7 +45,7 @@ class Prediction:
         known[row, column] = not exterior
         if not exterior:
             values[row, column] = self.normals[layer, row, column]
-        field = self._solve(known, values)
+        field = self._field.solve(known, values)
         # Accepted normals elsewhere stay what they are; all others follow the field.
         follows = self.mask & ~self.accepted
         change = np.where(follows, angles(field, self.field), 0.0)

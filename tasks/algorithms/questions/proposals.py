@@ -61,11 +61,8 @@ class Question:
 
     @property
     def value(self) -> float:
-        """Expected change of the normals, degrees times pixels.
-
-        A sheet that is withdrawn leaves a gap, which the field fills with normals that may be no better.
-        """
-        return (REMOVAL_GAIN if self.exterior else 1.0) * self.wrong * self.change
+        """Expected change of the normals, degrees times pixels, as far as it is an improvement."""
+        return float(gain_of(self.exterior)) * self.wrong * self.change
 
     @property
     def is_open(self) -> bool:
@@ -80,6 +77,14 @@ class Question:
         label is not open (0) is rarely wrong, whatever would change if it were.
         """
         return (1 if self.exterior else 2) if self.is_open else 0
+
+
+def gain_of(exterior: np.ndarray | bool) -> np.ndarray:
+    """Return the worth (...) of a degree that follows if a sheet's label, exterior (...) or not, is wrong.
+
+    A sheet that is withdrawn leaves a gap, which the field fills with normals that may be no better.
+    """
+    return np.where(exterior, REMOVAL_GAIN, 1.0)
 
 
 def propose(
@@ -112,8 +117,7 @@ def propose(
     evidence = shape_log_ratio(normals, scale) + shading_log_ratio(clusters.shading)
     wrong = wrong_probability(patches, normals, evidence, clusters.observations, result)
     exterior = patches.exterior(result.labels)
-    gain = np.where(exterior, REMOVAL_GAIN, 1.0)
-    first = gain * wrong * rough_change(patches, normals, result, mask, scale)
+    first = gain_of(exterior) * wrong * rough_change(patches, normals, result, mask, scale)
     turn = patches.mean(patches.turns(normals, result.normals))
     first[answered | (~exterior & (turn < ASKED_TURN_DEG))] = 0.0
     order = np.lexsort((-first, wrong < OPEN_PROBABILITY))

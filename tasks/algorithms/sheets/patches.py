@@ -1,6 +1,6 @@
 """Sheets that a user can be asked about: connected candidates of one label, no larger than an answer's reach.
 
-For sheets see `labelling.reconstruction`. A sheet that wanders over half the object may be partly true and partly false
+For sheets see `sheet_graph`. A sheet that wanders over half the object may be partly true and partly false
 where two sheets cross; it is cut into patches, so that one highlight stands for the whole of each.
 """
 
@@ -56,7 +56,7 @@ def cut_patches(nodes: np.ndarray, ties: sparse.csr_matrix, labels: np.ndarray, 
     """Cut sheets into patches of one label each.
 
     Args:
-        nodes, ties: of `labelling.answers.sheet_graph`.
+        nodes, ties: of `sheets.sheet_graph.sheet_graph`.
         labels: (K, H, W), nonzero = exterior.
         scale: inradius of the mask in pixels.
     """

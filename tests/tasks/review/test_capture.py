@@ -1,6 +1,7 @@
 """What the review page shows of one capture, against what its stages have stored and against known answers."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -9,6 +10,7 @@ import pytest
 
 from glint.storage.errors import InputError
 from glint.storage.locations.location import Location
+from glint.tasks.algorithms.labelling.results import PROVENANCE
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import load_catalogue
 from glint.tasks.questions.capture_questions import CaptureQuestions
@@ -21,6 +23,7 @@ from glint.tasks.review.questions import prepare, questions
 from glint.tasks.review.sphere_fit import fit_sphere
 from glint.tasks.review.stored import has_object
 from glint.tasks.stages.capture_geometry import load_geometry
+from tests.tasks.make_context import make_context, perform_all
 
 pytestmark = pytest.mark.long
 
@@ -93,7 +96,7 @@ def test_a_pixel_names_its_frames_and_candidates(context: CaptureContext) -> Non
     normals = clusters.read("normals")[:, row, column]
     assert len(pixel["candidates"]) == np.isfinite(normals[:, 0]).sum()
     assert pixel["candidates"][0]["normal"] == pytest.approx(normals[0].tolist(), abs=1e-3)
-    assert pixel["normal"]["provenance"] in ("observed", "marked", "silhouette", "filled", "inferred")
+    assert pixel["normal"]["provenance"] == PROVENANCE[context.load("labels").read("provenance")[row, column]]
     with pytest.raises(InputError, match="outside the region"):
         pixel_history(context, region.x - 1, region.y)
 
@@ -136,3 +139,22 @@ def test_questions_are_prepared_and_kept_by_what_they_follow_from(
     for keys, marks in ((held.keys | {"labels": "other"}, ()), (held.keys, (mark,))):
         with pytest.raises(pytest.fail.Exception, match="proposed again"):
             propose_or_recall(held.questions, keys, marks, review_questions.COUNT)
+    posed = context.capture.model_validate(context.capture.model_dump(mode="json") | {"pose": {"turntable": 30.0}})
+    with pytest.raises(pytest.fail.Exception, match="proposed again"):
+        propose_or_recall(CaptureQuestions(replace(context, capture=posed)), held.keys, (), review_questions.COUNT)
+
+
+def test_what_a_run_with_another_region_left_is_shown_where_it_was(
+    tmp_path: Path, simulated: Path, performed: Path
+) -> None:
+    shutil.copytree(performed, tmp_path / "store")
+    before = make_context(simulated, tmp_path / "store")
+    shown = {level: level_picture(before, level) for level in ("background", "peak")}
+    mask = mask_picture(before)
+    assert before.capture.region is not None
+    region = before.capture.region.model_dump()
+    smaller = {"x": region["x"] + 3, "width": region["width"] - 5}
+    after = make_context(simulated, tmp_path / "store", region=region | smaller, mask=None)
+    perform_all(after, "survey")
+    assert mask_picture(after) == mask
+    assert {level: level_picture(after, level) for level in shown} == shown

@@ -1,4 +1,4 @@
-"""A capture in one row: verdict, warnings, shares and the time that is left, from records alone."""
+"""A capture in one row: verdict, warnings, shares and the last stage, from records alone."""
 
 from typing import Any
 

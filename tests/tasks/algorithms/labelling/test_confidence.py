@@ -28,7 +28,7 @@ def test_dense_smooth_sheets_have_more_confidence_than_scraps_noise_and_curl() -
     noisy = plane() + np.random.default_rng(0).normal(0, 0.15, (60, 60, 3))
     noisy /= np.linalg.norm(noisy, axis=-1, keepdims=True)
     rows, columns = (np.indices((60, 60)) - 30) / 100
-    curled = np.stack([rows, columns * 0 - columns * -1.0, np.ones((60, 60))], axis=-1)
+    curled = np.stack([rows, columns, np.ones((60, 60))], axis=-1)
     curled /= np.linalg.norm(curled, axis=-1, keepdims=True)
     assert dense > 0.95
     for worse in (scrap, noisy, curled):

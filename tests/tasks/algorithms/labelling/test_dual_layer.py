@@ -17,7 +17,7 @@ from glint.tasks.algorithms.labelling.dual_layer import (
     node_terms,
     reconstruct_dual_layer,
 )
-from glint.tasks.algorithms.labelling.results import FILLED, MARKED, OBSERVED, OUTSIDE, SILHOUETTE
+from glint.tasks.algorithms.labelling.results import MARKED, OBSERVED, OUTSIDE, SILHOUETTE
 from glint.tasks.algorithms.prior.silhouette import initial_normals
 
 NEIGHBOURS: dict[Connectivity, list[tuple[int, int]]] = {
@@ -185,20 +185,6 @@ def test_confidence_in_the_initial_normals_falls_where_highlights_contradict_the
     nothing = reconstruct_dual_layer(clusters_of(np.full((3, *truth.shape), np.nan)), mask, steeper)
     assert (confirmed > 0.6).all() and (contradicted < 0.3).all()
     assert (nothing.confidence[mask] == 0).all()
-
-
-def test_iterations_refill_from_accepted_normals() -> None:
-    mask, truth = sphere()
-    flat = np.where(mask[..., None], unit(truth * (0.4, 0.4, 1.0)), np.nan).astype(np.float32)
-    normals = np.full((3, *truth.shape), np.nan)
-    observed = mask & (np.indices(mask.shape).sum(axis=0) % 3 == 0) & (truth[..., 2] > 0.7)
-    normals[0, observed] = truth[observed]
-    literal = reconstruct_dual_layer(clusters_of(normals), mask, flat)
-    refilled = reconstruct_dual_layer(clusters_of(normals), mask, flat, iterations=2)
-    inner = mask & ~observed & (truth[..., 2] > 0.7)
-    assert (refilled.provenance[inner] == FILLED).all() and len(refilled.iterations) == 2
-    assert angles(refilled.normals, truth)[inner].mean() < 3.0 < angles(literal.normals, truth)[inner].mean()
-    assert np.isfinite(refilled.confidence[mask]).all()
 
 
 def test_wrong_use_is_refused() -> None:

@@ -88,7 +88,7 @@ def test_given_expected_normals_are_not_contradicted(
 
 
 def test_labels_that_become_less_likely_are_not_kept(settled: Alternation, monkeypatch: pytest.MonkeyPatch) -> None:
-    settings = (10, 0.002, 0.5)
+    settings = (10, 0.5)
     assert reconstruction._readmitted(settled, *settings) is not None
     likelihoods = iter([1.0, 2.0])  # after, before
     monkeypatch.setattr(Alternation, "log_likelihood", lambda _: next(likelihoods))
