@@ -37,7 +37,9 @@ class ObjectCaptures:
             InputError: the catalogue has no object or capture of that name.
         """
         only = [f"{object_id}/{capture_id}" for capture_id in chosen] or [object_id]
-        chosen = chosen_captures(catalogue.objects, only)[object_id]
+        item = catalogue.find(object_id)
+        # A run asks for each of its objects: the others are looked through only to say which name was meant.
+        chosen = chosen_captures(catalogue.objects if item is None else [item], only)[object_id]
         contexts = tuple(
             CaptureContext.of(catalogue, object_id, capture.id, store, run, rehash)
             for capture in catalogue.object(object_id).captures
@@ -46,7 +48,7 @@ class ObjectCaptures:
             tuple(context for context in contexts if context.capture.id in chosen),
             contexts,
             address,
-            sum(len(entry.captures) for entry in catalogue.objects),
+            catalogue.n_captures,
             adopt,
         )
 

@@ -139,23 +139,23 @@ class Inbox:
             try:
                 catalogue = self._catalogue(submission)
                 objects = catalogue.objects if isinstance(catalogue, Catalogue) else catalogue
-            except GlintError as error:
-                problems[submission.name] = str(error)
-                continue
-            ids = [item.id for item in objects]
-            taken = [object_id for object_id in ids if object_id in owners]
-            if taken:
-                owner = owners[taken[0]].name
-                problems[submission.name] = f"contains the object {taken[0]}, as {owner} does: rename one of them"
-            elif not objects:
-                empty.append(submission.name)
-            else:
-                owners |= dict.fromkeys(ids, submission)
-                if isinstance(catalogue, Catalogue):
-                    address = self._write_catalogue(catalogue, f"{submission.name}.yaml")
+                ids = [item.id for item in objects]
+                taken = [object_id for object_id in ids if object_id in owners]
+                if taken:
+                    owner = owners[taken[0]].name
+                    problems[submission.name] = f"contains the object {taken[0]}, as {owner} does: rename one of them"
+                elif not objects:
+                    empty.append(submission.name)
+                elif isinstance(catalogue, Catalogue):
+                    address = self._write_catalogue(catalogue, "catalogues", f"{submission.name}.yaml")
                     batches.append(Batch(address, dict.fromkeys(ids, submission)))
+                    owners |= dict.fromkeys(ids, submission)
                 else:
                     loose += objects
+                    owners |= dict.fromkeys(ids, submission)
+            except (GlintError, OSError) as error:
+                # Whatever is wrong with one sub-folder must not stop the others; its name may be too long for a file.
+                problems[submission.name] = str(error)
         if loose:
             name = self.location.name or "inbox"
             objects = (*loose, *(item for item, _ in kept[:MAX_KEPT]))
@@ -209,11 +209,10 @@ class Inbox:
         catalogue = load(check_inside(folder.child(CATALOGUE), folders, "the catalogue"), self._parameters_model)
         return catalogue.model_copy(update={"objects": confined(catalogue.objects, folders)})
 
-    def _write_catalogue(self, catalogue: Catalogue, name: str) -> str:
-        """Write a catalogue whose files have been checked into the store; return its address."""
-        folder = self._records if name == CATALOGUE else self._records.child("catalogues")
-        if folder.local is not None:
-            folder.local.mkdir(parents=True, exist_ok=True)
-        target = folder.child(name)
+    def _write_catalogue(self, catalogue: Catalogue, *names: str) -> str:
+        """Write a catalogue whose files have been checked below the records; return its address."""
+        target = self._records.child(*names)
+        if target.local is not None:
+            target.local.parent.mkdir(parents=True, exist_ok=True)
         write(catalogue, target)
         return target.uri

@@ -21,7 +21,10 @@ def maintain(
         int | None, typer.Option(metavar="N", min=1, help="Keep the newest N versions of each object (default: all).")
     ] = None,
     older_than: Annotated[
-        float, typer.Option(metavar="DAYS", min=0.0, help="Only remove data unused for at least DAYS.")
+        float,
+        typer.Option(
+            metavar="DAYS", min=0.0, help="Only remove data unused for DAYS; in object stores at least an hour."
+        ),
     ] = 1.0,
     frames_budget: FramesBudget = None,
     as_json: Json = False,

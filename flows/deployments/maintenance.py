@@ -34,7 +34,7 @@ def run_maintenance(
         store: The store: a folder, s3://bucket/key or az://container/key.
         dry_run: Remove nothing, and report what would be removed.
         keep: Number of versions of each object to keep, the newest ones; null: all.
-        older_than: Only remove data unused for at least this many days.
+        older_than: Only remove data unused for at least this many days; in an object store for at least an hour.
         frames_budget: Largest size of the cache of frames in bytes; null: no limit.
         verify: Read all versions, and fail if something is not as it was written.
     """

@@ -77,12 +77,12 @@ def run_catalogue(
     max_objects = context.max_captures
     with ThreadPoolExecutor(max_objects) as pool:
         futures = []
-        for object_id, capture_ids in chosen.items():
-            captures = ObjectCaptures.of(loaded, catalogue, object_id, capture_ids, store, run, rehash, adopt)
-            futures.append(submit(pool, run_or_skip, captures, drift))
-            if len(futures) < max_objects and object_id not in context.unchanged:
-                time.sleep(STAGGER_SECONDS)
         try:
+            for object_id, capture_ids in chosen.items():
+                captures = ObjectCaptures.of(loaded, catalogue, object_id, capture_ids, store, run, rehash, adopt)
+                futures.append(submit(pool, run_or_skip, captures, drift))
+                if len(futures) < max_objects and object_id not in context.unchanged:
+                    time.sleep(STAGGER_SECONDS)
             with _progress_shown(context, name):
                 objects = [future.result() for future in futures]
         except BaseException:

@@ -104,8 +104,14 @@ def run_captures(captures: ObjectCaptures) -> tuple[CaptureResult, ...]:
             return run_reported(capture.object_id, capture.capture.id, process)
 
     with ThreadPoolExecutor(min(len(captures.chosen), MAX_THREADS)) as pool:
-        futures = [submit(pool, run_capture, capture) for capture in captures.chosen]
-        return tuple(future.result() for future in futures)
+        try:
+            futures = [submit(pool, run_capture, capture) for capture in captures.chosen]
+            return tuple(future.result() for future in futures)
+        except BaseException as end:
+            pool.shutdown(wait=False, cancel_futures=True)
+            if not isinstance(end, Exception):  # a deployment runs objects in the main thread, which is interrupted
+                run_context().cancel()
+            raise
 
 
 def with_agreement(captures: ObjectCaptures, results: Sequence[CaptureResult]) -> tuple[CaptureResult, ...]:

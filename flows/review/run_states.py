@@ -57,16 +57,18 @@ class RunStates:
         own = self._runs.of(row.name)
         if own is not None and own.state == "running":
             return replace(row, state="running", stage=own.stage, progress=own.share, seconds_left=own.seconds_left)
+        begin, end = ("", "") if own is None else (_iso(own.started), _iso(own.ended))
         running = self._running.get(row.name)
-        if running is not None and own is None:
+        # The server may not know yet that the page's own run has ended.
+        if running is not None and not (_is_later(running["since"], begin) and _is_later(end, running["since"])):
             share = running["progress"]
             left = _seconds_left(share, running["since"])
             return replace(row, state="running", stage=running["stage"], progress=share, seconds_left=left)
-        if own is not None and own.state == "failed":
-            return replace(row, state="failed", error=own.error, remedy=own.remedy)
         failed = self._failed.get(row.name)
-        if failed is not None and own is None and not _is_later(row.date, failed["ended"]):
+        if failed is not None and not any(_is_later(date, failed["ended"]) for date in (row.date, end)):
             return replace(row, state="failed", stage=failed["stage"], error=failed["error"])
+        if own is not None and own.state == "failed" and not _is_later(row.date, end):
+            return replace(row, state="failed", error=own.error, remedy=own.remedy)
         return row
 
     def _keep(self) -> None:
@@ -104,6 +106,11 @@ def _seconds_left(share: float | None, since: str) -> float | None:
         return None
     begin = datetime.fromisoformat(since)
     return round((datetime.now(begin.tzinfo) - begin).total_seconds() * (1.0 / share - 1.0), 1)
+
+
+def _iso(seconds: float | None) -> str:
+    """Return seconds since the epoch as an ISO date, None as an empty text."""
+    return "" if seconds is None else datetime.fromtimestamp(seconds).astimezone().isoformat()
 
 
 def _is_later(date: str, other_date: str) -> bool:

@@ -24,13 +24,15 @@ READ_SECONDS = 0.2
 class Run:
     """A run of one capture (`capture` is OBJECT/CAPTURE), or of all captures of an object (OBJECT).
 
-    state: running, done or failed; share: part of its time that has passed, seconds_left: until it ends, both None
-    before they are known, and for an object; stages: seconds by stage that has ended, None where its result was stored
-    already. Of an object, names of stages and errors begin with the capture.
+    state: running, done or failed; ended: seconds since the epoch, None while it runs; share: part of its time that has
+    passed, seconds_left: until it ends, both None before they are known, and for an object; stages: seconds by stage
+    that has ended, None where its result was stored already. Of an object, names of stages and errors begin with the
+    capture.
     """
 
     capture: str
     started: float = field(default_factory=time.time)
+    ended: float | None = None
     state: str = "running"
     stage: str = ""
     done: int = 0
@@ -43,9 +45,13 @@ class Run:
     version: str = ""
     stages: dict[str, float | None] = field(default_factory=dict)
 
+    def end(self, state: str) -> None:
+        """Record that the run has ended as done or failed."""
+        self.ended, self.state = time.time(), state
+
     def to_json(self) -> dict[str, Any]:
         """Return the run as JSON values."""
-        return asdict(self) | {"seconds": round(time.time() - self.started, 1)}
+        return asdict(self) | {"seconds": round((self.ended or time.time()) - self.started, 1)}
 
 
 class Runs:
@@ -86,7 +92,8 @@ class Runs:
                 for _ in _events(run, process, output, errors):
                     self.revision += 1
         except OSError as error:
-            run.state, run.error, run.remedy = "failed", f"it did not start: {error}", "free memory and disk space"
+            run.error, run.remedy = f"it did not start: {error}", "free memory and disk space"
+            run.end("failed")
             self.revision += 1
 
 
@@ -102,7 +109,7 @@ def _events(run: Run, process: "subprocess.Popen[bytes]", output: IO[bytes], err
             yield
     status = process.wait()
     if run.state == "running":
-        run.state = "done" if status == 0 else "failed"
+        run.end("done" if status == 0 else "failed")
     if status != 0 and not run.error:
         length = os.fstat(errors.fileno()).st_size
         text = os.pread(errors.fileno(), KEPT_BYTES, max(0, length - KEPT_BYTES)).decode(errors="replace")
@@ -135,7 +142,7 @@ def note(run: Run, event: dict[str, Any]) -> None:
         rows = [row for row in event.get("captures", ()) if _is_of(run, row.get("capture", ""))]
         if rows:
             row = next((row for row in rows if row["error"]), rows[0])
-            run.state = "failed" if row["error"] else "done"
+            run.end("failed" if row["error"] else "done")
             run.error = _prefix(run, row["capture"]) + row["error"] if row["error"] else ""
             run.remedy, run.version = row["remedy"], row["version"]
     elif _is_of(run, event.get("capture", "")):

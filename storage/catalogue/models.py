@@ -169,6 +169,15 @@ class Catalogue(_Strict):
         """Return the object with this id; KeyError if there is none."""
         return self._by_id[object_id]
 
+    def find(self, object_id: str) -> Object | None:
+        """Return the object with this id, None if there is none."""
+        return self._by_id.get(object_id)
+
+    @cached_property
+    def n_captures(self) -> int:
+        """The captures of all objects together."""
+        return sum(len(item.captures) for item in self.objects)
+
     @field_validator("schema_")
     @classmethod
     def _is_known_schema(cls, schema: int) -> int:

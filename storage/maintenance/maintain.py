@@ -21,6 +21,9 @@ from glint.storage.versions.repository import ObjectRepository, object_ids
 
 UNITS = {"": 1, "B": 1, "KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12}
 MAX_SIZE = 1e18
+MIN_SHARED_AGE = timedelta(hours=1)
+"""Least age of what is removed from an object store, where nothing keeps a run from beginning beside a cleaning: longer
+than any save takes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,16 +79,16 @@ def maintain(
 ) -> Maintenance:
     """Clean objects, then cached frames, then check the disk. An unreadable object does not stop the rest.
 
-    keep: versions of each object to keep, None: all; age: only data unused for that long is removed; frames_budget:
-    bytes that the cache of frames may take, None: no limit.
+    keep: versions of each object to keep, None: all; age: only data unused for that long is removed, in an object store
+    for at least an hour; frames_budget: bytes that the cache of frames may take, None: no limit.
 
     Raises:
         StoreError: the store cannot be listed.
     """
     ids = object_ids(location)
-    held = {object_id for object_id in ids if run_owner(location, object_id) is not None}
-    cleanings = [_clean_object(location, object_id, object_id in held, dry_run, keep, age) for object_id in ids]
-    cleanings.append(_clean_frames(location, frames_budget, held, dry_run))
+    age = age if location.local is not None else max(age, MIN_SHARED_AGE)
+    cleanings = [_clean_object(location, object_id, dry_run, keep, age) for object_id in ids]
+    cleanings.append(_clean_frames(location, frames_budget, dry_run))
     space = disk_space(location)
     # A tenth more objects should fit.
     warning = "" if space is None else space.warning(max(1, len(ids) // 10))
@@ -113,12 +116,11 @@ def parse_size(text: str) -> int:
     raise ValueError(f"{text!r} is not a size")
 
 
-def _clean_object(
-    location: Location, object_id: str, is_held: bool, dry_run: bool, keep: int | None, age: timedelta
-) -> Cleaning:
-    if is_held:
-        return Cleaning(object_id, 0, 0, "being run: left alone")
+def _clean_object(location: Location, object_id: str, dry_run: bool, keep: int | None, age: timedelta) -> Cleaning:
     try:
+        # A store is cleaned for hours, in which runs begin.
+        if run_owner(location, object_id) is not None:
+            return Cleaning(object_id, 0, 0, "being run: left alone")
         repository = ObjectRepository.open(location, object_id, create=False)
         removed = [] if keep is None else repository.prune(keep, dry_run)
         garbages = [repository.garbage_collect(dry_run, age)]
@@ -130,7 +132,7 @@ def _clean_object(
     return Cleaning(object_id, sum(item.objects for item in garbages), sum(item.bytes for item in garbages), note)
 
 
-def _clean_frames(location: Location, budget: int | None, held: set[str], dry_run: bool) -> Cleaning:
+def _clean_frames(location: Location, budget: int | None, dry_run: bool) -> Cleaning:
     """Remove cached frames beyond the budget, except those of objects that are being run.
 
     None are removed while such an object cannot be read: it may be damaged, or in the first moments of its first run.
@@ -140,6 +142,7 @@ def _clean_frames(location: Location, budget: int | None, held: set[str], dry_ru
     if budget is None:
         return Cleaning("frames", 0, 0, f"{format_size(total)} cached, no budget set")
     try:
+        held = [object_id for object_id in object_ids(location) if run_owner(location, object_id) is not None]
         in_use = {digest for object_id in held for digest in _frame_digests(location, object_id)}
     except StoreError as error:
         return Cleaning("frames", 0, 0, f"left alone, as what a run uses of them is unknown: {error}")

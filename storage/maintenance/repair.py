@@ -22,6 +22,7 @@ INDEX = "repo"
 def repair(location: Location, damages: tuple[Damage, ...]) -> list[str]:
     """Restore damaged indexes from their newest whole copy, go back to edits that can be read, remove damaged frames.
 
+    Objects that cannot be read for another reason are left alone.
     Returns what was done, in sentences.
 
     Raises:
@@ -29,8 +30,12 @@ def repair(location: Location, damages: tuple[Damage, ...]) -> list[str]:
     """
     done = []
     for object_id in sorted({damage.object_id for damage in damages if damage.object_id and not damage.version}):
-        with run_lock(location, object_id, "glint verify --repair"), mutation_lock(location, object_id):
-            done.append(_restore_index(location, object_id))
+        problem = _problem(location, object_id)
+        if isinstance(problem, DamagedError):
+            with run_lock(location, object_id, "glint verify --repair"), mutation_lock(location, object_id):
+                done.append(_restore_index(location, object_id))
+        elif problem is not None:
+            done.append(f"left {object_id} alone, as no repair helps: {problem}")
     for object_id in sorted({damage.object_id for damage in damages if damage.is_edit}):
         done += filter(None, [recover(ObjectRepository.open(location, object_id, create=False))])
     for damage in damages:
@@ -51,19 +56,20 @@ def _restore_index(location: Location, object_id: str) -> str:
         obstore.put(store, "damaged-index", damaged, use_multipart=False)
     for meta in sorted(listed, key=lambda meta: meta["last_modified"], reverse=True):
         obstore.put(store, INDEX, bytes(obstore.get(store, meta["path"]).bytes()), use_multipart=False)
-        if _is_readable(location, object_id) or _reset_work(folder, object_id):
+        if _problem(location, object_id) is None or _reset_work(folder, object_id):
             return f"restored the index of {object_id} as it was before its last change"
     return f"the index of {object_id} has no whole copy: restore a backup, or remove {folder.uri} and run again"
 
 
-def _is_readable(location: Location, object_id: str) -> bool:
+def _problem(location: Location, object_id: str) -> StoreError | None:
+    """Return why the index cannot be read, None if it can."""
     try:
         repository = ObjectRepository.open(location, object_id, create=False)
         repository.history()
         Edits(repository).history()
-    except StoreError:
-        return False
-    return True
+    except StoreError as error:
+        return error
+    return None
 
 
 def _reset_work(folder: Location, object_id: str) -> bool:

@@ -30,7 +30,7 @@ FRAMES_REMEDY = "nothing is lost: the next run decodes the frames again, and --r
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """Something damaged: an object's version (or `work`, an edit, or its whole index, then empty), or cached frames.
+    """Something damaged: an object's version (or `work`, an edit, or all of it, then empty), or cached frames.
 
     frames: their digest, empty for an object.
     """
@@ -79,7 +79,7 @@ def verify_store(
     frames: whether to read the cache of frames too; progress: called with (parts done, all parts).
 
     Raises:
-        StoreError: the store cannot be read, or has no such object.
+        StoreError: the store does not answer, or an object of `chosen` is absent or of another layout.
     """
     if location.local is not None and not location.local.is_dir():
         raise StoreError(f"no store at {location.uri}", "give the folder that `glint run --store` wrote to")
@@ -91,7 +91,10 @@ def verify_store(
             repository = ObjectRepository.open(location, object_id, create=False)
             versions[object_id] = repository.version_names()
             parts += [*_parts(repository, versions[object_id]), *_edit_parts(repository)]
-        except DamagedError as error:
+        except StoreError as error:
+            # Of all objects, one that cannot be read must not hide the damage of the others.
+            if isinstance(error, StoreUnreachable) or (object_id in chosen and not isinstance(error, DamagedError)):
+                raise
             damages.append(Damage(object_id, "", error.message, error.remedy))
     if frames:
         parts += [partial(_verify_frames, location, cache.digest) for cache in cached_frames(location)]

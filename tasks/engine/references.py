@@ -71,7 +71,7 @@ def chosen_captures(objects: Sequence[Object], only: Sequence[str] = ()) -> dict
     by_object = {item.id: [capture.id for capture in item.captures] for item in objects}
     if not only:
         return by_object
-    names = [f"{object_id}/{capture}" for object_id, captures in by_object.items() for capture in captures]
+    names = {f"{object_id}/{capture}": None for object_id, captures in by_object.items() for capture in captures}
     unknown = [name for name in only if name not in names and name not in by_object]
     if unknown:
         close = [name for name in names if name.endswith(f"/{unknown[0]}")]
@@ -80,8 +80,9 @@ def chosen_captures(objects: Sequence[Object], only: Sequence[str] = ()) -> dict
             f"the catalogue has no {', '.join(unknown)}",
             f"did you mean {close[0]}?" if close else "name OBJECT or OBJECT/CAPTURE as in the catalogue",
         )
+    wanted = set(only)
     chosen = {
-        object_id: [capture for capture in captures if object_id in only or f"{object_id}/{capture}" in only]
+        object_id: [capture for capture in captures if not wanted.isdisjoint((object_id, f"{object_id}/{capture}"))]
         for object_id, captures in by_object.items()
     }
     return {object_id: captures for object_id, captures in chosen.items() if captures}

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import time
 from functools import partial
 from pathlib import Path
 
@@ -9,7 +10,9 @@ import pytest
 
 from glint.flows.object_captures import ObjectCaptures, unchanged_objects
 from glint.flows.results import ObjectResult
-from glint.storage.catalogue.loading import load, write
+from glint.storage.catalogue.loading import Catalogue, load, write
+from glint.storage.errors import InputError
+from glint.tasks.engine.references import chosen_captures
 from glint.tasks.pipeline import NAMES
 from glint.tasks.publish import publish
 from glint.tasks.up_to_date import pending_stages
@@ -58,3 +61,33 @@ def test_unchanged_objects_are_found_and_the_others_counted_by_the_workers_they_
     assert unchanged_objects([captures, captures], 4, pytest.fail, prepare) == ({}, 2), (
         "the last stages need one worker each"
     )
+
+
+@pytest.fixture(scope="module")
+def large() -> Catalogue:
+    entries = [
+        {"id": f"o{number}", "captures": [{"id": name, "frames": f"/data/{number}/{name}.mp4"} for name in ("a", "b")]}
+        for number in range(10_000)
+    ]
+    return Catalogue.model_validate({"schema": 1, "name": "large", "objects": entries})
+
+
+def test_an_object_does_not_cost_more_in_a_large_catalogue(large: Catalogue) -> None:
+    begin = time.perf_counter()
+    for number in range(300):
+        captures = ObjectCaptures.of(large, "large.yaml", f"o{number}", ["b"], "/store", "", False)
+    assert time.perf_counter() - begin < 1.5
+    assert captures.ids == [("o299", "b")] and len(captures.all) == 2 and captures.n_captures == 20_000
+    with pytest.raises(InputError, match="no o10000") as raised:
+        ObjectCaptures.of(large, "large.yaml", "o10000", [], "/store", "", False)
+    assert "did you mean o1" in raised.value.remedy
+    with pytest.raises(InputError, match="no o7/c"):
+        ObjectCaptures.of(large, "large.yaml", "o7", ["c"], "/store", "", False)
+
+
+def test_many_captures_are_chosen_by_name_at_once(large: Catalogue) -> None:
+    names = [f"{item.id}/b" for item in large.objects]
+    begin = time.perf_counter()
+    chosen = chosen_captures(large.objects, names)
+    assert time.perf_counter() - begin < 1.0
+    assert chosen == {item.id: ["b"] for item in large.objects}

@@ -180,3 +180,16 @@ def test_what_was_checked_is_what_runs(inbox: Inbox) -> None:
     catalogue = load(batch.catalogue)
     assert catalogue.object("a").capture("f").frames == f"{inbox.location.path}/tray/a.mp4"
     assert catalogue.parameters == {"labels": {"method": "sheets"}}
+
+
+def test_a_sub_folder_of_any_name_leaves_the_others_alone(inbox: Inbox) -> None:
+    own = "schema: 1\nname: own\nobjects:\n  - id: {}\n    captures:\n      - id: front\n        frames: video.mp4\n"
+    long = "n" * 252
+    for name, object_id in (("catalogue", "bowl"), (long, "cup"), ("set", "jug")):
+        put(inbox, f"{name}/video.mp4")
+        put(inbox, f"{name}/catalogue.yaml", data=own.format(object_id).encode())
+    put(inbox, "duck/video.mp4")
+    scan = inbox.scan(AT_ONCE)
+    assert objects(scan) == {"bowl", "jug", "duck"} and set(scan.problems) == {long}
+    for batch in scan.batches:
+        assert {item.id for item in load(batch.catalogue).objects} == set(batch.submissions)

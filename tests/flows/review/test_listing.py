@@ -121,6 +121,33 @@ def test_a_run_of_the_page_shows_at_once_and_a_failure_until_the_next_version() 
     assert known.applied(row).state == "done"
 
 
+def test_the_newest_run_counts_whether_the_page_has_started_it_or_not() -> None:
+    runs = Runs("/absent")
+    known = RunStates("/absent", runs)
+    run = runs._runs["glass/front"] = Run("glass/front")
+    run.started -= 100.0
+    event = {"capture": "glass/front", "error": "no sphere", "remedy": "give one", "version": ""}
+    note(run, {"kind": "summary", "captures": [event]})
+
+    def date(seconds: float) -> str:
+        return (datetime.now(UTC) + timedelta(seconds=seconds)).isoformat(sep=" ", timespec="seconds")
+
+    earlier, later = (Row("glass", "front", "done", date=date(seconds)) for seconds in (-200.0, 60.0))
+    failed = known.applied(earlier)
+    assert (failed.state, failed.error, failed.remedy) == ("failed", "no sphere", "give one")
+    assert known.applied(later) is later, "a version was published elsewhere since"
+    note(run, {"kind": "summary", "captures": [event | {"error": ""}]})
+    states = []
+    for begin in (-200.0, -50.0, 60.0):
+        known._running = {"glass/front": {"stage": "labels", "progress": None, "since": date(begin)}}
+        states.append(known.applied(earlier).state)
+    assert states == ["running", "done", "running"], "the server reports the page's own run until it is asked again"
+    known._running = {}
+    for end, state in ((-50.0, "done"), (60.0, "failed")):
+        known._failed = {"glass/front": {"stage": "survey", "error": "no lights", "ended": date(end)}}
+        assert known.applied(earlier).state == state
+
+
 def test_a_capture_that_failed_before_it_stored_anything_is_shown(tmp_path: Path) -> None:
     made = filled(Row("bowl", "front", "done"))
     made._states._failed = {"glass/front": {"stage": "survey", "error": "no sphere", "ended": ""}}

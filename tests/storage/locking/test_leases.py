@@ -4,10 +4,13 @@ import threading
 import time
 from dataclasses import replace
 from datetime import timedelta
+from pathlib import Path
 
 import obstore
 import pytest
+from obstore.store import LocalStore
 
+from glint.storage.errors import StoreError
 from glint.storage.locking.leases import lease
 from glint.storage.locking.locks import run_lock, run_owner
 from glint.storage.locking.owner import LockOwner, ObjectBusy
@@ -64,6 +67,27 @@ def test_a_run_that_lost_its_lease_leaves_the_new_owner_alone() -> None:
     with run_lock(location, "duck"):
         obstore.put(location.store, KEY, foreign_owner().as_bytes())
     assert run_owner(location, "duck") is not None
+
+
+class FolderLocation(MemoryLocation):
+    """The same in a folder, which can be made to fail."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__()
+        self.folder = folder
+
+    def obstore(self) -> LocalStore:
+        return LocalStore(self.folder)
+
+
+def test_a_run_succeeds_though_its_lease_cannot_be_released(tmp_path: Path) -> None:
+    location = FolderLocation(tmp_path)
+    with run_lock(location, "duck"):
+        folder = tmp_path / "objects" / "duck"
+        folder.rename(tmp_path / "moved")
+        folder.symlink_to(folder)
+        with pytest.raises(StoreError):
+            run_owner(location, "duck")
 
 
 def test_a_torn_lease_is_taken_over() -> None:

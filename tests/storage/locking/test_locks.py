@@ -1,10 +1,14 @@
+import fcntl
 import multiprocessing
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from multiprocessing.context import SpawnProcess
 from multiprocessing.synchronize import Event
 from pathlib import Path
@@ -14,7 +18,7 @@ import pytest
 from glint.storage.locations.location import Location
 from glint.storage.locking import locks
 from glint.storage.locking.locks import mutation_lock, run_lock, run_owner
-from glint.storage.locking.owner import ObjectBusy
+from glint.storage.locking.owner import LockOwner, ObjectBusy
 from tests.storage.stores import local_store
 
 SPAWN = multiprocessing.get_context("spawn")
@@ -81,6 +85,19 @@ def test_a_killed_run_leaves_no_lock(location: Location) -> None:
         assert run_owner(location, "duck") is None
         with run_lock(location, "duck"):
             pass
+
+
+def test_a_status_check_does_not_disturb_the_run_after_a_killed_one(location: Location) -> None:
+    process = subprocess.Popen([sys.executable, "-c", ""])
+    process.wait()
+    path = Path(location.path) / "objects" / "duck" / "run.lock"
+    path.parent.mkdir(parents=True)
+    path.write_bytes(replace(LockOwner.this_process("killed"), pid=process.pid).as_bytes())
+    with path.open("rb") as handle:
+        fcntl.flock(handle, fcntl.LOCK_SH)
+        threading.Timer(0.3, fcntl.flock, (handle, fcntl.LOCK_UN)).start()
+        with run_lock(location, "duck"):
+            assert (owner := run_owner(location, "duck")) is not None and not owner.is_dead()
 
 
 def test_status_checks_do_not_disturb_a_run(location: Location) -> None:

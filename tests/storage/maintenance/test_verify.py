@@ -6,6 +6,7 @@ from pathlib import Path
 import icechunk
 import numpy as np
 import pytest
+import zarr
 
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import Changes
@@ -14,6 +15,7 @@ from glint.storage.locations.location import Location
 from glint.storage.maintenance.repair import repair
 from glint.storage.maintenance.verify import Damage, _with_remedy, verify_store
 from glint.storage.versions.repository import ObjectRepository
+from glint.storage.versions.snapshots import open_or_create
 from tests.damage.damage import build, problems, served
 
 
@@ -108,6 +110,30 @@ def test_a_store_or_object_that_is_not_there_is_not_called_whole(store: Path, tm
         verify_store(Location.parse(tmp_path / "absent"))
     with pytest.raises(StoreError, match="no object cup"):
         verify_store(Location.parse(store), ["cup"])
+
+
+def test_an_object_that_cannot_be_read_does_not_hide_the_damage_of_another(store: Path) -> None:
+    location = Location.parse(store)
+    (store / "objects" / "cup").mkdir()
+    foreign = location.child("objects", "foreign", "repo")
+    session = open_or_create(foreign, "foreign").writable_session("work")
+    zarr.open_group(session.store, mode="a").attrs["layout"] = 99
+    session.commit("written by another version")
+    written = open_or_create(foreign, "foreign").lookup_branch("work")
+    (store / "objects" / "vase" / "repo" / "repo").unlink()
+    outcome = verify_store(location)
+    assert [(damage.object_id, damage.version) for damage in outcome.damages] == [
+        ("cup", ""), ("foreign", ""), ("vase", ""),
+    ]  # fmt: skip
+    assert outcome.objects == 4 and outcome.versions == 2 and outcome.bytes > 0
+    cup, other, vase = repair(location, outcome.damages)
+    assert "left cup alone" in cup and "no object cup" in cup
+    assert "left foreign alone" in other and "newer version of Glint" in other
+    assert "restored the index of vase" in vase
+    assert open_or_create(foreign, "foreign").lookup_branch("work") == written
+    assert {damage.object_id for damage in verify_store(location).damages} == {"cup", "foreign"}
+    with pytest.raises(StoreError, match="no object cup"):
+        verify_store(location, ["cup"])
 
 
 def test_an_index_without_a_copy_is_reported(store: Path) -> None:

@@ -1,0 +1,55 @@
+"""Maintenance of stores in which runs begin at any time."""
+
+import os
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from datetime import timedelta
+from pathlib import Path
+
+from glint.storage.kept_values import keep, read_kept
+from glint.storage.locations.location import Location
+from glint.storage.locking.locks import mutation_lock, run_lock
+from glint.storage.maintenance.maintain import maintain
+from glint.storage.versions.repository import ObjectRepository
+from tests.storage.maintenance.test_maintain import NOW, frames, mesh, part, save, versions
+
+
+def test_data_of_an_object_whose_run_began_meanwhile_are_left_alone(tmp_path: Path) -> None:
+    location = Location.parse(tmp_path)
+    versions(location, 2)
+    save(location, mesh(0), "key", "bowl")
+    frames(location, "a" * 64, 1000, timedelta(days=3))
+    repository = ObjectRepository.open(location, "glass")
+    repository.save("front", "frames", "key", {}, {"cache": "a" * 64, "counts": {}, "warnings": []})
+    with ThreadPoolExecutor(1) as pool, ExitStack() as first:
+        first.enter_context(mutation_lock(location, "bowl"))
+        cleaning = pool.submit(maintain, location, False, 1, NOW, 0)
+        time.sleep(0.5)
+        with run_lock(location, "glass", "night"):
+            first.close()
+            done = cleaning.result()
+    assert repository.version_names() == ["v1", "v2"] and "being run" in part(done, "glass").note
+    assert (tmp_path / "frames" / ("a" * 64) / "zarr.json").exists()
+
+
+class FolderAsObjectStore(Location):
+    """A folder that is used as an object store is: without locks."""
+
+    local = None
+
+    def child(self, *parts: str) -> "FolderAsObjectStore":
+        return FolderAsObjectStore(self.scheme, self.container, super().child(*parts).path)
+
+
+def test_in_an_object_store_nothing_younger_than_an_hour_is_removed(tmp_path: Path) -> None:
+    location = FolderAsObjectStore("file", "", str(tmp_path))
+    for key in ("first", "second"):
+        save(location, mesh(0), key)
+    keep(location, "glass", "0a", [1])
+    assert part(maintain(location, False, 1, NOW, None), "glass").objects == 0
+    assert read_kept(location, "glass", "0a") == [1]
+    for path in tmp_path.rglob("*"):
+        os.utime(path, (time.time() - 4000, time.time() - 4000))
+    assert part(maintain(location, False, 1, NOW, None), "glass").objects > 0
+    assert read_kept(location, "glass", "0a") is None
