@@ -39,6 +39,7 @@ def edits(
     """Show, export, import or undo the changes that people made to the inputs of an object's captures."""
     from glint.storage.edits.edits import Edits
     from glint.storage.edits.files import changes_of_files, take_files, write_files
+    from glint.storage.errors import InputError
     from glint.storage.locations.location import Location
 
     object_id, _, capture = name.partition("/")
@@ -53,6 +54,8 @@ def edits(
         changes = changes_of_files(mask, markup)
         saved.append(opened.save(_required(capture, name), changes, _name(author), opened.revision))
     if undo is not None:
+        if capture and undo not in {revision.number for revision in opened.history(capture)}:
+            raise InputError(f"{name} has no edit {undo}", f"`glint history {object_id}` lists all edits")
         saved.append(opened.undo(undo, _name(author)))
     if discard:
         saved.append(opened.discard(_required(capture, name), _name(author)))

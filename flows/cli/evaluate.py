@@ -71,6 +71,10 @@ def evaluate(
     from glint.storage.locations.location import Location
     from glint.tasks.engine.references import check_truth
 
+    if file is not None and (quick or degraded):
+        raise typer.BadParameter("--quick and --degraded are for simulated captures, not for a CATALOGUE")
+    if perturbed and (degraded or ablation or questions):
+        raise typer.BadParameter("--perturbed stands without --degraded, --ablation and --questions")
     out.mkdir(parents=True, exist_ok=True)
     address = Location.parse(store or str(out / "store")).uri
     if perturbed:

@@ -4,6 +4,7 @@ import ipaddress
 import os
 import socket
 from typing import Annotated
+from urllib.parse import urlsplit
 
 import typer
 
@@ -44,6 +45,7 @@ def review(
     from glint.flows.review.kept_session import kept_session
     from glint.flows.runtime import signals
     from glint.flows.runtime.environment import prepare_environment
+    from glint.storage.errors import InputError
     from glint.storage.locations.location import Location
     from glint.tasks.engine.references import load_catalogue
 
@@ -52,9 +54,14 @@ def review(
         load_catalogue(file)
     prepare_environment()
     password = _password(host)
+    if not origin and ipaddress.ip_address(host).is_unspecified:
+        raise InputError(
+            f"--host {host} is no address that a browser could ask for",
+            "give --origin too: the address under which browsers reach the page, such as https://glint.example.org",
+        )
     listener = _listener(host, port)
     own = f"http://{f'[{host}]' if ':' in host else host}:{listener.getsockname()[1]}"
-    origins = tuple(entry.rstrip("/") for entry in origin or ()) or (own, own.replace("127.0.0.1", "localhost"))
+    origins = tuple(map(_checked_origin, origin or ())) or (own, own.replace("127.0.0.1", "localhost"))
     session = kept_session(origins[0], password)
     access = Access(origins, session=session) if password is None else Access(origins, password, session)
     config = uvicorn.Config(
@@ -66,6 +73,27 @@ def review(
     echo("press Ctrl+C to stop the server; runs that it started continue")
     signals.describe_end(END)
     uvicorn.Server(config).run(sockets=[listener])
+
+
+def _checked_origin(address: str) -> str:
+    """Return the origin of the page's address, as browsers state it.
+
+    Raises:
+        InputError: it is not the address of a page at the root of a server.
+    """
+    from glint.storage.errors import InputError
+
+    parts = urlsplit(address)
+    try:
+        is_origin = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
+    except ValueError:
+        is_origin = False
+    if not is_origin or parts.path.strip("/") or parts.query or parts.fragment or parts.username:
+        raise InputError(
+            f"--origin {address} is not an address under which browsers reach the page",
+            "give scheme, name and port alone, such as https://glint.example.org",
+        )
+    return f"{parts.scheme}://{parts.netloc.lower()}"
 
 
 def _password(host: str) -> str | None:

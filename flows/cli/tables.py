@@ -12,7 +12,8 @@ from glint.storage.edits.edits import Edits
 from glint.storage.errors import printable
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import run_owner
-from glint.storage.versions.repository import ObjectRepository, object_ids
+from glint.storage.versions.repository import ObjectRepository, Version, object_ids
+from glint.storage.versions.stage_results import WHOLE_OBJECT
 
 if TYPE_CHECKING:
     from glint.flows.pipeline.run import Summary
@@ -27,7 +28,7 @@ def show(table: Table | str) -> None:
     console = Console()
     if not console.is_terminal:
         console = Console(width=PIPE_WIDTH)
-    console.print(table)
+    console.print(_text(table) if isinstance(table, str) else table)
 
 
 def table_of(rows: Sequence[dict[str, Any]], empty: str) -> Table | str:
@@ -107,7 +108,7 @@ def _object_row(location: Location, object_id: str) -> dict[str, Any]:
     return {
         "object": object_id,
         "version": newest.name if newest else "",
-        "captures": len(newest.stages) if newest else 0,
+        "captures": len(_captures(newest)) if newest else 0,
         "published": newest.time.isoformat(timespec="seconds") if newest else "",
         "state": "idle" if holder is None else f"running ({holder})",
     }
@@ -120,7 +121,7 @@ def history_rows(store: str, object_id: str) -> list[dict[str, Any]]:
         {
             "version": version.name,
             "published": version.time.isoformat(timespec="seconds"),
-            "captures": ", ".join(version.stages),
+            "captures": ", ".join(_captures(version)),
             "author": "",
             "glint": version.metadata.get("glint", ""),
             "catalogue": version.metadata.get("catalogue", ""),
@@ -161,3 +162,8 @@ def _text(value: Any) -> Text:
     """Return a cell: text is shown as it is, without rich's markup and without what a terminal would obey."""
     text = f"{value:,}" if isinstance(value, int) and not isinstance(value, bool) else str(value)
     return Text(printable(text, keep="\n"))
+
+
+def _captures(version: Version) -> list[str]:
+    """Return the captures of a version, without the model of the whole object."""
+    return [name for name in version.stages if name != WHOLE_OBJECT]

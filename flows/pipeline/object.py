@@ -1,6 +1,7 @@
 """The flow of one object: its captures side by side, its model, and a version of what succeeded."""
 
 import contextvars
+import re
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -56,7 +57,8 @@ def run_object(
     run = run or str(runtime.flow_run.id)
     loaded = load_catalogue(catalogue)
     result = process_object(ObjectCaptures.of(loaded, catalogue, object_id, captures, store, run, rehash, adopt), drift)
-    done = "nothing" if result.version is None else f"{result.version.name}: {len(result.captures)} captures"
+    count = sum(item.capture_id != MODEL for item in result.captures)
+    done = "nothing" if result.version is None else f"{result.version.name}: {count} captures"
     return final_state(list(result.captures), done, result)
 
 
@@ -122,7 +124,8 @@ def with_agreement(captures: ObjectCaptures, results: Sequence[CaptureResult]) -
     failed = {result.capture_id for result in results if result.error}
     if len(captures.all) - len(failed) < 2:
         return tuple(results)
-    refused = {result.capture_id for result in results if "sphere" in result.error}
+    # A path may have the word in it, as that of a hemisphere has.
+    refused = {result.capture_id for result in results if re.search(r"\bspheres?\b", result.error)}
     warnings, offers = on_worker(captures.object_id, "spheres", compare_spheres, captures.all, failed, refused)
     agreed = list[CaptureResult]()
     for result in results:

@@ -110,7 +110,7 @@ def _events(run: Run, process: "subprocess.Popen[bytes]", output: IO[bytes], err
     status = process.wait()
     if run.state == "running":
         run.end("done" if status == 0 else "failed")
-    if status != 0 and not run.error:
+    if status != 0 and run.state != "done" and not run.error:
         length = os.fstat(errors.fileno()).st_size
         text = os.pread(errors.fileno(), KEPT_BYTES, max(0, length - KEPT_BYTES)).decode(errors="replace")
         lines = [line.strip() for line in text.splitlines() if line.strip()]

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from glint.storage.catalogue.models import Sphere
 from glint.storage.edits.models import MAX_LINE_CHARACTERS, EditedFields
 
 
@@ -29,12 +30,24 @@ def _spheres(before: Any, after: Any) -> str:
         return "to be found"
     if before is not None and len(before) == len(after):
         moved = [
-            f"{number} by ({new.x - old.x:+.1f}, {new.y - old.y:+.1f}) pixels, radius {new.radius - old.radius:+.1f}"
+            f"{number} {_sphere_change(old, new)}"
             for number, (old, new) in enumerate(zip(before, after, strict=True), 1)
             if old != new
         ]
         return ", ".join(moved)
     return f"{len(after)} drawn"
+
+
+def _sphere_change(old: Sphere, new: Sphere) -> str:
+    parts = []
+    if (old.x, old.y, old.radius) != (new.x, new.y, new.radius):
+        parts += [
+            f"by ({new.x - old.x:+.1f}, {new.y - old.y:+.1f}) pixels",
+            f"radius {new.radius - old.radius:+.1f}",
+        ]
+    if old.diameter_mm != new.diameter_mm:
+        parts.append("diameter " + ("unknown" if new.diameter_mm is None else f"{new.diameter_mm:g} mm"))
+    return ", ".join(parts)
 
 
 def _region(before: Any, after: Any) -> str:

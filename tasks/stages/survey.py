@@ -107,7 +107,7 @@ class _Search:
             region = region or around(mask, 2 * self.inputs.parameters.margin)
         return _Located(spheres, region, mask, warnings)
 
-    def found(self) -> tuple[_Located, Shake | None]:
+    def first_look(self) -> tuple[_Located, Shake | None]:
         """Look at the frames as they are; if they show nothing for a moved camera, at frames that are moved back.
 
         Raises:
@@ -146,7 +146,7 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
         elif shake is not None:
             places = search.located(search.sampled(shake))
         elif search.needs_sample:
-            places, shake = search.found()
+            places, shake = search.first_look()
         if shake is None or (not shake.record["applied"] and _circles(places.spheres) != _circles(given)):
             shake = search.shake(places.region, places.spheres)
             if search.needs_sample and shake.record["applied"]:

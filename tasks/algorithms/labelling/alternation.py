@@ -215,11 +215,10 @@ class Alternation:
         rotational = rotational_normals(self.symmetry, accepted, self.normals, self.initial, relative)
         if rotational is None or rotational.relief_fit < self.relief_fit:
             return False
-        surface, depth, relief_fit = rotational
         lights = accepted_weights(self.weights, self.labels)
-        if has_other_faces(surface, accepted, lights, self.mask, self.scale):
+        if has_other_faces(rotational.normals, accepted, lights, self.mask, self.scale):
             return False  # A prism seen from its front has the silhouette of a cylinder, which has no flat faces.
-        self.expected, self.body_depth, self.relief_fit = surface, depth, relief_fit
+        self.expected, self.body_depth, self.relief_fit = rotational
         self.smooth = self.solve_field(self.known, self.values)
         return True
 

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from glint.flows.cli.output import echo
-from glint.flows.cli.tables import table_of
+from glint.flows.cli.tables import show, table_of
 from glint.flows.errors import ServerError
 from glint.flows.reporting.console import JsonLines, PlainLines
 from glint.flows.reporting.events import CaptureWarning, Message
@@ -48,6 +48,12 @@ def test_tables_show_text_as_it_is() -> None:
     stream = io.StringIO()
     Console(file=stream, width=200).print(table_of([{"object": f"[red]{HOSTILE}", "count": 1000}], ""))
     assert "[red]" in stream.getvalue() and "1,000" in stream.getvalue() and not OBEYED.search(stream.getvalue())
+
+
+def test_sentences_show_text_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+    show(f"no objects in the store /data/[old]/[/x]/{HOSTILE}")
+    shown = capsys.readouterr().out
+    assert "/data/[old]/[/x]/" in shown and not OBEYED.search(shown)
 
 
 def test_events() -> None:

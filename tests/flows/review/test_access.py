@@ -2,10 +2,13 @@
 
 import http.client
 import json
+import time
+from concurrent.futures import ThreadPoolExecutor
 from urllib.parse import urlsplit
 
 import pytest
 
+from glint.flows.review.access import REFUSAL_SECONDS
 from tests.flows.review.conftest import ServedPage
 
 FOREIGN = "http://pages.example"
@@ -40,6 +43,16 @@ def test_the_token_is_exchanged_for_a_cookie_that_scripts_and_other_sites_cannot
     cookie = ask(served, "/api/session", "POST", served.access.token.encode()).getheader("Set-Cookie")
     assert cookie is not None and served.access.session in cookie and served.access.token not in cookie
     assert {"HttpOnly", "SameSite=strict", "Path=/"} <= {part.strip() for part in cookie.split(";")}
+
+
+def test_wrong_passwords_wait_for_each_other_and_right_ones_for_none(served: ServedPage) -> None:
+    with ThreadPoolExecutor(7) as pool:
+        started = time.monotonic()
+        wrong = [pool.submit(ask, served, "/api/session", "POST", b"wrong") for _ in range(6)]
+        right = pool.submit(ask, served, "/api/session", "POST", served.access.token.encode()).result()
+        assert right.status == 200 and not all(answer.done() for answer in wrong)
+        assert {answer.result().status for answer in wrong} == {403}
+    assert time.monotonic() - started >= 6 * REFUSAL_SECONDS
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from glint.storage.catalogue.models import Capture
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import Changes
 from glint.storage.edits.overlay import edited_entries
-from glint.storage.frames.eviction import CachedFrames, cached_frames, mark_used, over_budget
+from glint.storage.frames.eviction import CachedFrames, cached_frames, discard_frames, mark_used, over_budget
 from glint.storage.kept_values import keep, read_kept
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import run_lock
@@ -62,6 +62,14 @@ def frames(location: Location, digest: str, size: int, age: timedelta) -> None:
     for path, data in ((folder.parents[1] / "zarr.json", b"{}"), (folder / "0", b"x" * (size - 2))):
         path.write_bytes(data)
         os.utime(path, (then, then))
+
+
+def test_nothing_is_left_of_frames_that_are_discarded(tmp_path: Path) -> None:
+    location = Location.parse(tmp_path)
+    frames(location, "a" * 64, 1000, timedelta(days=3))
+    mark_used(location, "a" * 64)
+    discard_frames(location, "a" * 64)
+    assert list((tmp_path / "frames").iterdir()) == []
 
 
 def test_data_of_a_version_stay(tmp_path: Path) -> None:
