@@ -4,6 +4,7 @@ Reading an object takes milliseconds, so ten thousand are read once; after that 
 filtered and sorted in memory.
 """
 
+import logging
 import threading
 import time
 from collections.abc import Sequence
@@ -19,6 +20,7 @@ from glint.storage.locations.location import Location
 from glint.storage.versions.repository import object_ids
 from glint.tasks.engine.references import load_catalogue
 
+LOG = logging.getLogger(__name__)
 LISTING_SECONDS = 2.0
 """Seconds from the end of one look at the store to the next."""
 REST_SHARE = 1.0
@@ -36,13 +38,15 @@ RANK = {"failed": 0, "doubtful": 1, "running": 2, "waiting": 3, "warnings": 4, "
 @dataclass(frozen=True, slots=True)
 class View:
     """A part of the rows. total: number of rows that match; counts: of all rows by state; revision: another one if
-    anything has changed; complete: whether all objects have been read."""
+    anything has changed; complete: whether all objects have been read; problem: why the catalogue cannot be read, empty
+    if it can."""
 
     rows: Sequence[Row]
     total: int
     counts: dict[str, int]
     revision: int
     complete: bool
+    problem: str
 
 
 class Listing:
@@ -54,7 +58,7 @@ class Listing:
         self._rows: dict[str, dict[str, Row]] = {}
         self._stamps: dict[str, Any] = {}
         self._views: dict[tuple[str, tuple[str, ...], str], tuple[int, list[Row], dict[str, int]]] = {}
-        self._revision, self._is_complete = 0, False
+        self._revision, self._is_complete, self._problem = 0, False, ""
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._keep, name="glint-listing", daemon=True)
 
@@ -89,7 +93,7 @@ class Listing:
             self._views = dict(list(self._views.items())[-KEPT_VIEWS:]) | {key: known}
         _, matching, counts = known
         shown = matching[offset : offset + min(limit, MAX_PAGE)]
-        return View(shown, len(matching), counts, revision, self._is_complete)
+        return View(shown, len(matching), counts, revision, self._is_complete, self._problem)
 
     def _matching(self, words: Sequence[str], states: Sequence[str], sort: str) -> tuple[list[Row], dict[str, int]]:
         """Return the rows that match in their order, and the number of all rows by state."""
@@ -116,14 +120,26 @@ class Listing:
         return None if row is None else self._states.applied(row)
 
     def refresh_names(self) -> list[str]:
-        """Take over the names of all captures that the catalogue lists; return the ids of the objects of the store."""
-        listed = {} if self._catalogue is None else self._listed(self._catalogue)
-        for object_id, captures in listed.items():
-            rows = self._rows.setdefault(object_id, {})
-            for capture_id in captures:
-                if capture_id not in rows:
-                    rows[capture_id] = Row(object_id, capture_id, "new")
-                    self._revision += 1
+        """Take over the names of all captures that the catalogue lists; return the ids of the objects of the store.
+
+        A catalogue that cannot be read is a `problem` of the views, which keep its captures.
+
+        Raises:
+            StoreError, OSError: the store cannot be listed.
+        """
+        problem = ""
+        try:
+            for item in () if self._catalogue is None else load_catalogue(self._catalogue).objects:
+                rows = self._rows.setdefault(item.id, {})
+                for capture in item.captures:
+                    if capture.id not in rows:
+                        rows[capture.id] = Row(item.id, capture.id, "new")
+                        self._revision += 1
+        except (GlintError, OSError) as error:
+            problem = str(error)
+        if problem != self._problem:
+            self._problem = problem
+            self._revision += 1
         stored = object_ids(self._location)
         for object_id in stored:
             if object_id not in self._stamps:
@@ -153,13 +169,14 @@ class Listing:
             self._ended.wait(REST_SHARE * (time.monotonic() - started))
         self._is_complete = True
 
-    def _listed(self, catalogue: str) -> dict[str, list[str]]:
-        return {item.id: [capture.id for capture in item.captures] for item in load_catalogue(catalogue).objects}
-
     def _keep(self) -> None:
         while not self._ended.is_set():
-            with suppress(GlintError, OSError):
+            try:
                 self.read_changed(self.refresh_names())
+            except (GlintError, OSError):
+                pass  # a store that is absent or does not answer is looked at again
+            except Exception:
+                LOG.exception("the list of captures could not be refreshed")
             self._ended.wait(LISTING_SECONDS)
 
 

@@ -35,6 +35,7 @@ def captures(
         "counts": view.counts,
         "revision": view.revision,
         "complete": view.complete,
+        "problem": view.problem,
     }
 
 

@@ -38,10 +38,11 @@ class CatalogueView {
     for (const state of saved.getAll("state")) this.states.add(state);
     this.filters = element("div", { class: "filters", role: "group", "aria-label": "States" });
     this.summary = element("p", { class: "faint" });
+    this.problem = element("div", { class: "problem", role: "alert" });
     this.space = element("div", { class: "rows", role: "list" });
     this.scroller = element("div", { class: "scroller", role: "region", tabindex: "0", "aria-label": "Captures", onscroll: () => this.draw() }, this.space);
     root.classList.add("catalogue");
-    root.append(element("div", { class: "toolbar" }, this.search, this.filters, this.sort), this.summary, this.scroller);
+    root.append(element("div", { class: "toolbar" }, this.search, this.filters, this.sort), this.problem, this.summary, this.scroller);
     addEventListener("resize", () => this.draw(), { signal });
     bind([
       ["/", "search", () => this.search.focus()],
@@ -97,6 +98,7 @@ class CatalogueView {
     const all = Object.values(answer.counts).reduce((sum, count) => sum + count, 0);
     const reading = answer.complete ? "" : " · reading the store";
     this.summary.textContent = `${this.total.toLocaleString("en")} of ${all.toLocaleString("en")} captures · ${answer.store}${reading}`;
+    if (this.problem.textContent !== answer.problem) this.problem.textContent = answer.problem;
     this.drawFilters(answer.counts);
   }
 

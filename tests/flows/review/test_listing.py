@@ -13,8 +13,11 @@ from glint.flows.review.listing import RANK, Listing
 from glint.flows.review.object_rows import Row, object_rows
 from glint.flows.review.run_states import RunStates
 from glint.flows.review.runs import Run, Runs, note
+from glint.storage.catalogue.loading import load, write
 from glint.storage.errors import InputError
 from glint.storage.locations.location import Location
+from tests.flows.review.conftest import let_in, serve
+from tests.polling import until
 
 
 def listing(store: Path, catalogue: Path | None) -> Listing:
@@ -58,6 +61,60 @@ def test_what_the_catalogue_lists_is_new_and_what_is_damaged_failed(tmp_path: Pa
     made = listing(tmp_path / "store", simulated)
     (row,) = made.view("", (), "attention", 0, 10).rows
     assert row.state == "failed" and row.error and row.remedy
+
+
+def test_a_catalogue_with_an_error_is_told_and_the_store_read_nevertheless(tmp_path: Path, simulated: Path) -> None:
+    catalogue, folder = tmp_path / "catalogue.yaml", tmp_path / "store/objects/cup/repo"
+    write(load(simulated), catalogue)
+    whole = catalogue.read_text()
+    made = listing(tmp_path / "store", catalogue)
+    before = made.revision
+    catalogue.write_text(whole.replace("captures:", "captured:"))
+    folder.mkdir(parents=True)
+    made.start()
+    try:
+        until(lambda: "cup/-" in states(made))
+        view = made.view("", (), "name", 0, 10)
+        assert states(made) == {"hemisphere/front": "new", "cup/-": "failed"}
+        assert "captured" in view.problem and view.revision > before
+        catalogue.write_text(whole)
+        until(lambda: not made.view("", (), "name", 0, 10).problem)
+    finally:
+        made.stop()
+
+
+def test_an_unexpected_error_is_logged_and_the_list_goes_on(
+    tmp_path: Path, simulated: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    made = Listing(Location.parse(tmp_path), str(simulated), Runs(str(tmp_path)))
+    made._rows["hemisphere"] = None  # type: ignore[assignment]
+    made._thread.start()
+    try:
+        until(lambda: "could not be refreshed" in caplog.text)
+        made._rows.clear()
+        until(lambda: states(made) == {"hemisphere/front": "new"})
+    finally:
+        made.stop()
+
+
+@pytest.mark.slow
+def test_the_page_shows_what_is_wrong_with_the_catalogue_until_it_is_right(
+    tmp_path: Path, simulated: Path, chromium: Any
+) -> None:
+    catalogue = tmp_path / "catalogue.yaml"
+    write(load(simulated), catalogue)
+    whole = catalogue.read_text()
+    served = serve(tmp_path / "store", catalogue)
+    for tab in let_in(served, chromium):
+        assert not tab.page.is_visible("[role=alert]")
+        catalogue.write_text(whole.replace("captures:", "<b>captured:"))
+        tab.page.wait_for_selector("[role=alert] >> text=<b>captured")
+        assert tab.page.is_visible(".row .name")
+        catalogue.write_text(whole)
+        tab.page.wait_for_selector("[role=alert]", state="hidden")
+        # The thumbnail of a capture without results is absent, which the browser says.
+        tab.complaints.clear()
+    served.server.should_exit = True
 
 
 def filled(*rows: Row) -> Listing:
