@@ -142,11 +142,7 @@ class CaptureQuestions:
         clusters = without_shading(self.clusters)
         if view is not None:
             clusters, marks = faced(clusters, view), faced_marks(marks, view)
-        options: dict[str, Any] = {
-            "max_iterations": parameters.labels.rounds,
-            "graph_cut_weights": graph_cut_weights(parameters.labels),
-            "field_weights": field_weights(parameters.silhouette),
-        }
+        options: dict[str, Any] = {"max_iterations": parameters.labels.rounds, **self._weights}
         if self._settled is None:
             self._settled = settle(clusters, self.mask, draft=True, **options)
         normals = reconstruct_normals(
@@ -171,7 +167,7 @@ class CaptureQuestions:
             result = replace(result, normals=rotate_to_view(result.normals, view))
         shown = []
         # Some sheets are seen in no frame whose highlight is bright enough: ask for more than are needed.
-        for question in propose(candidates, self.mask, result, known_marks, 2 * count):
+        for question in propose(candidates, self.mask, result, known_marks, 2 * count, **self._weights):
             place = self._highlight(question)
             if place is not None:
                 frame, row, column = place
@@ -184,6 +180,12 @@ class CaptureQuestions:
         """Return the frame that shows a question's sheet, None where no frame does."""
         place = self._highlight(question)
         return None if place is None else place[0]
+
+    @property
+    def _weights(self) -> dict[str, Any]:
+        """Weights of the labelling, as arguments."""
+        labels, silhouette = self.work.parameters.labels, self.work.parameters.silhouette
+        return {"graph_cut_weights": graph_cut_weights(labels), "field_weights": field_weights(silhouette)}
 
     @cached_property
     def _labels(self) -> np.ndarray:

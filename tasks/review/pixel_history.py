@@ -1,9 +1,11 @@
 """Collect a pixel's history: the frames in which it was lit, and the candidates from its highlights."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from glint.storage.catalogue.models import Region
 from glint.storage.errors import InputError
 from glint.storage.export.report import code_names
 from glint.tasks.engine.capture_context import CaptureContext
@@ -28,6 +30,8 @@ def pixel_history(context: CaptureContext, x: int, y: int) -> dict[str, Any]:
     saved, geometry = saved_records(context), stored_geometry(context)
     if geometry is None or "thresholds" not in saved:
         raise InputError("highlights are not known before the first run", "run the capture")
+    # The survey may have another region already, where a run ended before the mask.
+    geometry = replace(geometry, region=Region(**saved["mask"][1]["region"]))
     row, column = geometry.row_and_column(x, y)
     place = slice(row, row + 1), slice(column, column + 1)
     levels = open_frames(context).read(OBJECT, slice(None), *place)[:, 0, 0].astype(int)

@@ -16,7 +16,7 @@ from glint.tasks.algorithms.candidates.shading import shading_log_ratio
 from glint.tasks.algorithms.labelling.answers import mark_influence
 from glint.tasks.algorithms.labelling.readmission import CONFIDENCE_RANGE, surface_probability
 from glint.tasks.algorithms.labelling.results import Reconstruction
-from glint.tasks.algorithms.labelling.weights import DEFAULT_FIELD, FieldWeights
+from glint.tasks.algorithms.labelling.weights import DEFAULT_FIELD, DEFAULT_GRAPH_CUT, FieldWeights, GraphCutWeights
 from glint.tasks.algorithms.prior.smooth_normals import contour_normals, inradius
 from glint.tasks.algorithms.questions.prediction import MAX_CHANGE_DEG, Prediction, accepted_pixels
 from glint.tasks.algorithms.sheets.integrability import shape_log_ratio
@@ -93,6 +93,7 @@ def propose(
     result: Reconstruction,
     marks: Marks | None,
     count: int,
+    graph_cut_weights: GraphCutWeights = DEFAULT_GRAPH_CUT,
     field_weights: FieldWeights = DEFAULT_FIELD,
 ) -> list[Question]:
     """Propose at most `count` sheets, no near-duplicates of one another: by their urgency, then by their value.
@@ -103,7 +104,7 @@ def propose(
         result: their labelling.
         marks: those that the labelling knew; sheets that they answer are left out.
         count: number of proposals.
-        field_weights: of the labelling.
+        graph_cut_weights, field_weights: of the labelling.
     """
     normals = np.where(mask[None, :, :, None], clusters.normals, np.nan).astype(np.float32)
     scale = inradius(mask)
@@ -114,7 +115,8 @@ def propose(
     _, _, pins = mark_constraints(marks, normals, mask)
     influence = mark_influence(nodes, ties, pins, scale)
     answered = patches.mean(np.abs(patches.of(influence))) > ANSWERED_INFLUENCE
-    evidence = shape_log_ratio(normals, scale) + shading_log_ratio(clusters.shading)
+    evidence = graph_cut_weights.shape_weight * shape_log_ratio(normals, scale)
+    evidence += graph_cut_weights.shading_weight * shading_log_ratio(clusters.shading)
     wrong = wrong_probability(patches, normals, evidence, clusters.observations, result)
     exterior = patches.exterior(result.labels)
     first = gain_of(exterior) * wrong * rough_change(patches, normals, result, mask, scale)

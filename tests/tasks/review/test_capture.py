@@ -16,7 +16,7 @@ from glint.tasks.engine.references import load_catalogue
 from glint.tasks.questions.capture_questions import CaptureQuestions
 from glint.tasks.questions.kept_proposals import propose_or_recall
 from glint.tasks.review import questions as review_questions
-from glint.tasks.review.capture_inputs import capture_inputs, check_mask, mask_picture
+from glint.tasks.review.capture_inputs import capture_inputs, check_mask, mask_in_use, mask_picture
 from glint.tasks.review.pictures import THUMBNAIL_SIZE, first_frame, frame_picture, level_picture, thumbnail
 from glint.tasks.review.pixel_history import pixel_history
 from glint.tasks.review.questions import prepare, questions
@@ -151,10 +151,13 @@ def test_what_a_run_with_another_region_left_is_shown_where_it_was(
     before = make_context(simulated, tmp_path / "store")
     shown = {level: level_picture(before, level) for level in ("background", "peak")}
     mask = mask_picture(before)
+    y, x = (int(place) for place in np.argwhere(mask_in_use(before))[0])
+    pixel = pixel_history(before, x, y)
     assert before.capture.region is not None
     region = before.capture.region.model_dump()
     smaller = {"x": region["x"] + 3, "width": region["width"] - 5}
     after = make_context(simulated, tmp_path / "store", region=region | smaller, mask=None)
     perform_all(after, "survey")
     assert mask_picture(after) == mask
+    assert pixel_history(after, x, y) == pixel
     assert {level: level_picture(after, level) for level in shown} == shown
