@@ -25,6 +25,7 @@ ABLATIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "default": {},
         "no symmetry": {"symmetry": False},
+        "no flat faces": {"flat_faces": False},
         "no shape evidence": {"graph_cut_weights": GraphCutWeights(shape_weight=0.0)},
         "no ties between neighbours": {"graph_cut_weights": GraphCutWeights(strength=0.0)},
         "every accepted normal pulls": {"min_confidence": 0.0},
