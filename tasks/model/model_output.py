@@ -17,6 +17,7 @@ from glint.tasks.algorithms.registration.view_rejection import RejectedView
 from glint.tasks.engine.stage import StageOutput
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.figures.model_sheet import model_sheet
+from glint.tasks.model.angle_corrections import correction_warnings
 from glint.tasks.model.base_plane import BasePlane
 
 OBSERVED_CONFIDENCE = 0.5
@@ -63,7 +64,12 @@ def model_output(
             "triangles": len(surface.triangles),
             "seen": round(report["seen"], 4),
         },
-        warnings=[_warning(view) for view in registered.rejected] + _doubt_warnings(doubts) + list(base.warnings),
+        warnings=[
+            *map(_warning, registered.rejected),
+            *correction_warnings(registered),
+            *_doubt_warnings(doubts),
+            *base.warnings,
+        ],
     )
 
 

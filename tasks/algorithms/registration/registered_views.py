@@ -29,6 +29,9 @@ from glint.tasks.algorithms.registration.view_rejection import MAX_RESIDUAL_PX, 
 
 SEARCHED_ANGLE_ERROR_DEG = 10.0
 """Standard deviation in degrees of a turntable angle that was searched on a coarse model."""
+MAX_GIVEN_DEVIATIONS, MAX_TURN_DEVIATIONS = 3.0, 1.0
+"""Standard deviations from the given angle, and from what silhouettes and earlier normals say, beyond which normals do
+not turn a view: those of nearly symmetric bodies agree by false highlights as well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +98,10 @@ def register_by_matrices(views: Sequence[View]) -> RegisteredViews:
 
 
 def refine(registered: RegisteredViews, model: Model) -> RegisteredViews:
-    """Refine the poses on a model: a turntable by the consistency of normals, else the poses that were searched."""
+    """Refine the poses on a model: a turntable by the consistency of normals, else the poses that were searched.
+
+    Angles that would contradict those given, and that silhouettes do not ask for, leave the turntable as it is.
+    """
     if registered.turntable is None:
         if not registered.searched:
             return registered
@@ -108,7 +114,17 @@ def refine(registered: RegisteredViews, model: Model) -> RegisteredViews:
     solved = calibrate_turntable(
         registered.views, registered.turntable, registered.given_angles, normals, registered.angle_errors
     )
+    from_given = _turns(registered.given_angles, solved.angles) / registered.angle_errors
+    from_present = _turns(registered.turntable.angles, solved.angles) / registered.angle_errors
+    if ((from_given > MAX_GIVEN_DEVIATIONS) & (from_present > MAX_TURN_DEVIATIONS)).any():
+        return registered
     return _with_turntable(registered, solved)
+
+
+def _turns(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Return by how many degrees each angle (K,) changes, beside the turn of all."""
+    turns = (after - before + 180.0) % 360.0 - 180.0
+    return np.abs(turns - np.median(turns))
 
 
 def register_unposed(registered: RegisteredViews, unposed: Sequence[View], model: Model) -> RegisteredViews:

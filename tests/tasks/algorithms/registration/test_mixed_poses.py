@@ -8,7 +8,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from glint.tasks.algorithms.multiview.view import View
-from glint.tasks.algorithms.registration.registered_views import refine, register_on_turntable
+from glint.tasks.algorithms.registration.registered_views import RegisteredViews, refine, register_on_turntable
 from glint.tasks.algorithms.registration.turntable import Turntable
 from tests.tasks.algorithms.multiview.figurine import body, true_model, views_at, views_of
 
@@ -64,3 +64,22 @@ def test_a_given_pose_that_contradicts_the_turntable_is_named(on_table: list[Vie
     assert [view.name for view in registered.rejected] == ["above"]
     assert registered.rejected[0].angle is None and "contradicts" in registered.rejected[0].reason
     assert [view.name for view in registered.views] == [*(view.name for view in on_table), "near"]
+
+
+@pytest.mark.long
+def test_normals_alone_do_not_turn_a_view_far_from_its_given_angle() -> None:
+    """Silhouettes of a body of revolution say nothing of angles; the normals of one view are those of another angle."""
+    given = np.arange(0.0, 360.0, 60.0)
+    table, vase = Turntable(0.0, 0.0, 0.0, given), trimesh.creation.icosphere(4, 42.0)
+    for error, is_followed in ((1.5, True), (9.0, False)):
+        shown = views_of(body(), replace(table, angles=given + error * (np.arange(6) == 2)))
+        outlines = views_of(vase, table)
+        views = [
+            outline.with_normals(view.normals, np.where(view.mask, view.confidence, 0.0).astype(np.float32))
+            for outline, view in zip(outlines, shown, strict=True)
+        ]
+        registered = RegisteredViews(tuple(views), (), (), table, given, np.ones(6))
+        refined = refine(registered, true_model(body())).turntable
+        assert refined is not None
+        turn = refined.angles[2] - np.median(refined.angles - given) - given[2]
+        assert (abs(turn - error) < 1.0) if is_followed else (turn == 0.0)

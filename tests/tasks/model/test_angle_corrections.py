@@ -1,0 +1,45 @@
+"""Corrections of stated turntable angles: of all views together none, of single ones a warning."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glint.tasks.algorithms.registration.registered_views import RegisteredViews
+from glint.tasks.algorithms.registration.turntable import Turntable
+from glint.tasks.model.angle_corrections import correction_warnings
+from tests.tasks.algorithms.multiview.figurine import body, views_of
+
+GIVEN = np.array([0.0, 90.0, 180.0, 270.0])
+
+
+@pytest.fixture(scope="module")
+def registered() -> RegisteredViews:
+    """Four views whose stated angles are right."""
+    table = Turntable(0.0, 0.0, 0.0, GIVEN)
+    return RegisteredViews(tuple(views_of(body(), table)), (), (), table, GIVEN, np.ones(4))
+
+
+def corrected(registered: RegisteredViews, by: list[float]) -> list[str]:
+    table = Turntable(0.0, 0.0, 0.0, GIVEN + by)
+    return [warning.message for warning in correction_warnings(replace(registered, turntable=table))]
+
+
+def test_small_corrections_and_that_of_all_are_no_mistakes(registered: RegisteredViews) -> None:
+    assert corrected(registered, [0.5, -0.8, 0.0, 1.0]) == []
+    assert corrected(registered, [7.0, 7.0, 7.0, 7.0]) == []
+    assert corrected(registered, [-360.0, 0.0, 360.0, 0.0]) == []
+
+
+def test_a_large_correction_names_the_view_and_its_angle(registered: RegisteredViews) -> None:
+    (message,) = corrected(registered, [0.0, 7.3, 0.0, -1.0])
+    assert f"angle of {registered.views[1].name} is stated as 90 degrees" in message and "by +7.3" in message
+
+
+def test_angles_that_were_searched_are_not_stated(registered: RegisteredViews) -> None:
+    searched = replace(registered, searched=(registered.views[1].name,))
+    assert corrected(searched, [0.0, 7.3, 0.0, 0.0]) == []
+
+
+def test_views_without_a_turntable_have_no_angles(registered: RegisteredViews) -> None:
+    assert correction_warnings(replace(registered, turntable=None)) == []
