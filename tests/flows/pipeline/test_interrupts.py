@@ -19,6 +19,14 @@ from tests.polling import until
 pytestmark = [pytest.mark.server, pytest.mark.usefixtures("server")]
 
 
+@pytest.fixture(autouse=True)
+def interruptible() -> Iterator[None]:
+    """SIGINT as a terminal's program has it; a shell's background program ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.fixture
 def context(cluster: Cluster) -> Iterator[RunContext]:
     """An active context with a client of its own, which may be cancelled."""
