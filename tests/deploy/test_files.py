@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +68,7 @@ def test_a_service_is_limited_watched_and_local(name: str) -> None:
 def test_every_variable_of_compose_is_explained() -> None:
     used = set(re.findall(r"\$\{([A-Z_]+)", (DEPLOY / "compose.yaml").read_text()))
     documented = set(re.findall(r"^([A-Z_]+)=", (DEPLOY / ".env.example").read_text(), re.MULTILINE))
-    assert used - documented <= {"GLINT_IMAGE", "PREFECT_UI_API_URL"} and documented <= used
+    assert used - documented <= {"GLINT_IMAGE"} and documented <= used
 
 
 def test_examples_hold_no_secret() -> None:
@@ -114,6 +115,12 @@ def test_the_image_installs_what_setup_does() -> None:
     wanted = set(re.findall(r":(lib[a-z0-9.-]+)", (ROOT / "setup.sh").read_text()))
     assert wanted and wanted <= set((DEPLOY / "Dockerfile").read_text().split())
     assert not re.search(r"^USER (root|0)", (DEPLOY / "Dockerfile").read_text(), re.MULTILINE)
+
+
+def test_the_image_keeps_no_tool_of_the_developers() -> None:
+    tools = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]["dev"])
+    removed = (DEPLOY / "Dockerfile").read_text().partition("pip uninstall")[2].partition("\n\n")[0].split()
+    assert tools - {"setuptools"} <= set(removed)
 
 
 def test_compose_accepts_the_file(tmp_path: Path) -> None:
