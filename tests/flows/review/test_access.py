@@ -2,10 +2,13 @@
 
 import http.client
 import json
+import time
+from concurrent.futures import ThreadPoolExecutor
 from urllib.parse import urlsplit
 
 import pytest
 
+from glint.flows.review.access import REFUSAL_SECONDS
 from tests.flows.review.conftest import ServedPage
 
 FOREIGN = "http://pages.example"
@@ -40,6 +43,19 @@ def test_the_token_is_exchanged_for_a_cookie_that_scripts_and_other_sites_cannot
     cookie = ask(served, "/api/session", "POST", served.access.token.encode()).getheader("Set-Cookie")
     assert cookie is not None and served.access.session in cookie and served.access.token not in cookie
     assert {"HttpOnly", "SameSite=strict", "Path=/"} <= {part.strip() for part in cookie.split(";")}
+
+
+def test_wrong_passwords_are_refused_one_after_another_and_the_right_one_does_not_wait(served: ServedPage) -> None:
+    def seconds(password: bytes) -> float:
+        started = time.monotonic()
+        ask(served, "/api/session", "POST", password)
+        return time.monotonic() - started
+
+    with ThreadPoolExecutor() as pool:
+        guesses = [pool.submit(seconds, b"guess %d" % number) for number in range(4)]
+        time.sleep(REFUSAL_SECONDS / 2)
+        assert seconds(served.access.token.encode()) < REFUSAL_SECONDS
+        assert max(guess.result() for guess in guesses) > 4 * REFUSAL_SECONDS - 0.1
 
 
 @pytest.mark.parametrize(
