@@ -116,7 +116,8 @@ def with_agreement(captures: ObjectCaptures, results: Sequence[CaptureResult]) -
     failed = {result.capture_id for result in results if result.error}
     if len(captures.all) - len(failed) < 2:
         return tuple(results)
-    refused = {result.capture_id for result in results if "sphere" in result.error}
+    # As a word: paths that an error names may have it in them, such as hemisphere.mp4.
+    refused = {result.capture_id for result in results if "sphere" in result.error.split()}
     warnings, offers = on_worker(captures.object_id, "spheres", compare_spheres, captures.all, failed, refused)
     agreed = list[CaptureResult]()
     for result in results:
