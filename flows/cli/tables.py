@@ -23,11 +23,11 @@ PIPE_WIDTH = 200
 
 
 def show(table: Table | str) -> None:
-    """Print a table on standard output."""
+    """Print a table, or the sentence in place of an empty one, on standard output."""
     console = Console()
     if not console.is_terminal:
         console = Console(width=PIPE_WIDTH)
-    console.print(table)
+    console.print(_text(table) if isinstance(table, str) else table)
 
 
 def table_of(rows: Sequence[dict[str, Any]], empty: str) -> Table | str:

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from glint.flows.cli.output import echo
-from glint.flows.cli.tables import table_of
+from glint.flows.cli.tables import show, table_of
 from glint.flows.errors import ServerError
 from glint.flows.reporting.console import JsonLines, PlainLines
 from glint.flows.reporting.events import CaptureWarning, Message
@@ -35,6 +35,12 @@ def test_errors_are_one_line(kind: type[Exception]) -> None:
     error = kind(f"{HOSTILE}\nglint: all is well", HOSTILE)
     assert not OBEYED.search(str(error)) and "\n" not in str(error)
     assert str(pickle.loads(pickle.dumps(error))) == str(error)
+
+
+def test_a_sentence_in_place_of_a_table_is_printed_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+    for text in ("no objects in /data/[old]/store", "no objects in /data/[/]"):
+        show(text)
+        assert capsys.readouterr().out == f"{text}\n"
 
 
 def test_commands(capsys: pytest.CaptureFixture[str]) -> None:
