@@ -2,6 +2,7 @@
 
 import os
 import posixpath
+import re
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,8 @@ __all__ = [
 
 MAX_CAPTURES = 100_000
 """Captures of one catalogue: so many are read within a minute."""
+_FRAMES_KEY = re.compile(r"\bframes['\"]?\s*:")
+"""What every capture has, found before the file is parsed: that takes long where there are too many."""
 CATALOGUE_KIND = Kind(
     "catalogue",
     lambda root: isinstance(root, LinedDict) and not {"schema", "objects"}.isdisjoint(root),
@@ -71,7 +74,7 @@ def load(path: Address, parameters_model: type[BaseModel] | None = None) -> Cata
     """
     location, name = locate(path), path.uri if isinstance(path, Location) else str(path)
     text = _text(location, name)
-    captures = text.count("frames")
+    captures = len(_FRAMES_KEY.findall(text))
     if captures > MAX_CAPTURES:
         message = f"this lists about {captures:,} captures"
         raise CatalogueError((Diagnostic(name, 1, message, f"at most {MAX_CAPTURES:,} are read: split the catalogue"),))
