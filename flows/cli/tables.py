@@ -107,7 +107,7 @@ def _object_row(location: Location, object_id: str) -> dict[str, Any]:
     return {
         "object": object_id,
         "version": newest.name if newest else "",
-        "captures": len(newest.stages) if newest else 0,
+        "captures": len(newest.captures) if newest else 0,
         "published": newest.time.isoformat(timespec="seconds") if newest else "",
         "state": "idle" if holder is None else f"running ({holder})",
     }
@@ -120,7 +120,7 @@ def history_rows(store: str, object_id: str) -> list[dict[str, Any]]:
         {
             "version": version.name,
             "published": version.time.isoformat(timespec="seconds"),
-            "captures": ", ".join(version.stages),
+            "captures": ", ".join(version.captures),
             "author": "",
             "glint": version.metadata.get("glint", ""),
             "catalogue": version.metadata.get("catalogue", ""),

@@ -21,7 +21,7 @@ from glint.flows.pipeline.drift import report_drifts
 from glint.flows.pipeline.model import process_model
 from glint.flows.pipeline.worker import SURVEY, compare_spheres, publish_captures
 from glint.flows.reporting.events import CaptureEnded, CaptureFailed, CaptureWarning, Message
-from glint.flows.results import CaptureResult, ObjectResult, final_state
+from glint.flows.results import CaptureResult, ObjectResult, final_state, without_models
 from glint.flows.runtime.orphaned_runs import untagged_tasks
 from glint.storage.catalogue.models import MODEL
 from glint.storage.locking.locks import run_lock
@@ -56,7 +56,11 @@ def run_object(
     run = run or str(runtime.flow_run.id)
     loaded = load_catalogue(catalogue)
     result = process_object(ObjectCaptures.of(loaded, catalogue, object_id, captures, store, run, rehash, adopt), drift)
-    done = "nothing" if result.version is None else f"{result.version.name}: {len(result.captures)} captures"
+    done = (
+        "nothing"
+        if result.version is None
+        else f"{result.version.name}: {len(without_models(result.captures))} captures"
+    )
     return final_state(list(result.captures), done, result)
 
 

@@ -296,9 +296,7 @@ def test_a_missing_file(tmp_path: Path) -> None:
         load(tmp_path)
 
 
-def test_captures_are_counted_by_their_key_not_by_their_paths(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_captures_are_counted_by_their_key_not_by_their_paths(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(loading, "MAX_CAPTURES", 1)
     text = "schema: 1\nname: x\nobjects: [{id: a, captures: [%s]}]\n"
     entry = '{id: %s, "frames": frames/frames_*.png}'
