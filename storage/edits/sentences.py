@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from glint.storage.catalogue.models import Sphere
 from glint.storage.edits.models import MAX_LINE_CHARACTERS, EditedFields
 
 
@@ -28,13 +29,18 @@ def _spheres(before: Any, after: Any) -> str:
     if not after:
         return "to be found"
     if before is not None and len(before) == len(after):
-        moved = [
-            f"{number} by ({new.x - old.x:+.1f}, {new.y - old.y:+.1f}) pixels, radius {new.radius - old.radius:+.1f}"
-            for number, (old, new) in enumerate(zip(before, after, strict=True), 1)
-            if old != new
-        ]
-        return ", ".join(moved)
+        pairs = enumerate(zip(before, after, strict=True), 1)
+        return ", ".join(f"{number} {_sphere(old, new)}" for number, (old, new) in pairs if old != new)
     return f"{len(after)} drawn"
+
+
+def _sphere(old: Sphere, new: Sphere) -> str:
+    parts = list[str]()
+    if (old.x, old.y, old.radius) != (new.x, new.y, new.radius):
+        parts.append(f"by ({new.x - old.x:+.1f}, {new.y - old.y:+.1f}) pixels, radius {new.radius - old.radius:+.1f}")
+    if old.diameter_mm != new.diameter_mm:
+        parts.append("without a diameter" if new.diameter_mm is None else f"with a diameter of {new.diameter_mm:g} mm")
+    return ", ".join(parts)
 
 
 def _region(before: Any, after: Any) -> str:
