@@ -56,11 +56,8 @@ def run_object(
     run = run or str(runtime.flow_run.id)
     loaded = load_catalogue(catalogue)
     result = process_object(ObjectCaptures.of(loaded, catalogue, object_id, captures, store, run, rehash, adopt), drift)
-    done = (
-        "nothing"
-        if result.version is None
-        else f"{result.version.name}: {len(without_models(result.captures))} captures"
-    )
+    n_captures = len(without_models(result.captures))
+    done = "nothing" if result.version is None else f"{result.version.name}: {n_captures} captures"
     return final_state(list(result.captures), done, result)
 
 

@@ -12,7 +12,7 @@ from glint.storage.catalogue.models import Capture
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import Changes
 from glint.storage.edits.overlay import edited_entries
-from glint.storage.frames.eviction import CachedFrames, cached_frames, mark_used, over_budget
+from glint.storage.frames.eviction import CachedFrames, cached_frames, discard_frames, mark_used, over_budget
 from glint.storage.kept_values import keep, read_kept
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import run_lock
@@ -156,6 +156,14 @@ def test_the_least_recently_used_frames_are_removed_first(tmp_path: Path) -> Non
     assert part(dry, "frames").objects == 2 and len(cached_frames(location)) == 4
     maintain(location, False, None, NOW, 2500)
     assert [entry.digest[0] for entry in cached_frames(location)] == ["d", "b"]
+
+
+def test_nothing_is_left_of_discarded_frames(tmp_path: Path) -> None:
+    location = Location.parse(tmp_path)
+    frames(location, "a" * 64, 1000, timedelta(days=3))
+    mark_used(location, "a" * 64)
+    discard_frames(location, "a" * 64)
+    assert list((tmp_path / "frames").iterdir()) == []
 
 
 def test_files_behind_links_in_a_store_are_not_removed(tmp_path: Path) -> None:
