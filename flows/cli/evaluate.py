@@ -71,6 +71,12 @@ def evaluate(
     from glint.storage.locations.location import Location
     from glint.tasks.engine.references import check_truth
 
+    simulations = _given({"--quick": quick, "--degraded": degraded})
+    if file is not None and not perturbed and simulations:
+        raise typer.BadParameter(f"{simulations} is for simulated captures: leave it out, or CATALOGUE")
+    others = _given({"--degraded": degraded, "--ablation": ablation, "--questions": questions > 0})
+    if perturbed and others:
+        raise typer.BadParameter(f"--perturbed and {others} exclude each other: leave one out")
     out.mkdir(parents=True, exist_ok=True)
     address = Location.parse(store or str(out / "store")).uri
     if perturbed:
@@ -91,6 +97,11 @@ def evaluate(
     for failure in summary.result.failed:
         echo(f"{failure.name} failed: {failure.error}\n  -> {failure.remedy}", colour="red", err=True)
     sys.exit(1 if summary.result.failed else 0)
+
+
+def _given(options: Mapping[str, bool]) -> str:
+    """Return the names of those options that were given, as a text."""
+    return ", ".join(name for name, given in options.items() if given)
 
 
 def _simulated(out: Path, quick: bool, degraded: bool, only: Sequence[str], console: "Sink") -> Path:

@@ -55,6 +55,24 @@ def test_a_mistake_is_named_before_anything_is_computed(
     assert not list(catalogue.parent.glob("out/*"))
 
 
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("catalogue.yaml --quick", "--quick is for simulated captures"),
+        ("catalogue.yaml --degraded", "--degraded is for simulated captures"),
+        ("--perturbed --degraded", "--perturbed and --degraded exclude each other"),
+        ("--perturbed --ablation --questions 3", "--perturbed and --ablation, --questions exclude each other"),
+    ],
+)
+def test_options_of_evaluate_that_would_be_ignored_are_refused(
+    catalogue: Path, monkeypatch: pytest.MonkeyPatch, words: str, message: str
+) -> None:
+    monkeypatch.chdir(catalogue.parent)
+    done = CliRunner().invoke(app, ["evaluate", "--out", "out", *words.split()], env={"COLUMNS": "200"})
+    assert done.exit_code == 2 and message in done.output
+    assert not Path("out").exists()
+
+
 def test_an_origin_is_written_as_browsers_send_it() -> None:
     given = ["HTTPS://Glint.example:443/", "http://[::1]:4300", "http://10.0.0.1:80"]
     assert _origins(given, "0.0.0.0") == ("https://glint.example", "http://[::1]:4300", "http://10.0.0.1")
