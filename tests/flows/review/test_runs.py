@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import sys
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 from glint import reading
-from glint.flows.review.runs import Run, note
+from glint.flows.review.runs import Run, Runs, note
 from glint.flows.runtime.prefect_server import Server
 from glint.storage.catalogue.loading import Capture, Catalogue, Object, load, write
 from glint.storage.edits.edits import Edits
@@ -61,6 +62,18 @@ def test_the_run_of_an_object_reports_all_its_captures() -> None:
     run = Run("glass")
     note(run, {"kind": "summary", "captures": rows[:1]})
     assert (run.state, run.error, run.version) == ("done", "", "v2")
+
+
+def test_the_run_of_a_capture_is_done_though_the_model_of_its_object_fails() -> None:
+    rows = [
+        {"capture": "glass/front", "error": "", "remedy": "", "version": "v2"},
+        {"capture": "glass/model", "error": "the views do not meet", "remedy": "add one", "version": "v2"},
+    ]
+    program = f"import sys; print({json.dumps({'kind': 'summary', 'captures': rows})!r}); sys.exit(1)"
+    for name, state, error in (("glass/front", "done", ""), ("glass", "failed", "model: the views do not meet")):
+        run = Run(name)
+        Runs("store")._follow(run, [sys.executable, "-c", program])
+        assert (run.state, run.error, run.version) == (state, error, "v2")
 
 
 def test_a_moved_sphere_is_used_by_the_run_and_only_what_depends_on_it_is_computed(
