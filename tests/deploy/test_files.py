@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -114,6 +115,12 @@ def test_the_image_installs_what_setup_does() -> None:
     wanted = set(re.findall(r":(lib[a-z0-9.-]+)", (ROOT / "setup.sh").read_text()))
     assert wanted and wanted <= set((DEPLOY / "Dockerfile").read_text().split())
     assert not re.search(r"^USER (root|0)", (DEPLOY / "Dockerfile").read_text(), re.MULTILINE)
+
+
+def test_the_image_keeps_no_tool_of_the_developers() -> None:
+    tools = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]["dev"])
+    removed = (DEPLOY / "Dockerfile").read_text().partition("pip uninstall")[2].partition("\n\n")[0].split()
+    assert tools - {"setuptools"} <= set(removed)
 
 
 def test_compose_accepts_the_file(tmp_path: Path) -> None:
