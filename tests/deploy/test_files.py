@@ -68,7 +68,7 @@ def test_a_service_is_limited_watched_and_local(name: str) -> None:
 def test_every_variable_of_compose_is_explained() -> None:
     used = set(re.findall(r"\$\{([A-Z_]+)", (DEPLOY / "compose.yaml").read_text()))
     documented = set(re.findall(r"^([A-Z_]+)=", (DEPLOY / ".env.example").read_text(), re.MULTILINE))
-    assert used - documented <= {"GLINT_IMAGE", "PREFECT_UI_API_URL"} and documented <= used
+    assert used - documented <= {"GLINT_IMAGE"} and documented <= used
 
 
 def test_examples_hold_no_secret() -> None:
