@@ -203,9 +203,9 @@ def running_server(home: Path | None = None) -> Server | None:
     return _own_server(folder, state, started=False)
 
 
-def server_damage(home: Path | None = None) -> str:
+def server_damage() -> str:
     """Return what is wrong with the database of Glint's own server, empty if it is whole or not in use."""
-    folder = server_folder(home)
+    folder = server_folder()
     return "" if _given_address(folder) else damage(folder)
 
 

@@ -30,6 +30,8 @@ N_PORTS = 100
 """Ports from FIRST_PORT on that are tried before any free port is taken."""
 KEEPER_SECONDS = 0.5
 """Interval at which a run checks that the server is alive."""
+END_SECONDS = 10.0
+"""Longest wait for a server that was told to end, before it is killed."""
 START_TOLERANCE_SECONDS = 2.0
 """Difference of start times up to which a process is the same: the system reports whole seconds, read twice."""
 
@@ -166,9 +168,9 @@ def stop(state: State) -> bool:
     return True
 
 
-def _has_ended(state: State, seconds: float = 10.0) -> bool:
-    """Return whether the server ends within some seconds; a zombie counts as ended."""
-    deadline = time.monotonic() + seconds
+def _has_ended(state: State) -> bool:
+    """Return whether the server ends within END_SECONDS; a zombie counts as ended."""
+    deadline = time.monotonic() + END_SECONDS
     while is_alive(*state.process):
         if time.monotonic() > deadline:
             return False

@@ -79,9 +79,9 @@ def colour_codes(codes: np.ndarray, palette: np.ndarray) -> np.ndarray:
     return palette[np.minimum(codes, len(palette) - 1)].astype(np.uint8)
 
 
-def colour_values(values: np.ndarray, low: float, high: float, background: int = 255) -> np.ndarray:
-    """Return values (H, W) from `low` to `high` as uint8 RGB, dark blue to yellow; `background` where not finite."""
+def colour_values(values: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Return values (H, W) from `low` to `high` as uint8 RGB, dark blue to yellow; white where not finite."""
     is_known = np.isfinite(values)
     scaled = np.clip((np.where(is_known, values, low) - low) / max(high - low, 1e-12), 0, 1)
     colours = cv2.applyColorMap(np.rint(scaled * 255).astype(np.uint8), cv2.COLORMAP_CIVIDIS)[..., ::-1]
-    return np.where(is_known[..., None], colours, np.uint8(background))
+    return np.where(is_known[..., None], colours, np.uint8(255))

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextvars import ContextVar
 from typing import Any
 
@@ -28,14 +28,11 @@ _RECENT_NS = 100_000_000
 file systems record times."""
 
 
-def content_digest(
-    address: Address, store: Location, rehash: bool = False, suffixes: Collection[str] = SUFFIXES, key: str = ""
-) -> str:
+def content_digest(address: Address, store: Location, rehash: bool = False, key: str = "") -> str:
     """Return the SHA-256 (hex) of a file's bytes, or of names and bytes of a folder's or pattern's files.
 
-    Only a folder's files with one of the `suffixes` count. A file whose path, size and time of change (in an object
-    store: entity tag) are those of an earlier call is not read again, unless `rehash`. Digests are cached under
-    STORE/digests/.
+    Only a folder's images count. A file whose path, size and time of change (in an object store: entity tag) are those
+    of an earlier call is not read again, unless `rehash`. Digests are cached under STORE/digests/.
 
     key: the catalogue's key that names the files; before they are read, their heads are checked, see `check_head`.
 
@@ -44,7 +41,7 @@ def content_digest(
             read.
     """
     location = locate(address)
-    files, chosen = (None, [location]) if key in SINGLE_FILES else _files_of(location, suffixes)
+    files, chosen = (None, [location]) if key in SINGLE_FILES else _files_of(location)
     stamps = within_time(lambda step: _stamps(chosen, step), location.uri)
     cache = store.child("digests")
     entry = digest_of([files is None, *(file.uri for file in chosen)]) + ".json"
@@ -67,18 +64,18 @@ def content_digest(
     return digest
 
 
-def input_stamps(address: Address, suffixes: Collection[str] = SUFFIXES) -> list[list[Any]]:
+def input_stamps(address: Address) -> list[list[Any]]:
     """Return address and stamp of a file, or of a folder's or pattern's files: other values if one of them changes.
 
     Raises:
         InputError: missing or unreadable.
     """
-    return [[file.uri, *file_stamp(file)] for file in _files_of(locate(address), suffixes)[1]]
+    return [[file.uri, *file_stamp(file)] for file in _files_of(locate(address))[1]]
 
 
-def _files_of(location: Location, suffixes: Collection[str]) -> tuple[list[Location] | None, list[Location]]:
+def _files_of(location: Location) -> tuple[list[Location] | None, list[Location]]:
     """Return the files of a folder or pattern (None: it is a single file), and the files in any case."""
-    files = expand(location, suffixes)
+    files = expand(location, SUFFIXES)
     return files, [location] if files is None else files
 
 

@@ -54,7 +54,7 @@ def lease(location: Location, object_id: str, run: str = "", term: timedelta = L
             _release(store, key, owner)
 
 
-def lease_owner(location: Location, object_id: str, term: timedelta = LEASE_TERM) -> LockOwner | None:
+def lease_owner(location: Location, object_id: str) -> LockOwner | None:
     """Return the owner of the object's lease, or None if it is free, expired or its owner is dead."""
     with store_errors(location.uri, f"reading the lease of object {object_id}"):
         store = location.obstore()
@@ -62,7 +62,7 @@ def lease_owner(location: Location, object_id: str, term: timedelta = LEASE_TERM
         if stored is None:
             return None
         owner = LockOwner.from_bytes(bytes(stored.bytes()))
-        return None if owner is None or _is_expired(store, stored, owner, term) else owner
+        return None if owner is None or _is_expired(store, stored, owner, LEASE_TERM) else owner
 
 
 def _claim(store: ObjectStore, key: str, owner: LockOwner, term: timedelta) -> LockOwner | None:

@@ -2,11 +2,10 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 Cause = Literal["video", "camera", "sphere", "light", "mask", "highlights", "marks", "coverage", "views"]
 """Input of a capture that a warning is about."""
-CAUSES: tuple[str, ...] = get_args(Cause)
 
 
 @dataclass(frozen=True, slots=True)

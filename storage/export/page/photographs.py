@@ -55,18 +55,18 @@ def photographs(
         return
 
 
-def frame_photograph(location: Location, frames: StageResult, frame: int, scale: float = 1.0) -> Part:
+def frame_photograph(location: Location, frames: StageResult, frame: int) -> Part:
     """Return a frame's picture of the region.
 
-    frames: the result of the stage of that name; scale: of the picture's sides.
+    frames: the result of the stage of that name.
 
     Raises:
         StoreError: the frame is not in the cache.
     """
-    return _cached_photograph(FrameCache.open(location, str(frames.record["cache"])), frame, scale)
+    return _cached_photograph(FrameCache.open(location, str(frames.record["cache"])), frame)
 
 
-def _cached_photograph(cache: FrameCache, frame: int, scale: float) -> Part:
+def _cached_photograph(cache: FrameCache, frame: int, scale: float = 1.0) -> Part:
     if not 0 <= frame < cache.frames:
         raise StoreError(f"frame {frame} is not cached", "run again: the frames are decoded again")
     return encode_jpeg(eight_bits(cache.read(OBJECT_CROP, slice(frame, frame + 1))[0]), scale)
