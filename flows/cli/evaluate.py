@@ -74,9 +74,9 @@ def evaluate(
     simulations = _given({"--quick": quick, "--degraded": degraded})
     if file is not None and not perturbed and simulations:
         raise typer.BadParameter(f"{simulations} is for simulated captures: leave it out, or CATALOGUE")
-    others = _given({"--degraded": degraded, "--ablation": ablation, "--questions": questions > 0})
-    if perturbed and others:
-        raise typer.BadParameter(f"--perturbed and {others} exclude each other: leave one out")
+    excluded = _given({"--degraded": degraded, "--ablation": ablation, "--questions": questions > 0})
+    if perturbed and excluded:
+        raise typer.BadParameter(f"--perturbed and {excluded} exclude each other: leave one out")
     out.mkdir(parents=True, exist_ok=True)
     address = Location.parse(store or str(out / "store")).uri
     if perturbed:
