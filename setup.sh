@@ -8,7 +8,7 @@ fail() { echo "setup: $*" >&2; exit 1; }
 
 wanted=$(cat .python-version)
 
-# The first of: pyenv's version, python of that very name, python3 if it is that version.
+# The first of: pyenv's version, python of that very name, python3 if it is of that version.
 find_python() {
     local candidate
     for candidate in "$(pyenv prefix "$wanted" 2>/dev/null || true)/bin/python3" "python$wanted" python3; do

@@ -1,8 +1,10 @@
 """Results of captures, objects and runs."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from glint.storage.catalogue.models import MODEL
 from glint.storage.versions.repository import Version
 from glint.tasks.engine.stage import StageRecord
 from glint.tasks.engine.stage_warning import by_cost
@@ -43,6 +45,11 @@ class CaptureResult:
         return [
             warning.message for warning in by_cost(warning for record in self.records for warning in record.warnings)
         ]
+
+
+def without_models(results: Iterable[CaptureResult]) -> list[CaptureResult]:
+    """Return the results of captures: an object's model is none."""
+    return [result for result in results if result.capture_id != MODEL]
 
 
 @dataclass(frozen=True, slots=True)

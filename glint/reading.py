@@ -205,11 +205,11 @@ class StoredVersion(Mapping[str, StoredCapture]):
 
     def __iter__(self) -> Iterator[str]:
         """Yield the ids of the captures."""
-        return iter(sorted(name for name in self._version.stages if name != WHOLE_OBJECT))
+        return iter(sorted(self._version.captures))
 
     def __len__(self) -> int:
         """Return the number of captures."""
-        return sum(name != WHOLE_OBJECT for name in self._version.stages)
+        return len(self._version.captures)
 
     def __repr__(self) -> str:
         """Return name, object, time and captures."""

@@ -54,8 +54,7 @@ def edits(
         changes = changes_of_files(mask, markup)
         saved.append(opened.save(_required(capture, name), changes, _name(author), opened.revision))
     if undo is not None:
-        if capture and undo not in {revision.number for revision in opened.history(capture)}:
-            raise InputError(f"{name} has no edit {undo}", f"`glint history {object_id}` lists all edits")
+        _check_edit(opened, undo, capture)
         saved.append(opened.undo(undo, _name(author)))
     if discard:
         saved.append(opened.discard(_required(capture, name), _name(author)))
@@ -76,6 +75,20 @@ def _warn_of_unknown_capture(opened: "Edits", capture: str) -> None:
     if known and capture not in known:
         message = f"{opened.object_id} has no results of a capture {capture!r} (it has {', '.join(sorted(known))})"
         echo(f"{message}\n  -> `--discard` takes the edit back if the name is wrong", colour="yellow", err=True)
+
+
+def _check_edit(opened: "Edits", number: int, capture: str) -> None:
+    """Check that an edit is of the capture that the command line names, if it names one.
+
+    Raises:
+        InputError: it is of another.
+    """
+    from glint.storage.errors import InputError
+
+    edited = next((item.capture for item in opened.history() if item.number == number), capture)
+    if capture not in ("", edited):
+        message = f"edit {number} is of {opened.object_id}/{edited}, not of {opened.object_id}/{capture}"
+        raise InputError(message, f"see `glint history {opened.object_id}` for the numbers of edits")
 
 
 def _print_saved(object_id: str, saved: "list[Revision]", as_json: bool) -> None:

@@ -71,10 +71,12 @@ def evaluate(
     from glint.storage.locations.location import Location
     from glint.tasks.engine.references import check_truth
 
-    if file is not None and (quick or degraded):
-        raise typer.BadParameter("--quick and --degraded are for simulated captures, not for a CATALOGUE")
-    if perturbed and (degraded or ablation or questions):
-        raise typer.BadParameter("--perturbed stands without --degraded, --ablation and --questions")
+    simulations = _given({"--quick": quick, "--degraded": degraded})
+    if file is not None and not perturbed and simulations:
+        raise typer.BadParameter(f"{simulations} is for simulated captures: leave it out, or CATALOGUE")
+    excluded = _given({"--degraded": degraded, "--ablation": ablation, "--questions": questions > 0})
+    if perturbed and excluded:
+        raise typer.BadParameter(f"--perturbed and {excluded} exclude each other: leave one out")
     out.mkdir(parents=True, exist_ok=True)
     address = Location.parse(store or str(out / "store")).uri
     if perturbed:
@@ -95,6 +97,11 @@ def evaluate(
     for failure in summary.result.failed:
         echo(f"{failure.name} failed: {failure.error}\n  -> {failure.remedy}", colour="red", err=True)
     sys.exit(1 if summary.result.failed else 0)
+
+
+def _given(options: Mapping[str, bool]) -> str:
+    """Return the names of those options that were given, as a text."""
+    return ", ".join(name for name, given in options.items() if given)
 
 
 def _simulated(out: Path, quick: bool, degraded: bool, only: Sequence[str], console: "Sink") -> Path:

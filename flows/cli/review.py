@@ -2,7 +2,9 @@
 
 import ipaddress
 import os
+import re
 import socket
+from collections.abc import Sequence
 from typing import Annotated
 from urllib.parse import urlsplit
 
@@ -16,6 +18,10 @@ PORTS = 20
 """Number of ports that are tried, from REVIEW_PORT on."""
 MIN_PASSWORD_CHARACTERS = 12
 """Fewest characters of a password for a page that other machines reach."""
+ORIGIN = re.compile(r"(https?)://([\w.-]+|\[[\da-f:.]+\])(?::(\d+))?/?", re.ASCII)
+"""What an address has that browsers send as Origin: a scheme, a host and perhaps a port."""
+USUAL_PORTS = {"http": 80, "https": 443}
+"""Ports that browsers leave out of Origin and Host."""
 END = "glint: the review page has stopped; what was saved is kept, and runs that it started continue"
 
 
@@ -54,14 +60,10 @@ def review(
         load_catalogue(file)
     prepare_environment()
     password = _password(host)
-    if not origin and ipaddress.ip_address(host).is_unspecified:
-        raise InputError(
-            f"--host {host} is no address that a browser could ask for",
-            "give --origin too: the address under which browsers reach the page, such as https://glint.example.org",
-        )
+    given = _origins(origin or (), host)
     listener = _listener(host, port)
     own = f"http://{f'[{host}]' if ':' in host else host}:{listener.getsockname()[1]}"
-    origins = tuple(map(_checked_origin, origin or ())) or (own, own.replace("127.0.0.1", "localhost"))
+    origins = given or (own, own.replace("127.0.0.1", "localhost"))
     session = kept_session(origins[0], password)
     access = Access(origins, session=session) if password is None else Access(origins, password, session)
     config = uvicorn.Config(
@@ -119,6 +121,32 @@ def _password(host: str) -> str | None:
             "set GLINT_REVIEW_PASSWORD, and --origin to the address that browsers use",
         )
     return password
+
+
+def _origins(given: Sequence[str], host: str) -> tuple[str, ...]:
+    """Return the addresses of --origin as browsers send them.
+
+    Raises:
+        InputError: one is no such address, or there is none where that of --host is not one that browsers can use.
+    """
+    from glint.storage.errors import InputError
+
+    if not given and ipaddress.ip_address(host).is_unspecified:
+        raise InputError(
+            f"--host {host} listens on every address of this machine, and browsers use one of them",
+            "give that one with --origin, such as --origin http://192.168.1.20:4300",
+        )
+    origins = list[str]()
+    for text in given:
+        parts = ORIGIN.fullmatch(text.lower())
+        port = int(parts[3]) if parts and parts[3] else None
+        if parts is None or (port is not None and not 0 < port < 1 << 16):
+            raise InputError(
+                f"--origin {text} is not an address of the form http://HOST:PORT or https://HOST",
+                "give the scheme, the host and any port, without a path, such as https://glint.example",
+            )
+        origins.append(f"{parts[1]}://{parts[2]}{'' if port in (None, USUAL_PORTS[parts[1]]) else f':{port}'}")
+    return tuple(origins)
 
 
 def _listener(host: str, port: int | None) -> socket.socket:

@@ -24,7 +24,7 @@ PIPE_WIDTH = 200
 
 
 def show(table: Table | str) -> None:
-    """Print a table on standard output."""
+    """Print a table, or the sentence in place of an empty one, on standard output."""
     console = Console()
     if not console.is_terminal:
         console = Console(width=PIPE_WIDTH)
@@ -108,7 +108,7 @@ def _object_row(location: Location, object_id: str) -> dict[str, Any]:
     return {
         "object": object_id,
         "version": newest.name if newest else "",
-        "captures": len(_captures(newest)) if newest else 0,
+        "captures": len(newest.captures) if newest else 0,
         "published": newest.time.isoformat(timespec="seconds") if newest else "",
         "state": "idle" if holder is None else f"running ({holder})",
     }
@@ -121,7 +121,7 @@ def history_rows(store: str, object_id: str) -> list[dict[str, Any]]:
         {
             "version": version.name,
             "published": version.time.isoformat(timespec="seconds"),
-            "captures": ", ".join(_captures(version)),
+            "captures": ", ".join(version.captures),
             "author": "",
             "glint": version.metadata.get("glint", ""),
             "catalogue": version.metadata.get("catalogue", ""),

@@ -18,7 +18,7 @@ from glint.flows.pipeline.object import failed_object, run_object, submit
 from glint.flows.pipeline.preflight import report_input_errors
 from glint.flows.reporting.artifacts import create_catalogue_artifact, show_run_progress
 from glint.flows.reporting.events import CaptureEnded
-from glint.flows.results import ObjectResult, RunResult, final_state, result_of
+from glint.flows.results import ObjectResult, RunResult, final_state, result_of, without_models
 from glint.flows.runtime.retry import retry_on_disconnect
 from glint.storage.locations.location import Location
 from glint.tasks.engine.references import chosen_captures, load_catalogue
@@ -157,8 +157,7 @@ def _progress_shown(context: RunContext, name: str) -> Iterator[None]:
 
 def _summary(result: RunResult) -> str:
     """Return one line about a run without failures."""
-    up_to_date = sum(capture.cached for capture in result.captures)
+    captures = without_models(result.captures)
+    up_to_date = sum(capture.cached for capture in captures)
     changed = f", {len(result.drifts)} changed" if result.drifts else ""
-    return (
-        f"{len(result.captures)} captures: {len(result.captures) - up_to_date} done, {up_to_date} up to date{changed}"
-    )
+    return f"{len(captures)} captures: {len(captures) - up_to_date} done, {up_to_date} up to date{changed}"

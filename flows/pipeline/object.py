@@ -22,7 +22,7 @@ from glint.flows.pipeline.drift import report_drifts
 from glint.flows.pipeline.model import process_model
 from glint.flows.pipeline.worker import SURVEY, compare_spheres, publish_captures
 from glint.flows.reporting.events import CaptureEnded, CaptureFailed, CaptureWarning, Message
-from glint.flows.results import CaptureResult, ObjectResult, final_state
+from glint.flows.results import CaptureResult, ObjectResult, final_state, without_models
 from glint.flows.runtime.orphaned_runs import untagged_tasks
 from glint.storage.catalogue.models import MODEL
 from glint.storage.locking.locks import run_lock
@@ -57,8 +57,8 @@ def run_object(
     run = run or str(runtime.flow_run.id)
     loaded = load_catalogue(catalogue)
     result = process_object(ObjectCaptures.of(loaded, catalogue, object_id, captures, store, run, rehash, adopt), drift)
-    count = sum(item.capture_id != MODEL for item in result.captures)
-    done = "nothing" if result.version is None else f"{result.version.name}: {count} captures"
+    n_captures = len(without_models(result.captures))
+    done = "nothing" if result.version is None else f"{result.version.name}: {n_captures} captures"
     return final_state(list(result.captures), done, result)
 
 
@@ -124,8 +124,8 @@ def with_agreement(captures: ObjectCaptures, results: Sequence[CaptureResult]) -
     failed = {result.capture_id for result in results if result.error}
     if len(captures.all) - len(failed) < 2:
         return tuple(results)
-    # A path may have the word in it, as that of a hemisphere has.
-    refused = {result.capture_id for result in results if re.search(r"\bspheres?\b", result.error)}
+    # As a word: paths that an error names may have it in them, such as hemisphere.mp4.
+    refused = {result.capture_id for result in results if "sphere" in result.error.split()}
     warnings, offers = on_worker(captures.object_id, "spheres", compare_spheres, captures.all, failed, refused)
     agreed = list[CaptureResult]()
     for result in results:

@@ -24,7 +24,7 @@ MAX_TOKEN_BYTES = 1000
 COOKIE_SECONDS = 30 * 24 * 3600
 """Time for which a browser that was let in stays let in, in seconds: a project's next look at its captures."""
 REFUSAL_SECONDS = 0.5
-"""Seconds before a wrong password is answered, one after the other, so that few can be tried."""
+"""Seconds before a wrong password is answered; many at once are answered one after another."""
 
 ENTRY_PATH = "/open"
 """Path of the page that exchanges a link's token, or the password that a person types, for the cookie."""
@@ -93,7 +93,8 @@ class Guard:
     """The application behind the checks of `Access`; every answer has the headers in HEADERS."""
 
     def __init__(self, app: ASGIApp, access: Access) -> None:
-        self._app, self._access, self._refusing = app, access, asyncio.Lock()
+        self._app, self._access = app, access
+        self._refusing = asyncio.Lock()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request, or refuse it."""
@@ -146,6 +147,7 @@ class Guard:
             if len(body) > MAX_TOKEN_BYTES:
                 return refusal(413, "the token is too long", "open the link that glint review printed")
         if not hmac.compare_digest(body, self._access.token.encode()):
+            # Only refusals wait for each other: whoever has the password is let in while others are guessing.
             async with self._refusing:
                 await asyncio.sleep(REFUSAL_SECONDS)
             return refusal(403, "this is not the token or password of this page", "open the link of the last start")

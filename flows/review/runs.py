@@ -108,9 +108,10 @@ def _events(run: Run, process: "subprocess.Popen[bytes]", output: IO[bytes], err
             note(run, event)
             yield
     status = process.wait()
-    if run.state == "running":
-        run.end("done" if status == 0 else "failed")
-    if status != 0 and run.state != "done" and not run.error:
+    if run.state != "running":
+        return  # its summary has said how it ended; the exit status counts a failure of the object's model, too
+    run.state = "done" if status == 0 else "failed"
+    if status != 0 and not run.error:
         length = os.fstat(errors.fileno()).st_size
         text = os.pread(errors.fileno(), KEPT_BYTES, max(0, length - KEPT_BYTES)).decode(errors="replace")
         lines = [line.strip() for line in text.splitlines() if line.strip()]

@@ -40,6 +40,7 @@ __all__ = [
 MAX_CAPTURES = 100_000
 """Captures of one catalogue: so many are read within a minute."""
 _FRAMES_KEY = re.compile(r"\bframes['\"]?\s*:")
+"""What every capture has, found before the file is parsed: that takes long where there are too many."""
 CATALOGUE_KIND = Kind(
     "catalogue",
     lambda root: isinstance(root, LinedDict) and not {"schema", "objects"}.isdisjoint(root),

@@ -29,24 +29,17 @@ def _spheres(before: Any, after: Any) -> str:
     if not after:
         return "to be found"
     if before is not None and len(before) == len(after):
-        moved = [
-            f"{number} {_sphere_change(old, new)}"
-            for number, (old, new) in enumerate(zip(before, after, strict=True), 1)
-            if old != new
-        ]
-        return ", ".join(moved)
+        pairs = enumerate(zip(before, after, strict=True), 1)
+        return ", ".join(f"{number} {_sphere(old, new)}" for number, (old, new) in pairs if old != new)
     return f"{len(after)} drawn"
 
 
-def _sphere_change(old: Sphere, new: Sphere) -> str:
-    parts = []
+def _sphere(old: Sphere, new: Sphere) -> str:
+    parts = list[str]()
     if (old.x, old.y, old.radius) != (new.x, new.y, new.radius):
-        parts += [
-            f"by ({new.x - old.x:+.1f}, {new.y - old.y:+.1f}) pixels",
-            f"radius {new.radius - old.radius:+.1f}",
-        ]
+        parts.append(f"by ({new.x - old.x:+.1f}, {new.y - old.y:+.1f}) pixels, radius {new.radius - old.radius:+.1f}")
     if old.diameter_mm != new.diameter_mm:
-        parts.append("diameter " + ("unknown" if new.diameter_mm is None else f"{new.diameter_mm:g} mm"))
+        parts.append("without a diameter" if new.diameter_mm is None else f"with a diameter of {new.diameter_mm:g} mm")
     return ", ".join(parts)
 
 

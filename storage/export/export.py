@@ -68,8 +68,7 @@ def export(location: Location, object_id: str, out: Path, version: str | None = 
             _write_files(files, folder, f"{object_id}/{name}")
         sizes = [path.stat().st_size for path in content.rglob("*") if path.is_file()]
         merge_into(content, out, object_id, REPORT_FILE)
-    captures = tuple(capture for capture in chosen.stages if capture != WHOLE_OBJECT)
-    return ExportRecord(object_id, chosen.name, chosen.snapshot, str(out), captures, len(sizes), sum(sizes))
+    return ExportRecord(object_id, chosen.name, chosen.snapshot, str(out), chosen.captures, len(sizes), sum(sizes))
 
 
 def _write_capture(location: Location, version: Version, capture: PageCapture, folder: Path) -> None:
@@ -154,8 +153,7 @@ def export_page(location: Location, object_id: str, out: Path, version: str | No
     with output_errors(out, object_id), temporary_folder_beside(path) as folder:
         (folder / path.name).write_bytes(html)
         (folder / path.name).replace(path)
-    captures = tuple(capture for capture in chosen.stages if capture != WHOLE_OBJECT)
-    return ExportRecord(object_id, chosen.name, chosen.snapshot, str(path), captures, 1, len(html))
+    return ExportRecord(object_id, chosen.name, chosen.snapshot, str(path), chosen.captures, 1, len(html))
 
 
 def _write_json(path: Path, content: Any) -> None:

@@ -68,8 +68,7 @@ def object_page(repository: ObjectRepository, version: Version) -> str:
     Raises:
         StoreError: a result is missing or damaged.
     """
-    names = [name for name in version.stages if name != WHOLE_OBJECT]
-    captures = [page_capture(repository, version, name) for name in sorted(names)]
+    captures = [page_capture(repository, version, name) for name in sorted(version.captures)]
     model, rows = None, []
     if WHOLE_OBJECT in version.stages:
         merged = repository.load(WHOLE_OBJECT, "model", version.snapshot)

@@ -79,7 +79,7 @@ def exported_captures(
     Raises:
         StoreError: a result is missing or damaged.
     """
-    for capture in sorted(name for name in version.stages if name != WHOLE_OBJECT):
+    for capture in sorted(version.captures):
         stages = repository.load_capture(capture, version.snapshot)
         absent = sorted({"survey", "mask", "labels", "depth", "surface"} - stages.keys())
         if absent:

@@ -78,7 +78,7 @@ def remove_frames(location: Location, chosen: Collection[CachedFrames]) -> None:
             paths = [path for path, _, _ in _files(location, entry.digest)]
             for start in range(0, len(paths), KEYS_PER_DELETION):
                 obstore.delete(store, paths[start : start + KEYS_PER_DELETION])
-            with suppress(FileNotFoundError):
+            with suppress(FileNotFoundError):  # what some stores answer for frames that were never marked
                 obstore.delete(store, f"{entry.digest}.used")
 
 
@@ -91,7 +91,7 @@ def discard_frames(location: Location, digest: str) -> None:
         folder = location.local / "frames" / digest
         (folder / _GROUP_METADATA).unlink(missing_ok=True)
         shutil.rmtree(folder, ignore_errors=True)
-        folder.with_name(f"{digest}.used").unlink(missing_ok=True)
+        (folder.parent / f"{digest}.used").unlink(missing_ok=True)
 
 
 def mark_used(location: Location, digest: str) -> None:

@@ -18,7 +18,7 @@ from glint.storage.locations.error_translation import UNKNOWN_CAUSE_REMEDY, stor
 from glint.storage.locations.location import Location
 from glint.storage.seals import is_sealed
 from glint.storage.versions.icechunk_config import CONFIG
-from glint.storage.versions.stage_results import Keys, StageResult, read_capture
+from glint.storage.versions.stage_results import WHOLE_OBJECT, Keys, StageResult, read_capture
 
 _checked: WeakKeyDictionary[icechunk.Repository, set[str]] = WeakKeyDictionary()
 """Snapshots whose files were compared with their names, by open repository: listing a large one takes milliseconds."""
@@ -44,6 +44,11 @@ class Version:
     rolled_back: Keys = field(default_factory=dict)
     seals: Keys = field(default_factory=dict)
     created: bool = True
+
+    @property
+    def captures(self) -> tuple[str, ...]:
+        """The captures of its content, without WHOLE_OBJECT."""
+        return tuple(name for name in self.stages if name != WHOLE_OBJECT)
 
 
 def open_repository(location: Location) -> icechunk.Repository:

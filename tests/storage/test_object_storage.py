@@ -17,6 +17,7 @@ from glint.storage.errors import GlintError, InputError, StoreError
 from glint.storage.export.export import export
 from glint.storage.footage.source import open_footage
 from glint.storage.frames.cache import FrameCache, cache_digest
+from glint.storage.frames.eviction import cached_frames, mark_used, remove_frames
 from glint.storage.inputs.digests import content_digest
 from glint.storage.locations.conditional_writes import check_conditional_writes
 from glint.storage.locations.location import Location
@@ -98,6 +99,15 @@ def test_versions_history_rollback_export_and_garbage(location: Location, tmp_pa
     assert record.version == "v1"
     np.testing.assert_array_equal(np.load(tmp_path / "out" / "front" / "normals.npy"), first["labels"]["normals"])
     assert object_ids(location) == ["duck"]
+
+
+def test_nothing_is_left_of_removed_frames(location: Location) -> None:
+    for digest in ("a" * 64, "b" * 64):
+        obstore.put(location.obstore(), f"frames/{digest}/zarr.json", b"{}")
+        obstore.put(location.obstore(), f"frames/{digest}/object/c/0", b"frames")
+    mark_used(location, "a" * 64)
+    remove_frames(location, cached_frames(location))
+    assert keys(location) == []
 
 
 SAVE = """

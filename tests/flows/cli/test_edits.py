@@ -82,7 +82,7 @@ def test_files_are_written_and_taken(store: str, tmp_path: Path) -> None:
         (("duck", "--discard"), "duck names no capture"),
         (("duck", "--mask", "nowhere.png"), "'nowhere.png' does not exist"),
         (("duck", "--undo", "9"), "duck has edits 1 to 2, not 9"),
-        (("duck/back", "--undo", "1"), "duck/back has no edit 1"),
+        (("duck/back", "--undo", "1"), "edit 1 is of duck/front, not of duck/back"),
         (("goose",), "no object goose"),
         (("duck/front", "--undo", "1", "--author", "a\nb"), "the author's name"),
         (("../up",), "cannot be a name in the store"),

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from glint.flows.cli.main import app
 from glint.flows.cli.output import counted
-from glint.flows.cli.review import _listener
+from glint.flows.cli.review import _listener, _origins
 from glint.flows.errors import RunningError
 from glint.storage.catalogue.loading import Catalogue, load, write
 from glint.storage.errors import GlintError, InputError
@@ -34,6 +34,11 @@ def catalogue(tmp_path: Path) -> Path:
         ("deploy --inbox-may-read nowhere --store x", "--inbox-may-read", "create it"),
         ("deploy --reference nowhere.yaml --store x", "nowhere.yaml", "check"),
         ("deploy --reference catalogue.yaml --store x", "names its ground truth", "truth: FOLDER"),
+        ("review --store x --origin glint.example", "--origin glint.example is not an address", "https://"),
+        ("review --store x --origin https://glint.example/page", "https://glint.example/page is not", "without a path"),
+        ("review --store x --origin http://glint.example:99999", "http://glint.example:99999 is not", "any port"),
+        ("review --store x --host 0.0.0.0", "--host 0.0.0.0 listens on every address", "--origin http://"),
+        ("review --store x --host ::", "--host :: listens on every address", "--origin http://"),
         ("evaluate --only teapot --out out", "--only teapot is not a preset", "hemisphere, cylinder"),
         ("evaluate catalogue.yaml --out out", "names its ground truth", "truth: FOLDER"),
         ("evaluate catalogue.yaml --only dukc --out out", "the catalogue has no dukc", "did you mean duck?"),
@@ -43,10 +48,34 @@ def test_a_mistake_is_named_before_anything_is_computed(
     catalogue: Path, monkeypatch: pytest.MonkeyPatch, words: str, message: str, remedy: str
 ) -> None:
     monkeypatch.chdir(catalogue.parent)
+    monkeypatch.setenv("GLINT_REVIEW_PASSWORD", "a long password")
     done = CliRunner().invoke(app, words.split())
     assert isinstance(done.exception, GlintError | RunningError)
     assert message in done.exception.message and remedy in done.exception.remedy
     assert not list(catalogue.parent.glob("out/*"))
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("catalogue.yaml --quick", "--quick is for simulated captures"),
+        ("catalogue.yaml --degraded", "--degraded is for simulated captures"),
+        ("--perturbed --degraded", "--perturbed and --degraded exclude each other"),
+        ("--perturbed --ablation --questions 3", "--perturbed and --ablation, --questions exclude each other"),
+    ],
+)
+def test_options_of_evaluate_that_would_be_ignored_are_refused(
+    catalogue: Path, monkeypatch: pytest.MonkeyPatch, words: str, message: str
+) -> None:
+    monkeypatch.chdir(catalogue.parent)
+    done = CliRunner().invoke(app, ["evaluate", "--out", "out", *words.split()], env={"COLUMNS": "200"})
+    assert done.exit_code == 2 and message in done.output
+    assert not Path("out").exists()
+
+
+def test_an_origin_is_written_as_browsers_send_it() -> None:
+    given = ["HTTPS://Glint.example:443/", "http://[::1]:4300", "http://10.0.0.1:80"]
+    assert _origins(given, "0.0.0.0") == ("https://glint.example", "http://[::1]:4300", "http://10.0.0.1")
 
 
 def test_the_store_without_objects_is_named(tmp_path: Path, glint_home: Path) -> None:

@@ -56,6 +56,9 @@ def test_the_spheres_of_an_objects_captures_are_compared(captures: ObjectCapture
     assert f"x: {usual.x:.1f}" in by_name["dark"].remedy
     reported = {event.capture for event in sink.events if isinstance(event, CaptureWarning)}
     assert reported == {"glass/odd", "glass/dark"}
+    unread = replace(refused, error="no frame can be read from /data/hemisphere.mp4", remedy="record it again")
+    with activate(cluster.client, sink):
+        assert with_agreement(captures, [*results, unread])[-1] == unread
 
 
 def test_one_capture_is_compared_with_nothing(captures: ObjectCaptures, cluster: Cluster) -> None:

@@ -310,6 +310,14 @@ def test_a_missing_file(tmp_path: Path) -> None:
         load(tmp_path)
 
 
+def test_captures_are_counted_by_their_key_not_by_their_paths(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(loading, "MAX_CAPTURES", 1)
+    text = "schema: 1\nname: x\nobjects: [{id: a, captures: [%s]}]\n"
+    entry = '{id: %s, "frames": frames/frames_*.png}'
+    assert len(_read(tmp_path, text % entry % "f").objects) == 1
+    assert "about 2 captures" in _only(tmp_path, text % f"{entry % 'f'}, {entry % 'g'}").message
+
+
 def test_a_file_too_large_is_not_read(tmp_path: Path) -> None:
     path = tmp_path / "large.yaml"
     with path.open("wb") as file:

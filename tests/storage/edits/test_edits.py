@@ -89,7 +89,9 @@ def test_a_sentence_says_what_changed(edits: Edits) -> None:
     moved = [SPHERES[0] | {"x": 44.0, "radius": 12.0}]
     assert sentence(spheres=SPHERES) == "spheres: 1 drawn"
     assert sentence(spheres=moved) == "spheres: 1 by (+3.5, +0.0) pixels, radius -0.2"
-    assert sentence(spheres=[moved[0] | {"diameter_mm": 12.5}]) == "spheres: 1 diameter 12.5 mm"
+    assert sentence(spheres=[moved[0] | {"diameter_mm": 30.0}]) == "spheres: 1 with a diameter of 30 mm"
+    smaller = [moved[0] | {"radius": 11.0, "diameter_mm": None}]
+    assert sentence(spheres=smaller) == "spheres: 1 by (+0.0, +0.0) pixels, radius -1.0, without a diameter"
     assert sentence(mask=drawn_mask()) == "mask: 400 pixels"
     assert sentence(mask=drawn_mask(45)) == "mask: 100 pixels added, 0 removed"
     assert sentence(marks=MARKS, verdict="good") == "marks: 1 true, 1 false; verdict: good"
