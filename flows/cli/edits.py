@@ -39,7 +39,6 @@ def edits(
     """Show, export, import or undo the changes that people made to the inputs of an object's captures."""
     from glint.storage.edits.edits import Edits
     from glint.storage.edits.files import changes_of_files, take_files, write_files
-    from glint.storage.errors import InputError
     from glint.storage.locations.location import Location
 
     object_id, _, capture = name.partition("/")

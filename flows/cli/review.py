@@ -51,7 +51,6 @@ def review(
     from glint.flows.review.kept_session import kept_session
     from glint.flows.runtime import signals
     from glint.flows.runtime.environment import prepare_environment
-    from glint.storage.errors import InputError
     from glint.storage.locations.location import Location
     from glint.tasks.engine.references import load_catalogue
 

@@ -1,7 +1,6 @@
 """The flow of one object: its captures side by side, its model, and a version of what succeeded."""
 
 import contextvars
-import re
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor

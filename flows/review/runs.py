@@ -110,7 +110,7 @@ def _events(run: Run, process: "subprocess.Popen[bytes]", output: IO[bytes], err
     status = process.wait()
     if run.state != "running":
         return  # its summary has said how it ended; the exit status counts a failure of the object's model, too
-    run.state = "done" if status == 0 else "failed"
+    run.end("done" if status == 0 else "failed")
     if status != 0 and not run.error:
         length = os.fstat(errors.fileno()).st_size
         text = os.pread(errors.fileno(), KEPT_BYTES, max(0, length - KEPT_BYTES)).decode(errors="replace")

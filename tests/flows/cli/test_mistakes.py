@@ -93,33 +93,6 @@ def test_a_check_that_finds_nothing_usable_does_not_suggest_a_run(
     assert "then glint check catalogue.yaml" in done.output and "glint run" not in done.output
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ("--origin glint.example.org", "--origin glint.example.org is not an address"),
-        ("--origin https://x/review", "--origin https://x/review is not an address"),
-        ("--origin http://x:abc", "--origin http://x:abc is not an address"),
-        ("--origin ftp://x", "--origin ftp://x is not an address"),
-        ("--host 0.0.0.0", "--host 0.0.0.0 is no address that a browser could ask for"),
-        ("--host ::", "--host :: is no address that a browser could ask for"),
-    ],
-)
-def test_an_address_that_no_browser_could_reach_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, glint_home: Path, words: str, message: str
-) -> None:
-    monkeypatch.setenv("GLINT_REVIEW_PASSWORD", "a password of some length")
-    done = CliRunner().invoke(app, ["review", "--store", str(tmp_path), *words.split()])
-    assert isinstance(done.exception, InputError) and message in done.exception.message
-    assert "https://glint.example.org" in done.exception.remedy
-
-
-@pytest.mark.parametrize("words", ["catalogue.yaml --quick", "catalogue.yaml --degraded", "--perturbed --ablation"])
-def test_options_of_an_evaluation_that_would_do_nothing_are_refused(catalogue: Path, words: str) -> None:
-    words = words.replace("catalogue.yaml", str(catalogue))
-    done = CliRunner().invoke(app, ["evaluate", *words.split(), "--out", str(catalogue.parent / "out")])
-    assert done.exit_code == 2 and not (catalogue.parent / "out").exists()
-
-
 def test_a_port_that_is_taken_is_named() -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))

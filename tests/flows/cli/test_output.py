@@ -37,12 +37,6 @@ def test_errors_are_one_line(kind: type[Exception]) -> None:
     assert str(pickle.loads(pickle.dumps(error))) == str(error)
 
 
-def test_a_sentence_in_place_of_a_table_is_printed_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
-    for text in ("no objects in /data/[old]/store", "no objects in /data/[/]"):
-        show(text)
-        assert capsys.readouterr().out == f"{text}\n"
-
-
 def test_commands(capsys: pytest.CaptureFixture[str]) -> None:
     echo(HOSTILE)
     echo(HOSTILE, err=True)

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated
 
 import pytest
-import yaml
 from pydantic import BaseModel, ConfigDict, Field
 
 from glint.storage.catalogue import loading
@@ -215,19 +214,6 @@ def test_duplicate_ids_name_both_lines(tmp_path: Path) -> None:
     capture = "      - id: front\n        frames: other.mp4\n"
     diagnostic = _only(tmp_path, HEAD + ONE + capture)
     assert (diagnostic.line, diagnostic.message) == (8, "capture id 'front' is taken by line 6")
-
-
-def test_captures_are_counted_by_their_key_and_not_by_paths_that_have_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    captures = [{"id": f"c{number}", "frames": f"frames/c{number}/*.png"} for number in range(3)]
-    catalogue = {"schema": 1, "name": "x", "objects": [{"id": "o", "captures": captures}]}
-    (tmp_path / "catalogue.yaml").write_text(yaml.safe_dump(catalogue))
-    monkeypatch.setattr(loading, "MAX_CAPTURES", 3)
-    assert len(load(tmp_path / "catalogue.yaml").objects[0].captures) == 3
-    monkeypatch.setattr(loading, "MAX_CAPTURES", 2)
-    with pytest.raises(CatalogueError, match="about 3 captures"):
-        load(tmp_path / "catalogue.yaml")
 
 
 def test_no_capture_has_the_models_id(tmp_path: Path) -> None:

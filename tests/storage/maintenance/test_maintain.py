@@ -166,14 +166,6 @@ def test_the_least_recently_used_frames_are_removed_first(tmp_path: Path) -> Non
     assert [entry.digest[0] for entry in cached_frames(location)] == ["d", "b"]
 
 
-def test_nothing_is_left_of_discarded_frames(tmp_path: Path) -> None:
-    location = Location.parse(tmp_path)
-    frames(location, "a" * 64, 1000, timedelta(days=3))
-    mark_used(location, "a" * 64)
-    discard_frames(location, "a" * 64)
-    assert list((tmp_path / "frames").iterdir()) == []
-
-
 def test_files_behind_links_in_a_store_are_not_removed(tmp_path: Path) -> None:
     location, outside = Location.parse(tmp_path / "store"), tmp_path / "outside"
     frames(location, "a" * 64, 1000, timedelta(days=3))
