@@ -1,6 +1,7 @@
 """The flow of one object: its captures side by side, its model, and a version of what succeeded."""
 
 import contextvars
+import re
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -124,7 +125,7 @@ def with_agreement(captures: ObjectCaptures, results: Sequence[CaptureResult]) -
     if len(captures.all) - len(failed) < 2:
         return tuple(results)
     # As a word: paths that an error names may have it in them, such as hemisphere.mp4.
-    refused = {result.capture_id for result in results if "sphere" in result.error.split()}
+    refused = {result.capture_id for result in results if re.search(r"(?<![\w/])spheres?(?![\w/])", result.error)}
     warnings, offers = on_worker(captures.object_id, "spheres", compare_spheres, captures.all, failed, refused)
     agreed = list[CaptureResult]()
     for result in results:

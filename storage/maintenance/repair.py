@@ -7,7 +7,7 @@ import obstore
 
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.recovery import recover
-from glint.storage.errors import DamagedError, StoreError
+from glint.storage.errors import DamagedError, StoreError, StoreUnreachable
 from glint.storage.frames.eviction import discard_frames
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import mutation_lock, run_lock
@@ -62,11 +62,17 @@ def _restore_index(location: Location, object_id: str) -> str:
 
 
 def _problem(location: Location, object_id: str) -> StoreError | None:
-    """Return why the index cannot be read, None if it can."""
+    """Return why the index cannot be read, None if it can.
+
+    Raises:
+        StoreUnreachable: the store does not answer.
+    """
     try:
         repository = ObjectRepository.open(location, object_id, create=False)
         repository.history()
         Edits(repository).history()
+    except StoreUnreachable:
+        raise
     except StoreError as error:
         return error
     return None

@@ -12,6 +12,7 @@ from glint.storage.frames.cache import FrameCache
 from glint.storage.frames.errors import DamagedFrames
 from glint.storage.frames.eviction import cached_frames
 from glint.storage.locations.location import Location
+from glint.storage.locking.locks import run_owner
 from glint.storage.versions.repository import ObjectRepository, object_ids
 from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.storage.versions.verification import Verification, verify_capture
@@ -95,6 +96,8 @@ def verify_store(
             # Of all objects, one that cannot be read must not hide the damage of the others.
             if isinstance(error, StoreUnreachable) or (object_id in chosen and not isinstance(error, DamagedError)):
                 raise
+            if run_owner(location, object_id) is not None:
+                continue  # its first run has begun, and made a folder so far
             damages.append(Damage(object_id, "", error.message, error.remedy))
     if frames:
         parts += [partial(_verify_frames, location, cache.digest) for cache in cached_frames(location)]

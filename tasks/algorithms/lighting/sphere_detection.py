@@ -7,7 +7,6 @@ shows one moving highlight within r sin 45 of its centre (lights before the obje
 stays as it was; glass lights up to its contour and beyond.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -29,7 +28,7 @@ from glint.tasks.algorithms.lighting.pyramid import (
     pyramid_level,
 )
 from glint.tasks.algorithms.lighting.sphere_tests import consistent_spheres, highlight_evidence, is_chrome
-from glint.tasks.algorithms.lighting.spheres import Sphere, measure_sphere
+from glint.tasks.algorithms.lighting.spheres import Sphere, distinct, measure_sphere
 
 MAX_SPHERES = 8
 SEED_FRAMES, CANDIDATE_FRAMES, FIT_FRAMES = 12, 32, 128
@@ -101,13 +100,7 @@ def find_spheres(
     """
     if frames.ndim != 3 or frames.shape[1:] != maximum.shape:
         raise ValueError(f"images have shapes {frames.shape} and {maximum.shape}, expected (T, H, W) and (H, W)")
-    candidates: list[Sphere] = []
-    few = spread(frames, SEED_FRAMES)
-    for level in pyramid(few, maximum):
-        candidates += _candidates(level, max(min_radius / level.scale, MIN_LEVEL_RADIUS_PX))
-    candidates = distinct(candidates, 0.04)[:MAX_REFINED]
-    many = spread(frames, CANDIDATE_FRAMES)
-    refined = distinct([_refined(many, few, maximum, sphere, camera) for sphere in candidates], 0.06)
+    refined = clear_circles(frames, maximum, min_radius, camera)
     accepted, rejected = list[Sphere](), list[str]()
     for sphere in outermost([sphere for sphere in refined if sphere.score >= min_score]):
         reason = is_chrome(frames, sphere, camera)
@@ -115,7 +108,7 @@ def find_spheres(
             accepted.append(sphere)
         else:
             rejected.append(f"the circle at ({sphere.x:.0f}, {sphere.y:.0f}) is no chrome sphere: {reason}")
-    accepted, contradicting = consistent_spheres(many, accepted[:MAX_SPHERES], camera)
+    accepted, contradicting = consistent_spheres(spread(frames, CANDIDATE_FRAMES), accepted[:MAX_SPHERES], camera)
     if not accepted:
         best = max((sphere.score for sphere in refined), default=None)
         reasons = "".join(f"; {reason}" for reason in rejected) or (
@@ -130,20 +123,22 @@ def find_spheres(
     return Detection(spheres, contradicting)
 
 
+def clear_circles(
+    frames: np.ndarray, maximum: np.ndarray, min_radius: float, camera: np.ndarray | None
+) -> list[Sphere]:
+    """Return the circles with contour and highlights of a sphere, chrome or glass, best first; see `find_spheres`."""
+    candidates: list[Sphere] = []
+    few = spread(frames, SEED_FRAMES)
+    for level in pyramid(few, maximum):
+        candidates += _candidates(level, max(min_radius / level.scale, MIN_LEVEL_RADIUS_PX))
+    candidates = distinct(candidates, 0.04)[:MAX_REFINED]
+    many = spread(frames, CANDIDATE_FRAMES)
+    return distinct([_refined(many, few, maximum, sphere, camera) for sphere in candidates], 0.06)
+
+
 def spread(frames: np.ndarray, count: int) -> np.ndarray:
     """Return at most `count` of the frames (T, H, W), spread evenly."""
     return frames[np.unique(np.linspace(0, len(frames) - 1, min(count, len(frames))).round().astype(int))]
-
-
-def distinct(spheres: Sequence[Sphere], share: float) -> list[Sphere]:
-    """Keep the best of spheres whose circles differ by less than `share` of a radius; best first."""
-    kept: list[Sphere] = []
-    for sphere in sorted(spheres, key=lambda sphere: -sphere.score):
-        if all(
-            max(sphere.distance(better), abs(sphere.radius - better.radius)) > share * better.radius for better in kept
-        ):
-            kept.append(sphere)
-    return kept
 
 
 def _candidates(level: PyramidLevel, min_radius: float) -> list[Sphere]:

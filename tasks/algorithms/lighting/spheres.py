@@ -216,3 +216,14 @@ def _sphere_of(fit: ContourFit, scale: int, left: float, top: float) -> Sphere:
         float(np.sqrt(variance[:2].mean())) * scale,
         float(np.sqrt(variance[2])) * scale,
     )
+
+
+def distinct(spheres: Sequence[Sphere], share: float) -> list[Sphere]:
+    """Keep the best of spheres whose circles differ by less than `share` of a radius; best first."""
+    kept: list[Sphere] = []
+    for sphere in sorted(spheres, key=lambda sphere: -sphere.score):
+        if all(
+            max(sphere.distance(better), abs(sphere.radius - better.radius)) > share * better.radius for better in kept
+        ):
+            kept.append(sphere)
+    return kept

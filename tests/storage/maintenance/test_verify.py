@@ -12,6 +12,7 @@ from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import Changes
 from glint.storage.errors import DamagedError, StoreError
 from glint.storage.locations.location import Location
+from glint.storage.locking.locks import run_lock
 from glint.storage.maintenance.repair import repair
 from glint.storage.maintenance.verify import Damage, _with_remedy, verify_store
 from glint.storage.versions.repository import ObjectRepository
@@ -134,6 +135,8 @@ def test_an_object_that_cannot_be_read_does_not_hide_the_damage_of_another(store
     assert {damage.object_id for damage in verify_store(location).damages} == {"cup", "foreign"}
     with pytest.raises(StoreError, match="no object cup"):
         verify_store(location, ["cup"])
+    with run_lock(location, "cup", "its first run"):
+        assert {damage.object_id for damage in verify_store(location).damages} == {"foreign"}
 
 
 def test_an_index_without_a_copy_is_reported(store: Path) -> None:
