@@ -67,11 +67,11 @@ def test_a_given_pose_that_contradicts_the_turntable_is_named(on_table: list[Vie
 
 
 @pytest.mark.long
-def test_normals_alone_do_not_turn_a_view_far_from_its_given_angle() -> None:
+def test_normals_alone_do_not_turn_a_view_far_from_its_silhouette() -> None:
     """Silhouettes of a body of revolution say nothing of angles; the normals of one view are those of another angle."""
     given = np.arange(0.0, 360.0, 60.0)
     table, vase = Turntable(0.0, 0.0, 0.0, given), trimesh.creation.icosphere(4, 42.0)
-    for error, is_followed in ((1.5, True), (9.0, False)):
+    for error, is_followed in ((0.7, True), (4.0, False)):
         shown = views_of(body(), replace(table, angles=given + error * (np.arange(6) == 2)))
         outlines = views_of(vase, table)
         views = [
@@ -82,4 +82,4 @@ def test_normals_alone_do_not_turn_a_view_far_from_its_given_angle() -> None:
         refined = refine(registered, true_model(body())).turntable
         assert refined is not None
         turn = refined.angles[2] - np.median(refined.angles - given) - given[2]
-        assert (abs(turn - error) < 1.0) if is_followed else (turn == 0.0)
+        assert (abs(turn - error) < 0.4) if is_followed else (turn == 0.0)
