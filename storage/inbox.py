@@ -146,12 +146,12 @@ class Inbox:
                     problems[submission.name] = f"contains the object {taken[0]}, as {owner} does: rename one of them"
                 elif not objects:
                     empty.append(submission.name)
-                elif isinstance(catalogue, Catalogue):
-                    address = self._write_catalogue(catalogue, "catalogues", f"{submission.name}.yaml")
-                    batches.append(Batch(address, dict.fromkeys(ids, submission)))
-                    owners |= dict.fromkeys(ids, submission)
                 else:
-                    loose += objects
+                    if isinstance(catalogue, Catalogue):
+                        address = self._write_catalogue(catalogue, "catalogues", f"{submission.name}.yaml")
+                        batches.append(Batch(address, dict.fromkeys(ids, submission)))
+                    else:
+                        loose += objects
                     owners |= dict.fromkeys(ids, submission)
             except (GlintError, OSError) as error:
                 # Whatever is wrong with one sub-folder must not stop the others; its name may be too long for a file.

@@ -6,7 +6,6 @@ import re
 import socket
 from collections.abc import Sequence
 from typing import Annotated
-from urllib.parse import urlsplit
 
 import typer
 
@@ -74,27 +73,6 @@ def review(
     echo("press Ctrl+C to stop the server; runs that it started continue")
     signals.describe_end(END)
     uvicorn.Server(config).run(sockets=[listener])
-
-
-def _checked_origin(address: str) -> str:
-    """Return the origin of the page's address, as browsers state it.
-
-    Raises:
-        InputError: it is not the address of a page at the root of a server.
-    """
-    from glint.storage.errors import InputError
-
-    parts = urlsplit(address)
-    try:
-        is_origin = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
-    except ValueError:
-        is_origin = False
-    if not is_origin or parts.path.strip("/") or parts.query or parts.fragment or parts.username:
-        raise InputError(
-            f"--origin {address} is not an address under which browsers reach the page",
-            "give scheme, name and port alone, such as https://glint.example.org",
-        )
-    return f"{parts.scheme}://{parts.netloc.lower()}"
 
 
 def _password(host: str) -> str | None:

@@ -12,8 +12,7 @@ from glint.storage.edits.edits import Edits
 from glint.storage.errors import printable
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import run_owner
-from glint.storage.versions.repository import ObjectRepository, Version, object_ids
-from glint.storage.versions.stage_results import WHOLE_OBJECT
+from glint.storage.versions.repository import ObjectRepository, object_ids
 
 if TYPE_CHECKING:
     from glint.flows.pipeline.run import Summary
@@ -162,8 +161,3 @@ def _text(value: Any) -> Text:
     """Return a cell: text is shown as it is, without rich's markup and without what a terminal would obey."""
     text = f"{value:,}" if isinstance(value, int) and not isinstance(value, bool) else str(value)
     return Text(printable(text, keep="\n"))
-
-
-def _captures(version: Version) -> list[str]:
-    """Return the captures of a version, without the model of the whole object."""
-    return [name for name in version.stages if name != WHOLE_OBJECT]

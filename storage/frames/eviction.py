@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 import obstore
 
@@ -68,10 +69,7 @@ def remove_frames(location: Location, chosen: Collection[CachedFrames]) -> None:
     with store_errors(location.uri, "removing frames"):
         for entry in chosen:
             if location.local is not None:
-                folder = location.local / "frames" / entry.digest
-                (folder / _GROUP_METADATA).unlink(missing_ok=True)
-                shutil.rmtree(folder)
-                (folder.parent / f"{entry.digest}.used").unlink(missing_ok=True)
+                _remove_folder(location.local / "frames", entry.digest)
                 continue
             store = location.child("frames").obstore()
             obstore.delete(store, f"{entry.digest}/{_GROUP_METADATA}")
@@ -88,10 +86,13 @@ def discard_frames(location: Location, digest: str) -> None:
         if location.local is None:
             remove_frames(location, [CachedFrames(digest, 0, datetime.now(UTC))])
             return
-        folder = location.local / "frames" / digest
-        (folder / _GROUP_METADATA).unlink(missing_ok=True)
-        shutil.rmtree(folder, ignore_errors=True)
-        (folder.parent / f"{digest}.used").unlink(missing_ok=True)
+        _remove_folder(location.local / "frames", digest, ignore_errors=True)
+
+
+def _remove_folder(cache: Path, digest: str, ignore_errors: bool = False) -> None:
+    (cache / digest / _GROUP_METADATA).unlink(missing_ok=True)
+    shutil.rmtree(cache / digest, ignore_errors)
+    (cache / f"{digest}.used").unlink(missing_ok=True)
 
 
 def mark_used(location: Location, digest: str) -> None:

@@ -1,8 +1,7 @@
 """Corrections of a turntable's stated angles: small ones are the accuracy of its scale, a large one is a mistake."""
 
-import numpy as np
-
 from glint.tasks.algorithms.registration.registered_views import RegisteredViews
+from glint.tasks.algorithms.registration.turntable import relative_turns
 from glint.tasks.engine.stage_warning import StageWarning
 
 MAX_CORRECTION_DEG = 3.0
@@ -18,9 +17,8 @@ def correction_warnings(registered: RegisteredViews) -> list[StageWarning]:
     table = registered.turntable
     if table is None:
         return []
-    corrections = (table.angles - registered.given_angles + 180.0) % 360.0 - 180.0
     # The angle of the whole turntable is nobody's mistake.
-    corrections -= np.median(corrections)
+    corrections = relative_turns(registered.given_angles, table.angles)
     return [
         StageWarning(
             f"the turntable's angle of {view.name} is stated as {given:g} degrees, and was corrected by"

@@ -4,13 +4,12 @@ from typing import Any
 
 import numpy as np
 
-from glint.storage.catalogue.loading import Region
 from glint.storage.errors import InputError
 from glint.storage.export.image_files import encode_png
 from glint.storage.inputs.masks_and_truth import read_mask
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.review.pictures import first_frame, stored_geometry
-from glint.tasks.review.stored import saved_records
+from glint.tasks.review.stored import mask_region, saved_records
 from glint.tasks.review.summary import summary_of
 
 
@@ -73,8 +72,7 @@ def mask_in_use(context: CaptureContext, edited: np.ndarray | None = None) -> np
     whole = np.zeros(shape, bool)
     address, region = context.file("mask"), context.capture.region
     if "mask" in saved:
-        # The survey may have another region already, where a run ended before the mask.
-        used = Region(**saved["mask"][1]["region"])
+        used = mask_region(saved)
         whole[used.rows, used.columns] = context.load("mask").read("mask")
     elif address is not None:
         given = read_mask(address, shape, region)

@@ -5,12 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from glint.storage.catalogue.models import Region
 from glint.storage.errors import InputError
 from glint.storage.export.report import code_names
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.review.pictures import stored_geometry
-from glint.tasks.review.stored import saved_records
+from glint.tasks.review.stored import mask_region, saved_records
 from glint.tasks.stages.capture_geometry import OBJECT
 from glint.tasks.stages.frames import open_frames
 
@@ -30,9 +29,7 @@ def pixel_history(context: CaptureContext, x: int, y: int) -> dict[str, Any]:
     saved, geometry = saved_records(context), stored_geometry(context)
     if geometry is None or "thresholds" not in saved:
         raise InputError("highlights are not known before the first run", "run the capture")
-    # The survey may have another region already, where a run ended before the mask.
-    geometry = replace(geometry, region=Region(**saved["mask"][1]["region"]))
-    row, column = geometry.row_and_column(x, y)
+    row, column = replace(geometry, region=mask_region(saved)).row_and_column(x, y)
     place = slice(row, row + 1), slice(column, column + 1)
     levels = open_frames(context).read(OBJECT, slice(None), *place)[:, 0, 0].astype(int)
     threshold = int(_at(context, "thresholds", "thresholds", row, column))

@@ -4,6 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from glint.storage.catalogue.models import Region
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import CaptureEdits
 from glint.storage.locations.location import Location
@@ -36,6 +37,14 @@ def saved_records(context: CaptureContext) -> Records:
     with index_errors(context.location.uri, "reading its results", context.object_id):
         snapshot = repository.index.lookup_branch("work")
     return _records_at(repository, context.capture.id, snapshot)
+
+
+def mask_region(saved: Records) -> Region:
+    """Return the region of the stored mask and of what follows from it, in the full frame.
+
+    saved: records with that of the mask. The survey may have another region already, where a run ended before the mask.
+    """
+    return Region(**saved["mask"][1]["region"])
 
 
 @lru_cache(maxsize=64)

@@ -108,7 +108,7 @@ class _Search:
         return _Located(spheres, region, mask, warnings)
 
     def first_look(self) -> tuple[_Located, Shake | None]:
-        """Look at the frames as they are; if they show nothing for a moved camera, at frames that are moved back.
+        """Look at the frames as they are; if nothing is found in them and the camera moved, at frames moved back.
 
         Raises:
             UnusableCapture: as `located`.

@@ -228,7 +228,7 @@ class Alternation:
             accepted = np.where(self.known[..., None], self.values, np.nan)
             lights = accepted_weights(self.weights, self.labels)
             self.faces = flat_faces(accepted, lights, self.normals, self.smooth, self.mask, self.scale)
-            if self.faces or number > 0:
+            if self.faces is not None or number > 0:
                 self.smooth = self.solve_field(self.known, self.values, faces=self.faces)
             if self.faces is None:
                 return number > 0

@@ -22,6 +22,7 @@ from glint.tasks.algorithms.registration.turntable import (
     calibrate_axis,
     calibrate_turntable,
     initial_turntable,
+    relative_turns,
     turntable_consistency,
     views_on_turntable,
 )
@@ -114,16 +115,10 @@ def refine(registered: RegisteredViews, model: Model) -> RegisteredViews:
     solved = calibrate_turntable(
         registered.views, registered.turntable, registered.given_angles, normals, registered.angle_errors
     )
-    turns = _turns(registered.turntable.angles, solved.angles)
-    if (turns > MAX_TURN_DEVIATIONS * registered.angle_errors).any():
+    turns = relative_turns(registered.turntable.angles, solved.angles)
+    if (np.abs(turns) > MAX_TURN_DEVIATIONS * registered.angle_errors).any():
         return registered
     return _with_turntable(registered, solved)
-
-
-def _turns(before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Return by how many degrees each angle (K,) changes, beside the turn of all."""
-    turns = (after - before + 180.0) % 360.0 - 180.0
-    return np.abs(turns - np.median(turns))
 
 
 def register_unposed(registered: RegisteredViews, unposed: Sequence[View], model: Model) -> RegisteredViews:

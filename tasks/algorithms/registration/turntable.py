@@ -57,6 +57,12 @@ class Turntable:
         return lean @ rotation_about_y(float(self.angles[number])), np.array([self.offset, 0.0, 0.0])
 
 
+def relative_turns(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Return by how many degrees each angle (K,) changes, less the turn of the whole turntable: their median."""
+    turns = (after - before + 180.0) % 360.0 - 180.0
+    return np.asarray(turns - np.median(turns))
+
+
 def initial_turntable(views: Sequence[View], angles: Sequence[float]) -> Turntable:
     """Estimate an upright turntable from the silhouettes' centre columns at the given angles (degrees).
 
