@@ -18,7 +18,7 @@ from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.evaluation.metrics import depth_errors
 from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.integration.rim import with_rim
-from glint.tasks.algorithms.prior import symmetry
+from glint.tasks.algorithms.revolution import symmetry
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.simulation.simulate import CaptureOptions

@@ -31,8 +31,8 @@ from glint.tasks.algorithms.prior.smooth_normals import (
     smooth_normal_field,
     thickness,
 )
-from glint.tasks.algorithms.prior.symmetry import SilhouetteSymmetry, rotational_normals
 from glint.tasks.algorithms.prior.unreached import with_unreached
+from glint.tasks.algorithms.revolution.symmetry import SilhouetteSymmetry, rotational_normals
 from glint.tasks.algorithms.sheets.integrability import shape_log_ratio
 from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
 

@@ -7,7 +7,7 @@ from glint.tasks.algorithms.faces.observed_faces import MIN_LIGHTS, find_faces
 from glint.tasks.algorithms.geometry.vectors import angles, gradients, unit
 from glint.tasks.algorithms.prior.smooth_normals import contour_normals, inradius, smooth_normal_field
 from tests.tasks.algorithms.faces.polyhedron import PYRAMID, SHAPE, face_numbers, polyhedron_normals
-from tests.tasks.algorithms.prior.beaker import observable
+from tests.tasks.algorithms.revolution.beaker import observable
 
 LIGHTS = np.full(SHAPE, 2.0)
 

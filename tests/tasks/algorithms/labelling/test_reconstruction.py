@@ -9,7 +9,7 @@ from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.labelling.results import PROVENANCE, Reconstruction
 from glint.tasks.algorithms.labelling.weights import FieldWeights
 from tests.tasks.algorithms.faces.polyhedron import PYRAMID, face_numbers, polyhedron_normals
-from tests.tasks.algorithms.prior.beaker import observable
+from tests.tasks.algorithms.revolution.beaker import observable
 
 Scene = tuple[SimpleNamespace, np.ndarray, np.ndarray]
 
@@ -160,7 +160,7 @@ def test_expected_normals_replace_the_occluding_contour(scene: Scene, result: Re
 
 @pytest.mark.long
 def test_a_turned_glass_is_known_at_its_end() -> None:
-    from tests.tasks.algorithms.prior.beaker import beaker_normals, observable
+    from tests.tasks.algorithms.revolution.beaker import beaker_normals, observable
 
     truth = beaker_normals(20.0)
     mask = np.isfinite(truth[..., 0])

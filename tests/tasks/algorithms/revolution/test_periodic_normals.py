@@ -1,6 +1,6 @@
 import numpy as np
 
-from glint.tasks.algorithms.prior.periodic_normals import held_out_errors, sampled, sums_over_periods
+from glint.tasks.algorithms.revolution.periodic_normals import held_out_errors, sampled, sums_over_periods
 
 ROWS, COLUMNS = 40, 30
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.prior.view_rays import entry_depths
+from glint.tasks.algorithms.revolution.view_rays import entry_depths
 
 RADIUS = 50.0
 

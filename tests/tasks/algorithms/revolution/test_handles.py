@@ -1,7 +1,7 @@
 import numpy as np
 
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.prior.handles import handles_beside, with_handles
+from glint.tasks.algorithms.revolution.handles import handles_beside, with_handles
 
 
 def pixels() -> tuple[np.ndarray, np.ndarray]:

@@ -12,9 +12,9 @@ from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.contours import smooth_contour
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
-from glint.tasks.algorithms.prior.profile import Plate, profile_of_contour, with_risen_plate
-from glint.tasks.algorithms.prior.reflection_axes import ReflectionAxis
-from glint.tasks.algorithms.prior.view_rays import entry_depths
+from glint.tasks.algorithms.revolution.profile import Plate, profile_of_contour, with_risen_plate
+from glint.tasks.algorithms.revolution.reflection_axes import ReflectionAxis
+from glint.tasks.algorithms.revolution.view_rays import entry_depths
 
 MAX_WALL_SLOPE_DEG = 60.0
 """Angle of a normal from the circle's plane up to which it belongs to a wall, not to a flat end."""

@@ -3,8 +3,8 @@
 import numpy as np
 
 from glint.tasks.algorithms.geometry.vectors import to_camera
-from glint.tasks.algorithms.prior.reflection_axes import ReflectionAxis
-from glint.tasks.algorithms.prior.surface_of_revolution import SurfaceOfRevolution
+from glint.tasks.algorithms.revolution.reflection_axes import ReflectionAxis
+from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 
 SHAPE = (200, 140)
 

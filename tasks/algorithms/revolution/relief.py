@@ -12,8 +12,8 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.vectors import angles, unit
-from glint.tasks.algorithms.prior.periodic_normals import MIN_SUPPORT, held_out_errors, sampled, sums_over_periods
-from glint.tasks.algorithms.prior.surface_of_revolution import MAX_WALL_SLOPE_DEG, SurfaceOfRevolution
+from glint.tasks.algorithms.revolution.periodic_normals import MIN_SUPPORT, held_out_errors, sampled, sums_over_periods
+from glint.tasks.algorithms.revolution.surface_of_revolution import MAX_WALL_SLOPE_DEG, SurfaceOfRevolution
 
 PERIODS = range(8, 61)
 """Numbers of periods that are tried; fewer are the faces of a prism rather than a relief."""

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.vectors import angles, to_camera
-from glint.tasks.algorithms.prior.surface_of_revolution import SurfaceOfRevolution
+from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 
 AGREES_DEG, OPEN_END_SHARE = 8.0, 0.5
 """An end is an opening if this share of its pixels has a candidate within this angle of the far wall."""

@@ -1,6 +1,6 @@
 import numpy as np
 
-from glint.tasks.algorithms.prior.reflection_axes import reflection_axes, symmetric_bodies
+from glint.tasks.algorithms.revolution.reflection_axes import reflection_axes, symmetric_bodies
 
 
 def pixels() -> tuple[np.ndarray, np.ndarray]:

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.geometry.vectors import angles, to_camera
-from glint.tasks.algorithms.prior.opening import find_opening
-from glint.tasks.algorithms.prior.surface_of_revolution import SurfaceOfRevolution
-from tests.tasks.algorithms.prior.beaker import tumbler
+from glint.tasks.algorithms.revolution.opening import find_opening
+from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
+from tests.tasks.algorithms.revolution.beaker import tumbler
 
 TILT_DEG = 24.0
 LIP_PX = 5.0

@@ -14,11 +14,11 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.vectors import angles, to_camera
-from glint.tasks.algorithms.prior.handles import handles_beside, with_handles
-from glint.tasks.algorithms.prior.opening import find_opening
-from glint.tasks.algorithms.prior.reflection_axes import ReflectionAxis, reflection_axes, symmetric_bodies
-from glint.tasks.algorithms.prior.relief import ERROR_CAP_DEG, capped_angles, find_relief
-from glint.tasks.algorithms.prior.surface_of_revolution import SurfaceOfRevolution
+from glint.tasks.algorithms.revolution.handles import handles_beside, with_handles
+from glint.tasks.algorithms.revolution.opening import find_opening
+from glint.tasks.algorithms.revolution.reflection_axes import ReflectionAxis, reflection_axes, symmetric_bodies
+from glint.tasks.algorithms.revolution.relief import ERROR_CAP_DEG, capped_angles, find_relief
+from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 
 MAX_TILT_DEG = 75
 """Largest tilt that is tried."""

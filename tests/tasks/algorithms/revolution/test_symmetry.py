@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.prior.reflection_axes import reflection_axes
-from glint.tasks.algorithms.prior.symmetry import (
+from glint.tasks.algorithms.revolution.reflection_axes import reflection_axes
+from glint.tasks.algorithms.revolution.symmetry import (
     SilhouetteSymmetry,
     body_of_revolution_normals,
     surface_of_revolution_normals,
 )
-from tests.tasks.algorithms.prior.beaker import SHAPE, beaker_normals, camera_positions, observable
+from tests.tasks.algorithms.revolution.beaker import SHAPE, beaker_normals, camera_positions, observable
 
 
 def no_candidates() -> np.ndarray:

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.geometry.vectors import angles, unit
-from glint.tasks.algorithms.prior.relief import find_relief
-from tests.tasks.algorithms.prior.beaker import SHAPE, beaker_normals, beaker_surface, camera_positions, observable
+from glint.tasks.algorithms.revolution.relief import find_relief
+from tests.tasks.algorithms.revolution.beaker import SHAPE, beaker_normals, beaker_surface, camera_positions, observable
 
 TILT = 14.0
 
