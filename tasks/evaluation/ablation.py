@@ -57,7 +57,8 @@ def ablate(work: CaptureContext) -> dict[str, tuple[float, float]] | None:
     truth = read_truth(work.capture.truth, (mask.shape[0], mask.shape[1])).normals
     if truth is None:
         return None
-    clusters, marks, view = load_clusters(work), load_marks(work), load_geometry(work).view_vectors
+    clusters, marks, geometry = load_clusters(work), load_marks(work), load_geometry(work)
+    view = geometry.view_vectors
     if view is not None:
         clusters, marks, truth = faced(clusters, view), faced_marks(marks, view), rotate_to_view(truth, view)
     observed = mask & (clusters.observations > 0)
@@ -66,6 +67,7 @@ def ablate(work: CaptureContext) -> dict[str, tuple[float, float]] | None:
         if name == "no marks" and marks is None:
             continue
         settings: dict[str, Any] = {"readmission": has_readmission(work.capture.pose), **parameters}
+        settings["camera"] = geometry.region_camera
         normals = _labelled_normals(clusters, mask, marks, settings)
         results[name] = squared_errors(normals, truth, observed), squared_errors(normals, truth, mask)
     return results

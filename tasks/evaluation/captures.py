@@ -93,13 +93,14 @@ def evaluate(work: CaptureContext, stages: tuple[str, ...]) -> Evaluation | None
     if truth.normals is None:
         return None
     clusters, initial = load_clusters(work), work.load("silhouette").read("initial")
-    labels, view = work.load("labels"), load_geometry(work).view_vectors
+    labels, geometry = work.load("labels"), load_geometry(work)
+    view, camera = geometry.view_vectors, geometry.region_camera
     literal, silhouette = LabelsParameters(method="paper"), work.parameters.silhouette
     winner = np.where(np.isfinite(clusters.winner), clusters.winner, initial)
     normals = {
         "winner takes all": winner,
         "silhouette only": initial,
-        "paper": reconstruct(clusters, mask, initial, load_marks(work), literal, silhouette, view=view).normals,
+        "paper": reconstruct(clusters, mask, initial, load_marks(work), literal, silhouette, camera=camera).normals,
         "glint": labels.read("normals"),
     }
     observed = mask & (clusters.observations > 0)

@@ -105,7 +105,7 @@ class CaptureQuestions:
 
     def label(self, marks: Marks | None) -> Reconstruction:
         """Label the candidates with these marks."""
-        parameters, view = self.work.parameters, self.geometry.view_vectors
+        parameters = self.work.parameters
         return reconstruct(
             self.clusters,
             self.mask,
@@ -113,7 +113,7 @@ class CaptureQuestions:
             marks,
             parameters.labels,
             parameters.silhouette,
-            view=view,
+            camera=self.geometry.region_camera,
             readmission=has_readmission(self.work.capture.pose),
         )
 
@@ -143,6 +143,7 @@ class CaptureQuestions:
         if view is not None:
             clusters, marks = faced(clusters, view), faced_marks(marks, view)
         options: dict[str, Any] = {"max_iterations": parameters.labels.rounds, **self._weights}
+        options["camera"] = self.geometry.region_camera
         if self._settled is None:
             self._settled = settle(clusters, self.mask, draft=True, **options)
         normals = reconstruct_normals(

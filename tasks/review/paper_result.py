@@ -36,5 +36,5 @@ def paper_normals(store: str, object_id: str, version: str, capture: str) -> np.
         marks if len(marks.kind) else None,
         LabelsParameters(method="paper"),
         SilhouetteParameters(),
-        view=CaptureGeometry.of(stages["survey"].record).view_vectors,
+        camera=CaptureGeometry.of(stages["survey"].record).region_camera,
     ).normals

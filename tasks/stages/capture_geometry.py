@@ -58,6 +58,11 @@ class CaptureGeometry:
         """Return the perspective camera's matrix (3, 3) in the pixels of a crop; None: orthographic."""
         return None if self.camera is None else self.camera - np.array([[0, 0, crop.x], [0, 0, crop.y], [0, 0, 0]])
 
+    @property
+    def region_camera(self) -> np.ndarray | None:
+        """The perspective camera's matrix (3, 3) in the pixels of the region; None: orthographic."""
+        return self.camera_within(self.region)
+
     def holds(self, x: int, y: int) -> bool:
         """Return whether a pixel of the full frame lies in the region."""
         return 0 <= x - self.region.x < self.region.width and 0 <= y - self.region.y < self.region.height

@@ -31,7 +31,7 @@ def depth(inputs: StageInputs, progress: Progress) -> StageOutput:
         mask,
         confidence=labels.read("confidence") ** NORMAL_WEIGHT_POWER if parameters.use_confidence else None,
         method=parameters.method,
-        camera=geometry.camera_within(geometry.region),
+        camera=geometry.region_camera,
         body=labels.read("body_depth") if "body_depth" in labels.arrays else None,
         sharpness=parameters.sharpness,
         max_rounds=parameters.rounds,

@@ -9,7 +9,7 @@ from glint.storage.catalogue.models import Pose
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.candidates.shading import MAX_SHADING, without_shading
-from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view
+from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view, view_vectors
 from glint.tasks.algorithms.labelling.confidence import with_input_doubt
 from glint.tasks.algorithms.labelling.dual_layer import reconstruct_dual_layer
 from glint.tasks.algorithms.labelling.light_evidence import light_evidence
@@ -49,7 +49,7 @@ def labels(inputs: StageInputs, progress: Progress) -> StageOutput:
         load_marks(inputs),
         inputs.parameters,
         inputs.parameters_of("silhouette"),
-        view=load_geometry(inputs).view_vectors,
+        camera=load_geometry(inputs).region_camera,
         readmission=has_readmission(inputs.field("pose")),
     )
     mask, half_vector_sd = inputs.load("mask"), inputs.load("lights").read("half_vector_sd")
@@ -112,23 +112,38 @@ def reconstruct(
     parameters: LabelsParameters,
     silhouette: SilhouetteParameters,
     expected: np.ndarray | None = None,
-    view: np.ndarray | None = None,
+    camera: np.ndarray | None = None,
     readmission: bool = True,
 ) -> Reconstruction:
     """Reconstruct the normals of one view by the method that `parameters` names.
 
-    expected: normals (H, W, 3) of a model of all views, for the method `sheets`. view: view vectors (H, W, 3) under a
-    perspective camera; each pixel's normals are labelled as seen along its own ray. readmission: of the method
-    `sheets`, see `reconstruct_normals`.
+    expected: normals (H, W, 3) of a model of all views, for the method `sheets`. camera: the perspective camera's
+    matrix (3, 3) in pixels of the region; each pixel's normals are labelled as seen along its own ray. readmission: of
+    the method `sheets`, see `reconstruct_normals`.
     """
-    if view is not None:
-        expected = None if expected is None else rotate_to_view(expected, view)
-        clusters, marks = faced(clusters, view), faced_marks(marks, view)
-        initial = rotate_to_view(initial, view)
-        result = reconstruct(clusters, mask, initial, marks, parameters, silhouette, expected, readmission=readmission)
-        return replace(
-            result, normals=rotate_from_view(result.normals, view), initial=rotate_from_view(result.initial, view)
-        )
+    if camera is None:
+        return _reconstruct(clusters, mask, initial, marks, parameters, silhouette, expected, None, readmission)
+    view = view_vectors(camera, mask.shape, 0.0, 0.0)
+    expected = None if expected is None else rotate_to_view(expected, view)
+    clusters, marks, initial = faced(clusters, view), faced_marks(marks, view), rotate_to_view(initial, view)
+    result = _reconstruct(clusters, mask, initial, marks, parameters, silhouette, expected, camera, readmission)
+    return replace(
+        result, normals=rotate_from_view(result.normals, view), initial=rotate_from_view(result.initial, view)
+    )
+
+
+def _reconstruct(
+    clusters: Clusters,
+    mask: np.ndarray,
+    initial: np.ndarray,
+    marks: Marks | None,
+    parameters: LabelsParameters,
+    silhouette: SilhouetteParameters,
+    expected: np.ndarray | None,
+    camera: np.ndarray | None,
+    readmission: bool,
+) -> Reconstruction:
+    """Do what `reconstruct` does, with all normals relative to the view rays."""
     if parameters.method == "paper":
         # The literal baseline keeps its candidates, but no confidence in those that show shading.
         result = reconstruct_dual_layer(
@@ -149,6 +164,7 @@ def reconstruct(
         max_iterations=parameters.rounds,
         graph_cut_weights=graph_cut_weights(parameters),
         field_weights=field_weights(silhouette),
+        camera=camera,
     )
 
 

@@ -18,7 +18,7 @@ from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.evaluation.metrics import depth_errors
 from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.integration.rim import with_rim
-from glint.tasks.algorithms.revolution import symmetry
+from glint.tasks.algorithms.revolution import rotational_normals, symmetry
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.simulation.simulate import CaptureOptions
@@ -58,7 +58,7 @@ def measure(capture: Capture, store: Path, forced: bool) -> str:
     assert capture.truth is not None
     truth = read_truth(capture.truth, (mask.shape[0], mask.shape[1])).depth
     assert truth is not None
-    with patch.object(symmetry, "surface_of_revolution_normals", forced_body if forced else FOUND):
+    with patch.object(rotational_normals, "surface_of_revolution_normals", forced_body if forced else FOUND):
         result = reconstruct(
             load_clusters(work),
             mask,
@@ -66,9 +66,9 @@ def measure(capture: Capture, store: Path, forced: bool) -> str:
             None,
             parameters.labels,
             parameters.silhouette,
-            view=geometry.view_vectors,
+            camera=geometry.region_camera,
         )
-    camera = geometry.camera_within(geometry.region)
+    camera = geometry.region_camera
     distance = 1.0 if camera is None else float(np.sqrt(camera[0, 0] * camera[1, 1]))
 
     def error(body: np.ndarray | None) -> tuple[str, bool]:

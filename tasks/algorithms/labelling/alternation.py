@@ -32,7 +32,7 @@ from glint.tasks.algorithms.prior.smooth_normals import (
     thickness,
 )
 from glint.tasks.algorithms.prior.unreached import with_unreached
-from glint.tasks.algorithms.revolution.symmetry import SilhouetteSymmetry, rotational_normals
+from glint.tasks.algorithms.revolution.rotational_normals import RotationalSymmetry
 from glint.tasks.algorithms.sheets.integrability import shape_log_ratio
 from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
 
@@ -57,8 +57,7 @@ class Alternation:
     labels (K, H, W) bool: exterior nodes. readmitted (K, H, W): probability of nodes that were rejected and then
     readmitted, 0 elsewhere. values (H, W, 3): accepted normals, NaN elsewhere. confidence (H, W): theirs, NaN
     elsewhere. known (H, W) bool: where they enter the field. initial, smooth (H, W, 3): first and present field.
-    body_depth (H, W): of an expected surface of revolution. unreached (H, W, 3): normals of dark pixels, NaN elsewhere;
-    None before these.
+    body_depth (H, W): of an expected surface of revolution. unreached (H, W, 3): normals of dark pixels, NaN elsewhere.
     """
 
     normals: np.ndarray
@@ -71,6 +70,7 @@ class Alternation:
     field_weights: FieldWeights
     field_error: FieldError
     is_draft: bool = False
+    camera: np.ndarray | None = None
     scale: float = field(init=False)
     local_scale: np.ndarray = field(init=False)
     surface: SmoothNormalField = field(init=False)
@@ -78,7 +78,7 @@ class Alternation:
     rim: np.ndarray = field(init=False)
     outward: np.ndarray = field(init=False)
     graph: GraphCut = field(init=False)
-    symmetry: SilhouetteSymmetry = field(init=False)
+    symmetry: RotationalSymmetry = field(init=False)
     evidence: np.ndarray = field(init=False)
     unmarked_evidence: np.ndarray = field(init=False)
     sheets: tuple[np.ndarray, sparse.csr_matrix] = field(init=False)
@@ -108,7 +108,7 @@ class Alternation:
         self.rim, self.outward = contour_normals(self.mask)
         weights = self.graph_cut_weights
         self.graph = GraphCut(self.normals, weights.strength, weights.contrast)
-        self.symmetry = SilhouetteSymmetry(self.mask)
+        self.symmetry = RotationalSymmetry(self.mask, self.camera)
         self.unmarked_evidence = weights.shape_weight * shape_log_ratio(self.normals, self.scale)
         self.unmarked_evidence += weights.shading_weight * shading_log_ratio(self.shading)
         self.sheets = sheet_graph(self.normals)
@@ -212,7 +212,7 @@ class Alternation:
         """Make a surface of revolution the expected field, where there was none, if the accepted normals support it."""
         relative = np.where(self.marked, self.field_weights.marked / self.field_weights.observed, 1.0)
         accepted = np.where(self.known[..., None], self.values, np.nan)
-        rotational = rotational_normals(self.symmetry, accepted, self.normals, self.initial, relative)
+        rotational = self.symmetry.normals(accepted, self.normals, self.initial, relative)
         if rotational is None or rotational.relief_fit < self.relief_fit:
             return False
         lights = accepted_weights(self.weights, self.labels)

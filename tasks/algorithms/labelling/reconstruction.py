@@ -68,13 +68,14 @@ def reconstruct_normals(
     graph_cut_weights: GraphCutWeights = DEFAULT_GRAPH_CUT,
     field_weights: FieldWeights = DEFAULT_FIELD,
     field_error: FieldError = DEFAULT_FIELD_ERROR,
+    camera: np.ndarray | None = None,
     settled: Alternation | None = None,
 ) -> Reconstruction:
     """Reconstruct the exterior normals of one view from its candidate normals.
 
     Args:
         clusters: candidates of the region; `normals` (K, H, W, 3), unit, camera frame, NaN where there is none, and
-            their `shading`.
+            their `shading`. Under a perspective camera they, and all normals below, are relative to the view rays.
         mask: (H, W) bool, the object.
         marks: true and false highlights marked by a user.
         expected: (H, W, 3) normals known beforehand, as from a visual hull, finite in the mask; they replace the
@@ -85,6 +86,7 @@ def reconstruct_normals(
         max_iterations: at most so many each time: at first, and again after all that is found or marked.
         min_confidence: accepted normals of lower confidence do not enter the field.
         graph_cut_weights, field_weights, field_error: see `weights`.
+        camera: (3, 3), the perspective camera's matrix in pixels of the mask; None for parallel rays.
         settled: result of `settle` for the same arguments, None to settle first. If it is a draft, so is the result:
             confidence is that of the accepted normals alone, NaN between them.
 
@@ -101,6 +103,7 @@ def reconstruct_normals(
             graph_cut_weights=graph_cut_weights,
             field_weights=field_weights,
             field_error=field_error,
+            camera=camera,
         )
     state = copy(settled)
     if marks is not None:
@@ -153,6 +156,7 @@ def settle(
     graph_cut_weights: GraphCutWeights = DEFAULT_GRAPH_CUT,
     field_weights: FieldWeights = DEFAULT_FIELD,
     field_error: FieldError = DEFAULT_FIELD_ERROR,
+    camera: np.ndarray | None = None,
     draft: bool = False,
 ) -> Alternation:
     """Label the candidates without marks until the labels settle: what `reconstruct_normals` goes on from.
@@ -180,6 +184,7 @@ def settle(
         field_weights,
         field_error,
         is_draft=draft,
+        camera=camera,
     )
     state.iterate(max_iterations, CONVERGED_SHARE, min_confidence)
     return state

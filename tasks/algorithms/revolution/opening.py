@@ -46,16 +46,16 @@ class Opening:
         """Return what is seen at x, y (N,), camera frame: of near wall, lip, and the far wall's inner side.
 
         Returns:
-            Unit normals (N, 3), z (N,) in pixels (see `SurfaceOfRevolution.depths_at`), both NaN where rays miss the
+            Unit normals (N, 3), z (N,) in pixels (see `RayHits`), both NaN where rays miss the
             surface, and whether it is the far wall, (N,) bool.
         """
         hits = self.surface.intersect(x, y)
-        normals, depths = self.surface.normals_at(hits), self.surface.depths_at(hits)
+        normals, depths = self.surface.normals_at(hits), hits.depths.copy()
         is_far = self.surface.is_end_at(hits)
         is_far[is_far] = _depth(self.surface, x[is_far], y[is_far]) >= self.lip
         inner = self.surface.shrunk(self.lip)
         hits = inner.intersect(x[is_far], y[is_far], far=True)
-        inward, inner_depths = -inner.normals_at(hits), inner.depths_at(hits)
+        inward, inner_depths = -inner.normals_at(hits), hits.depths
         visible = inward[:, 2] > 0.0
         is_far[is_far] = visible
         normals[is_far], depths[is_far] = inward[visible], inner_depths[visible]
@@ -82,10 +82,7 @@ def find_opening(surface: SurfaceOfRevolution, mask: np.ndarray, candidates: np.
     least = MIN_OPENING_SHARE * len(rows)
     if _fit(surface, x, y, observed, least) is None:
         return None
-    surfaces = [
-        SurfaceOfRevolution.from_silhouette(mask, surface.axis, surface.tilt + np.radians(turn)) if turn else surface
-        for turn in TILTS_DEG
-    ]
+    surfaces = [surface.tilted(mask, surface.tilt + np.radians(turn)) if turn else surface for turn in TILTS_DEG]
     fits = [_fit(tilted, x, y, observed, least) for tilted in surfaces]
     best = _peak(np.array([np.nan if fit is None else fit.score for fit in fits]))
     fit = fits[best]
@@ -128,17 +125,16 @@ def _fit(
     is_end = surface.is_end(x, y)
     sign = _agreement(surface.normals(x[~is_end], y[~is_end]), candidates[:, ~is_end])
     # Pixels of the near wall that show the lip too agree with neither.
-    edge = FOOTPRINT_PX * surface.axis.direction * np.sign(surface.tilt)
+    edge = FOOTPRINT_PX * surface.axis.direction * surface.facing
     beside = float(sign[~surface.is_end(x[~is_end] + edge[0], y[~is_end] + edge[1])].sum())
     x, y = x[is_end], y[is_end]
     sign = _agreement(surface.normals(x, y, far=True), candidates[:, is_end])
     if not np.count_nonzero(sign) > least:
         return None
     # A pixel on the inner edge shows the lip too, and the plane of the end is foreshortened along the view.
-    outward = surface.intersect(x, y).outward
-    across = outward[:, :2] @ surface.axis.normal
-    distance = np.linalg.norm(outward, axis=1)
-    along = np.sqrt(np.maximum(distance**2 - across**2, 0.0)) / np.sin(abs(surface.tilt))
+    hits = surface.intersect(x, y)
+    across, distance = hits.across, np.linalg.norm(hits.outward, axis=1)
+    along = np.abs(hits.forward) / np.sin(abs(surface.end_tilt))
     depth = surface.end_radius - distance - FOOTPRINT_PX * np.hypot(across, along) / np.maximum(distance, 1e-9)
     order = np.argsort(-depth)
     total = np.concatenate([[0.0], np.cumsum(sign[order])])

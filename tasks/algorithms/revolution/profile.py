@@ -78,7 +78,7 @@ class Plate(NamedTuple):
 
 
 def profile_of_contour(
-    radii: np.ndarray, heights: np.ndarray, tilt: float
+    radii: np.ndarray, heights: np.ndarray, tilts: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, tuple[Plate, ...]]:
     """Return the profile of a surface of revolution from the largest circle inside its silhouette at each height.
 
@@ -89,24 +89,23 @@ def profile_of_contour(
     Args:
         radii: (N,), of the circles.
         heights: (N,), equidistant.
-        tilt: of the upper end towards the camera, radians.
+        tilts: (N,), of the axis towards the camera as seen at these heights, radians.
 
     Returns:
         Squared radii (N,), their slopes (N,), and the plates that face the camera.
     """
     step = float(heights[1] - heights[0])
-    # Slope of the radius along the axis at which the wall is parallel to the view.
-    edge_on = -1.0 / max(abs(np.tan(tilt)), MIN_TAN_TILT)
-    falling, rising = _cones(radii, edge_on, step), _mirrored(_cones(radii[::-1], edge_on, step), len(radii))
+    # Slopes of the radius along the axis at which the wall is parallel to the view.
+    edge_on = -1.0 / np.maximum(np.abs(np.tan(tilts)), MIN_TAN_TILT)
+    falling, rising = _cones(radii, edge_on, step), _mirrored(_cones(radii[::-1], edge_on[::-1], step), len(radii))
     squared, slopes, assumed = _smooth_walls(radii, heights, [*falling, *rising])
     kept = _without_cones(radii, squared, slopes, heights, falling, step)
     below = _mirrored(rising, len(radii))
     kept = _without_cones(radii[::-1], kept[::-1], -slopes[::-1], -heights[::-1], below, step)[::-1].copy()
     kept[[0, -1]] = 0.0
     changed = ndimage.binary_dilation((kept != squared) | assumed, iterations=1)
-    facing = [Plate(cone.start - 1, cone.stop) for cone in falling if cone.is_sharp]
-    if tilt < 0.0:
-        facing = [Plate(cone.stop, cone.start - 1) for cone in rising if cone.is_sharp]
+    facing = [Plate(cone.start - 1, cone.stop) for cone in falling if cone.is_sharp and tilts[cone.start] >= 0.0]
+    facing += [Plate(cone.stop, cone.start - 1) for cone in rising if cone.is_sharp and tilts[cone.stop - 1] < 0.0]
     inside = range(1, len(kept) - 1)
     plates = tuple(plate for plate in facing if plate.stem in inside and kept[plate.stem] > 0.0)
     return kept, np.where(changed, np.gradient(kept, heights), slopes), plates
@@ -178,7 +177,7 @@ def _smooth_walls(
     return squared, slopes, assumed
 
 
-def _cones(radii: np.ndarray, edge_on: float, step: float) -> list[_Cone]:
+def _cones(radii: np.ndarray, edge_on: np.ndarray, step: float) -> list[_Cone]:
     """Return the cones at which the radius falls with the height."""
     reach = max(1, round(SLOPE_REACH_PX / step))
     labels, count = ndimage.label(_edge_on_samples(radii, edge_on, reach, step))
@@ -189,7 +188,7 @@ def _cones(radii: np.ndarray, edge_on: float, step: float) -> list[_Cone]:
         last = max(cone.start - reach, 1)
         first = max(last - before, 0)
         slope = (radii[last] - radii[first]) / ((last - first) * step)
-        cones.append(_Cone(cone.start, cone.stop, bool(slope > MAX_CORNER_SLOPE_RATIO * edge_on)))
+        cones.append(_Cone(cone.start, cone.stop, bool(slope > MAX_CORNER_SLOPE_RATIO * edge_on[cone.start])))
     return cones
 
 
@@ -222,7 +221,7 @@ def _without_cones(
     return kept
 
 
-def _edge_on_samples(radii: np.ndarray, edge_on: float, reach: int, step: float) -> np.ndarray:
+def _edge_on_samples(radii: np.ndarray, edge_on: np.ndarray, reach: int, step: float) -> np.ndarray:
     """Return the samples (N,) bool at which radii (N,) fall nearly as steeply as a wall seen edge-on."""
     before, after = np.append(np.zeros(reach), radii[:-reach]), np.append(radii[reach:], np.zeros(reach))
     slope = (after - before) / (2 * reach * step)

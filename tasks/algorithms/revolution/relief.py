@@ -102,7 +102,7 @@ def find_relief(
 
     def fitted(tilt: float, thickness: float, periods: Iterable[int], stride: int = 1) -> Relief:
         """Return the best of some numbers of periods, by every n-th normal."""
-        tilted = SurfaceOfRevolution.from_silhouette(mask, surface.axis, tilt, step=1.0)
+        tilted = surface.tilted(mask, tilt, step=1.0)
         places = _Places.on(tilted.shrunk(thickness), x[::stride], y[::stride])
         if not places.hit.any():
             return Relief(tilted, thickness, PERIODS[0], 0.0, 0.0)
@@ -136,7 +136,7 @@ def find_relief(
             turn, step = turn / 2.0, step / 2.0
     if best.share < MIN_RELIEF_SHARE:
         return None
-    return replace(best, surface=SurfaceOfRevolution.from_silhouette(mask, surface.axis, best.surface.tilt))
+    return replace(best, surface=surface.tilted(mask, best.surface.tilt))
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,18 +157,17 @@ class _Places:
 
     @classmethod
     def on(cls, surface: SurfaceOfRevolution, x: np.ndarray, y: np.ndarray) -> "_Places":
-        """Place the points where rays along -z at x, y (N,) enter a surface."""
-        hits, upward = surface.intersect(x, y), surface.upward
-        outward = np.asarray(unit(hits.outward))
-        side = np.append(surface.axis.normal, 0.0)
-        azimuth = np.arctan2(outward @ side, outward @ np.cross(side, upward))
+        """Place the points where the rays of x, y (N,) enter a surface."""
+        hits = surface.intersect(x, y)
+        outward, upward = np.asarray(unit(hits.outward)), hits.upward
+        azimuth = np.arctan2(hits.across, hits.forward)
         # All points of a flat end lie on one circle.
-        is_wall = np.abs(surface.normals_at(hits) @ upward) < np.sin(np.radians(MAX_WALL_SLOPE_DEG))
+        is_wall = np.abs((surface.normals_at(hits) * upward).sum(axis=1)) < np.sin(np.radians(MAX_WALL_SLOPE_DEG))
         hit = np.isfinite(azimuth) & is_wall
         girth = 2.0 * np.pi * float(np.sqrt(surface.squared_radii.max()))
         cell = max(1.0, girth / MAX_GIRTH)
         row = np.rint(np.where(hit, hits.heights - surface.heights[0], 0.0) / cell).astype(int)
-        frames = np.stack([outward, np.cross(upward, outward), np.broadcast_to(upward, outward.shape)], axis=1)
+        frames = np.stack([outward, np.cross(upward, outward), upward], axis=1)
         rows = int(np.ptp(surface.heights) / cell) + 2
         return cls(row, np.where(hit, azimuth, 0.0), frames, hit, rows, girth / cell)
 

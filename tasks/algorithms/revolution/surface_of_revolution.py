@@ -7,14 +7,15 @@ tilt are known: each circle is as wide as its ellipse fits inside the silhouette
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.contours import smooth_contour
+from glint.tasks.algorithms.geometry.perspective import rotate_to_view
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
+from glint.tasks.algorithms.revolution.inscribed_circles import inscribed_circles
 from glint.tasks.algorithms.revolution.profile import Plate, profile_of_contour, with_risen_plate
 from glint.tasks.algorithms.revolution.reflection_axes import ReflectionAxis
-from glint.tasks.algorithms.revolution.view_rays import entry_depths
+from glint.tasks.algorithms.revolution.view_rays import AxisFrame, entry_depths
 
 MAX_WALL_SLOPE_DEG = 60.0
 """Angle of a normal from the circle's plane up to which it belongs to a wall, not to a flat end."""
@@ -26,28 +27,34 @@ CONTOUR_SLOPE_WEIGHT = 5.0
 """Weight of the contour's slope at a height, in normals."""
 END_CONE_DEG, END_PX = 25.0, 2.0
 """Angle from the axis, and distance along it from the end of the wall, up to which normals belong to a flat end."""
-MIN_SIN_TILT = 0.005
-"""Lower bound of the sine of the tilt by which circles are flattened to ellipses."""
 
 
 @dataclass(frozen=True, slots=True)
 class RayHits:
-    """Intersections of N rays along -z with a surface of revolution, in pixels; NaN for rays that miss it.
+    """Intersections of N view rays with a surface of revolution, in pixels; NaN for rays that miss it.
 
-    heights: (N,), along the axis. outward: (N, 3), from the axis to the surface, as long as the radius, camera frame.
+    heights: (N,), along the axis. depths: (N,), z towards the camera, from the plane through the axis' image point.
+    across, forward: (N,), from the axis, in its frame. outward: (N, 3), from the axis to the surface, as long as the
+    radius, and upward: (N, 3), along the axis, unit; both relative to the ray, as the normals of a pixel are.
     """
 
     heights: np.ndarray
+    depths: np.ndarray
+    across: np.ndarray
+    forward: np.ndarray
     outward: np.ndarray
+    upward: np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
 class SurfaceOfRevolution:
-    """Surface of revolution under an orthographic camera; lengths in pixels.
+    """Surface of revolution before a camera; lengths in pixels.
+
+    Normals are relative to the view rays, which are parallel unless `inverse_focal` is given.
 
     axis: its image. tilt: of its upper end towards the camera, radians. heights: (N,), samples along the axis.
     squared_radii: (N,) at these heights. half_slopes: (N,), half the slopes of the squared radii, that is radius times
-    its slope. plates: that face the camera, drawn flat at the height of their edge.
+    its slope. plates: that face the camera, drawn flat at the height of their edge. inverse_focal: see `AxisFrame`.
     """
 
     axis: ReflectionAxis
@@ -56,36 +63,48 @@ class SurfaceOfRevolution:
     squared_radii: np.ndarray
     half_slopes: np.ndarray
     plates: tuple[Plate, ...] = ()
+    inverse_focal: float = 0.0
 
     @classmethod
     def from_silhouette(
-        cls, mask: np.ndarray, axis: ReflectionAxis, tilt: float, step: float = 0.5
+        cls, mask: np.ndarray, axis: ReflectionAxis, tilt: float, step: float = 0.5, inverse_focal: float = 0.0
     ) -> "SurfaceOfRevolution":
         """Return the largest surface with that axis and tilt (radians) inside a silhouette (H, W) bool.
 
         step: distance of the samples along the axis in pixels, and about twice that of the contour's points.
         """
         contour = smooth_contour(mask)[:: max(1, int(step / 2))]
-        position = np.stack(to_camera(contour[:, 0], contour[:, 1], mask.shape[1], mask.shape[0]), axis=-1) - axis.point
-        side, up = position @ axis.normal, position @ axis.direction
-        cos_tilt, sin_tilt = np.cos(tilt), max(abs(np.sin(tilt)), MIN_SIN_TILT)
-        heights = np.arange(up.min() / cos_tilt, up.max() / cos_tilt + step, step)
-        # A circle's image is an ellipse flattened by the sine of the tilt. The largest one inside the silhouette
-        # touches the contour: its radius is the least distance to the contour, stretched along the axis.
-        squared_distance = _squared_distances(heights * (cos_tilt / sin_tilt), up / sin_tilt, side**2)
-        # A circle that is seen nearly edge-on passes between two points of the contour.
-        heights_met, sides_met = _crossings(up / (cos_tilt * step) - heights[0] / step, side, len(heights))
-        np.minimum.at(squared_distance, heights_met, sides_met**2)
-        squared, slopes, plates = profile_of_contour(np.sqrt(squared_distance), heights, tilt)
-        return cls(axis, tilt, heights, squared, slopes / 2.0, plates)
+        frame = AxisFrame.of(axis, tilt, inverse_focal)
+        rays = frame.rays(*to_camera(contour[:, 0], contour[:, 1], mask.shape[1], mask.shape[0]))
+        heights, radii = inscribed_circles(rays, step)
+        squared, slopes, plates = profile_of_contour(radii, heights, frame.tilts(heights))
+        return cls(axis, tilt, heights, squared, slopes / 2.0, plates, inverse_focal)
+
+    def tilted(self, mask: np.ndarray, tilt: float, step: float = 0.5) -> "SurfaceOfRevolution":
+        """Return the largest surface inside the silhouette (H, W) bool with another tilt, see `from_silhouette`."""
+        return SurfaceOfRevolution.from_silhouette(mask, self.axis, tilt, step, self.inverse_focal)
 
     @property
-    def upward(self) -> np.ndarray:
-        """Direction (3,) of the axis in the camera frame."""
-        return np.append(self.axis.direction * np.cos(self.tilt), np.sin(self.tilt))
+    def frame(self) -> AxisFrame:
+        """Frame of the axis."""
+        return AxisFrame.of(self.axis, self.tilt, self.inverse_focal)
+
+    @property
+    def facing(self) -> int:
+        """Return which end faces the camera: 1 the upper one, -1 the lower one, 0 neither."""
+        body = self.heights[self.squared_radii > 0.0]
+        if len(body) == 0:
+            return 0
+        lower, upper = self.frame.tilts(body[[0, -1]])
+        return int(upper > 0.0) - int(lower < 0.0)
+
+    @property
+    def end_tilt(self) -> float:
+        """Tilt of the axis as the camera sees it at the end that faces it, radians."""
+        return float(self.frame.tilts(self.heights[self._end]))
 
     def normals(self, x: np.ndarray, y: np.ndarray, far: bool = False) -> np.ndarray:
-        """Return the unit normals (N, 3) where rays along -z at x, y (N,) enter the body, NaN for rays that miss it.
+        """Return the unit normals (N, 3) where the rays of x, y (N,) enter the body, NaN for rays that miss it.
 
         far: instead those of the wall's inner side, where the rays leave the body.
         """
@@ -102,7 +121,8 @@ class SurfaceOfRevolution:
 
     def is_end_at(self, hits: RayHits) -> np.ndarray:
         """Return whether N rays enter the body through the flat end that faces the camera."""
-        is_flat = self.normals_at(hits) @ (self.upward * np.sign(self.tilt)) > np.cos(np.radians(END_CONE_DEG))
+        axial = (self.normals_at(hits) * hits.upward).sum(axis=1) * self.facing
+        is_flat = axial > np.cos(np.radians(END_CONE_DEG))
         return np.asarray(is_flat & (np.abs(hits.heights - self.heights[self._end]) < END_PX))
 
     def shrunk(self, thickness: float) -> "SurfaceOfRevolution":
@@ -113,15 +133,18 @@ class SurfaceOfRevolution:
         return replace(self, squared_radii=inner**2, half_slopes=self.half_slopes * share)
 
     def intersect(self, x: np.ndarray, y: np.ndarray, far: bool = False) -> RayHits:
-        """Intersect rays along -z at x, y (N,), camera frame, where they enter the body; far: where they leave it."""
-        side, up = self._image_position(x, y)
-        depths = entry_depths(side, up, self.tilt, self.heights, self.squared_radii, far)
-        c, s = np.cos(self.tilt), np.sin(self.tilt)
-        # Component of the radius in the plane of axis and view.
-        forward = depths * c - up * s
-        flat = np.outer(side, self.axis.normal) - np.outer(forward * s, self.axis.direction)
-        outward = np.column_stack([flat, forward * c])
-        return RayHits(depths * s + up * c, outward)
+        """Intersect the rays of x, y (N,), camera frame, where they enter the body; far: where they leave it."""
+        frame = self.frame
+        rays = frame.rays(x, y)
+        spans = float(np.sqrt(self.squared_radii.max())), float(np.abs(self.heights).max())
+        reach = spans[0] * abs(frame.vectors[1, 2]) + spans[1] * abs(frame.vectors[2, 2]) + 1.0
+        depths = entry_depths(rays, self.heights, self.squared_radii, reach, far)
+        points = rays.at(depths)
+        outward, upward = points[:, :2] @ frame.vectors[:2], np.broadcast_to(frame.upward, points.shape)
+        view = frame.view_vectors(x, y)
+        if view is not None:
+            outward, upward = rotate_to_view(outward, view), rotate_to_view(upward, view)
+        return RayHits(points[:, 2], depths, points[:, 0], points[:, 1], outward, upward)
 
     def with_risen_plates(self, x: np.ndarray, y: np.ndarray, normals: np.ndarray) -> "SurfaceOfRevolution":
         """Return the surface with plates that rise to their stems, as far as normals (N, 3) at x, y (N,) show these."""
@@ -189,58 +212,15 @@ class SurfaceOfRevolution:
     def _end(self) -> int:
         """Number of the last sample of the wall before the end that faces the camera."""
         body = np.flatnonzero(self.squared_radii > 0.0)
-        return 0 if len(body) == 0 else int(body[-1] if self.tilt > 0 else body[0])
+        return 0 if len(body) == 0 else int(body[-1] if self.facing > 0 else body[0])
 
     def normals_at(self, hits: RayHits) -> np.ndarray:
         """Return the unit normals (N, 3) that point out of the body."""
         axial = -np.interp(hits.heights, self.heights, self.half_slopes)
-        return np.asarray(unit(hits.outward + np.outer(axial, self.upward)))
-
-    def depths_at(self, hits: RayHits) -> np.ndarray:
-        """Return z (N,) in pixels, towards the camera, from the plane through the axis' image point."""
-        return np.asarray(hits.heights * np.sin(self.tilt) + hits.outward[:, 2])
+        return np.asarray(unit(hits.outward + axial[:, None] * hits.upward))
 
     def _slope_angles(self, hits: RayHits, normals: np.ndarray) -> np.ndarray:
         """Return the angles (N,) of normals (N, 3) from their circles' planes, positive upward."""
         radius = np.linalg.norm(hits.outward, axis=1)
-        return np.asarray(np.arctan2(radius * (normals @ self.upward), (normals * hits.outward).sum(axis=1)))
-
-    def _image_position(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return positions (N,) perpendicular to the axis and along it, in the image."""
-        position = np.stack([x, y], axis=-1) - self.axis.point
-        return position @ self.axis.normal, position @ self.axis.direction
-
-
-@njit(cache=True, nogil=True, fastmath={"nnan", "ninf", "nsz", "reassoc"})
-def _squared_distances(heights: np.ndarray, up: np.ndarray, squared_side: np.ndarray) -> np.ndarray:
-    """Return the least squared distance (N,) of points at heights (N,) on an axis to points beside it.
-
-    up, squared_side: (M,), of these, along the axis and across; all finite, which lets the compiler use vectors.
-    """
-    least = np.empty(len(heights))
-    for sample in range(len(heights)):
-        nearest = np.inf
-        for point in range(len(up)):
-            nearest = min(nearest, (heights[sample] - up[point]) ** 2 + squared_side[point])
-        least[sample] = nearest
-    return least
-
-
-def _crossings(position: np.ndarray, side: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the samples (N,), from 0 to length - 1, at which a closed polygon crosses them, and its sides (N,) there.
-
-    Args:
-        position: (M,), of the corners, along the axis, in samples.
-        side: (M,), of the corners, perpendicular to it.
-        length: number of samples.
-    """
-    following, next_side = np.roll(position, -1), np.roll(side, -1)
-    first, last = np.ceil(np.minimum(position, following)), np.floor(np.maximum(position, following))
-    numbers, sides = [], []
-    for further in range(int((last - first).max()) + 1):
-        number = first + further
-        used = (number <= last) & (number >= 0) & (number < length) & (position != following)
-        share = (number - position)[used] / (following - position)[used]
-        numbers.append(number[used].astype(int))
-        sides.append(side[used] + share * (next_side - side)[used])
-    return np.concatenate(numbers), np.concatenate(sides)
+        axial, radial = ((normals * directions).sum(axis=1) for directions in (hits.upward, hits.outward))
+        return np.asarray(np.arctan2(radius * axial, radial))

@@ -6,6 +6,7 @@ Accepted normals decide whether the object is one at all, its tilt, and the slop
 what neither highlights nor a smooth field can: feet, shoulders, flat ends, and the far wall seen through an opening.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
 from typing import NamedTuple
@@ -14,7 +15,6 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.vectors import angles, to_camera
-from glint.tasks.algorithms.revolution.handles import handles_beside, with_handles
 from glint.tasks.algorithms.revolution.opening import find_opening
 from glint.tasks.algorithms.revolution.reflection_axes import ReflectionAxis, reflection_axes, symmetric_bodies
 from glint.tasks.algorithms.revolution.relief import ERROR_CAP_DEG, capped_angles, find_relief
@@ -22,14 +22,12 @@ from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRev
 
 MAX_TILT_DEG = 75
 """Largest tilt that is tried."""
-TILT_STEP_DEG, FINAL_TILT_STEP_DEG = 3.75, 0.1
-"""Half the distance of the tilts tried first, and the step at which their refinement ends."""
+TILT_STEP_DEG, COARSE_TILT_STEP_DEG, FINAL_TILT_STEP_DEG = 3.75, 0.95, 0.1
+"""Half the distance of the tilts tried first, and the steps at which their refinement ends, coarse and fine."""
 MAX_MEAN_ERROR_DEG = 5.0
 """Mean angle between accepted normals and those of a surface of revolution, each angle capped."""
 MAX_SMOOTH_ERROR_RATIO = 0.4
 """A surface of revolution is accepted only if its mean angular error is below this fraction of the smooth field's."""
-MAX_BODY_ERROR_DEG, MAX_BODY_ERROR_RATIO = 7.5, 0.6
-"""The same of a body with a handle, among whose accepted normals are some of the handle's."""
 COLLAPSED_ERROR_RATIO = 1.5
 """Ratio of its error to that with coarser steps from which a profile has collapsed."""
 MIN_RELIEF_DEG = 2.0
@@ -43,17 +41,19 @@ FITTED_STEP_PX, FINAL_STEP_PX = 1.0, 0.5
 FITTED_LENGTH_PX = 600.0
 """Length of an object beyond which the first two steps grow with it, so that there are as many."""
 REFINED_ERROR_RATIO = 1.3
-"""Ratio to the least error of those tilts up to which an axis is refined."""
+"""Ratio to the least error of the tilts found by coarse steps up to which one is refined."""
 
 
 @dataclass(frozen=True, eq=False)
 class SilhouetteSymmetry:
     """Axes, bodies and surfaces of revolution inside a silhouette: computed on demand, and kept for the next fit.
 
-    mask: (H, W) bool.
+    mask: (H, W) bool. inverse_focal: 1 over the focal length in pixels of the perspective camera that sees it, aimed at
+    the middle of the image; 0 for parallel rays.
     """
 
     mask: np.ndarray
+    inverse_focal: float = 0.0
     _surfaces: dict[tuple[int, float, float], SurfaceOfRevolution] = field(default_factory=dict, init=False)
 
     @cached_property
@@ -64,7 +64,7 @@ class SilhouetteSymmetry:
     @cached_property
     def bodies(self) -> list["SilhouetteSymmetry"]:
         """Symmetric parts of the silhouette that could be its body."""
-        return [SilhouetteSymmetry(body) for body in symmetric_bodies(self.mask)]
+        return [SilhouetteSymmetry(body, self.inverse_focal) for body in symmetric_bodies(self.mask)]
 
     def surface(self, axis: int, tilt: float, step: float) -> SurfaceOfRevolution:
         """Return the largest surface inside the silhouette about the axis of that number.
@@ -73,36 +73,23 @@ class SilhouetteSymmetry:
         """
         key = (axis, tilt, step)
         if key not in self._surfaces:
-            self._surfaces[key] = SurfaceOfRevolution.from_silhouette(self.mask, self.axes[axis], tilt, step)
+            self._surfaces[key] = SurfaceOfRevolution.from_silhouette(
+                self.mask, self.axes[axis], tilt, step, self.inverse_focal
+            )
         return self._surfaces[key]
 
 
 class RotationalNormals(NamedTuple):
     """Normals and depths of a rotationally symmetric object.
 
-    normals: (H, W, 3) float32, NaN outside the object. depths: (H, W) float32, z of what is seen of its body in pixels
-    towards the camera, up to a constant; NaN outside the body, on handles, and where rays miss it. relief_fit: how well
-    its relief fits, or 0.
+    normals: (H, W, 3) float32, relative to the view rays, NaN outside the object. depths: (H, W) float32, z of what is
+    seen of its body in pixels towards the camera, up to a constant; NaN outside the body, on handles, and where rays
+    miss it. relief_fit: how well its relief fits, or 0.
     """
 
     normals: np.ndarray
     depths: np.ndarray
     relief_fit: float
-
-
-def rotational_normals(
-    silhouette: SilhouetteSymmetry,
-    accepted: np.ndarray,
-    candidates: np.ndarray,
-    field: np.ndarray,
-    weights: np.ndarray | None = None,
-) -> RotationalNormals | None:
-    """Return the normals of an object that is rotationally symmetric, or whose body is, else None.
-
-    For the arguments see `surface_of_revolution_normals`.
-    """
-    fit = (silhouette, accepted, candidates, field, weights)
-    return surface_of_revolution_normals(*fit) or body_of_revolution_normals(*fit)
 
 
 def surface_of_revolution_normals(
@@ -146,7 +133,7 @@ def surface_of_revolution_normals(
     opening = find_opening(surface, mask, candidates)
     surface = surface.with_risen_plates(*measured[:3]).with_fitted_slopes(*measured)
     hits = surface.intersect(x, y)
-    normals, depths = surface.normals_at(hits), surface.depths_at(hits)
+    normals, depths = surface.normals_at(hits), hits.depths
     if not np.isfinite(normals[:, 0]).any():
         return None
     if relief is not None:
@@ -164,35 +151,6 @@ def surface_of_revolution_normals(
     nearest = ndimage.distance_transform_edt(np.isnan(result[..., 0]), return_distances=False, return_indices=True)
     normals = np.where(mask[..., None], result[tuple(nearest)], np.nan)
     return RotationalNormals(normals, body, relief.fit if relief else 0.0)
-
-
-def body_of_revolution_normals(
-    silhouette: SilhouetteSymmetry,
-    accepted: np.ndarray,
-    candidates: np.ndarray,
-    field: np.ndarray,
-    weights: np.ndarray | None = None,
-) -> RotationalNormals | None:
-    """Return the normals of a body of revolution and its handles, None if there is no such body.
-
-    For the arguments see `surface_of_revolution_normals`.
-    """
-    limits = (MAX_BODY_ERROR_DEG, MAX_BODY_ERROR_RATIO)
-    least_error: float = np.inf
-    best: tuple[np.ndarray, RotationalNormals] | None = None
-    for body in silhouette.bodies:
-        within = np.where(body.mask[..., None], accepted, np.nan)
-        fitted = surface_of_revolution_normals(body, within, candidates, field, weights, *limits)
-        if fitted is not None:
-            error = capped_angles(fitted.normals, accepted)[np.isfinite(accepted[..., 0])].mean()
-            if error < least_error:
-                least_error, best = error, (body.mask, fitted)
-    if best is None:
-        return None
-    (part, fitted), mask = best, silhouette.mask
-    normals = with_handles(fitted.normals, handles_beside(mask, part), mask, accepted, candidates)
-    is_body = (normals == fitted.normals).all(axis=-1)
-    return RotationalNormals(normals, np.where(is_body, fitted.depths, np.nan), fitted.relief_fit)
 
 
 def _fitted_surface(silhouette: SilhouetteSymmetry, accepted: np.ndarray) -> tuple[float, SurfaceOfRevolution] | None:
@@ -221,30 +179,46 @@ def _fitted_surface(silhouette: SilhouetteSymmetry, accepted: np.ndarray) -> tup
         error = np.nan_to_num(error, nan=ERROR_CAP_DEG)
         return float(np.minimum(error, ERROR_CAP_DEG).mean())
 
-    least_error, best = ERROR_CAP_DEG, None
     tilts = np.radians(np.arange(-MAX_TILT_DEG, MAX_TILT_DEG + 1, 2 * TILT_STEP_DEG))
-    coarse = {
-        axis: [mean_error(axis, tilt, COARSE_STEP_PX, COARSE_STRIDE) for tilt in tilts]
-        for axis in range(len(silhouette.axes))
-    }
-    for axis, errors in coarse.items():
-        if min(errors) > REFINED_ERROR_RATIO * min(map(min, coarse.values())):
+    starts = []
+    for axis in range(len(silhouette.axes)):
+        coarse_error_at = cache(partial(mean_error, axis, step=COARSE_STEP_PX, stride=COARSE_STRIDE))
+        for tilt in tilts[_local_minima(np.array([coarse_error_at(float(tilt)) for tilt in tilts]))]:
+            starts.append((*_refined_tilt(coarse_error_at, float(tilt), TILT_STEP_DEG, COARSE_TILT_STEP_DEG), axis))
+    least_error, best = ERROR_CAP_DEG, None
+    for coarse_error, tilt, axis in starts:
+        if coarse_error > REFINED_ERROR_RATIO * min(starts)[0]:
             continue
-        # Search either side of the best tilt, with steps that are halved where neither side is better.
-        # A step to one side comes from the other, whose error is known.
         error_at = cache(partial(mean_error, axis))
-        tilt, turn = float(tilts[int(np.argmin(errors))]), np.radians(TILT_STEP_DEG)
-        error = error_at(tilt)
-        while turn > np.radians(FINAL_TILT_STEP_DEG):
-            neighbours = [angle for angle in (tilt - turn, tilt + turn) if abs(angle) <= np.radians(MAX_TILT_DEG)]
-            neighbour_error, neighbour = min((error_at(angle), angle) for angle in neighbours)
-            if neighbour_error < error:
-                error, tilt = neighbour_error, neighbour
-            else:
-                turn /= 2
+        error, tilt = _refined_tilt(error_at, tilt, COARSE_TILT_STEP_DEG, FINAL_TILT_STEP_DEG)
         if error < least_error:
             least_error, best = error, silhouette.surface(axis, tilt, FINAL_STEP_PX)
             # Trimming is discontinuous: with finer steps a profile can collapse that fits with coarser ones.
             if surface_error(best) > COLLAPSED_ERROR_RATIO * least_error:
                 best = silhouette.surface(axis, tilt, enlarged * FITTED_STEP_PX)
     return None if best is None else (least_error, best)
+
+
+def _local_minima(errors: np.ndarray) -> np.ndarray:
+    """Return where errors (T,) have a local minimum: a vessel fits from below nearly as well as from above."""
+    beside = np.pad(errors, 1, constant_values=np.inf)
+    return np.flatnonzero((errors <= beside[:-2]) & (errors < beside[2:]))
+
+
+def _refined_tilt(
+    error_at: Callable[[float], float], tilt: float, first_step: float, last_step: float
+) -> tuple[float, float]:
+    """Search either side of a tilt, with steps (degrees) that are halved where neither side is better.
+
+    Returns the error and the tilt, in radians as the argument of `error_at`.
+    """
+    # A step to one side comes from the other, whose error is known.
+    error, turn = error_at(tilt), np.radians(first_step)
+    while turn > np.radians(last_step):
+        neighbours = [angle for angle in (tilt - turn, tilt + turn) if abs(angle) <= np.radians(MAX_TILT_DEG)]
+        neighbour_error, neighbour = min((error_at(angle), angle) for angle in neighbours)
+        if neighbour_error < error:
+            error, tilt = neighbour_error, neighbour
+        else:
+            turn /= 2
+    return error, tilt

@@ -1,11 +1,20 @@
-"""View rays and surfaces of revolution: where a ray enters the body.
+"""View rays in the frame of an axis of revolution, and where they enter a surface of revolution about it.
+
+The rays are parallel, or those of a perspective camera aimed at the object (`aimed_view`): then the origin of the image
+is its principal point, and the camera stands where the rays meet, one focal length before the plane z = 0 in which a
+pixel is as long as in the image.
 
 The distance from the axis is not monotonic along a ray, so the first sample inside brackets the surface, and that
 bracket is halved.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numba import njit
+
+from glint.tasks.algorithms.geometry.vectors import unit
+from glint.tasks.algorithms.revolution.reflection_axes import ReflectionAxis
 
 DEPTH_SAMPLES = 160
 """Samples along a ray among which the surface is bracketed."""
@@ -13,51 +22,107 @@ BISECTION_STEPS = 12
 """Halvings of that bracket."""
 
 
-def entry_depths(
-    side: np.ndarray, up: np.ndarray, tilt: float, heights: np.ndarray, squared_radii: np.ndarray, far: bool
-) -> np.ndarray:
+@dataclass(frozen=True, slots=True)
+class AxisRays:
+    """N view rays in the frame of an axis: across, forward and along it, in pixels.
+
+    origins: (N, 3), where they meet the plane z = 0. directions: (N, 3), towards the camera, each with z = 1.
+    """
+
+    origins: np.ndarray
+    directions: np.ndarray
+
+    def at(self, depths: np.ndarray) -> np.ndarray:
+        """Return the points (N, 3) of the rays at z (N,)."""
+        return self.origins + depths[:, None] * self.directions
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AxisFrame:
+    """Frame of an axis of revolution in the camera frame.
+
+    vectors: (3, 3), unit: across the axis in the image, forward to the camera, and upward along the axis. point: (2,),
+    of the axis in the image, pixels, where z and height are 0. inverse_focal: 1 over the focal length in pixels, 0 for
+    parallel rays.
+    """
+
+    vectors: np.ndarray
+    point: np.ndarray
+    inverse_focal: float
+
+    @classmethod
+    def of(cls, axis: ReflectionAxis, tilt: float, inverse_focal: float = 0.0) -> "AxisFrame":
+        """Return the frame of the axis with that image and tilt (radians) of its upper end towards the camera."""
+        # The plane through the camera and the axis' image leans to the side unless the principal point lies in it.
+        lean = inverse_focal * float(axis.point @ axis.normal)
+        across, to_camera = unit(np.append(axis.normal, lean)), unit(np.append(-lean * axis.normal, 1.0))
+        along, c, s = np.append(axis.direction, 0.0), np.cos(tilt), np.sin(tilt)
+        return cls(np.stack([across, c * to_camera - s * along, c * along + s * to_camera]), axis.point, inverse_focal)
+
+    @property
+    def upward(self) -> np.ndarray:
+        """Direction (3,) of the axis in the camera frame."""
+        return np.asarray(self.vectors[2])
+
+    def rays(self, x: np.ndarray, y: np.ndarray) -> AxisRays:
+        """Return the view rays of image positions x, y (N,), camera frame."""
+        origins = np.column_stack([x - self.point[0], y - self.point[1], np.zeros(len(x))])
+        return AxisRays(origins @ self.vectors.T, self._to_camera(x, y) @ self.vectors.T)
+
+    def view_vectors(self, x: np.ndarray, y: np.ndarray) -> np.ndarray | None:
+        """Return the unit view vectors (N, 3) at x, y (N,), camera frame; None: all are (0, 0, 1)."""
+        return None if self.inverse_focal == 0.0 else np.asarray(unit(self._to_camera(x, y)))
+
+    def tilts(self, heights: np.ndarray) -> np.ndarray:
+        """Return by how much the axis tilts towards the camera as seen from it at heights (N,), radians.
+
+        It falls with the height under perspective: a camera that sees the bottom from above sees the top from below.
+        """
+        camera = self.vectors @ np.append(-self.inverse_focal * self.point, 1.0)
+        return np.asarray(np.arctan2(camera[2] - self.inverse_focal * heights, camera[1]))
+
+    def _to_camera(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.column_stack([-self.inverse_focal * x, -self.inverse_focal * y, np.ones(len(x))])
+
+
+def entry_depths(rays: AxisRays, heights: np.ndarray, squared_radii: np.ndarray, reach: float, far: bool) -> np.ndarray:
     """Return z (N,) in pixels of the first point inside the body along each ray, from the far end if `far`.
 
     NaN for rays that miss the body.
 
     Args:
-        side: (N,), positions of the rays perpendicular to the axis, in the image.
-        up: (N,), along it.
-        tilt: of the axis' upper end towards the camera, radians.
+        rays: N of them, in the frame of the axis.
         heights: (M,), samples along the axis, equidistant.
         squared_radii: (M,) there; 0 beyond the ends.
+        reach: z of the body is between this and its negative, pixels.
         far: whether to begin at the far end.
     """
-    c, s = np.cos(tilt), np.sin(tilt)
-    limit = float(np.sqrt(squared_radii.max()) * c + np.abs(heights).max() * abs(s)) + 1.0
-    depths = np.linspace(limit, -limit, DEPTH_SAMPLES) * (-1.0 if far else 1.0)
-    return np.asarray(_entry_depths(side, up, c, s, heights, squared_radii, depths))
+    depths = np.linspace(reach, -reach, DEPTH_SAMPLES) * (-1.0 if far else 1.0)
+    return np.asarray(_entry_depths(rays.origins, rays.directions, heights, squared_radii, depths))
 
 
 @njit(cache=True, nogil=True)
 def _entry_depths(
-    side: np.ndarray,
-    up: np.ndarray,
-    c: float,
-    s: float,
-    heights: np.ndarray,
-    squared_radii: np.ndarray,
-    depths: np.ndarray,
+    origins: np.ndarray, directions: np.ndarray, heights: np.ndarray, squared_radii: np.ndarray, depths: np.ndarray
 ) -> np.ndarray:
-    """Return what `entry_depths` does; c, s: cosine and sine of the tilt; depths: samples of each ray."""
-    result = np.full(len(side), np.nan)
+    """Return what `entry_depths` does; depths: samples of each ray."""
+    result = np.full(len(origins), np.nan)
     widest = squared_radii.max()
-    for ray in range(len(side)):
-        if side[ray] ** 2 >= widest:
+    for ray in range(len(origins)):
+        origin = origins[ray, 0], origins[ray, 1], origins[ray, 2]
+        direction = directions[ray, 0], directions[ray, 1], directions[ray, 2]
+        # No point of the ray is nearer to the axis than the widest circle.
+        passing = origin[0] * direction[1] - origin[1] * direction[0]
+        if passing**2 >= widest * (direction[0] ** 2 + direction[1] ** 2):
             continue
         for sample in range(len(depths)):
             inside = depths[sample]
-            if not _is_inside(inside, side[ray], up[ray], c, s, heights, squared_radii):
+            if not _is_inside(inside, origin, direction, heights, squared_radii):
                 continue
             outside = depths[max(sample - 1, 0)]
             for _ in range(BISECTION_STEPS):
                 middle = (inside + outside) / 2
-                if _is_inside(middle, side[ray], up[ray], c, s, heights, squared_radii):
+                if _is_inside(middle, origin, direction, heights, squared_radii):
                     inside = middle
                 else:
                     outside = middle
@@ -68,13 +133,18 @@ def _entry_depths(
 
 @njit(cache=True, nogil=True)
 def _is_inside(
-    depth: float, side: float, up: float, c: float, s: float, heights: np.ndarray, squared_radii: np.ndarray
+    depth: float,
+    origin: tuple[float, float, float],
+    direction: tuple[float, float, float],
+    heights: np.ndarray,
+    squared_radii: np.ndarray,
 ) -> bool:
     """Return whether a point of a ray is nearer to the axis than the wall, whose squared radii are interpolated."""
-    height, last = depth * s + up * c, len(heights) - 1
+    height, last = origin[2] + depth * direction[2], len(heights) - 1
     if not heights[0] <= height <= heights[last]:
         return False
     place = (height - heights[0]) / (heights[1] - heights[0])
     below = min(int(place), last - 1)
     square = squared_radii[below] + (place - below) * (squared_radii[below + 1] - squared_radii[below])
-    return bool(square > side**2 + (depth * c - up * s) ** 2)
+    across, forward = origin[0] + depth * direction[0], origin[1] + depth * direction[1]
+    return bool(square > across**2 + forward**2)

@@ -84,7 +84,7 @@ def test_an_opening_in_a_closed_end_is_not_believed() -> None:
     surface = glass()
     rows, columns = (index.ravel().astype(float) for index in np.indices(SHAPE))
     hits = surface.intersect(*to_camera(columns, rows, SHAPE[1], SHAPE[0]))
-    normals, truth = surface.normals_at(hits).reshape(*SHAPE, 3), surface.depths_at(hits).reshape(SHAPE)
+    normals, truth = surface.normals_at(hits).reshape(*SHAPE, 3), hits.depths.reshape(SHAPE)
     mask, (_, opened, far) = np.isfinite(truth), seen(surface)
     alone, result = (integrate(noisy(normals), mask, body=body) for body in (None, opened))
     assert step_beyond(alone.depth, truth, mask, far) < 1.0
@@ -100,7 +100,7 @@ def test_a_continuous_surface_needs_no_body(tilt: float) -> None:
     axis = ReflectionAxis(np.zeros(2), np.array([1.0, 0.0]), 1.0)
     ball = SurfaceOfRevolution(axis, np.radians(tilt), heights, squares, -heights)
     hits = ball.intersect(x, y)
-    normals, depth = ball.normals_at(hits).reshape(*SHAPE, 3), ball.depths_at(hits).reshape(SHAPE)
+    normals, depth = ball.normals_at(hits).reshape(*SHAPE, 3), hits.depths.reshape(SHAPE)
     mask = np.isfinite(depth) & (normals[..., 2] > 0.2)
     truth = np.sqrt(np.maximum(48.0**2 - x**2 - y**2, 0.0)).reshape(SHAPE)
     assert np.abs(depth - truth)[mask].max() < 0.1

@@ -44,7 +44,7 @@ def test_the_lip_and_the_far_wall_are_found_although_the_tilt_is_wrong(turn: flo
     assert np.mean(error < 8.0) > 0.9
     rows, columns = np.nonzero(lip)
     x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
-    assert np.mean(angles(opening.entries(x, y)[0], vessel().upward[None]) < 20.0) > 0.7
+    assert np.mean(angles(opening.entries(x, y)[0], vessel().frame.upward[None]) < 20.0) > 0.7
 
 
 def test_a_closed_end_is_no_opening() -> None:

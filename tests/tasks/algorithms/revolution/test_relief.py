@@ -13,9 +13,9 @@ def turned(deviation: np.ndarray) -> np.ndarray:
     surface, normals = beaker_surface(TILT), beaker_normals(TILT)
     x, y = (values.ravel() for values in camera_positions())
     outward = unit(surface.intersect(x, y).outward).reshape(*SHAPE, 3)
-    along = np.cross(surface.upward, outward)
-    is_wall = np.abs(normals @ surface.upward) < 0.5
-    moved = normals + np.tan(deviation[..., :1]) * along + np.tan(deviation[..., 1:]) * surface.upward
+    along = np.cross(surface.frame.upward, outward)
+    is_wall = np.abs(normals @ surface.frame.upward) < 0.5
+    moved = normals + np.tan(deviation[..., :1]) * along + np.tan(deviation[..., 1:]) * surface.frame.upward
     return np.where(is_wall[..., None], unit(moved), normals)
 
 
@@ -24,7 +24,7 @@ def cylindrical() -> tuple[np.ndarray, np.ndarray]:
     surface = beaker_surface(TILT)
     x, y = (values.ravel() for values in camera_positions())
     hits = surface.intersect(x, y)
-    forward = np.cross([1.0, 0.0, 0.0], surface.upward)
+    forward = np.cross([1.0, 0.0, 0.0], surface.frame.upward)
     return np.arctan2(hits.outward[:, 0], hits.outward @ forward).reshape(SHAPE), hits.heights.reshape(SHAPE)
 
 
@@ -59,7 +59,7 @@ def test_hobnails_are_found_and_fill_what_highlights_do_not_show(periods: int) -
     flank = (np.abs(height) < 45.0)[mask] & (np.abs(x[mask]) < 36.0) & np.isnan(observable(truth)[mask][:, 0])
     assert flank.sum() > 500
     assert np.median(angles(found, truth[mask])[flank]) < 0.4 * np.median(angles(base, truth[mask])[flank])
-    smooth = (np.abs(height) > 58.0)[mask] & (truth[mask] @ beaker_surface(TILT).upward < 0.5)
+    smooth = (np.abs(height) > 58.0)[mask] & (truth[mask] @ beaker_surface(TILT).frame.upward < 0.5)
     assert np.median(angles(found, base)[smooth]) < 0.5
 
 

@@ -59,7 +59,7 @@ def test_rays_hit_the_surface_and_its_normals_point_outwards(tilt: float) -> Non
     assert np.isnan(normals[~inside]).all()
     assert np.allclose(np.linalg.norm(normals[inside], axis=1), 1.0)
     assert (normals[inside, 2] > 0.0).mean() > 0.98
-    position = hits.heights[:, None] * surface.upward + hits.outward
+    position = hits.heights[:, None] * surface.frame.upward + hits.outward
     assert np.abs(position[inside, 0] - x[inside]).max() < 1e-6
     assert np.abs(position[inside, 1] - y[inside]).max() < 1e-6
 

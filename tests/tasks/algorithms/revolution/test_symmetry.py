@@ -3,11 +3,7 @@ import pytest
 
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.revolution.reflection_axes import reflection_axes
-from glint.tasks.algorithms.revolution.symmetry import (
-    SilhouetteSymmetry,
-    body_of_revolution_normals,
-    surface_of_revolution_normals,
-)
+from glint.tasks.algorithms.revolution.symmetry import SilhouetteSymmetry, surface_of_revolution_normals
 from tests.tasks.algorithms.revolution.beaker import SHAPE, beaker_normals, camera_positions, observable
 
 
@@ -74,30 +70,6 @@ def test_without_accepted_normals_there_is_no_surface() -> None:
         )
         is None
     )
-
-
-def test_a_body_is_found_with_its_handle() -> None:
-    beaker = beaker_normals(14.0)
-    body = np.isfinite(beaker[..., 0])
-    x, y = camera_positions()
-    # A ring of round section about a point of the body's right contour: its left half lies before the body.
-    distance = np.hypot(x - 38.0, y)
-    across = np.clip((distance - 20.0) / 8.0, -1.0, 1.0)
-    handle = np.abs(across) < 1.0
-    outward = np.stack([x - 38.0, y], axis=-1) / np.maximum(distance, 1.0)[..., None] * across[..., None]
-    ring = np.dstack([outward, np.sqrt(1.0 - across**2)])
-    truth, mask = np.where(handle[..., None], ring, beaker), body | handle
-    observed = observable(truth)
-    accepted = np.where((handle & body)[..., None], np.nan, observed)
-    flat = np.where(mask[..., None], (0.0, 0.0, 1.0), np.nan)
-    result = body_of_revolution_normals(SilhouetteSymmetry(mask), accepted, observed[None], flat)
-    assert result is not None
-    found = result.normals
-    error = angles(found, truth)
-    assert np.isfinite(found[mask]).all() and np.isnan(found[~mask]).all()
-    assert np.median(error[body & ~handle]) < 2.0
-    assert np.median(error[handle & ~body]) < 5.0
-    assert np.median(error[handle & body]) < 5.0
 
 
 def test_surfaces_inside_a_silhouette_are_kept_and_do_not_depend_on_earlier_fits() -> None:

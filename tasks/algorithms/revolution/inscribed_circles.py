@@ -1,0 +1,70 @@
+"""Largest circles about an axis whose images lie inside a contour."""
+
+import numpy as np
+from numba import njit
+
+from glint.tasks.algorithms.revolution.view_rays import AxisRays
+
+MIN_SIN_TILT = 0.005
+"""Lower bound of the sine of the angle between a ray and the planes of the circles."""
+MIN_COS_TILT = 0.2
+"""Lower bound of its cosine: circles are not looked for along an axis that points to the camera."""
+
+
+def inscribed_circles(contour: AxisRays, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return heights (N,), equidistant by `step`, and the radii (N,) of the largest circles inside a closed contour.
+
+    contour: rays through its points, in order, dense against the circles.
+    """
+    # Where the rays meet the plane through the axis that is parallel to the image's horizontal.
+    approach = np.maximum(contour.directions[:, 1], MIN_COS_TILT)
+    sides, _, ups = contour.at(-contour.origins[:, 1] / approach).T
+    heights = np.arange(ups.min(), ups.max() + step, step)
+    # A circle inside the contour is smaller than the distance from the axis at which each ray meets its plane.
+    rise = contour.directions[:, 2]
+    rise = np.where(rise < 0.0, np.minimum(rise, -MIN_SIN_TILT), np.maximum(rise, MIN_SIN_TILT))
+    slopes = contour.directions[:, :2] / rise[:, None]
+    squared = _least_squared_distances(heights, contour.origins[:, :2] - contour.origins[:, 2:] * slopes, slopes)
+    # A circle that is seen nearly edge-on passes between two points of the contour.
+    heights_met, sides_met = _crossings((ups - heights[0]) / step, sides, len(heights))
+    np.minimum.at(squared, heights_met, sides_met**2)
+    return heights, np.sqrt(squared)
+
+
+@njit(cache=True, nogil=True, fastmath={"nnan", "ninf", "nsz", "reassoc", "contract"})
+def _least_squared_distances(heights: np.ndarray, starts: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+    """Return the least squared distance (N,) from an axis of lines at each height (N,).
+
+    starts, slopes: (M, 2), positions of the lines at the height 0, and their change with the height; all finite, which
+    lets the compiler use vectors.
+    """
+    least = np.empty(len(heights))
+    across, forward = starts[:, 0].copy(), starts[:, 1].copy()
+    across_slope, forward_slope = slopes[:, 0].copy(), slopes[:, 1].copy()
+    for sample in range(len(heights)):
+        nearest, height = np.inf, heights[sample]
+        for line in range(len(across)):
+            side, front = across[line] + height * across_slope[line], forward[line] + height * forward_slope[line]
+            nearest = min(nearest, side * side + front * front)
+        least[sample] = nearest
+    return least
+
+
+def _crossings(position: np.ndarray, side: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the samples (N,), from 0 to length - 1, at which a closed polygon crosses them, and its sides (N,) there.
+
+    Args:
+        position: (M,), of the corners, along the axis, in samples.
+        side: (M,), of the corners, perpendicular to it.
+        length: number of samples.
+    """
+    following, next_side = np.roll(position, -1), np.roll(side, -1)
+    first, last = np.ceil(np.minimum(position, following)), np.floor(np.maximum(position, following))
+    numbers, sides = [], []
+    for further in range(int((last - first).max()) + 1):
+        number = first + further
+        used = (number <= last) & (number >= 0) & (number < length) & (position != following)
+        share = (number - position)[used] / (following - position)[used]
+        numbers.append(number[used].astype(int))
+        sides.append(side[used] + share * (next_side - side)[used])
+    return np.concatenate(numbers), np.concatenate(sides)

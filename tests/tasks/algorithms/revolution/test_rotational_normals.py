@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+
+from glint.tasks.algorithms.geometry.perspective import rotate_to_view, view_vectors
+from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.revolution.rotational_normals import RotationalSymmetry
+from tests.tasks.algorithms.revolution.beaker import beaker_normals, camera_positions, observable
+from tests.tasks.algorithms.revolution.cylinder import CAMERA, SHAPE, seen_cylinder
+
+
+def test_a_body_is_found_with_its_handle() -> None:
+    beaker = beaker_normals(14.0)
+    body = np.isfinite(beaker[..., 0])
+    x, y = camera_positions()
+    # A ring of round section about a point of the body's right contour: its left half lies before the body.
+    distance = np.hypot(x - 38.0, y)
+    across = np.clip((distance - 20.0) / 8.0, -1.0, 1.0)
+    handle = np.abs(across) < 1.0
+    outward = np.stack([x - 38.0, y], axis=-1) / np.maximum(distance, 1.0)[..., None] * across[..., None]
+    ring = np.dstack([outward, np.sqrt(1.0 - across**2)])
+    truth, mask = np.where(handle[..., None], ring, beaker), body | handle
+    observed = observable(truth)
+    accepted = np.where((handle & body)[..., None], np.nan, observed)
+    flat = np.where(mask[..., None], (0.0, 0.0, 1.0), np.nan)
+    result = RotationalSymmetry(mask, None).normals(accepted, observed[None], flat, np.ones(mask.shape))
+    assert result is not None
+    found = result.normals
+    error = angles(found, truth)
+    assert np.isfinite(found[mask]).all() and np.isnan(found[~mask]).all()
+    assert np.median(error[body & ~handle]) < 2.0
+    assert np.median(error[handle & ~body]) < 5.0
+    assert np.median(error[handle & body]) < 5.0
+
+
+@pytest.mark.parametrize(("tilt", "lean"), [(20.0, 0.0), (-25.0, 12.0), (2.0, -8.0)])
+def test_a_surface_of_revolution_is_found_before_a_perspective_camera(tilt: float, lean: float) -> None:
+    normals, distances = seen_cylinder(tilt, lean)
+    mask = np.isfinite(distances)
+    truth = rotate_to_view(normals, view_vectors(CAMERA, SHAPE, 0.0, 0.0))
+    accepted, field = observable(truth), np.where(mask[..., None], (0.0, 0.0, 1.0), np.nan)
+    result = RotationalSymmetry(mask, CAMERA).normals(accepted, accepted[None], field, np.ones(mask.shape))
+    assert result is not None
+    assert np.array_equal(np.isfinite(result.normals[..., 0]), mask)
+    error = angles(result.normals, truth)[mask]
+    assert np.median(error) < 1.0 and np.mean(error < 5.0) > 0.9
+    known = mask & np.isfinite(result.depths) & (truth[..., 2] > 0.3)
+    difference = (result.depths + CAMERA[0, 0] * np.log(distances))[known]
+    assert known.sum() > 0.7 * mask.sum()
+    assert np.percentile(np.abs(difference - np.median(difference)), 95) < 1.5
+    parallel = RotationalSymmetry(mask, None).normals(accepted, accepted[None], field, np.ones(mask.shape))
+    assert parallel is None or angles(parallel.normals, truth)[mask].mean() > 2.0 * error.mean()
