@@ -16,6 +16,7 @@ from glint.tasks.algorithms.lighting.spheres import (
     judged,
 )
 from glint.tasks.algorithms.sphere_checks.circle_check import (
+    MIN_CONTRADICTION_DEVIATIONS,
     SYSTEMATIC_RATIO,
     CheckedCircle,
     check_circle,
@@ -24,6 +25,9 @@ from glint.tasks.algorithms.sphere_checks.circle_check import (
 )
 from glint.tasks.engine.stage_warning import StageWarning
 
+CORRECTION_DEVIATIONS = 2.3
+"""Standard deviations from which highlights contradict a fit that would replace a given circle, which stands against it
+(`python -m tests.benchmarks.spheres_given`)."""
 MAX_LIGHT_DEVIATION_DEG = 2.2
 """Standard deviation of the lights' directions, from the spheres' fits, above which they are doubted."""
 MIN_OWN_CONTRAST, HAND_DEVIATION_RATIO = 0.5, 0.06
@@ -53,7 +57,8 @@ def _confirm(frames: np.ndarray, given: Sphere, camera: np.ndarray | None) -> tu
     confirmed = confirm_sphere(frames, given, camera=camera)
     # A fit that replaces the given circle is judged by its own deviation, without the doubt between the two.
     circle = confirmed.fit if confirmed.is_corrected else confirmed.sphere
-    check = check_circle(frames, circle, camera=camera)
+    deviations = CORRECTION_DEVIATIONS if confirmed.is_corrected else MIN_CONTRADICTION_DEVIATIONS
+    check = check_circle(frames, circle, camera=camera, deviations=deviations)
     if check.is_contradicted:
         return _against_highlights(given, confirmed, check)
     if confirmed.is_corrected:
@@ -81,7 +86,9 @@ def _against_highlights(given: Sphere, confirmed: ConfirmedSphere, check: Checke
     if not confirmed.is_corrected or contradicts(shapes, stated):
         return check.sphere, _contradiction(check)
     radius_sd = unknown
-    if check.is_replaced:
+    # An edge inside the sphere about its centre is smaller than blur of the highlights explains.
+    is_inside = radius_lacking(check.sphere, shapes) > 0.0 and radius_lacking(given, shapes) == 0.0
+    if check.is_replaced and not is_inside:
         other = judged(given, replace(check.sphere, score=check.contrast), confirmed.given_contrast * fit.score)
         if other.is_corrected:
             return other.sphere, _correction(given, other.fit, other.sphere)

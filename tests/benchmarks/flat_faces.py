@@ -14,6 +14,7 @@ import numpy as np
 from glint.storage.catalogue.loading import Capture
 from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.candidates.shading import without_shading
+from glint.tasks.algorithms.geometry.perspective import rotate_to_view
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.confidence import with_input_doubt
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
@@ -22,7 +23,8 @@ from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.evaluation.captures import CONFIDENT_ERROR_DEG
 from glint.tasks.simulation.simulate import CaptureOptions
-from glint.tasks.stages.clusters import load_clusters
+from glint.tasks.stages.capture_geometry import load_geometry
+from glint.tasks.stages.clusters import faced, load_clusters
 from tests.benchmarks.simulated_captures import shapes_parser, simulated_captures
 from tests.tasks.make_context import perform_all
 
@@ -40,7 +42,11 @@ def measure(capture: Capture, store: Path, hypothesis: str = "flat_faces") -> st
     assert capture.truth is not None
     truth = read_truth(capture.truth, (mask.shape[0], mask.shape[1])).normals
     assert truth is not None
-    settled = settle(clusters, mask)
+    geometry = load_geometry(work)
+    camera, view = geometry.region_camera, geometry.view_vectors
+    if view is not None:
+        clusters, truth = faced(clusters, view), rotate_to_view(truth, view)
+    settled = settle(clusters, mask, camera=camera)
     shared_sd = work.load("lights").read("half_vector_sd")
 
     def errors(result: Reconstruction) -> str:
@@ -52,8 +58,11 @@ def measure(capture: Capture, store: Path, hypothesis: str = "flat_faces") -> st
         pair = f"{squared[known & (clusters.observations > 0)].mean():.4f} / {squared[known].mean():.4f}"
         return f"{pair}, {confident.sum() / known.sum():.0%}, {right.mean() if right.size else np.nan:.1%} right"
 
-    without = reconstruct_normals(clusters, mask, settled=settled, **{hypothesis: False})
-    return f"without {errors(without)}; with {errors(reconstruct_normals(clusters, mask, settled=settled))}"
+    without, result = (
+        reconstruct_normals(clusters, mask, settled=settled, camera=camera, **options)
+        for options in ({hypothesis: False}, {})
+    )
+    return f"without {errors(without)}; with {errors(result)}"
 
 
 def main() -> None:

@@ -88,7 +88,8 @@ def integrate(
             None for an orthographic camera.
         body: (H, W) depth of a body towards the camera in pixels up to a constant, NaN where there is none or normals
             contradict it. It decides between heights with steps; where a continuous surface explains the normals, or
-            they contradict it as a whole, nothing changes. Under perspective that of parallel rays will do.
+            they contradict it as a whole, nothing changes. Under perspective it is the negative logarithm of the
+            distance times the focal length.
         sharpness: see SHARPNESS.
         max_rounds, tolerance, max_searched: see MAX_ROUNDS, TOLERANCE_PX and MAX_SEARCHED_PIXELS.
 

@@ -62,7 +62,13 @@ class CheckedCircle:
     contrast: float = 0.0
 
 
-def check_circle(frames: np.ndarray, sphere: Sphere, *, camera: np.ndarray | None = None) -> CheckedCircle:
+def check_circle(
+    frames: np.ndarray,
+    sphere: Sphere,
+    *,
+    camera: np.ndarray | None = None,
+    deviations: float = MIN_CONTRADICTION_DEVIATIONS,
+) -> CheckedCircle:
     """Compare a circle with the shapes of the highlights; seek another one where they contradict it.
 
     Where no circle agrees with them the given one is kept, and its standard deviations include what it is off. One
@@ -72,11 +78,12 @@ def check_circle(frames: np.ndarray, sphere: Sphere, *, camera: np.ndarray | Non
         frames: (T, H, W) uint8, spread over the capture.
         sphere: with its standard deviations, in the frames' pixels.
         camera: perspective camera's matrix (3, 3).
+        deviations: standard deviations from which the two contradict each other.
     """
     shapes = circle_of_highlights(frames, sphere, camera=camera)
     if shapes is None:
         return CheckedCircle(sphere, sphere, None)
-    if not contradicts(shapes, sphere):
+    if not contradicts(shapes, sphere, deviations):
         doubted = replace(sphere, centre_sd=sphere.centre_sd * _birge_ratio(sphere, shapes))
         return CheckedCircle(doubted, sphere, shapes)
     rival = _rival(frames, sphere, shapes, camera)
@@ -90,19 +97,17 @@ def check_circle(frames: np.ndarray, sphere: Sphere, *, camera: np.ndarray | Non
     return CheckedCircle(doubted, sphere, shapes, True)
 
 
-def contradicts(shapes: ShapeCircle, sphere: Sphere) -> bool:
-    """Return whether the shapes of highlights contradict a circle: its centre, or that it is so large."""
+def contradicts(shapes: ShapeCircle, sphere: Sphere, deviations: float = MIN_CONTRADICTION_DEVIATIONS) -> bool:
+    """Return whether the shapes of highlights contradict a circle: its centre, or that it is so large.
+
+    deviations: standard deviations from which they do.
+    """
     centre_sd, systematic = _centre_deviation(sphere, shapes), SYSTEMATIC_RATIO * sphere.radius
     radius_sd = np.sqrt(sphere.radius_sd**2 + (shapes.log_radius_sd * shapes.max_radius) ** 2 + systematic**2)
     return bool(
-        _exceeds(_distance(sphere, shapes), MIN_CONTRADICTION_RATIO * sphere.radius, centre_sd)
-        or _exceeds(sphere.radius - shapes.max_radius, MAX_EXCESS_RATIO * sphere.radius, radius_sd)
+        _distance(sphere, shapes) > max(MIN_CONTRADICTION_RATIO * sphere.radius, deviations * centre_sd)
+        or sphere.radius - shapes.max_radius > max(MAX_EXCESS_RATIO * sphere.radius, deviations * radius_sd)
     )
-
-
-def _exceeds(difference: float, least: float, deviation: float) -> bool:
-    """Return whether a difference is larger than it may be, in pixels and in standard deviations."""
-    return difference > max(least, MIN_CONTRADICTION_DEVIATIONS * deviation)
 
 
 def _rival(frames: np.ndarray, sphere: Sphere, shapes: ShapeCircle, camera: np.ndarray | None) -> Sphere | None:

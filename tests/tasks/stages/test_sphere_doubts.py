@@ -40,12 +40,26 @@ def test_the_error_grows_towards_the_rim_and_falls_with_a_second_sphere():
     assert sweep_error([], LIGHTS) == 0.0
 
 
-@pytest.fixture
-def misled_fit(monkeypatch) -> None:
-    """Fits of given circles all end at an edge inside the sphere."""
-    edge = Sphere(55.0, 60.8, 28.0, 0.4, 0.2, 0.2)
+def mislead_fits(monkeypatch, centre_sd: float) -> None:
+    """Let fits of given circles all end at an edge inside the sphere."""
+    edge = Sphere(55.0, 60.8, 28.0, 0.4, centre_sd, 0.2)
     confirmed = ConfirmedSphere(edge, edge, is_clear=True, is_corrected=True)
     monkeypatch.setattr(doubts_module, "confirm_sphere", lambda frames, sphere, camera=None: confirmed)
+
+
+@pytest.fixture
+def misled_fit(monkeypatch) -> None:
+    mislead_fits(monkeypatch, 0.2)
+
+
+@pytest.mark.parametrize(("centre_sd", "stands"), [(1.2, True), (2.5, False)])
+def test_a_given_circle_stands_against_a_fit_that_the_highlights_nearly_contradict(
+    monkeypatch, centre_sd: float, stands: bool
+):
+    mislead_fits(monkeypatch, centre_sd)
+    truth = Sphere(58.3, 60.8, 30.4)
+    (used,), _ = confirm_given(mirrored_lamp(truth, lamps(120)), [truth], None)
+    assert (used.distance(truth) < 0.5 and abs(used.radius - truth.radius) < 0.5) == stands
 
 
 @pytest.mark.usefixtures("misled_fit")
