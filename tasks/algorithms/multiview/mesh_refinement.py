@@ -29,8 +29,6 @@ DAMPING_WEIGHT, SMOOTHNESS_WEIGHT = 1e-3, 0.05
 """Weights of a small displacement, and of one that equals the mean of its neighbours'."""
 SILHOUETTE_WEIGHT = 1.0
 """Weight of a silhouette, for vertices outside it and for the one that touches it."""
-CONTAINMENT_TOLERANCE_PX = 0.15
-"""Pixels outside a silhouette up to which a vertex counts as inside: a mask of whole pixels knows no more."""
 MIN_CONTAINMENT_SLOPE, MIN_CONTACT_SLOPE = 0.05, 0.3
 """Cosine between a vertex's normal and the silhouette's from which moving the vertex can correct its distance."""
 MAX_STEP_EDGES = 3.0
@@ -121,14 +119,13 @@ def _silhouette_equations(
     The distance to the silhouette is linear in the displacement: its change is the gradient's part along the normal.
     """
     columns, rows = view.project(vertices)
-    pixel = view.footprint(vertices)
-    distance = view.silhouette.distance.at(columns, rows) * pixel
+    distance = view.silhouette.distance.at(columns, rows) * view.footprint(vertices)
     change = (view.to_world(view.silhouette.distance.gradient(columns, rows)) * normals).sum(axis=1)
     contact = np.zeros(0, int)
     if with_contact:
         contact = _contact_vertices(view, vertices, normals, columns, rows, distance)
         contact = contact[change[contact] > MIN_CONTACT_SLOPE]
-    excess = np.maximum(distance - CONTAINMENT_TOLERANCE_PX * pixel, 0.0)
+    excess = np.maximum(distance, 0.0)
     excess[contact] = distance[contact]
     return _containment(excess, change)
 

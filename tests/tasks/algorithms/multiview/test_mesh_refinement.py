@@ -61,7 +61,7 @@ def test_a_wing_stands_off_the_body_though_smooth_normals_deny_its_cliffs(
     start, triangles = np.asarray(winged.vertices), np.asarray(winged.faces)
     dragged = sunk(refine_mesh(views, start, triangles, steps=10), winged)
     kept = sunk(refine_mesh(views, start, triangles, steps=10, is_robust=True), winged)
-    assert dragged > 1.3
+    assert dragged > 1.0
     assert kept < 0.6 * dragged
 
 
