@@ -64,10 +64,10 @@ def test_a_pose_is_searched_among_matrices(upright: list[View], coarse: Model) -
     registered = register_by_matrices([*upright[:3], *upright[4:]])
     extended = register_unposed(registered, [without_pose(odd)], coarse)
     assert extended.searched == ("odd",) and not extended.rejected
-    assert angle_between(extended.views[-1], odd) < 1.15
+    assert angle_between(extended.views[-1], odd) < 1.5
     assert np.abs(extended.views[-1].translation - shift)[:2].max() < 0.15
     refined = refine(extended, coarse)
-    assert angle_between(refined.views[-1], odd) < 1.15 and refined.views[0] is extended.views[0]
+    assert angle_between(refined.views[-1], odd) < 1.5 and refined.views[0] is extended.views[0]
 
 
 @pytest.mark.long
