@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from glint.storage.seals import digest_of
 from glint.tasks.engine.capture_context import CaptureContext
 
-STAGE, VERSION = "model", 8
+STAGE, VERSION = "model", 9
 
 
 def wants_model(works: Sequence[CaptureContext]) -> bool:

@@ -27,16 +27,16 @@ from glint.tasks.algorithms.multiview.view import View
 
 DAMPING_WEIGHT, SMOOTHNESS_WEIGHT = 1e-3, 0.05
 """Weights of a small displacement, and of one that equals the mean of its neighbours'."""
-CONTAINMENT_WEIGHT, CONTACT_WEIGHT = 1.0, 0.3
-"""Weights of a vertex outside a silhouette, and of a silhouette's contact with the surface."""
+SILHOUETTE_WEIGHT = 1.0
+"""Weight of a silhouette, for vertices outside it and for the one that touches it."""
 MIN_CONTAINMENT_SLOPE, MIN_CONTACT_SLOPE = 0.05, 0.3
 """Cosine between a vertex's normal and the silhouette's from which moving the vertex can correct its distance."""
 MAX_STEP_EDGES = 3.0
 """Longest step in mean edge lengths: visibility and normals are evaluated again before the next one."""
 MAX_CONTACT_COSINE = 0.5
 """Largest cosine between normal and view vector of a vertex that may lie on the silhouette."""
-CONTACT_RADIUS_PX = 15.0
-"""Pixels from a silhouette within which its vertex of contact is searched."""
+CONTACT_RADIUS_PX, CONTACT_NEIGHBOURS = 15.0, 8
+"""Pixels from a point of a silhouette within which its vertex of contact is searched, and how many nearest vertices."""
 TOLERANCE_DEG = (np.inf, 60.0, 40.0, 30.0, 20.0)
 """Degrees between a triangle and its fused normal at which the normal's weight is halved, by step; later steps are as
 the last. In the first step all normals count: the surface may be wrong itself (graduated non-convexity, Blake and
@@ -74,7 +74,7 @@ def refine_mesh(
             term, term_right = _silhouette_equations(view, vertices, normals, with_contact=step > 0)
             matrix, right_side = matrix + term, right_side + term_right
         if base is not None:
-            term, term_right = _containment(base - vertices[:, 1], -normals[:, 1])
+            term, term_right = _containment(np.maximum(base - vertices[:, 1], 0.0), -normals[:, 1])
             matrix, right_side = matrix + term, right_side + term_right
         # The matrix is symmetric and positive definite: no pivoting is needed.
         height = splu(
@@ -123,40 +123,58 @@ def _silhouette_equations(
     change = (view.to_world(view.silhouette.distance.gradient(columns, rows)) * normals).sum(axis=1)
     contact = np.zeros(0, int)
     if with_contact:
-        contact = _contact_vertices(view, vertices, normals, columns, rows)
+        contact = _contact_vertices(view, vertices, normals, columns, rows, distance)
         contact = contact[change[contact] > MIN_CONTACT_SLOPE]
-    return _containment(distance, change, contact)
+    excess = np.maximum(distance, 0.0)
+    excess[contact] = distance[contact]
+    return _containment(excess, change)
 
 
-def _containment(
-    distance: np.ndarray, change: np.ndarray, contact: Sequence[int] | np.ndarray = ()
-) -> tuple[sparse.csr_matrix, np.ndarray]:
-    """Return diagonal matrix (N, N) and right side (N,) that move vertices back to where `distance` (N,) is zero.
+def _containment(excess: np.ndarray, change: np.ndarray) -> tuple[sparse.csr_matrix, np.ndarray]:
+    """Return diagonal matrix (N, N) and right side (N,) that move vertices by which a bound is exceeded, or missed.
 
-    Those of positive distance are moved, and those of the indices `contact`; change (N,): of the distance with the
-    displacement along the normal.
+    excess (N,): distance of each vertex beyond the bound, negative where it is to be drawn outwards to it, 0 where it
+    may stay; change (N,): of this distance with the displacement along the normal.
     """
-    weight = np.where((distance > 0) & (change > MIN_CONTAINMENT_SLOPE), CONTAINMENT_WEIGHT, 0.0)
-    if len(contact):
-        weight[contact] = np.maximum(weight[contact], CONTACT_WEIGHT)
-    return sparse.diags(weight * change**2), -weight * change * distance
+    weight = np.where((excess != 0) & (change > MIN_CONTAINMENT_SLOPE), SILHOUETTE_WEIGHT, 0.0)
+    return sparse.diags(weight * change**2), -weight * change * excess
 
 
 def _contact_vertices(
-    view: View, vertices: np.ndarray, normals: np.ndarray, columns: np.ndarray, rows: np.ndarray
+    view: View,
+    vertices: np.ndarray,
+    normals: np.ndarray,
+    columns: np.ndarray,
+    rows: np.ndarray,
+    distance: np.ndarray,
 ) -> np.ndarray:
-    """Return indices of the vertices nearest to silhouette pixels, among those seen at a grazing angle.
+    """Return indices of the vertices that should touch the silhouette, among those seen at a grazing angle.
 
-    columns, rows (N,): the vertices' positions in the view's region.
+    A point of the silhouette is touched by the outermost vertex near it: others lie inside rightly, and drawn to the
+    silhouette too they would swell the body. columns, rows (N,): the vertices' positions in the view's region;
+    distance (N,): to the silhouette, negative inside.
     """
     grazing = np.flatnonzero(np.abs((normals * view.view_vectors(vertices)).sum(axis=1)) < MAX_CONTACT_COSINE)
     if not len(grazing):
         return grazing
-    interior = ndimage.binary_erosion(np.pad(view.mask, 1, mode="edge"))[1:-1, 1:-1]
-    contour_rows, contour_columns = np.nonzero(view.mask & ~interior)
     tree = cKDTree(np.column_stack([columns[grazing], rows[grazing]]))
-    distance, nearest = tree.query(np.column_stack([contour_columns, contour_rows]))
-    return np.unique(grazing[nearest[distance < CONTACT_RADIUS_PX]])
+    neighbours = np.arange(1, min(CONTACT_NEIGHBOURS, len(grazing)) + 1)
+    _, nearest = tree.query(_silhouette_points(view), neighbours, distance_upper_bound=CONTACT_RADIUS_PX)
+    # A missing neighbour has the index len(grazing).
+    outermost = np.append(distance[grazing], -np.inf)[nearest].argmax(axis=1)
+    touching = np.unique(nearest[np.arange(len(nearest)), outermost])
+    return grazing[touching[touching < len(grazing)]]
+
+
+def _silhouette_points(view: View) -> np.ndarray:
+    """Return points (M, 2), columns and rows, on a view's silhouette: one for each pixel of the mask's border.
+
+    The pixels' centres lie half a pixel inside the silhouette.
+    """
+    interior = ndimage.binary_erosion(np.pad(view.mask, 1, mode="edge"))[1:-1, 1:-1]
+    rows, columns = np.nonzero(view.mask & ~interior)
+    distance, outward = view.silhouette.distance.at(columns, rows), view.silhouette.distance.gradient(columns, rows)
+    return np.column_stack([columns - distance * outward[:, 0], rows + distance * outward[:, 1]])
 
 
 def _with_base_normals(
