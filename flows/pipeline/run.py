@@ -12,6 +12,7 @@ from glint.flows.reporting.input_reading import reading_shown
 from glint.flows.runtime import signals
 from glint.flows.runtime.environment import start_forkserver
 from glint.flows.runtime.prefect_server import start_server
+from glint.tasks.engine.imports import collection_paused
 
 if TYPE_CHECKING:
     from glint.flows.results import RunResult
@@ -43,12 +44,13 @@ def run(
     """
     started = time.monotonic()
     console.emit(Message(f"reading {catalogue} and what {store} holds of it"))
-    from glint.flows.object_captures import ObjectCaptures, unchanged_objects
-    from glint.flows.results import ObjectResult, RunResult
-    from glint.storage.locations.conditional_writes import check_conditional_writes
-    from glint.storage.locations.location import Location
-    from glint.storage.maintenance.disk_space import DISK_SPACE_REMEDY
-    from glint.tasks.engine.references import chosen_captures, load_catalogue
+    with collection_paused():
+        from glint.flows.object_captures import ObjectCaptures, unchanged_objects
+        from glint.flows.results import ObjectResult, RunResult
+        from glint.storage.locations.conditional_writes import check_conditional_writes
+        from glint.storage.locations.location import Location
+        from glint.storage.maintenance.disk_space import DISK_SPACE_REMEDY
+        from glint.tasks.engine.references import chosen_captures, load_catalogue
 
     location, loaded = Location.parse(store), load_catalogue(catalogue)
     chosen = chosen_captures(loaded.objects, only)
@@ -80,13 +82,15 @@ def run(
         return Summary(RunResult("", tuple(unchanged.values()), time.monotonic() - started), server.link())
     awaited = ["the dashboard's server"] * server.started + ["worker processes"] * (scheduler is None)
     console.emit(Message(f"starting {' and '.join(awaited) or 'the run'}"))
-    from glint.flows.runtime.dask_cluster import CPU_COUNT, Cluster
+    with collection_paused():
+        from glint.flows.runtime.dask_cluster import CPU_COUNT, Cluster
 
     with Cluster(scheduler, min(busy, workers or CPU_COUNT), PRELOADED) as cluster:
-        from glint.flows.pipeline.catalogue import run_whole_catalogue
-        from glint.flows.pipeline.context import activate
-        from glint.flows.runtime.orphaned_runs import mark_orphaned_crashed, mark_own_crashed, tagged_with_process
-        from glint.flows.runtime.retry import retry_on_disconnect
+        with collection_paused():
+            from glint.flows.pipeline.catalogue import run_whole_catalogue
+            from glint.flows.pipeline.context import activate
+            from glint.flows.runtime.orphaned_runs import mark_orphaned_crashed, mark_own_crashed, tagged_with_process
+            from glint.flows.runtime.retry import retry_on_disconnect
 
         server.wait()
         if notice := server.notice():

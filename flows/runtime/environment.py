@@ -13,9 +13,9 @@ WORKER_MEMORY = {"MALLOC_TRIM_THRESHOLD_": 64 << 20, "MALLOC_MMAP_THRESHOLD_": 1
 """Arrays of some megabytes are allocated all the time; returning their memory to the system each time, as with Dask's
 own setting, costs a tenth of a worker's time."""
 
-FORKED = ("distributed", "open3d", "av", "glint.tasks.forked")
+FORKED = ("glint.tasks.forked", "distributed", "av")
 """Modules that are imported before workers are forked: the large ones whose import, unlike icechunk's, starts no
-threads, which a fork does not copy. The last one loads compiled kernels."""
+threads, which a fork does not copy. The first one loads compiled kernels."""
 
 TERMINATED = 0.95
 """Share of its memory limit at which a worker is terminated."""

@@ -21,6 +21,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocketClose
 
 from glint.flows.runtime.server_access import OPENING_PATH, Tokens, header_value
+from glint.tasks.engine.imports import collection_paused
 
 ORIGINS = "GLINT_SERVER_ORIGINS"
 """Variable with the addresses under which browsers and clients reach the server, separated by commas."""
@@ -63,13 +64,15 @@ def create() -> ASGIApp:
     authentication = os.environ.get("PREFECT_SERVER_API_AUTH_STRING")
     if not authentication:
         raise ValueError("PREFECT_SERVER_API_AUTH_STRING is not set: the server would obey everybody")
-    import prefect
-    from prefect.server.api.server import create_app
+    with collection_paused():
+        import prefect
+        from prefect.server.api.server import create_app
 
-    # Prefect mounts its second pages wherever their files are, whatever its settings say.
-    prefect.__ui_v2_static_path__ = prefect.__ui_v2_static_path__ / "absent"
+        # Prefect mounts its second pages wherever their files are, whatever its settings say.
+        prefect.__ui_v2_static_path__ = prefect.__ui_v2_static_path__ / "absent"
+        app = create_app(final=True)
     home = os.environ.get("PREFECT_HOME")
-    return guarded(create_app(final=True), origins, authentication, Path(home) / "used-links.json" if home else None)
+    return guarded(app, origins, authentication, Path(home) / "used-links.json" if home else None)
 
 
 def guarded(app: ASGIApp, origins: list[str], authentication: str, record: Path | None = None) -> ASGIApp:
