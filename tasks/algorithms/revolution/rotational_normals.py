@@ -63,14 +63,14 @@ class RotationalSymmetry:
         return SilhouetteSymmetry(self.mask) if aimed is None else SilhouetteSymmetry(aimed.silhouette, 1 / aimed.focal)
 
 
-def body_of_revolution_normals(
+def _body_normals(
     silhouette: SilhouetteSymmetry,
     accepted: np.ndarray,
     candidates: np.ndarray,
     field: np.ndarray,
-    weights: np.ndarray | None = None,
+    weights: np.ndarray,
 ) -> RotationalNormals | None:
-    """Return the normals of a body of revolution and its handles, None if there is no such body.
+    """Return the normals of a body of revolution and its handles, None without one.
 
     For the arguments see `surface_of_revolution_normals`.
     """
@@ -101,4 +101,4 @@ def _rotational_normals(
 ) -> RotationalNormals | None:
     """Return the normals of the whole object or else of its body; see `surface_of_revolution_normals`."""
     fit = silhouette, accepted, candidates, field, weights
-    return surface_of_revolution_normals(*fit) or body_of_revolution_normals(*fit)
+    return surface_of_revolution_normals(*fit) or _body_normals(*fit)

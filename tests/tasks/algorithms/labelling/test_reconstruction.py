@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.candidates.markup import Marks
+from glint.tasks.algorithms.geometry.perspective import rotate_to_view, view_vectors
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.labelling.results import PROVENANCE, Reconstruction
 from glint.tasks.algorithms.labelling.weights import FieldWeights
 from tests.tasks.algorithms.faces.polyhedron import PYRAMID, face_numbers, polyhedron_normals
 from tests.tasks.algorithms.revolution.beaker import observable
+from tests.tasks.algorithms.revolution.cylinder import CAMERA, SHAPE, seen_cylinder
 
 Scene = tuple[SimpleNamespace, np.ndarray, np.ndarray]
 
@@ -170,6 +172,16 @@ def test_a_turned_glass_is_known_at_its_end() -> None:
     end = mask & (truth @ np.array([0.0, np.cos(np.radians(20.0)), np.sin(np.radians(20.0))]) > 0.99)
     assert np.median(angles(result.normals, truth)[end]) < 8.0
     assert np.median(angles(without.normals, truth)[end]) > 15.0
+
+
+@pytest.mark.long
+def test_a_glass_before_a_near_camera_is_recognized_with_its_matrix_alone() -> None:
+    truth, distances = seen_cylinder(20.0, 12.0)
+    truth, mask = rotate_to_view(truth, view_vectors(CAMERA, SHAPE, 0.0, 0.0)), np.isfinite(distances)
+    clusters = clusters_of(observable(truth)[None].astype(np.float32))
+    result, without = (reconstruct_normals(clusters, mask, camera=camera) for camera in (CAMERA, None))
+    assert result.body_depth is not None and without.body_depth is None
+    assert angles(result.normals, truth)[mask].mean() < 0.5 * angles(without.normals, truth)[mask].mean()
 
 
 def test_the_noise_of_accepted_normals_is_smoothed_away(scene: Scene, result: Reconstruction) -> None:
