@@ -175,13 +175,13 @@ def test_a_turned_glass_is_known_at_its_end() -> None:
 
 
 @pytest.mark.long
-def test_a_glass_before_a_near_camera_is_recognized_with_its_matrix_alone() -> None:
+def test_a_glass_before_a_near_camera_comes_right_with_the_matrix_alone() -> None:
     truth, distances = seen_cylinder(20.0, 12.0)
     truth, mask = rotate_to_view(truth, view_vectors(CAMERA, SHAPE, 0.0, 0.0)), np.isfinite(distances)
     clusters = clusters_of(observable(truth)[None].astype(np.float32))
     result, without = (reconstruct_normals(clusters, mask, camera=camera) for camera in (CAMERA, None))
-    assert result.body_depth is not None and without.body_depth is None
-    assert angles(result.normals, truth)[mask].mean() < 0.5 * angles(without.normals, truth)[mask].mean()
+    error, former = (angles(labelled.normals, truth)[mask].mean() for labelled in (result, without))
+    assert result.body_depth is not None and error < 0.25 * former
 
 
 def test_the_noise_of_accepted_normals_is_smoothed_away(scene: Scene, result: Reconstruction) -> None:
