@@ -35,7 +35,7 @@ MAX_STEP_EDGES = 3.0
 """Longest step in mean edge lengths: visibility and normals are evaluated again before the next one."""
 MAX_CONTACT_COSINE = 0.5
 """Largest cosine between normal and view vector of a vertex that may lie on the silhouette."""
-CONTACT_RADIUS_PX, CONTACT_NEIGHBOURS = 15.0, 8
+CONTACT_RADIUS_PX, CONTACT_NEIGHBOURS = 15.0, 4
 """Pixels from a point of a silhouette within which its vertex of contact is searched, and how many nearest vertices."""
 TOLERANCE_DEG = (np.inf, 60.0, 40.0, 30.0, 20.0)
 """Degrees between a triangle and its fused normal at which the normal's weight is halved, by step; later steps are as
