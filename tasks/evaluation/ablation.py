@@ -62,12 +62,12 @@ def ablate(work: CaptureContext) -> dict[str, tuple[float, float]] | None:
     if view is not None:
         clusters, marks, truth = faced(clusters, view), faced_marks(marks, view), rotate_to_view(truth, view)
     observed = mask & (clusters.observations > 0)
+    given = {"readmission": has_readmission(work.capture.pose), "camera": geometry.region_camera}
     results = {}
     for name, parameters in ABLATIONS.items():
         if name == "no marks" and marks is None:
             continue
-        settings: dict[str, Any] = {"readmission": has_readmission(work.capture.pose), **parameters}
-        settings["camera"] = geometry.region_camera
+        settings: dict[str, Any] = {**given, **parameters}
         normals = _labelled_normals(clusters, mask, marks, settings)
         results[name] = squared_errors(normals, truth, observed), squared_errors(normals, truth, mask)
     return results

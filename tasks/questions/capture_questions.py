@@ -142,8 +142,8 @@ class CaptureQuestions:
         clusters = without_shading(self.clusters)
         if view is not None:
             clusters, marks = faced(clusters, view), faced_marks(marks, view)
-        options: dict[str, Any] = {"max_iterations": parameters.labels.rounds, **self._weights}
-        options["camera"] = self.geometry.region_camera
+        camera, rounds = self.geometry.region_camera, parameters.labels.rounds
+        options: dict[str, Any] = {"max_iterations": rounds, "camera": camera, **self._weights}
         if self._settled is None:
             self._settled = settle(clusters, self.mask, draft=True, **options)
         normals = reconstruct_normals(

@@ -121,50 +121,36 @@ def reconstruct(
     matrix (3, 3) in pixels of the region; each pixel's normals are labelled as seen along its own ray. readmission: of
     the method `sheets`, see `reconstruct_normals`.
     """
-    if camera is None:
-        return _reconstruct(clusters, mask, initial, marks, parameters, silhouette, expected, None, readmission)
-    view = view_vectors(camera, mask.shape, 0.0, 0.0)
-    expected = None if expected is None else rotate_to_view(expected, view)
-    clusters, marks, initial = faced(clusters, view), faced_marks(marks, view), rotate_to_view(initial, view)
-    result = _reconstruct(clusters, mask, initial, marks, parameters, silhouette, expected, camera, readmission)
-    return replace(
-        result, normals=rotate_from_view(result.normals, view), initial=rotate_from_view(result.initial, view)
-    )
-
-
-def _reconstruct(
-    clusters: Clusters,
-    mask: np.ndarray,
-    initial: np.ndarray,
-    marks: Marks | None,
-    parameters: LabelsParameters,
-    silhouette: SilhouetteParameters,
-    expected: np.ndarray | None,
-    camera: np.ndarray | None,
-    readmission: bool,
-) -> Reconstruction:
-    """Do what `reconstruct` does, with all normals relative to the view rays."""
+    view = None if camera is None else view_vectors(camera, mask.shape, 0.0, 0.0)
+    if view is not None:
+        expected = None if expected is None else rotate_to_view(expected, view)
+        clusters, marks, initial = faced(clusters, view), faced_marks(marks, view), rotate_to_view(initial, view)
     if parameters.method == "paper":
-        # The literal baseline keeps its candidates, but no confidence in those that show shading.
         result = reconstruct_dual_layer(
             clusters, mask, initial, marks=marks, connectivity=parameters.edges, weight=parameters.weight
         )
+        # The literal baseline keeps its candidates, but no confidence in those that show shading.
         shaded = ((result.labels > 0) & (clusters.shading > MAX_SHADING)).any(axis=0)
-        return replace(result, confidence=np.where(shaded, np.float32(0.0), result.confidence))
-    clusters = without_shading(clusters)
-    if parameters.method == "winner":
+        result = replace(result, confidence=np.where(shaded, np.float32(0.0), result.confidence))
+    elif parameters.method == "winner":
         filling = FieldWeights(tension_length=silhouette.tension_length)
-        return reconstruct_winner(clusters, mask, initial, marks=marks, field_weights=filling)
-    return reconstruct_normals(
-        clusters,
-        mask,
-        marks=marks,
-        expected=expected,
-        readmission=readmission,
-        max_iterations=parameters.rounds,
-        graph_cut_weights=graph_cut_weights(parameters),
-        field_weights=field_weights(silhouette),
-        camera=camera,
+        result = reconstruct_winner(without_shading(clusters), mask, initial, marks=marks, field_weights=filling)
+    else:
+        result = reconstruct_normals(
+            without_shading(clusters),
+            mask,
+            marks=marks,
+            expected=expected,
+            readmission=readmission,
+            max_iterations=parameters.rounds,
+            graph_cut_weights=graph_cut_weights(parameters),
+            field_weights=field_weights(silhouette),
+            camera=camera,
+        )
+    if view is None:
+        return result
+    return replace(
+        result, normals=rotate_from_view(result.normals, view), initial=rotate_from_view(result.initial, view)
     )
 
 

@@ -55,6 +55,21 @@ def half_vectors_on_axis(normals: np.ndarray, view: np.ndarray) -> np.ndarray:
     return half_vectors_of(lights).astype(np.float32)
 
 
+def focal_length(camera: np.ndarray) -> float:
+    """Return the mean focal length in pixels of a camera's matrix (3, 3)."""
+    return float((camera[0, 0] + camera[1, 1]) / 2)
+
+
+def aimed_along(forward: np.ndarray, camera: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the rotation (3, 3) of a camera (3, 3) to one that looks along a unit vector (3,), and its focal length.
+
+    Both cameras have y down and z forward. In pixels, what lies in that direction is as large to both.
+    """
+    right = unit(np.cross([0.0, 1.0, 0.0], forward))
+    focal = float(np.sqrt(camera[0, 0] * camera[1, 1]) / forward[2] ** 1.5)
+    return np.stack([right, np.cross(forward, right), forward]), focal
+
+
 def rotate_to_view(vectors: np.ndarray, view: np.ndarray) -> np.ndarray:
     """Rotate vectors (..., 3) by the smallest rotation that takes view vectors (..., 3) to the z axis; float32."""
     return _smallest_rotation(vectors, view, Z_AXIS)
@@ -137,12 +152,10 @@ class VirtualCamera:
 
         The focal length is that at which the sphere's circle has the ellipse's mean radius.
         """
-        forward = Cone.from_ellipse(x, y, radius, camera).axis * CAMERA_FLIP
+        rotation, focal = aimed_along(Cone.from_ellipse(x, y, radius, camera).axis * CAMERA_FLIP, camera)
         centre = float(np.ceil(VIRTUAL_HALF_WIDTH * radius))
-        focal = float(np.sqrt(camera[0, 0] * camera[1, 1]) / forward[2] ** 1.5)
-        right = unit(np.cross([0.0, 1.0, 0.0], forward))
         matrix = np.array([[focal, 0.0, centre], [0.0, focal, centre], [0.0, 0.0, 1.0]])
-        return cls(camera, matrix, np.stack([right, np.cross(forward, right), forward]))
+        return cls(camera, matrix, rotation)
 
     @property
     def centre(self) -> float:

@@ -15,8 +15,9 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.geometry.perspective import focal_length
 from glint.tasks.algorithms.integration.coarse_grid import NormalGrid, doubled, halved
-from glint.tasks.algorithms.integration.edges import GridEdges, focal_length, grid_edges
+from glint.tasks.algorithms.integration.edges import GridEdges, grid_edges
 from glint.tasks.algorithms.integration.graduation import MAX_ROUNDS, TOLERANCE_PX, Solution, least_squares
 from glint.tasks.algorithms.integration.known_body import known_body
 from glint.tasks.algorithms.integration.reweighting import SHARPNESS, misfit_energy, refined, robust

@@ -16,6 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from glint.tasks.algorithms.geometry.perspective import focal_length
+
 MAX_SIGMOID_ARGUMENT = 40.0
 """Arguments of the sigmoid are clipped to this, so that the exponential stays finite and the weights positive."""
 STEP_PX = 0.25
@@ -91,11 +93,6 @@ def grid_edges(
 def _tilt(forward_rise: np.ndarray, backward_rise: np.ndarray, cos_incidence: np.ndarray) -> np.ndarray:
     beyond = np.stack([np.roll(cos_incidence, -1, axis) for axis in range(2)])
     return np.clip(np.stack([-forward_rise * cos_incidence, backward_rise * beyond]), -1.0, 1.0)
-
-
-def focal_length(camera: np.ndarray) -> float:
-    """Return the mean focal length in pixels of an intrinsic matrix (3, 3)."""
-    return float((camera[0, 0] + camera[1, 1]) / 2)
 
 
 def _log_ratio(first: np.ndarray, second: np.ndarray, minimum: float | np.ndarray) -> np.ndarray:

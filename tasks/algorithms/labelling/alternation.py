@@ -52,12 +52,12 @@ class Alternation:
     graph and the silhouette's symmetry among them, is shared by copies.
 
     observations (H, W): frames in which a pixel is lit. weights (K, H, W): of the clusters. is_draft: whether the field
-    is that of a draft. coarse: the field that predicts what is held out. sheets: the nodes' graph. evidence (K, H, W):
-    log-likelihood ratio of a true against a false highlight, by the sheet's shape, by shading, marks and refuted faces.
-    labels (K, H, W) bool: exterior nodes. readmitted (K, H, W): probability of nodes that were rejected and then
-    readmitted, 0 elsewhere. values (H, W, 3): accepted normals, NaN elsewhere. confidence (H, W): theirs, NaN
-    elsewhere. known (H, W) bool: where they enter the field. initial, smooth (H, W, 3): first and present field.
-    body_depth (H, W): of an expected surface of revolution. unreached (H, W, 3): normals of dark pixels, NaN elsewhere.
+    is that of a draft. camera: of the view. coarse: the field that predicts what is held out. sheets: the nodes' graph.
+    evidence (K, H, W): log-likelihood ratio of a true against a false highlight, by the sheet's shape, by shading,
+    marks and refuted faces. labels (K, H, W) bool: exterior nodes. readmitted (K, H, W): probability of nodes that were
+    rejected and then readmitted, 0 elsewhere. values (H, W, 3): accepted normals, else NaN. confidence (H, W): theirs,
+    else NaN. known (H, W) bool: where they enter the field. initial, smooth (H, W, 3): first and present field.
+    body_depth (H, W): of an expected surface of revolution. unreached (H, W, 3): normals of dark pixels, else NaN.
     """
 
     normals: np.ndarray

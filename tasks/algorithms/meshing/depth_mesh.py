@@ -15,9 +15,10 @@ from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.geometry.perspective import focal_length
 from glint.tasks.algorithms.geometry.triangles import triangle_vectors
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
-from glint.tasks.algorithms.integration.edges import focal_length, grid_edges
+from glint.tasks.algorithms.integration.edges import grid_edges
 from glint.tasks.algorithms.integration.rim import MIN_COSINE, RIM_PX, Contour, contour_of, inner_radius
 from glint.tasks.algorithms.meshing.contour_vertices import boundary_vertices, moves_to_contour
 

@@ -14,7 +14,14 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from glint.tasks.algorithms.geometry.perspective import CAMERA_FLIP, rotate_from_view, rotate_to_view, view_vectors
+from glint.tasks.algorithms.geometry.perspective import (
+    CAMERA_FLIP,
+    aimed_along,
+    focal_length,
+    rotate_from_view,
+    rotate_to_view,
+    view_vectors,
+)
 from glint.tasks.algorithms.geometry.vectors import unit
 
 ROUND_PX = 3
@@ -40,9 +47,7 @@ class AimedView:
         """Return the view of a camera (3, 3), in pixels of the silhouette (H, W) bool, aimed at the latter's centre."""
         row, column = np.argwhere(mask).mean(axis=0)
         forward = np.asarray(unit(np.linalg.inv(camera) @ np.array([column, row, 1.0])))
-        right = np.asarray(unit(np.cross([0.0, 1.0, 0.0], forward)))
-        rotation = np.stack([right, np.cross(forward, right), forward])
-        return cls(mask, camera, rotation, float(np.sqrt(camera[0, 0] * camera[1, 1]) / forward[2] ** 1.5))
+        return cls(mask, camera, *aimed_along(forward, camera))
 
     @cached_property
     def silhouette(self) -> np.ndarray:
@@ -73,22 +78,25 @@ class AimedView:
         A height is the negative logarithm of the distance along the camera's axis, times the focal length.
         """
         nearness = self._sampled(depths) / self.focal
-        along = self._camera_rays @ self.rotation[2]
-        focal = np.sqrt(self.camera[0, 0] * self.camera[1, 1])
+        along = (self._rays @ self.rotation[2]) / self._rays[..., 2]
         with np.errstate(invalid="ignore"):
-            heights = -focal * (np.log1p(-nearness) - np.log(along))
+            heights = -focal_length(self.camera) * (np.log1p(-nearness) - np.log(along))
         return np.where(self.mask, heights, np.nan).astype(np.float32)
 
     @cached_property
-    def _camera_rays(self) -> np.ndarray:
-        """Rays (H, W, 3) of the camera's pixels, y down, of length 1 along its axis."""
-        rows, columns = np.mgrid[: self.mask.shape[0], : self.mask.shape[1]]
-        return np.stack([columns, rows, np.ones(rows.shape)], axis=-1) @ np.linalg.inv(self.camera).T
+    def _view(self) -> np.ndarray:
+        """View vectors (H, W, 3) of the camera's pixels."""
+        return view_vectors(self.camera, self.mask.shape, 0.0, 0.0)
+
+    @property
+    def _rays(self) -> np.ndarray:
+        """Unit rays (H, W, 3) of the camera's pixels, y down and z forward."""
+        return -self._view * CAMERA_FLIP
 
     @cached_property
     def _positions(self) -> np.ndarray:
         """Positions (H, W, 2) of the camera's pixels in this view, from its principal point, y down."""
-        rays = self._camera_rays @ self.rotation.T
+        rays = self._rays @ self.rotation.T
         return self.focal * rays[..., :2] / rays[..., 2:]
 
     @cached_property
@@ -103,10 +111,9 @@ class AimedView:
 
         Either frame is turned to the ray by the smallest rotation, from another axis.
         """
-        view = view_vectors(self.camera, self.mask.shape, 0.0, 0.0)
         rotation = CAMERA_FLIP[:, None] * self.rotation * CAMERA_FLIP
-        sideways = rotate_from_view(np.broadcast_to([1.0, 0.0, 0.0], view.shape), view)
-        turned = rotate_to_view(sideways @ rotation.T, view @ rotation.T)
+        sideways = rotate_from_view(np.broadcast_to([1.0, 0.0, 0.0], self._view.shape), self._view)
+        turned = rotate_to_view(sideways @ rotation.T, self._view @ rotation.T)
         return np.asarray(np.arctan2(turned[..., 1], turned[..., 0]))
 
     def _warped(self, image: np.ndarray, interpolation: int, border: float = 0.0) -> np.ndarray:

@@ -42,14 +42,13 @@ class RotationalSymmetry:
         All normals are relative to the view rays. The depths are heights: under perspective the negative logarithm of
         the distance times the focal length. For the arguments see `surface_of_revolution_normals`.
         """
-        aimed = self._aimed
-        if aimed is None:
-            return _rotational_normals(self._symmetry, accepted, candidates, field, weights)
-        shown = np.stack([aimed.normals(layer) for layer in candidates])
-        fit = aimed.normals(accepted), shown, aimed.normals(field), aimed.values(weights)
-        result = _rotational_normals(self._symmetry, *fit)
-        if result is None:
-            return None
+        aimed, fit = self._aimed, (accepted, candidates, field, weights)
+        if aimed is not None:
+            shown = np.stack([aimed.normals(layer) for layer in candidates])
+            fit = aimed.normals(accepted), shown, aimed.normals(field), aimed.values(weights)
+        result = surface_of_revolution_normals(self._symmetry, *fit) or _body_normals(self._symmetry, *fit)
+        if aimed is None or result is None:
+            return result
         normals, heights = aimed.normals_back(result.normals), aimed.heights_back(result.depths)
         return RotationalNormals(normals, heights, result.relief_fit)
 
@@ -90,15 +89,3 @@ def _body_normals(
     normals = with_handles(fitted.normals, handles_beside(mask, part), mask, accepted, candidates)
     is_body = (normals == fitted.normals).all(axis=-1)
     return RotationalNormals(normals, np.where(is_body, fitted.depths, np.nan), fitted.relief_fit)
-
-
-def _rotational_normals(
-    silhouette: SilhouetteSymmetry,
-    accepted: np.ndarray,
-    candidates: np.ndarray,
-    field: np.ndarray,
-    weights: np.ndarray,
-) -> RotationalNormals | None:
-    """Return the normals of the whole object or else of its body; see `surface_of_revolution_normals`."""
-    fit = silhouette, accepted, candidates, field, weights
-    return surface_of_revolution_normals(*fit) or _body_normals(*fit)
