@@ -59,8 +59,7 @@ def ablate(work: CaptureContext) -> dict[str, tuple[float, float]] | None:
         return None
     clusters, marks, geometry = load_clusters(work), load_marks(work), load_geometry(work)
     view = geometry.view_vectors
-    if view is not None:
-        clusters, marks, truth = faced(clusters, view), faced_marks(marks, view), rotate_to_view(truth, view)
+    clusters, marks, truth = faced(clusters, view), faced_marks(marks, view), rotate_to_view(truth, view)
     observed = mask & (clusters.observations > 0)
     given = {"readmission": has_readmission(work.capture.pose), "camera": geometry.region_camera}
     results = {}

@@ -139,9 +139,7 @@ class CaptureQuestions:
         parameters, view = self.work.parameters, self.geometry.view_vectors
         if parameters.labels.method != "sheets":
             return self.label(marks).normals
-        clusters = without_shading(self.clusters)
-        if view is not None:
-            clusters, marks = faced(clusters, view), faced_marks(marks, view)
+        clusters, marks = faced(without_shading(self.clusters), view), faced_marks(marks, view)
         camera, rounds = self.geometry.region_camera, parameters.labels.rounds
         options: dict[str, Any] = {"max_iterations": rounds, "camera": camera, **self._weights}
         if self._settled is None:
@@ -154,18 +152,16 @@ class CaptureQuestions:
             settled=self._settled,
             **options,
         ).normals
-        return normals if view is None else rotate_from_view(normals, view)
+        return rotate_from_view(normals, view)
 
     def propose(self, result: Reconstruction, marks: Marks | None, count: int) -> list[ShownQuestion]:
         """Propose at most `count` questions that a frame shows, the most valuable first.
 
         result: the labelling with `marks`.
         """
-        clusters, view, region = without_shading(self.clusters), self.geometry.view_vectors, self.geometry.region
-        candidates, known_marks = clusters, marks
-        if view is not None:
-            candidates, known_marks = faced(clusters, view), faced_marks(marks, view)
-            result = replace(result, normals=rotate_to_view(result.normals, view))
+        view, region = self.geometry.view_vectors, self.geometry.region
+        candidates, known_marks = faced(without_shading(self.clusters), view), faced_marks(marks, view)
+        result = replace(result, normals=rotate_to_view(result.normals, view))
         shown = []
         # Some sheets are seen in no frame whose highlight is bright enough: ask for more than are needed.
         for question in propose(candidates, self.mask, result, known_marks, 2 * count, **self._weights):

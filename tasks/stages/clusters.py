@@ -123,8 +123,8 @@ def read_clusters(saved: StageResult) -> Clusters:
     return Clusters(**{field.name: saved.read(field.name) for field in fields(Clusters)})
 
 
-def faced(clusters: Clusters, view: np.ndarray) -> Clusters:
-    """Return clusters as seen along view vectors (H, W, 3)."""
+def faced(clusters: Clusters, view: np.ndarray | None) -> Clusters:
+    """Return clusters as seen along view vectors (H, W, 3); None: an orthographic camera's, unchanged."""
     return replace(
         clusters, normals=rotate_to_view(clusters.normals, view), winner=rotate_to_view(clusters.winner, view)
     )

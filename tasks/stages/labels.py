@@ -87,9 +87,8 @@ def _light_doubt(inputs: StageInputs, clusters: Clusters, labels: np.ndarray) ->
     if inputs.load("lights").record["source"] != FILE:
         return LightDoubt()
     mask, view = inputs.load("mask").read("mask"), load_geometry(inputs).view_vectors
-    candidates, expected = clusters.normals, inputs.load("silhouette").read("initial")
-    if view is not None:
-        candidates, expected = rotate_to_view(candidates, view), rotate_to_view(expected, view)
+    candidates = rotate_to_view(clusters.normals, view)
+    expected = rotate_to_view(inputs.load("silhouette").read("initial"), view)
     inradius = float(ndimage.distance_transform_edt(np.pad(mask, 1)).max())
     observed = mask & (clusters.observations > 0)
     return doubt_lights(light_evidence(candidates, labels, expected, observed, inradius))
@@ -122,9 +121,8 @@ def reconstruct(
     the method `sheets`, see `reconstruct_normals`.
     """
     view = None if camera is None else view_vectors(camera, mask.shape, 0.0, 0.0)
-    if view is not None:
-        expected = None if expected is None else rotate_to_view(expected, view)
-        clusters, marks, initial = faced(clusters, view), faced_marks(marks, view), rotate_to_view(initial, view)
+    expected = None if expected is None else rotate_to_view(expected, view)
+    clusters, marks, initial = faced(clusters, view), faced_marks(marks, view), rotate_to_view(initial, view)
     if parameters.method == "paper":
         result = reconstruct_dual_layer(
             clusters, mask, initial, marks=marks, connectivity=parameters.edges, weight=parameters.weight
@@ -147,8 +145,6 @@ def reconstruct(
             field_weights=field_weights(silhouette),
             camera=camera,
         )
-    if view is None:
-        return result
     return replace(
         result, normals=rotate_from_view(result.normals, view), initial=rotate_from_view(result.initial, view)
     )

@@ -83,10 +83,10 @@ def load_marks(results: CaptureResults) -> Marks | None:
     return marks if len(marks.kind) else None
 
 
-def faced_marks(marks: Marks | None, view: np.ndarray) -> Marks | None:
-    """Return marks as seen along view vectors (H, W, 3)."""
-    if marks is None:
-        return None
+def faced_marks(marks: Marks | None, view: np.ndarray | None) -> Marks | None:
+    """Return marks as seen along view vectors (H, W, 3); None: an orthographic camera's, unchanged."""
+    if marks is None or view is None:
+        return marks
     return replace(marks, half_vectors=rotate_to_view(marks.half_vectors, view[tuple(marks.pixels.T)]))
 
 

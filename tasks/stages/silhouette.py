@@ -15,11 +15,11 @@ def silhouette(inputs: StageInputs, progress: Progress) -> StageOutput:
     view, marks = load_geometry(inputs).view_vectors, load_marks(inputs)
     result = initial_normals(
         inputs.load("mask").read("mask"),
-        marks=marks if view is None else faced_marks(marks, view),
+        marks=faced_marks(marks, view),
         contour_weight=parameters.rim_weight,
         tension_length=parameters.tension_length,
     )
-    initial = result.normals if view is None else rotate_from_view(result.normals, view)
+    initial = rotate_from_view(result.normals, view)
     return StageOutput(
         arrays={"rim": result.contour, "initial": initial}, counts={"rim pixels": int(result.contour.sum())}
     )

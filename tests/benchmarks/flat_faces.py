@@ -44,8 +44,7 @@ def measure(capture: Capture, store: Path, hypothesis: str = "flat_faces") -> st
     assert truth is not None
     geometry = load_geometry(work)
     camera, view = geometry.region_camera, geometry.view_vectors
-    if view is not None:
-        clusters, truth = faced(clusters, view), rotate_to_view(truth, view)
+    clusters, truth = faced(clusters, view), rotate_to_view(truth, view)
     settled = settle(clusters, mask, camera=camera)
     shared_sd = work.load("lights").read("half_vector_sd")
 

@@ -31,8 +31,7 @@ def measure(work: CaptureContext) -> tuple[str, float]:
     if work.capture.truth is not None:
         truth = read_truth(work.capture.truth, (mask.shape[0], mask.shape[1])).normals
     assert truth is not None
-    if view is not None:
-        clusters, truth = faced(clusters, view), rotate_to_view(truth, view)
+    clusters, truth = faced(clusters, view), rotate_to_view(truth, view)
     observed, parts, errors = mask & (clusters.observations > 0), [], []
     for readmission in (False, True):
         result = reconstruct_normals(clusters, mask, readmission=readmission)

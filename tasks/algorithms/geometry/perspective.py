@@ -70,14 +70,17 @@ def aimed_along(forward: np.ndarray, camera: np.ndarray) -> tuple[np.ndarray, fl
     return np.stack([right, np.cross(forward, right), forward]), focal
 
 
-def rotate_to_view(vectors: np.ndarray, view: np.ndarray) -> np.ndarray:
-    """Rotate vectors (..., 3) by the smallest rotation that takes view vectors (..., 3) to the z axis; float32."""
-    return _smallest_rotation(vectors, view, Z_AXIS)
+def rotate_to_view(vectors: np.ndarray, view: np.ndarray | None) -> np.ndarray:
+    """Rotate vectors (..., 3) by the smallest rotation that takes view vectors (..., 3) to the z axis; float32.
+
+    Without view vectors (an orthographic camera) they are returned as they are.
+    """
+    return vectors if view is None else _smallest_rotation(vectors, view, Z_AXIS)
 
 
-def rotate_from_view(vectors: np.ndarray, view: np.ndarray) -> np.ndarray:
+def rotate_from_view(vectors: np.ndarray, view: np.ndarray | None) -> np.ndarray:
     """Rotate vectors (..., 3) back to the camera frame: the inverse of `rotate_to_view`; float32."""
-    return _smallest_rotation(vectors, Z_AXIS, view)
+    return vectors if view is None else _smallest_rotation(vectors, Z_AXIS, view)
 
 
 @dataclass(frozen=True, slots=True)
