@@ -56,7 +56,9 @@ def simulate(
     scale: Annotated[float, typer.Option(min=0.1, max=8.0, help="Size relative to the shape's usual one.")] = 1.0,
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Set another option of docs/evaluation.md; repeatable."),
+        typer.Option(
+            "--set", metavar="NAME=VALUE", help="Set another option of docs/evaluation/simulation.md; repeatable."
+        ),
     ] = None,
 ) -> None:
     """Render captures of transparent objects, with their ground truth, into a catalogue for `glint run`."""

@@ -15,7 +15,7 @@ DEPTH_PROVENANCE = "outside", "integrated", "extrapolated"
 INTEGRATED, EXTRAPOLATED = 1, 2
 NORMAL_WEIGHT_POWER = 0.5
 """Power of the confidence in the weight of a normal: with less, the shapes of doubtful normals count; with more, a cut
-through them is preferred to one along a lip (measured on stored captures, docs/evaluation.md)."""
+through them is preferred to one along a lip (measured on stored captures, docs/evaluation/depth.md)."""
 
 
 def depth(inputs: StageInputs, progress: Progress) -> StageOutput:
