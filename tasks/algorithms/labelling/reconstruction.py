@@ -48,6 +48,8 @@ if TYPE_CHECKING:
 
 CONVERGED_SHARE = 0.002
 """Share of the mask whose labels may still change in the last iteration."""
+MIN_KNOWN_SHARE = 0.02
+"""Share of the mask that enters the field from which labels have a start of their own."""
 PLAUSIBLE_NATS = 1.0
 """Evidence of a rejected candidate from which it may be a true highlight."""
 MAX_READMISSIONS = 3
@@ -110,6 +112,8 @@ def reconstruct_normals(
         # Labels settle without marks first: started with them, a single mark may tip sheets that it has no part in.
         state.take_marks(marks)
         state.iterate(max_iterations, CONVERGED_SHARE, min_confidence)
+    if expected is None and symmetry:
+        state = _with_supposed_symmetry(state, max_iterations, min_confidence)
     is_symmetric = expected is None and symmetry and state.adopt_symmetry()
     if is_symmetric or (expected is None and flat_faces and state.adopt_faces(min_confidence)):
         state.iterate(max_iterations, CONVERGED_SHARE, min_confidence)
@@ -188,6 +192,23 @@ def settle(
     )
     state.iterate(max_iterations, CONVERGED_SHARE, min_confidence)
     return state
+
+
+def _with_supposed_symmetry(state: Alternation, max_iterations: int, min_confidence: float) -> Alternation:
+    """Return what follows if the object is the surface of revolution that its candidates show.
+
+    The field of a shallow bowl's silhouette on its stem contradicts all that is seen of it: where labels accept next to
+    nothing, they start from that surface instead. Its accepted normals then decide as always whether it is one.
+    """
+    if state.known[state.mask].mean() >= MIN_KNOWN_SHARE:
+        return state
+    supposed = copy(state)
+    supposed.expected = state.symmetry.supposed_normals(state.normals)
+    if supposed.expected is None:
+        return state
+    supposed.smooth = supposed.solve_field(supposed.known, supposed.values)
+    supposed.iterate(max_iterations, CONVERGED_SHARE, min_confidence)
+    return supposed if supposed.adopt_symmetry() else state
 
 
 def _readmitted(state: Alternation, max_iterations: int, min_confidence: float) -> Alternation | None:

@@ -26,6 +26,8 @@ HANDLE_SHEET_DEG, BODY_SHEET_DEG = 16.0, 10.0
 """Angle to the handle's field up to which a candidate belongs to it, and to the body beyond which it is not that."""
 MIN_JOINED_SHARE = 0.4
 """Share of the pixels around one that must belong to the handle too."""
+MIN_BODY_NZ = float(np.cos(np.radians(42.0)))
+"""n_z of the body from which it would show highlights, so that it is covered where it does not."""
 UNSEEN_SHARE = 0.4
 """Distance beyond a handle's observed normals up to which it may go on unobserved, in its inradii: a tube turns by 45
 degrees over 0.7 radii."""
@@ -42,7 +44,9 @@ def with_handles(
 ) -> np.ndarray:
     """Return the normals of a body (H, W, 3) with those of its handles, beside it and before it.
 
-    A handle is followed before the body as long as candidates go on its field, and contradict the body.
+    A handle is followed before the body as long as candidates go on its field, and contradict the body. Where the body
+    is too steep to show highlights, only false ones are seen of it, which may go on the field too: there the handle is
+    followed no farther than across the steep pixels, or by its own inradius.
 
     Args:
         body: NaN where there is none; slivers beside it get the nearest of its normals.
@@ -55,19 +59,22 @@ def with_handles(
     result = np.where(mask[..., None], body[tuple(nearest)], np.nan)
     if not handles.any():
         return result
-    radius = distance_inside(np.pad(handles, 1)).max()
-    step = max(GROWTH_PX, round(GROWTH_SHARE * radius))
+    radius = _nearest_inradius(handles)
+    step = max(GROWTH_PX, round(GROWTH_SHARE * float(radius.max())))
     box = tuple(
         slice(max(0, int(place.min()) - MAX_GROWTH_STEPS * step), int(place.max()) + MAX_GROWTH_STEPS * step + 1)
         for place in np.nonzero(handles)
     )
     contour, outward = (array[box] for array in contour_normals(mask))
-    handles, mask, candidates = handles[box], mask[box], candidates[:, *box]
+    handles, mask, candidates, radius = handles[box], mask[box], candidates[:, *box], radius[box]
     # Where a handle meets the body the silhouette's corner is rounded.
     contour = contour & (distance_inside(~(mask & ~handles)) > CORNER_PX)
     own = np.where(handles[..., None], accepted[box], np.nan)
     to_body = np.where(handles, 180.0, np.nan_to_num(angles(candidates, body[box][None]), nan=180.0))
     shows_body = to_body.min(axis=0, initial=180.0) < BODY_SHEET_DEG
+    is_steep = mask & ~handles & ~(body[box][..., 2] > MIN_BODY_NZ)
+    is_covered = mask & ~shows_body & ~is_steep
+    crossing = np.maximum(radius, 2.0 * distance_inside(np.pad(is_steep, 1)).max())
 
     def field(region: np.ndarray) -> np.ndarray:
         known = region & np.isfinite(own[..., 0])
@@ -77,7 +84,8 @@ def with_handles(
 
     region = handles
     for _ in range(MAX_GROWTH_STEPS):
-        around = mask & np.isnan(own[..., 0]) & (distance_inside(~region) <= step)
+        near = distance_inside(~(handles | (region & is_covered))) <= crossing
+        around = near & mask & np.isnan(own[..., 0]) & (distance_inside(~region) <= step)
         to_field = angles(candidates, field(region | around)[None])
         to_field = np.where(to_body > BODY_SHEET_DEG, np.nan_to_num(to_field, nan=180.0), 180.0)
         best = to_field.argmin(axis=0)[None]
@@ -93,3 +101,11 @@ def with_handles(
         region = region | (mask & ~shows_body & (distance_inside(~grown) <= UNSEEN_SHARE * radius))
     result[box][region] = field(region)[region]
     return result
+
+
+def _nearest_inradius(handles: np.ndarray) -> np.ndarray:
+    """Return the inradius (H, W) in pixels of the handle that is nearest to each pixel; handles: (H, W) bool."""
+    numbers, count = ndimage.label(handles)
+    depth = distance_inside(np.pad(handles, 1))[1:-1, 1:-1]
+    nearest = ndimage.distance_transform_edt(~handles, return_distances=False, return_indices=True)
+    return np.asarray(ndimage.maximum(depth, numbers, np.arange(1, count + 1)))[numbers[tuple(nearest)] - 1]

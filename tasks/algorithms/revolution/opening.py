@@ -90,6 +90,15 @@ def find_opening(surface: SurfaceOfRevolution, mask: np.ndarray, candidates: np.
     return Opening(surfaces[best], fit.lip, around)
 
 
+def agreement(normals: np.ndarray, candidates: np.ndarray) -> np.ndarray:
+    """Return 1 where a candidate (K, N, 3) agrees with the normal (N, 3), -1 where none does, 0 if none is expected.
+
+    A normal that is NaN, or too steep to be observed, expects none.
+    """
+    error = np.nan_to_num(angles(candidates, normals[None]), nan=180.0).min(axis=0, initial=180.0)
+    return np.where(normals[:, 2] > MIN_OBSERVED_NZ, np.where(error < AGREES_DEG, 1.0, -1.0), 0.0)
+
+
 @dataclass(frozen=True, slots=True)
 class _Fit:
     """Thickness of a lip, and how many pixels agree with the wall that is seen there, less those that do not."""
@@ -123,12 +132,12 @@ def _fit(
     least: number of pixels that must show the far wall.
     """
     is_end = surface.is_end(x, y)
-    sign = _agreement(surface.normals(x[~is_end], y[~is_end]), candidates[:, ~is_end])
+    sign = agreement(surface.normals(x[~is_end], y[~is_end]), candidates[:, ~is_end])
     # Pixels of the near wall that show the lip too agree with neither.
     edge = FOOTPRINT_PX * surface.axis.direction * surface.facing
     beside = float(sign[~surface.is_end(x[~is_end] + edge[0], y[~is_end] + edge[1])].sum())
     x, y = x[is_end], y[is_end]
-    sign = _agreement(surface.normals(x, y, far=True), candidates[:, is_end])
+    sign = agreement(surface.normals(x, y, far=True), candidates[:, is_end])
     if not np.count_nonzero(sign) > least:
         return None
     # A pixel on the inner edge shows the lip too, and the plane of the end is foreshortened along the view.
@@ -145,12 +154,6 @@ def _fit(
     if not (inside > 0).sum() > OPEN_END_SHARE * np.count_nonzero(inside):
         return None
     return _Fit(float(thickness[best]), beside + float(total[count[best]]))
-
-
-def _agreement(normals: np.ndarray, candidates: np.ndarray) -> np.ndarray:
-    """Return 1 where a candidate (K, N, 3) agrees with the normal (N, 3), -1 where none does, 0 if none is expected."""
-    error = np.nan_to_num(angles(candidates, normals[None]), nan=180.0).min(axis=0, initial=180.0)
-    return np.where(normals[:, 2] > MIN_OBSERVED_NZ, np.where(error < AGREES_DEG, 1.0, -1.0), 0.0)
 
 
 def _depth(surface: SurfaceOfRevolution, x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -5,17 +5,28 @@ is symmetric, with the rays of that camera.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
+from operator import itemgetter
 
 import numpy as np
 
+from glint.tasks.algorithms.geometry.vectors import to_camera
 from glint.tasks.algorithms.revolution.aimed_view import AimedView
 from glint.tasks.algorithms.revolution.handles import handles_beside, with_handles
+from glint.tasks.algorithms.revolution.opening import agreement
 from glint.tasks.algorithms.revolution.relief import capped_angles
+from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 from glint.tasks.algorithms.revolution.symmetry import (
+    COARSE_STEP_PX,
+    COARSE_TILT_STEP_DEG,
+    SAMPLED_NORMALS,
+    TILT_STEP_DEG,
+    TILTS,
     RotationalNormals,
     SilhouetteSymmetry,
+    refined_tilt,
     surface_of_revolution_normals,
+    with_nearest,
 )
 
 MAX_BODY_ERROR_DEG, MAX_BODY_ERROR_RATIO = 7.5, 0.6
@@ -52,6 +63,27 @@ class RotationalSymmetry:
         normals, heights = aimed.normals_back(result.normals), aimed.heights_back(result.depths)
         return RotationalNormals(normals, heights, result.relief_fit)
 
+    def supposed_normals(self, candidates: np.ndarray) -> np.ndarray | None:
+        """Return the normals (H, W, 3) of the surface of revolution inside the silhouette that most candidates show.
+
+        None if no silhouette of a body is symmetric, or if the candidates (K, H, W, 3), NaN where there is none,
+        contradict most of what could be observed of each surface.
+        """
+        aimed = self._aimed
+        shown = candidates if aimed is None else np.stack([aimed.normals(layer) for layer in candidates])
+        silhouettes = [self._symmetry] if self._symmetry.axes else self._symmetry.bodies
+        _, surface = max(
+            (_best_surface(silhouette, shown) for silhouette in silhouettes), key=itemgetter(0), default=(0.0, None)
+        )
+        if surface is None:
+            return None
+        mask = self._symmetry.mask
+        rows, columns = np.nonzero(mask)
+        normals = np.full((*mask.shape, 3), np.nan, np.float32)
+        normals[rows, columns] = surface.normals(*to_camera(columns, rows, mask.shape[1], mask.shape[0]))
+        normals = with_nearest(normals, mask)
+        return normals if aimed is None else aimed.normals_back(normals)
+
     @cached_property
     def _aimed(self) -> AimedView | None:
         return None if self.camera is None else AimedView.at(self.mask, self.camera)
@@ -60,6 +92,34 @@ class RotationalSymmetry:
     def _symmetry(self) -> SilhouetteSymmetry:
         aimed = self._aimed
         return SilhouetteSymmetry(self.mask) if aimed is None else SilhouetteSymmetry(aimed.silhouette, 1 / aimed.focal)
+
+
+def _best_surface(silhouette: SilhouetteSymmetry, candidates: np.ndarray) -> tuple[float, SurfaceOfRevolution | None]:
+    """Return the surface of revolution that candidates (K, H, W, 3) show best, and how many more agree than do not."""
+    mask = silhouette.mask
+    rows, columns = np.nonzero(mask & np.isfinite(candidates[..., 0]).any(axis=0))
+    chosen = np.random.default_rng(0).permutation(len(rows))[:SAMPLED_NORMALS]
+    rows, columns = rows[chosen], columns[chosen]
+    x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
+    sampled = candidates[:, rows, columns]
+    best: tuple[float, SurfaceOfRevolution | None] = (0.0, None)
+    for axis in range(len(silhouette.axes)):
+
+        @cache
+        def contradictions(tilt: float, axis: int = axis) -> float:
+            surface = silhouette.surface(axis, tilt, COARSE_STEP_PX)
+            hits = surface.intersect(x, y)
+            agrees, is_end = agreement(surface.normals_at(hits), sampled), surface.is_end_at(hits)
+            # An end may be open, and show the far wall.
+            far = agreement(surface.normals(x[is_end], y[is_end], far=True), sampled[:, is_end])
+            agrees[is_end] = np.maximum(agrees[is_end], far)
+            return -float(agrees.sum())
+
+        tilt = min(map(float, TILTS), key=contradictions)
+        cost, tilt = refined_tilt(contradictions, tilt, TILT_STEP_DEG, COARSE_TILT_STEP_DEG)
+        if -cost > best[0]:
+            best = -cost, silhouette.surface(axis, tilt, COARSE_STEP_PX)
+    return best
 
 
 def _body_normals(

@@ -34,6 +34,8 @@ MIN_RELIEF_DEG = 2.0
 """Median angle of accepted normals from a fitted surface from which a relief is looked for."""
 MIN_NORMALS, SAMPLED_NORMALS = 20, 1500
 """Accepted normals without which no surface is fitted, and number of those compared for each tilt."""
+TILTS = np.radians(np.arange(-MAX_TILT_DEG, MAX_TILT_DEG + 1, 2 * TILT_STEP_DEG))
+"""Tilts tried first, in radians."""
 COARSE_STEP_PX, COARSE_STRIDE = 2.0, 8
 """Step along the axis, and subsampling of the normals, for the tilts tried first."""
 FITTED_STEP_PX, FINAL_STEP_PX = 1.0, 0.5
@@ -147,10 +149,13 @@ def surface_of_revolution_normals(
         depths[around] = end_depths - (np.nanmedian(moved) if np.isfinite(moved).any() else 0.0)
     result, body = np.full((*mask.shape, 3), np.nan, np.float32), np.full(mask.shape, np.nan, np.float32)
     result[rows, columns], body[rows, columns] = normals, depths
-    # Rays at the contour may miss the surface: such pixels get the normal of the nearest pixel.
-    nearest = ndimage.distance_transform_edt(np.isnan(result[..., 0]), return_distances=False, return_indices=True)
-    normals = np.where(mask[..., None], result[tuple(nearest)], np.nan)
-    return RotationalNormals(normals, body, relief.fit if relief else 0.0)
+    return RotationalNormals(with_nearest(result, mask), body, relief.fit if relief else 0.0)
+
+
+def with_nearest(normals: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Return normals (H, W, 3) with those of the nearest pixel where NaN in the mask: rays there miss the surface."""
+    nearest = ndimage.distance_transform_edt(np.isnan(normals[..., 0]), return_distances=False, return_indices=True)
+    return np.where(mask[..., None], normals[tuple(nearest)], np.nan)
 
 
 def _fitted_surface(silhouette: SilhouetteSymmetry, accepted: np.ndarray) -> tuple[float, SurfaceOfRevolution] | None:
@@ -179,18 +184,18 @@ def _fitted_surface(silhouette: SilhouetteSymmetry, accepted: np.ndarray) -> tup
         error = np.nan_to_num(error, nan=ERROR_CAP_DEG)
         return float(np.minimum(error, ERROR_CAP_DEG).mean())
 
-    tilts = np.radians(np.arange(-MAX_TILT_DEG, MAX_TILT_DEG + 1, 2 * TILT_STEP_DEG))
     starts = []
+
     for axis in range(len(silhouette.axes)):
         coarse_error_at = cache(partial(mean_error, axis, step=COARSE_STEP_PX, stride=COARSE_STRIDE))
-        for tilt in tilts[_local_minima(np.array([coarse_error_at(float(tilt)) for tilt in tilts]))]:
-            starts.append((*_refined_tilt(coarse_error_at, float(tilt), TILT_STEP_DEG, COARSE_TILT_STEP_DEG), axis))
+        for tilt in TILTS[_local_minima(np.array([coarse_error_at(float(tilt)) for tilt in TILTS]))]:
+            starts.append((*refined_tilt(coarse_error_at, float(tilt), TILT_STEP_DEG, COARSE_TILT_STEP_DEG), axis))
     least_error, best = ERROR_CAP_DEG, None
     for coarse_error, tilt, axis in starts:
         if coarse_error > REFINED_ERROR_RATIO * min(starts)[0]:
             continue
         error_at = cache(partial(mean_error, axis))
-        error, tilt = _refined_tilt(error_at, tilt, COARSE_TILT_STEP_DEG, FINAL_TILT_STEP_DEG)
+        error, tilt = refined_tilt(error_at, tilt, COARSE_TILT_STEP_DEG, FINAL_TILT_STEP_DEG)
         if error < least_error:
             least_error, best = error, silhouette.surface(axis, tilt, FINAL_STEP_PX)
             # Trimming is discontinuous: with finer steps a profile can collapse that fits with coarser ones.
@@ -205,7 +210,7 @@ def _local_minima(errors: np.ndarray) -> np.ndarray:
     return np.flatnonzero((errors <= beside[:-2]) & (errors < beside[2:]))
 
 
-def _refined_tilt(
+def refined_tilt(
     error_at: Callable[[float], float], tilt: float, first_step: float, last_step: float
 ) -> tuple[float, float]:
     """Search either side of a tilt, with steps (degrees) that are halved where neither side is better.

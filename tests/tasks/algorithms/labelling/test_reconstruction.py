@@ -6,11 +6,11 @@ import pytest
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view, view_vectors
 from glint.tasks.algorithms.geometry.vectors import angles, unit
-from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
+from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
 from glint.tasks.algorithms.labelling.results import PROVENANCE, Reconstruction
 from glint.tasks.algorithms.labelling.weights import FieldWeights
 from tests.tasks.algorithms.faces.polyhedron import PYRAMID, face_numbers, polyhedron_normals
-from tests.tasks.algorithms.revolution.beaker import observable
+from tests.tasks.algorithms.revolution.beaker import bowl_on_stem, false_sheets, observable, seen_normals
 from tests.tasks.algorithms.revolution.cylinder import CAMERA, SHAPE, seen_cylinder
 
 Scene = tuple[SimpleNamespace, np.ndarray, np.ndarray]
@@ -175,6 +175,17 @@ def test_a_turned_glass_is_known_at_its_end() -> None:
 
 
 @pytest.mark.long
+def test_labels_that_accept_nothing_start_from_the_surface_that_candidates_show() -> None:
+    truth = seen_normals(bowl_on_stem(14.0))
+    mask = np.isfinite(truth[..., 0])
+    false = np.where(mask[..., None], false_sheets(2), np.nan)
+    clusters = clusters_of(np.concatenate([observable(truth)[None], false]).astype(np.float32))
+    empty = settle(clusters, mask, max_iterations=0)
+    assert not empty.labels.any()
+    result = reconstruct_normals(clusters, mask, settled=empty)
+    assert np.median(angles(result.normals, truth)[mask]) < 1.0
+
+
 def test_a_glass_before_a_near_camera_comes_right_with_the_matrix_alone() -> None:
     truth, distances = seen_cylinder(20.0, 12.0)
     truth, mask = rotate_to_view(truth, view_vectors(CAMERA, SHAPE, 0.0, 0.0)), np.isfinite(distances)

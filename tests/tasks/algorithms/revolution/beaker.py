@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from glint.tasks.algorithms.geometry.vectors import to_camera
+from glint.tasks.algorithms.geometry.vectors import to_camera, unit
 from glint.tasks.algorithms.revolution.reflection_axes import ReflectionAxis
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 
@@ -36,6 +36,14 @@ def tumbler(tilt: float, half_height: float, radius: float) -> SurfaceOfRevoluti
     return upright_surface(radii, heights, tilt)
 
 
+def bowl_on_stem(tilt: float) -> SurfaceOfRevolution:
+    """Return a conical bowl on a stem with a flat foot, at a tilt in degrees."""
+    heights = np.arange(-75.0, 76.0, 0.5)
+    radii = np.select([heights < -70.0, heights < 5.0], [30.0, 4.0], np.clip(4.0 + 1.1 * (heights - 5.0), 4.0, 45.0))
+    radii[[0, -1]] = 0.0
+    return upright_surface(radii, heights, tilt)
+
+
 def upright_surface(radii: np.ndarray, heights: np.ndarray, tilt: float) -> SurfaceOfRevolution:
     """Return the surface of a profile (N,) about the image's vertical, at a tilt in degrees."""
     axis = ReflectionAxis(np.zeros(2), np.array([1.0, 0.0]), 1.0)
@@ -44,9 +52,22 @@ def upright_surface(radii: np.ndarray, heights: np.ndarray, tilt: float) -> Surf
 
 def beaker_normals(tilt: float, far: bool = False) -> np.ndarray:
     """Return the normals (H, W, 3) of the beaker at a tilt in degrees, NaN beside it; far: of the wall's inner side."""
-    surface = beaker_surface(tilt)
+    return seen_normals(beaker_surface(tilt), far)
+
+
+def seen_normals(surface: SurfaceOfRevolution, far: bool = False) -> np.ndarray:
+    """Return the normals (H, W, 3) of a surface, NaN beside it; far: of its wall's inner side."""
     x, y = camera_positions()
     return surface.normals(x.ravel(), y.ravel(), far).reshape(*SHAPE, 3)
+
+
+def false_sheets(count: int) -> np.ndarray:
+    """Return smooth sheets (K, H, W, 3) that have nothing to do with any surface."""
+    x, y = camera_positions()
+    phases = 2.0 * np.pi * np.arange(count) / count
+    return np.stack(
+        [unit(np.dstack([0.6 * np.sin(x / 30 + k), 0.5 * np.cos(y / 25 + k), np.ones(SHAPE)])) for k in phases]
+    )
 
 
 def observable(normals: np.ndarray) -> np.ndarray:

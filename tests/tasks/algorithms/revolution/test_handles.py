@@ -1,6 +1,7 @@
 import numpy as np
+import pytest
 
-from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.revolution.handles import handles_beside, with_handles
 
 
@@ -8,19 +9,47 @@ def pixels() -> tuple[np.ndarray, np.ndarray]:
     return tuple(np.meshgrid(np.arange(140) - 69.5, 99.5 - np.arange(200)))
 
 
-def test_a_handle_is_followed_before_the_body() -> None:
+Scene = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
+def cylinder_with_handle() -> Scene:
+    """Normals of an upright cylinder, and with a level tube that begins before it; pixels of cylinder and tube."""
     x, y = pixels()
     body, handle = (np.abs(x) < 40) & (np.abs(y) < 80), (np.abs(y) < 8) & (x > 10) & (x < 66)
     across, up = np.clip(x / 40, -1, 1), np.clip(y / 8, -1, 1)
     cylinder = np.dstack([across, 0 * x, np.sqrt(1 - across**2)])
     truth = np.where(handle[..., None], np.dstack([0 * x, up, np.sqrt(1 - up**2)]), cylinder)
-    observed = np.where(((body | handle) & (truth[..., 2] > np.cos(np.pi / 4)))[..., None], truth, np.nan)
-    beside = handles_beside(body | handle, body)
+    return cylinder, np.where((body | handle)[..., None], truth, np.nan), body, handle
+
+
+def observed(truth: np.ndarray) -> np.ndarray:
+    """Return the normals (H, W, 3) that show highlights, NaN elsewhere."""
+    return np.where(truth[..., 2:] > np.cos(np.pi / 4), truth, np.nan)
+
+
+def test_a_handle_is_followed_before_the_body() -> None:
+    x, y = pixels()
+    cylinder, truth, body, handle = cylinder_with_handle()
+    shown, mask = observed(truth), body | handle
+    beside = handles_beside(mask, body)
     assert (beside == handle & ~body).all()
-    found = with_handles(cylinder, beside, body | handle, observed, observed[None])
+    result = with_handles(cylinder, beside, mask, shown, shown[None])
     before = body & handle & (x < 38)
-    error = angles(found, truth)
+    error = angles(result, truth)
     assert np.median(error[before]) < 3.0 < np.median(angles(cylinder, truth)[before])
     assert error[body & (np.abs(y) > 12)].max() < 0.1
-    alone = with_handles(cylinder, beside, body | handle, np.where(beside[..., None], observed, np.nan), cylinder[None])
+    alone = with_handles(cylinder, beside, mask, np.where(beside[..., None], shown, np.nan), cylinder[None])
     assert angles(alone, cylinder)[body].max() < 0.1
+
+
+@pytest.mark.parametrize("steepness", [0.2, 0.8])
+def test_false_highlights_of_a_steep_body_do_not_carry_its_handle_away(steepness: float) -> None:
+    x, y = pixels()
+    cylinder, truth, body, handle = cylinder_with_handle()
+    shown, mask = observed(truth), body | handle
+    # A sheet that goes on the field of the handle, wherever that grows to.
+    false = unit(np.dstack([0 * x, steepness * np.clip(y / 16, -1, 1), 1 + 0 * x]))
+    candidates = np.stack([shown, np.where(mask[..., None], false, np.nan)])
+    result = with_handles(cylinder, handles_beside(mask, body), mask, shown, candidates)
+    assert np.median(angles(result, truth)[body & handle & (x < 38)]) < 6.0
+    assert angles(result, cylinder)[body & (np.abs(y) > 28)].max() < 1.0

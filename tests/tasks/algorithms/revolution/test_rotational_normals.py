@@ -4,7 +4,14 @@ import pytest
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view, view_vectors
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.revolution.rotational_normals import RotationalSymmetry
-from tests.tasks.algorithms.revolution.beaker import beaker_normals, camera_positions, observable
+from tests.tasks.algorithms.revolution.beaker import (
+    beaker_normals,
+    bowl_on_stem,
+    camera_positions,
+    false_sheets,
+    observable,
+    seen_normals,
+)
 from tests.tasks.algorithms.revolution.cylinder import CAMERA, SHAPE, seen_cylinder
 
 
@@ -49,3 +56,26 @@ def test_a_surface_of_revolution_is_found_before_a_perspective_camera(tilt: floa
     assert np.percentile(np.abs(difference - np.median(difference)), 95) < 1.5
     parallel = RotationalSymmetry(mask, None).normals(accepted, accepted[None], field, np.ones(mask.shape))
     assert parallel is None or angles(parallel.normals, truth)[mask].mean() > 2.0 * error.mean()
+
+
+@pytest.mark.parametrize("tilt", [8.0, -14.0])
+def test_candidates_alone_show_a_surface_of_revolution(tilt: float) -> None:
+    truth = seen_normals(bowl_on_stem(tilt))
+    mask = np.isfinite(truth[..., 0])
+    false = np.where(mask[..., None], false_sheets(3), np.nan)
+    symmetry = RotationalSymmetry(mask, None)
+    supposed = symmetry.supposed_normals(np.concatenate([observable(truth)[None], false]))
+    assert supposed is not None
+    error = angles(supposed, truth)[mask]
+    assert np.median(error) < 3.0 and np.mean(error < 8.0) > 0.8
+    assert symmetry.supposed_normals(false[:1]) is None
+    assert symmetry.supposed_normals(np.full_like(false, np.nan)) is None
+
+
+def test_candidates_show_the_body_of_a_vessel_before_a_perspective_camera() -> None:
+    normals, distances = seen_cylinder(20.0, 0.0)
+    mask = np.isfinite(distances)
+    truth = rotate_to_view(normals, view_vectors(CAMERA, SHAPE, 0.0, 0.0))
+    supposed = RotationalSymmetry(mask, CAMERA).supposed_normals(observable(truth)[None])
+    assert supposed is not None and np.array_equal(np.isfinite(supposed[..., 0]), mask)
+    assert np.median(angles(supposed, truth)[mask]) < 4.0
