@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 CONVERGED_SHARE = 0.002
 """Share of the mask whose labels may still change in the last iteration."""
-MIN_KNOWN_SHARE = 0.02
+MIN_KNOWN_SHARE = 0.05
 """Share of the mask that enters the field from which labels have a start of their own."""
 PLAUSIBLE_NATS = 1.0
 """Evidence of a rejected candidate from which it may be a true highlight."""
