@@ -4,8 +4,9 @@ An observed normal is wrong if its sheet is. Logistic regressions fitted to simu
 roughness of the normals, by curl (a normal field's gradients have none; half vectors of internal paths have), by the
 evidence of shape and shading, by the held-out residual (`final_confidence`), and by how much of what the object shows
 is accepted at all. Where the surface turns by degrees from pixel to pixel, it also matters which place within the pixel
-showed the light. While labels still change, only neighbourhood cues are used. Between observations the field is trusted as far as it proves itself by cross-validation:
-blocks of accepted normals are held out, and its error is taken to grow linearly with the distance from known pixels.
+showed the light. While labels still change, only neighbourhood cues are used. Between observations the field is trusted
+as far as it proves itself by cross-validation: blocks of accepted normals are held out, and its error is taken to grow
+linearly with the distance from known pixels.
 """
 
 from collections.abc import Callable
@@ -19,10 +20,10 @@ from glint.tasks.algorithms.geometry.vectors import angles, gradients, unit
 TOLERANCE_RAD = np.radians(5.0)
 NEIGHBOURHOOD_LOGIT = (2.5, 4.5, -1.2, -5.5)
 """Logit of an observed normal being right by its neighbourhood: constant, then cover, roughness, curl."""
-SHEET_LOGIT = (4.0, -0.5, -0.55, 0.57, -1.05)
+SHEET_LOGIT = (3.85, -0.45, -0.6, 0.6, -1.05)
 """The same by its sheet: constant, then roughness, curl, the sheet's mean evidence and its held-out residual.
 
-Fitted to 92 simulated captures of 500 to 1,200 frames of all shapes, beside `accepted_log_odds` and `place_confidence`.
+Fitted to 87 simulated captures of 500 to 1,200 frames of all shapes, beside `accepted_log_odds` and `place_confidence`.
 """
 MAX_ACCEPTED_ODDS = 10.0
 """Accepted pixels to one that shows false candidates alone, from which on more prove nothing: captures of the fit have
