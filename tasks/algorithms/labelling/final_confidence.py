@@ -13,6 +13,7 @@ import numpy as np
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.alternation import REFUTED_DEG, Alternation
 from glint.tasks.algorithms.labelling.confidence import (
+    accepted_log_odds,
     face_confidence,
     place_confidence,
     sheet_confidence,
@@ -39,7 +40,8 @@ def final_confidence(state: Alternation, normals: np.ndarray, min_confidence: fl
 
     error = replace(state.field_error, ceiling=np.inf)
     residual = held_out_residual(sheets, state.values, state.known, state.rim, state.mask, state.scale, error, predict)
-    observed = sheet_confidence(state.values, sheet_means(sheets, evidence), residual, state.scale)
+    odds = accepted_log_odds(np.isfinite(state.confidence), np.isfinite(state.normals[..., 0]).any(axis=0))
+    observed = sheet_confidence(state.values, sheet_means(sheets, evidence), residual, state.scale, odds)
     observed = state.with_marks(observed * place_confidence(normals))
     between = state.field_confidence(state.known & (observed >= min_confidence))
     if state.faces is not None:

@@ -1,6 +1,8 @@
 import numpy as np
 
 from glint.tasks.algorithms.labelling.confidence import (
+    MAX_ACCEPTED_ODDS,
+    accepted_log_odds,
     field_confidence,
     field_error_slope,
     observed_confidence,
@@ -37,12 +39,33 @@ def test_dense_smooth_sheets_have_more_confidence_than_scraps_noise_and_curl() -
 
 def test_a_sheet_of_odd_shape_or_large_residual_is_not_confident() -> None:
     even = np.zeros((60, 60))
-    confidence = sheet_confidence(plane(), even + 2.0, even + 0.5, 30.0)
+    confidence = sheet_confidence(plane(), even + 2.0, even + 0.5, 30.0, 0.0)
     assert confidence.min() > 0.97
     for shape, residual in ((0.0, 2.0), (-1.0, 1.0), (2.0, 3.5)):
-        assert sheet_confidence(plane(), even + shape, even + residual, 30.0).max() < 0.95
+        assert sheet_confidence(plane(), even + shape, even + residual, 30.0, 0.0).max() < 0.95
     absent = np.full((60, 60, 3), np.nan)
-    assert np.isnan(sheet_confidence(absent, even, even, 30.0)).all()
+    assert np.isnan(sheet_confidence(absent, even, even, 30.0, 0.0)).all()
+
+
+def test_sheets_of_an_object_whose_highlights_are_mostly_false_are_not_confident() -> None:
+    even, has_candidate = np.zeros((60, 60)), np.ones((60, 60), dtype=bool)
+    confidence = []
+    for share in (0.05, 0.5, 0.8):
+        accepted = np.zeros((60, 60), dtype=bool)
+        accepted[: int(60 * share)] = True
+        odds = accepted_log_odds(accepted, has_candidate)
+        assert abs(odds - np.log(share / (1.0 - share))) < 1e-9
+        confidence.append(float(sheet_confidence(plane(), even + 1.0, even + 1.0, 30.0, odds).max()))
+    assert confidence[0] < 0.7 < 0.95 < confidence[1] < confidence[2]
+
+
+def test_an_object_without_false_highlights_and_one_without_accepted_ones_have_finite_odds() -> None:
+    none, every = np.zeros((60, 60), dtype=bool), np.ones((60, 60), dtype=bool)
+    assert accepted_log_odds(every, every) == np.log(MAX_ACCEPTED_ODDS)
+    assert accepted_log_odds(none, every) < -10.0
+    # What never showed a highlight says nothing of the false ones.
+    half = np.indices((60, 60))[0] < 30
+    assert accepted_log_odds(half, half) == accepted_log_odds(every, every)
 
 
 def test_where_the_surface_turns_from_pixel_to_pixel_a_normal_is_known_no_better_than_its_place() -> None:

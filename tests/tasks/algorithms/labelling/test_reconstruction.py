@@ -68,6 +68,23 @@ def result(scene: Scene) -> Reconstruction:
     return reconstruct_normals(scene[0], scene[1])
 
 
+def test_a_sheet_is_doubted_where_the_rest_of_the_object_shows_false_highlights_alone() -> None:
+    clusters, mask, truth = pebble()
+    patch = (np.abs(np.indices(mask.shape) - 44.5) < 10).all(axis=0)
+    right = angles(clusters.normals, truth[None]) < 3
+    alone = np.where((right & patch)[..., None], clusters.normals, np.nan)
+    scattered = unit(np.random.default_rng(1).normal(0.0, 0.5, truth.shape) + np.array([0.0, 0.0, 1.0]))
+    beside = np.where((mask & ~patch)[None, ..., None], scattered.astype(np.float32), alone)
+    results = [reconstruct_normals(clusters_of(nodes), mask) for nodes in (alone, beside)]
+    for result in results:
+        accepted = (result.labels > 0).any(axis=0)
+        assert (accepted & patch).sum() > 0.7 * accepted.sum()
+        assert accepted.sum() > 0.5 * patch.sum()
+    certain, doubted = (np.median(result.confidence[patch & (result.labels > 0).any(axis=0)]) for result in results)
+    assert certain > 0.97
+    assert doubted < 0.9
+
+
 @pytest.mark.long
 def test_the_exterior_sheet_is_found_and_the_false_one_rejected(scene: Scene, result: Reconstruction) -> None:
     clusters, _, truth = scene

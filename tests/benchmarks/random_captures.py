@@ -1,0 +1,99 @@
+"""Random captures of all shapes: which of them have confident normals that are wrong.
+
+    python -m tests.benchmarks.random_captures [SHAPE ...] [--seed 6000] [--count 46] [--given 1] [--folder DIR]
+
+Size, frames, camera, spheres, light, compression, noise and exposure of each capture follow from its seed: the first
+seed, the next, and so on, shapes taking turns. A third of the captures has no mask, half has no spheres; with `--given
+1` masks and spheres are given. Of each it prints the mean error, the share of the mask at confidence 0.95 and of these
+the share within 5 degrees, the causes that warnings name, and BROKEN where fewer than 95% of more than half a percent
+are right and no warning comes with less than 5%.
+"""
+
+import random
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from glint.storage.catalogue.loading import Capture, load
+from glint.storage.inputs.masks_and_truth import read_truth
+from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.labelling.results import CONFIDENT
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.engine.parameters import Parameters
+from glint.tasks.evaluation.captures import CONFIDENT_ERROR_DEG
+from glint.tasks.simulation.simulate import SHAPES, CaptureOptions, simulate
+from glint.tasks.stages.capture_geometry import load_geometry
+from tests.benchmarks.simulated_captures import shapes_parser
+from tests.tasks.make_context import perform_all
+
+STAGES = ("survey", "lights", "mask", "labels")
+"""Stages whose warnings name the causes of doubt."""
+MIN_RIGHT, MIN_CONFIDENT, MAX_WARNED = 0.95, 0.005, 0.05
+"""Share of the confident pixels that must be right, and shares of the mask: below the first hardly any pixel is
+confident, below the second a warning suffices."""
+
+
+def random_capture(shape: str, seed: int, folder: Path, *, is_given: bool) -> Capture:
+    """Simulate a capture of a shape whose options follow from its seed.
+
+    is_given: whether mask and spheres are given in any case.
+    """
+    draw = random.Random(seed)
+    options = CaptureOptions(
+        seed=seed,
+        focal=draw.choice([None, None, round(draw.uniform(0.8, 2.0), 2)]),
+        spheres=draw.choice([1, 1, 2]),
+        light_distance=draw.choice([None, None, 2.5, 5.0, 10.0]),
+        light_radius=round(draw.uniform(3.0, 8.0), 1),
+        crf=draw.randint(14, 30),
+        noise=round(draw.uniform(1.0, 4.0), 1),
+        exposure_drift=draw.choice([0.0, 0.0, 0.05, 0.1, 0.2]),
+        sphere_radius=float(draw.randint(20, 45)),
+        scale=round(draw.uniform(0.4, 0.7), 2),
+        frames=draw.randint(500, 1200),
+    )
+    capture = load(simulate(shape, folder, options).catalogue).object(shape).captures[0]
+    without_mask, without_spheres = draw.random() < 1 / 3, draw.random() < 1 / 2
+    missing = {"mask": None} if without_mask and not is_given else {}
+    return capture.model_copy(update=missing | ({"spheres": ()} if without_spheres and not is_given else {}))
+
+
+def measure(capture: Capture, store: Path) -> str:
+    """Return a line on one capture, whose results are kept in a store."""
+    work = CaptureContext(str(store), "object", capture, Parameters(), "random")
+    perform_all(work, "labels")
+    mask, labels = work.load("mask").read("mask"), work.load("labels")
+    assert capture.truth is not None
+    assert capture.region is not None
+    given = read_truth(capture.truth, (capture.region.height, capture.region.width)).normals
+    assert given is not None
+    width, height = load_geometry(work).frame_size
+    frame = np.full((height, width, 3), np.nan)
+    frame[capture.region.rows, capture.region.columns] = given
+    region = load_geometry(work).region
+    error = angles(labels.read("normals"), frame[region.rows, region.columns])
+    confident = mask & (labels.read("confidence") >= CONFIDENT)
+    share = confident.sum() / mask.sum()
+    # A pixel of the mask beside the object is wrong.
+    right = (error[confident] < CONFIDENT_ERROR_DEG).mean() if confident.any() else 1.0
+    causes = {warning["cause"] for stage in STAGES for warning in work.load(stage).record["warnings"]}
+    is_broken = right < MIN_RIGHT and share >= (MAX_WARNED if causes else MIN_CONFIDENT)
+    outcome = f"{np.nanmean(error[mask]):.1f} degrees, {share:.1%}, {right:.1%} right ({', '.join(sorted(causes))})"
+    return outcome + (" BROKEN" if is_broken else "")
+
+
+def main() -> None:
+    """Print a line per capture as it is measured."""
+    arguments = shapes_parser(__doc__, seed=6000, count=46, given=0).parse_args()
+    shapes = arguments.shapes or SHAPES
+    with tempfile.TemporaryDirectory() as temporary:
+        for number in range(arguments.count):
+            shape, seed = shapes[number % len(shapes)], arguments.seed + number
+            folder = (arguments.folder or Path(temporary)) / str(seed)
+            capture = random_capture(shape, seed, folder, is_given=bool(arguments.given))
+            print(f"{shape}, seed {seed}: {measure(capture, folder / 'store')}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
