@@ -18,7 +18,7 @@ import numpy as np
 from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.evaluation.metrics import squared_errors
-from glint.tasks.algorithms.prior.smooth_normals import inradius
+from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.questions.proposals import Question
 from glint.tasks.algorithms.sheets.patches import cut_patches
 from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph

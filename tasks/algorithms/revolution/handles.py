@@ -7,7 +7,7 @@ candidates go on that field before the body, and contradict the body there.
 import numpy as np
 from scipy import ndimage
 
-from glint.tasks.algorithms.geometry.distance import distance_inside
+from glint.tasks.algorithms.geometry.distance import depth_inside, distance_inside
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.prior.smooth_normals import contour_normals, smooth_normal_field
 
@@ -55,7 +55,7 @@ def with_handles(
     result = np.where(mask[..., None], body[tuple(nearest)], np.nan)
     if not handles.any():
         return result
-    radius = distance_inside(np.pad(handles, 1)).max()
+    radius = depth_inside(handles).max()
     step = max(GROWTH_PX, round(GROWTH_SHARE * radius))
     box = tuple(
         slice(max(0, int(place.min()) - MAX_GROWTH_STEPS * step), int(place.max()) + MAX_GROWTH_STEPS * step + 1)
