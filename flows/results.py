@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class CaptureResult:
-    """Result of a capture: its stage records, or the `error` and its `remedy`."""
+    """Result of a capture: its stage records, or the `error`, its `remedy`, and whether it is one of the spheres."""
 
     object_id: str
     capture_id: str
@@ -24,6 +24,7 @@ class CaptureResult:
     records: tuple[StageRecord, ...] = ()
     error: str = ""
     remedy: str = ""
+    failed_for_sphere: bool = False
 
     @property
     def name(self) -> str:
