@@ -60,13 +60,18 @@ def focal_length(camera: np.ndarray) -> float:
     return float((camera[0, 0] + camera[1, 1]) / 2)
 
 
+def areal_focal_length(camera: np.ndarray) -> float:
+    """Return the focal length in pixels of square pixels as large as those of a camera's matrix (3, 3)."""
+    return float(np.sqrt(camera[0, 0] * camera[1, 1]))
+
+
 def aimed_along(forward: np.ndarray, camera: np.ndarray) -> tuple[np.ndarray, float]:
     """Return the rotation (3, 3) of a camera (3, 3) to one that looks along a unit vector (3,), and its focal length.
 
     Both cameras have y down and z forward. In pixels, what lies in that direction is as large to both.
     """
     right = unit(np.cross([0.0, 1.0, 0.0], forward))
-    focal = float(np.sqrt(camera[0, 0] * camera[1, 1]) / forward[2] ** 1.5)
+    focal = float(areal_focal_length(camera) / forward[2] ** 1.5)
     return np.stack([right, np.cross(forward, right), forward]), focal
 
 
@@ -103,8 +108,7 @@ class Cone:
         cone = cls(-_view_vectors_at(camera, np.array(x), np.array(y)), 0.0)
         centre, size = np.array([x, y]), radius
         for _ in range(ELLIPSE_ITERATIONS):
-            focal = np.sqrt(camera[0, 0] * camera[1, 1])
-            sine = float(size / focal * abs(cone.axis[2]) ** 1.5)
+            sine = float(size / areal_focal_length(camera) * abs(cone.axis[2]) ** 1.5)
             cone = cls(-_view_vectors_at(camera, *centre), min(sine, MAX_CONE_SINE))
             projection = cone.project(camera)
             centre = centre + np.array([x, y]) - projection[:2]
