@@ -36,6 +36,11 @@ class CaptureResult:
         """True if nothing had to be computed."""
         return bool(self.records) and all(record.cached for record in self.records)
 
+    @property
+    def outcome(self) -> str:
+        """`failed`, `up to date` or `done`, as tables name it."""
+        return "failed" if self.error else "up to date" if self.cached else "done"
+
     def count(self, stage: str, name: str) -> float | None:
         """Return a count that a stage recorded, None if it has none of that name."""
         return next((record.counts.get(name) for record in self.records if record.stage == stage), None)
