@@ -79,7 +79,7 @@ def measure(work: CaptureContext, count: int) -> None:
     if work.capture.truth is None:
         return
     questions = CaptureQuestions(work)
-    truth = read_truth(work.capture.truth, (questions.mask.shape[0], questions.mask.shape[1])).normals
+    truth = read_truth(work.capture.truth, questions.mask.shape).normals
     assert truth is not None
     observed = questions.mask & (questions.clusters.observations > 0)
 

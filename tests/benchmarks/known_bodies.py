@@ -57,7 +57,7 @@ def measure(capture: Capture, store: Path, forced: bool) -> str:
     perform_all(work, "clusters")
     mask, geometry, parameters = work.load("mask").read("mask"), load_geometry(work), Parameters()
     assert capture.truth is not None
-    truth = read_truth(capture.truth, (mask.shape[0], mask.shape[1])).depth
+    truth = read_truth(capture.truth, mask.shape).depth
     assert truth is not None
     with patch.object(rotational_normals, "surface_of_revolution_normals", forced_body if forced else FOUND):
         result = reconstruct(

@@ -75,7 +75,7 @@ def measure(capture: Capture, store: Path) -> str:
     perform_all(work, "clusters")
     clusters, mask = without_shading(load_clusters(work)), work.load("mask").read("mask")
     assert capture.truth is not None
-    truth = read_truth(capture.truth, (mask.shape[0], mask.shape[1]))
+    truth = read_truth(capture.truth, mask.shape)
     assert truth.normals is not None and truth.depth is not None
     without = reconstruct_normals(clusters, mask, field_weights=FieldWeights(unreached=0.0))
     result = reconstruct_normals(clusters, mask)
