@@ -55,6 +55,11 @@ def half_vectors_on_axis(normals: np.ndarray, view: np.ndarray) -> np.ndarray:
     return half_vectors_of(lights).astype(np.float32)
 
 
+def camera_in_crop(camera: np.ndarray, left: float, top: float) -> np.ndarray:
+    """Return the matrix (3, 3) of a camera in the pixels of a crop whose top-left pixel is (left, top)."""
+    return np.array(camera, float) - np.array([[0, 0, left], [0, 0, top], [0, 0, 0]])
+
+
 def focal_length(camera: np.ndarray) -> float:
     """Return the mean focal length in pixels of a camera's matrix (3, 3)."""
     return float((camera[0, 0] + camera[1, 1]) / 2)

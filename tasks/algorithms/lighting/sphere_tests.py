@@ -10,6 +10,7 @@ frames. And all chrome spheres of a capture mirror the same light.
 import numpy as np
 
 from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.geometry.perspective import camera_in_crop
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of
 from glint.tasks.algorithms.lighting.highlights import Highlights, measure_highlights, static_background
 from glint.tasks.algorithms.lighting.lights import (
@@ -215,5 +216,5 @@ def _crop(
 ) -> tuple[np.ndarray, Sphere, np.ndarray | None]:
     """Return the frames, the sphere and the camera's matrix in the pixels of a crop around the sphere."""
     crop, left, top = crop_around(frames, sphere, CROP_MARGIN_PX)
-    matrix = None if camera is None else camera - np.array([[0, 0, left], [0, 0, top], [0, 0, 0]])
+    matrix = None if camera is None else camera_in_crop(camera, left, top)
     return crop, sphere.in_crop(left, top), matrix
