@@ -4,20 +4,12 @@ import pickle
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from glint.storage.errors import GlintError, printable
+from glint.storage.errors import GlintError
 from glint.tasks.engine.errors import UnusableCapture
 
 
-class RunningError(Exception):
-    """Base of the errors of this package: `message` names the offending value, `remedy` says what to do about it."""
-
-    def __init__(self, message: str, remedy: str) -> None:
-        self.message, self.remedy = printable(message), printable(remedy)
-        super().__init__(f"{self.message}: {self.remedy}")
-
-    def __reduce__(self) -> tuple[type["RunningError"], tuple[str, str]]:
-        """Pickle both texts, so that a worker process can raise the error."""
-        return type(self), (self.message, self.remedy)
+class RunningError(GlintError):
+    """Base of the errors of this package: what a run needs besides its inputs and its store."""
 
 
 class ServerError(RunningError):
@@ -28,7 +20,7 @@ class ClusterError(RunningError):
     """The Dask cluster does not answer, could not be started, or is too small for the work."""
 
 
-USER_ERRORS = (GlintError, UnusableCapture, RunningError)
+USER_ERRORS = (GlintError, UnusableCapture)
 """Errors that name their remedy; any other is an internal error, whose traceback is logged."""
 
 INTERNAL_ERROR = "internal error; see the traceback in the run's log and report it"
@@ -57,7 +49,7 @@ def _with_text_as_cause(error: Exception) -> Exception:
         return error
     cause, short = error.__cause__, error
     if len(str(error)) > MAX_SENT_CHARACTERS:
-        kind = next(kind for kind in (GlintError, UnusableCapture, RunningError) if isinstance(error, kind))
+        kind = next(kind for kind in (RunningError, GlintError, UnusableCapture) if isinstance(error, kind))
         short = kind(error.message[: MAX_SENT_CHARACTERS // 2] + " ..", error.remedy[: MAX_SENT_CHARACTERS // 3])
     short.__cause__ = None if cause is None else RuntimeError(f"{type(cause).__name__}: {cause}")
     return short.with_traceback(error.__traceback__)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class CaptureResult:
-    """Result of a capture: its stage records, or the `error` and its `remedy`."""
+    """Result of a capture: its stage records, or the `error`, its `remedy`, and whether it is one of the spheres."""
 
     object_id: str
     capture_id: str
@@ -24,6 +24,7 @@ class CaptureResult:
     records: tuple[StageRecord, ...] = ()
     error: str = ""
     remedy: str = ""
+    failed_for_sphere: bool = False
 
     @property
     def name(self) -> str:
@@ -34,6 +35,11 @@ class CaptureResult:
     def cached(self) -> bool:
         """True if nothing had to be computed."""
         return bool(self.records) and all(record.cached for record in self.records)
+
+    @property
+    def outcome(self) -> str:
+        """`failed`, `up to date` or `done`, as tables name it."""
+        return "failed" if self.error else "up to date" if self.cached else "done"
 
     def count(self, stage: str, name: str) -> float | None:
         """Return a count that a stage recorded, None if it has none of that name."""

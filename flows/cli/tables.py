@@ -52,7 +52,7 @@ def run_rows(summary: "Summary") -> list[dict[str, Any]]:
     return [
         {
             "capture": capture.name,
-            "result": "failed" if capture.error else "up to date" if capture.cached else "done",
+            "result": capture.outcome,
             "version": "" if item.version is None else item.version.name,
             "frames": _count(capture, "frames", "frames"),
             "lights": _count(capture, "lights", "accepted"),

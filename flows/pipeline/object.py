@@ -1,7 +1,6 @@
 """The flow of one object: its captures side by side, its model, and a version of what succeeded."""
 
 import contextvars
-import re
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -27,6 +26,7 @@ from glint.flows.runtime.orphaned_runs import untagged_tasks
 from glint.storage.catalogue.models import MODEL
 from glint.storage.locking.locks import run_lock
 from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.engine.errors import SPHERE_ERRORS
 from glint.tasks.engine.references import load_catalogue
 from glint.tasks.engine.stage import StageRecord
 from glint.tasks.model.model_key import wants_model
@@ -124,9 +124,8 @@ def with_agreement(captures: ObjectCaptures, results: Sequence[CaptureResult]) -
     failed = {result.capture_id for result in results if result.error}
     if len(captures.all) - len(failed) < 2:
         return tuple(results)
-    # As a word: paths that an error names may have it in them, such as hemisphere.mp4.
-    refused = {result.capture_id for result in results if re.search(r"(?<![\w/])spheres?(?![\w/])", result.error)}
-    warnings, offers = on_worker(captures.object_id, "spheres", compare_spheres, captures.all, failed, refused)
+    without_sphere = {result.capture_id for result in results if result.failed_for_sphere}
+    warnings, offers = on_worker(captures.object_id, "spheres", compare_spheres, captures.all, failed, without_sphere)
     agreed = list[CaptureResult]()
     for result in results:
         own, offer = warnings.get(result.capture_id, []), offers.get(result.capture_id, "")
@@ -167,14 +166,16 @@ def run_reported(object_id: str, capture_id: str, process: Callable[[], Sequence
         CancelledError: the run was cancelled.
     """
     context, started = run_context(), time.monotonic()
-    records, error, remedy = tuple[StageRecord, ...](), "", ""
+    records, error, remedy, failed_for_sphere = tuple[StageRecord, ...](), "", "", False
     try:
         with untagged_tasks():
             records = tuple(process())
     except Exception as failure:
         context.raise_if_cancelled()
         error, remedy = message_and_remedy(failure)
-    result = CaptureResult(object_id, capture_id, time.monotonic() - started, records, error, remedy)
+        failed_for_sphere = isinstance(failure, SPHERE_ERRORS)
+    seconds = time.monotonic() - started
+    result = CaptureResult(object_id, capture_id, seconds, records, error, remedy, failed_for_sphere)
     if error:
         context.emit(CaptureFailed(result.name, f"{error}: {remedy}"))
     else:

@@ -72,17 +72,17 @@ def run_last_stages(
 
 @sent_from_worker()
 def compare_spheres(
-    captures: Sequence[CaptureContext], failed: Collection[str], refused: Collection[str]
+    captures: Sequence[CaptureContext], failed: Collection[str], without_sphere: Collection[str]
 ) -> tuple[dict[str, list[StageWarning]], dict[str, str]]:
     """Compare the spheres of an object's captures on a Dask worker; see `sphere_warnings` and `sphere_offer`.
 
-    failed: ids of the captures without a result; refused: those of them that failed for their sphere.
-    Returns, by capture, warnings of spheres that lie elsewhere, and what the refused ones are offered.
+    failed: ids of the captures without a result; without_sphere: those of them that failed for their sphere.
+    Returns, by capture, warnings of spheres that lie elsewhere, and what those without one are offered.
     """
     from glint.tasks.sphere_agreement import sphere_offer, sphere_warnings, surveyed_spheres
 
     spheres = surveyed_spheres([context for context in captures if _is_surveyed(context, failed)])
-    offers = {item.capture.id: sphere_offer(item, spheres) for item in captures if item.capture.id in refused}
+    offers = {item.capture.id: sphere_offer(item, spheres) for item in captures if item.capture.id in without_sphere}
     return sphere_warnings(spheres), offers
 
 

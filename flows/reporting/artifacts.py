@@ -69,7 +69,7 @@ def _rows(result: ObjectResult) -> list[dict[str, Any]]:
     return [
         {
             "capture": capture.name,
-            "state": "failed" if capture.error else "up to date" if capture.cached else "done",
+            "state": capture.outcome,
             "version": version,
             "seconds": round(capture.seconds, 2),
             "frames": capture.count("frames", "frames"),

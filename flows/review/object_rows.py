@@ -11,6 +11,7 @@ from glint.flows.errors import message_and_remedy
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import WHOLE_OBJECT
+from glint.storage.versions.transaction import repository_folder
 from glint.tasks.review.summary import summary_of
 
 REMOTE_SECONDS = 30.0
@@ -103,7 +104,7 @@ def failed_row(object_id: str, capture: str, error: Exception) -> Row:
 
 def object_stamp(location: Location, object_id: str) -> Any:
     """Return another value if results of an object may have changed, without reading them."""
-    folder = location.child("objects", object_id, "repo")
+    folder = repository_folder(location, object_id)
     if folder.local is None:
         return int(time.monotonic() // REMOTE_SECONDS)
     try:

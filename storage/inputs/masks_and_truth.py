@@ -69,22 +69,22 @@ class Truth:
     lights: np.ndarray | None
 
 
-def read_truth(folder: Address, size: tuple[int, int] | None = None) -> Truth:
+def read_truth(folder: Address, shape: tuple[int, ...] | None = None) -> Truth:
     """Read normals.npy, depth.npy and lights.npy of a folder as float32; those that are missing become None.
 
-    size: (height, width) of the region.
+    shape: (H, W) of the region.
 
     Raises:
         InputError: all are missing, or one is malformed or of another size.
     """
     location = locate(folder)
     shapes: dict[str, tuple[int | None, ...]] = {
-        "normals": (*(size or (None, None)), 3),
-        "depth": size or (None, None),
+        "normals": (*(shape or (None, None)), 3),
+        "depth": shape or (None, None),
         "lights": (None, 3),
     }
     arrays: dict[str, np.ndarray | None] = {}
-    for name, shape in shapes.items():
+    for name, expected in shapes.items():
         try:
             data = read_bytes(location.child(f"{name}.npy"), _MAX_ARRAY_BYTES)
         except InputError as error:
@@ -92,7 +92,7 @@ def read_truth(folder: Address, size: tuple[int, int] | None = None) -> Truth:
                 raise
             arrays[name] = None
             continue
-        arrays[name] = _decode_array(data, shape, location.child(f"{name}.npy").uri)
+        arrays[name] = _decode_array(data, expected, location.child(f"{name}.npy").uri)
     if all(array is None for array in arrays.values()):
         raise InputError(f"{location.uri} holds no truth", "put normals.npy, depth.npy or lights.npy there")
     return Truth(**arrays)

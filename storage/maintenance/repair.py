@@ -14,6 +14,7 @@ from glint.storage.locking.locks import mutation_lock, run_lock
 from glint.storage.maintenance.verify import Damage
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.snapshots import open_repository, read_session, version_names
+from glint.storage.versions.transaction import repository_folder
 
 INDEX = "repo"
 """File of the index in an object's repository; the library keeps copies of it in the folder `overwritten`."""
@@ -46,7 +47,7 @@ def repair(location: Location, damages: tuple[Damage, ...]) -> list[str]:
 
 
 def _restore_index(location: Location, object_id: str) -> str:
-    folder = location.child("objects", object_id, "repo")
+    folder = repository_folder(location, object_id)
     store = folder.obstore()
     listed = [meta for batch in obstore.list(store, prefix="overwritten") for meta in batch]
     with suppress(FileNotFoundError):

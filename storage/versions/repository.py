@@ -40,7 +40,7 @@ from glint.storage.versions.stage_results import (
     stage_attributes,
 )
 from glint.storage.versions.stage_writer import write_stage
-from glint.storage.versions.transaction import transaction
+from glint.storage.versions.transaction import repository_folder, transaction
 
 icechunk.set_logs_filter("off")  # what it logs it also raises
 
@@ -63,7 +63,7 @@ class ObjectRepository:
 
     def __init__(self, location: Location, object_id: str, repository: icechunk.Repository) -> None:
         self.location, self.object_id, self._repository = location, object_id, repository
-        self._folder = location.child("objects", object_id, "repo")
+        self._folder = repository_folder(location, object_id)
 
     @classmethod
     def open(cls, location: Location, object_id: str, create: bool = True) -> "ObjectRepository":
@@ -73,7 +73,7 @@ class ObjectRepository:
             StoreError: no such object, an id that cannot name one, the layout of another version of Glint, or the store
                 cannot be used.
         """
-        folder = location.child("objects", check_name(object_id, "object"), "repo")
+        folder = repository_folder(location, check_name(object_id, "object"))
         with index_errors(location.uri, "opening it", object_id):
             repository = snapshots.open_existing(folder, object_id)
             if repository is None and not create:

@@ -18,6 +18,11 @@ FIRST_BACKOFF_SECONDS, MAX_BACKOFF_SECONDS = 0.05, 2.0
 """Longest wait after the first conflict, which doubles with each further one, and its limit."""
 
 
+def repository_folder(location: Location, object_id: str) -> Location:
+    """Return the folder of an object's repository in a store."""
+    return location.child("objects", object_id, "repo")
+
+
 def transaction[T](location: Location, object_id: str, action: str, change: Callable[[], T]) -> T:
     """Run `change` under a lock on a local store; on an object store, repeat it after conflicts with other writers.
 
@@ -26,7 +31,7 @@ def transaction[T](location: Location, object_id: str, action: str, change: Call
     Raises:
         StoreError: the store cannot be written, or other writers were faster every time.
     """
-    folder = location.child("objects", object_id, "repo")
+    folder = repository_folder(location, object_id)
     with index_errors(location.uri, f"{action} of object {object_id}", object_id), mutation_lock(location, object_id):
         for attempt in range(MAX_COMMIT_ATTEMPTS):
             started = time.time()

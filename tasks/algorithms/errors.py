@@ -12,3 +12,7 @@ class UnusableCapture(Exception):
     def __reduce__(self) -> tuple[type["UnusableCapture"], tuple[str, str]]:
         """Survive the journey back from a worker process with both texts."""
         return type(self), (self.message, self.remedy)
+
+
+class UnusableSphere(UnusableCapture):
+    """No chrome sphere shows the lights: there is none, or it lies elsewhere than is thought."""

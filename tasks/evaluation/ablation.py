@@ -54,7 +54,7 @@ def ablate(work: CaptureContext) -> dict[str, tuple[float, float]] | None:
     if work.capture.truth is None:
         return None
     mask = work.load("mask").read("mask")
-    truth = read_truth(work.capture.truth, (mask.shape[0], mask.shape[1])).normals
+    truth = read_truth(work.capture.truth, mask.shape).normals
     if truth is None:
         return None
     clusters, marks, geometry = load_clusters(work), load_marks(work), load_geometry(work)

@@ -89,7 +89,7 @@ def evaluate(work: CaptureContext, stages: tuple[str, ...]) -> Evaluation | None
     if work.capture.truth is None:
         return None
     mask = work.load("mask").read("mask")
-    truth = read_truth(work.capture.truth, (mask.shape[0], mask.shape[1]))
+    truth = read_truth(work.capture.truth, mask.shape)
     if truth.normals is None:
         return None
     clusters, initial = load_clusters(work), work.load("silhouette").read("initial")

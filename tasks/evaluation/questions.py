@@ -81,7 +81,7 @@ def evaluate_questions(work: CaptureContext, count: int) -> QuestionsEvaluation 
         return None
     questions = CaptureQuestions(work)
     mask = questions.mask
-    truth = read_truth(work.capture.truth, (mask.shape[0], mask.shape[1])).normals
+    truth = read_truth(work.capture.truth, mask.shape).normals
     if truth is None:
         return None
 

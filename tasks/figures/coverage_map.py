@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 
+from glint.tasks.algorithms.geometry.vectors import equal_area
 from glint.tasks.algorithms.lighting.coverage import (
     CAP_MAP_RADIUS,
     Coverage,
@@ -37,7 +38,7 @@ def draw_coverage(result: Coverage, half_vectors: np.ndarray, *, size: int = 640
     _draw_density(picture[upper : upper + 2 * half, left : left + 2 * half], result, half_vectors)
     _draw_rings(picture, middle, half)
     known = half_vectors[np.isfinite(half_vectors).all(axis=-1)]
-    flat = known[:, :2] / np.sqrt(np.maximum((1.0 + known[:, 2:]) / 2.0, 1e-9)) / CAP_MAP_RADIUS * half
+    flat = equal_area(known) / CAP_MAP_RADIUS * half
     for x, y in flat[:: max(1, len(flat) // MAX_DOTS)]:
         cv2.circle(picture, (int(middle[0] + x), int(middle[1] - y)), 1, WHITE, -1, cv2.LINE_AA)
     for text, x, y in (("top", 0, -1), ("bottom", 0, 1), ("left", -1, 0), ("right", 1, 0)):

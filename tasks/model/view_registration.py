@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.geometry.perspective import areal_focal_length
 from glint.tasks.algorithms.labelling.confidence import probability_within_tolerance
 from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.raycast import expected_normals
@@ -62,7 +63,7 @@ def view_of(work: CaptureContext, doubts: Sequence[StageWarning] = ()) -> View:
         rotation, translation = matrix[:3, :3].T, -matrix[:3, :3].T @ matrix[:3, 3]
     elif camera is not None:
         # A turntable's axis is at the distance where a pixel covers pixel_size.
-        translation = np.array([0.0, 0.0, -pixel_size * float(np.sqrt(camera[0, 0] * camera[1, 1]))])
+        translation = np.array([0.0, 0.0, -pixel_size * areal_focal_length(camera)])
     return View(
         name=work.capture.id,
         silhouette=SilhouetteMask(work.load("mask").read("mask")),

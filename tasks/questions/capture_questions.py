@@ -15,12 +15,12 @@ from glint.tasks.algorithms.candidates.marked_tracks import Tracks, join_tracks
 from glint.tasks.algorithms.candidates.markup import Mark, Marks
 from glint.tasks.algorithms.candidates.shading import without_shading
 from glint.tasks.algorithms.candidates.tracking import follow_highlight
+from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view
 from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.answers import mark_influence
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
 from glint.tasks.algorithms.labelling.results import Reconstruction
-from glint.tasks.algorithms.prior.smooth_normals import inradius
 from glint.tasks.algorithms.questions.highlights import choose_highlight
 from glint.tasks.algorithms.questions.proposals import ANSWERED_INFLUENCE, Question, propose
 from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph

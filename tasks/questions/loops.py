@@ -27,7 +27,7 @@ def facts_of(held: CaptureQuestions, shown: ShownQuestion) -> dict[str, Any]:
     """
     question, region = shown.question, held.geometry.region
     first, count = _loop(shown.frame, held.cache.frames)
-    left, top, width, height = _window(held, shown.x, shown.y)
+    rows, columns = _window(held, shown.x, shown.y)
     sphere = _sphere_crop(held)
     crop = None if sphere is None else held.geometry.crops[sphere]
     lights = held.half_vectors[first : first + count, :2]
@@ -41,7 +41,14 @@ def facts_of(held: CaptureQuestions, shown: ShownQuestion) -> dict[str, Any]:
             [int(column) + region.x, int(row) + region.y]
             for row, column in zip(question.rows, question.columns, strict=True)
         ],
-        "loop": {"first": first, "count": count, "x": left, "y": top, "width": width, "height": height},
+        "loop": {
+            "first": first,
+            "count": count,
+            "x": region.x + columns.start,
+            "y": region.y + rows.start,
+            "width": columns.stop - columns.start,
+            "height": rows.stop - rows.start,
+        },
         "sphere": None if crop is None else {"width": crop.width, "height": crop.height},
         "lights": [[round(float(x), 3), round(float(y), 3)] if np.isfinite(x) else None for x, y in lights],
     }
@@ -61,10 +68,7 @@ def loop_picture(held: CaptureQuestions, frame: int, x: int, y: int, part: str) 
         raise InputError(f"there is no frame {frame:,}", f"the last one is {cache.frames - 1:,}")
     first, count = _loop(frame, cache.frames)
     if part == OBJECT:
-        left, top, width, height = _window(held, x, y)
-        region = held.geometry.region
-        place = slice(top - region.y, top - region.y + height), slice(left - region.x, left - region.x + width)
-        frames = cache.read(OBJECT, slice(first, first + count), *place)
+        frames = cache.read(OBJECT, slice(first, first + count), *_window(held, x, y))
     else:
         sphere = _sphere_crop(held)
         if sphere is None:
@@ -79,17 +83,18 @@ def _loop(frame: int, frames: int) -> tuple[int, int]:
     return first, min(frames, frame + LOOP_FRAMES + 1) - first
 
 
-def _window(held: CaptureQuestions, x: int, y: int) -> tuple[int, int, int, int]:
-    """Return left, top, width and height of the window around a pixel, within the region.
+def _window(held: CaptureQuestions, x: int, y: int) -> tuple[slice, slice]:
+    """Return the region's rows and columns around a pixel of the full frame.
 
     Raises:
         InputError: the pixel lies outside the region.
     """
-    held.geometry.row_and_column(x, y)
+    row, column = held.geometry.row_and_column(x, y)
     region = held.geometry.region
-    left, top = max(region.x, x - WINDOW_PX), max(region.y, y - WINDOW_PX)
-    right = min(region.x + region.width, x + WINDOW_PX + 1)
-    return left, top, right - left, min(region.y + region.height, y + WINDOW_PX + 1) - top
+    return (
+        slice(max(0, row - WINDOW_PX), min(region.height, row + WINDOW_PX + 1)),
+        slice(max(0, column - WINDOW_PX), min(region.width, column + WINDOW_PX + 1)),
+    )
 
 
 def _sphere_crop(held: CaptureQuestions) -> str | None:

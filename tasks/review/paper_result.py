@@ -7,11 +7,11 @@ import numpy as np
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import StageResult
-from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.engine.parameters import LabelsParameters, SilhouetteParameters
 from glint.tasks.stages.capture_geometry import CaptureGeometry
 from glint.tasks.stages.clusters import read_clusters
 from glint.tasks.stages.labels import reconstruct
+from glint.tasks.stages.markup import tracked_marks
 
 PAPER_NEEDS = ("survey", "mask", "markup", "silhouette", "clusters")
 """Stages of a version that the paper's labelling reads."""
@@ -27,13 +27,11 @@ def paper_normals(store: str, object_id: str, version: str, capture: str) -> np.
     repository = ObjectRepository.open(Location.parse(store), object_id, create=False)
     snapshot = repository.version(version).snapshot
     stages: dict[str, StageResult] = {stage: repository.load(capture, stage, snapshot) for stage in PAPER_NEEDS}
-    marked = stages["markup"]
-    marks = Marks(marked.read("pixels"), marked.read("half_vectors"), marked.read("kind"))
     return reconstruct(
         read_clusters(stages["clusters"]),
         stages["mask"].read("mask"),
         stages["silhouette"].read("initial"),
-        marks if len(marks.kind) else None,
+        tracked_marks(stages["markup"]),
         LabelsParameters(method="paper"),
         SilhouetteParameters(),
         camera=CaptureGeometry.of(stages["survey"].record).region_camera,

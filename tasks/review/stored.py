@@ -11,6 +11,7 @@ from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository, object_ids
 from glint.storage.versions.snapshots import index_errors
 from glint.storage.versions.stage_results import check_name
+from glint.storage.versions.transaction import repository_folder
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.review.summary import Records
 
@@ -21,7 +22,7 @@ def has_object(location: Location, object_id: str) -> bool:
     Raises:
         StoreError: the id cannot name one.
     """
-    folder = location.child("objects", check_name(object_id, "object"), "repo")
+    folder = repository_folder(location, check_name(object_id, "object"))
     return object_id in object_ids(location) if folder.local is None else folder.local.is_dir()
 
 

@@ -111,7 +111,7 @@ def _compare(context: CaptureContext) -> tuple[float, float, float]:
     """Return mean error in degrees, confident share of the mask, and share of the confident pixels that are right."""
     mask, labels = context.load("mask").read("mask"), context.load(LABELLING)
     assert context.capture.truth is not None
-    truth = read_truth(context.capture.truth, (mask.shape[0], mask.shape[1])).normals
+    truth = read_truth(context.capture.truth, mask.shape).normals
     assert truth is not None
     error = angles(labels.read("normals"), truth)
     is_confident = mask & (labels.read("confidence") >= CONFIDENT)

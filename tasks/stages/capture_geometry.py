@@ -9,7 +9,7 @@ import numpy as np
 
 from glint.storage.catalogue.loading import Region
 from glint.storage.errors import InputError
-from glint.tasks.algorithms.geometry.perspective import view_vectors
+from glint.tasks.algorithms.geometry.perspective import camera_in_crop, view_vectors
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.stage_inputs import CaptureResults
 
@@ -56,7 +56,7 @@ class CaptureGeometry:
 
     def camera_within(self, crop: Region) -> np.ndarray | None:
         """Return the perspective camera's matrix (3, 3) in the pixels of a crop; None: orthographic."""
-        return None if self.camera is None else self.camera - np.array([[0, 0, crop.x], [0, 0, crop.y], [0, 0, 0]])
+        return None if self.camera is None else camera_in_crop(self.camera, crop.x, crop.y)
 
     @property
     def region_camera(self) -> np.ndarray | None:

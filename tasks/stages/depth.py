@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from glint.tasks.algorithms.geometry.perspective import areal_focal_length
 from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.integration.rim import with_rim
 from glint.tasks.algorithms.labelling.results import OUTSIDE
@@ -37,7 +38,7 @@ def depth(inputs: StageInputs, progress: Progress) -> StageOutput:
         max_rounds=parameters.rounds,
     )
     pixel_size, camera = geometry.pixel_size or 1.0, geometry.camera
-    distance = None if camera is None else pixel_size * float(np.sqrt(camera[0, 0] * camera[1, 1]))
+    distance = None if camera is None else pixel_size * areal_focal_length(camera)
     height = result.depth if distance is None else result.height(distance) / np.float32(pixel_size)
     # Normals beside the contour are those of the contour, not of pixel centres: the heights inside say more.
     towards_camera, extrapolated = with_rim(height, mask)

@@ -7,6 +7,7 @@ import numpy as np
 from glint.storage.catalogue.loading import Region
 from glint.storage.errors import InputError
 from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.engine.errors import MisplacedSphere
 
 SHADED_REACH = 1.1
 """Half the side of the square around a sphere in which nothing counts as standing still, in radii."""
@@ -45,13 +46,13 @@ def check_spheres(spheres: list[Sphere], size: tuple[int, int]) -> None:
     """Check that given spheres, in pixels, lie inside a frame of `size` (rows, columns).
 
     Raises:
-        InputError: one leaves it.
+        MisplacedSphere: one leaves it.
     """
     for sphere in spheres:
         reach = sphere.radius - 1.0
         inside = reach <= sphere.x <= size[1] - 1 - reach and reach <= sphere.y <= size[0] - 1 - reach
         if not inside:
-            raise InputError(
+            raise MisplacedSphere(
                 f"the sphere at ({sphere.x:.1f}, {sphere.y:.1f}) with radius {sphere.radius:.1f} leaves the frame of"
                 f" {size[1]} x {size[0]} pixels",
                 "correct it (pixels of the full frame, y down), or leave it out to have it found",

@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy import ndimage
 
 from glint.storage.catalogue.models import Pose
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.candidates.shading import MAX_SHADING, without_shading
+from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view, view_vectors
 from glint.tasks.algorithms.labelling.confidence import with_input_doubt
 from glint.tasks.algorithms.labelling.dual_layer import reconstruct_dual_layer
@@ -89,9 +89,8 @@ def _light_doubt(inputs: StageInputs, clusters: Clusters, labels: np.ndarray) ->
     mask, view = inputs.load("mask").read("mask"), load_geometry(inputs).view_vectors
     candidates = rotate_to_view(clusters.normals, view)
     expected = rotate_to_view(inputs.load("silhouette").read("initial"), view)
-    inradius = float(ndimage.distance_transform_edt(np.pad(mask, 1)).max())
     observed = mask & (clusters.observations > 0)
-    return doubt_lights(light_evidence(candidates, labels, expected, observed, inradius))
+    return doubt_lights(light_evidence(candidates, labels, expected, observed, inradius(mask)))
 
 
 def _camera_doubt(inputs: StageInputs, clusters: Clusters, labels: np.ndarray) -> CameraDoubt:

@@ -5,7 +5,7 @@ import numpy as np
 from glint.storage.footage.source import open_footage
 from glint.storage.frames.cache import FrameCache
 from glint.storage.inputs.masks_and_truth import read_lights
-from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.errors import UnusableCapture, UnusableSphere
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of
 from glint.tasks.algorithms.lighting.coverage import (
     EXTRAPOLATED_ERROR_DEG,
@@ -59,7 +59,7 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
 
     Raises:
         InputError: the known lights cannot be used; a distance of the light without a scale.
-        UnusableCapture: no frame has a light before the object.
+        UnusableSphere: one shows no light; UnusableCapture: no frame has a light before the object.
     """
     cache, geometry, known = open_frames(inputs), load_geometry(inputs), inputs.file("lights")
     if known is not None:
@@ -160,7 +160,7 @@ def _by_sphere(inputs: StageInputs, geometry: CaptureGeometry, cache: FrameCache
             by_sphere.append(_of_sphere(inputs.parameters, cache, sphere_name(number), in_crop, camera))
         except UnusableCapture as error:
             place = f"the sphere at ({sphere.x:.1f}, {sphere.y:.1f}) with radius {sphere.radius:.1f}"
-            raise UnusableCapture(f"{place}: {error.message}", error.remedy) from error
+            raise UnusableSphere(f"{place}: {error.message}", error.remedy) from error
         progress(number + 1, len(geometry.spheres))
     return by_sphere
 

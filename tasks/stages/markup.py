@@ -8,6 +8,7 @@ import numpy as np
 
 from glint.storage.catalogue.models import Region
 from glint.storage.inputs.markup import AnnotationEntry, read_markup
+from glint.storage.versions.stage_results import StageResult
 from glint.tasks.algorithms.candidates.marked_tracks import Tracks, track
 from glint.tasks.algorithms.candidates.markup import Mark, Marks
 from glint.tasks.algorithms.geometry.perspective import half_vectors_for_view, rotate_to_view
@@ -78,7 +79,11 @@ def corrected(
 
 def load_marks(results: CaptureResults) -> Marks | None:
     """Load the marks that were saved; None where nothing is marked."""
-    saved = results.load("markup")
+    return tracked_marks(results.load("markup"))
+
+
+def tracked_marks(saved: StageResult) -> Marks | None:
+    """Read the marks of a result of the stage; None where nothing is marked."""
     marks = Marks(saved.read("pixels"), saved.read("half_vectors"), saved.read("kind"))
     return marks if len(marks.kind) else None
 

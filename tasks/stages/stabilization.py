@@ -52,6 +52,12 @@ class Shake:
     warnings: Sequence[StageWarning] = ()
 
 
+def reduced_frames(footage: Footage) -> tuple[np.ndarray, int]:
+    """Return frames (T, h, w) spread over a video, reduced for registration, and the factor by which they are."""
+    reduction = max(1, round((footage.height * footage.width / SAMPLED_PIXELS) ** 0.5))
+    return np.stack([downsample(frame, reduction) for frame in footage.spread(SAMPLED_FRAMES)]), reduction
+
+
 def measure_shake(footage: Footage, to_first: bool, excluded: Sequence[Region] = ()) -> Shake:
     """Measure how far the camera moved during a video.
 
@@ -62,8 +68,7 @@ def measure_shake(footage: Footage, to_first: bool, excluded: Sequence[Region] =
     """
     if 0 < footage.count < MIN_FRAMES:
         return Shake({"shake_pixels": 0.0, "applied": False})
-    reduction = max(1, round((footage.height * footage.width / SAMPLED_PIXELS) ** 0.5))
-    frames = np.stack([downsample(frame, reduction) for frame in footage.spread(SAMPLED_FRAMES)])
+    frames, reduction = reduced_frames(footage)
     rectangles = [region.model_dump() for region in excluded]
     covered = _covered(frames.shape[1:], rectangles, reduction)
     reference, sampled = register(frames, covered)

@@ -11,7 +11,7 @@ from glint.storage.catalogue.loading import Region
 from glint.storage.footage.source import Footage, open_footage
 from glint.storage.inputs.masks_and_truth import camera_matrix, read_mask
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.geometry.perspective import Cone
+from glint.tasks.algorithms.geometry.perspective import Cone, areal_focal_length
 from glint.tasks.algorithms.lighting.sphere_detection import find_spheres
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.stage import Progress, StageOutput
@@ -213,7 +213,7 @@ def _pixel_size(sphere: models.Sphere, camera: np.ndarray | None) -> float:
         return sphere.diameter_mm / (2.0 * sphere.radius)
     cone = Cone.from_ellipse(sphere.x, sphere.y, sphere.radius, camera)
     distance = sphere.diameter_mm / (2.0 * cone.sine) * abs(float(cone.axis[2]))
-    return distance / float(np.sqrt(camera[0, 0] * camera[1, 1]))
+    return distance / areal_focal_length(camera)
 
 
 def _circles(spheres: Sequence[Sphere]) -> list[tuple[float, float, float]]:

@@ -18,7 +18,7 @@ import numpy as np
 from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.evaluation.metrics import squared_errors
-from glint.tasks.algorithms.prior.smooth_normals import inradius
+from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.questions.proposals import Question
 from glint.tasks.algorithms.sheets.patches import cut_patches
 from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
@@ -79,7 +79,7 @@ def measure(work: CaptureContext, count: int) -> None:
     if work.capture.truth is None:
         return
     questions = CaptureQuestions(work)
-    truth = read_truth(work.capture.truth, (questions.mask.shape[0], questions.mask.shape[1])).normals
+    truth = read_truth(work.capture.truth, questions.mask.shape).normals
     assert truth is not None
     observed = questions.mask & (questions.clusters.observations > 0)
 

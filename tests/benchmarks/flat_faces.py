@@ -40,7 +40,7 @@ def measure(capture: Capture, store: Path, hypothesis: str = "flat_faces") -> st
     perform_all(work, "clusters")
     clusters, mask = without_shading(load_clusters(work)), work.load("mask").read("mask")
     assert capture.truth is not None
-    truth = read_truth(capture.truth, (mask.shape[0], mask.shape[1])).normals
+    truth = read_truth(capture.truth, mask.shape).normals
     assert truth is not None
     geometry = load_geometry(work)
     camera, view = geometry.region_camera, geometry.view_vectors

@@ -16,6 +16,7 @@ import numpy as np
 from glint.storage.catalogue.loading import Capture
 from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.evaluation.metrics import depth_errors
+from glint.tasks.algorithms.geometry.perspective import areal_focal_length
 from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.integration.rim import with_rim
 from glint.tasks.algorithms.revolution import rotational_normals, symmetry
@@ -56,7 +57,7 @@ def measure(capture: Capture, store: Path, forced: bool) -> str:
     perform_all(work, "clusters")
     mask, geometry, parameters = work.load("mask").read("mask"), load_geometry(work), Parameters()
     assert capture.truth is not None
-    truth = read_truth(capture.truth, (mask.shape[0], mask.shape[1])).depth
+    truth = read_truth(capture.truth, mask.shape).depth
     assert truth is not None
     with patch.object(rotational_normals, "surface_of_revolution_normals", forced_body if forced else FOUND):
         result = reconstruct(
@@ -69,7 +70,7 @@ def measure(capture: Capture, store: Path, forced: bool) -> str:
             camera=geometry.region_camera,
         )
     camera = geometry.region_camera
-    distance = 1.0 if camera is None else float(np.sqrt(camera[0, 0] * camera[1, 1]))
+    distance = 1.0 if camera is None else areal_focal_length(camera)
 
     def error(body: np.ndarray | None) -> tuple[str, bool]:
         weight = result.confidence**NORMAL_WEIGHT_POWER

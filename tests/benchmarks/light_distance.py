@@ -19,7 +19,7 @@ import numpy as np
 from glint.storage.catalogue.loading import Capture, Catalogue, load
 from glint.storage.footage.source import open_footage
 from glint.tasks.algorithms.frames.shake import shake_amplitude
-from glint.tasks.algorithms.frames.stabilization import downsample, register
+from glint.tasks.algorithms.frames.stabilization import register
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.near_light.focal_length_of_parallax import focal_length_of_parallax
 from glint.tasks.algorithms.near_light.positions import SphereLights
@@ -27,7 +27,7 @@ from glint.tasks.algorithms.near_light.triangulation import fit_parallax, triang
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
-from glint.tasks.stages.stabilization import SAMPLED_FRAMES, SAMPLED_PIXELS
+from glint.tasks.stages.stabilization import reduced_frames
 from tests.tasks.algorithms.near_light.two_spheres import (
     LEFT,
     MIDDLE,
@@ -136,8 +136,7 @@ def shake(data: Path) -> None:
     videos = sorted((data / "captures").glob("*/*/video.mp4"))
     for address in [*(str(data / "real" / pattern) for pattern in PHOTOGRAPHS), *map(str, videos)]:
         with open_footage(address) as footage:
-            reduction = max(1, round((footage.height * footage.width / SAMPLED_PIXELS) ** 0.5))
-            frames = np.stack([downsample(frame, reduction) for frame in footage.spread(SAMPLED_FRAMES)])
+            frames, reduction = reduced_frames(footage)
         print(f"{address[len(str(data)) + 1 :]}: {reduction * shake_amplitude(register(frames)[1]):.2f}", flush=True)
 
 

@@ -42,7 +42,7 @@ def measure(shape: str, focal: float | None, folder: Path, seed: int) -> str:
     normals = exterior_normals(load_clusters(work).normals, saved.read("labels"))
     estimate = focal_length_of_normals(normals, unknown_camera(geometry))
     assert capture.truth is not None
-    truth = read_truth(capture.truth, (mask.shape[0], mask.shape[1])).normals
+    truth = read_truth(capture.truth, mask.shape).normals
     assert truth is not None
     error, is_confident = angles(saved.read("normals"), truth), mask & (saved.read("confidence") >= CONFIDENT)
     right = float((error[is_confident] < CONFIDENT_ERROR_DEG).mean()) if is_confident.any() else float("nan")

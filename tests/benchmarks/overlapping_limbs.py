@@ -17,10 +17,10 @@ from scipy import ndimage
 from glint.storage.catalogue.loading import Capture
 from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.candidates.shading import without_shading
+from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.labelling.weights import FieldWeights
-from glint.tasks.algorithms.prior.smooth_normals import inradius
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.simulation.simulate import PRESETS, CaptureOptions
@@ -75,7 +75,7 @@ def measure(capture: Capture, store: Path) -> str:
     perform_all(work, "clusters")
     clusters, mask = without_shading(load_clusters(work)), work.load("mask").read("mask")
     assert capture.truth is not None
-    truth = read_truth(capture.truth, (mask.shape[0], mask.shape[1]))
+    truth = read_truth(capture.truth, mask.shape)
     assert truth.normals is not None and truth.depth is not None
     without = reconstruct_normals(clusters, mask, field_weights=FieldWeights(unreached=0.0))
     result = reconstruct_normals(clusters, mask)

@@ -87,7 +87,7 @@ def measure(work: CaptureContext) -> str:
     """Return a line on one stored capture."""
     assert work.capture.truth is not None
     mask = work.load("mask").read("mask")
-    truth = read_truth(work.capture.truth, (mask.shape[0], mask.shape[1]))
+    truth = read_truth(work.capture.truth, mask.shape)
     assert truth.depth is not None
     cache = open_frames(work)
     frames = cache.read(OBJECT)[:: max(1, cache.frames // SAMPLED)].astype(np.float32)

@@ -29,7 +29,7 @@ def measure(work: CaptureContext) -> tuple[str, float]:
     clusters, mask = without_shading(load_clusters(work)), work.load("mask").read("mask")
     view, truth = load_geometry(work).view_vectors, None
     if work.capture.truth is not None:
-        truth = read_truth(work.capture.truth, (mask.shape[0], mask.shape[1])).normals
+        truth = read_truth(work.capture.truth, mask.shape).normals
     assert truth is not None
     clusters, truth = faced(clusters, view), rotate_to_view(truth, view)
     observed, parts, errors = mask & (clusters.observations > 0), [], []

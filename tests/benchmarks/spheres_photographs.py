@@ -14,7 +14,8 @@ from ruamel.yaml import YAML
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of, unit
 from glint.tasks.algorithms.lighting.lights import find_lights
 from glint.tasks.algorithms.lighting.sphere_detection import find_spheres
-from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.lighting.spheres import Sphere, crop_around
+from glint.tasks.stages.capture_geometry import SPHERE_MARGIN_PX
 
 
 def report(name: str, frames: np.ndarray, truth: Sphere, lights: np.ndarray, *, half: bool) -> None:
@@ -27,9 +28,7 @@ def report(name: str, frames: np.ndarray, truth: Sphere, lights: np.ndarray, *, 
     circle = np.array2string(error, precision=2)
     line = f"{name:24s} circle {circle:22s} % in {seconds:4.1f} s (score {measured.score:.2f});"
     for label, sphere in (("given", truth), ("found", measured)):
-        margin = sphere.radius + 4
-        left, top = max(int(sphere.x - margin), 0), max(int(sphere.y - margin), 0)
-        crop = frames[:, top : int(sphere.y + margin) + 1, left : int(sphere.x + margin) + 1]
+        crop, left, top = crop_around(frames, sphere, SPHERE_MARGIN_PX)
         start = time.process_time()
         result = find_lights(crop, sphere.in_crop(left, top))
         seconds = time.process_time() - start

@@ -21,7 +21,8 @@ from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.lighting.lights import Lights, find_lights, merge_spheres
 from glint.tasks.algorithms.lighting.sphere_detection import find_spheres
-from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.lighting.spheres import Sphere, crop_around
+from glint.tasks.stages.capture_geometry import SPHERE_MARGIN_PX
 from glint.tasks.stages.first_pass import Sample, SampleRecorder
 from glint.tasks.stages.sphere_doubts import confirm_given, sphere_doubts
 
@@ -70,9 +71,7 @@ def read_sample(video: Path) -> Sample:
 
 def lights_of_sphere(frames: np.ndarray, sphere: Sphere) -> Lights:
     """Measure the lights on one sphere of frames (T, H, W)."""
-    margin = sphere.radius + 4
-    left, top = max(int(sphere.x - margin), 0), max(int(sphere.y - margin), 0)
-    crop = frames[:, top : int(sphere.y + margin) + 2, left : int(sphere.x + margin) + 2]
+    crop, left, top = crop_around(frames, sphere, SPHERE_MARGIN_PX)
     return find_lights(crop, sphere.in_crop(left, top))
 
 

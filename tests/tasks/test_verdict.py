@@ -3,7 +3,7 @@
 import pytest
 
 from glint.storage.errors import InputError
-from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.errors import UnusableCapture, UnusableSphere
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.stage_warning import Cause, StageWarning
 from glint.tasks.verdict import failure_verdict, verdict
@@ -65,18 +65,19 @@ def test_twelve_photographs_are_no_failed_sweep() -> None:
 
 
 @pytest.mark.parametrize(
-    ("stage", "message", "word"),
+    ("stage", "kind", "word"),
     [
-        ("survey", "no chrome sphere found in a frame of 300 x 200", "needs a sphere"),
-        ("survey", "no highlight in 600 frames", "needs a mask"),
-        ("mask", "nothing looks like the object", "needs a mask"),
-        ("lights", "1 of 600 frames has a light before the object", "record again"),
-        ("thresholds", "the object shows no highlights", "record again"),
+        ("survey", UnusableSphere, "needs a sphere"),
+        ("survey", UnusableCapture, "needs a mask"),
+        ("mask", UnusableCapture, "needs a mask"),
+        ("lights", UnusableCapture, "record again"),
+        ("lights", UnusableSphere, "record again"),
+        ("thresholds", UnusableCapture, "record again"),
     ],
 )
-def test_a_failed_stage_says_what_is_missing(stage: str, message: str, word: str) -> None:
-    judged = failure_verdict(stage, UnusableCapture(message, "do something"))
-    assert (judged.word, judged.reason) == (word, message)
+def test_a_failed_stage_says_what_is_missing(stage: str, kind: type[UnusableCapture], word: str) -> None:
+    judged = failure_verdict(stage, kind("nothing in 600 frames", "do something"))
+    assert (judged.word, judged.reason) == (word, "nothing in 600 frames")
 
 
 @pytest.mark.parametrize(

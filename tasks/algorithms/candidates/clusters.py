@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 
 from glint.tasks.algorithms.candidates.lit_frames import collect_lit_frames
 from glint.tasks.algorithms.candidates.surround import Rings, find_rings, surround_response
+from glint.tasks.algorithms.geometry.vectors import equal_area
 
 CELL_DEG = 1.1
 """Edge in degrees of the cells in which densities are counted: half the disc of a usual light."""
@@ -114,7 +115,7 @@ def _cells(half_vectors: np.ndarray) -> tuple[np.ndarray, int]:
     cell = np.radians(CELL_DEG)
     size = int(np.ceil(2.0 * np.sqrt(2.0) / cell)) + 5
     known = np.where(np.isfinite(half_vectors), half_vectors, (0.0, 0.0, 1.0))
-    plane = known[:, :2] / np.sqrt(np.maximum((1.0 + known[:, 2:]) / 2.0, 1e-9))
+    plane = equal_area(known)
     column, row = np.floor(plane / cell + size / 2).astype(np.int32).clip(2, size - 3).T
     return row * size + column, size
 

@@ -12,7 +12,7 @@ from numba import njit
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.convex_hull import convex_hull
-from glint.tasks.algorithms.geometry.distance import distance_inside
+from glint.tasks.algorithms.geometry.distance import depth_inside
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 
 FLAT_DEG = 1.0
@@ -76,7 +76,7 @@ def find_faces(accepted: np.ndarray, lights: np.ndarray, mask: np.ndarray, scale
         pixels = _touching(values @ normal.astype(np.float32) > np.cos(np.radians(FACE_DEG)), core)
         taken = np.any([face.pixels for face in faces], axis=0) if faces else np.zeros_like(mask)
         pixels &= ~taken
-        if distance_inside(np.pad(pixels, 1)).max() < max(MIN_FACE_INRADII * scale, MIN_FACE_PX):
+        if depth_inside(pixels).max() < max(MIN_FACE_INRADII * scale, MIN_FACE_PX):
             continue
         faces = _with_region(faces, normal, pixels, values, mask)
     return sorted(faces, key=lambda face: -int(face.pixels.sum()))

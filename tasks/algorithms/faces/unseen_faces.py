@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from glint.tasks.algorithms.faces.creases import UNSEEN, Edge, image_points
 from glint.tasks.algorithms.faces.observed_faces import Face
-from glint.tasks.algorithms.geometry.distance import distance_inside
+from glint.tasks.algorithms.geometry.distance import depth_inside
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 
 GRID_STEP = 0.02
@@ -83,11 +83,11 @@ def unseen_faces(
     groups = _corners(open_edges, scale)
     # What is nearest to an edge at the silhouette lies behind that one, and nothing is known of it.
     nearest = _nearest_group([*groups, [edge for edge in edges if edge not in open_edges]], unseen)
-    inside = distance_inside(np.pad(mask, 1))[1:-1, 1:-1]
+    inside = depth_inside(mask)
     result = []
     for number, group in enumerate(groups):
         pixels = _largest_part((nearest == number) & _behind_edges(group, unseen, scale))
-        depth = distance_inside(np.pad(pixels, 1)).max()
+        depth = depth_inside(pixels).max()
         if pixels.sum() >= MIN_PART_SHARE * mask.sum() and depth >= MIN_PART_INRADII * scale:
             face = _estimate(group, faces, field, pixels)
             flat = inside > 1.0 + rounding * (1.0 - float(np.hypot(*face.normal[:2])))

@@ -55,9 +55,19 @@ def half_vectors_on_axis(normals: np.ndarray, view: np.ndarray) -> np.ndarray:
     return half_vectors_of(lights).astype(np.float32)
 
 
+def camera_in_crop(camera: np.ndarray, left: float, top: float) -> np.ndarray:
+    """Return the matrix (3, 3) of a camera in the pixels of a crop whose top-left pixel is (left, top)."""
+    return np.array(camera, float) - np.array([[0, 0, left], [0, 0, top], [0, 0, 0]])
+
+
 def focal_length(camera: np.ndarray) -> float:
     """Return the mean focal length in pixels of a camera's matrix (3, 3)."""
     return float((camera[0, 0] + camera[1, 1]) / 2)
+
+
+def areal_focal_length(camera: np.ndarray) -> float:
+    """Return the focal length in pixels of square pixels as large as those of a camera's matrix (3, 3)."""
+    return float(np.sqrt(camera[0, 0] * camera[1, 1]))
 
 
 def aimed_along(forward: np.ndarray, camera: np.ndarray) -> tuple[np.ndarray, float]:
@@ -66,7 +76,7 @@ def aimed_along(forward: np.ndarray, camera: np.ndarray) -> tuple[np.ndarray, fl
     Both cameras have y down and z forward. In pixels, what lies in that direction is as large to both.
     """
     right = unit(np.cross([0.0, 1.0, 0.0], forward))
-    focal = float(np.sqrt(camera[0, 0] * camera[1, 1]) / forward[2] ** 1.5)
+    focal = float(areal_focal_length(camera) / forward[2] ** 1.5)
     return np.stack([right, np.cross(forward, right), forward]), focal
 
 
@@ -103,8 +113,7 @@ class Cone:
         cone = cls(-_view_vectors_at(camera, np.array(x), np.array(y)), 0.0)
         centre, size = np.array([x, y]), radius
         for _ in range(ELLIPSE_ITERATIONS):
-            focal = np.sqrt(camera[0, 0] * camera[1, 1])
-            sine = float(size / focal * abs(cone.axis[2]) ** 1.5)
+            sine = float(size / areal_focal_length(camera) * abs(cone.axis[2]) ** 1.5)
             cone = cls(-_view_vectors_at(camera, *centre), min(sine, MAX_CONE_SINE))
             projection = cone.project(camera)
             centre = centre + np.array([x, y]) - projection[:2]

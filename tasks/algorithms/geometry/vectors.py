@@ -40,6 +40,14 @@ def gradients(normals: np.ndarray, floor: float = NZ_FLOOR) -> tuple[np.ndarray,
     return -normals[..., 0] / nz, -normals[..., 1] / nz
 
 
+def equal_area(vectors: np.ndarray) -> np.ndarray:
+    """Return x and y (..., 2) of unit vectors (..., 3) in Lambert's azimuthal equal-area map of the sphere.
+
+    (0, 0, 1) is its middle, and the radius 2 sin(a / 2) at the angle a from it.
+    """
+    return vectors[..., :2] / np.sqrt(np.maximum((1.0 + vectors[..., 2:]) / 2.0, 1e-9))
+
+
 def angles(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Return the angles (...) in degrees between unit vectors (..., 3).
 

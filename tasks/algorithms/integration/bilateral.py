@@ -15,7 +15,7 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.geometry.perspective import focal_length
+from glint.tasks.algorithms.geometry.perspective import camera_in_crop, focal_length
 from glint.tasks.algorithms.integration.coarse_grid import NormalGrid, doubled, halved
 from glint.tasks.algorithms.integration.edges import GridEdges, grid_edges
 from glint.tasks.algorithms.integration.graduation import MAX_ROUNDS, TOLERANCE_PX, Solution, least_squares
@@ -106,7 +106,7 @@ def integrate(
     inner_confidence = None if confidence is None else np.asarray(confidence)[window]
     weight, filled = _weighted_normals(normals[window], inner, inner_confidence)
     if camera is not None:
-        camera = np.array(camera, float) - [[0, 0, window[1].start], [0, 0, window[0].start], [0, 0, 0]]
+        camera = camera_in_crop(camera, window[1].start, window[0].start)
     grid = NormalGrid(filled, inner, weight, camera, None if body is None else np.asarray(body)[window])
     edges = _edges_of(grid)
     if method == "bilateral":

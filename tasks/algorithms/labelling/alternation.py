@@ -11,6 +11,7 @@ from scipy import sparse
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
 from glint.tasks.algorithms.candidates.shading import shading_log_ratio
 from glint.tasks.algorithms.faces.flat_faces import FlatFaces, flat_faces, has_other_faces
+from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.answers import MARKED_SHEET_NATS, mark_influence, marked_confidence
 from glint.tasks.algorithms.labelling.confidence import (
@@ -27,7 +28,6 @@ from glint.tasks.algorithms.prior.smooth_normals import (
     SmoothNormalField,
     contour_normals,
     field_spread,
-    inradius,
     smooth_normal_field,
     thickness,
 )

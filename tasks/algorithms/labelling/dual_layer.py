@@ -14,6 +14,7 @@ import numpy as np
 
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
+from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.geometry.vectors import angles, gradients
 from glint.tasks.algorithms.labelling.confidence import (
     OCCLUDING_CONTOUR_SHARE,
@@ -27,7 +28,6 @@ from glint.tasks.algorithms.labelling.results import (
     Iteration,
     Reconstruction,
 )
-from glint.tasks.algorithms.prior.smooth_normals import inradius
 
 Connectivity = Literal["layers", "surface"]
 """The two readings of "up to 9 edges" of a node (Figure 6): the four neighbours in both layers, or the eight in its own

@@ -8,6 +8,7 @@ import numpy as np
 
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
+from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.labelling.confidence import field_confidence, field_error_slope, observed_confidence
 from glint.tasks.algorithms.labelling.results import (
     FILLED,
@@ -19,7 +20,7 @@ from glint.tasks.algorithms.labelling.results import (
     Reconstruction,
 )
 from glint.tasks.algorithms.labelling.weights import DEFAULT_FIELD, FieldWeights
-from glint.tasks.algorithms.prior.smooth_normals import ContourField, inradius
+from glint.tasks.algorithms.prior.smooth_normals import ContourField
 
 
 def reconstruct_winner(

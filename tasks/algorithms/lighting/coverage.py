@@ -14,6 +14,8 @@ import numpy as np
 from scipy.ndimage import label
 from scipy.spatial import cKDTree
 
+from glint.tasks.algorithms.geometry.vectors import equal_area
+
 CAP_DEG = 45.0
 """Angle from the view vector up to which normals can be observed."""
 CAP_MAP_RADIUS = 2.0 * np.sin(np.radians(CAP_DEG) / 2.0)
@@ -162,7 +164,7 @@ def _density(directions: np.ndarray, accepted: np.ndarray, bandwidth: float) -> 
     """Return the density (N, N) float32 of half vectors (T, 3) per square degree, smoothed, NaN outside the cap."""
     size = len(directions)
     # Pixel of each half vector in the equal-area map.
-    flat = accepted[:, :2] / np.sqrt(np.maximum((1.0 + accepted[:, 2:]) / 2.0, 1e-9))
+    flat = equal_area(accepted)
     column = np.floor((flat[:, 0] / CAP_MAP_RADIUS + 1.0) / 2.0 * size).astype(int)
     row = np.floor((1.0 - flat[:, 1] / CAP_MAP_RADIUS) / 2.0 * size).astype(int)
     known = (row >= 0) & (row < size) & (column >= 0) & (column < size)

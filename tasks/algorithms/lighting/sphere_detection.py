@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.errors import UnusableSphere
 from glint.tasks.algorithms.lighting.circles import sample_rays, strongest_circles
 from glint.tasks.algorithms.lighting.contour import (
     OUTSIDE_RATIOS,
@@ -95,7 +95,7 @@ def find_spheres(
         camera: perspective camera's matrix (3, 3); spheres are then measured by virtual cameras aimed at them.
 
     Raises:
-        UnusableCapture: there is no sphere.
+        UnusableSphere: there is no sphere.
         ValueError: the images differ in shape.
     """
     if frames.ndim != 3 or frames.shape[1:] != maximum.shape:
@@ -114,7 +114,7 @@ def find_spheres(
         reasons = "".join(f"; {reason}" for reason in rejected) or (
             "" if best is None else f"; the best candidate scores {best:.2f} of {min_score:.2f}"
         )
-        raise UnusableCapture(
+        raise UnusableSphere(
             f"no chrome sphere found in a frame of {maximum.shape[1]} x {maximum.shape[0]}{reasons}", SPHERE_REMEDY
         )
     all_frames = spread(frames, FIT_FRAMES)

@@ -10,6 +10,7 @@ frames. And all chrome spheres of a capture mirror the same light.
 import numpy as np
 
 from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.geometry.perspective import camera_in_crop
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of
 from glint.tasks.algorithms.lighting.highlights import Highlights, measure_highlights, static_background
 from glint.tasks.algorithms.lighting.lights import (
@@ -19,7 +20,7 @@ from glint.tasks.algorithms.lighting.lights import (
     classify_frames,
     find_lights,
 )
-from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.lighting.spheres import Sphere, crop_around
 
 MIN_ACCEPTED_SHARE = 0.5
 """Share of the frames that must show one highlight: an arm may hide it for a while, and windows may cover it."""
@@ -214,8 +215,6 @@ def _crop(
     frames: np.ndarray, sphere: Sphere, camera: np.ndarray | None
 ) -> tuple[np.ndarray, Sphere, np.ndarray | None]:
     """Return the frames, the sphere and the camera's matrix in the pixels of a crop around the sphere."""
-    margin = sphere.radius + CROP_MARGIN_PX
-    left, top = max(int(sphere.x - margin), 0), max(int(sphere.y - margin), 0)
-    crop = frames[:, top : int(sphere.y + margin) + 2, left : int(sphere.x + margin) + 2]
-    matrix = None if camera is None else camera - np.array([[0, 0, left], [0, 0, top], [0, 0, 0]])
-    return np.ascontiguousarray(crop), sphere.in_crop(left, top), matrix
+    crop, left, top = crop_around(frames, sphere, CROP_MARGIN_PX)
+    matrix = None if camera is None else camera_in_crop(camera, left, top)
+    return crop, sphere.in_crop(left, top), matrix

@@ -218,6 +218,14 @@ def _sphere_of(fit: ContourFit, scale: int, left: float, top: float) -> Sphere:
     )
 
 
+def crop_around(frames: np.ndarray, sphere: Sphere, margin: float) -> tuple[np.ndarray, int, int]:
+    """Return the part of frames (T, H, W) up to `margin` pixels beyond a sphere's contour, its first column and row."""
+    reach = sphere.radius + margin
+    left, top = max(int(sphere.x - reach), 0), max(int(sphere.y - reach), 0)
+    crop = frames[:, top : int(sphere.y + reach) + 2, left : int(sphere.x + reach) + 2]
+    return np.ascontiguousarray(crop), left, top
+
+
 def distinct(spheres: Sequence[Sphere], share: float) -> list[Sphere]:
     """Keep the best of spheres whose circles differ by less than `share` of a radius; best first."""
     kept: list[Sphere] = []

@@ -15,7 +15,7 @@ from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.geometry.perspective import focal_length
+from glint.tasks.algorithms.geometry.perspective import camera_in_crop, focal_length
 from glint.tasks.algorithms.geometry.triangles import triangle_vectors
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
 from glint.tasks.algorithms.integration.edges import grid_edges
@@ -91,7 +91,7 @@ def mesh_from_depth(
     if not depth.shape == mask.shape == normals.shape[:2]:
         raise ValueError(f"depth {depth.shape}, mask {mask.shape} and normals {normals.shape} do not agree")
     used = np.asarray(mask, bool) & np.isfinite(depth)
-    local = None if camera is None else np.array(camera, float) - [[0, 0, origin[0]], [0, 0, origin[1]], [0, 0, 0]]
+    local = None if camera is None else camera_in_crop(camera, *origin)
     height, contour = _height(depth, used, local), contour_of(used)
     triangles = _triangles(used, _surface_edges(height, used, contour, normals, local, max_step, max_slope), depth)
     if not len(triangles):

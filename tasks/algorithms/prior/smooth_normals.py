@@ -15,7 +15,7 @@ from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.banded_cholesky import solve_positive_definite
 from glint.tasks.algorithms.geometry.bilinear_grid import BilinearGrid
-from glint.tasks.algorithms.geometry.distance import distance_inside
+from glint.tasks.algorithms.geometry.distance import depth_inside, distance_inside, inradius
 
 MAX_NODES = 30_000
 """Grid nodes of the solve; larger regions get one node for several pixels, which bounds time and memory."""
@@ -54,11 +54,6 @@ def contour_normals(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     contour &= length > 1e-6
     normals = np.where(contour[..., None], normals / np.maximum(length, 1e-6)[..., None], np.nan)
     return contour, normals.astype(np.float32)
-
-
-def inradius(mask: np.ndarray) -> float:
-    """Return the radius in pixels of the largest circle inside the mask (H, W): the object's scale in the image."""
-    return float(distance_inside(np.pad(mask, 1)).max())
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +180,7 @@ def thickness(mask: np.ndarray) -> np.ndarray:
     (Hildebrand and Ruegsegger 1997.) It is rounded down to one of THICKNESS_LEVELS radii. A fin is thin, and turns to
     its contour within a few pixels whatever the size of the body.
     """
-    depth = distance_inside(np.pad(mask, 1))[1:-1, 1:-1]
+    depth = depth_inside(mask)
     result = np.ones(mask.shape)
     for radius in np.geomspace(2.0, max(2.0, depth.max()), THICKNESS_LEVELS):
         core = depth >= radius

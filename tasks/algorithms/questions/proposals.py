@@ -13,11 +13,12 @@ from scipy import ndimage
 
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
 from glint.tasks.algorithms.candidates.shading import shading_log_ratio
+from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.labelling.answers import mark_influence
 from glint.tasks.algorithms.labelling.readmission import CONFIDENCE_RANGE, surface_probability
 from glint.tasks.algorithms.labelling.results import Reconstruction
 from glint.tasks.algorithms.labelling.weights import DEFAULT_FIELD, DEFAULT_GRAPH_CUT, FieldWeights, GraphCutWeights
-from glint.tasks.algorithms.prior.smooth_normals import contour_normals, inradius
+from glint.tasks.algorithms.prior.smooth_normals import contour_normals
 from glint.tasks.algorithms.questions.prediction import MAX_CHANGE_DEG, Prediction, accepted_pixels
 from glint.tasks.algorithms.sheets.integrability import shape_log_ratio
 from glint.tasks.algorithms.sheets.patches import Patches, cut_patches

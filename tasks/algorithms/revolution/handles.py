@@ -7,7 +7,7 @@ candidates go on that field before the body, and contradict the body there.
 import numpy as np
 from scipy import ndimage
 
-from glint.tasks.algorithms.geometry.distance import distance_inside
+from glint.tasks.algorithms.geometry.distance import depth_inside, distance_inside
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.prior.smooth_normals import contour_normals, smooth_normal_field
 
@@ -74,7 +74,7 @@ def with_handles(
     shows_body = to_body.min(axis=0, initial=180.0) < BODY_SHEET_DEG
     is_steep = mask & ~handles & ~(body[box][..., 2] > MIN_BODY_NZ)
     is_covered = mask & ~shows_body & ~is_steep
-    crossing = np.maximum(radius, 2.0 * distance_inside(np.pad(is_steep, 1)).max())
+    crossing = np.maximum(radius, 2.0 * depth_inside(is_steep).max())
 
     def field(region: np.ndarray) -> np.ndarray:
         known = region & np.isfinite(own[..., 0])
@@ -106,6 +106,6 @@ def with_handles(
 def _nearest_inradius(handles: np.ndarray) -> np.ndarray:
     """Return the inradius (H, W) in pixels of the handle that is nearest to each pixel; handles: (H, W) bool."""
     numbers, count = ndimage.label(handles)
-    depth = distance_inside(np.pad(handles, 1))[1:-1, 1:-1]
+    depth = depth_inside(handles)
     nearest = ndimage.distance_transform_edt(~handles, return_distances=False, return_indices=True)
     return np.asarray(ndimage.maximum(depth, numbers, np.arange(1, count + 1)))[numbers[tuple(nearest)] - 1]

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from scipy import ndimage
 
-from glint.tasks.algorithms.geometry.distance import distance_inside
+from glint.tasks.algorithms.geometry.distance import depth_inside, distance_inside
 from glint.tasks.algorithms.geometry.vectors import to_camera
 
 MIN_SYMMETRY_IOU = 0.96
@@ -109,7 +109,7 @@ def symmetric_bodies(mask: np.ndarray) -> list[np.ndarray]:
     Each is where the silhouette and its mirror image overlap, for an axis about which much of the contour is the image
     of contour.
     """
-    depth = distance_inside(np.pad(mask, 1))[1:-1, 1:-1]
+    depth = depth_inside(mask)
     contour = mask & (depth < CONTOUR_PX)
     to_contour = distance_inside(~contour)
     rows, columns = np.nonzero(mask)
@@ -144,7 +144,7 @@ def symmetric_bodies(mask: np.ndarray) -> list[np.ndarray]:
         overlap[rows, columns] = inside & mask[row.clip(0, mask.shape[0] - 1), column.clip(0, mask.shape[1] - 1)]
         pieces, _ = ndimage.label(overlap)
         body = pieces == np.bincount(pieces[pieces > 0], minlength=2).argmax()
-        edge = body & (distance_inside(np.pad(body, 1))[1:-1, 1:-1] < CONTOUR_PX)
+        edge = body & (depth_inside(body) < CONTOUR_PX)
         share = float((to_contour[edge] <= CONTOUR_PX).mean())
         if body.sum() >= MIN_BODY_SHARE * mask.sum() and share >= MIN_MATCHED_SHARE:
             bodies.append(body)

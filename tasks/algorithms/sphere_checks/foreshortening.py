@@ -18,7 +18,7 @@ from glint.tasks.algorithms.geometry.perspective import VirtualCamera
 from glint.tasks.algorithms.geometry.robust import robust_deviation
 from glint.tasks.algorithms.lighting.highlights import PIXEL_VARIANCE, measure_highlights, static_background
 from glint.tasks.algorithms.lighting.lights import classify_frames
-from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.lighting.spheres import Sphere, crop_around
 
 MAX_RADIUS_RATIO = 0.62
 """Distance from the circle's centre, in radii, up to which highlights count: farther out they are so long that their
@@ -175,9 +175,7 @@ def _fitted(shapes: HighlightShapes, sphere: Sphere) -> tuple[float, float, floa
 
 def _shapes(frames: np.ndarray, sphere: Sphere) -> HighlightShapes:
     """Return the shapes of the highlights on a sphere in frames (T, H, W), in their pixels."""
-    margin = sphere.radius + MARGIN_PX
-    left, top = max(int(sphere.x - margin), 0), max(int(sphere.y - margin), 0)
-    crop = np.ascontiguousarray(frames[:, top : int(sphere.y + margin) + 2, left : int(sphere.x + margin) + 2])
+    crop, left, top = crop_around(frames, sphere, MARGIN_PX)
     inside = sphere.in_crop(left, top)
     static = static_background(crop, inside)
     highlights = measure_highlights(crop, inside, static)

@@ -8,12 +8,16 @@ import numpy as np
 import pytest
 
 from glint.flows.pipeline.context import activate
-from glint.flows.pipeline.object import ObjectCaptures, with_agreement
+from glint.flows.pipeline.object import ObjectCaptures, run_reported, with_agreement
 from glint.flows.reporting.events import CaptureWarning
 from glint.flows.results import CaptureResult
 from glint.flows.runtime.dask_cluster import Cluster
+from glint.storage.errors import InputError
 from glint.storage.footage.source import open_footage
+from glint.tasks.algorithms.errors import UnusableSphere
 from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.engine.errors import MisplacedSphere
+from glint.tasks.engine.stage import StageRecord
 from glint.tasks.stages.capture_geometry import load_geometry
 from tests.flows.recording_sink import RecordingSink
 from tests.tasks.make_context import make_context, perform_all
@@ -43,7 +47,7 @@ def captures(simulated: Path, tmp_path: Path) -> ObjectCaptures:
 def test_the_spheres_of_an_objects_captures_are_compared(captures: ObjectCaptures, cluster: Cluster) -> None:
     *seen, _ = captures.chosen
     results = [CaptureResult("glass", work.capture.id, 1.0, tuple(perform_all(work, "survey"))) for work in seen]
-    refused = CaptureResult("glass", "dark", 1.0, (), "no chrome sphere found in a frame", "put one there")
+    refused = CaptureResult("glass", "dark", 1.0, (), "no chrome sphere found in a frame", "put one there", True)
     sink = RecordingSink()
     with activate(cluster.client, sink):
         agreed = with_agreement(captures, [*results, refused])
@@ -56,13 +60,37 @@ def test_the_spheres_of_an_objects_captures_are_compared(captures: ObjectCapture
     assert f"x: {usual.x:.1f}" in by_name["dark"].remedy
     reported = {event.capture for event in sink.events if isinstance(event, CaptureWarning)}
     assert reported == {"glass/odd", "glass/dark"}
-    unread = replace(refused, error="no frame can be read from /data/hemisphere.mp4", remedy="record it again")
+    unread = replace(
+        refused,
+        error="no frame can be read from /data/hemisphere.mp4",
+        remedy="record it again",
+        failed_for_sphere=False,
+    )
     with activate(cluster.client, sink):
         assert with_agreement(captures, [*results, unread])[-1] == unread
 
 
 def test_one_capture_is_compared_with_nothing(captures: ObjectCaptures, cluster: Cluster) -> None:
     alone = replace(captures, chosen=captures.chosen[-1:], all=captures.chosen[-1:])
-    result = CaptureResult("glass", "dark", 1.0, (), "no chrome sphere found in a frame", "put one there")
+    result = CaptureResult("glass", "dark", 1.0, (), "no chrome sphere found in a frame", "put one there", True)
     with activate(cluster.client):
         assert with_agreement(alone, [result]) == (result,)
+
+
+@pytest.mark.parametrize(
+    ("error", "failed_for_sphere"),
+    [
+        (UnusableSphere("no chrome sphere found", "put one there"), True),
+        (MisplacedSphere("the sphere leaves the frame", "correct it"), True),
+        (InputError("no frame can be read from the sphere of /data/hemisphere.mp4", "record it again"), False),
+    ],
+)
+def test_a_result_states_whether_its_error_is_one_of_the_spheres(
+    error: Exception, failed_for_sphere: bool, cluster: Cluster
+) -> None:
+    def process() -> list[StageRecord]:
+        raise error
+
+    with activate(cluster.client):
+        result = run_reported("glass", "dark", process)
+    assert result.failed_for_sphere is failed_for_sphere and result.error

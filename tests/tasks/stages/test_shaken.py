@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter
 from glint.storage.catalogue.loading import load
 from glint.storage.footage.source import open_footage
 from glint.storage.footage.writer import write_video
-from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.errors import UnusableSphere
 from glint.tasks.algorithms.frames.shake import shake_amplitude
 from glint.tasks.algorithms.frames.stabilization import register, translate
 from glint.tasks.algorithms.lighting.sphere_detection import find_spheres
@@ -68,7 +68,7 @@ def test_a_sphere_that_is_not_found_in_shaken_frames_is_found_in_those_moved_bac
     work = make_context(simulate("hemisphere", tmp_path / "shaken", options).catalogue, tmp_path / "store", spheres=())
     with open_footage(work.capture.frames) as footage:
         sample = SampleRecorder(footage, 300, no_progress).sample()
-    with pytest.raises(UnusableCapture, match="no chrome sphere found"):
+    with pytest.raises(UnusableSphere, match="no chrome sphere found"):
         find_spheres(sample.frames, sample.peak)
     perform_all(work, "survey")
     record = work.load("survey").record

@@ -4,8 +4,9 @@ import pytest
 from glint.tasks.algorithms.faces.creases import UNSEEN, crease_residual, creases, face_edges
 from glint.tasks.algorithms.faces.flat_faces import FlatFaces, flat_faces, has_other_faces
 from glint.tasks.algorithms.faces.observed_faces import MIN_LIGHTS, find_faces
+from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.geometry.vectors import angles, gradients, unit
-from glint.tasks.algorithms.prior.smooth_normals import contour_normals, inradius, smooth_normal_field
+from glint.tasks.algorithms.prior.smooth_normals import contour_normals, smooth_normal_field
 from tests.tasks.algorithms.faces.polyhedron import PYRAMID, SHAPE, face_numbers, polyhedron_normals
 from tests.tasks.algorithms.revolution.beaker import observable
 

@@ -5,6 +5,8 @@ import pytest
 
 from glint.tasks.algorithms.geometry.perspective import (
     Cone,
+    areal_focal_length,
+    camera_in_crop,
     half_vectors_for_view,
     half_vectors_on_axis,
     rotate_from_view,
@@ -21,6 +23,11 @@ def test_view_vectors_point_from_the_surface_to_the_camera() -> None:
     np.testing.assert_allclose(VIEW[80, 100], [0, 0, 1], atol=1e-12)
     assert VIEW[80, 200, 0] < 0 < VIEW[80, 0, 0] and VIEW[0, 100, 1] < 0 < VIEW[160, 100, 1]
     np.testing.assert_allclose(view_vectors(CAMERA, (10, 10), 60, 50), VIEW[50:60, 60:70])
+    np.testing.assert_allclose(view_vectors(camera_in_crop(CAMERA, 60, 50), (10, 10), 0, 0), VIEW[50:60, 60:70])
+
+
+def test_the_areal_focal_length_keeps_the_area_of_a_pixel() -> None:
+    assert areal_focal_length(CAMERA) ** 2 == pytest.approx(500.0 * 480.0)
 
 
 def test_half_vectors_under_perspective_are_the_normals_of_a_mirror() -> None:

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.errors import UnusableCapture, UnusableSphere
 from glint.tasks.algorithms.geometry.perspective import VirtualCamera
 from glint.tasks.algorithms.lighting.sphere_detection import find_spheres, outermost
 from glint.tasks.algorithms.lighting.sphere_tests import highlight_evidence
@@ -55,7 +55,7 @@ def test_a_glossy_sphere_is_not_taken_for_chrome():
 
 def test_a_glossy_sphere_alone_is_refused_with_a_reason():
     frames = glossy_sphere(render(Scene([])), Sphere(220.7, 150.1, 40.5))
-    with pytest.raises(UnusableCapture, match="is no chrome sphere"):
+    with pytest.raises(UnusableSphere, match="is no chrome sphere"):
         find_spheres(frames, frames.max(axis=0))
 
 
