@@ -143,11 +143,11 @@ def _separate(response: TableResponse, free: np.ndarray, allowed: np.ndarray) ->
         ratios = np.clip((distance - DISTANCE_THRESHOLD) / 2.0, -MAX_RATIO, MAX_RATIO)
         if edge is None:
             # Shadows differ from the table far away as well: at first highlights alone are the object.
-            differing = main_components(flashing, flashing)
+            differing = main_components(flashing, flashing, response.moment)
         else:
             differing = grid_cut(ratios, capacities, np.zeros_like(free), ~allowed) & allowed
             strong = _without_specks((distance > STRONG_DISTANCE) & allowed)
-            differing = main_components(differing | strong, flashing)
+            differing = main_components(differing | strong, flashing, response.moment)
         mask = filled(differing, CLOSE_SHARE)
         enclosed = bridged(differing, mask)
         # Parts of the object without highlights lie between those with them, not in the table's sample.

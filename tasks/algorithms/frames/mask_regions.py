@@ -17,14 +17,20 @@ MIN_BRIDGED_RATIO = 0.003
 """Area of the smallest bridged region, relative to the object's."""
 MIN_SEED_RATIO = 0.1
 """Flashing pixels of a further component, relative to the component with the most."""
+MIN_MOMENT_RATIO = 0.1
+"""Different frames in which the pixels of a further component flash most, likewise."""
 MAX_ALONG_EDGE_RATIO = 0.3
 """Pixels of a component on the frame's edge, relative to the root of its area, from which it lies along that edge."""
 EDGE_PENALTY = 0.1
 """Weight of the flashing pixels of a component along the frame's edge: a light or an arm in the picture."""
 
 
-def main_components(differing: np.ndarray, flashing: np.ndarray) -> np.ndarray:
-    """Return those components of `differing` (H, W) bool that hold most of the `flashing` pixels (H, W) bool."""
+def main_components(differing: np.ndarray, flashing: np.ndarray, moment: np.ndarray) -> np.ndarray:
+    """Return those components of `differing` (H, W) bool that hold most of the `flashing` pixels (H, W) bool.
+
+    moment: (H, W) int, frame of a pixel's largest flash. Some part of a glass object flashes under nearly every light;
+    where a lamp or an arm passes through the picture, all flashes fall in the few frames that show it.
+    """
     components, count = ndimage.label(closed(differing, JOIN_SHARE * _edge(flashing)))
     if count == 0:
         return differing
@@ -33,7 +39,11 @@ def main_components(differing: np.ndarray, flashing: np.ndarray) -> np.ndarray:
     areas = np.bincount(components.ravel(), minlength=count + 1)
     along_edge = np.bincount(_frame_edge(components), minlength=count + 1)
     seeds = np.where(along_edge > MAX_ALONG_EDGE_RATIO * np.sqrt(areas), EDGE_PENALTY * seeds, seeds)
-    return differing & np.isin(components, np.flatnonzero(seeds >= MIN_SEED_RATIO * seeds.max()))
+    seeded = flashing & differing
+    pairs = np.unique(np.stack([components[seeded], moment[seeded]]), axis=1)
+    moments = np.bincount(pairs[0], minlength=count + 1)
+    is_main = (seeds >= MIN_SEED_RATIO * seeds.max()) & (moments >= MIN_MOMENT_RATIO * moments[seeds.argmax()])
+    return differing & np.isin(components, np.flatnonzero(is_main))
 
 
 def large_components(mask: np.ndarray, min_area_ratio: float = 0.15) -> np.ndarray:

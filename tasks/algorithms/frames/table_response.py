@@ -29,12 +29,13 @@ class TableResponse:
     """Deviation of N pixels' time series from the table's.
 
     deviation: (H, W), log ratio of the RMS residual to that of the table at the same brightness. flash: (H, W), log
-    ratio of the second largest flash to the table's. background: (H, W) temporal median, 0 to 255. border: (H, W) bool,
-    pixels that were taken as the table.
+    ratio of the second largest flash to the table's. moment: (H, W) int, number of the frame with the largest flash.
+    background: (H, W) temporal median, 0 to 255. border: (H, W) bool, pixels that were taken as the table.
     """
 
     deviation: np.ndarray
     flash: np.ndarray
+    moment: np.ndarray
     background: np.ndarray
     border: np.ndarray
 
@@ -53,20 +54,22 @@ def table_response(frames: np.ndarray, free: np.ndarray) -> TableResponse:
     for block in blocks:
         amplitudes += basis[block].T @ flat[block].astype(np.float32)
     square = np.zeros((height, width), np.float32)
-    largest, second = np.zeros_like(square), np.zeros_like(square)
+    largest, second, moment = np.zeros_like(square), np.zeros_like(square), np.zeros((height, width), np.int32)
     for block in blocks:
         residuals = flat[block].astype(np.float32) - basis[block] @ amplitudes
-        for residual in residuals.reshape(-1, height, width):
+        for number, residual in enumerate(residuals.reshape(-1, height, width), block.start):
             square += residual * residual
             flash = residual - cv2.GaussianBlur(residual, (0, 0), FLASH_SIGMA_PX)
             # The second largest: a single noisy frame does not count.
             np.maximum(second, np.minimum(largest, flash), out=second)
+            moment[flash > largest] = number
             np.maximum(largest, flash, out=largest)
     level = np.abs(amplitudes[0].reshape(height, width)) * float(np.abs(basis[:, 0]).mean())
     residual = np.sqrt(square / count)
     return TableResponse(
         np.log(np.maximum(residual, 0.2) / _expected(residual, level, border)),
         np.log(np.maximum(second, 0.5) / _expected(second, level, border)),
+        moment,
         _median(frames),
         border,
     )

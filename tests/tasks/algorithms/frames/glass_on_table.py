@@ -1,7 +1,7 @@
 """A glass ring on a textured table under a moving light, drawn from formulas: frames whose mask is known.
 
 The table follows the light as a whole, with a soft shadow that moves around the ring; the ring shows a flash that
-moves over it and refracts the table: its texture is another one, lit otherwise.
+moves over it and refracts the table: its texture is another one, lit otherwise. A lamp may pass through the picture.
 """
 
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 CENTRE, OUTER, INNER = (90.0, 90.0), 62.0, 26.0
+LAMP_RADIUS, LAMP_FRAMES = 18.0, 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,12 +29,13 @@ def draw_glass(
     inner: float = INNER,
     shadow: float = 0.1,
     blur: float = 0.0,
+    lamp: float | None = None,
     seed: int = 0,
 ) -> GlassScene:
     """Draw the scene.
 
     inner: radius of the ring's hole, 0 for a disc; shadow: its depth beside the ring, 0 to 1; blur: standard
-    deviation in pixels of the optics' blur.
+    deviation in pixels of the optics' blur; lamp: x of a lamp that passes from top to bottom, None for none.
     """
     generator = np.random.default_rng(seed)
     table, refracted = (_texture(generator, (height, width)) for _ in range(2))
@@ -44,7 +46,7 @@ def draw_glass(
     on_sphere = np.hypot(columns - sphere[0], rows - sphere[1]) < sphere[2]
     angle = np.arctan2(rows - CENTRE[1], columns - CENTRE[0])
     pictures = []
-    for time in np.linspace(0.0, 1.0, frames, endpoint=False):
+    for number, time in enumerate(np.linspace(0.0, 1.0, frames, endpoint=False)):
         turn, light = 2.0 * np.pi * 9.0 * time, 0.75 + 0.25 * np.cos(2.0 * np.pi * 2.0 * time)
         shade = 1.0 - shadow * np.exp(-(((distance - OUTER) / 25.0) ** 2)) * np.clip(np.cos(angle - turn), 0, 1)
         picture = table * light * shade
@@ -57,6 +59,9 @@ def draw_glass(
         picture = picture * (1.0 - cover) + glass * cover
         picture[on_sphere] = 30.0
         picture[np.hypot(columns - sphere[0] - 8 * np.cos(turn), rows - sphere[1] - 8 * np.sin(turn)) < 3] = 255.0
+        if lamp is not None and number < LAMP_FRAMES:
+            lamp_row = height * (number + 0.5) / LAMP_FRAMES
+            picture[np.hypot(columns - lamp, rows - lamp_row) < LAMP_RADIUS] = 255.0
         if blur:
             picture = cv2.GaussianBlur(picture, (0, 0), blur)
         pictures.append(picture + generator.normal(0.0, 1.5, picture.shape))

@@ -33,6 +33,12 @@ def test_a_disc_without_hole_is_filled() -> None:
     assert overlap(mask, scene.mask) > 0.95 and mask[80:100, 80:100].all()
 
 
+def test_a_lamp_that_passes_through_the_picture_is_no_object() -> None:
+    scene = draw_glass(width=400, inner=0.0, lamp=330.0, seed=2)
+    mask = estimate_mask(scene.frames, spheres=[Sphere(*scene.sphere)])
+    assert not mask[:, 290:].any() and overlap(mask, scene.mask) > 0.95
+
+
 def test_the_object_lies_where_it_is_allowed(ring: GlassScene) -> None:
     within = np.zeros(ring.mask.shape, bool)
     within[:, 60:200] = True
