@@ -2,6 +2,7 @@
 
 import cv2
 import numpy as np
+from scipy import ndimage
 
 
 def distance_inside(region: np.ndarray) -> np.ndarray:
@@ -23,3 +24,9 @@ def depth_inside(mask: np.ndarray) -> np.ndarray:
 def inradius(mask: np.ndarray) -> float:
     """Return the radius in pixels of the largest circle inside the mask (H, W): the object's scale in the image."""
     return float(depth_inside(mask).max())
+
+
+def with_nearest(normals: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Return normals (H, W, 3) of which NaN in the mask (H, W) bool are those of the nearest pixel; NaN outside it."""
+    nearest = ndimage.distance_transform_edt(np.isnan(normals[..., 0]), return_distances=False, return_indices=True)
+    return np.where(mask[..., None], normals[tuple(nearest)], np.nan)

@@ -112,10 +112,9 @@ def reconstruct_normals(
         # Labels settle without marks first: started with them, a single mark may tip sheets that it has no part in.
         state.take_marks(marks)
         state.iterate(max_iterations, CONVERGED_SHARE, min_confidence)
-    if expected is None and symmetry:
-        state = _with_supposed_symmetry(state, max_iterations, min_confidence)
-    is_symmetric = expected is None and symmetry and state.adopt_symmetry()
-    if is_symmetric or (expected is None and flat_faces and state.adopt_faces(min_confidence)):
+    symmetric = _adopted_symmetry(state, max_iterations, min_confidence) if expected is None and symmetry else None
+    state = symmetric or state
+    if symmetric is not None or (expected is None and flat_faces and state.adopt_faces(min_confidence)):
         state.iterate(max_iterations, CONVERGED_SHARE, min_confidence)
     if state.relief_fit > 0.0 and state.adopt_symmetry():
         # Highlights that a relief explains show more of it.
@@ -194,21 +193,21 @@ def settle(
     return state
 
 
-def _with_supposed_symmetry(state: Alternation, max_iterations: int, min_confidence: float) -> Alternation:
-    """Return what follows if the object is the surface of revolution that its candidates show.
+def _adopted_symmetry(state: Alternation, max_iterations: int, min_confidence: float) -> Alternation | None:
+    """Return the state whose expected field is a surface of revolution, None if accepted normals support none.
 
     The field of a shallow bowl's silhouette on its stem contradicts all that is seen of it: where labels accept next to
-    nothing, they start from that surface instead. Its accepted normals then decide as always whether it is one.
+    nothing, they start from the surface that the candidates show. Accepted normals then decide as always.
     """
-    if state.known[state.mask].mean() >= MIN_KNOWN_SHARE:
-        return state
     supposed = copy(state)
-    supposed.expected = state.symmetry.supposed_normals(state.normals)
-    if supposed.expected is None:
-        return state
-    supposed.smooth = supposed.solve_field(supposed.known, supposed.values)
-    supposed.iterate(max_iterations, CONVERGED_SHARE, min_confidence)
-    return supposed if supposed.adopt_symmetry() else state
+    if state.known[state.mask].mean() < MIN_KNOWN_SHARE:
+        supposed.expected = state.symmetry.supposed_normals(state.normals)
+    if supposed.expected is not None:
+        supposed.smooth = supposed.solve_field(supposed.known, supposed.values)
+        supposed.iterate(max_iterations, CONVERGED_SHARE, min_confidence)
+        if supposed.adopt_symmetry():
+            return supposed
+    return state if state.adopt_symmetry() else None
 
 
 def _readmitted(state: Alternation, max_iterations: int, min_confidence: float) -> Alternation | None:

@@ -7,7 +7,7 @@ candidates go on that field before the body, and contradict the body there.
 import numpy as np
 from scipy import ndimage
 
-from glint.tasks.algorithms.geometry.distance import depth_inside, distance_inside
+from glint.tasks.algorithms.geometry.distance import depth_inside, distance_inside, with_nearest
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.prior.smooth_normals import contour_normals, smooth_normal_field
 
@@ -55,8 +55,7 @@ def with_handles(
         accepted: (H, W, 3), normals of accepted highlights, NaN elsewhere.
         candidates: (K, H, W, 3), NaN where there is none.
     """
-    nearest = ndimage.distance_transform_edt(np.isnan(body[..., 0]), return_distances=False, return_indices=True)
-    result = np.where(mask[..., None], body[tuple(nearest)], np.nan)
+    result = with_nearest(body, mask)
     if not handles.any():
         return result
     radius = _nearest_inradius(handles)

@@ -5,11 +5,12 @@ is symmetric, with the rays of that camera.
 """
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from operator import itemgetter
 
 import numpy as np
 
+from glint.tasks.algorithms.geometry.distance import with_nearest
 from glint.tasks.algorithms.geometry.vectors import to_camera
 from glint.tasks.algorithms.revolution.aimed_view import AimedView
 from glint.tasks.algorithms.revolution.handles import handles_beside, with_handles
@@ -26,7 +27,6 @@ from glint.tasks.algorithms.revolution.symmetry import (
     SilhouetteSymmetry,
     refined_tilt,
     surface_of_revolution_normals,
-    with_nearest,
 )
 
 MAX_BODY_ERROR_DEG, MAX_BODY_ERROR_RATIO = 7.5, 0.6
@@ -55,8 +55,7 @@ class RotationalSymmetry:
         """
         aimed, fit = self._aimed, (accepted, candidates, field, weights)
         if aimed is not None:
-            shown = np.stack([aimed.normals(layer) for layer in candidates])
-            fit = aimed.normals(accepted), shown, aimed.normals(field), aimed.values(weights)
+            fit = aimed.normals(accepted), self._shown(candidates), aimed.normals(field), aimed.values(weights)
         result = surface_of_revolution_normals(self._symmetry, *fit) or _body_normals(self._symmetry, *fit)
         if aimed is None or result is None:
             return result
@@ -69,8 +68,7 @@ class RotationalSymmetry:
         None if no silhouette of a body is symmetric, or if the candidates (K, H, W, 3), NaN where there is none,
         contradict most of what could be observed of each surface.
         """
-        aimed = self._aimed
-        shown = candidates if aimed is None else np.stack([aimed.normals(layer) for layer in candidates])
+        aimed, shown = self._aimed, self._shown(candidates)
         silhouettes = [self._symmetry] if self._symmetry.axes else self._symmetry.bodies
         _, surface = max(
             (_best_surface(silhouette, shown) for silhouette in silhouettes), key=itemgetter(0), default=(0.0, None)
@@ -83,6 +81,11 @@ class RotationalSymmetry:
         normals[rows, columns] = surface.normals(*to_camera(columns, rows, mask.shape[1], mask.shape[0]))
         normals = with_nearest(normals, mask)
         return normals if aimed is None else aimed.normals_back(normals)
+
+    def _shown(self, candidates: np.ndarray) -> np.ndarray:
+        """Return candidates (K, H, W, 3) as the view in which the surface is looked for shows them."""
+        aimed = self._aimed
+        return candidates if aimed is None else np.stack([aimed.normals(layer) for layer in candidates])
 
     @cached_property
     def _aimed(self) -> AimedView | None:
@@ -102,23 +105,24 @@ def _best_surface(silhouette: SilhouetteSymmetry, candidates: np.ndarray) -> tup
     rows, columns = rows[chosen], columns[chosen]
     x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
     sampled = candidates[:, rows, columns]
+
+    @cache
+    def contradiction(axis: int, tilt: float) -> float:
+        surface = silhouette.surface(axis, tilt, COARSE_STEP_PX)
+        hits = surface.intersect(x, y)
+        agrees, is_end = agreement(surface.normals_at(hits), sampled), surface.is_end_at(hits)
+        # An end may be open, and show the far wall.
+        far = agreement(surface.normals(x[is_end], y[is_end], far=True), sampled[:, is_end])
+        agrees[is_end] = np.maximum(agrees[is_end], far)
+        return -float(agrees.sum())
+
     best: tuple[float, SurfaceOfRevolution | None] = (0.0, None)
     for axis in range(len(silhouette.axes)):
-
-        @cache
-        def contradictions(tilt: float, axis: int = axis) -> float:
-            surface = silhouette.surface(axis, tilt, COARSE_STEP_PX)
-            hits = surface.intersect(x, y)
-            agrees, is_end = agreement(surface.normals_at(hits), sampled), surface.is_end_at(hits)
-            # An end may be open, and show the far wall.
-            far = agreement(surface.normals(x[is_end], y[is_end], far=True), sampled[:, is_end])
-            agrees[is_end] = np.maximum(agrees[is_end], far)
-            return -float(agrees.sum())
-
-        tilt = min(map(float, TILTS), key=contradictions)
-        cost, tilt = refined_tilt(contradictions, tilt, TILT_STEP_DEG, COARSE_TILT_STEP_DEG)
-        if -cost > best[0]:
-            best = -cost, silhouette.surface(axis, tilt, COARSE_STEP_PX)
+        contradiction_at = partial(contradiction, axis)
+        tilt = min(map(float, TILTS), key=contradiction_at)
+        least, tilt = refined_tilt(contradiction_at, tilt, TILT_STEP_DEG, COARSE_TILT_STEP_DEG)
+        if -least > best[0]:
+            best = -least, silhouette.surface(axis, tilt, COARSE_STEP_PX)
     return best
 
 

@@ -12,8 +12,8 @@ from functools import cache, cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage
 
+from glint.tasks.algorithms.geometry.distance import with_nearest
 from glint.tasks.algorithms.geometry.vectors import angles, to_camera
 from glint.tasks.algorithms.revolution.opening import find_opening
 from glint.tasks.algorithms.revolution.reflection_axes import ReflectionAxis, reflection_axes, symmetric_bodies
@@ -149,13 +149,8 @@ def surface_of_revolution_normals(
         depths[around] = end_depths - (np.nanmedian(moved) if np.isfinite(moved).any() else 0.0)
     result, body = np.full((*mask.shape, 3), np.nan, np.float32), np.full(mask.shape, np.nan, np.float32)
     result[rows, columns], body[rows, columns] = normals, depths
+    # Rays at the contour may miss the surface.
     return RotationalNormals(with_nearest(result, mask), body, relief.fit if relief else 0.0)
-
-
-def with_nearest(normals: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Return normals (H, W, 3) with those of the nearest pixel where NaN in the mask: rays there miss the surface."""
-    nearest = ndimage.distance_transform_edt(np.isnan(normals[..., 0]), return_distances=False, return_indices=True)
-    return np.where(mask[..., None], normals[tuple(nearest)], np.nan)
 
 
 def _fitted_surface(silhouette: SilhouetteSymmetry, accepted: np.ndarray) -> tuple[float, SurfaceOfRevolution] | None:
@@ -185,7 +180,6 @@ def _fitted_surface(silhouette: SilhouetteSymmetry, accepted: np.ndarray) -> tup
         return float(np.minimum(error, ERROR_CAP_DEG).mean())
 
     starts = []
-
     for axis in range(len(silhouette.axes)):
         coarse_error_at = cache(partial(mean_error, axis, step=COARSE_STEP_PX, stride=COARSE_STRIDE))
         for tilt in TILTS[_local_minima(np.array([coarse_error_at(float(tilt)) for tilt in TILTS]))]:

@@ -203,6 +203,7 @@ def test_labels_that_accept_nothing_start_from_the_surface_that_candidates_show(
     assert np.median(angles(result.normals, truth)[mask]) < 1.0
 
 
+@pytest.mark.long
 def test_a_glass_before_a_near_camera_comes_right_with_the_matrix_alone() -> None:
     truth, distances = seen_cylinder(20.0, 12.0)
     truth, mask = rotate_to_view(truth, view_vectors(CAMERA, SHAPE, 0.0, 0.0)), np.isfinite(distances)
