@@ -20,6 +20,9 @@ from glint.storage.seals import is_sealed
 from glint.storage.versions.icechunk_config import CONFIG
 from glint.storage.versions.stage_results import WHOLE_OBJECT, Keys, StageResult, read_capture
 
+PANICS = ("PanicException", "RustPanic")
+"""Names of the errors of a library that has stopped in a call and in a coroutine; neither can be imported."""
+
 _checked: WeakKeyDictionary[icechunk.Repository, set[str]] = WeakKeyDictionary()
 """Snapshots whose files were compared with their names, by open repository: listing a large one takes milliseconds."""
 
@@ -219,7 +222,7 @@ def index_errors(uri: str, action: str, object_id: str) -> Iterator[None]:
                 raise index_damage(uri, object_id, f"{action}: {one_line(error)}") from error
     except BaseException as error:
         # The library ends so where it trusts the content of a damaged file.
-        if type(error).__name__ != "PanicException":
+        if type(error).__name__ not in PANICS:
             raise
         raise index_damage(uri, object_id, f"{action}: {one_line(error)}") from error
 
