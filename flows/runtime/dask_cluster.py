@@ -21,6 +21,7 @@ from types import TracebackType
 import dask
 from dask.system import CPU_COUNT
 from distributed import Client, LocalCluster, Scheduler, Security, Worker
+from distributed.comm import CommClosedError
 from distributed.core import Status
 from distributed.deploy.spec import close_clusters
 from distributed.diagnostics.plugin import WorkerPlugin
@@ -203,7 +204,9 @@ class Cluster:
         self._client = Client(self._cluster, set_as_default=False)
         # The run goes on while its workers warm up, which takes as long as its first requests to the server.
         self._ready.set()
-        self._client.register_plugin(WarmUpPlugin(self._modules, owned=True))
+        # A worker that dies meanwhile is replaced, and the scheduler tells the next one of the plug-in.
+        with suppress(CommClosedError):
+            self._client.register_plugin(WarmUpPlugin(self._modules, owned=True))
         self._dashboard = threading.Timer(DASHBOARD_SECONDS, _add_dashboard, [self._cluster.scheduler])
         self._dashboard.daemon = True
         self._dashboard.start()

@@ -20,8 +20,7 @@ from glint.storage.seals import is_sealed
 from glint.storage.versions.icechunk_config import CONFIG
 from glint.storage.versions.stage_results import WHOLE_OBJECT, Keys, StageResult, read_capture
 
-PANICS = ("PanicException", "RustPanic")
-"""Names of the errors of a library that has stopped in a call and in a coroutine; neither can be imported."""
+PANICS = "PanicException", "RustPanic"  # where the library stops in a call and in a coroutine; not to be imported
 
 _checked: WeakKeyDictionary[icechunk.Repository, set[str]] = WeakKeyDictionary()
 """Snapshots whose files were compared with their names, by open repository: listing a large one takes milliseconds."""

@@ -275,12 +275,17 @@ def kind_of(path: Path) -> str:
 
 
 def problems(before: Values, after: Values) -> list[str]:
-    """Return what is wrong about what a damaged store serves: values that changed silently, errors that say little."""
+    """Return what is wrong about what a damaged store serves: values that changed silently, errors that say little.
+
+    A result that is gone from `work` is no silence: the next run computes it again.
+    """
     errors = {name: value for name, value in after.items() if isinstance(value, Exception)}
     wrong = [
         f"silent: {'/'.join(name)}"
         for name in before.keys() | after.keys()
-        if after.get(name) != before.get(name) and not any(name[: len(place)] == place for place in errors)
+        if after.get(name) != before.get(name)
+        and not (name[1:2] == ("work",) and name not in after)
+        and not any(name[: len(place)] == place for place in errors)
     ]
     for name, error in errors.items():
         text = str(error)
