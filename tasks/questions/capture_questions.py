@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -21,6 +20,7 @@ from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.answers import mark_influence
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
 from glint.tasks.algorithms.labelling.results import Reconstruction
+from glint.tasks.algorithms.labelling.weights import LabellingOptions
 from glint.tasks.algorithms.questions.highlights import choose_highlight
 from glint.tasks.algorithms.questions.proposals import ANSWERED_INFLUENCE, Question, propose
 from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
@@ -28,7 +28,7 @@ from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.clusters import faced, load_clusters
 from glint.tasks.stages.frames import open_frames
-from glint.tasks.stages.labels import field_weights, graph_cut_weights, has_readmission, reconstruct
+from glint.tasks.stages.labels import has_readmission, labelling_options, reconstruct
 from glint.tasks.stages.light_distance import load_near_light
 from glint.tasks.stages.markup import corrected, corrected_tracks, faced_marks, load_marks, marks_in_region
 
@@ -140,19 +140,11 @@ class CaptureQuestions:
         if parameters.labels.method != "sheets":
             return self.label(marks).normals
         clusters, marks = faced(without_shading(self.clusters), view), faced_marks(marks, view)
-        camera, rounds = self.geometry.region_camera, parameters.labels.rounds
-        options: dict[str, Any] = {"max_iterations": rounds, "camera": camera, **self._weights}
+        camera, options = self.geometry.region_camera, self._options
         if self._settled is None:
-            self._settled = settle(clusters, self.mask, draft=True, **options)
-        normals = reconstruct_normals(
-            clusters,
-            self.mask,
-            marks=marks,
-            readmission=has_readmission(self.work.capture.pose),
-            settled=self._settled,
-            **options,
-        ).normals
-        return rotate_from_view(normals, view)
+            self._settled = settle(clusters, self.mask, options, camera=camera, draft=True)
+        result = reconstruct_normals(clusters, self.mask, options, marks=marks, camera=camera, settled=self._settled)
+        return rotate_from_view(result.normals, view)
 
     def propose(self, result: Reconstruction, marks: Marks | None, count: int) -> list[ShownQuestion]:
         """Propose at most `count` questions that a frame shows, the most valuable first.
@@ -164,7 +156,7 @@ class CaptureQuestions:
         result = replace(result, normals=rotate_to_view(result.normals, view))
         shown = []
         # Some sheets are seen in no frame whose highlight is bright enough: ask for more than are needed.
-        for question in propose(candidates, self.mask, result, known_marks, 2 * count, **self._weights):
+        for question in propose(candidates, self.mask, result, known_marks, 2 * count, self._options):
             place = self._highlight(question)
             if place is not None:
                 frame, row, column = place
@@ -179,10 +171,9 @@ class CaptureQuestions:
         return None if place is None else place[0]
 
     @property
-    def _weights(self) -> dict[str, Any]:
-        """Weights of the labelling, as arguments."""
-        labels, silhouette = self.work.parameters.labels, self.work.parameters.silhouette
-        return {"graph_cut_weights": graph_cut_weights(labels), "field_weights": field_weights(silhouette)}
+    def _options(self) -> LabellingOptions:
+        parameters = self.work.parameters
+        return labelling_options(parameters.labels, parameters.silhouette, has_readmission(self.work.capture.pose))
 
     @cached_property
     def _labels(self) -> np.ndarray:

@@ -24,7 +24,7 @@ from glint.tasks.algorithms.labelling.results import (
     Reconstruction,
     exterior_normals,
 )
-from glint.tasks.algorithms.labelling.weights import FieldWeights, GraphCutWeights
+from glint.tasks.algorithms.labelling.weights import FieldWeights, GraphCutWeights, LabellingOptions
 from glint.tasks.algorithms.labelling.winner_takes_all import reconstruct_winner
 from glint.tasks.algorithms.near_light.half_vector_error import combined_error
 from glint.tasks.engine.parameters import LabelsParameters, SilhouetteParameters
@@ -117,7 +117,7 @@ def reconstruct(
 
     expected: normals (H, W, 3) of a model of all views, for the method `sheets`. camera: the perspective camera's
     matrix (3, 3) in pixels of the region; each pixel's normals are labelled as seen along its own ray. readmission: of
-    the method `sheets`, see `reconstruct_normals`.
+    the method `sheets`, see `has_readmission`.
     """
     view = None if camera is None else view_vectors(camera, mask.shape, 0.0, 0.0)
     expected = None if expected is None else rotate_to_view(expected, view)
@@ -136,12 +136,9 @@ def reconstruct(
         result = reconstruct_normals(
             without_shading(clusters),
             mask,
+            labelling_options(parameters, silhouette, readmission),
             marks=marks,
             expected=expected,
-            readmission=readmission,
-            max_iterations=parameters.rounds,
-            graph_cut_weights=graph_cut_weights(parameters),
-            field_weights=field_weights(silhouette),
             camera=camera,
         )
     return replace(
@@ -157,11 +154,13 @@ def has_readmission(pose: Pose | None) -> bool:
     return pose is None
 
 
-def graph_cut_weights(parameters: LabelsParameters) -> GraphCutWeights:
-    """Return the weights of the graph cut that parameters give."""
-    return GraphCutWeights(parameters.strength, parameters.contrast, parameters.prior, parameters.shape_weight)
-
-
-def field_weights(silhouette: SilhouetteParameters) -> FieldWeights:
-    """Return the weights of the field that parameters give."""
-    return FieldWeights(rim=silhouette.rim_weight, tension_length=silhouette.tension_length)
+def labelling_options(
+    parameters: LabelsParameters, silhouette: SilhouetteParameters, readmission: bool
+) -> LabellingOptions:
+    """Return the options of the method `sheets` that parameters give; readmission: see `has_readmission`."""
+    return LabellingOptions(
+        GraphCutWeights(parameters.strength, parameters.contrast, parameters.prior, parameters.shape_weight),
+        FieldWeights(rim=silhouette.rim_weight, tension_length=silhouette.tension_length),
+        readmission=readmission,
+        max_iterations=parameters.rounds,
+    )

@@ -7,6 +7,7 @@ whole mask), the share of the mask at confidence 0.95 and of these the share wit
 with them.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.confidence import with_input_doubt
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
 from glint.tasks.algorithms.labelling.results import CONFIDENT, Reconstruction
+from glint.tasks.algorithms.labelling.weights import DEFAULT_OPTIONS
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.evaluation.captures import CONFIDENT_ERROR_DEG
@@ -58,8 +60,8 @@ def measure(capture: Capture, store: Path, hypothesis: str = "flat_faces") -> st
         return f"{pair}, {confident.sum() / known.sum():.0%}, {right.mean() if right.size else np.nan:.1%} right"
 
     without, result = (
-        reconstruct_normals(clusters, mask, settled=settled, camera=camera, **options)
-        for options in ({hypothesis: False}, {})
+        reconstruct_normals(clusters, mask, options, settled=settled, camera=camera)
+        for options in (replace(DEFAULT_OPTIONS, **{hypothesis: False}), DEFAULT_OPTIONS)
     )
     return f"without {errors(without)}; with {errors(result)}"
 

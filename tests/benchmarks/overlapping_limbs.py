@@ -20,7 +20,7 @@ from glint.tasks.algorithms.candidates.shading import without_shading
 from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
-from glint.tasks.algorithms.labelling.weights import FieldWeights
+from glint.tasks.algorithms.labelling.weights import FieldWeights, LabellingOptions
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.simulation.simulate import PRESETS, CaptureOptions
@@ -77,7 +77,7 @@ def measure(capture: Capture, store: Path) -> str:
     assert capture.truth is not None
     truth = read_truth(capture.truth, mask.shape)
     assert truth.normals is not None and truth.depth is not None
-    without = reconstruct_normals(clusters, mask, field_weights=FieldWeights(unreached=0.0))
+    without = reconstruct_normals(clusters, mask, LabellingOptions(field=FieldWeights(unreached=0.0)))
     result = reconstruct_normals(clusters, mask)
     before, squared = (((labelling.normals - truth.normals) ** 2).sum(axis=-1) for labelling in (without, result))
     known = mask & np.isfinite(squared)

@@ -18,6 +18,7 @@ from glint.tasks.algorithms.geometry.perspective import rotate_to_view
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.labelling.results import CONFIDENT
+from glint.tasks.algorithms.labelling.weights import LabellingOptions
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import CaptureReference, chosen_captures, load_catalogue
 from glint.tasks.stages.capture_geometry import load_geometry
@@ -34,7 +35,7 @@ def measure(work: CaptureContext) -> tuple[str, float]:
     clusters, truth = faced(clusters, view), rotate_to_view(truth, view)
     observed, parts, errors = mask & (clusters.observations > 0), [], []
     for readmission in (False, True):
-        result = reconstruct_normals(clusters, mask, readmission=readmission)
+        result = reconstruct_normals(clusters, mask, LabellingOptions(readmission=readmission))
         confident = mask & (result.confidence >= CONFIDENT)
         right = (angles(result.normals, truth)[confident] < 5.0).mean() if confident.any() else np.nan
         errors.append(squared_errors(result.normals, truth, mask))

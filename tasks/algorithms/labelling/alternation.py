@@ -22,7 +22,7 @@ from glint.tasks.algorithms.labelling.confidence import (
 )
 from glint.tasks.algorithms.labelling.graph_cut import HARD_CONSTRAINT, GraphCut, keep_best_per_pixel, unary_log_ratio
 from glint.tasks.algorithms.labelling.results import Iteration, accepted_normals, accepted_weights
-from glint.tasks.algorithms.labelling.weights import FieldError, FieldWeights, GraphCutWeights
+from glint.tasks.algorithms.labelling.weights import LabellingOptions
 from glint.tasks.algorithms.prior.smooth_normals import (
     MAX_NODES,
     SmoothNormalField,
@@ -38,6 +38,8 @@ from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
 
 DRAFT_NODES, HELD_OUT_NODES = 7_000, 5_000
 """Grid nodes of coarser fields: a draft's (a third of the time, 1% more squared error), one that predicts a sheet."""
+CONVERGED_SHARE = 0.002
+"""Share of the mask whose labels may still change in the last iteration."""
 MAX_REFUTATIONS = 3
 """Rounds in which flat faces are looked for, and false ones refuted."""
 REFUTED_DEG, REFUTED_NATS = 3.0, 10.0
@@ -66,9 +68,7 @@ class Alternation:
     observations: np.ndarray
     mask: np.ndarray
     expected: np.ndarray | None
-    graph_cut_weights: GraphCutWeights
-    field_weights: FieldWeights
-    field_error: FieldError
+    options: LabellingOptions
     is_draft: bool = False
     camera: np.ndarray | None = None
     scale: float = field(init=False)
@@ -102,11 +102,10 @@ class Alternation:
     def __post_init__(self) -> None:
         """Prepare the field, and solve it once from the contour."""
         self.scale, self.local_scale = inradius(self.mask), thickness(self.mask)
-        tension = self.field_weights.tension_length
+        tension, weights = self.options.field.tension_length, self.options.graph_cut
         self.surface = smooth_normal_field(self.mask, tension, DRAFT_NODES if self.is_draft else MAX_NODES)
         self.coarse = smooth_normal_field(self.mask, tension, HELD_OUT_NODES)
         self.rim, self.outward = contour_normals(self.mask)
-        weights = self.graph_cut_weights
         self.graph = GraphCut(self.normals, weights.strength, weights.contrast)
         self.symmetry = RotationalSymmetry(self.mask, self.camera)
         self.unmarked_evidence = weights.shape_weight * shape_log_ratio(self.normals, self.scale)
@@ -138,7 +137,7 @@ class Alternation:
 
         surface: None for that of the view.
         """
-        weights = self.field_weights
+        weights = self.options.field
         if self.expected is None:
             targets, pull = self.outward, np.where(self.rim, weights.rim, 0.0)
         else:
@@ -156,21 +155,21 @@ class Alternation:
             targets, pull = faces.constrain(targets, pull, known, self.marked)
         return (surface or self.surface).solve(targets, pull, self.expected)
 
-    def iterate(self, max_iterations: int, convergence_tolerance: float, min_confidence: float) -> None:
-        """Alternate labelling and field until the labels settle."""
-        for _ in range(max_iterations):
+    def iterate(self, max_iterations: int | None = None) -> None:
+        """Alternate labelling and field until the labels settle; max_iterations: None for that of the options."""
+        for _ in range(self.options.max_iterations if max_iterations is None else max_iterations):
             changed = self.label()
-            self.follow_labels(min_confidence)
+            self.follow_labels()
             self.history = [*self.history, Iteration(int(self.labels.any(axis=0).sum()), changed)]
-            if changed <= convergence_tolerance * self.mask.sum():
+            if changed <= CONVERGED_SHARE * self.mask.sum():
                 break
 
-    def follow_labels(self, min_confidence: float) -> None:
+    def follow_labels(self) -> None:
         """Replace accepted normals, their confidence and the field by those of the present labels."""
         self.values = accepted_normals(self.normals, self.labels, self.marked_normals)
         readmitted = np.where(self.labels, self.readmitted, 0.0).max(axis=0, initial=0.0)
         self.confidence = self.with_marks(np.maximum(observed_confidence(self.values, self.scale), readmitted))
-        self.known = self.confidence >= min_confidence
+        self.known = self.confidence >= self.options.min_confidence
         self.smooth = self.solve_field(self.known, self.values, faces=self.faces)
 
     def with_marks(self, confidence: np.ndarray) -> np.ndarray:
@@ -190,27 +189,28 @@ class Alternation:
 
     def log_ratios(self) -> np.ndarray:
         """Compute the nodes' log-likelihood ratios (K, H, W), nats, under the present field."""
-        error = self.field_error
+        error = self.options.field_error
         observed = self.known & self.labels.any(axis=0)
         if self.faces is not None:
             observed |= self.faces.observed
         # The field is trusted near what shaped it: the contour too, unless expected normals took its place.
         sources = observed if self.expected is not None else self.rim | observed
         spread = field_spread(sources, self.local_scale, error.floor, error.slope, error.ceiling)
-        ratios = unary_log_ratio(self.normals, self.smooth, spread, self.graph_cut_weights.prior) + self.evidence
+        ratios = unary_log_ratio(self.normals, self.smooth, spread, self.options.graph_cut.prior) + self.evidence
         return np.where(self.pins != 0, self.pins * HARD_CONSTRAINT, ratios) if self.pins.any() else ratios
 
-    def readmit(self, probability: np.ndarray, min_confidence: float) -> None:
+    def readmit(self, probability: np.ndarray) -> None:
         """Accept rejected nodes of this probability (K, H, W), 0 for all others, and let the field follow them."""
         chosen = probability > 0.0
         self.readmitted = np.where(chosen, probability, self.readmitted)
         self.labels = np.where(chosen.any(axis=0), chosen, self.labels)
         self.unreached = None
-        self.follow_labels(min_confidence)
+        self.follow_labels()
 
     def adopt_symmetry(self) -> bool:
         """Make a surface of revolution the expected field, where there was none, if the accepted normals support it."""
-        relative = np.where(self.marked, self.field_weights.marked / self.field_weights.observed, 1.0)
+        weights = self.options.field
+        relative = np.where(self.marked, weights.marked / weights.observed, 1.0)
         accepted = np.where(self.known[..., None], self.values, np.nan)
         rotational = self.symmetry.normals(accepted, self.normals, self.initial, relative)
         if rotational is None or rotational.relief_fit < self.relief_fit:
@@ -222,7 +222,7 @@ class Alternation:
         self.smooth = self.solve_field(self.known, self.values)
         return True
 
-    def adopt_faces(self, min_confidence: float) -> bool:
+    def adopt_faces(self) -> bool:
         """Make flat faces part of the field if accepted normals show any; return whether field or evidence changed."""
         for number in range(MAX_REFUTATIONS):
             accepted = np.where(self.known[..., None], self.values, np.nan)
@@ -237,7 +237,7 @@ class Alternation:
                 break
             # What a false face hid may be another one.
             self.evidence = self.evidence - REFUTED_NATS * false
-            self.iterate(1, 0.0, min_confidence)
+            self.iterate(1)
         return True
 
     def field_confidence(self, known: np.ndarray) -> np.ndarray:

@@ -30,7 +30,7 @@ MAX_RESIDUAL_DEG = 20.0
 """Angles to the prediction are clipped here: beyond it a sheet is no more wrong."""
 
 
-def final_confidence(state: Alternation, normals: np.ndarray, min_confidence: float) -> np.ndarray:
+def final_confidence(state: Alternation, normals: np.ndarray) -> np.ndarray:
     """Compute the confidence (H, W) of resulting normals (H, W, 3): by sheets where accepted, else by the field."""
     sheets = segment_sheets(state.values)
     evidence = np.take_along_axis(state.evidence, state.labels.argmax(axis=0)[None], axis=0)[0]
@@ -38,12 +38,12 @@ def final_confidence(state: Alternation, normals: np.ndarray, min_confidence: fl
     def predict(kept: np.ndarray) -> np.ndarray:
         return state.solve_field(kept, state.values, state.coarse)
 
-    error = replace(state.field_error, ceiling=np.inf)
+    error = replace(state.options.field_error, ceiling=np.inf)
     residual = held_out_residual(sheets, state.values, state.known, state.rim, state.mask, state.scale, error, predict)
     odds = accepted_log_odds(np.isfinite(state.confidence), np.isfinite(state.normals[..., 0]).any(axis=0))
     observed = sheet_confidence(state.values, sheet_means(sheets, evidence), residual, state.scale, odds)
     observed = state.with_marks(observed * place_confidence(normals))
-    between = state.field_confidence(state.known & (observed >= min_confidence))
+    between = state.field_confidence(state.known & (observed >= state.options.min_confidence))
     if state.faces is not None:
         agrees = angles(state.values, state.faces.normals) < REFUTED_DEG
         observed = np.where(agrees, np.fmax(observed, face_confidence(state.faces.residual)), observed)

@@ -32,22 +32,12 @@ from glint.tasks.algorithms.labelling.results import (
     Reconstruction,
     blended_normals,
 )
-from glint.tasks.algorithms.labelling.weights import (
-    DEFAULT_FIELD,
-    DEFAULT_FIELD_ERROR,
-    DEFAULT_GRAPH_CUT,
-    MIN_FIELD_CONFIDENCE,
-    FieldError,
-    FieldWeights,
-    GraphCutWeights,
-)
+from glint.tasks.algorithms.labelling.weights import DEFAULT_OPTIONS, LabellingOptions
 from glint.tasks.algorithms.prior.unreached import SweptNormals, unreached_normals
 
 if TYPE_CHECKING:
     from glint.tasks.algorithms.candidates.clusters import Clusters
 
-CONVERGED_SHARE = 0.002
-"""Share of the mask whose labels may still change in the last iteration."""
 MIN_KNOWN_SHARE = 0.05
 """Share of the mask that enters the field from which labels have a start of their own."""
 PLAUSIBLE_NATS = 1.0
@@ -59,17 +49,10 @@ MAX_READMISSIONS = 3
 def reconstruct_normals(
     clusters: "Clusters",
     mask: np.ndarray,
+    options: LabellingOptions = DEFAULT_OPTIONS,
     *,
     marks: Marks | None = None,
     expected: np.ndarray | None = None,
-    symmetry: bool = True,
-    flat_faces: bool = True,
-    readmission: bool = True,
-    max_iterations: int = 10,
-    min_confidence: float = MIN_FIELD_CONFIDENCE,
-    graph_cut_weights: GraphCutWeights = DEFAULT_GRAPH_CUT,
-    field_weights: FieldWeights = DEFAULT_FIELD,
-    field_error: FieldError = DEFAULT_FIELD_ERROR,
     camera: np.ndarray | None = None,
     settled: Alternation | None = None,
 ) -> Reconstruction:
@@ -79,15 +62,10 @@ def reconstruct_normals(
         clusters: candidates of the region; `normals` (K, H, W, 3), unit, camera frame, NaN where there is none, and
             their `shading`. Under a perspective camera they, and all normals below, are relative to the view rays.
         mask: (H, W) bool, the object.
+        options: weights, hypotheses and limits; with expected normals, no other surface is detected or readmitted.
         marks: true and false highlights marked by a user.
         expected: (H, W, 3) normals known beforehand, as from a visual hull, finite in the mask; they replace the
             occluding contour as data of the field.
-        symmetry: whether a surface of revolution may be detected and become the expected field.
-        flat_faces: whether flat faces may be detected, where there is no surface of revolution.
-        readmission: whether rejected sheets may be readmitted, where no expected normals are given.
-        max_iterations: at most so many each time: at first, and again after all that is found or marked.
-        min_confidence: accepted normals of lower confidence do not enter the field.
-        graph_cut_weights, field_weights, field_error: see `weights`.
         camera: (3, 3), the perspective camera's matrix in pixels of the mask; None for parallel rays.
         settled: result of `settle` for the same arguments, None to settle first. If it is a draft, so is the result:
             confidence is that of the accepted normals alone, NaN between them.
@@ -96,31 +74,22 @@ def reconstruct_normals(
         ValueError: clusters and mask differ in size, or the expected normals have gaps in the mask.
     """
     if settled is None:
-        settled = settle(
-            clusters,
-            mask,
-            expected=expected,
-            max_iterations=max_iterations,
-            min_confidence=min_confidence,
-            graph_cut_weights=graph_cut_weights,
-            field_weights=field_weights,
-            field_error=field_error,
-            camera=camera,
-        )
+        settled = settle(clusters, mask, options, expected=expected, camera=camera)
     state = copy(settled)
+    state.options = options
     if marks is not None:
         # Labels settle without marks first: started with them, a single mark may tip sheets that it has no part in.
         state.take_marks(marks)
-        state.iterate(max_iterations, CONVERGED_SHARE, min_confidence)
-    symmetric = _adopted_symmetry(state, max_iterations, min_confidence) if expected is None and symmetry else None
+        state.iterate()
+    symmetric = _adopted_symmetry(state) if expected is None and options.symmetry else None
     state = symmetric or state
-    if symmetric is not None or (expected is None and flat_faces and state.adopt_faces(min_confidence)):
-        state.iterate(max_iterations, CONVERGED_SHARE, min_confidence)
+    if symmetric is not None or (expected is None and options.flat_faces and state.adopt_faces()):
+        state.iterate()
     if state.relief_fit > 0.0 and state.adopt_symmetry():
         # Highlights that a relief explains show more of it.
-        state.iterate(max_iterations, CONVERGED_SHARE, min_confidence)
-    for _ in range(MAX_READMISSIONS if readmission and expected is None else 0):
-        better = _readmitted(state, max_iterations, min_confidence)
+        state.iterate()
+    for _ in range(MAX_READMISSIONS if options.readmission and expected is None else 0):
+        better = _readmitted(state)
         if better is None:
             break
         state = better
@@ -130,7 +99,7 @@ def reconstruct_normals(
     accepted = np.isfinite(state.confidence)
     provenance = np.select([~mask, state.marked, accepted, state.rim], [OUTSIDE, MARKED, OBSERVED, SILHOUETTE], FILLED)
     normals = blended_normals(state.values, state.smooth).astype(np.float32)
-    confidence = state.confidence if state.is_draft else final_confidence(state, normals, min_confidence)
+    confidence = state.confidence if state.is_draft else final_confidence(state, normals)
     return Reconstruction(
         labels=state.labels.astype(np.uint8),
         normals=normals,
@@ -152,13 +121,9 @@ def _followed_depth(state: Alternation, normals: np.ndarray) -> np.ndarray | Non
 def settle(
     clusters: "Clusters",
     mask: np.ndarray,
+    options: LabellingOptions = DEFAULT_OPTIONS,
     *,
     expected: np.ndarray | None = None,
-    max_iterations: int = 10,
-    min_confidence: float = MIN_FIELD_CONFIDENCE,
-    graph_cut_weights: GraphCutWeights = DEFAULT_GRAPH_CUT,
-    field_weights: FieldWeights = DEFAULT_FIELD,
-    field_error: FieldError = DEFAULT_FIELD_ERROR,
     camera: np.ndarray | None = None,
     draft: bool = False,
 ) -> Alternation:
@@ -183,17 +148,15 @@ def settle(
         clusters.observations,
         mask,
         expected,
-        graph_cut_weights,
-        field_weights,
-        field_error,
+        options,
         is_draft=draft,
         camera=camera,
     )
-    state.iterate(max_iterations, CONVERGED_SHARE, min_confidence)
+    state.iterate()
     return state
 
 
-def _adopted_symmetry(state: Alternation, max_iterations: int, min_confidence: float) -> Alternation | None:
+def _adopted_symmetry(state: Alternation) -> Alternation | None:
     """Return the state whose expected field is a surface of revolution, None if accepted normals support none.
 
     The field of a shallow bowl's silhouette on its stem contradicts all that is seen of it: where labels accept next to
@@ -204,21 +167,21 @@ def _adopted_symmetry(state: Alternation, max_iterations: int, min_confidence: f
         supposed.expected = state.symmetry.supposed_normals(state.normals)
     if supposed.expected is not None:
         supposed.smooth = supposed.solve_field(supposed.known, supposed.values)
-        supposed.iterate(max_iterations, CONVERGED_SHARE, min_confidence)
+        supposed.iterate()
         if supposed.adopt_symmetry():
             return supposed
     return state if state.adopt_symmetry() else None
 
 
-def _readmitted(state: Alternation, max_iterations: int, min_confidence: float) -> Alternation | None:
+def _readmitted(state: Alternation) -> Alternation | None:
     """Return what follows from readmitting plausible sheets, None if there are none or labels become less likely."""
     probability = plausible_sheets(state)
     if not probability.any():
         return None
     after = copy(state)
-    after.readmit(probability, min_confidence)
+    after.readmit(probability)
     # The readmitted are not held: a false sheet that the field no longer needs to contradict is rejected again.
-    after.iterate(max_iterations, CONVERGED_SHARE, min_confidence)
+    after.iterate()
     return after if after.log_likelihood() > state.log_likelihood() else None
 
 

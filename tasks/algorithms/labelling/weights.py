@@ -1,4 +1,4 @@
-"""Weights of the alternating reconstruction: of the graph cut, of the smooth field, and of the field's error model.
+"""Options of the alternating reconstruction: the weights of its terms, the hypotheses it may adopt, and its limits.
 
 The paper states no weights; the defaults were chosen on simulated captures.
 """
@@ -55,6 +55,27 @@ class FieldError:
 
 MIN_FIELD_CONFIDENCE = 0.5
 """Confidence from which accepted normals enter the field."""
-DEFAULT_GRAPH_CUT = GraphCutWeights()
 DEFAULT_FIELD = FieldWeights()
-DEFAULT_FIELD_ERROR = FieldError()
+
+
+@dataclass(frozen=True, slots=True)
+class LabellingOptions:
+    """What a reconstruction weighs, which hypotheses it may adopt, and when it ends.
+
+    graph_cut, field, field_error: its weights. symmetry: whether a surface of revolution may be detected and become the
+    expected field; flat_faces: whether flat faces may be detected, where there is none; readmission: whether rejected
+    sheets may be readmitted. min_confidence: accepted normals of lower confidence do not enter the field.
+    max_iterations: at most so many each time: at first, and again after all that is detected or marked.
+    """
+
+    graph_cut: GraphCutWeights = GraphCutWeights()
+    field: FieldWeights = DEFAULT_FIELD
+    field_error: FieldError = FieldError()
+    symmetry: bool = True
+    flat_faces: bool = True
+    readmission: bool = True
+    min_confidence: float = MIN_FIELD_CONFIDENCE
+    max_iterations: int = 10
+
+
+DEFAULT_OPTIONS = LabellingOptions()

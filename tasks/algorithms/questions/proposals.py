@@ -17,7 +17,7 @@ from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.labelling.answers import mark_influence
 from glint.tasks.algorithms.labelling.readmission import CONFIDENCE_RANGE, surface_probability
 from glint.tasks.algorithms.labelling.results import Reconstruction
-from glint.tasks.algorithms.labelling.weights import DEFAULT_FIELD, DEFAULT_GRAPH_CUT, FieldWeights, GraphCutWeights
+from glint.tasks.algorithms.labelling.weights import DEFAULT_OPTIONS, LabellingOptions
 from glint.tasks.algorithms.prior.smooth_normals import contour_normals
 from glint.tasks.algorithms.questions.prediction import MAX_CHANGE_DEG, Prediction, accepted_pixels
 from glint.tasks.algorithms.sheets.integrability import shape_log_ratio
@@ -94,8 +94,7 @@ def propose(
     result: Reconstruction,
     marks: Marks | None,
     count: int,
-    graph_cut_weights: GraphCutWeights = DEFAULT_GRAPH_CUT,
-    field_weights: FieldWeights = DEFAULT_FIELD,
+    options: LabellingOptions = DEFAULT_OPTIONS,
 ) -> list[Question]:
     """Propose at most `count` sheets, no near-duplicates of one another: by their urgency, then by their value.
 
@@ -105,7 +104,7 @@ def propose(
         result: their labelling.
         marks: those that the labelling knew; sheets that they answer are left out.
         count: number of proposals.
-        graph_cut_weights, field_weights: of the labelling.
+        options: of the labelling.
     """
     normals = np.where(mask[None, :, :, None], clusters.normals, np.nan).astype(np.float32)
     scale = inradius(mask)
@@ -116,8 +115,8 @@ def propose(
     _, _, pins = mark_constraints(marks, normals, mask)
     influence = mark_influence(nodes, ties, pins, scale)
     answered = patches.mean(np.abs(patches.of(influence))) > ANSWERED_INFLUENCE
-    evidence = graph_cut_weights.shape_weight * shape_log_ratio(normals, scale)
-    evidence += graph_cut_weights.shading_weight * shading_log_ratio(clusters.shading)
+    evidence = options.graph_cut.shape_weight * shape_log_ratio(normals, scale)
+    evidence += options.graph_cut.shading_weight * shading_log_ratio(clusters.shading)
     wrong = wrong_probability(patches, normals, evidence, clusters.observations, result)
     exterior = patches.exterior(result.labels)
     first = gain_of(exterior) * wrong * rough_change(patches, normals, result, mask, scale)
@@ -127,7 +126,7 @@ def propose(
     order = order[first[order] > 0]
     pool = max(PREDICTED, 2 * count)
     chosen = np.concatenate([order[~exterior[order]][:pool], order[exterior[order]][: pool // 2]])
-    predict = Prediction(mask, normals, result, patches, field_weights)
+    predict = Prediction(mask, normals, result, patches, options.field)
     maps = {int(number): predict.change(int(number), bool(exterior[number])) for number in chosen}
     candidates = [
         Question(

@@ -64,7 +64,7 @@ def test_sheets_are_readmitted_only_in_a_capture_that_stands_alone(
     readmissions = []
 
     def reconstruct(*arguments: Any, **options: Any) -> Reconstruction:
-        readmissions.append(options["readmission"])
+        readmissions.append(arguments[2].readmission)
         return reconstruct_normals(*arguments, **options)
 
     monkeypatch.setattr(labels, "reconstruct_normals", reconstruct)

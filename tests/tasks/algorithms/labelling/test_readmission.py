@@ -10,6 +10,7 @@ from glint.tasks.algorithms.labelling import reconstruction
 from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.readmission import READMITTED_PROBABILITY, plausible_sheets, surface_probability
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
+from glint.tasks.algorithms.labelling.weights import LabellingOptions
 from glint.tasks.algorithms.sheets.patches import Patches
 from tests.tasks.algorithms.labelling.test_reconstruction import Scene, head_with_ear
 
@@ -41,7 +42,9 @@ def test_without_readmission_the_ear_is_lost(ear_scene: EarScene) -> None:
     (clusters, mask, _), ear = ear_scene
 
     def accepted(readmission: bool) -> float:
-        labels = reconstruct_normals(clusters, mask, symmetry=False, flat_faces=False, readmission=readmission).labels
+        labels = reconstruct_normals(
+            clusters, mask, LabellingOptions(symmetry=False, flat_faces=False, readmission=readmission)
+        ).labels
         return float(labels.any(axis=0)[ear].mean())
 
     assert accepted(True) > 0.8 and accepted(False) < 0.2
@@ -50,7 +53,7 @@ def test_without_readmission_the_ear_is_lost(ear_scene: EarScene) -> None:
 def test_nothing_is_readmitted_twice(settled: Alternation) -> None:
     state = copy(settled)
     probability = plausible_sheets(state)
-    state.readmit(probability, 0.5)
+    state.readmit(probability)
     state.labels = settled.labels  # rejected once more
     assert not (plausible_sheets(state)[probability > 0.0] > 0.0).any()
 
@@ -71,7 +74,7 @@ def test_a_sheet_marked_false_stays_rejected(ear_scene: EarScene) -> None:
     places = np.argwhere(ear)[::4].astype(np.int32)
     normals = clusters.normals[0][tuple(places.T)]
     false = Marks(places, normals, np.zeros(len(places), np.int8))
-    result = reconstruct_normals(clusters, mask, marks=false, symmetry=False, flat_faces=False)
+    result = reconstruct_normals(clusters, mask, LabellingOptions(symmetry=False, flat_faces=False), marks=false)
     assert result.labels.any(axis=0)[ear].mean() < 0.05
 
 
@@ -88,11 +91,10 @@ def test_given_expected_normals_are_not_contradicted(
 
 
 def test_labels_that_become_less_likely_are_not_kept(settled: Alternation, monkeypatch: pytest.MonkeyPatch) -> None:
-    settings = (10, 0.5)
-    assert reconstruction._readmitted(settled, *settings) is not None
+    assert reconstruction._readmitted(settled) is not None
     likelihoods = iter([1.0, 2.0])  # after, before
     monkeypatch.setattr(Alternation, "log_likelihood", lambda _: next(likelihoods))
-    assert reconstruction._readmitted(settled, *settings) is None
+    assert reconstruction._readmitted(settled) is None
 
 
 @pytest.mark.parametrize(

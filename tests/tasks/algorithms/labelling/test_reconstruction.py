@@ -8,7 +8,7 @@ from glint.tasks.algorithms.geometry.perspective import rotate_to_view, view_vec
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
 from glint.tasks.algorithms.labelling.results import PROVENANCE, Reconstruction
-from glint.tasks.algorithms.labelling.weights import FieldWeights
+from glint.tasks.algorithms.labelling.weights import FieldWeights, LabellingOptions
 from tests.tasks.algorithms.faces.polyhedron import PYRAMID, face_numbers, polyhedron_normals
 from tests.tasks.algorithms.revolution.beaker import bowl_on_stem, false_sheets, observable, seen_normals
 from tests.tasks.algorithms.revolution.cylinder import CAMERA, SHAPE, seen_cylinder
@@ -149,7 +149,7 @@ def test_a_marked_normal_pulls_more_than_its_noisy_neighbours(scene: Scene) -> N
     marks = Marks(pixels, truth[tuple(pixels.T)].astype(np.float32), np.ones(len(pixels), np.int8))
 
     def error(weights: FieldWeights) -> float:
-        normals = reconstruct_normals(noisy, mask, marks=marks, field_weights=weights).normals
+        normals = reconstruct_normals(noisy, mask, LabellingOptions(field=weights), marks=marks).normals
         return float(np.nanmean(angles(normals, truth)[near]))
 
     assert error(FieldWeights()) < 0.98 * error(FieldWeights(marked=0.1))
@@ -185,7 +185,7 @@ def test_a_turned_glass_is_known_at_its_end() -> None:
     mask = np.isfinite(truth[..., 0])
     clusters = clusters_of(observable(truth)[None].astype(np.float32))
     result = reconstruct_normals(clusters, mask)
-    without = reconstruct_normals(clusters, mask, symmetry=False)
+    without = reconstruct_normals(clusters, mask, LabellingOptions(symmetry=False))
     end = mask & (truth @ np.array([0.0, np.cos(np.radians(20.0)), np.sin(np.radians(20.0))]) > 0.99)
     assert np.median(angles(result.normals, truth)[end]) < 8.0
     assert np.median(angles(without.normals, truth)[end]) > 15.0
@@ -197,7 +197,7 @@ def test_labels_that_accept_nothing_start_from_the_surface_that_candidates_show(
     mask = np.isfinite(truth[..., 0])
     false = np.where(mask[..., None], false_sheets(2), np.nan)
     clusters = clusters_of(np.concatenate([observable(truth)[None], false]).astype(np.float32))
-    empty = settle(clusters, mask, max_iterations=0)
+    empty = settle(clusters, mask, LabellingOptions(max_iterations=0))
     assert not empty.labels.any()
     result = reconstruct_normals(clusters, mask, settled=empty)
     assert np.median(angles(result.normals, truth)[mask]) < 1.0
@@ -228,7 +228,7 @@ def test_flat_faces_come_right_where_no_light_was_seen() -> None:
     clusters = clusters_of(unit(observable(truth) + noise)[None].astype(np.float32))
     clusters.weight *= 2.0
     with_faces = reconstruct_normals(clusters, mask)
-    without = reconstruct_normals(clusters, mask, flat_faces=False)
+    without = reconstruct_normals(clusters, mask, LabellingOptions(flat_faces=False))
     unseen = mask & (face_numbers(PYRAMID) == 2)
     error, former = (angles(result.normals, truth)[unseen].mean() for result in (with_faces, without))
     assert error < 0.7 * former
@@ -239,7 +239,7 @@ def test_flat_faces_come_right_where_no_light_was_seen() -> None:
 
 def test_a_sheet_before_the_body_is_accepted_though_the_silhouette_says_nothing_of_it() -> None:
     (clusters, mask, truth), ear = head_with_ear()
-    result = reconstruct_normals(clusters, mask, symmetry=False, flat_faces=False)
+    result = reconstruct_normals(clusters, mask, LabellingOptions(symmetry=False, flat_faces=False))
     assert result.labels.any(axis=0)[ear].mean() > 0.8
     assert np.median(angles(result.normals, truth)[ear]) < 3.0
     assert np.median(angles(result.initial, truth)[ear]) > 30.0
@@ -251,5 +251,5 @@ def test_a_false_sheet_of_that_size_is_not_accepted() -> None:
     p, q = -truth[..., 0] / truth[..., 2], -truth[..., 1] / truth[..., 2]
     false = unit(np.stack([p + 0.5 * q, q - 0.5 * p, np.ones_like(p)], axis=-1))
     clusters.normals[0][ear] = false[ear]
-    result = reconstruct_normals(clusters, mask, symmetry=False, flat_faces=False)
+    result = reconstruct_normals(clusters, mask, LabellingOptions(symmetry=False, flat_faces=False))
     assert result.labels.any(axis=0)[ear].mean() < 0.1
