@@ -99,15 +99,15 @@ def evaluate_questions(work: CaptureContext, count: int) -> QuestionsEvaluation 
             skipped += 1
             continue
         annotations.append(shown.answer(is_true))
-        question, draft = shown.question, questions.draft_normals(questions.marks(annotations))
+        question, draft = shown.question, questions.draft_normals(questions.frames.marks(annotations))
         errors = _errors(questions, draft, truth)
         answers.append(Answer(len(question.rows), question.exterior, is_true, question.wrong, question.is_open, errors))
         if len(answers) == count:
             break
-    after = errors_with(questions.marks(annotations))
+    after = errors_with(questions.frames.marks(annotations))
     at_random = random_annotations(questions, truth, len(answers))
     return QuestionsEvaluation(
-        work.name, before, after, tuple(answers), errors_with(questions.marks(at_random)), skipped
+        work.name, before, after, tuple(answers), errors_with(questions.frames.marks(at_random)), skipped
     )
 
 

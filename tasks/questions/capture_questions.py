@@ -1,19 +1,15 @@
 """Questions about a stored capture: the sheets to ask about, the highlights that show them, answers as annotations."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 from scipy import sparse
 
-from glint.storage.errors import InputError
-from glint.storage.frames.layout import CHUNK_PX
 from glint.storage.inputs.markup import AnnotationEntry
 from glint.tasks.algorithms.candidates.clusters import Clusters
-from glint.tasks.algorithms.candidates.marked_tracks import Tracks, join_tracks
-from glint.tasks.algorithms.candidates.markup import Mark, Marks
+from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.candidates.shading import without_shading
-from glint.tasks.algorithms.candidates.tracking import follow_highlight
 from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view
 from glint.tasks.algorithms.labelling.alternation import Alternation
@@ -25,15 +21,11 @@ from glint.tasks.algorithms.questions.highlights import choose_highlight
 from glint.tasks.algorithms.questions.proposals import ANSWERED_INFLUENCE, Question, propose
 from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
 from glint.tasks.engine.capture_context import CaptureContext
-from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
+from glint.tasks.questions.capture_frames import CaptureFrames
+from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.clusters import faced, load_clusters
-from glint.tasks.stages.frames import open_frames
 from glint.tasks.stages.labels import has_readmission, labelling_options, reconstruct
-from glint.tasks.stages.light_distance import load_near_light
-from glint.tasks.stages.markup import corrected, corrected_tracks, faced_marks, load_marks, marks_in_region
-
-KEPT_BLOCKS = 8
-"""Parts of the frames that are kept for the next highlight."""
+from glint.tasks.stages.markup import faced_marks, load_marks
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,17 +54,9 @@ class CaptureQuestions:
         self.work, self.geometry = work, load_geometry(work)
         self.mask: np.ndarray = work.load("mask").read("mask")
         self.clusters: Clusters = load_clusters(work)
-        self.thresholds: np.ndarray = work.load("thresholds").read("thresholds")
         self._initial = work.load("silhouette").read("initial")
-        self.half_vectors: np.ndarray = work.load("lights").read("half_vectors")
-        self._near_light = load_near_light(work)
-        self.cache = open_frames(work)
+        self.frames = CaptureFrames(work, self.geometry, self.mask)
         self._settled: Alternation | None = None
-        self._levels = lru_cache(maxsize=64)(self._read_levels)
-        self.levels_of_frame = lru_cache(maxsize=8)(self._read_frame)
-        self._blocks = lru_cache(maxsize=KEPT_BLOCKS)(self._read_blocks)
-        self._followed = lru_cache(maxsize=1024)(self._follow)
-        self.tracks = lru_cache(maxsize=64)(self._track)
 
     @cached_property
     def candidate_pixels(self) -> np.ndarray:
@@ -82,16 +66,6 @@ class CaptureQuestions:
     def frame_position(self, row: int, column: int) -> tuple[int, int]:
         """Return x and y in the full frame of a pixel of the region."""
         return column + self.geometry.region.x, row + self.geometry.region.y
-
-    def frames_lit_at(self, row: int, column: int) -> np.ndarray:
-        """Return the frames with a light in which a pixel of the region is lit, ascending."""
-        lit = self._levels(row, column) > self.thresholds[row, column]
-        return np.flatnonzero(lit & np.isfinite(self.half_vectors[:, 0]))
-
-    def marks(self, annotations: list[AnnotationEntry]) -> Marks | None:
-        """Return annotations and their tracks as marks; None where there are none."""
-        marks = self.tracks(tuple(annotations)).marks
-        return marks if len(marks.kind) else None
 
     def sheet_of(self, layer: int, row: int, column: int) -> Question:
         """Return the sheet of a candidate as far as an answer to it reaches."""
@@ -183,49 +157,10 @@ class CaptureQuestions:
     def _sheets(self) -> tuple[np.ndarray, sparse.csr_matrix]:
         return sheet_graph(np.where(self.mask[None, :, :, None], self.clusters.normals, np.nan).astype(np.float32))
 
-    def _track(self, annotations: tuple[AnnotationEntry, ...]) -> Tracks:
-        late = [item.frame for item in annotations if item.frame >= len(self.half_vectors)]
-        if late:
-            raise InputError(f"a mark is at frame {late[0]:,}", f"the last one is {len(self.half_vectors) - 1:,}")
-        region = self.geometry.region
-        tracks = join_tracks(
-            marks_in_region(annotations, region),
-            lambda mark, span: self._followed(mark.frame, mark.x, mark.y, span.start, span.stop),
-            self.half_vectors,
-            (region.x, region.y),
-        )
-        return corrected_tracks(tracks, self._near_light, self.geometry)
-
-    def _follow(self, frame: int, x: float, y: float, start: int, stop: int) -> list[tuple[int, int, int]]:
-        span = slice(start, stop)
-        return list(follow_highlight(Mark(frame, x, y, True), span, self._window, self.thresholds, self.mask))
-
-    def _window(self, frames: slice, rows: slice, columns: slice) -> np.ndarray:
-        """Read a part of the frames out of whole chunks of the cache, which neighbouring highlights share."""
-        parts, chunk = (frames, rows, columns), (self.cache.shard_frames, CHUNK_PX, CHUNK_PX)
-        starts = [part.start // size * size for part, size in zip(parts, chunk, strict=True)]
-        ends = [-(-part.stop // size) * size for part, size in zip(parts, chunk, strict=True)]
-        inner = (slice(part.start - start, part.stop - start) for part, start in zip(parts, starts, strict=True))
-        return np.asarray(self._blocks(*zip(starts, ends, strict=True))[tuple(inner)])
-
-    def _read_blocks(self, *whole: tuple[int, int]) -> np.ndarray:
-        return self.cache.read(OBJECT, *(slice(start, end) for start, end in whole))
-
     def _highlight(self, question: Question) -> tuple[int, int, int] | None:
         normals, radius_deg = self.clusters.normals, self.work.parameters.clusters.radius
-        return choose_highlight(question, normals, self.thresholds, self._levels, self.half_vectors_of, radius_deg)
-
-    def half_vectors_of(self, row: int, column: int) -> np.ndarray:
-        """Return the half vectors (T, 3) of the frames as seen at a pixel of the region."""
-        pixels = np.tile(np.array([[row, column]]), (len(self.half_vectors), 1))
-        return corrected(self.half_vectors, pixels, self._near_light, self.geometry)
-
-    def _read_frame(self, frame: int) -> np.ndarray:
-        return np.asarray(self.cache.read(OBJECT, slice(frame, frame + 1))[0])
-
-    def _read_levels(self, row: int, column: int) -> np.ndarray:
-        pixel = slice(row, row + 1), slice(column, column + 1)
-        return np.asarray(self.cache.read(OBJECT, rows=pixel[0], columns=pixel[1])[:, 0, 0])
+        frames = self.frames
+        return choose_highlight(question, normals, frames.thresholds, frames.levels, frames.half_vectors_of, radius_deg)
 
 
 def _are_same(known: Marks, marks: Marks) -> bool:

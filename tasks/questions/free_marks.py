@@ -120,7 +120,7 @@ def refusal(held: CaptureQuestions, highlight: Highlight, kind: str, marks: tupl
             f"{place} gave no candidate ({nearest}; it must be within {MARK_RADIUS_DEG:g}°), so that there is nothing"
             " to call false: leave it"
         )
-    half_vector = held.half_vectors_of(highlight.row, highlight.column)[highlight.frame]
+    half_vector = held.frames.half_vectors_of(highlight.row, highlight.column)[highlight.frame]
     if kind == "true" and half_vector[2] <= 0:
         return f"{place} would need a surface that faces away from the camera: call it false"
     own = highlight.track or (Point(highlight.row, highlight.column, highlight.frame, 0),)
@@ -131,12 +131,12 @@ def _contradiction(
     held: CaptureQuestions, own: Sequence[Point], kind: str, marks: tuple[AnnotationEntry, ...], place: str
 ) -> str | None:
     """Return what speaks against a track (of the highlight named `place`) among the tracks of the marks."""
-    tracks = held.tracks(marks)
+    tracks = held.frames.tracks(marks)
     mine = np.array([(point.row, point.column, point.frame) for point in own])
     for number, mark in enumerate(marks):
         path = np.array([(point.row, point.column, point.frame) for point in tracks.path(number)], int).reshape(-1, 3)
         beside = (np.abs(path[:, None, :2] - mine[None, :, :2]) <= CONFLICT_RADIUS_PX).all(axis=-1)
-        turn = angles(held.half_vectors[path[:, None, 2]], held.half_vectors[mine[None, :, 2]])
+        turn = angles(held.frames.half_vectors[path[:, None, 2]], held.frames.half_vectors[mine[None, :, 2]])
         name = f"mark {number + 1} ({mark.kind}, frame {mark.frame:,}, x {mark.x:g}, y {mark.y:g})"
         if (beside & (turn <= CONFLICT_RADIUS_DEG)).any():
             if mark.kind == kind:
@@ -160,15 +160,15 @@ def _lit(held: CaptureQuestions, frame: int) -> np.ndarray:
     Raises:
         InputError: there is no such frame, or its light is not known.
     """
-    if not frame < len(held.half_vectors):
-        raise InputError(f"there is no frame {frame:,}", f"the last one is {len(held.half_vectors) - 1:,}")
-    usable = np.flatnonzero(np.isfinite(held.half_vectors[:, 0]))
+    if not frame < len(held.frames.half_vectors):
+        raise InputError(f"there is no frame {frame:,}", f"the last one is {len(held.frames.half_vectors) - 1:,}")
+    usable = np.flatnonzero(np.isfinite(held.frames.half_vectors[:, 0]))
     if frame not in usable:
         remedy = "see the warnings of the lights"
         if len(usable):
             remedy = f"go to frame {usable[np.argmin(np.abs(usable - frame))]:,}, the nearest one with a light"
         raise InputError(f"the light of frame {frame:,} is not known, so that its highlights say nothing", remedy)
-    return np.asarray((held.levels_of_frame(frame) > held.thresholds) & held.mask)
+    return np.asarray((held.frames.levels_of_frame(frame) > held.frames.thresholds) & held.mask)
 
 
 def _distances(pixels: np.ndarray, row: int, column: int) -> np.ndarray:
@@ -184,7 +184,7 @@ def _nothing_near(held: CaptureQuestions, frame: int | None, row: int, column: i
     text = f"no highlight of the object lies within {SNAP_RADIUS_PX:g} pixels of x {x}, y {y} in {where}"
     if not held.mask[row, column]:
         text += "; this is outside the mask"
-    lit = held.frames_lit_at(row, column)
+    lit = held.frames.frames_lit_at(row, column)
     elsewhere = f"go to frame {lit[0]:,}, in which this pixel is lit" if len(lit) and frame is not None else ""
     if not np.isfinite(distance).any():
         return InputError(text, elsewhere or "go to another frame, or see whether the mask is right")
@@ -207,9 +207,9 @@ def _tracked(held: CaptureQuestions, frame: int, row: int, column: int) -> Highl
 
 def _shown(held: CaptureQuestions, layer: int, row: int, column: int) -> Highlight | None:
     """Return the highlight that shows a candidate best; None if no frame does."""
-    angle = angles(held.half_vectors_of(row, column), held.clusters.normals[layer, row, column])
+    angle = angles(held.frames.half_vectors_of(row, column), held.clusters.normals[layer, row, column])
     radius = held.work.parameters.clusters.radius
-    shown = [frame for frame in held.frames_lit_at(row, column).tolist() if angle[frame] < radius]
+    shown = [frame for frame in held.frames.frames_lit_at(row, column).tolist() if angle[frame] < radius]
     if not shown:
         return None
     frame = min(shown, key=lambda item: float(angle[item]))
@@ -218,7 +218,7 @@ def _shown(held: CaptureQuestions, layer: int, row: int, column: int) -> Highlig
 
 
 def _track(held: CaptureQuestions, highlight: Highlight) -> tuple[Point, ...]:
-    return tuple(held.tracks((highlight.annotation(held, "true"),)).path(0))
+    return tuple(held.frames.tracks((highlight.annotation(held, "true"),)).path(0))
 
 
 def _layers(held: CaptureQuestions, row: int, column: int) -> list[int]:
@@ -229,7 +229,7 @@ def _layers(held: CaptureQuestions, row: int, column: int) -> list[int]:
 
 
 def _with_candidate(held: CaptureQuestions, frame: int, row: int, column: int) -> Highlight:
-    half_vector = held.half_vectors_of(row, column)[frame]
+    half_vector = held.frames.half_vectors_of(row, column)[frame]
     turns = np.nan_to_num(angles(held.clusters.normals[:, row, column], half_vector), nan=np.inf)
     layer = int(turns.argmin())
     nearest = float(turns[layer])

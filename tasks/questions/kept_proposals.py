@@ -44,7 +44,7 @@ def propose_or_recall(
     kept = read_kept(work.location, work.object_id, key)
     if kept is not None:
         return [_shown(item) for item in kept]
-    known = held.marks(list(marks))
+    known = held.frames.marks(list(marks))
     proposed = held.propose(held.stored_labels(known) or held.label(known), known, count)
     # A store that cannot be written still has its questions.
     with suppress(StoreError):

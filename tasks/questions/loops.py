@@ -26,11 +26,11 @@ def facts_of(held: CaptureQuestions, shown: ShownQuestion) -> dict[str, Any]:
         InputError: its pixel lies outside the region.
     """
     question, region = shown.question, held.geometry.region
-    first, count = _loop(shown.frame, held.cache.frames)
+    first, count = _loop(shown.frame, held.frames.cache.frames)
     rows, columns = _window(held, shown.x, shown.y)
     sphere = _sphere_crop(held)
     crop = None if sphere is None else held.geometry.crops[sphere]
-    lights = held.half_vectors[first : first + count, :2]
+    lights = held.frames.half_vectors[first : first + count, :2]
     return {
         "frame": shown.frame,
         "x": shown.x,
@@ -63,7 +63,7 @@ def loop_picture(held: CaptureQuestions, frame: int, x: int, y: int, part: str) 
         InputError: there is no such frame or sphere, or the pixel lies outside the region; StoreError: the store cannot
             be read.
     """
-    cache = held.cache
+    cache = held.frames.cache
     if frame >= cache.frames:
         raise InputError(f"there is no frame {frame:,}", f"the last one is {cache.frames - 1:,}")
     first, count = _loop(frame, cache.frames)

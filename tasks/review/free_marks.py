@@ -56,7 +56,7 @@ def mark_tracks(context: CaptureContext) -> dict[str, Any]:
     session, (revision, marks) = session_of(context), saved_marks(context)
     held = session.questions
     with session.marking_lock:
-        tracks = held.tracks(marks)
+        tracks = held.frames.tracks(marks)
     authors = mark_authors(context, revision)
     return {
         "revision": revision,

@@ -159,7 +159,7 @@ def _labelled(context: CaptureContext, marks: Annotations) -> Labelling:
     with session.labelling_lock:
         if marks not in session.labellings:
             start = monotonic()
-            normals = session.questions.draft_normals(session.questions.marks(list(marks)))
+            normals = session.questions.draft_normals(session.questions.frames.marks(list(marks)))
             change = np.nan_to_num(angles(normals, before))
             changed = change > CHANGED_DEG
             mean = float(change[changed].mean()) if changed.any() else 0.0

@@ -24,5 +24,5 @@ def test_a_mark_without_a_highlight_contradicts_nothing(held: CaptureQuestions) 
     highlight = highlights_at(held, row, column)[0]
     x, y = held.frame_position(0, 0)
     beside_the_object = AnnotationEntry(frame=highlight.frame, x=float(x), y=float(y), kind="true")
-    assert not held.tracks((beside_the_object,)).points
+    assert not held.frames.tracks((beside_the_object,)).points
     assert refusal(held, highlight, "true", (beside_the_object,)) is None
