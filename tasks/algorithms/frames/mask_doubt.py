@@ -14,6 +14,7 @@ from scipy import ndimage
 from glint.tasks.algorithms.frames.contour_edges import edge_image, signed_distance
 from glint.tasks.algorithms.frames.contour_offset import misplacement
 from glint.tasks.algorithms.frames.mask_regions import large_components
+from glint.tasks.algorithms.geometry.distance import inradius
 
 MIN_FLASH_LEVELS, FLASH_QUANTILE, FLASH_FACTOR = 12.0, 0.995, 1.5
 """A highlight rises above its surroundings by so many levels, and by a factor above this quantile of the table's."""
@@ -107,10 +108,10 @@ def doubt_of(mask: np.ndarray, objections: Sequence[Objection]) -> np.ndarray:
     It is highest beside a doubtful piece of contour, falls with the distance from it, and does not vanish anywhere.
     """
     trusted = np.ones(mask.shape)
-    inradius = max(float(ndimage.distance_transform_edt(np.pad(mask, 1)).max()), 1.0)
+    scale = max(inradius(mask), 1.0)
     for objection in objections:
         distance = ndimage.distance_transform_edt(~objection.piece)
-        local = np.exp(-distance / (REACH_INRADII * inradius))
+        local = np.exp(-distance / (REACH_INRADII * scale))
         overall = OVERALL_SHARE * objection.share
         trusted *= 1.0 - objection.doubt * np.maximum(local, overall)
     return np.where(mask, 1.0 - trusted, 0.0).astype(np.float32)

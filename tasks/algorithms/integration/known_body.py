@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.integration.edges import GridEdges
 from glint.tasks.algorithms.integration.expected_rises import ExpectedRises, poisson_source
 from glint.tasks.algorithms.integration.multigrid import solve_poisson
-from glint.tasks.algorithms.integration.rim import inner_radius
 
 MIN_BODY_SHARE = 0.6
 """Share of the mask whose normals must follow the body: 0.87 to 1 of vessels, less than a third of figurines into which
@@ -50,7 +50,7 @@ def known_body(depth: np.ndarray | None, mask: np.ndarray) -> KnownBody | None:
     known = mask & np.isfinite(depth)
     if np.count_nonzero(known) < MIN_BODY_SHARE * np.count_nonzero(mask):
         return None
-    return KnownBody(known, np.where(known, depth, 0.0).astype(np.float64), inner_radius(mask))
+    return KnownBody(known, np.where(known, depth, 0.0).astype(np.float64), inradius(mask))
 
 
 def body_pull(body: KnownBody, height: np.ndarray) -> np.ndarray:

@@ -12,6 +12,8 @@ import numpy as np
 from scipy import ndimage
 from scipy.special import ndtri
 
+from glint.tasks.algorithms.geometry.distance import inradius
+
 MIN_COSINE = 0.01
 """Lower bound of the cosine between normal and line of sight inside the rim: 100 pixels per pixel."""
 RIM_PX = 1.5
@@ -47,11 +49,6 @@ def contour_of(mask: np.ndarray) -> Contour:
     return Contour(distance.astype(np.float32), gradient / np.maximum(np.hypot(*gradient), 1e-6))
 
 
-def inner_radius(mask: np.ndarray) -> float:
-    """Return the radius in pixels of the largest circle inside a mask (H, W): solids rarely curve away with more."""
-    return float(cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, 5).max())
-
-
 def least_cosines(mask: np.ndarray) -> np.ndarray:
     """Return the least cosine between normal and line of sight that each pixel (H, W) of a mask can show.
 
@@ -60,7 +57,7 @@ def least_cosines(mask: np.ndarray) -> np.ndarray:
     """
     # A crop may end at the contour, so that the array's edge counts as one.
     outermost = mask & (cv2.erode(np.pad(mask, 1).astype(np.uint8), np.ones((3, 3), np.uint8))[1:-1, 1:-1] == 0)
-    return np.where(outermost, 1.0 / np.sqrt(1.0 + inner_radius(mask)), MIN_COSINE)
+    return np.where(outermost, 1.0 / np.sqrt(1.0 + inradius(mask)), MIN_COSINE)
 
 
 def contour_heights(height: np.ndarray, mask: np.ndarray, contour: Contour) -> tuple[np.ndarray, np.ndarray]:
@@ -79,7 +76,7 @@ def contour_heights(height: np.ndarray, mask: np.ndarray, contour: Contour) -> t
         step = (sampled - distance) * contour.inward[:, rows, columns]
         samples.append(_sampled(known, rows + step[0], columns + step[1]))
     first, second = (np.sqrt(sampled) for sampled in SAMPLED_PX)
-    rise = np.clip((samples[1] - samples[0]) / (second - first), 0.0, np.sqrt(2.0 * inner_radius(mask)))
+    rise = np.clip((samples[1] - samples[0]) / (second - first), 0.0, np.sqrt(2.0 * inradius(mask)))
     level = np.full((2, *mask.shape), np.nan)
     level[:, rows, columns] = samples[0] - first * rise, rise
     return level[0], level[1]

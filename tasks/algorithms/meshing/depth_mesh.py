@@ -15,11 +15,12 @@ from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.geometry.perspective import camera_in_crop, focal_length
 from glint.tasks.algorithms.geometry.triangles import triangle_vectors
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
 from glint.tasks.algorithms.integration.edges import grid_edges
-from glint.tasks.algorithms.integration.rim import MIN_COSINE, RIM_PX, Contour, contour_of, inner_radius
+from glint.tasks.algorithms.integration.rim import MIN_COSINE, RIM_PX, Contour, contour_of
 from glint.tasks.algorithms.meshing.contour_vertices import boundary_vertices, moves_to_contour
 
 MAX_STEP_PX = 1.0
@@ -172,7 +173,7 @@ def _surface_edges(
     known = np.isfinite(normals).all(axis=-1)
     edges = grid_edges(np.where(known[..., None], normals, 0.0), used, known.astype(float), camera, MIN_COSINE)
     tested = known & (contour.distance >= RIM_PX)
-    steepest = max(max_slope, float(np.sqrt(2.0 * inner_radius(used))))
+    steepest = max(max_slope, float(np.sqrt(2.0 * inradius(used))))
     kept = np.zeros(edges.inside.shape, bool)
     for axis in range(2):
         rise = np.roll(height, -1, axis) - height

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 
 import numpy as np
-from scipy import ndimage
 
+from glint.tasks.algorithms.geometry.distance import depth_inside
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.questions.proposals import Question
 
@@ -37,7 +37,7 @@ def choose_highlight(
     """
     footprint = np.zeros(thresholds.shape, dtype=bool)
     footprint[question.rows, question.columns] = True
-    depth = ndimage.distance_transform_edt(np.pad(footprint, 1))[1:-1, 1:-1]
+    depth = depth_inside(footprint)
     order = np.argsort(-depth[question.rows, question.columns], kind="stable")
     for node in order[np.linspace(0, len(order) - 1, min(TRIED_PIXELS, len(order))).astype(int)]:
         layer, row, column = (int(index[node]) for index in (question.layers, question.rows, question.columns))
