@@ -1,9 +1,10 @@
 """Estimated masks against the true ones: overlap, distance of the contours, warnings; and masks that are wrong.
 
-    python -m tests.benchmarks.masks [--quick] [--seed S] [--folder DIR] [CATALOGUE ..]
+    python -m tests.benchmarks.masks [--quick] [--seed S] [--folder DIR] [--vessels ROUNDS | CATALOGUE ..]
 
 Without a catalogue it simulates the presets in full size and length (--quick: half the size, 500 frames) and takes the
-shared captures too, where they are there. Captures are surveyed without mask and region, with the spheres given.
+shared captures too, where they are there. --vessels simulates glasses and mugs instead, so many of each shape, whose
+options (camera, light, noise, size) follow from the seed; their mean overlap comes last. Captures are surveyed without mask and region, with the spheres given.
 """
 
 import argparse
@@ -27,10 +28,15 @@ from glint.tasks.pipeline import STAGES, stages_until
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.levels import load_levels
+from tests.benchmarks.random_captures import random_capture
 
 SHARED = Path(__file__).parents[2].parent / "shared" / "data" / "captures"
 WRONG_BY_PX = 3
-PRESETS = ("hemisphere", "cylinder", "jug", "fish", "wine-glass", "water-glass")
+VESSELS = ("wine-glass", "water-glass", "goblet", "tumbler", "coupe", "mug", "tankard", "cut-bowl")
+PRESETS = (
+    *("hemisphere", "cylinder", "jug", "fish", "wine-glass", "water-glass"),
+    *("faceted-bottle", "puppy", "mug"),
+)
 
 
 def bare(context: CaptureContext) -> CaptureContext:
@@ -56,8 +62,8 @@ def truth_of(capture: Capture, size: tuple[int, int]) -> np.ndarray:
     return truth
 
 
-def measure(context: CaptureContext) -> str:
-    """One line of the table: the estimated mask, and whether the true one and wrong ones are objected to."""
+def measure(context: CaptureContext) -> tuple[str, float]:
+    """One line of the table: the estimated mask, and whether the true one and wrong ones are objected to; its overlap."""
     work = bare(context)
     keys = stage_keys(work, STAGES)
     records = [perform(work, stage, keys[stage.name]) for stage in stages_until("mask")]
@@ -76,7 +82,7 @@ def measure(context: CaptureContext) -> str:
             ndimage.distance_transform_edt(truth) > WRONG_BY_PX,
         )
     )
-    return f"| {context.name} | {overlap:.3f} | {contour_error(mask, truth):.2f} | {warned} | {given} |"
+    return f"| {context.name} | {overlap:.3f} | {contour_error(mask, truth):.2f} | {warned} | {given} |", overlap
 
 
 def objections(work: CaptureContext, mask: np.ndarray) -> bool:
@@ -101,27 +107,44 @@ def catalogues(folder: Path, quick: bool, seed: int, given: list[Path]) -> Itera
     yield from (path for name in ("single-views.yaml", "field.yaml") if (path := SHARED / name).exists())
 
 
+def captures(folder: Path, options: argparse.Namespace) -> Iterator[CaptureContext]:
+    """Yield the captures of the catalogues."""
+    for path in catalogues(folder / "captures", options.quick, options.seed, options.catalogues):
+        catalogue = load_catalogue(path)
+        for item in catalogue.objects:
+            for capture in item.captures:
+                yield CaptureContext.of(catalogue, item.id, capture.id, str(folder / "store"))
+
+
+def vessels(folder: Path, options: argparse.Namespace) -> Iterator[CaptureContext]:
+    """Yield captures of vessels with random options."""
+    for number, shape in enumerate(VESSELS * options.vessels):
+        capture = random_capture(shape, options.seed + number, folder / f"{number}", is_given=True)
+        yield CaptureContext(str(folder / "store"), f"{shape}-{options.seed + number}", capture, Parameters())
+
+
 def main() -> None:
     """Print a row per capture as it is measured."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("catalogues", nargs="*", type=Path, metavar="CATALOGUE")
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--vessels", type=int, default=0, metavar="ROUNDS")
     parser.add_argument("--folder", type=Path, help="folder for captures and store; a temporary one by default")
     options = parser.parse_args()
     print("| capture | IoU | contour, mean px | warned | true mask | 3 px larger | 3 px smaller |")
     print("|---|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as temporary:
         folder = options.folder or Path(temporary)
-        for path in catalogues(folder / "captures", options.quick, options.seed, options.catalogues):
-            catalogue = load_catalogue(path)
-            for item in catalogue.objects:
-                for capture in item.captures:
-                    work = CaptureContext.of(catalogue, item.id, capture.id, str(folder / "store"))
-                    try:
-                        print(measure(work), flush=True)
-                    except UnusableCapture as error:
-                        print(f"| {work.name} | refused: {error.message} | | | | | |", flush=True)
+        overlaps = []
+        for work in vessels(folder, options) if options.vessels else captures(folder, options):
+            try:
+                line, overlap = measure(work)
+            except UnusableCapture as error:
+                line, overlap = f"| {work.name} | refused: {error.message} | | | | | |", 0.0
+            print(line, flush=True)
+            overlaps.append(overlap)
+        print(f"\nmean overlap {np.mean(overlaps):.3f}, least {min(overlaps):.3f}")
 
 
 if __name__ == "__main__":

@@ -9,13 +9,18 @@ DARK_LEVEL = 8.0
 """Level, of 255, that is added before the logarithm, so that noise of dark pixels makes no edge."""
 BLUR_SIGMA_PX = 0.6
 """Standard deviation of the smoothing before slopes are taken."""
+SHARP_SIGMA_PX = 1.5
+"""Standard deviation of the smoothing that leaves the smooth part of an image, against which its lines stand out."""
 TEXTURE_QUANTILE, MIN_SLOPE = 0.8, 0.01
 """Quantile of the table's slopes that counts as its texture, and the slope added for a table without texture."""
 NORMAL_SIGMA_PX = 1.5
 """Standard deviation of the smoothing of a mask from which the contour's normals are taken."""
 MIN_OUTER_EDGE, MIN_EDGE_RATIO, MIN_PIECE_PX = 1.0, 1.1, 8
 """Mean edge along a contour farther out, in edges of the table and relative to the contour that it replaces; area."""
-
+CLEAR_OUTER_EDGE, MIN_CLEAR_RATIO = 1.6, 0.7
+"""The same two of a contour that is a clear edge by itself, where the one that it replaces may be stronger."""
+MAX_EDGE = 3.0
+"""Edge beyond which a stronger one counts no more: a black line beside a contour speaks for the line alone."""
 RIM_DEPTH_PX, TABLE_DISTANCES_PX, PROFILE_STEP_PX = 4.0, (3.0, 6.0), 0.25
 """Distances from a contour up to which the rim inside lies, and between which the table outside, and of samples."""
 MAX_RIM_OFFSET_PX = 1.0
@@ -26,9 +31,15 @@ MIN_RIM_SHARE = 2.0 / 3.0
 """Share of the contour that must have a halfway level: elsewhere the rim is too much like the table."""
 
 
-def edge_image(levels: np.ndarray, is_table: np.ndarray) -> np.ndarray:
-    """Return log levels (H, W), 0 to 255, such that a slope of 1 per pixel is an edge of the table's texture."""
+def edge_image(levels: np.ndarray, is_table: np.ndarray, is_sharp: bool = False) -> np.ndarray:
+    """Return log levels (H, W), 0 to 255, such that a slope of 1 per pixel is an edge of the table's texture.
+
+    is_sharp: whether their smooth part is taken away (a difference of Gaussians: Marr and Hildreth 1980), so that lines
+    count and gentle slopes do not.
+    """
     brightness = cv2.GaussianBlur(np.log(levels.astype(np.float32) + DARK_LEVEL), (0, 0), BLUR_SIGMA_PX)
+    if is_sharp:
+        brightness -= cv2.GaussianBlur(brightness, (0, 0), SHARP_SIGMA_PX)
     slopes = np.hypot(*np.gradient(brightness))[is_table]
     texture = float(np.quantile(slopes, TEXTURE_QUANTILE)) if len(slopes) else 0.0
     return np.asarray(brightness / (texture + MIN_SLOPE))
@@ -47,9 +58,12 @@ def contour_pixels(mask: np.ndarray) -> np.ndarray:
     return ndimage.binary_dilation(mask) & ~ndimage.binary_erosion(mask)
 
 
-def stronger_pieces(mask: np.ndarray, outer: np.ndarray, image: np.ndarray) -> np.ndarray:
-    """Return the pieces (H, W) bool of `outer` beside `mask` whose outer contour is the stronger edge of an image."""
-    outer_slope, inner_slope = slope_across(image, outer), slope_across(image, mask)
+def stronger_pieces(mask: np.ndarray, outer: np.ndarray, image: np.ndarray, is_wall: bool = False) -> np.ndarray:
+    """Return the pieces (H, W) bool of `outer` beside `mask` whose outer contour is the stronger edge of an image.
+
+    is_wall: whether a clear edge is enough; the inner face of a thin wall may be the stronger one.
+    """
+    outer_slope, inner_slope = (np.minimum(slope_across(image, area), MAX_EDGE) for area in (outer, mask))
     outer_contour, inner_contour = contour_pixels(outer) & ~ndimage.binary_dilation(mask), contour_pixels(mask)
     pieces, _ = ndimage.label(outer & ~mask)
     result = np.zeros_like(mask)
@@ -61,7 +75,8 @@ def stronger_pieces(mask: np.ndarray, outer: np.ndarray, image: np.ndarray) -> n
         if piece.sum() < MIN_PIECE_PX or not new.any() or not old.any():
             continue
         strength, replaced = float(outer_slope[grown][new].mean()), float(inner_slope[grown][old].mean())
-        if strength > MIN_OUTER_EDGE and strength > MIN_EDGE_RATIO * replaced:
+        is_stronger = strength > MIN_OUTER_EDGE and strength > MIN_EDGE_RATIO * replaced
+        if is_stronger or (is_wall and strength > CLEAR_OUTER_EDGE and strength > MIN_CLEAR_RATIO * replaced):
             result[grown] |= piece
     return result
 

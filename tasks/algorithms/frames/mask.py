@@ -4,7 +4,8 @@ Yeung et al. 2009 take the silhouette as given (section 4.1). Here a first cut s
 the light differs from that of the table around them (`table_response`); holes and gaps that are glass are filled
 (`mask_regions`); and a second cut moves the contour to the edges of the background and of the response nearby. Walls
 and feet of glasses refract the table without any highlight: the contour moves out to an edge of the background that is
-stronger than the one that it leaves; and in from the blur of highlights at the rim.
+stronger than the one that it leaves, then farther to a clear line of it, as the outer face of a thin wall is; and in
+from the blur of highlights at the rim.
 """
 
 from collections.abc import Sequence
@@ -16,7 +17,7 @@ from scipy import ndimage
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.frames.contour_edges import edge_image, rim_offset, signed_distance, stronger_pieces
-from glint.tasks.algorithms.frames.grid_cut import grid_cut, links
+from glint.tasks.algorithms.frames.grid_cut import Links, grid_cut, links
 from glint.tasks.algorithms.frames.mask_regions import (
     CLOSE_SHARE,
     bridged,
@@ -54,6 +55,8 @@ OUTWARD_BONUS = 0.2
 """Nats by which a pixel is preferred inside where a contour farther out is looked for."""
 EDGE_FLOOR = 0.03
 """Cost of the second cut across the strongest edge, relative to that without an edge."""
+MAX_WALL_SHARE, WALL_ROUNDS = 0.18, 2
+"""Farthest that the outer face of a wall is looked for, as a share of that edge, and the times it is."""
 RESPONSE_EDGE = 0.24
 """Difference of the saturated response that counts as an edge."""
 RESPONSE_WEIGHT = 0.03
@@ -178,24 +181,28 @@ def _check_highlights(flashing: np.ndarray, free: np.ndarray) -> None:
 def _at_edges(classes: _Classes, background: np.ndarray, free: np.ndarray) -> np.ndarray:
     """Return the mask (H, W) bool with its contour moved to the edges nearby."""
     edge = float(np.sqrt(classes.differing.sum()))
-    farthest = max(2, round(MAX_OUTWARD_SHARE * edge))
     # Closing fills concavities of the silhouette as well as gaps of its contour: what it alone adds is not certain.
     holes = classes.filled & ~closed(classes.differing, CLOSE_SHARE * edge)
     certain = filled(closed(classes.differing | holes, CLOSED_CONTOUR_SHARE * edge), 0.0) | classes.bridged
     inside = ndimage.distance_transform_edt(certain) > max(2, round(MAX_INWARD_SHARE * edge))
-    brightness = edge_image(background, classes.is_table)
-    capacities = links([brightness, *_saturated_responses(classes)], 1.0, EDGE_FLOOR)
+    responses, brightness = _saturated_responses(classes), edge_image(background, classes.is_table)
+    lines = edge_image(background, classes.is_table, is_sharp=True)
+    edges = links([brightness, *responses], 1.0, EDGE_FLOOR)
+    walls = links([lines, *responses], 1.0, EDGE_FLOOR)
 
-    def cut(inside: np.ndarray, reach: np.ndarray, bonus: float) -> np.ndarray:
-        outside = (ndimage.distance_transform_edt(~reach) > farthest) | ~free
+    def cut(inside: np.ndarray, reach: np.ndarray, share: float, bonus: float, capacities: Links) -> np.ndarray:
+        outside = (ndimage.distance_transform_edt(~reach) > max(2, round(share * edge))) | ~free
         return large_components(grid_cut(RESPONSE_WEIGHT * classes.ratios + bonus, capacities, inside, outside) & free)
 
     reach = classes.filled
-    mask = cut(inside, reach, 0.0)
+    mask = cut(inside, reach, MAX_OUTWARD_SHARE, 0.0, edges)
     for _ in range(OUTWARD_ROUNDS):
-        outer = cut(inside, reach, OUTWARD_BONUS)
+        outer = cut(inside, reach, MAX_OUTWARD_SHARE, OUTWARD_BONUS, edges)
         mask = mask | stronger_pieces(mask, outer, brightness)
         inside, reach = inside | mask, mask
+    for _ in range(WALL_ROUNDS):
+        outer = mask | cut(mask, mask, MAX_WALL_SHARE, OUTWARD_BONUS, walls)
+        mask = mask | stronger_pieces(mask, outer, lines, is_wall=True)
     return mask
 
 

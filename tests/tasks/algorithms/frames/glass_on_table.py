@@ -1,7 +1,8 @@
 """A glass ring on a textured table under a moving light, drawn from formulas: frames whose mask is known.
 
 The table follows the light as a whole, with a soft shadow that moves around the ring; the ring shows a flash that
-moves over it and refracts the table: its texture is another one, lit otherwise. A lamp may pass through the picture.
+moves over it and refracts the table: its texture is another one, lit otherwise. A clear wall around it shows the table
+as it is, but for the line of its outer face. A lamp may pass through the picture.
 """
 
 from dataclasses import dataclass
@@ -11,6 +12,8 @@ import numpy as np
 
 CENTRE, OUTER, INNER = (90.0, 90.0), 62.0, 26.0
 LAMP_RADIUS, LAMP_FRAMES = 18.0, 12
+LINE_DEPTH = 0.4
+"""Share of the light that the outer face of a wall takes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,13 +32,14 @@ def draw_glass(
     inner: float = INNER,
     shadow: float = 0.1,
     blur: float = 0.0,
+    wall: float = 0.0,
     lamp: float | None = None,
     seed: int = 0,
 ) -> GlassScene:
     """Draw the scene.
 
     inner: radius of the ring's hole, 0 for a disc; shadow: its depth beside the ring, 0 to 1; blur: standard
-    deviation in pixels of the optics' blur; lamp: x of a lamp that passes from top to bottom, None for none.
+    deviation in pixels of the optics' blur; wall: width in pixels of a clear wall around the ring; lamp: x of a lamp that passes from top to bottom, None for none.
     """
     generator = np.random.default_rng(seed)
     table, refracted = (_texture(generator, (height, width)) for _ in range(2))
@@ -57,6 +61,8 @@ def draw_glass(
         for flash_x, flash_y in ((x, y), (CENTRE[0] + OUTER * np.cos(-turn), CENTRE[1] + OUTER * np.sin(-turn))):
             glass = np.maximum(glass, 400.0 * np.exp(-((columns - flash_x) ** 2 + (rows - flash_y) ** 2) / 18.0))
         picture = picture * (1.0 - cover) + glass * cover
+        if wall:
+            picture *= 1.0 - LINE_DEPTH * np.exp(-0.5 * (distance - OUTER - wall + 0.5) ** 2)
         picture[on_sphere] = 30.0
         picture[np.hypot(columns - sphere[0] - 8 * np.cos(turn), rows - sphere[1] - 8 * np.sin(turn)) < 3] = 255.0
         if lamp is not None and number < LAMP_FRAMES:
@@ -66,7 +72,7 @@ def draw_glass(
             picture = cv2.GaussianBlur(picture, (0, 0), blur)
         pictures.append(picture + generator.normal(0.0, 1.5, picture.shape))
     stack = np.clip(np.rint(pictures), 0, 255).astype(np.uint8)
-    return GlassScene(stack, cover > 0.5, sphere)
+    return GlassScene(stack, (cover > 0.5) | ((distance >= inner) & (distance < OUTER + wall)), sphere)
 
 
 def _texture(generator: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:

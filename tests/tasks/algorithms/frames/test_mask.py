@@ -9,7 +9,7 @@ from glint.tasks.algorithms.frames.contour_edges import rim_offset, signed_dista
 from glint.tasks.algorithms.frames.frame_sample import MAX_SAMPLE_EDGE_PX, FrameSample
 from glint.tasks.algorithms.frames.mask import estimate_mask
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from tests.tasks.algorithms.frames.glass_on_table import GlassScene, draw_glass
+from tests.tasks.algorithms.frames.glass_on_table import CENTRE, OUTER, GlassScene, draw_glass
 
 
 @pytest.fixture(scope="module")
@@ -68,6 +68,22 @@ def test_large_frames_are_reduced_and_the_mask_is_enlarged(ring: GlassScene) -> 
 def test_the_blur_of_highlights_does_not_widen_the_mask(inner: float, expected: float) -> None:
     scene = draw_glass(inner=inner, blur=1.0, seed=3)
     assert overlap(estimate_mask(scene.frames, spheres=[Sphere(*scene.sphere)]), scene.mask) > expected
+
+
+@pytest.mark.parametrize("wall", [5.0, 8.0])
+def test_the_clear_wall_of_a_glass_is_a_part_of_it(wall: float) -> None:
+    scene = draw_glass(inner=0.0, wall=wall, seed=4)
+    assert overlap(estimate_mask(scene.frames, spheres=[Sphere(*scene.sphere)]), scene.mask) > 0.97
+
+
+@pytest.mark.parametrize("gap", [2, 8])
+@pytest.mark.parametrize("depth", [0.4, 0.8])
+def test_a_line_on_the_table_beside_the_object_is_no_wall_of_it(gap: int, depth: float) -> None:
+    scene = draw_glass(inner=0.0, seed=4)
+    columns = np.arange(scene.frames.shape[2])
+    line = 1.0 - depth * np.exp(-0.5 * (columns - CENTRE[0] - OUTER - gap) ** 2)
+    mask = estimate_mask((scene.frames * line).astype(np.uint8), spheres=[Sphere(*scene.sphere)])
+    assert overlap(mask, scene.mask) > 0.93
 
 
 def offset_of(levels: np.ndarray, mask: np.ndarray, used: np.ndarray) -> float | None:
