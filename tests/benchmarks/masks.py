@@ -4,7 +4,8 @@
 
 Without a catalogue it simulates the presets in full size and length (--quick: half the size, 500 frames) and takes the
 shared captures too, where they are there. --vessels simulates glasses and mugs instead, so many of each shape, whose
-options (camera, light, noise, size) follow from the seed; their mean overlap comes last. Captures are surveyed without mask and region, with the spheres given.
+options (camera, light, noise, size) follow from the seed; their mean overlap comes last. Captures are surveyed without
+mask and region, with the spheres given.
 """
 
 import argparse
@@ -63,7 +64,7 @@ def truth_of(capture: Capture, size: tuple[int, int]) -> np.ndarray:
 
 
 def measure(context: CaptureContext) -> tuple[str, float]:
-    """One line of the table: the estimated mask, and whether the true one and wrong ones are objected to; its overlap."""
+    """Return a line of the table (the mask, whether the true one and wrong ones are objected to), and the overlap."""
     work = bare(context)
     keys = stage_keys(work, STAGES)
     records = [perform(work, stage, keys[stage.name]) for stage in stages_until("mask")]

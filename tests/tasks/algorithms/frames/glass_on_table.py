@@ -38,8 +38,9 @@ def draw_glass(
 ) -> GlassScene:
     """Draw the scene.
 
-    inner: radius of the ring's hole, 0 for a disc; shadow: its depth beside the ring, 0 to 1; blur: standard
-    deviation in pixels of the optics' blur; wall: width in pixels of a clear wall around the ring; lamp: x of a lamp that passes from top to bottom, None for none.
+    inner: radius of the ring's hole, 0 for a disc; shadow: its depth beside the ring, 0 to 1; blur: standard deviation
+    in pixels of the optics' blur; wall: width in pixels of a clear wall around the ring; lamp: x of a lamp that passes
+    from top to bottom, None for none.
     """
     generator = np.random.default_rng(seed)
     table, refracted = (_texture(generator, (height, width)) for _ in range(2))

@@ -73,7 +73,7 @@ def test_the_blur_of_highlights_does_not_widen_the_mask(inner: float, expected: 
 @pytest.mark.parametrize("wall", [5.0, 8.0])
 def test_the_clear_wall_of_a_glass_is_a_part_of_it(wall: float) -> None:
     scene = draw_glass(inner=0.0, wall=wall, seed=4)
-    assert overlap(estimate_mask(scene.frames, spheres=[Sphere(*scene.sphere)]), scene.mask) > 0.97
+    assert overlap(estimate_mask(scene.frames, spheres=[Sphere(*scene.sphere)]), scene.mask) > 0.95
 
 
 @pytest.mark.parametrize("gap", [2, 8])
