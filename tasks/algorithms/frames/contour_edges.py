@@ -19,8 +19,8 @@ MIN_OUTER_EDGE, MIN_EDGE_RATIO, MIN_PIECE_PX = 1.0, 1.1, 8
 """Mean edge along a contour farther out, in edges of the table and relative to the contour that it replaces; area."""
 CLEAR_OUTER_EDGE, MIN_CLEAR_RATIO = 1.6, 0.7
 """The same two of a contour that is a clear edge by itself, where the one that it replaces may be stronger."""
-MAX_EDGE = 3.0
-"""Edge beyond which a stronger one counts no more: a black line beside a contour speaks for the line alone."""
+MAX_WALL_EDGE = 3.0
+"""Edge of a wall beyond which a stronger one counts no more: a black line on the table stands for no other place."""
 RIM_DEPTH_PX, TABLE_DISTANCES_PX, PROFILE_STEP_PX = 4.0, (3.0, 6.0), 0.25
 """Distances from a contour up to which the rim inside lies, and between which the table outside, and of samples."""
 MAX_RIM_OFFSET_PX = 1.0
@@ -63,7 +63,8 @@ def stronger_pieces(mask: np.ndarray, outer: np.ndarray, image: np.ndarray, is_w
 
     is_wall: whether a clear edge is enough; the inner face of a thin wall may be the stronger one.
     """
-    outer_slope, inner_slope = (np.minimum(slope_across(image, area), MAX_EDGE) for area in (outer, mask))
+    limit = MAX_WALL_EDGE if is_wall else np.inf
+    outer_slope, inner_slope = (np.minimum(slope_across(image, area), limit) for area in (outer, mask))
     outer_contour, inner_contour = contour_pixels(outer) & ~ndimage.binary_dilation(mask), contour_pixels(mask)
     pieces, _ = ndimage.label(outer & ~mask)
     result = np.zeros_like(mask)
