@@ -7,7 +7,8 @@ beside a pixel, and to which side the surface falls: from levels along a line ac
 frames, and from how alike pixels on both sides change over time, with highlights and without. Scores are averaged
 along curves, and the ridges above a limit are the contours. Of each view of SHAPE (puppy by default) it prints how many
 of them lie within 1.5 px of a true one, how many pixels before true ones lie within 1.5 px of them, in brackets both by
-chance, and the squared errors of the normals (observed pixels / whole mask) as they are and with a field cut there.
+chance, and the squared errors of the normals (observed pixels / whole mask) as they are, with a field cut there, and
+with a field cut along their mirror image.
 """
 
 from pathlib import Path
@@ -46,7 +47,7 @@ COMPONENTS = 32
 BASE_QUANTILE, SATURATION = 0.85, 0.3
 """Quantile over time at which highlights are cut off, and the gradient of root levels that counts as an edge."""
 NEAR_PX, BESIDE_PX, N_BESIDE, N_ELSEWHERE = 1.5, 6.0, 4000, 12000
-"""Distances within which a pixel counts as on a contour and beside one, and the pixels of a view without one."""
+"""Distances within which a pixel counts as on a contour and beside one; sampled pixels beside one and elsewhere."""
 LIMITS, LINK_PX, MIN_LENGTH_PX = (0.35, 0.1), 3, 4
 """Scores from which there is a contour, the distance over which they are averaged, the least pixels of one."""
 RIDGE = 3.0
@@ -82,9 +83,10 @@ class Pictures:
             return np.mean([ndimage.map_coordinates(picture, p, order=1, mode="nearest") for p in places], axis=0)
 
         def course(values: np.ndarray, across: float, along: float) -> np.ndarray:
-            y, x = rows + across * down + along * right, columns + across * right - along * down
-            limits = values.shape[0] - 1, values.shape[1] - 1
-            return values[np.clip(np.rint(y), 0, limits[0]).astype(int), np.clip(np.rint(x), 0, limits[1]).astype(int)]
+            places = rows + across * down + along * right, columns + across * right - along * down
+            return values[
+                tuple(np.rint(p).clip(0, n - 1).astype(int) for p, n in zip(places, values.shape, strict=False))
+            ]
 
         result = []
         for picture in self.pictures:
@@ -122,10 +124,10 @@ def _directions(bins: np.ndarray | int) -> tuple[np.ndarray, np.ndarray]:
 
 
 class View:
-    """A capture with its truth, whose results are kept in a store."""
+    """A capture with its truth, whose results are kept in a store, performed up to the candidates."""
 
     def __init__(self, capture: Capture, store: Path) -> None:
-        """Perform its stages up to the candidates."""
+        """Open it."""
         work = CaptureContext(str(store), "object", capture, Parameters(), "contour evidence")
         perform_all(work, "clusters")
         self.clusters, self.mask = without_shading(load_clusters(work)), work.load("mask").read("mask")
@@ -152,14 +154,15 @@ class View:
             rows, columns = np.nonzero(self.inside & (distance > NEAR_PX) & (distance <= limit))
             chosen = generator.permutation(len(rows))[:count]
             parts.append((rows[chosen], columns[chosen], generator.integers(0, BINS, len(chosen)), 0.0))
-        features = [self.pictures.features(*part[:3]) for part in parts]
-        return np.concatenate(features), np.concatenate([np.full(len(part[0]), part[3]) for part in parts])
+        features = np.concatenate([self.pictures.features(rows, columns, bins) for rows, columns, bins, _ in parts])
+        return features, np.concatenate([np.full(len(part[0]), part[3]) for part in parts])
 
     def report(self, model: "Logistic") -> str:
         """Return a line on how well contours are told, and what they are worth."""
         log_odds = np.full((BINS, *self.mask.shape), -7.0)
+        rows, columns = np.nonzero(self.inside)
         for number in range(BINS):
-            log_odds[number][self.inside] = model.log_odds(self.pictures.features(*np.nonzero(self.inside), number))
+            log_odds[number][self.inside] = model.log_odds(self.pictures.features(rows, columns, number))
         score, bins = _linked(log_odds)
         parts, labelled = [self._errors(reconstruct_normals(self.clusters, self.mask).normals)], _distance(self.any)
         for limit in LIMITS:
@@ -167,9 +170,9 @@ class View:
             beside = _distance(contours.near) <= NEAR_PX
             precision, recall = (labelled[contours.near] <= NEAR_PX).mean(), beside[self.near].mean()
             chance = (labelled[self.inside] <= NEAR_PX).mean(), beside[self.inside].mean()
-            errors = self._errors(normals_with(self.clusters, self.mask, contours, has_rim=False))
             shares = f"{precision:.0%} ({chance[0]:.0%}) true, {recall:.0%} ({chance[1]:.0%}) of all"
-            parts.append(f"from {limit}: {shares}, {errors}")
+            both = (normals_with(self.clusters, self.mask, c, has_rim=False) for c in (contours, contours.mirrored()))
+            parts.append(f"from {limit}: {shares}, {', mirrored '.join(map(self._errors, both))}")
         return "; ".join(parts)
 
     def _errors(self, normals: np.ndarray) -> str:
@@ -233,22 +236,22 @@ def _ridges(score: np.ndarray, bins: np.ndarray, limit: float) -> Contours:
         near &= smooth >= ndimage.map_coordinates(smooth, [rows + sign * down, columns + sign * right], order=1)
     numbers, count = ndimage.label(near, np.ones((3, 3)))
     near = np.isin(numbers, 1 + np.flatnonzero(ndimage.sum(near, numbers, np.arange(1, count + 1)) >= MIN_LENGTH_PX))
-    edges = []
-    for axis, step in ((1, right), (0, down)):
-        edges.append((near & (step > 0.3)) | np.roll(near & (step < -0.3), -1, axis=axis))
-    outward = np.stack([right, -down, np.zeros(score.shape)], axis=-1)
-    return Contours(edges[0], edges[1], near, outward)
+    right_cuts, down_cuts = (
+        (near & (step > 0.3)) | np.roll(near & (step < -0.3), -1, axis=axis) for axis, step in ((1, right), (0, down))
+    )
+    return Contours(right_cuts, down_cuts, near, np.stack([right, -down, np.zeros(score.shape)], axis=-1))
 
 
 def main() -> None:
     """Learn, and print a line per view as it is measured."""
     arguments = shapes_parser(__doc__, seed=102).parse_args()
-    generator, size = np.random.default_rng(0), {"frames": 1500, "scale": 0.8}
-    options = CaptureOptions(seed=LEARNED_SEED, views=LEARNED_VIEWS, **size)
+    generator = np.random.default_rng(0)
+    options = CaptureOptions(frames=1500, scale=0.8, seed=LEARNED_SEED, views=LEARNED_VIEWS)
     folder = arguments.folder and arguments.folder / "learned"
-    samples = [View(*rest).samples(generator) for _, *rest in simulated_captures(LEARNED, folder, options)]
+    learned = simulated_captures(LEARNED, folder, options)
+    samples = [View(capture, store).samples(generator) for _, capture, store in learned]
     model = Logistic(*(np.concatenate(part) for part in zip(*samples, strict=True)))
-    options = CaptureOptions(seed=arguments.seed, views=TESTED_VIEWS, **size)
+    options = CaptureOptions(frames=1500, scale=0.8, seed=arguments.seed, views=TESTED_VIEWS)
     for name, capture, store in simulated_captures(arguments.shapes or ["puppy"], arguments.folder, options):
         print(f"{name}: {View(capture, store).report(model)}", flush=True)
 

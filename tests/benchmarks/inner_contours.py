@@ -83,10 +83,15 @@ class Contours:
         down = self.down & (kept | np.roll(kept, -1, axis=0))
         return Contours(right, down, kept, self.outward)
 
+    def mirrored(self) -> "Contours":
+        """Return their mirror image, left and right exchanged: as many contours in wrong places."""
+        right, outward = np.roll(self.right[:, ::-1], -1, axis=1), self.outward[:, ::-1] * [-1.0, 1.0, 1.0]
+        return Contours(right, self.down[:, ::-1], self.near[:, ::-1], outward)
+
     def with_mirrored(self) -> "Contours":
         """Return them together with their mirror image, which holds as many false ones."""
-        right, down = self.right | np.roll(self.right[:, ::-1], -1, axis=1), self.down | self.down[:, ::-1]
-        return Contours(right, down, self.near, self.outward)
+        false = self.mirrored()
+        return Contours(self.right | false.right, self.down | false.down, self.near, self.outward)
 
 
 def cut_field(mask: np.ndarray, contours: Contours, tension_length: float) -> SmoothNormalField:
