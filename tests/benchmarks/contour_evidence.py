@@ -64,7 +64,7 @@ class Pictures:
         low, median, high = np.quantile(levels, (0.1, 0.5, 0.9), axis=0)
         pictures = [low, median, high, levels.mean(axis=0), levels.max(axis=0), levels.std(axis=0)]
         pictures.append(np.sqrt(lit.mean(axis=0)))
-        self.pictures = [(each - each[mask].mean()) / max(each[mask].std(), 1e-6) for each in pictures]
+        self.pictures = [(level - level[mask].mean()) / max(level[mask].std(), 1e-6) for level in pictures]
         self.edges = np.zeros((5, *mask.shape))
         for frame in base:
             down, right = np.gradient(ndimage.gaussian_filter(frame, 0.7))
@@ -171,8 +171,9 @@ class View:
             precision, recall = (labelled[contours.near] <= NEAR_PX).mean(), beside[self.near].mean()
             chance = (labelled[self.inside] <= NEAR_PX).mean(), beside[self.inside].mean()
             shares = f"{precision:.0%} ({chance[0]:.0%}) true, {recall:.0%} ({chance[1]:.0%}) of all"
-            both = (normals_with(self.clusters, self.mask, c, has_rim=False) for c in (contours, contours.mirrored()))
-            parts.append(f"from {limit}: {shares}, {', mirrored '.join(map(self._errors, both))}")
+            cuts = contours, contours.mirrored()
+            errors = [self._errors(normals_with(self.clusters, self.mask, cut, has_rim=False)) for cut in cuts]
+            parts.append(f"from {limit}: {shares}, {', mirrored '.join(errors)}")
         return "; ".join(parts)
 
     def _errors(self, normals: np.ndarray) -> str:
