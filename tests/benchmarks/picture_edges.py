@@ -67,14 +67,14 @@ def ridges(gradient: np.ndarray, angle: np.ndarray) -> np.ndarray:
     return np.asarray((gradient >= ahead) & (gradient > behind))
 
 
-def contour_pixels(depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def contour_pixels(depth: np.ndarray, min_step: float = MIN_STEP_PX) -> tuple[np.ndarray, np.ndarray]:
     """Return the pixels (H, W) bool just before depth steps, and the directions (H, W, 2), row and column, across them.
 
-    depth: (H, W), towards the camera, NaN outside the mask.
+    depth: (H, W), towards the camera, NaN outside the mask; min_step: see `rises_and_steps`, pixels.
     """
     near, across = np.zeros(depth.shape, bool), np.zeros((*depth.shape, 2))
     for axis in (0, 1):
-        rise, steps = rises_and_steps(depth.swapaxes(axis, 1), MIN_STEP_PX)
+        rise, steps = rises_and_steps(depth.swapaxes(axis, 1), min_step)
         falling = np.pad(steps & (rise < 0), ((0, 0), (0, 1))).swapaxes(axis, 1)
         rising = np.pad(steps & (rise > 0), ((0, 0), (1, 0))).swapaxes(axis, 1)
         near |= falling | rising
