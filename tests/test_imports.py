@@ -214,3 +214,10 @@ def test_the_command_line_imports_nothing_slow(module: str) -> None:
     code = f"import sys, {module}; print(*sorted(set(sys.modules) & set({sorted(SLOW)!r})))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert done.stdout.split() == []
+
+
+def test_benchmarks_import_what_there_is() -> None:
+    """No other test runs most of them."""
+    names = [f"tests.benchmarks.{path.stem}" for path in sorted((ROOT / "tests" / "benchmarks").glob("*.py"))]
+    code = f"import importlib\nfor name in {names}: importlib.import_module(name)"
+    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)

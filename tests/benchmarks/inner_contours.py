@@ -23,13 +23,8 @@ from glint.tasks.algorithms.evaluation.metrics import squared_errors
 from glint.tasks.algorithms.geometry.bilinear_grid import BilinearGrid
 from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.labelling.alternation import Alternation
-from glint.tasks.algorithms.labelling.reconstruction import CONVERGED_SHARE, reconstruct_normals
-from glint.tasks.algorithms.labelling.weights import (
-    DEFAULT_FIELD,
-    DEFAULT_FIELD_ERROR,
-    DEFAULT_GRAPH_CUT,
-    MIN_FIELD_CONFIDENCE,
-)
+from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
+from glint.tasks.algorithms.labelling.weights import DEFAULT_FIELD, DEFAULT_OPTIONS
 from glint.tasks.algorithms.prior.smooth_normals import SmoothNormalField
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
@@ -44,8 +39,6 @@ DISPLACED_PX = (1, 2)
 """Displacements to the right and down of contours that are not known to a pixel."""
 MISSING_SHARES, PIECES_PX = (0.2, 0.4), 3.0
 """Shares of the contour pixels that are missing, and the standard deviation of the noise that chooses the pieces."""
-MAX_ITERATIONS = 10
-"""Iterations of labels and field, as by default."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,9 +134,7 @@ def normals_with(clusters: Clusters, mask: np.ndarray, contours: Contours, has_r
         clusters.observations,
         mask,
         None,
-        DEFAULT_GRAPH_CUT,
-        DEFAULT_FIELD,
-        DEFAULT_FIELD_ERROR,
+        DEFAULT_OPTIONS,
     )
     state.surface = state.coarse = cut_field(mask, contours, DEFAULT_FIELD.tension_length)
     if has_rim:
@@ -151,7 +142,7 @@ def normals_with(clusters: Clusters, mask: np.ndarray, contours: Contours, has_r
         state.outward = np.where(inner[..., None], contours.outward, state.outward).astype(np.float32)
         state.rim = state.rim | inner
     state.smooth = state.initial = state.solve_field(state.known, state.values)
-    state.iterate(MAX_ITERATIONS, CONVERGED_SHARE, MIN_FIELD_CONFIDENCE)
+    state.iterate()
     return reconstruct_normals(clusters, mask, settled=state).normals
 
 
