@@ -40,7 +40,7 @@ class CaptureFrames:
         self._blocks = lru_cache(maxsize=KEPT_BLOCKS)(self._read_blocks)
         self._followed = lru_cache(maxsize=1024)(self._follow)
 
-    def frames_lit_at(self, row: int, column: int) -> np.ndarray:
+    def lit_at(self, row: int, column: int) -> np.ndarray:
         """Return the frames with a light in which a pixel of the region is lit, ascending."""
         lit = self.levels(row, column) > self.thresholds[row, column]
         return np.flatnonzero(lit & np.isfinite(self.half_vectors[:, 0]))

@@ -184,7 +184,7 @@ def _nothing_near(held: CaptureQuestions, frame: int | None, row: int, column: i
     text = f"no highlight of the object lies within {SNAP_RADIUS_PX:g} pixels of x {x}, y {y} in {where}"
     if not held.mask[row, column]:
         text += "; this is outside the mask"
-    lit = held.frames.frames_lit_at(row, column)
+    lit = held.frames.lit_at(row, column)
     elsewhere = f"go to frame {lit[0]:,}, in which this pixel is lit" if len(lit) and frame is not None else ""
     if not np.isfinite(distance).any():
         return InputError(text, elsewhere or "go to another frame, or see whether the mask is right")
@@ -209,7 +209,7 @@ def _shown(held: CaptureQuestions, layer: int, row: int, column: int) -> Highlig
     """Return the highlight that shows a candidate best; None if no frame does."""
     angle = angles(held.frames.half_vectors_of(row, column), held.clusters.normals[layer, row, column])
     radius = held.work.parameters.clusters.radius
-    shown = [frame for frame in held.frames.frames_lit_at(row, column).tolist() if angle[frame] < radius]
+    shown = [frame for frame in held.frames.lit_at(row, column).tolist() if angle[frame] < radius]
     if not shown:
         return None
     frame = min(shown, key=lambda item: float(angle[item]))

@@ -11,28 +11,17 @@ chance, and the squared errors of the normals (observed pixels / whole mask) as 
 with a field cut along their mirror image.
 """
 
-from pathlib import Path
-
 import numpy as np
 from scipy import ndimage
 
-from glint.storage.catalogue.loading import Capture
-from glint.storage.inputs.masks_and_truth import read_truth
-from glint.tasks.algorithms.candidates.shading import without_shading
-from glint.tasks.algorithms.evaluation.metrics import squared_errors
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
-from glint.tasks.engine.capture_context import CaptureContext
-from glint.tasks.engine.parameters import Parameters
 from glint.tasks.simulation.simulate import CaptureOptions
-from glint.tasks.stages.capture_geometry import OBJECT
-from glint.tasks.stages.clusters import load_clusters
-from glint.tasks.stages.frames import open_frames
 from tests.benchmarks.inner_contours import Contours, normals_with
 from tests.benchmarks.overlapping_limbs import MIN_STEP_PX
-from tests.benchmarks.picture_edges import INSIDE_PX, SAMPLED, contour_pixels
+from tests.benchmarks.picture_edges import INSIDE_PX, contour_pixels, sampled_frames
 from tests.benchmarks.picture_edges import MIN_STEP_PX as LEAST_STEP_PX
 from tests.benchmarks.simulated_captures import shapes_parser, simulated_captures
-from tests.tasks.make_context import perform_all
+from tests.benchmarks.true_view import TrueView
 
 LEARNED, LEARNED_SEED, LEARNED_VIEWS, TESTED_VIEWS = ("elephant", "teddy-bear", "bird"), 101, 4, 3
 """Shapes, seed and views that are learned from, and the views of each other shape."""
@@ -123,24 +112,17 @@ def _directions(bins: np.ndarray | int) -> tuple[np.ndarray, np.ndarray]:
     return np.sin(angle), np.cos(angle)
 
 
-class View:
-    """A capture with its truth, whose results are kept in a store, performed up to the candidates."""
+class PicturedView:
+    """The pictures of a view, and its true contours."""
 
-    def __init__(self, capture: Capture, store: Path) -> None:
-        """Open it."""
-        work = CaptureContext(str(store), "object", capture, Parameters(), "contour evidence")
-        perform_all(work, "clusters")
-        self.clusters, self.mask = without_shading(load_clusters(work)), work.load("mask").read("mask")
-        assert capture.truth is not None
-        truth = read_truth(capture.truth, self.mask.shape)
-        assert truth.normals is not None and truth.depth is not None
-        self.truth, depth = truth.normals, np.where(self.mask, truth.depth, np.nan)
-        self.inside = ndimage.binary_erosion(self.mask, iterations=INSIDE_PX)
-        near, self.across = contour_pixels(depth, MIN_STEP_PX)
-        self.near, self.any = near & self.inside, near | contour_pixels(depth, LEAST_STEP_PX)[0]
-        cache = open_frames(work)
-        frames = cache.read(OBJECT)[:: max(1, cache.frames // SAMPLED)].astype(np.float32)
-        self.pictures = Pictures(frames, work.load("thresholds").read("thresholds"), self.mask)
+    def __init__(self, view: TrueView) -> None:
+        """Read the frames."""
+        self.view = view
+        self.inside = ndimage.binary_erosion(view.mask, iterations=INSIDE_PX)
+        near, self.across = contour_pixels(view.depth, MIN_STEP_PX)
+        self.near, self.any = near & self.inside, near | contour_pixels(view.depth, LEAST_STEP_PX)[0]
+        thresholds = view.work.load("thresholds").read("thresholds")
+        self.pictures = Pictures(sampled_frames(view.work), thresholds, view.mask)
 
     def samples(self, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Return features (n, F) and whether there is a contour (n,): of pixels on, beside and far from contours."""
@@ -159,12 +141,13 @@ class View:
 
     def report(self, model: "Logistic") -> str:
         """Return a line on how well contours are told, and what they are worth."""
-        log_odds = np.full((BINS, *self.mask.shape), -7.0)
+        log_odds = np.full((BINS, *self.inside.shape), -7.0)
         rows, columns = np.nonzero(self.inside)
         for number in range(BINS):
             log_odds[number][self.inside] = model.log_odds(self.pictures.features(rows, columns, number))
         score, bins = _linked(log_odds)
-        parts, labelled = [self._errors(reconstruct_normals(self.clusters, self.mask).normals)], _distance(self.any)
+        view, labelled = self.view, _distance(self.any)
+        parts = [view.errors(reconstruct_normals(view.clusters, view.mask).normals)]
         for limit in LIMITS:
             contours = _ridges(score, bins, limit)
             beside = _distance(contours.near) <= NEAR_PX
@@ -172,13 +155,9 @@ class View:
             chance = (labelled[self.inside] <= NEAR_PX).mean(), beside[self.inside].mean()
             shares = f"{precision:.0%} ({chance[0]:.0%}) true, {recall:.0%} ({chance[1]:.0%}) of all"
             cuts = contours, contours.mirrored()
-            errors = [self._errors(normals_with(self.clusters, self.mask, cut, has_rim=False)) for cut in cuts]
+            errors = [view.errors(normals_with(view.clusters, view.mask, cut, has_rim=False)) for cut in cuts]
             parts.append(f"from {limit}: {shares}, {', mirrored '.join(errors)}")
         return "; ".join(parts)
-
-    def _errors(self, normals: np.ndarray) -> str:
-        observed = squared_errors(normals, self.truth, self.mask & (self.clusters.observations > 0))
-        return f"{observed:.4f} / {squared_errors(normals, self.truth, self.mask):.4f}"
 
 
 def _distance(pixels: np.ndarray) -> np.ndarray:
@@ -250,11 +229,11 @@ def main() -> None:
     options = CaptureOptions(frames=1500, scale=0.8, seed=LEARNED_SEED, views=LEARNED_VIEWS)
     folder = arguments.folder and arguments.folder / "learned"
     learned = simulated_captures(LEARNED, folder, options)
-    samples = [View(capture, store).samples(generator) for _, capture, store in learned]
+    samples = [PicturedView(TrueView.of(capture, store)).samples(generator) for _, capture, store in learned]
     model = Logistic(*(np.concatenate(part) for part in zip(*samples, strict=True)))
     options = CaptureOptions(frames=1500, scale=0.8, seed=arguments.seed, views=TESTED_VIEWS)
     for name, capture, store in simulated_captures(arguments.shapes or ["puppy"], arguments.folder, options):
-        print(f"{name}: {View(capture, store).report(model)}", flush=True)
+        print(f"{name}: {PicturedView(TrueView.of(capture, store)).report(model)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -13,22 +13,18 @@ from pathlib import Path
 import numpy as np
 
 from glint.storage.catalogue.loading import Capture
-from glint.storage.inputs.masks_and_truth import read_truth
-from glint.tasks.algorithms.candidates.shading import without_shading
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.confidence import with_input_doubt
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
 from glint.tasks.algorithms.labelling.results import CONFIDENT, Reconstruction
 from glint.tasks.algorithms.labelling.weights import DEFAULT_OPTIONS
-from glint.tasks.engine.capture_context import CaptureContext
-from glint.tasks.engine.parameters import Parameters
 from glint.tasks.evaluation.captures import CONFIDENT_ERROR_DEG
 from glint.tasks.simulation.simulate import CaptureOptions
 from glint.tasks.stages.capture_geometry import load_geometry
-from glint.tasks.stages.clusters import faced, load_clusters
+from glint.tasks.stages.clusters import faced
 from tests.benchmarks.simulated_captures import shapes_parser, simulated_captures
-from tests.tasks.make_context import perform_all
+from tests.benchmarks.true_view import TrueView
 
 FACETED = ("hexagonal-prism", "cut-cube", "gem", "faceted-bottle")
 
@@ -38,15 +34,10 @@ def measure(capture: Capture, store: Path, hypothesis: str = "flat_faces") -> st
 
     hypothesis: `flat_faces` or `symmetry`.
     """
-    work = CaptureContext(str(store), "object", capture, Parameters(), hypothesis)
-    perform_all(work, "clusters")
-    clusters, mask = without_shading(load_clusters(work)), work.load("mask").read("mask")
-    assert capture.truth is not None
-    truth = read_truth(capture.truth, mask.shape).normals
-    assert truth is not None
-    geometry = load_geometry(work)
+    known_view = TrueView.of(capture, store)
+    work, mask, geometry = known_view.work, known_view.mask, load_geometry(known_view.work)
     camera, view = geometry.region_camera, geometry.view_vectors
-    clusters, truth = faced(clusters, view), rotate_to_view(truth, view)
+    clusters, truth = faced(known_view.clusters, view), rotate_to_view(known_view.normals, view)
     settled = settle(clusters, mask, camera=camera)
     shared_sd = work.load("lights").read("half_vector_sd")
 

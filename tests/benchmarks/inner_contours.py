@@ -16,24 +16,16 @@ import numpy as np
 from scipy import ndimage, sparse
 
 from glint.storage.catalogue.loading import Capture
-from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.candidates.clusters import Clusters
-from glint.tasks.algorithms.candidates.shading import without_shading
-from glint.tasks.algorithms.evaluation.metrics import squared_errors
 from glint.tasks.algorithms.geometry.bilinear_grid import BilinearGrid
 from glint.tasks.algorithms.geometry.distance import inradius
-from glint.tasks.algorithms.labelling.alternation import Alternation
-from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
-from glint.tasks.algorithms.labelling.weights import DEFAULT_FIELD, DEFAULT_OPTIONS
+from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
+from glint.tasks.algorithms.labelling.weights import DEFAULT_FIELD, DEFAULT_OPTIONS, LabellingOptions
 from glint.tasks.algorithms.prior.smooth_normals import SmoothNormalField
-from glint.tasks.engine.capture_context import CaptureContext
-from glint.tasks.engine.parameters import Parameters
-from glint.tasks.simulation.simulate import PRESETS, CaptureOptions
-from glint.tasks.stages.clusters import load_clusters
-from tests.benchmarks.overlapping_limbs import FIGURINES, MIN_STEP_PX, rises_and_steps
+from tests.benchmarks.overlapping_limbs import MIN_STEP_PX, figurines, rises_and_steps
 from tests.benchmarks.picture_edges import contour_pixels
-from tests.benchmarks.simulated_captures import shapes_parser, simulated_captures
-from tests.tasks.make_context import perform_all
+from tests.benchmarks.simulated_captures import shapes_parser
+from tests.benchmarks.true_view import TrueView
 
 DISPLACED_PX = (1, 2)
 """Displacements to the right and down of contours that are not known to a pixel."""
@@ -127,60 +119,43 @@ def normals_with(clusters: Clusters, mask: np.ndarray, contours: Contours, has_r
 
     has_rim: whether normals of the occluding contour hold on the near sides.
     """
-    state = Alternation(
-        np.where(mask[None, :, :, None], clusters.normals, np.nan).astype(np.float32),
-        clusters.shading,
-        clusters.weight,
-        clusters.observations,
-        mask,
-        None,
-        DEFAULT_OPTIONS,
-    )
+    state = settle(clusters, mask, LabellingOptions(max_iterations=0))
     state.surface = state.coarse = cut_field(mask, contours, DEFAULT_FIELD.tension_length)
     if has_rim:
         inner = contours.near & mask & ~state.rim
         state.outward = np.where(inner[..., None], contours.outward, state.outward).astype(np.float32)
         state.rim = state.rim | inner
     state.smooth = state.initial = state.solve_field(state.known, state.values)
-    state.iterate()
+    state.iterate(DEFAULT_OPTIONS.max_iterations)
     return reconstruct_normals(clusters, mask, settled=state).normals
 
 
 def measure(capture: Capture, store: Path) -> Iterator[str]:
     """Yield lines on one capture, whose results are kept in a store."""
-    work = CaptureContext(str(store), "object", capture, Parameters(), "inner contours")
-    perform_all(work, "clusters")
-    clusters, mask = without_shading(load_clusters(work)), work.load("mask").read("mask")
-    assert capture.truth is not None
-    truth = read_truth(capture.truth, mask.shape)
-    assert truth.normals is not None and truth.depth is not None
-    true, exact = truth.normals, Contours.of(np.where(mask, truth.depth, np.nan))
+    view = TrueView.of(capture, store)
+    exact = Contours.of(view.depth)
 
-    def line(name: str, normals: np.ndarray) -> str:
-        observed = squared_errors(normals, true, mask & (clusters.observations > 0))
-        return f"{name}: {observed:.4f} / {squared_errors(normals, true, mask):.4f}"
+    def cut(contours: Contours, has_rim: bool = False) -> str:
+        return view.errors(normals_with(view.clusters, view.mask, contours, has_rim))
 
-    yield line("as it is", reconstruct_normals(clusters, mask).normals)
+    yield f"as it is: {view.errors(reconstruct_normals(view.clusters, view.mask).normals)}"
     if not exact.near.any():
         return
-    yield line("cut", normals_with(clusters, mask, exact, has_rim=False))
-    yield line("cut, with normals of the contour", normals_with(clusters, mask, exact, has_rim=True))
+    yield f"cut: {cut(exact)}"
+    yield f"cut, with normals of the contour: {cut(exact, has_rim=True)}"
     for pixels in DISPLACED_PX:
-        yield line(f"cut {pixels} px beside", normals_with(clusters, mask, exact.displaced(pixels), has_rim=False))
+        yield f"cut {pixels} px beside: {cut(exact.displaced(pixels))}"
     for share in MISSING_SHARES:
-        yield line(f"cut, {share:.0%} missing", normals_with(clusters, mask, exact.without(share), has_rim=False))
-    yield line("cut, with as many false ones", normals_with(clusters, mask, exact.with_mirrored(), has_rim=False))
+        yield f"cut, {share:.0%} missing: {cut(exact.without(share))}"
+    yield f"cut, with as many false ones: {cut(exact.with_mirrored())}"
 
 
 def main() -> None:
     """Print the lines of each capture as they are measured."""
     arguments = shapes_parser(__doc__, seed=5).parse_args()
-    for shape in arguments.shapes or FIGURINES:
-        size = {} if shape in PRESETS else {"frames": 1500, "scale": 0.8}
-        options = CaptureOptions(seed=arguments.seed, **size)
-        for name, capture, store in simulated_captures([shape], arguments.folder, options):
-            for line in measure(capture, store):
-                print(f"{name}, {line}", flush=True)
+    for name, capture, store in figurines(arguments.shapes, arguments.folder, arguments.seed):
+        for line in measure(capture, store):
+            print(f"{name}, {line}", flush=True)
 
 
 if __name__ == "__main__":

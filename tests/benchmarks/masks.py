@@ -26,18 +26,14 @@ from glint.tasks.engine.parameters import Parameters
 from glint.tasks.engine.references import load_catalogue
 from glint.tasks.engine.stage import perform, stage_keys
 from glint.tasks.pipeline import STAGES, stages_until
-from glint.tasks.simulation.simulate import CaptureOptions, simulate
+from glint.tasks.simulation.simulate import PRESETS, CaptureOptions, simulate
 from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.levels import load_levels
 from tests.benchmarks.random_captures import random_capture
 
 SHARED = Path(__file__).parents[2].parent / "shared" / "data" / "captures"
 WRONG_BY_PX = 3
-VESSELS = ("wine-glass", "water-glass", "goblet", "tumbler", "coupe", "mug", "tankard", "cut-bowl")
-PRESETS = (
-    *("hemisphere", "cylinder", "jug", "fish", "wine-glass", "water-glass"),
-    *("faceted-bottle", "puppy", "mug"),
-)
+GLASSES = ("wine-glass", "water-glass", "goblet", "tumbler", "coupe", "mug", "tankard", "cut-bowl")
 
 
 def bare(context: CaptureContext) -> CaptureContext:
@@ -119,7 +115,7 @@ def captures(folder: Path, options: argparse.Namespace) -> Iterator[CaptureConte
 
 def vessels(folder: Path, options: argparse.Namespace) -> Iterator[CaptureContext]:
     """Yield captures of vessels with random options."""
-    for number, shape in enumerate(VESSELS * options.vessels):
+    for number, shape in enumerate(GLASSES * options.vessels):
         capture = random_capture(shape, options.seed + number, folder / f"{number}", is_given=True)
         yield CaptureContext(str(folder / "store"), f"{shape}-{options.seed + number}", capture, Parameters())
 

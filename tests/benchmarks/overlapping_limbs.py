@@ -9,24 +9,20 @@ the mask within 0.2 inradii of one, and the share of the squared error there. A 
 frames and 0.8 of its size.
 """
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 from scipy import ndimage
 
 from glint.storage.catalogue.loading import Capture
-from glint.storage.inputs.masks_and_truth import read_truth
-from glint.tasks.algorithms.candidates.shading import without_shading
 from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.labelling.weights import FieldWeights, LabellingOptions
-from glint.tasks.engine.capture_context import CaptureContext
-from glint.tasks.engine.parameters import Parameters
 from glint.tasks.simulation.simulate import PRESETS, CaptureOptions
-from glint.tasks.stages.clusters import load_clusters
 from tests.benchmarks.simulated_captures import shapes_parser, simulated_captures
-from tests.tasks.make_context import perform_all
+from tests.benchmarks.true_view import TrueView
 
 FIGURINES = ("puppy", "elephant", "teddy-bear", "bird")
 NEAR_INRADII = 0.2
@@ -71,43 +67,41 @@ def turns(normals: np.ndarray) -> np.ndarray:
 
 def measure(capture: Capture, store: Path) -> str:
     """Return a line on one capture, whose results are kept in a store."""
-    work = CaptureContext(str(store), "object", capture, Parameters(), "overlapping limbs")
-    perform_all(work, "clusters")
-    clusters, mask = without_shading(load_clusters(work)), work.load("mask").read("mask")
-    assert capture.truth is not None
-    truth = read_truth(capture.truth, mask.shape)
-    assert truth.normals is not None and truth.depth is not None
-    without = reconstruct_normals(clusters, mask, LabellingOptions(field=FieldWeights(unreached=0.0)))
-    result = reconstruct_normals(clusters, mask)
-    before, squared = (((labelling.normals - truth.normals) ** 2).sum(axis=-1) for labelling in (without, result))
-    known = mask & np.isfinite(squared)
-    depth = np.where(mask, truth.depth, np.nan)
-    steps = depth_steps(depth) | depth_steps(depth.T).T
-    turning = steps | turns(truth.normals) | turns(truth.normals.swapaxes(0, 1)).T
+    view = TrueView.of(capture, store)
+    without = reconstruct_normals(view.clusters, view.mask, LabellingOptions(field=FieldWeights(unreached=0.0)))
+    result = reconstruct_normals(view.clusters, view.mask)
+    squared = ((result.normals - view.normals) ** 2).sum(axis=-1)
+    known = view.mask & np.isfinite(squared)
+    steps = depth_steps(view.depth) | depth_steps(view.depth.T).T
+    turning = steps | turns(view.normals) | turns(view.normals.swapaxes(0, 1)).T
 
     def shares(curves: np.ndarray) -> str:
         if not curves.any():
             return "0% of the mask with 0%"
-        near = ndimage.distance_transform_edt(~curves) <= NEAR_INRADII * inradius(mask)
+        near = ndimage.distance_transform_edt(~curves) <= NEAR_INRADII * inradius(view.mask)
         return f"{near[known].mean():.0%} of the mask with {squared[known & near].sum() / squared[known].sum():.0%}"
-
-    def pair(errors: np.ndarray) -> str:
-        return f"{errors[known & (clusters.observations > 0)].mean():.4f} / {errors[known].mean():.4f}"
 
     confident = known & (result.confidence >= 0.95)
     share = f"{confident.sum() / known.sum():.0%} confident, {(squared[confident] < TOLERANCE).mean():.1%} right"
     near = f"beside contours {shares(steps)} of the error; beside all curves {shares(turning)}"
-    return f"{pair(before)} -> {pair(squared)}, {share}; {near}"
+    return f"{view.errors(without.normals)} -> {view.errors(result.normals)}, {share}; {near}"
+
+
+def figurines(
+    shapes: Sequence[str], folder: Path | None, seed: int, views: int = 1
+) -> Iterator[tuple[str, Capture, Path]]:
+    """Yield what `simulated_captures` does of shapes, of FIGURINES if there are none: presets in their size."""
+    for shape in shapes or FIGURINES:
+        smaller = CaptureOptions(seed=seed, views=views, frames=1500, scale=0.8)
+        options = CaptureOptions(seed=seed, views=views) if shape in PRESETS else smaller
+        yield from simulated_captures([shape], folder, options)
 
 
 def main() -> None:
     """Print a line per capture as it is measured."""
     arguments = shapes_parser(__doc__, views=1, seed=5).parse_args()
-    for shape in arguments.shapes or FIGURINES:
-        size = {} if shape in PRESETS else {"frames": 1500, "scale": 0.8}
-        options = CaptureOptions(seed=arguments.seed, views=arguments.views, **size)
-        for name, capture, store in simulated_captures([shape], arguments.folder, options):
-            print(f"{name}: {measure(capture, store)}", flush=True)
+    for name, capture, store in figurines(arguments.shapes, arguments.folder, arguments.seed, arguments.views):
+        print(f"{name}: {measure(capture, store)}", flush=True)
 
 
 if __name__ == "__main__":

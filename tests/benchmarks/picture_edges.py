@@ -83,15 +83,19 @@ def contour_pixels(depth: np.ndarray, min_step: float = MIN_STEP_PX) -> tuple[np
     return near, smooth / np.maximum(np.linalg.norm(smooth, axis=-1, keepdims=True), 1e-9)
 
 
+def sampled_frames(work: CaptureContext) -> np.ndarray:
+    """Return some SAMPLED frames (T, H, W) float32 of a capture's object, evenly spaced."""
+    cache = open_frames(work)
+    return cache.read(OBJECT)[:: max(1, cache.frames // SAMPLED)].astype(np.float32)
+
+
 def measure(work: CaptureContext) -> str:
     """Return a line on one stored capture."""
     assert work.capture.truth is not None
     mask = work.load("mask").read("mask")
     truth = read_truth(work.capture.truth, mask.shape)
     assert truth.depth is not None
-    cache = open_frames(work)
-    frames = cache.read(OBJECT)[:: max(1, cache.frames // SAMPLED)].astype(np.float32)
-    gradient, angle = joint_gradient(frames, mask)
+    gradient, angle = joint_gradient(sampled_frames(work), mask)
     inside = ndimage.binary_erosion(mask, iterations=INSIDE_PX)
     near, across = contour_pixels(np.where(mask, truth.depth, np.nan))
     near &= inside

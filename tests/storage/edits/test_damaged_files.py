@@ -49,9 +49,8 @@ def damage(path: Path, chance: random.Random) -> str:
         path.unlink()
         return "removed"
     place = chance.randrange(len(data))
-    if kind == "bit" and path.parent.name == "snapshots":
-        place %= HEADER_BYTES
     if kind == "bit":
+        place %= HEADER_BYTES if path.parent.name == "snapshots" else len(data)
         data[place] ^= 1 << chance.randrange(8)
     elif kind == "zeros":
         data[place : place + 512] = bytes(len(data[place : place + 512]))
