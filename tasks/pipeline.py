@@ -83,9 +83,9 @@ STAGES = (
         "thresholds",
         _function("thresholds"),
         parameters.ThresholdsParameters,
-        reads=("frames", "mask"),
+        reads=("frames", "lights", "mask"),
         arrays={"thresholds": ArraySchema("HW", "u")},
-        version=2,
+        version=3,
     ),
     Stage(
         "markup",
@@ -125,7 +125,7 @@ STAGES = (
         peak_bytes=lambda size: TILES_HELD * TILE_BYTES,
         progress_unit="tiles",
         parallel_tiles=True,
-        version=4,
+        version=5,
     ),
     Stage(
         "labels",

@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 
 from glint.tasks.algorithms.candidates.clusters import cluster_pixels, inverse_density_weights
+from glint.tasks.algorithms.candidates.lit_frames import HighlightLevels
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
 from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
@@ -37,8 +38,8 @@ def load_kernels() -> Surface:
     lit = np.linalg.norm(normals[None] - half_vectors[:, None, None], axis=-1) < 0.3
     frames = np.where(lit & mask, 250, 20).astype(np.uint8)
     find_lights(frames, Sphere(12.0, 12.0, 11.0))
-    thresholds = np.full(mask.shape, 200, np.uint8)
-    clusters = cluster_pixels(frames, thresholds, half_vectors, inverse_density_weights(half_vectors))
+    highlights = HighlightLevels(np.full(mask.shape, 200, np.uint8), saturation=250.0)
+    clusters = cluster_pixels(frames, highlights, half_vectors, inverse_density_weights(half_vectors))
     result = reconstruct_normals(clusters, mask)
     depth = integrate(result.normals, mask, confidence=result.confidence).depth
     # What finds steps runs only where there are some.

@@ -66,9 +66,10 @@ class MaskParameters(StageParameters):
 
 
 class ThresholdsParameters(StageParameters):
-    """threshold: share of the way from a pixel's background level to saturation from which the pixel is lit."""
+    """threshold: share of the way from a pixel's background level to saturation from which the pixel is lit; None: by
+    the density of the lights."""
 
-    threshold: Share = 0.85
+    threshold: Share | None = None
 
 
 class ClustersParameters(StageParameters):

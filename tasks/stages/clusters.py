@@ -10,6 +10,7 @@ from glint.storage.frames.cache import FrameCache
 from glint.storage.locations.location import Location
 from glint.storage.versions.stage_results import StageResult
 from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, inverse_density_weights
+from glint.tasks.algorithms.candidates.lit_frames import HighlightLevels
 from glint.tasks.algorithms.candidates.shading import MAX_SHADING, object_shading, with_object_shading
 from glint.tasks.algorithms.candidates.surround import INNER_RING_DEG, Rings, find_rings
 from glint.tasks.algorithms.geometry.perspective import half_vectors_for_view, rotate_to_view
@@ -53,13 +54,13 @@ def clusters(inputs: StageInputs, progress: Progress, mapper: Mapper = serial_ma
     parameters: ClustersParameters = inputs.parameters
     cache, mask = open_frames(inputs), inputs.load("mask").read("mask")
     half_vectors = inputs.load("lights").read("half_vectors")
-    thresholds = inputs.load("thresholds").read("thresholds")
+    highlights = read_highlights(inputs.load("thresholds"))
     weights = inverse_density_weights(half_vectors, parameters.dwell)
     tiles = [tile for tile in tiles_of(mask.shape, cache.frames * cache.bits // 8) if mask[tile].any()]
     shared = SharedInputs(
         inputs.location.uri, cache.digest, half_vectors, weights, find_rings(half_vectors, weights), parameters
     )
-    tasks = [(tile, thresholds[tile]) for tile in tiles]
+    tasks = [(tile, highlights._replace(thresholds=highlights.thresholds[tile])) for tile in tiles]
     result = empty_clusters(parameters.clusters, mask.shape)
     for done, (tile, part) in enumerate(zip(tiles, mapper(cluster_tile, tasks, shared), strict=True), 1):
         paste(result, tile, part)
@@ -75,13 +76,19 @@ def clusters(inputs: StageInputs, progress: Progress, mapper: Mapper = serial_ma
     )
 
 
-def cluster_tile(task: tuple[Tile, np.ndarray], shared: SharedInputs) -> Clusters:
-    """Cluster one tile, read from the cache of frames; the task names its place and thresholds."""
-    (rows, columns), thresholds = task
+def read_highlights(saved: StageResult) -> HighlightLevels:
+    """Read the levels of highlights that the stage `thresholds` saved."""
+    record = saved.record
+    return HighlightLevels(saved.read("thresholds"), float(record["saturation_level"]), float(record["threshold"]))
+
+
+def cluster_tile(task: tuple[Tile, HighlightLevels], shared: SharedInputs) -> Clusters:
+    """Cluster one tile, read from the cache of frames; the task names its place and the levels of its highlights."""
+    (rows, columns), highlights = task
     cache = FrameCache.open(Location.parse(shared.store), shared.digest)
     return cluster_pixels(
         cache.read(OBJECT, rows=rows, columns=columns),
-        thresholds,
+        highlights,
         shared.half_vectors,
         shared.weights,
         clusters=shared.parameters.clusters,

@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, inverse_density_weights
+from glint.tasks.algorithms.candidates.lit_frames import HighlightLevels
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
 from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
@@ -71,11 +72,11 @@ def main() -> None:
     half_vectors = half_vectors_of(light_path(arguments.frames, np.random.default_rng(0))).astype(np.float32)
     mask, normals = scene(arguments.height, arguments.width)
     frames = footage(normals.astype(np.float32), half_vectors, mask)
-    bars = np.where(mask, 220, 255).astype(np.uint8)
+    highlights = HighlightLevels(np.where(mask, 220, 255).astype(np.uint8), saturation=255.0)
     shares = inverse_density_weights(half_vectors)
     flat = frames.reshape(len(frames), -1)
     _, counting = best(count_lit, flat, 225)
-    clusters, clustering = best(cluster_pixels, frames, bars, half_vectors, shares)
+    clusters, clustering = best(cluster_pixels, frames, highlights, half_vectors, shares)
     lit = clusters.observations[mask].mean()
     print(
         f"{arguments.frames} frames of {arguments.width} x {arguments.height}: count {counting:.3f} s, cluster"

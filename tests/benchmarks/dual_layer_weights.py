@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, inverse_density_weights
-from glint.tasks.algorithms.candidates.thresholds import highlight_thresholds, saturation_level
+from glint.tasks.algorithms.candidates.thresholds import highlight_levels
 from glint.tasks.algorithms.evaluation.metrics import normal_errors
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
 from glint.tasks.algorithms.labelling.dual_layer import (
@@ -52,9 +52,8 @@ def load(captures: Path, name: str) -> Scene:
     half_vectors = half_vectors_of(np.load(folder / "truth" / "lights.npy")).astype(np.float32)
     half_vectors[half_vectors[:, 2] < np.cos(np.pi / 4)] = np.nan
     static = np.median(frames[:: max(1, len(frames) // 64)], axis=0).astype(np.uint8)
-    bars = highlight_thresholds(static, saturation_level(frames.max(axis=0)[mask], static[mask]))
-    bars[~mask] = 255
-    clusters = cluster_pixels(frames, bars, half_vectors, inverse_density_weights(half_vectors))
+    levels = highlight_levels(static, frames.max(axis=0), mask, half_vectors)
+    clusters = cluster_pixels(frames, levels, half_vectors, inverse_density_weights(half_vectors))
     return Scene(name, clusters, mask, np.load(folder / "truth" / "normals.npy"))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from glint.tasks.algorithms.candidates.clusters import cluster_pixels, inverse_density_weights
 from glint.tasks.algorithms.candidates.shading import object_shading, with_object_shading, without_shading
-from glint.tasks.algorithms.candidates.thresholds import highlight_thresholds, saturation_level
+from glint.tasks.algorithms.candidates.thresholds import highlight_levels
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
@@ -37,13 +37,11 @@ def main() -> None:
                 background = np.median(frames, axis=0).astype(np.uint8)
                 line = f"{form:7s} {lights:9s} {name:14s} "
                 try:
-                    level = saturation_level(frames.max(axis=0)[mask], background[mask])
+                    levels = highlight_levels(background, frames.max(axis=0), mask, half_vectors)
                 except UnusableCapture as error:
                     print(line, error)
                     continue
-                thresholds = highlight_thresholds(background, level)
-                thresholds[~mask] = 255
-                clusters = cluster_pixels(frames, thresholds, half_vectors, inverse_density_weights(half_vectors))
+                clusters = cluster_pixels(frames, levels, half_vectors, inverse_density_weights(half_vectors))
                 mean = object_shading(clusters.shading)
                 clusters = without_shading(replace(clusters, shading=with_object_shading(clusters.shading)))
                 observed = (np.isfinite(clusters.normals[..., 0]).any(axis=0) & mask).sum() / mask.sum()

@@ -3,8 +3,8 @@
 A pixel shows a highlight in those frames whose half vector is a normal of one of its light paths. The light is not a
 point, so each direct path lights a small disc of half vectors; false paths light discs too, or arcs. The paper uses
 k-means, with K by minimum description length. Here the size of the disc is known, and each cluster is the densest disc
-of the highlights that the heavier clusters left, centred by mean shift with a flat kernel (Cheng 1995): an arc beside a
-disc cannot pull its centre, and a disc that only one frame shows is kept.
+of the highlights that the heavier clusters left, centred by mean shift (Cheng 1995) where it is brightest: an arc
+beside a disc cannot pull its centre, and a disc that only one frame shows is kept.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from scipy.spatial import cKDTree
 
-from glint.tasks.algorithms.candidates.lit_frames import collect_lit_frames
+from glint.tasks.algorithms.candidates.lit_frames import HighlightLevels, LitFrames, collect_lit_frames
 from glint.tasks.algorithms.candidates.surround import Rings, find_rings, surround_response
 from glint.tasks.algorithms.geometry.vectors import equal_area
 
@@ -63,7 +63,7 @@ def inverse_density_weights(half_vectors: np.ndarray, radius_deg: float = 1.0) -
 
 def cluster_pixels(
     frames: np.ndarray,
-    thresholds: np.ndarray,
+    highlights: HighlightLevels,
     half_vectors: np.ndarray,
     weights: np.ndarray,
     *,
@@ -76,7 +76,7 @@ def cluster_pixels(
 
     Args:
         frames: (T, H, W) uint8 or uint16.
-        thresholds: (H, W), of the same dtype, from `highlight_thresholds`; the dtype's largest value excludes a pixel.
+        highlights: their levels; thresholds (H, W).
         half_vectors: (T, 3) float32, NaN where the frame was rejected.
         weights: (T,) float32 from `inverse_density_weights`.
         clusters: largest number per pixel, K.
@@ -84,24 +84,23 @@ def cluster_pixels(
         separation: least distance, in radii, of another cluster's highlights.
         rings: of these half vectors and weights, where several tiles share them.
     """
-    length, height, width = frames.shape
+    height, width = frames.shape[1:]
     usable = np.flatnonzero(np.isfinite(half_vectors[:, 0]))
-    levels = frames.reshape(length, height * width)
-    starts, lit = collect_lit_frames(levels, usable, thresholds.reshape(-1))
-    cells, size = _cells(half_vectors)
+    levels, radius = frames.reshape(len(frames), -1), float(np.radians(radius_deg))
+    flat = highlights._replace(thresholds=highlights.thresholds.reshape(-1))
+    lit = collect_lit_frames(levels, usable, flat)
     normals, weight, spread, count, winner = _cluster(
-        starts, lit, half_vectors, weights, cells, size, clusters, np.radians(radius_deg), separation
+        lit, half_vectors, weights, *_cells(half_vectors), clusters, radius, separation
     )
     rings = rings or find_rings(half_vectors, weights)
-    cosine, compared = float(np.cos(np.radians(radius_deg))), (rings.inner, rings.outer, rings.sweep)
-    shading = surround_response(levels, starts, lit, half_vectors, normals, cosine, *compared)
+    shading = surround_response(levels, lit, half_vectors, normals, float(np.cos(radius)), rings)
     shape = (clusters, height, width)
     return Clusters(
         normals.reshape(*shape, 3),
         weight.reshape(shape),
         spread.reshape(shape),
         count.reshape(shape),
-        np.diff(starts).astype(np.int32).reshape(height, width),
+        np.diff(lit.starts).astype(np.int32).reshape(height, width),
         winner.reshape(height, width, 3),
         shading.reshape(shape),
     )
@@ -122,8 +121,7 @@ def _cells(half_vectors: np.ndarray) -> tuple[np.ndarray, int]:
 
 @njit(cache=True, nogil=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _cluster(
-    starts: np.ndarray,
-    lit: np.ndarray,
+    lit: LitFrames,
     half_vectors: np.ndarray,
     weights: np.ndarray,
     cells: np.ndarray,
@@ -133,7 +131,7 @@ def _cluster(
     separation: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return normals (K, N, 3), weight, spread, count (K, N) and winner (N, 3) of N pixels; radius in radians."""
-    pixels = len(starts) - 1
+    pixels = len(lit.starts) - 1
     normals = np.full((clusters, pixels, 3), np.nan, np.float32)
     weight = np.zeros((clusters, pixels), np.float32)
     spread = np.full((clusters, pixels), np.nan, np.float32)
@@ -143,10 +141,12 @@ def _cluster(
     density = np.zeros(size * size, np.float32)
     cos_radius, cos_separation = np.cos(radius), np.cos(separation * radius)
     for pixel in range(pixels):
-        frames = lit[starts[pixel] : starts[pixel + 1]]
+        own = slice(lit.starts[pixel], lit.starts[pixel + 1])
+        frames = lit.frames[own]
         if len(frames) == 0:
             continue
-        h, w = half_vectors[frames], weights[frames]
+        # A dim frame shows the edge of a highlight.
+        h, w = half_vectors[frames], weights[frames] * lit.brightness[own]
         _top_eigenvector(h, winner[pixel])
         for k in range(clusters):
             # 1. Start at the densest place, between the first and the last highlight of one disc.

@@ -1,23 +1,53 @@
 """Frames in which each pixel is lit, as lists of varying length in one array (compressed sparse rows)."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
+DIM_RISE, BRIGHT_RISE = 0.6, 0.85
+"""Rise of a highlight from background (0) to saturation (1) at which it hardly counts, and from which it counts fully:
+a dim one is the edge of a highlight, or smaller than a pixel."""
+MIN_BRIGHTNESS = 0.05
+"""Brightness of highlights that are dimmer still, where a lower threshold is given."""
+
+
+class HighlightLevels(NamedTuple):
+    """Levels of an object's highlights.
+
+    thresholds: (...), of the frames' dtype, above which a pixel is lit; the dtype's largest value excludes it.
+    saturation: level of clipped highlights. least_rise: rise at the thresholds.
+    """
+
+    thresholds: np.ndarray
+    saturation: float
+    least_rise: float = BRIGHT_RISE
+
+
+class LitFrames(NamedTuple):
+    """Frames in which each pixel is lit; those of pixel i are at starts[i] : starts[i + 1].
+
+    starts: (N + 1,) int64. frames: (M,) int32, ascending within a pixel. brightness: (M,) float32, of the pixel in each
+    of them, from MIN_BRIGHTNESS to 1.
+    """
+
+    starts: np.ndarray
+    frames: np.ndarray
+    brightness: np.ndarray
+
 
 @njit(cache=True, nogil=True)
-def collect_lit_frames(frames: np.ndarray, usable: np.ndarray, thresholds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Collect the frames in which each pixel exceeds its threshold.
+def collect_lit_frames(frames: np.ndarray, usable: np.ndarray, levels: HighlightLevels) -> LitFrames:
+    """Collect the frames in which each pixel exceeds its threshold, and how bright it is in them.
 
     A frame is compared at the speed of memory, then searched eight pixels at a time, since hardly any are lit.
 
     Args:
         frames: (T, N) uint8 or uint16.
         usable: frames that have a light, ascending.
-        thresholds: (N,), of the frames' dtype.
-
-    Returns:
-        starts (N + 1,) int64 and lit (M,) int32: those of pixel i are lit[starts[i] : starts[i + 1]], ascending.
+        levels: thresholds (N,) among them.
     """
+    thresholds, saturation, least_rise = levels
     pixels = frames.shape[1]
     # One byte per pixel, also read as 64-bit words: a word of zero means that none of its eight pixels is lit.
     words = np.zeros(-(-pixels // 8), np.uint64)
@@ -46,10 +76,14 @@ def collect_lit_frames(frames: np.ndarray, usable: np.ndarray, thresholds: np.nd
         starts[i + 1] += starts[i]
     end = starts[:pixels].copy()
     lit = np.empty(count, np.int32)
+    brightness = np.empty(count, np.float32)
     for k in range(count):
-        lit[end[lit_pixel[k]]] = lit_frame[k]
-        end[lit_pixel[k]] += 1
-    return starts, lit
+        i, t = lit_pixel[k], lit_frame[k]
+        lit[end[i]] = t
+        rise = 1.0 - (1.0 - least_rise) * max(saturation - frames[t, i], 0.0) / max(saturation - thresholds[i], 1.0)
+        brightness[end[i]] = min(max((rise - DIM_RISE) / (BRIGHT_RISE - DIM_RISE), MIN_BRIGHTNESS), 1.0)
+        end[i] += 1
+    return LitFrames(starts, lit, brightness)
 
 
 @njit(cache=True, nogil=True)

@@ -7,10 +7,12 @@ and diffuse lobe). The share of the fall from the lit frames to an outer ring th
 property of the surface, whatever its brightness, what it shows besides, and the number of lights.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+
+from glint.tasks.algorithms.candidates.lit_frames import LitFrames
 
 INNER_RING_DEG = (4.5, 12.0)
 """Angles of half vectors from a lit frame's: beyond the disc of a usual light, and near enough for shading."""
@@ -26,8 +28,7 @@ LIT_FRAMES = 4
 """Lit frames of a candidate whose rings are looked at."""
 
 
-@dataclass(frozen=True, slots=True)
-class Rings:
+class Rings(NamedTuple):
     """Frames to compare with.
 
     inner, outer: (T, RING_FRAMES) int32, those whose half vector lies in the rings of each frame's, -1 where there are
@@ -76,24 +77,21 @@ def _ring(half_vectors: np.ndarray, order: np.ndarray, cos_least: float, cos_mos
 @njit(cache=True, nogil=True)
 def surround_response(
     frames: np.ndarray,
-    starts: np.ndarray,
-    lit: np.ndarray,
+    lit: LitFrames,
     half_vectors: np.ndarray,
     normals: np.ndarray,
     cos_radius: float,
-    inner: np.ndarray,
-    outer: np.ndarray,
-    sweep: np.ndarray,
+    rings: Rings,
 ) -> np.ndarray:
     """Measure how bright pixels are in the rings around their candidates' lit frames.
 
     Args:
         frames: (T, N) uint8 or uint16.
-        starts, lit: lit frames of each pixel, from `collect_lit_frames`.
+        lit: lit frames of each pixel.
         half_vectors: (T, 3).
         normals: (K, N, 3) candidates, NaN where there are fewer.
         cos_radius: cosine of the radius of a candidate's disc.
-        inner, outer, sweep: of `Rings`.
+        rings: frames to compare each frame with.
 
     Returns:
         (K, N) float32, mean level in the inner ring, from that without the highlight (0) to that of the lit frames (1);
@@ -101,20 +99,24 @@ def surround_response(
     """
     candidates, pixels = normals.shape[:2]
     result = np.full((candidates, pixels), np.nan, np.float32)
+    inner, outer, sweep = rings
     levels = np.empty(len(sweep), np.float32)
     for pixel in range(pixels):
-        if starts[pixel] == starts[pixel + 1]:
+        start, end = lit.starts[pixel], lit.starts[pixel + 1]
+        if start == end:
             continue
         for i in range(len(sweep)):
             levels[i] = frames[sweep[i], pixel]
         sweep_level = np.sort(levels)[int(DARK_QUANTILE * (len(levels) - 1))]
-        members = lit[starts[pixel] : starts[pixel + 1]]
+        members, brightness = lit.frames[start:end], lit.brightness[start:end]
         for k in range(candidates):
             normal = normals[k, pixel]
             if np.isnan(normal[0]):
                 break
             h = half_vectors[members]
-            own = members[h[:, 0] * normal[0] + h[:, 1] * normal[1] + h[:, 2] * normal[2] > cos_radius]
+            near = h[:, 0] * normal[0] + h[:, 1] * normal[1] + h[:, 2] * normal[2] > cos_radius
+            # Dim frames, at the edge of the highlight, have risen too little to be compared with.
+            own = members[near & (brightness >= (brightness * near).max() / 2.0)]
             step = max(1, -(-len(own) // LIT_FRAMES))
             total, count = 0.0, 0
             for frame in own[::step]:

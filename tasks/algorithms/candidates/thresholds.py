@@ -1,12 +1,25 @@
 """Luma thresholds above which a pixel counts as lit.
 
 Yeung et al. 2009 threshold the intensities "to discard weak intensities" (section 4.2) without giving a threshold.
-Since the background shows through glass, the threshold here is an excess over each pixel's own background level.
+Since the background shows through glass, the threshold here is an excess over each pixel's own background level. Where
+the lights are dense, each normal is close to a half vector, and its highlight is bright in some frame. Where they are
+sparse, many normals lie between half vectors and show the edge of a highlight at most, so that dimmer ones must count.
 """
 
 import numpy as np
 
+from glint.tasks.algorithms.candidates.lit_frames import BRIGHT_RISE, HighlightLevels
 from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.lighting.coverage import cap_directions, nearest_half_vector_deg
+
+SPARSE_RISE = 0.65
+"""Least rise of a highlight from background (0) to saturation (1) under sparse lights; BRIGHT_RISE under dense ones."""
+SPARSE_SHARE_RANGE = (0.1, 0.2)
+"""Share of normals between the half vectors up to which lights are dense, and from which they are sparse."""
+BRIGHT_DEG, REACH_DEG = 2.2, 5.0
+"""Angle to a half vector up to which a normal shows a bright highlight, and up to which it is within the sweep."""
+CAP_PIXELS = 128
+"""Edge of the map of normals on which that share is counted, in pixels."""
 
 SATURATION_PERCENTILE = 99.9
 """Percentile of the object's peak levels that is the saturation level: in one frame the highlight of a light's disc of
@@ -19,17 +32,50 @@ MIN_CONTRAST_SHARE = 0.12
 """Share of the dtype's largest value by which highlights must exceed the background."""
 
 
-def highlight_thresholds(background: np.ndarray, saturation: float, min_rise: float = 0.85) -> np.ndarray:
+def highlight_levels(
+    background: np.ndarray, peak: np.ndarray, mask: np.ndarray, half_vectors: np.ndarray, rise: float | None = None
+) -> HighlightLevels:
+    """Return the levels of an object's highlights; outside the mask nothing is lit.
+
+    Args:
+        background: (H, W), integer dtype, each pixel's level without the light.
+        peak: (H, W), of the same dtype, its highest level.
+        mask: (H, W) bool, the object.
+        half_vectors: (T, 3), NaN where the frame was rejected.
+        rise: how far a highlight must rise from background (0) to saturation (1); None: by the density of the lights.
+
+    Raises:
+        UnusableCapture: the object shows no highlights, or is saturated all the time.
+    """
+    saturation = saturation_level(peak[mask], background[mask])
+    rise = least_rise(half_vectors) if rise is None else rise
+    thresholds = highlight_thresholds(background, saturation, rise)
+    thresholds[~mask] = np.iinfo(thresholds.dtype).max
+    return HighlightLevels(thresholds, saturation, rise)
+
+
+def least_rise(half_vectors: np.ndarray) -> float:
+    """Return how far a highlight must rise from background (0) to saturation (1) under these lights.
+
+    half_vectors: (T, 3), NaN where the frame was rejected.
+    """
+    distance = nearest_half_vector_deg(cap_directions(CAP_PIXELS), half_vectors)
+    within = distance <= REACH_DEG
+    between = (distance[within] > BRIGHT_DEG).mean() if within.any() else 1.0
+    return float(np.interp(between, SPARSE_SHARE_RANGE, (BRIGHT_RISE, SPARSE_RISE)))
+
+
+def highlight_thresholds(background: np.ndarray, saturation: float, rise: float) -> np.ndarray:
     """Return the luma (H, W), of the background's dtype, above which a pixel counts as lit.
 
     Args:
         background: (H, W), integer dtype, the pixel's level without the light.
         saturation: level of clipped highlights.
-        min_rise: how far a highlight must rise from background (0) to saturation (1): a picture behind the glass is no
-            highlight, however bright.
+        rise: how far a highlight must rise from background (0) to saturation (1), from `least_rise`: a picture behind
+            the glass is no highlight, however bright.
     """
     headroom = np.maximum(saturation - background.astype(np.float64), MIN_HEADROOM_SHARE * saturation)
-    return np.floor(background + min_rise * headroom).astype(background.dtype)
+    return np.floor(background + rise * headroom).astype(background.dtype)
 
 
 def saturation_level(peak: np.ndarray, background: np.ndarray) -> float:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, inverse_density_weights
+from glint.tasks.algorithms.candidates.lit_frames import HighlightLevels
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of, unit
 
 DISC = 2.1
@@ -25,8 +26,8 @@ def lit(half_vectors: np.ndarray, normals: list[np.ndarray], disc: float = DISC)
 
 
 def cluster_frames(half_vectors: np.ndarray, frames: np.ndarray, **parameters: float) -> Clusters:
-    thresholds = np.full(frames.shape[1:], 200, frames.dtype)
-    return cluster_pixels(frames, thresholds, half_vectors, inverse_density_weights(half_vectors), **parameters)
+    highlights = HighlightLevels(np.full(frames.shape[1:], 200, frames.dtype), saturation=255.0)
+    return cluster_pixels(frames, highlights, half_vectors, inverse_density_weights(half_vectors), **parameters)
 
 
 def test_discs_become_their_centres_heaviest_first() -> None:
@@ -64,6 +65,31 @@ def test_a_lingering_light_has_one_vote() -> None:
     assert angles(found.winner[0, 0], frequent) < 5
 
 
+def test_the_brightest_place_of_a_disc_is_its_centre() -> None:
+    half_vectors = sweep()
+    bright, beside = unit(np.array([0.1, 0.0, 1.0])), unit(np.array([0.135, 0.0, 1.0]))
+    frames = lit(half_vectors, [beside], 1.5)
+    frames[frames == 255] = 182
+    frames[angles(half_vectors, bright) < 1.0] = 255
+    levels = HighlightLevels(np.full((1, 1), 180, np.uint8), saturation=255.0, least_rise=0.65)
+    found = cluster_pixels(frames, levels, half_vectors, inverse_density_weights(half_vectors))
+    frames[frames > 180] = 255
+    flat = cluster_pixels(frames, levels, half_vectors, inverse_density_weights(half_vectors))
+    assert angles(found.normals[0, 0, 0], bright) < 0.8 * angles(flat.normals[0, 0, 0], bright)
+
+
+def test_a_dim_highlight_alone_is_a_candidate() -> None:
+    half_vectors = sweep()
+    normal = unit(np.array([-0.2, 0.3, 1.0]))
+    frames = lit(half_vectors, [normal])
+    frames[frames == 255] = 181
+    levels = HighlightLevels(np.full((1, 1), 180, np.uint8), saturation=255.0, least_rise=0.3)
+    found = cluster_pixels(frames, levels, half_vectors, inverse_density_weights(half_vectors))
+    assert angles(found.normals[0, 0, 0], normal) < 0.3
+    assert found.observations[0, 0] == (frames == 181).sum()
+    assert found.weight[0, 0, 0] < 0.1 * cluster_frames(half_vectors, lit(half_vectors, [normal])).weight[0, 0, 0]
+
+
 def test_one_frame_is_enough_and_rejected_frames_do_not_count() -> None:
     half_vectors = sweep(50)
     frames = np.full((50, 1, 2), 30, np.uint8)
@@ -83,10 +109,10 @@ def test_tiles_of_any_width_and_depth_agree_with_their_pixels() -> None:
     frames = np.where(angles(half_vectors[:, None, None], normals[None]) < 4, 60000, 9000).astype(np.uint16)
     thresholds = np.full((5, 13), 40000, np.uint16)
     thresholds[2, 3] = 65535
-    whole = cluster_pixels(frames, thresholds, half_vectors, inverse_density_weights(half_vectors))
-    part = cluster_pixels(
-        frames[:, 1:3, 2:9], thresholds[1:3, 2:9], half_vectors, inverse_density_weights(half_vectors)
-    )
+    weights = inverse_density_weights(half_vectors)
+    whole = cluster_pixels(frames, HighlightLevels(thresholds, 65535.0), half_vectors, weights)
+    tile = HighlightLevels(thresholds[1:3, 2:9], 65535.0)
+    part = cluster_pixels(frames[:, 1:3, 2:9], tile, half_vectors, weights)
     np.testing.assert_array_equal(part.normals, whole.normals[:, 1:3, 2:9])
     np.testing.assert_array_equal(whole.observations, np.where(thresholds == 65535, 0, (frames > 50000).sum(axis=0)))
 

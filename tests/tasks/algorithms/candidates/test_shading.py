@@ -14,7 +14,7 @@ from glint.tasks.algorithms.candidates.shading import (
     without_shading,
 )
 from glint.tasks.algorithms.candidates.surround import INNER_RING_DEG, OUTER_RING_DEG, find_rings
-from glint.tasks.algorithms.candidates.thresholds import highlight_thresholds, saturation_level
+from glint.tasks.algorithms.candidates.thresholds import highlight_levels
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of
 from tests.opaque_objects import FINISHES, Finish, light_directions, photograph, shape
 
@@ -26,10 +26,9 @@ def candidates_of(finish: Finish, count: int, widest_deg: float, gain: float = 1
     lights = light_directions(count, widest_deg)
     frames = np.rint(gain * photograph(truth, finish, lights)).astype(np.uint8)
     background = np.median(frames, axis=0).astype(np.uint8)
-    thresholds = highlight_thresholds(background, saturation_level(frames.max(axis=0)[mask], background[mask]))
-    thresholds[~mask] = 255
     half_vectors = half_vectors_of(lights).astype(np.float32)
-    return cluster_pixels(frames, thresholds, half_vectors, inverse_density_weights(half_vectors))
+    levels = highlight_levels(background, frames.max(axis=0), mask, half_vectors)
+    return cluster_pixels(frames, levels, half_vectors, inverse_density_weights(half_vectors))
 
 
 @pytest.mark.parametrize(("count", "widest_deg"), [(12, 40.0), (64, 80.0), (300, 84.0)])
