@@ -21,6 +21,7 @@ from glint.tasks.algorithms.evaluation.metrics import (
 )
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.results import CONFIDENT
+from glint.tasks.algorithms.lighting.coverage import MAX_OBSERVABLE_ANGLE_DEG
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import LabelsParameters
 from glint.tasks.engine.stage_warning import StageWarning
@@ -32,8 +33,6 @@ from glint.tasks.stages.markup import load_marks
 METHODS = ("winner takes all", "silhouette only", "paper", "glint")
 CONFIDENT_ERROR_DEG = 5.0
 """Degrees of error within which a confident pixel counts as right."""
-MAX_OBSERVABLE_ANGLE_DEG = 42.0
-"""Degrees from the view vector within which highlights determine normals; beyond, all normals are extrapolated."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,11 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-DIM_RISE, BRIGHT_RISE = 0.6, 0.85
-"""Rise of a highlight from background (0) to saturation (1) at which it hardly counts, and from which it counts fully:
-a dim one is the edge of a highlight, or smaller than a pixel."""
-MIN_BRIGHTNESS = 0.05
-"""Brightness of highlights that are dimmer still, where a lower threshold is given."""
+BRIGHT_RISE, SPARSE_RISE = 0.85, 0.65
+"""Rise of a highlight from background (0) to saturation (1) from which it counts under dense and under sparse lights: a
+dim one is the edge of a highlight, or smaller than a pixel."""
 
 
 class HighlightLevels(NamedTuple):
@@ -27,8 +25,8 @@ class HighlightLevels(NamedTuple):
 class LitFrames(NamedTuple):
     """Frames in which each pixel is lit; those of pixel i are at starts[i] : starts[i + 1].
 
-    starts: (N + 1,) int64. frames: (M,) int32, ascending within a pixel. brightness: (M,) float32, of the pixel in each
-    of them, from MIN_BRIGHTNESS to 1.
+    starts: (N + 1,) int64. frames: (M,) int32, ascending within a pixel. brightness: (M,) float32, weight of each: 1
+    under dense lights, under sparse ones from 0 at the threshold to 1 at saturation.
     """
 
     starts: np.ndarray
@@ -77,11 +75,12 @@ def collect_lit_frames(frames: np.ndarray, usable: np.ndarray, levels: Highlight
     end = starts[:pixels].copy()
     lit = np.empty(count, np.int32)
     brightness = np.empty(count, np.float32)
+    sparseness = min(max((BRIGHT_RISE - least_rise) / (BRIGHT_RISE - SPARSE_RISE), 0.0), 1.0)
     for k in range(count):
         i, t = lit_pixel[k], lit_frame[k]
         lit[end[i]] = t
-        rise = 1.0 - (1.0 - least_rise) * max(saturation - frames[t, i], 0.0) / max(saturation - thresholds[i], 1.0)
-        brightness[end[i]] = min(max((rise - DIM_RISE) / (BRIGHT_RISE - DIM_RISE), MIN_BRIGHTNESS), 1.0)
+        below = max(saturation - frames[t, i], 0.0) / max(saturation - thresholds[i], 1.0)
+        brightness[end[i]] = 1.0 - sparseness * min(below, 1.0)
         end[i] += 1
     return LitFrames(starts, lit, brightness)
 

@@ -8,13 +8,15 @@ sparse, many normals lie between half vectors and show the edge of a highlight a
 
 import numpy as np
 
-from glint.tasks.algorithms.candidates.lit_frames import BRIGHT_RISE, HighlightLevels
+from glint.tasks.algorithms.candidates.lit_frames import BRIGHT_RISE, SPARSE_RISE, HighlightLevels
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.lighting.coverage import cap_directions, nearest_half_vector_deg
+from glint.tasks.algorithms.lighting.coverage import (
+    MAX_OBSERVABLE_ANGLE_DEG,
+    cap_directions,
+    nearest_half_vector_deg,
+)
 
-SPARSE_RISE = 0.65
-"""Least rise of a highlight from background (0) to saturation (1) under sparse lights; BRIGHT_RISE under dense ones."""
-SPARSE_SHARE_RANGE = (0.1, 0.2)
+SPARSE_SHARE_RANGE = (0.12, 0.18)
 """Share of normals between the half vectors up to which lights are dense, and from which they are sparse."""
 BRIGHT_DEG, REACH_DEG = 2.2, 5.0
 """Angle to a half vector up to which a normal shows a bright highlight, and up to which it is within the sweep."""
@@ -59,8 +61,9 @@ def least_rise(half_vectors: np.ndarray) -> float:
 
     half_vectors: (T, 3), NaN where the frame was rejected.
     """
-    distance = nearest_half_vector_deg(cap_directions(CAP_PIXELS), half_vectors)
-    within = distance <= REACH_DEG
+    directions = cap_directions(CAP_PIXELS)
+    distance = nearest_half_vector_deg(directions, half_vectors)
+    within = (distance <= REACH_DEG) & (directions[..., 2] > np.cos(np.radians(MAX_OBSERVABLE_ANGLE_DEG)))
     between = (distance[within] > BRIGHT_DEG).mean() if within.any() else 1.0
     return float(np.interp(between, SPARSE_SHARE_RANGE, (BRIGHT_RISE, SPARSE_RISE)))
 

@@ -18,6 +18,8 @@ from glint.tasks.algorithms.geometry.vectors import equal_area
 
 CAP_DEG = 45.0
 """Angle from the view vector up to which normals can be observed."""
+MAX_OBSERVABLE_ANGLE_DEG = 42.0
+"""Angle from the view vector within which a sweep determines normals; beyond, all normals are extrapolated."""
 CAP_MAP_RADIUS = 2.0 * np.sin(np.radians(CAP_DEG) / 2.0)
 """Radius of the cap in the equal-area map of the unit sphere."""
 
