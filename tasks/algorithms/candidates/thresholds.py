@@ -4,6 +4,7 @@ Yeung et al. 2009 threshold the intensities "to discard weak intensities" (secti
 Since the background shows through glass, the threshold here is an excess over each pixel's own background level. Where
 the lights are dense, each normal is close to a half vector, and its highlight is bright in some frame. Where they are
 sparse, many normals lie between half vectors and show the edge of a highlight at most, so that dimmer ones must count.
+In a set of photographs each light is alone, and what its edge shows cannot be averaged with what others do.
 """
 
 import numpy as np
@@ -12,6 +13,7 @@ from glint.tasks.algorithms.candidates.lit_frames import BRIGHT_RISE, SPARSE_RIS
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.lighting.coverage import (
     MAX_OBSERVABLE_ANGLE_DEG,
+    MIN_SWEEP_FRAMES,
     cap_directions,
     nearest_half_vector_deg,
 )
@@ -61,10 +63,12 @@ def least_rise(half_vectors: np.ndarray) -> float:
 
     half_vectors: (T, 3), NaN where the frame was rejected.
     """
+    if np.isfinite(half_vectors[:, 0]).sum() < MIN_SWEEP_FRAMES:
+        return BRIGHT_RISE
     directions = cap_directions(CAP_PIXELS)
     distance = nearest_half_vector_deg(directions, half_vectors)
     within = (distance <= REACH_DEG) & (directions[..., 2] > np.cos(np.radians(MAX_OBSERVABLE_ANGLE_DEG)))
-    between = (distance[within] > BRIGHT_DEG).mean() if within.any() else 1.0
+    between = (distance[within] > BRIGHT_DEG).mean() if within.any() else 0.0
     return float(np.interp(between, SPARSE_SHARE_RANGE, (BRIGHT_RISE, SPARSE_RISE)))
 
 

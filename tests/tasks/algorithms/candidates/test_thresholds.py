@@ -43,7 +43,15 @@ def test_dim_highlights_count_where_the_lights_are_sparse() -> None:
     assert least_rise(swept(4000)) == BRIGHT_RISE
     assert least_rise(swept(500)) == SPARSE_RISE
     assert SPARSE_RISE < least_rise(swept(1000)) < BRIGHT_RISE
-    assert least_rise(np.full((3, 3), np.nan)) == SPARSE_RISE
+
+
+def test_photographs_have_bright_highlights_only() -> None:
+    assert least_rise(swept(99)) == BRIGHT_RISE
+    assert least_rise(np.full((3, 3), np.nan)) == BRIGHT_RISE
+
+
+def test_a_sweep_that_surrounds_no_observable_normal_has_bright_highlights_only() -> None:
+    assert least_rise(np.tile([np.sin(np.radians(50.0)), 0.0, np.cos(np.radians(50.0))], (200, 1))) == BRIGHT_RISE
 
 
 def test_a_light_that_lingers_is_as_sparse_as_it_was() -> None:
