@@ -18,7 +18,7 @@ from glint.tasks.algorithms.lighting.coverage import (
     nearest_half_vector_deg,
 )
 
-SPARSE_SHARE_RANGE = (0.12, 0.18)
+SPARSE_SHARE_RANGE = (0.14, 0.2)
 """Share of normals between the half vectors up to which lights are dense, and from which they are sparse."""
 BRIGHT_DEG, REACH_DEG = 2.2, 5.0
 """Angle to a half vector up to which a normal shows a bright highlight, and up to which it is within the sweep."""

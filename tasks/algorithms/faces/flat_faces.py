@@ -23,8 +23,9 @@ FACE_WEIGHT, UNSEEN_WEIGHT = 1.0, 0.03
 MIN_CREASE_TURN_DEG = 20.0
 """Angle between two creases from which they are independent evidence for a face."""
 
-MAX_FACE_ERROR_DEG = 3.0
-"""Mean angle between flat faces and another surface from which the object is faceted instead."""
+MAX_FACE_ERROR_DEG, MIN_FACETED_SHARE = 3.0, 0.05
+"""Mean angle between flat faces and another surface, and share of the accepted normals that belong to them, from which
+the object is faceted instead: a small false sheet can be flat."""
 ROUNDED_SHARE, CUT_OFF_SHARE = 0.9, 0.65
 """Share of a face's edges that must show their rounding to prove that edges are rounded, and below which, on such an
 object, an apparent face is refuted."""
@@ -124,6 +125,8 @@ def has_other_faces(
     if not faces:
         return False
     pixels = np.any([face.pixels for face in faces], axis=0)
+    if pixels.sum() < MIN_FACETED_SHARE * np.isfinite(accepted[..., 0]).sum():
+        return False
     return bool(angles(surface[pixels], accepted[pixels]).mean() > MAX_FACE_ERROR_DEG)
 
 

@@ -144,6 +144,16 @@ def test_a_cylinder_does_not_explain_a_prism() -> None:
     assert not has_other_faces(cylinder, observable(sphere()), LIGHTS, mask, inradius(mask))
 
 
+def test_a_small_flat_sheet_does_not_make_a_surface_of_revolution_faceted() -> None:
+    surface = sphere()
+    mask = np.isfinite(surface[..., 0])
+    accepted, middle = observable(surface), tuple(size // 2 for size in mask.shape)
+    rows, columns = np.indices(mask.shape)
+    accepted[np.hypot(rows - middle[0], columns - middle[1]) < 8] = unit(np.array([0.4, 0.2, 1.0]))
+    assert find_faces(accepted, LIGHTS, mask, inradius(mask))
+    assert not has_other_faces(surface, accepted, LIGHTS, mask, inradius(mask))
+
+
 def test_marks_and_other_accepted_normals_outweigh_faces(truth: np.ndarray) -> None:
     result = planes(truth)
     weights, nothing = np.full(SHAPE, 0.5), np.zeros(SHAPE, bool)
