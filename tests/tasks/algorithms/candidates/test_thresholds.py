@@ -42,7 +42,7 @@ def swept(frames: int) -> np.ndarray:
 def test_dim_highlights_count_where_the_lights_are_sparse() -> None:
     assert least_rise(swept(4000)) == BRIGHT_RISE
     assert least_rise(swept(500)) == SPARSE_RISE
-    assert SPARSE_RISE < least_rise(swept(1000)) < BRIGHT_RISE
+    assert SPARSE_RISE < least_rise(swept(950)) < BRIGHT_RISE
 
 
 def test_photographs_have_bright_highlights_only() -> None:
