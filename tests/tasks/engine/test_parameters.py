@@ -27,7 +27,7 @@ objects:
 def test_a_former_name_means_the_present_one(former: tuple[str, str], present: tuple[str, str]) -> None:
     stage, name = present
     value = getattr(getattr(Parameters(), stage), name)
-    changed = (not value) if isinstance(value, bool) else value * 0.9 + 0.2
+    changed = (not value) if isinstance(value, bool) else (value or 0.0) * 0.9 + 0.2
     by_former = Parameters.model_validate({former[0]: {former[1]: changed}})
     assert by_former == Parameters.model_validate({stage: {name: changed}}) != Parameters()
 
