@@ -9,8 +9,11 @@ the share within 5 degrees, the causes that warnings name, and BROKEN where fewe
 are right and no warning comes with less than 5%.
 """
 
+import argparse
 import random
 import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -59,9 +62,47 @@ def random_capture(shape: str, seed: int, folder: Path, *, is_given: bool) -> Ca
     return capture.model_copy(update=missing | ({"spheres": ()} if without_spheres and not is_given else {}))
 
 
-def measure(capture: Capture, store: Path) -> str:
-    """Return a line on one capture, whose results are kept in a store."""
-    work = CaptureContext(str(store), "object", capture, Parameters(), "random")
+def random_captures(arguments: argparse.Namespace, *, is_given: bool) -> Iterator[tuple[str, Capture, Path]]:
+    """Simulate as many captures as the command line says, shapes taking turns; see `random_capture`.
+
+    Yields SHAPE, seed N, the capture, and the folder of a store of its own.
+    """
+    shapes = arguments.shapes or SHAPES
+    with tempfile.TemporaryDirectory() as temporary:
+        for number in range(arguments.count):
+            shape, seed = shapes[number % len(shapes)], arguments.seed + number
+            folder = (arguments.folder or Path(temporary)) / str(seed)
+            yield f"{shape}, seed {seed}", random_capture(shape, seed, folder, is_given=is_given), folder / "store"
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """Results of a capture beside the truth.
+
+    work: performed up to its labels. error (H, W): degrees between resulting and true normals, NaN beside the object.
+    mask, confident (H, W) bool.
+    """
+
+    work: CaptureContext
+    error: np.ndarray
+    mask: np.ndarray
+    confident: np.ndarray
+
+    @property
+    def share(self) -> float:
+        """Share of the mask that is confident."""
+        return float(self.confident.sum() / self.mask.sum())
+
+    @property
+    def right(self) -> float:
+        """Share of the confident pixels that are right, a pixel of the mask beside the object being wrong."""
+        error = self.error[self.confident]
+        return float((error < CONFIDENT_ERROR_DEG).mean()) if error.size else 1.0
+
+
+def measure(capture: Capture, store: Path, parameters: Parameters | None = None) -> Measured:
+    """Perform a capture up to its labels, its results kept in a store, and compare its normals with the truth."""
+    work = CaptureContext(str(store), "object", capture, parameters or Parameters(), "random")
     perform_all(work, "labels")
     mask, labels = work.load("mask").read("mask"), work.load("labels")
     assert capture.truth is not None
@@ -73,26 +114,24 @@ def measure(capture: Capture, store: Path) -> str:
     frame[capture.region.rows, capture.region.columns] = given
     region = load_geometry(work).region
     error = angles(labels.read("normals"), frame[region.rows, region.columns])
-    confident = mask & (labels.read("confidence") >= CONFIDENT)
-    share = confident.sum() / mask.sum()
-    # A pixel of the mask beside the object is wrong.
-    right = (error[confident] < CONFIDENT_ERROR_DEG).mean() if confident.any() else 1.0
+    return Measured(work, error, mask, mask & (labels.read("confidence") >= CONFIDENT))
+
+
+def outcome(measured: Measured) -> str:
+    """Return a line on one capture."""
+    work, share, right = measured.work, measured.share, measured.right
     causes = {warning["cause"] for stage in STAGES for warning in work.load(stage).record["warnings"]}
     is_broken = right < MIN_RIGHT and share >= (MAX_WARNED if causes else MIN_CONFIDENT)
-    outcome = f"{np.nanmean(error[mask]):.1f} degrees, {share:.1%}, {right:.1%} right ({', '.join(sorted(causes))})"
-    return outcome + (" BROKEN" if is_broken else "")
+    mean = np.nanmean(measured.error[measured.mask])
+    line = f"{mean:.1f} degrees, {share:.1%}, {right:.1%} right ({', '.join(sorted(causes))})"
+    return line + (" BROKEN" if is_broken else "")
 
 
 def main() -> None:
     """Print a line per capture as it is measured."""
     arguments = shapes_parser(__doc__, seed=6000, count=46, given=0).parse_args()
-    shapes = arguments.shapes or SHAPES
-    with tempfile.TemporaryDirectory() as temporary:
-        for number in range(arguments.count):
-            shape, seed = shapes[number % len(shapes)], arguments.seed + number
-            folder = (arguments.folder or Path(temporary)) / str(seed)
-            capture = random_capture(shape, seed, folder, is_given=bool(arguments.given))
-            print(f"{shape}, seed {seed}: {measure(capture, folder / 'store')}", flush=True)
+    for name, capture, store in random_captures(arguments, is_given=bool(arguments.given)):
+        print(f"{name}: {outcome(measure(capture, store))}", flush=True)
 
 
 if __name__ == "__main__":

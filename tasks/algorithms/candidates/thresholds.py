@@ -11,19 +11,10 @@ import numpy as np
 
 from glint.tasks.algorithms.candidates.lit_frames import BRIGHT_RISE, SPARSE_RISE, HighlightLevels
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.lighting.coverage import (
-    MAX_OBSERVABLE_ANGLE_DEG,
-    MIN_SWEEP_FRAMES,
-    cap_directions,
-    nearest_half_vector_deg,
-)
+from glint.tasks.algorithms.lighting.coverage import MIN_SWEEP_FRAMES, share_between
 
 SPARSE_SHARE_RANGE = (0.14, 0.2)
 """Share of normals between the half vectors up to which lights are dense, and from which they are sparse."""
-BRIGHT_DEG, REACH_DEG = 2.2, 5.0
-"""Angle to a half vector up to which a normal shows a bright highlight, and up to which it is within the sweep."""
-CAP_PIXELS = 128
-"""Edge of the map of normals on which that share is counted, in pixels."""
 
 SATURATION_PERCENTILE = 99.9
 """Percentile of the object's peak levels that is the saturation level: in one frame the highlight of a light's disc of
@@ -65,11 +56,7 @@ def least_rise(half_vectors: np.ndarray) -> float:
     """
     if np.isfinite(half_vectors[:, 0]).sum() < MIN_SWEEP_FRAMES:
         return BRIGHT_RISE
-    directions = cap_directions(CAP_PIXELS)
-    distance = nearest_half_vector_deg(directions, half_vectors)
-    within = (distance <= REACH_DEG) & (directions[..., 2] > np.cos(np.radians(MAX_OBSERVABLE_ANGLE_DEG)))
-    between = (distance[within] > BRIGHT_DEG).mean() if within.any() else 0.0
-    return float(np.interp(between, SPARSE_SHARE_RANGE, (BRIGHT_RISE, SPARSE_RISE)))
+    return float(np.interp(share_between(half_vectors), SPARSE_SHARE_RANGE, (BRIGHT_RISE, SPARSE_RISE)))
 
 
 def highlight_thresholds(background: np.ndarray, saturation: float, rise: float) -> np.ndarray:

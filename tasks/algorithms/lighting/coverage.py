@@ -28,6 +28,8 @@ LIGHT_BANDS_DEG = ((0.0, 30.0), (30.0, 60.0), (60.0, 90.0))
 """Rings of light directions, by their angle from the camera axis, in which gaps are named."""
 CENTRAL_BAND_DEG = 20.0
 """Angle from the camera axis of the lights around the camera."""
+BRIGHT_DEG, REACH_DEG = 2.2, 5.0
+"""Angle to a half vector up to which a normal shows a bright highlight, and up to which it is within the sweep."""
 MIN_SWEEP_FRAMES = 100
 """Frames below which a capture is a set of photographs, each with a light of its own, and no sweep."""
 GAP_SPACINGS = 1.5
@@ -125,6 +127,18 @@ def nearest_half_vector_deg(directions: np.ndarray, half_vectors: np.ndarray) ->
         chord, _ = cKDTree(known).query(directions[valid])
         result[valid] = np.degrees(2.0 * np.arcsin(np.clip(chord / 2.0, 0.0, 1.0)))
     return result
+
+
+def share_between(half_vectors: np.ndarray, size: int = 128) -> float:
+    """Return the share of the normals within a sweep that have no half vector near them.
+
+    half_vectors: (T, 3), NaN where the frame was rejected. size: edge of the map of normals in pixels. 0 if the sweep
+    surrounds no normal that can be observed.
+    """
+    directions = cap_directions(size)
+    distance = nearest_half_vector_deg(directions, half_vectors)
+    within = (distance <= REACH_DEG) & (directions[..., 2] > np.cos(np.radians(MAX_OBSERVABLE_ANGLE_DEG)))
+    return float((distance[within] > BRIGHT_DEG).mean()) if within.any() else 0.0
 
 
 def coverage(

@@ -8,6 +8,7 @@ from glint.tasks.algorithms.lighting.coverage import (
     coverage,
     gaps_message,
     is_observable,
+    share_between,
 )
 from tests.tasks.algorithms.lighting.light_sweep import sweep
 
@@ -21,6 +22,13 @@ def test_the_map_is_equal_in_area_and_ends_at_45_degrees():
     assert near == pytest.approx((1 - np.cos(np.radians(20))) / (1 - np.cos(np.radians(45))), abs=0.01)
     np.testing.assert_allclose(np.linalg.norm(directions[inside], axis=-1), 1.0, atol=1e-9)
     assert directions[20, 100, 1] > 0 and directions[100, 180, 0] > 0
+
+
+def test_normals_lie_between_the_half_vectors_of_a_sparse_sweep() -> None:
+    assert share_between(sweep(8000)) < 0.02 < 0.2 < share_between(sweep(300))
+    # Of the disc of 5 degrees around a single half vector, 2.2 degrees are near.
+    assert share_between(np.array([[0.0, 0.0, 1.0]])) == pytest.approx(1.0 - (2.2 / 5.0) ** 2, abs=0.03)
+    assert share_between(np.full((3, 3), np.nan)) == 0.0
 
 
 def test_a_dense_sweep_covers_the_cap():
