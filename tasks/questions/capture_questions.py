@@ -14,7 +14,7 @@ from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view
 from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.answers import mark_influence
-from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
+from glint.tasks.algorithms.labelling.reconstruction import conclude, explain, settle
 from glint.tasks.algorithms.labelling.results import Reconstruction
 from glint.tasks.algorithms.labelling.weights import LabellingOptions
 from glint.tasks.algorithms.questions.highlights import choose_highlight
@@ -56,7 +56,7 @@ class CaptureQuestions:
         self.clusters: Clusters = load_clusters(work)
         self._initial = work.load("silhouette").read("initial")
         self.frames = CaptureFrames(work, self.geometry, self.mask)
-        self._settled: Alternation | None = None
+        self._explained: Alternation | None = None
 
     @cached_property
     def candidate_pixels(self) -> np.ndarray:
@@ -108,17 +108,15 @@ class CaptureQuestions:
     def draft_normals(self, marks: Marks | None) -> np.ndarray:
         """Return normals (H, W, 3) with these marks, at once: of a coarser field, and without confidence.
 
-        Labels that settled without marks are kept, and gone on from. The other methods than `sheets` take their time.
+        What explains the labels without marks is kept, and gone on from. Methods other than `sheets` take their time.
         """
         parameters, view = self.work.parameters, self.geometry.view_vectors
         if parameters.labels.method != "sheets":
             return self.label(marks).normals
-        clusters, marks = faced(without_shading(self.clusters), view), faced_marks(marks, view)
-        camera, options = self.geometry.region_camera, self._options
-        if self._settled is None:
-            self._settled = settle(clusters, self.mask, options, camera=camera, draft=True)
-        result = reconstruct_normals(clusters, self.mask, options, marks=marks, camera=camera, settled=self._settled)
-        return rotate_from_view(result.normals, view)
+        if self._explained is None:
+            clusters, camera = faced(without_shading(self.clusters), view), self.geometry.region_camera
+            self._explained = explain(settle(clusters, self.mask, self._options, camera=camera, draft=True))
+        return rotate_from_view(conclude(self._explained, faced_marks(marks, view)).normals, view)
 
     def propose(self, result: Reconstruction, marks: Marks | None, count: int) -> list[ShownQuestion]:
         """Propose at most `count` questions that a frame shows, the most valuable first.

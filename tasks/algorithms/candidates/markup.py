@@ -49,8 +49,9 @@ def mark_constraints(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the constraints of marks on pixels and on their clusters.
 
-    A mark fixes the clusters of its pixel within `radius_deg` of its half vector; a true one also rules out those
-    beyond twice that. Several true marks of one pixel are averaged.
+    A mark fixes the cluster of its pixel that is nearest to its half vector, if within `radius_deg`: where two sheets
+    cross, it is of one of them. A true mark also rules out the clusters beyond twice that angle. Several true marks of
+    one pixel are averaged.
 
     Args:
         marks: None for no marks.
@@ -70,7 +71,8 @@ def mark_constraints(
         if not mask[row, column]:
             continue
         cosine = normals[:, row, column] @ half_vector
-        near, far = cosine > np.cos(np.radians(radius_deg)), cosine < np.cos(np.radians(2.0 * radius_deg))
+        far = cosine < np.cos(np.radians(2.0 * radius_deg))
+        near = (cosine > np.cos(np.radians(radius_deg))) & (cosine == np.fmax.reduce(cosine, initial=-1.0))
         if kind == 1:
             marked[row, column] = True
             sums[row, column] += half_vector

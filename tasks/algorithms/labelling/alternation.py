@@ -55,8 +55,8 @@ class Alternation:
 
     observations (H, W): frames in which a pixel is lit. weights (K, H, W): of the clusters. is_draft: whether the field
     is that of a draft. camera: of the view. coarse: the field that predicts what is held out. sheets: the nodes' graph.
-    evidence (K, H, W): log-likelihood ratio of a true against a false highlight, by the sheet's shape, by shading,
-    marks and refuted faces. labels (K, H, W) bool: exterior nodes. readmitted (K, H, W): probability of nodes that were
+    own_evidence (K, H, W): log-likelihood ratio of a true against a false highlight, by the sheet's shape, by shading
+    and refuted faces. labels (K, H, W) bool: exterior nodes. readmitted (K, H, W): probability of nodes that were
     rejected and then readmitted, 0 elsewhere. values (H, W, 3): accepted normals, else NaN. confidence (H, W): theirs,
     else NaN. known (H, W) bool: where they enter the field. initial, smooth (H, W, 3): first and present field.
     body_depth (H, W): of an expected surface of revolution. unreached (H, W, 3): normals of dark pixels, else NaN.
@@ -79,8 +79,7 @@ class Alternation:
     outward: np.ndarray = field(init=False)
     graph: GraphCut = field(init=False)
     symmetry: RotationalSymmetry = field(init=False)
-    evidence: np.ndarray = field(init=False)
-    unmarked_evidence: np.ndarray = field(init=False)
+    own_evidence: np.ndarray = field(init=False)
     sheets: tuple[np.ndarray, sparse.csr_matrix] = field(init=False)
     marked: np.ndarray = field(init=False)
     marked_normals: np.ndarray = field(init=False)
@@ -108,23 +107,25 @@ class Alternation:
         self.rim, self.outward = contour_normals(self.mask)
         self.graph = GraphCut(self.normals, weights.strength, weights.contrast)
         self.symmetry = RotationalSymmetry(self.mask, self.camera)
-        self.unmarked_evidence = weights.shape_weight * shape_log_ratio(self.normals, self.scale)
-        self.unmarked_evidence += weights.shading_weight * shading_log_ratio(self.shading)
+        self.own_evidence = weights.shape_weight * shape_log_ratio(self.normals, self.scale)
+        self.own_evidence += weights.shading_weight * shading_log_ratio(self.shading)
         self.sheets = sheet_graph(self.normals)
+        self.labels = np.zeros(self.normals.shape[:3], dtype=bool)
         self.take_marks(None)
         self.readmitted, self.known, self.values = np.zeros(self.normals.shape[:3]), self.marked, self.marked_normals
-        self.labels = np.zeros(self.normals.shape[:3], dtype=bool)
         self.faces, self.relief_fit, self.body_depth, self.unreached = None, 0.0, None, None
         self.confidence, self.history = np.full(self.mask.shape, np.nan), []
         self.smooth = self.initial = self.solve_field(self.known, self.values)
 
     def take_marks(self, marks: Marks | None) -> None:
-        """Let marks speak from now on."""
+        """Let marks speak from now on; the present labels tell what they confirm."""
         self.marked, self.marked_normals, self.pins = mark_constraints(marks, self.normals, self.mask)
-        self.influence, self.evidence = np.zeros(self.pins.shape, np.float32), self.unmarked_evidence
-        if self.pins.any():
-            self.influence = mark_influence(*self.sheets, self.pins, self.scale)
-            self.evidence = self.unmarked_evidence + MARKED_SHEET_NATS * self.influence
+        self.influence = mark_influence(*self.sheets, self.pins, self.scale, self.labels)
+
+    @property
+    def evidence(self) -> np.ndarray:
+        """Log-likelihood ratio (K, H, W) of a true against a false highlight, by all that speaks for the sheet."""
+        return self.own_evidence + MARKED_SHEET_NATS * self.influence
 
     def solve_field(
         self,
@@ -174,8 +175,7 @@ class Alternation:
 
     def with_marks(self, confidence: np.ndarray) -> np.ndarray:
         """Return the confidence (H, W) of accepted normals, raised where a true mark lies on their sheet."""
-        influence = np.where(self.labels, self.influence, 0.0).max(axis=0)
-        return marked_confidence(confidence, self.marked, influence)
+        return marked_confidence(confidence, self.marked, np.where(self.labels, self.influence, 0.0).max(axis=0))
 
     def label(self) -> int:
         """Label all nodes against the present field; return the number of pixels whose labels changed."""
@@ -236,7 +236,7 @@ class Alternation:
             if not false.any():
                 break
             # What a false face hid may be another one.
-            self.evidence = self.evidence - REFUTED_NATS * false
+            self.own_evidence = self.own_evidence - REFUTED_NATS * false
             self.iterate(1)
         return True
 

@@ -21,31 +21,63 @@ MARKED_SHEET_CONFIDENCE = 0.97
 """Confidence of accepted normals beside a true mark on the same sheet."""
 
 
-def mark_influence(nodes: np.ndarray, ties: sparse.csr_matrix, pins: np.ndarray, scale: float) -> np.ndarray:
+def mark_influence(
+    nodes: np.ndarray, ties: sparse.csr_matrix, pins: np.ndarray, scale: float, labels: np.ndarray | None = None
+) -> np.ndarray:
     """Spread marks over their sheets: (K, H, W), from 1 (exterior) to -1 (false), 0 where no mark reaches.
 
     Args:
         nodes, ties: of `sheets.sheet_graph`.
         pins: (K, H, W) int8, labels of marked nodes: 1 exterior, -1 false, 0 free.
         scale: inradius of the mask in pixels.
+        labels: (K, H, W) bool, exterior nodes without the marks. A mark that confirms its node's label says nothing of
+            nodes with the other: a sheet that continues it under another label crosses it, or is known better. None:
+            no mark confirms.
 
     The nearer of two marks wins, as far along the sheet as it is near.
     """
     result = np.zeros(nodes.shape)
-    present = nodes >= 0
-    labels, reach_px = pins[present], max(MARK_REACH_INRADII * scale, 1.0)
-    distances = []
-    for label in (1, -1):
-        sources = np.flatnonzero(labels == label)
+    if not pins.any():
+        return result
+    present, reach_px = nodes >= 0, max(MARK_REACH_INRADII * scale, 1.0)
+
+    def distance(paths: sparse.csr_matrix, marked: np.ndarray) -> np.ndarray:
+        sources = np.flatnonzero(marked[present])
         if not len(sources):
-            distances.append(np.full(len(labels), np.inf))
-            continue
-        distances.append(
-            dijkstra(ties, directed=False, indices=sources, min_only=True, limit=MAX_MARK_REACHES * reach_px)
-        )
-    exterior, false = (np.exp(-distance / reach_px) for distance in distances)
+            return np.full(len(nodes[present]), np.inf)
+        return dijkstra(paths, directed=False, indices=sources, min_only=True, limit=MAX_MARK_REACHES * reach_px)
+
+    if labels is None:
+        distances = [distance(ties, pins == label) for label in (1, -1)]
+    else:
+        contradicting, within = contradictions(pins, labels), _ties_within(ties, labels[present])
+        distances = [
+            np.minimum(
+                distance(ties, contradicting & (pins == label)),
+                distance(within, (pins == label) & (labels == (label == 1))),
+            )
+            for label in (1, -1)
+        ]
+    exterior, false = (np.exp(-each / reach_px) for each in distances)
     result[present] = np.where(exterior > false, exterior, np.where(false > exterior, -false, 0.0))
     return result
+
+
+def contradictions(pins: np.ndarray, labels: np.ndarray) -> np.ndarray:
+    """Return the marked nodes (K, H, W) bool whose marks contradict their labels.
+
+    pins: as in `mark_influence`. labels: (K, H, W) bool, exterior nodes. Where two sheets cross, a true mark pins nodes
+    of both: if one is exterior, the mark is no news.
+    """
+    true = pins == 1
+    return np.where(true, ~(true & labels).any(axis=0), (pins == -1) & labels)
+
+
+def _ties_within(ties: sparse.csr_matrix, labels: np.ndarray) -> sparse.csr_matrix:
+    """Return the ties between nodes of one label, labels (N,) bool."""
+    pairs = ties.tocoo()
+    same = labels[pairs.row] == labels[pairs.col]
+    return sparse.csr_matrix((pairs.data[same], (pairs.row[same], pairs.col[same])), shape=ties.shape)
 
 
 def marked_confidence(confidence: np.ndarray, marked: np.ndarray, influence: np.ndarray) -> np.ndarray:

@@ -20,6 +20,7 @@ import numpy as np
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.alternation import Alternation
+from glint.tasks.algorithms.labelling.answers import contradictions
 from glint.tasks.algorithms.labelling.final_confidence import final_confidence
 from glint.tasks.algorithms.labelling.readmission import plausible_sheets
 from glint.tasks.algorithms.labelling.results import (
@@ -67,8 +68,7 @@ def reconstruct_normals(
         expected: (H, W, 3) normals known beforehand, as from a visual hull, finite in the mask; they replace the
             occluding contour as data of the field.
         camera: (3, 3), the perspective camera's matrix in pixels of the mask; None for parallel rays.
-        settled: result of `settle` for the same arguments, None to settle first. If it is a draft, so is the result:
-            confidence is that of the accepted normals alone, NaN between them.
+        settled: result of `settle` for the same arguments, None to settle first.
 
     Raises:
         ValueError: clusters and mask differ in size, or the expected normals have gaps in the mask.
@@ -77,45 +77,7 @@ def reconstruct_normals(
         settled = settle(clusters, mask, options, expected=expected, camera=camera)
     state = copy(settled)
     state.options = options
-    if marks is not None:
-        # Labels settle without marks first: started with them, a single mark may tip sheets that it has no part in.
-        state.take_marks(marks)
-        state.iterate()
-    symmetric = _adopted_symmetry(state) if expected is None and options.symmetry else None
-    state = symmetric or state
-    if symmetric is not None or (expected is None and options.flat_faces and state.adopt_faces()):
-        state.iterate()
-    if state.relief_fit > 0.0 and state.adopt_symmetry():
-        # Highlights that a relief explains show more of it.
-        state.iterate()
-    for _ in range(MAX_READMISSIONS if options.readmission and expected is None else 0):
-        better = _readmitted(state)
-        if better is None:
-            break
-        state = better
-    if state.expected is None:
-        _bend_dark_pixels(state)
-
-    accepted = np.isfinite(state.confidence)
-    provenance = np.select([~mask, state.marked, accepted, state.rim], [OUTSIDE, MARKED, OBSERVED, SILHOUETTE], FILLED)
-    normals = blended_normals(state.values, state.smooth).astype(np.float32)
-    confidence = state.confidence if state.is_draft else final_confidence(state, normals)
-    return Reconstruction(
-        labels=state.labels.astype(np.uint8),
-        normals=normals,
-        initial=state.initial,
-        provenance=provenance.astype(np.uint8),
-        confidence=np.where(mask, confidence, np.nan).astype(np.float32),
-        iterations=tuple(state.history),
-        body_depth=_followed_depth(state, normals),
-    )
-
-
-def _followed_depth(state: Alternation, normals: np.ndarray) -> np.ndarray | None:
-    """Return the depth (H, W) of the surface of revolution, NaN where normals (H, W, 3) contradict it."""
-    if state.body_depth is None or state.expected is None:
-        return None
-    return np.where(angles(normals, state.expected) < DETAIL_DEG, state.body_depth, np.nan).astype(np.float32)
+    return conclude(explain(state), marks)
 
 
 def settle(
@@ -127,7 +89,7 @@ def settle(
     camera: np.ndarray | None = None,
     draft: bool = False,
 ) -> Alternation:
-    """Label the candidates without marks until the labels settle: what `reconstruct_normals` goes on from.
+    """Label the candidates until the labels settle: what `explain` goes on from.
 
     Args:
         draft: whether to save time by a coarser field; for the rest see `reconstruct_normals`.
@@ -154,6 +116,67 @@ def settle(
     )
     state.iterate()
     return state
+
+
+def explain(settled: Alternation) -> Alternation:
+    """Explain labels that have settled by a surface of revolution or flat faces, and readmit plausible sheets.
+
+    Normals that were expected beforehand explain them already.
+    """
+    if settled.expected is not None and settled.body_depth is None:
+        return settled
+    state, options = copy(settled), settled.options
+    symmetric = _adopted_symmetry(state) if state.expected is None and options.symmetry else None
+    state = symmetric or state
+    if symmetric is not None or (state.expected is None and options.flat_faces and state.adopt_faces()):
+        state.iterate()
+    if state.relief_fit > 0.0 and state.adopt_symmetry():
+        # Highlights that a relief explains show more of it.
+        state.iterate()
+    for _ in range(MAX_READMISSIONS if options.readmission else 0):
+        better = _readmitted(state)
+        if better is None:
+            break
+        state = better
+    return state
+
+
+def conclude(explained: Alternation, marks: Marks | None = None) -> Reconstruction:
+    """Let marks speak, and return the result.
+
+    Labels settle and are explained without marks first: started with them, a single mark may tip sheets that it has no
+    part in, and the surface that explains the rest.
+
+    Args:
+        explained: result of `explain`. If it is a draft, so is the result: confidence is that of the accepted normals
+            alone, NaN between them.
+        marks: true and false highlights marked by a user.
+    """
+    state = copy(explained)
+    if marks is not None:
+        state.take_marks(marks)
+        is_news = contradictions(state.pins, state.labels).any()
+        state.iterate()
+        if is_news:
+            state = explain(state)
+    if state.expected is None:
+        _bend_dark_pixels(state)
+
+    accepted = np.isfinite(state.confidence)
+    provenance = np.select(
+        [~state.mask, state.marked, accepted, state.rim], [OUTSIDE, MARKED, OBSERVED, SILHOUETTE], FILLED
+    )
+    normals = blended_normals(state.values, state.smooth).astype(np.float32)
+    confidence = state.confidence if state.is_draft else final_confidence(state, normals)
+    return Reconstruction(
+        labels=state.labels.astype(np.uint8),
+        normals=normals,
+        initial=state.initial,
+        provenance=provenance.astype(np.uint8),
+        confidence=np.where(state.mask, confidence, np.nan).astype(np.float32),
+        iterations=tuple(state.history),
+        body_depth=_followed_depth(state, normals),
+    )
 
 
 def _adopted_symmetry(state: Alternation) -> Alternation | None:
@@ -203,3 +226,10 @@ def _bend_dark_pixels(state: Alternation) -> None:
     estimate = unreached_normals(state.smooth, confidence, lit, state.mask, swept, state.scale, solve)
     if estimate is not None:
         state.unreached, state.smooth = estimate
+
+
+def _followed_depth(state: Alternation, normals: np.ndarray) -> np.ndarray | None:
+    """Return the depth (H, W) of the surface of revolution, NaN where normals (H, W, 3) contradict it."""
+    if state.body_depth is None or state.expected is None:
+        return None
+    return np.where(angles(normals, state.expected) < DETAIL_DEG, state.body_depth, np.nan).astype(np.float32)

@@ -80,5 +80,5 @@ def test_the_confidence_of_a_result_is_compared_with_its_errors(evaluation: Eval
     pixels = sum(each.pixels for each in evaluation.reliability)
     assert pixels == np.isfinite(evaluation.confidence).sum()
     best = evaluation.reliability[-1]
-    assert best.low >= 0.9 and best.right > 0.95
+    assert best.low >= 0.9 and best.right > 0.98
     assert all(each.low <= each.confidence <= 1 for each in evaluation.reliability)

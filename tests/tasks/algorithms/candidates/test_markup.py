@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
 
@@ -10,3 +11,19 @@ def test_a_true_mark_labels_the_clusters_of_its_pixel() -> None:
     marked, values, labels = mark_constraints(marks, normals, np.ones((3, 3), bool))
     assert marked[1, 1] and marked.sum() == 1 and labels[:, 1, 1].tolist() == [-1, 1]
     np.testing.assert_allclose(values[1, 1], [0.6, 0, 0.8])
+
+
+@pytest.mark.parametrize("kind", [1, 0])
+def test_where_sheets_cross_a_mark_is_of_the_nearer_one(kind: int) -> None:
+    tilts = np.radians([3.0, -2.0, 20.0])
+    normals = np.stack([np.sin(tilts), np.zeros(3), np.cos(tilts)], axis=-1)[:, None, None, :]
+    marks = Marks(np.array([[0, 0]]), np.array([[0.0, 0.0, 1.0]]), np.array([kind]))
+    _, _, labels = mark_constraints(marks, normals, np.ones((1, 1), bool))
+    assert labels.ravel().tolist() == ([0, 1, -1] if kind == 1 else [0, -1, 0])
+
+
+def test_a_mark_without_a_cluster_fixes_its_normal_alone() -> None:
+    marks = Marks(np.array([[0, 0]]), np.array([[0.0, 0.0, 1.0]]), np.array([1]))
+    for normals in (np.empty((0, 1, 1, 3)), np.full((2, 1, 1, 3), np.nan)):
+        marked, values, labels = mark_constraints(marks, normals, np.ones((1, 1), bool))
+        assert marked.all() and values[0, 0].tolist() == [0.0, 0.0, 1.0] and not labels.any()

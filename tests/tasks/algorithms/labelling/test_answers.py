@@ -5,7 +5,7 @@ import pytest
 
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.geometry.vectors import unit
-from glint.tasks.algorithms.labelling.answers import mark_influence
+from glint.tasks.algorithms.labelling.answers import contradictions, mark_influence
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
 from tests.tasks.algorithms.labelling.test_reconstruction import Scene, pebble
@@ -45,6 +45,27 @@ def test_without_marks_nothing_is_said() -> None:
     nodes = two_sheets()
     pins = np.zeros(nodes.shape[:3], np.int8)
     assert not mark_influence(*sheet_graph(nodes), pins, scale=20.0).any()
+
+
+@pytest.mark.parametrize("pin", [1, -1])
+def test_a_mark_that_confirms_a_label_is_silent_about_the_other(pin: int) -> None:
+    """Where sheets merge, a mark on the rightly labelled one must not tip the other."""
+    nodes = two_sheets()
+    graph, pins = sheet_graph(nodes), np.zeros(nodes.shape[:3], np.int8)
+    pins[0, 20, 4] = pin
+    labels = np.zeros(pins.shape, bool)
+    labels[0, :, :10] = True
+    confirming, news = (
+        mark_influence(*graph, pins, 40.0, known) for known in (labels == (pin == 1), labels != (pin == 1))
+    )
+    assert (pin * news[0, 20, :16] > 0).all()
+    assert (confirming[0, 20, :10] == news[0, 20, :10]).all() and not confirming[0, 20, 10:].any()
+
+
+def test_a_true_mark_that_an_exterior_candidate_confirms_contradicts_nothing() -> None:
+    pins = np.array([[1, 1], [1, -1], [0, -1]], np.int8).reshape(3, 1, 2)
+    labels = np.array([[False, False], [True, True], [True, False]]).reshape(3, 1, 2)
+    assert contradictions(pins, labels).reshape(3, 2).tolist() == [[False, True], [False, True], [False, False]]
 
 
 @pytest.mark.parametrize("kind", [1, 0])
