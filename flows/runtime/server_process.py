@@ -2,6 +2,7 @@
 
 import fcntl
 import json
+import logging
 import os
 import socket
 import subprocess
@@ -101,13 +102,15 @@ def read_state(folder: Path) -> State | None:
 def keep(folder: Path, ended: threading.Event) -> None:
     """Restart the server at its address whenever it has died, until `ended` is set; a stopped one stays stopped."""
     while not ended.wait(KEEPER_SECONDS):
-        state = read_state(folder)
-        if state is None or is_alive(*state.process):
-            continue
-        with locked(folder):  # another run may have restarted it meanwhile
-            state = read_state(folder)
-            if state is not None and not is_alive(*state.process):
-                spawn(folder, state)
+        try:
+            if (state := read_state(folder)) is None or is_alive(*state.process):
+                continue
+            with locked(folder):  # another run may have restarted it meanwhile
+                state = read_state(folder)
+                if state is not None and not is_alive(*state.process):
+                    spawn(folder, state)
+        except Exception:  # a later attempt may succeed
+            logging.getLogger(__name__).warning("the server could not be restarted", exc_info=True)
 
 
 def spawn(folder: Path, previous: State | None = None) -> State:
