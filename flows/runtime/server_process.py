@@ -9,7 +9,6 @@ import subprocess
 import sys
 import threading
 import time
-import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -106,8 +105,7 @@ def keep(folder: Path, ended: threading.Event) -> None:
             if (state := read_state(folder)) is None or is_alive(*state.process):
                 continue
             with locked(folder):  # another run may have restarted it meanwhile
-                state = read_state(folder)
-                if state is not None and not is_alive(*state.process):
+                if (state := read_state(folder)) is not None and not is_alive(*state.process):
                     spawn(folder, state)
         except Exception:  # a later attempt may succeed
             logging.getLogger(__name__).warning("the server could not be restarted", exc_info=True)
@@ -186,7 +184,7 @@ def answers(api_url: str) -> bool:
     try:
         with urllib.request.urlopen(f"{api_url}/health", timeout=2) as answer:
             return bool(answer.status == 200)
-    except (OSError, urllib.error.URLError):
+    except OSError:
         return False
 
 
