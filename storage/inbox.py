@@ -20,9 +20,9 @@ import obstore
 from pydantic import BaseModel
 
 from glint.storage.catalogue.confinement import check_inside, confined
-from glint.storage.catalogue.from_folder import object_from_folder
+from glint.storage.catalogue.from_folder import MAX_NAME, object_from_folder
 from glint.storage.catalogue.loading import Catalogue, Object, load, write
-from glint.storage.errors import GlintError, InputError
+from glint.storage.errors import GlintError, InputError, printable
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 from glint.storage.seals import digest_of
@@ -157,7 +157,7 @@ class Inbox:
                 # Whatever is wrong with one sub-folder must not stop the others; its name may be too long for a file.
                 problems[submission.name] = str(error)
         if loose:
-            name = self.location.name or "inbox"
+            name = printable(self.location.name)[:MAX_NAME] or "inbox"
             objects = (*loose, *(item for item, _ in kept[:MAX_KEPT]))
             together = Catalogue.model_validate({"schema": 1, "name": name, "objects": objects})
             address = self._write_catalogue(together, CATALOGUE)
@@ -169,7 +169,7 @@ class Inbox:
         """Return the objects of sub-folders without a catalogue; those that can no longer be read are left out."""
         kept = dict[str, tuple[Object, Submission]]()
         for submission in (item for item in submissions if not item.has_catalogue):
-            with suppress(InputError):
+            with suppress(GlintError, OSError):
                 content = self._catalogue(submission)
                 for item in () if isinstance(content, Catalogue) else content:
                     kept.setdefault(item.id, (item, submission))

@@ -84,15 +84,26 @@ def process_object(captures: ObjectCaptures, drift: float | None) -> ObjectResul
             with_model = has_model and not results[-1].error
             arguments = completed, first.run, captures.catalogue, with_model
             version = on_worker(first.object_id, "version", publish_captures, *arguments)
-            changes = list[Drift]()
-            if drift is not None and version.created:
-                names = first.repository.version_names()
-                if len(names) > 1:
-                    changes = drifts(first.repository, names[-2], version.name, drift)
-                    report_drifts(changes, drift)
+            changes = list[Drift]() if drift is None or not version.created else compared(first, version.name, drift)
             return ObjectResult(first.object_id, results, version, tuple(changes))
     except USER_ERRORS as error:
         return failed_object(captures, error)
+
+
+def compared(context: CaptureContext, version: str, drift: float) -> list[Drift]:
+    """Report what changed by more than `drift` degrees since the version before; a failure leaves the new one as is."""
+    names = context.repository.version_names()
+    if len(names) < 2:
+        return []
+    try:
+        changes = drifts(context.repository, names[-2], version, drift)
+        report_drifts(changes, drift)
+    except USER_ERRORS as error:
+        message, remedy = message_and_remedy(error)
+        text = f"{version} is published but was not compared with {names[-2]}: {message}: {remedy}"
+        run_context().emit(CaptureWarning(context.object_id, text))
+        return []
+    return changes
 
 
 def run_captures(captures: ObjectCaptures) -> tuple[CaptureResult, ...]:

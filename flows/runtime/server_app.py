@@ -136,7 +136,10 @@ def _session(tokens: Tokens, authentication: str) -> Any:
     """Return the handler that exchanges the token of a link for the password of Prefect's pages."""
 
     async def session(request: Request) -> Response:
-        if int(request.headers.get("content-length", MAX_TOKEN_BYTES + 1)) > MAX_TOKEN_BYTES:
+        length = request.headers.get("content-length", str(MAX_TOKEN_BYTES + 1))
+        if not length.isdecimal():
+            return PlainTextResponse("its length is no number", status_code=400)
+        if int(length) > MAX_TOKEN_BYTES:
             return PlainTextResponse("too long", status_code=413)
         token = (await request.body()).decode(errors="replace")
         if not tokens.use(token, time.time()):

@@ -2,13 +2,13 @@
 
 import fcntl
 import json
+import logging
 import os
 import socket
 import subprocess
 import sys
 import threading
 import time
-import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -101,13 +101,14 @@ def read_state(folder: Path) -> State | None:
 def keep(folder: Path, ended: threading.Event) -> None:
     """Restart the server at its address whenever it has died, until `ended` is set; a stopped one stays stopped."""
     while not ended.wait(KEEPER_SECONDS):
-        state = read_state(folder)
-        if state is None or is_alive(*state.process):
-            continue
-        with locked(folder):  # another run may have restarted it meanwhile
-            state = read_state(folder)
-            if state is not None and not is_alive(*state.process):
-                spawn(folder, state)
+        try:
+            if (state := read_state(folder)) is None or is_alive(*state.process):
+                continue
+            with locked(folder):  # another run may have restarted it meanwhile
+                if (state := read_state(folder)) is not None and not is_alive(*state.process):
+                    spawn(folder, state)
+        except Exception:  # a later attempt may succeed
+            logging.getLogger(__name__).warning("the server could not be restarted", exc_info=True)
 
 
 def spawn(folder: Path, previous: State | None = None) -> State:
@@ -183,7 +184,7 @@ def answers(api_url: str) -> bool:
     try:
         with urllib.request.urlopen(f"{api_url}/health", timeout=2) as answer:
             return bool(answer.status == 200)
-    except (OSError, urllib.error.URLError):
+    except OSError:
         return False
 
 

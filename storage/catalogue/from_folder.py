@@ -12,8 +12,10 @@ from collections import defaultdict
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+from pydantic import ValidationError
+
 from glint.storage.catalogue.models import MODEL, Catalogue, Object
-from glint.storage.errors import InputError
+from glint.storage.errors import InputError, one_line, printable
 from glint.storage.footage.images import SUFFIXES
 from glint.storage.locations.input_files import Address, list_folder, locate
 from glint.storage.locations.location import Location
@@ -23,6 +25,8 @@ _NOT_FRAMES = re.compile(r"(.*[._-])?(mask|normals?([._-]map)?|depth|preview|ref
 """Images that are no frames, by their stem."""
 FRAME_FOLDERS = ("frames", "images", "photos", "jpg", "jpeg", "jpeg-exports", "png", "tif", "tiff")
 """Folders of a capture's images, in the order in which they are looked for; RTIBuilder writes `jpeg-exports`."""
+MAX_NAME = 200
+"""Characters of a folder's name that a catalogue's keeps."""
 MAX_ID_STEM = 56
 """Characters of a folder's name that an id keeps: a number that tells it from others still fits."""
 LIGHTS_FOLDERS = ("assembly-files",)
@@ -43,7 +47,9 @@ def from_folder(folder: Address) -> Catalogue:
         raise InputError(
             f"{location.uri} holds no captures", "make one sub-folder per object with a video or a set of images in it"
         )
-    return Catalogue.model_validate({"schema": 1, "name": location.name or "captures", "objects": objects})
+    return Catalogue.model_validate(
+        {"schema": 1, "name": printable(location.name)[:MAX_NAME] or "captures", "objects": objects}
+    )
 
 
 def object_from_folder(folder: Location, taken: set[str]) -> Object | None:
@@ -52,14 +58,19 @@ def object_from_folder(folder: Location, taken: set[str]) -> Object | None:
     taken: ids that other objects have; the object's is added.
 
     Raises:
-        InputError: the folder cannot be read; StoreError: the object store cannot.
+        InputError: the folder cannot be read, or a name in it is no text; StoreError: the object store cannot.
     """
     captures = _captures(folder)
     if not captures:
         return None
     entry: dict[str, Any] = {"id": _new_id(folder.name, taken), "captures": captures}
     model = next((file.uri for file in list_folder(folder)[1] if file.name == "truth_model.ply"), None)
-    return Object.model_validate(entry | ({"truth_model": model} if model else {}))
+    try:
+        return Object.model_validate(entry | ({"truth_model": model} if model else {}))
+    except ValidationError as error:
+        raise InputError(
+            f"{folder.uri} cannot be an object ({one_line(error)})", "rename the folder or the files in it"
+        ) from error
 
 
 def _captures(folder: Location) -> list[dict[str, Any]]:

@@ -10,7 +10,7 @@ from glint.storage.edits.contents import read_edits, write_edits
 from glint.storage.edits.models import EditedFields, Revision
 from glint.storage.edits.records import RevisionCommit
 from glint.storage.errors import DamagedError
-from glint.storage.versions.garbage import BRANCH_PREFIX
+from glint.storage.versions.garbage import new_branch_name
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.snapshots import index_errors, read_session
 from glint.storage.versions.transaction import transaction
@@ -39,15 +39,18 @@ def _recover(repository: ObjectRepository, index: icechunk.Repository) -> str:
     assert newest.revision is not None
     number, name = newest.number + 1, "the first" if base is None else f"edit {base.number}"
     capture = newest.revision.capture
+    dropped = commits if base is None else commits[commits.index(base) + 1 :]
+    captures = sorted({item.revision.capture for item in dropped if item.revision is not None} - {capture})
+    also = f"; those of {', '.join(captures)} too" if captures else ""
     revision = Revision(
         number=number,
         capture=capture,
         author=AUTHOR,
         time=datetime.now(UTC),
-        sentence=f"back to {'before ' * (base is None)}{name}, since edit {newest.number} is damaged",
+        sentence=f"back to {'before ' * (base is None)}{name}, since edit {newest.number} is damaged{also}",
         fields=tuple(EditedFields.model_fields),
     )
-    branch = f"{BRANCH_PREFIX}{uuid4().hex}"
+    branch = new_branch_name()
     index.create_branch(branch, records.first_snapshot(index) if base is None else base.snapshot)
     try:
         session = index.writable_session(branch)

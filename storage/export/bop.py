@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial import ConvexHull
-from scipy.spatial.distance import pdist
+from scipy.spatial import ConvexHull, cKDTree
+from scipy.spatial.distance import cdist
 
 from glint.storage.errors import StoreError
 from glint.storage.export.axes import OPENCV_FROM_CAMERA
@@ -26,6 +26,9 @@ DEPTH_SCALES_MM = (0.01, 0.1, 1.0)
 """Millimetres of one step of the depth images; the finest that holds the farthest pixel is used."""
 
 _MAX_DEPTH_STEP = 65535
+
+_BLOCK = 256
+"""Points whose distances to as many others are computed at once."""
 
 _Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
@@ -197,7 +200,25 @@ def _model_info(vertices: np.ndarray) -> dict[str, float]:
     hull = vertices[ConvexHull(vertices, qhull_options="QJ").vertices]
     info = {f"min_{axis}": float(low[number]) for number, axis in enumerate("xyz")}
     info |= {f"size_{axis}": float(size[number]) for number, axis in enumerate("xyz")}
-    return info | {"diameter": float(pdist(hull).max())}
+    return info | {"diameter": _diameter(hull)}
+
+
+def _diameter(points: np.ndarray) -> float:
+    """Return the largest distance between two points (N, 3).
+
+    Blocks of neighbours are compared, those farthest apart first, until no other two can hold a larger distance.
+    """
+    blocks = [points[part] for part in np.array_split(cKDTree(points).indices, -(-len(points) // _BLOCK))]
+    centres = np.array([block.mean(axis=0) for block in blocks])
+    radii = [np.linalg.norm(block - centre, axis=1).max() for block, centre in zip(blocks, centres, strict=True)]
+    bounds = np.triu(cdist(centres, centres) + np.add.outer(radii, radii))
+    largest = 0.0
+    for pair in np.argsort(-bounds, axis=None):
+        first, second = np.unravel_index(pair, bounds.shape)
+        if bounds[first, second] <= largest:
+            break
+        largest = max(largest, float(cdist(blocks[first], blocks[second]).max()))
+    return largest
 
 
 def _sensor(capture: ExportedCapture, cameras: dict[str, Any]) -> dict[str, Any]:

@@ -54,7 +54,7 @@ def content_digest(address: Address, store: Location, rehash: bool = False, key:
     digests = within_time(lambda step: _sha256_of_all(chosen, location.uri, sum(sizes), step), location.uri)
     names = (file.name for file in chosen)
     digest = digests[0] if files is None else digest_of(sorted(zip(names, digests, strict=True)))
-    if [file_stamp(file) for file in chosen] != stamps:
+    if within_time(lambda step: _stamps(chosen, step), location.uri) != stamps:
         raise InputError(f"{location.uri} changed while it was read", "run again once it is written completely")
     if any(_is_recently_modified(stamp) for stamp in stamps):
         return digest

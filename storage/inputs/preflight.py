@@ -9,12 +9,13 @@ from glint.storage.footage.images import SUFFIXES
 from glint.storage.inputs.lp_file import read_lights
 from glint.storage.inputs.markup import check_markup
 from glint.storage.locations.input_files import expand, locate
+from glint.storage.locations.location import LocationError
 
 READERS = 16
 """Captures whose files are read side by side: an object store takes its time for each."""
 
 
-def input_errors(captures: Iterable[Capture]) -> list[list[InputError]]:
+def input_errors(captures: Iterable[Capture]) -> list[list[InputError | LocationError]]:
     """Return what is wrong with the `.lp` file and the annotations of each capture, in order; empty: nothing.
 
     Images are listed, so that their names and number are compared with the rows; a video's length is not known yet.
@@ -37,24 +38,24 @@ def check_inputs(capture: Capture) -> None:
         raise InputError("; ".join(error.message for error in errors), "; ".join(error.remedy for error in errors))
 
 
-def _input_errors(capture: Capture) -> list[InputError]:
+def _input_errors(capture: Capture) -> list[InputError | LocationError]:
     if capture.lights is None and capture.markup is None:
         return []
-    errors: list[InputError] = []
+    errors: list[InputError | LocationError] = []
     names: tuple[str, ...] = ()
     try:
         files = expand(locate(capture.frames), SUFFIXES)
         names = () if files is None else tuple(file.name for file in files)
-    except InputError as error:
+    except (InputError, LocationError) as error:
         errors.append(error)
     try:
         if capture.lights is not None:
             read_lights(capture.lights, names)
-    except InputError as error:
+    except (InputError, LocationError) as error:
         errors.append(error)
     try:
         if capture.markup is not None:
             check_markup(capture.markup, len(names) or None)
-    except InputError as error:
+    except (InputError, LocationError) as error:
         errors.append(error)
     return errors

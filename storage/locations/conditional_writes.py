@@ -71,6 +71,9 @@ def check_conditional_writes(location: Location) -> None:
             # Where nothing could be written, the error of the write is the one to report.
             with suppress(FileNotFoundError):
                 obstore.delete(store, key)
+            if location.local is not None:
+                with suppress(OSError):
+                    (location.local / "probe").rmdir()
 
 
 def _check_create(store: ObjectStore, key: str, uri: str) -> None:

@@ -27,9 +27,11 @@ class LockOwner:
     def from_bytes(cls, data: bytes) -> "LockOwner | None":
         """Parse the result of `as_bytes`; None if it is anything else."""
         try:
-            return cls(**json.loads(data))
+            owner = cls(**json.loads(data))
         except (ValueError, TypeError):
             return None
+        is_text = all(isinstance(text, str) for text in (owner.host, owner.since, owner.run))
+        return owner if is_text and type(owner.pid) is int and 0 < owner.pid < 2**31 else None
 
     def as_bytes(self) -> bytes:
         """Return the owner as JSON."""

@@ -37,6 +37,8 @@ def repair(location: Location, damages: tuple[Damage, ...]) -> list[str]:
                 done.append(_restore_index(location, object_id))
         elif problem is not None:
             done.append(f"left {object_id} alone, as no repair helps: {problem}")
+        elif (lost := _edits_problem(location, object_id)) is not None:
+            done.append(f"left the edits of {object_id} alone, as no repair helps: {lost}")
     for object_id in sorted({damage.object_id for damage in damages if damage.is_edit}):
         done += filter(None, [recover(ObjectRepository.open(location, object_id, create=False))])
     for damage in damages:
@@ -52,12 +54,14 @@ def _restore_index(location: Location, object_id: str) -> str:
     listed = [meta for batch in obstore.list(store, prefix="overwritten") for meta in batch]
     with suppress(FileNotFoundError):
         damaged = bytes(obstore.get(store, INDEX).bytes())
-        if _reset_work(folder, object_id):
+        if _reset_work(folder, object_id) and _problem(location, object_id) is None:
             return f"set the newest results of {object_id} back to its newest version"
         obstore.put(store, "damaged-index", damaged, use_multipart=False)
     for meta in sorted(listed, key=lambda meta: meta["last_modified"], reverse=True):
         obstore.put(store, INDEX, bytes(obstore.get(store, meta["path"]).bytes()), use_multipart=False)
-        if _problem(location, object_id) is None or _reset_work(folder, object_id):
+        if _problem(location, object_id) is None or (
+            _reset_work(folder, object_id) and _problem(location, object_id) is None
+        ):
             return f"restored the index of {object_id} as it was before its last change"
     return f"the index of {object_id} has no whole copy: restore a backup, or remove {folder.uri} and run again"
 
@@ -71,10 +75,18 @@ def _problem(location: Location, object_id: str) -> StoreError | None:
     try:
         repository = ObjectRepository.open(location, object_id, create=False)
         repository.history()
-        Edits(repository).history()
     except StoreUnreachable:
         raise
     except StoreError as error:
+        return error
+    return None
+
+
+def _edits_problem(location: Location, object_id: str) -> DamagedError | None:
+    """Return why the history of edits cannot be read, None if it can; results do not depend on it."""
+    try:
+        Edits.open(location, object_id, create=False).history()
+    except DamagedError as error:
         return error
     return None
 
@@ -83,6 +95,9 @@ def _reset_work(folder: Location, object_id: str) -> bool:
     """Set the branch `work` to the newest version if its own snapshot cannot be read; return whether that helped."""
     try:
         repository = open_repository(folder)
+        with suppress(icechunk.IcechunkError, DamagedError):
+            read_session(repository, object_id, "work")
+            return False
         names = version_names(repository, object_id)
         if not names:
             return False

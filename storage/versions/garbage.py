@@ -1,7 +1,9 @@
 """Garbage collection of an object: replaced results, icechunk's copies of its index, and old files of caches."""
 
+import re
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from uuid import uuid4
 
 import icechunk
 import obstore
@@ -11,7 +13,7 @@ from glint.storage.locations.location import Location
 from glint.storage.versions.snapshots import version_names
 
 BRANCH_PREFIX = "publish-"
-"""Beginning of the names of the branches on which versions are made."""
+"""Beginning of the names of the branches on which versions are made; the second of their creation follows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,10 +67,15 @@ def remove_old_files(location: Location, object_id: str, folder: str, min_age: t
 def delete_stale_branches(repository: icechunk.Repository, limit: datetime) -> None:
     """Delete the branches, older than `limit`, of publishers that died."""
     for branch in repository.list_branches():
-        if branch.startswith(BRANCH_PREFIX):
-            written = repository.lookup_snapshot(repository.lookup_branch(branch)).written_at
-            if written < limit:
-                repository.delete_branch(branch)
+        # A snapshot may be far older than the branch that was created from it.
+        created = re.fullmatch(rf"{BRANCH_PREFIX}(\d+)-\w+", branch)
+        if created and int(created[1]) < limit.timestamp():
+            repository.delete_branch(branch)
+
+
+def new_branch_name() -> str:
+    """Return the name of a new branch on which a version is made."""
+    return f"{BRANCH_PREFIX}{int(datetime.now(UTC).timestamp())}-{uuid4().hex}"
 
 
 def _index_copies(location: Location, limit: datetime) -> dict[str, int]:

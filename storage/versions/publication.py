@@ -8,7 +8,6 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
-from uuid import uuid4
 
 import icechunk
 import zarr
@@ -17,7 +16,7 @@ from glint.storage.errors import DamagedError, StoreError
 from glint.storage.json_values import json_value
 from glint.storage.seals import SEAL, sealed
 from glint.storage.versions.array_schema import Schemas, schema_violations
-from glint.storage.versions.garbage import BRANCH_PREFIX
+from glint.storage.versions.garbage import new_branch_name
 from glint.storage.versions.snapshots import (
     Version,
     newest_version,
@@ -160,7 +159,7 @@ def commit_version(
     Raises:
         icechunk.ConflictError: another publisher took the name first.
     """
-    branch = f"{BRANCH_PREFIX}{uuid4().hex}"
+    branch = new_branch_name()
     repository.create_branch(branch, base)
     try:
         writable = repository.writable_session(branch)

@@ -94,8 +94,16 @@ class SilhouetteParameters(StageParameters):
 
 
 class LabelsParameters(StageParameters):
-    """method: `sheets`, the literal `paper`, or `winner` takes all; edges, weight: of the
-    paper's graph; the others belong to `sheets`."""
+    """The method and its weights.
+
+    method: `sheets`, the literal `paper`, or `winner` takes all.
+    edges, weight: of the paper's graph; the others belong to `sheets`.
+    rounds: most iterations of labelling and smooth field.
+    strength: cost in nats of labelling two identical neighbours differently.
+    contrast: difference of unit normals at which that cost has fallen to 1/e.
+    prior: share of the candidates that are exterior.
+    shape_weight: factor of the log-likelihood ratios of the integrability and convexity prior.
+    """
 
     method: Literal["sheets", "paper", "winner"] = "sheets"
     edges: Literal["layers", "surface"] = "layers"

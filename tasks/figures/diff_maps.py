@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glint.storage.errors import StoreError
+from glint.storage.errors import OutputError
 from glint.storage.export.image_files import colour_values, write_png
 from glint.tasks.version_diff import Difference
 
@@ -21,7 +21,7 @@ def draw_diff_maps(difference: Difference, folder: Path) -> None:
     Colours run from dark blue to yellow; pixels that are missing in one of the versions are white.
 
     Raises:
-        StoreError: the folder cannot be written.
+        OutputError: the folder cannot be written.
     """
     known = np.abs(difference.depths[np.isfinite(difference.depths)])
     limit = max(float(np.quantile(known, DEPTH_QUANTILE)) if known.size else 0.0, 1e-6)
@@ -30,4 +30,4 @@ def draw_diff_maps(difference: Difference, folder: Path) -> None:
         write_png(folder / "normals_difference.png", colour_values(difference.angles, 0.0, MAX_ANGLE_DEG))
         write_png(folder / "depth_difference.png", colour_values(difference.depths, -limit, limit))
     except OSError as error:
-        raise StoreError(f"{folder} cannot be written ({error.strerror})", "name another folder with --out") from error
+        raise OutputError(f"{folder} cannot be written ({error.strerror})", "name another folder with --out") from error

@@ -119,7 +119,7 @@ def relabelled(view: View, model: Model, work: CaptureContext) -> View:
         marks,
         parameters.model_copy(update={"rounds": min(parameters.rounds, RELABELLING_ROUNDS)}),
         work.parameters.silhouette,
-        expected,
-        load_geometry(work).view_vectors,
+        expected=expected,
+        camera=load_geometry(work).region_camera,
     )
     return view.with_normals(labels.normals, labels.confidence)

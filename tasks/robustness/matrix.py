@@ -24,13 +24,19 @@ class CaptureVariants:
 
 
 def recorded_captures(catalogue: Catalogue) -> dict[str, CaptureVariants]:
-    """Return the captures of a catalogue that have ground truth, by object, or by OBJECT-CAPTURE if it has several."""
+    """Return the captures of a catalogue that have ground truth, by object, or by OBJECT-CAPTURE if it has several.
+
+    Raises:
+        InputError: two captures have the same name by this.
+    """
     captures = {}
     for item in catalogue.objects:
         for capture in item.captures:
             name = item.id if len(item.captures) == 1 else f"{item.id}-{capture.id}"
             merged = parameters_for(catalogue, item.id, capture.id, with_current_names)
             if capture.truth is not None:
+                if name in captures:
+                    raise InputError(f"{name!r} names two captures, as object and as OBJECT-CAPTURE", "rename one")
                 captures[name] = CaptureVariants(capture, Parameters.model_validate(merged))
     return captures
 

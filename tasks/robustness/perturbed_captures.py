@@ -80,6 +80,8 @@ def _write_frames(entry: Capture, change: VideoChange, folder: Path) -> str:
         if not footage.names:
             write_video(folder / "video.mp4", pictures, footage.width, footage.height, FRAME_RATE, change.crf)
             return str(folder / "video.mp4")
+        for earlier in folder.glob("frame_*.png"):
+            earlier.unlink()
         for number, picture in enumerate(pictures):
             write_png(folder / f"frame_{number:06d}.png", picture)
     return str(folder / "frame_*.png")

@@ -109,6 +109,7 @@ def reconstruct(
     marks: Marks | None,
     parameters: LabelsParameters,
     silhouette: SilhouetteParameters,
+    *,
     expected: np.ndarray | None = None,
     camera: np.ndarray | None = None,
     readmission: bool = True,

@@ -242,9 +242,20 @@ def test_unusable_options_are_refused(deployed: list[str], changes: dict[str, st
 
 
 def test_addresses_are_absolute() -> None:
-    for spec in deployment_specs(DeploymentOptions("store", "inbox", "catalogue.yaml")):
-        for name in ("store", "inbox", "catalogue"):
-            assert Path(spec.parameters.get(name, "/")).is_absolute()
+    addresses = {
+        f"{spec.flow.name}/{spec.name}": {
+            name: value for name, value in spec.parameters.items() if name in ("store", "inbox", "catalogue")
+        }
+        for spec in deployment_specs(DeploymentOptions("store", "inbox", "catalogue.yaml"))
+    }
+    assert {name: set(given) for name, given in addresses.items()} == {
+        "maintenance/weekly": {"store"},
+        "run-object/on-demand": {"store"},
+        "run-catalogue/on-demand": {"store"},
+        "inbox/nightly": {"store", "inbox"},
+        "reference/weekly": {"store", "catalogue"},
+    }
+    assert all(Path(address).is_absolute() for given in addresses.values() for address in given.values())
 
 
 def test_every_parameter_of_a_deployment_is_described() -> None:

@@ -12,7 +12,7 @@ def keyframes(half_vectors: np.ndarray, lit: np.ndarray, count: int = 8) -> list
     Args:
         half_vectors: (T, 3), NaN where the frame was rejected.
         lit: (T,) number of the object's lit pixels.
-        count: number of frames wanted; fewer if fewer are usable.
+        count: number of frames wanted; fewer if fewer are usable, or have different lights.
     """
     usable = np.flatnonzero(np.isfinite(half_vectors[:, 0]) & (lit > 0))
     if len(usable) == 0:
@@ -21,7 +21,7 @@ def keyframes(half_vectors: np.ndarray, lit: np.ndarray, count: int = 8) -> list
     # Farthest-point sampling: each further frame has the largest distance to the nearest of those chosen.
     chosen = [int(usable[lit[usable].argmax()])]
     distance = np.linalg.norm(half_vectors[usable] - half_vectors[chosen[0]], axis=1)
-    while len(chosen) < min(count, len(usable)):
+    while len(chosen) < count and distance.max() > 0.0:
         farthest = int(usable[distance.argmax()])
         chosen.append(farthest)
         distance = np.minimum(distance, np.linalg.norm(half_vectors[usable] - half_vectors[farthest], axis=1))

@@ -47,7 +47,8 @@ class Gap:
     """Part of the light hemisphere without light.
 
     side: one of `SIDES`, or "centre". inner_deg, outer_deg: its angles from the camera axis. share: of the cap of
-    normals, which it leaves unobserved.
+    normals, which it leaves unobserved and no
+    other gap counts.
     """
 
     side: str
@@ -205,20 +206,23 @@ def _gaps(directions: np.ndarray, empty: np.ndarray, min_share: float) -> tuple[
     angle = 2.0 * np.degrees(np.arccos(np.clip(np.where(inside, directions[..., 2], 1.0), -1.0, 1.0)))
     azimuth = np.degrees(np.arctan2(directions[..., 1], directions[..., 0]))
     sector = np.where(inside, np.round(np.nan_to_num(azimuth) / 45.0), 0.0).astype(int) % len(SIDES)
-    gaps = []
+    is_empty_band = np.zeros((len(SIDES), len(LIGHT_BANDS_DEG)), bool)
+    for number, band in np.ndindex(is_empty_band.shape):
+        inner, outer = LIGHT_BANDS_DEG[band]
+        part = inside & (sector == number) & (angle >= inner) & (angle < outer)
+        is_empty_band[number, band] = (empty & part).sum() > MIN_EMPTY_SHARE * part.sum()
+    gaps, uncounted = [], empty & inside
     centre = inside & (angle < CENTRAL_BAND_DEG)
-    if (empty & centre).sum() > MIN_EMPTY_SHARE * centre.sum():
+    # Where light is missing on all sides, the innermost bands contain the centre.
+    if (empty & centre).sum() > MIN_EMPTY_SHARE * centre.sum() and not is_empty_band[:, 0].all():
         gaps.append(Gap("centre", 0.0, CENTRAL_BAND_DEG, float((empty & centre).sum() / inside.sum())))
+        uncounted &= ~centre
     for number, side in enumerate(SIDES):
-        is_empty_band = []
-        for inner, outer in LIGHT_BANDS_DEG:
-            part = inside & (sector == number) & (angle >= inner) & (angle < outer)
-            is_empty_band.append((empty & part).sum() > MIN_EMPTY_SHARE * part.sum())
         # Adjacent empty bands of one side are one gap.
-        runs, count = label(np.array(is_empty_band))
+        runs, count = label(is_empty_band[number])
         for run in range(1, count + 1):
             bands = [band for band, band_run in zip(LIGHT_BANDS_DEG, runs, strict=True) if band_run == run]
             inner, outer = bands[0][0], bands[-1][1]
-            part = inside & (sector == number) & (angle >= inner) & (angle < outer) & empty
+            part = inside & (sector == number) & (angle >= inner) & (angle < outer) & uncounted
             gaps.append(Gap(side, inner, outer, float(part.sum() / inside.sum())))
     return tuple(sorted((gap for gap in gaps if gap.share >= min_share), key=lambda gap: -gap.share))

@@ -12,6 +12,8 @@ from functools import cached_property
 import numpy as np
 from scipy import ndimage
 
+from glint.tasks.algorithms.errors import UnusableCapture
+
 STAIRCASE_SIGMA_PX = 1.0
 """Standard deviation in pixels of the Gaussian that smooths the staircase of a mask's silhouette."""
 MARGIN_SHARE = 0.5
@@ -188,8 +190,16 @@ def silhouette_pixels(mask: np.ndarray, count: int) -> tuple[np.ndarray, np.ndar
     """Return columns and rows (count,) float64 of pixels on a mask's silhouette, ordered around its centroid.
 
     Where the region's border crops the object, it does not count as silhouette.
+
+    Raises:
+        UnusableCapture: nothing else is left of it.
     """
     contour = mask & ~ndimage.binary_erosion(np.pad(mask, 1, mode="edge"))[1:-1, 1:-1]
+    if not contour.any():
+        raise UnusableCapture(
+            "the mask of a view fills its region, so that it has no silhouette",
+            "enlarge the region of the capture whose mask does, or correct its mask",
+        )
     rows, columns = np.nonzero(contour)
     order = np.argsort(np.arctan2(rows - rows.mean(), columns - columns.mean()), kind="stable")
     chosen = order[np.linspace(0, len(order) - 1, count).round().astype(int)]

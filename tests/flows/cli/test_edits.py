@@ -146,3 +146,10 @@ def test_a_run_takes_the_edits_and_says_so(simulated: Path, tmp_path: Path) -> N
         from glint.flows.runtime.prefect_server import stop_server
 
         stop_server(home)
+
+
+def test_an_object_that_the_store_does_not_have_is_pointed_out(store: str, tmp_path: Path) -> None:
+    glint("edits", "duck", "--out", str(tmp_path / "out"), "--store", store)
+    taken = str(tmp_path / "out" / "edits.yaml")
+    assert "no object goose" in glint("edits", "goose", "--take", taken, "--store", store)
+    assert "no object goose" not in glint("edits", "goose", "--take", taken, "--store", store)

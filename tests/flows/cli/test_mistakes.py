@@ -114,3 +114,9 @@ def test_the_version_is_printed() -> None:
 
 def test_counts_agree_with_their_nouns() -> None:
     assert [counted(number, "object") for number in (0, 1, 2_000)] == ["0 objects", "1 object", "2,000 objects"]
+
+
+@pytest.mark.parametrize("option", ["--dry-run", "--json"])
+def test_maintenance_creates_no_store(option: str, tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["maintain", "--store", str(tmp_path / "typo"), option])
+    assert done.exit_code != 0 and not (tmp_path / "typo").exists()

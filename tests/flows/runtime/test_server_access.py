@@ -13,6 +13,8 @@ from pathlib import Path
 import pytest
 from prefect import flow, runtime, task
 from prefect.artifacts import create_markdown_artifact
+from starlette.applications import Starlette
+from starlette.testclient import TestClient
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin
@@ -22,6 +24,7 @@ from glint.flows.runtime import server_access
 from glint.flows.runtime.dask_cluster import Cluster
 from glint.flows.runtime.prefect_server import Server, ensure_server
 from glint.flows.runtime.server_access import Tokens, certificate_file, header_value, link, private_folder
+from glint.flows.runtime.server_app import guarded
 from tests import browser
 from tests.polling import until
 
@@ -285,3 +288,9 @@ def test_a_page_of_another_origin_can_neither_read_nor_start_anything(server: Se
     headers = {"Content-Type": "application/json", **password(server)}
     with urllib.request.urlopen(urllib.request.Request(f"{server.api_url}/flows/filter", body, headers)) as answer:
         assert json.load(answer) == []
+
+
+@pytest.mark.parametrize(("length", "expected"), [("x", 400), ("-1", 400), ("99999", 413), ("1", 403)])
+def test_a_length_that_is_no_number_is_refused(length: str, expected: int) -> None:
+    client = TestClient(guarded(Starlette(), ["http://testserver"], "user:password"))
+    assert client.post("/glint/session", content=b"x", headers={"content-length": length}).status_code == expected

@@ -1,5 +1,6 @@
 """Catalogues made from folders that follow the usual names."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -158,3 +159,15 @@ def test_the_shared_captures(shared_data: Path) -> None:
     hemisphere = catalogue.object("hemisphere").capture("front")
     with open_footage(hemisphere.frames) as footage:
         assert footage.count > 0
+
+
+def test_a_long_folder_name_is_shortened(tmp_path: Path) -> None:
+    _touch(tmp_path / ("n" * 230), "duck/a.mp4")
+    assert from_folder(tmp_path / ("n" * 230)).name == "n" * 200
+
+
+def test_a_file_name_that_is_no_text_is_the_folders_mistake(tmp_path: Path) -> None:
+    (tmp_path / "duck").mkdir()
+    (tmp_path / "duck" / os.fsdecode(b"a\xff.mp4")).write_bytes(b"")
+    with pytest.raises(InputError, match="duck cannot be an object"):
+        from_folder(tmp_path)

@@ -51,3 +51,14 @@ def test_the_length_of_a_video_is_not_known_before_it_is_decoded(tmp_path: Path)
     (tmp_path / "video.mp4").write_bytes(b"no video")
     write_lights(tmp_path / "lights.lp", np.eye(3), ["a", "b", "c"])
     check_inputs(Capture(id="a", frames=str(tmp_path / "video.mp4"), lights=str(tmp_path / "lights.lp")))
+
+
+def test_an_address_that_is_none_is_the_mistake_of_its_capture_alone(tmp_path: Path) -> None:
+    write_lights(tmp_path / "lights.lp", np.eye(3), ["a", "b", "c"])
+    bad = Capture.model_construct(
+        id="bad", frames="https://host/a.mp4", lights=str(tmp_path / "lights.lp"), markup=None
+    )
+    (tmp_path / "video.mp4").write_bytes(b"no video")
+    good = Capture(id="good", frames=str(tmp_path / "video.mp4"), lights=str(tmp_path / "lights.lp"))
+    (mistake,), nothing = input_errors([bad, good])
+    assert "https:// are not supported" in mistake.message and nothing == []

@@ -49,3 +49,8 @@ def test_a_folder_without_the_right_to_write_is_named_so(tmp_path: Path, monkeyp
     with pytest.raises(StoreError, match="Permission denied") as caught:
         check_conditional_writes(local_store(tmp_path / "store"))
     assert "the right to write" in caught.value.remedy
+
+
+def test_a_folder_is_left_as_it_was(tmp_path: Path) -> None:
+    check_conditional_writes(local_store(tmp_path))
+    assert list(tmp_path.iterdir()) == []

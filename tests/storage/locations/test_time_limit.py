@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 import pytest
@@ -18,6 +18,7 @@ from glint.flows.reporting.events import Event, Message
 from glint.storage.catalogue.loading import load
 from glint.storage.errors import InputError
 from glint.storage.footage.video import Video
+from glint.storage.inputs import digests
 from glint.storage.inputs.digests import content_digest
 from glint.storage.inputs.lp_file import read_lights
 from glint.storage.locations import time_limit
@@ -151,3 +152,21 @@ def test_progress_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
         content_digest(tmp_path / "video.mp4", Location.parse(tmp_path / "store"))
     texts = [event.text for event in events if isinstance(event, Message)]
     assert (texts and texts[-1].endswith("video.mp4: 0.1 of 0.1 GB")) or texts[-1].endswith("0.0 of 0.1 GB")
+
+
+def test_a_mount_that_dies_while_a_file_is_read_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(time_limit, "SILENCE_SECONDS", 1.0)
+    path, ended = tmp_path / "video.mp4", threading.Event()
+    path.write_bytes(b"video")
+    original, calls = digests.file_stamp, list[Location]()
+
+    def stamp(file: Location) -> list[Any]:
+        calls.append(file)
+        if len(calls) > 1:
+            ended.wait(10.0)
+        return original(file)
+
+    monkeypatch.setattr(digests, "file_stamp", stamp)
+    with pytest.raises(InputError, match="has given nothing for 1 s"):
+        content_digest(path, Location.parse(tmp_path / "store"))
+    ended.set()

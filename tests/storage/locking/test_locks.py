@@ -1,4 +1,5 @@
 import fcntl
+import json
 import multiprocessing
 import os
 import signal
@@ -137,3 +138,13 @@ def test_mutations_of_an_object_exclude_one_another(location: Location) -> None:
     for thread in threads:
         thread.join()
     assert maximum == [1]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"pid": "12"}, {"pid": 1.5}, {"pid": True}, {"pid": 10**30}, {"pid": 0}, {"pid": -1}, {"since": 3}, {"run": None}],
+)
+def test_a_record_that_no_process_wrote_names_no_owner(changes: dict[str, object]) -> None:
+    fields = {"pid": 12, "host": "here", "since": "2026-01-01", "run": ""}
+    assert LockOwner.from_bytes(json.dumps(fields).encode()) == LockOwner(12, "here", "2026-01-01")
+    assert LockOwner.from_bytes(json.dumps(fields | changes).encode()) is None

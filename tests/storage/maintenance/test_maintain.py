@@ -18,6 +18,7 @@ from glint.storage.locations.location import Location
 from glint.storage.locking.locks import run_lock
 from glint.storage.maintenance.disk_space import DiskSpace
 from glint.storage.maintenance.maintain import Cleaning, Maintenance, format_size, maintain, parse_size
+from glint.storage.versions.garbage import BRANCH_PREFIX, delete_stale_branches, new_branch_name
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import StoredFile
 
@@ -245,3 +246,13 @@ def test_the_disk_is_called_low_before_it_is_full() -> None:
 @pytest.mark.parametrize(("size", "text"), [(0, "0.0 MB"), (1_500_000_000, "1.5 GB"), (2 * 10**12, "2.0 TB")])
 def test_sizes_are_formatted_as_they_are_parsed(size: int, text: str) -> None:
     assert format_size(size) == text and parse_size(text) == size
+
+
+def test_a_branch_is_as_old_as_its_publisher_not_as_its_snapshot(tmp_path: Path) -> None:
+    repository = ObjectRepository.open(Location.parse(tmp_path), "branches").index
+    snapshot = repository.lookup_branch("main")
+    young, old = new_branch_name(), f"{BRANCH_PREFIX}1000-abc"
+    for name in (young, old):
+        repository.create_branch(name, snapshot)
+    delete_stale_branches(repository, datetime.now(UTC) - timedelta(minutes=1))
+    assert young in repository.list_branches() and old not in repository.list_branches()

@@ -204,3 +204,29 @@ def test_edits_whose_snapshot_is_lost_go_back_to_those_before(store: Path, lost:
         assert current.edited == ()
     assert edits.save("back", Changes(verdict="good"), "Ann", 3) is not None
     assert repair(location, verify_store(location).damages) == [], "all that is newest is whole"
+
+
+def test_a_lost_edit_costs_no_results(store: Path) -> None:
+    _save_edits(store)
+    location = Location.parse(store)
+    index = ObjectRepository.open(location, "wine-glass").index
+    index.reset_branch("work", index.lookup_tag("e1"))
+    work, tags = index.lookup_branch("work"), index.list_tags()
+    index.delete_tag("e1")
+    (done,) = repair(location, (Damage("wine-glass", "", "", ""),))
+    assert "left the edits of wine-glass alone" in done
+    index = ObjectRepository.open(location, "wine-glass").index
+    assert index.lookup_branch("work") == work and index.list_tags() == tags - {"e1"}
+
+
+def test_all_captures_whose_edits_go_back_are_named(store: Path) -> None:
+    _save_edits(store)
+    location = Location.parse(store)
+    edits = Edits.open(location, "wine-glass")
+    edits.save("back", Changes(verdict="good"), "Ann", 2)
+    edits.save("front", Changes(verdict="good"), "Ann", 3)
+    index = ObjectRepository.open(location, "wine-glass").index
+    for number in (3, 4):
+        (store / "objects/wine-glass/repo/snapshots" / index.lookup_tag(f"e{number}")).write_bytes(b"")
+    (done,) = repair(location, verify_store(location).damages)
+    assert done.endswith("back to edit 2, since edit 4 is damaged; those of back too")

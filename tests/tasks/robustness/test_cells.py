@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glint.storage.catalogue.loading import Capture, load
+from glint.storage.catalogue.loading import Capture, Catalogue, Object, load
 from glint.storage.errors import InputError
 from glint.tasks.engine.references import load_catalogue
 from glint.tasks.engine.stage_warning import StageWarning
@@ -79,3 +79,14 @@ def test_a_mirrored_light_is_reported_and_nothing_is_confident(simulated: Path, 
     assert entry.lights == str(tmp_path / "perturbed" / "hemisphere" / "lights-y-down" / "lights.lp")
     assert entry.frames == load(simulated).objects[0].captures[0].frames, "what is not perturbed stays where it is"
     assert np.isfinite(mirrored.seconds)
+
+
+def test_two_captures_of_one_name_are_refused() -> None:
+    front = ENTRY.model_copy(update={"truth": "truth"})
+    objects = [
+        Object(id=name, captures=tuple(front.model_copy(update={"id": capture}) for capture in captures))
+        for name, captures in {"a-b": ("front",), "a": ("b", "c")}.items()
+    ]
+    catalogue = Catalogue.model_validate({"schema": 1, "name": "mixed", "objects": tuple(objects)})
+    with pytest.raises(InputError, match="'a-b' names two captures"):
+        recorded_captures(catalogue)

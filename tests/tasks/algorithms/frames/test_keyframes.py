@@ -17,3 +17,8 @@ def test_keyframes_are_spread_over_the_sweep_and_show_highlights() -> None:
     gaps = np.linalg.norm(half_vectors[chosen][:, None] - half_vectors[chosen][None], axis=-1)
     assert gaps[~np.eye(6, dtype=bool)].min() > 0.25
     assert keyframes(np.full((5, 3), np.nan), np.ones(5)) == []
+
+
+def test_frames_of_the_same_light_are_offered_once() -> None:
+    half_vectors = np.repeat(unit(np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 1.0]])), 5, axis=0)
+    assert len(keyframes(half_vectors, np.ones(10), 6)) == 2

@@ -4,6 +4,7 @@ import pytest
 from glint.tasks.algorithms.lighting.coverage import (
     SIDES,
     Gap,
+    _gaps,
     cap_directions,
     coverage,
     gaps_message,
@@ -93,7 +94,18 @@ def test_no_light_at_all_covers_nothing():
     result = coverage(np.full((10, 3), np.nan))
     assert result.frames == 0
     assert result.covered_shares == {1.5: 0.0, 3.0: 0.0}
-    assert sum(gap.share for gap in result.gaps) > 0.9
+    assert sum(gap.share for gap in result.gaps) == pytest.approx(1.0)
+    assert "100% of the normals" in gaps_message(result.gaps)
+
+
+def test_gaps_that_overlap_are_counted_once():
+    directions = cap_directions(128)
+    angle = np.degrees(np.arccos(directions[..., 2]))
+    azimuth = np.degrees(np.arctan2(directions[..., 1], directions[..., 0]))
+    empty = (angle < 10.5) | ((angle < 15.0) & (np.abs(azimuth) < 22.0))
+    gaps = _gaps(directions, empty, 0.0)
+    assert {(gap.side, gap.outer_deg) for gap in gaps} == {("centre", 20.0), ("right", 30.0)}
+    assert sum(gap.share for gap in gaps) <= empty.sum() / np.isfinite(angle).sum()
 
 
 def test_normals_near_a_half_vector_are_observable():

@@ -1,7 +1,9 @@
 """A view's silhouette: its distance, computed once, and its pixels, also where the region crops the object."""
 
 import numpy as np
+import pytest
 
+from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.multiview.view import SilhouetteDistance, rotation_about_y, silhouette_pixels
 from tests.tasks.algorithms.multiview.figurine import full_view
 
@@ -34,3 +36,8 @@ def test_the_distance_is_computed_once() -> None:
     posed = view.with_pose(rotation_about_y(30.0), np.zeros(3)).with_normals(view.normals, view.confidence)
     assert posed.silhouette.distance is view.silhouette.distance
     assert view.with_mask(disc(10.0, 96)).silhouette.distance is not view.silhouette.distance
+
+
+def test_an_object_that_fills_its_region_has_no_silhouette() -> None:
+    with pytest.raises(UnusableCapture, match="fills its region"):
+        silhouette_pixels(np.ones((40, 40), bool), 40)
