@@ -47,8 +47,7 @@ class Gap:
     """Part of the light hemisphere without light.
 
     side: one of `SIDES`, or "centre". inner_deg, outer_deg: its angles from the camera axis. share: of the cap of
-    normals, which it leaves unobserved and no
-    other gap counts.
+    normals, which it leaves unobserved and no other gap counts.
     """
 
     side: str
