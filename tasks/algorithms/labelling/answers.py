@@ -44,21 +44,21 @@ def mark_influence(
     def distance(paths: sparse.csr_matrix, marked: np.ndarray) -> np.ndarray:
         sources = np.flatnonzero(marked[present])
         if not len(sources):
-            return np.full(len(nodes[present]), np.inf)
+            return np.full(np.count_nonzero(present), np.inf)
         return dijkstra(paths, directed=False, indices=sources, min_only=True, limit=MAX_MARK_REACHES * reach_px)
 
     if labels is None:
         distances = [distance(ties, pins == label) for label in (1, -1)]
     else:
-        contradicting, within = contradictions(pins, labels), _ties_within(ties, labels[present])
+        contradicting, own_ties = contradictions(pins, labels), _ties_within(ties, labels[present])
         distances = [
             np.minimum(
                 distance(ties, contradicting & (pins == label)),
-                distance(within, (pins == label) & (labels == (label == 1))),
+                distance(own_ties, (pins == label) & (labels == (label == 1))),
             )
             for label in (1, -1)
         ]
-    exterior, false = (np.exp(-each / reach_px) for each in distances)
+    exterior, false = np.exp(-np.array(distances) / reach_px)
     result[present] = np.where(exterior > false, exterior, np.where(false > exterior, -false, 0.0))
     return result
 
