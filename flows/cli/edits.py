@@ -11,6 +11,7 @@ from glint.flows.cli.output import echo
 if TYPE_CHECKING:
     from glint.storage.edits.edits import Edits
     from glint.storage.edits.models import Revision
+    from glint.storage.locations.location import Location
 
 _FILE: dict[str, Any] = {"exists": True, "dir_okay": False}
 """Options that name a file to read."""
@@ -43,7 +44,10 @@ def edits(
 
     object_id, _, capture = name.partition("/")
     takes = take is not None or mask is not None or markup is not None
-    opened = Edits.open(Location.parse(chosen_store(store)), object_id, create=takes)
+    location = Location.parse(chosen_store(store))
+    if takes:
+        _warn_of_unknown_object(location, object_id)
+    opened = Edits.open(location, object_id, create=takes)
     if takes and capture:
         _warn_of_unknown_capture(opened, capture)
     saved = list["Revision | None"]()
@@ -64,6 +68,16 @@ def edits(
         _print_saved(object_id, [revision for revision in saved if revision is not None], as_json)
     else:
         _print_current(opened, capture, as_json)
+
+
+def _warn_of_unknown_object(location: "Location", object_id: str) -> None:
+    """Point out, on standard error, an object that a store with others does not have so far: it may be misspelt."""
+    from glint.storage.versions.repository import object_ids
+
+    known = object_ids(location)
+    if known and object_id not in known:
+        remedy = f"  -> `glint edits {object_id}/CAPTURE --discard` takes the edit back if the name is wrong"
+        echo(f"{location.uri} has no object {object_id!r} yet: it is created\n{remedy}", colour="yellow", err=True)
 
 
 def _warn_of_unknown_capture(opened: "Edits", capture: str) -> None:

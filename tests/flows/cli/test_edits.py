@@ -146,3 +146,11 @@ def test_a_run_takes_the_edits_and_says_so(simulated: Path, tmp_path: Path) -> N
         from glint.flows.runtime.prefect_server import stop_server
 
         stop_server(home)
+
+
+def test_an_object_that_the_store_does_not_have_yet_is_pointed_out(store: str, tmp_path: Path) -> None:
+    file = tmp_path / "edits.yaml"
+    file.write_text("captures: [{id: front, verdict: good}]")
+    assert "has no object 'dukc' yet" in glint("edits", "dukc", "--take", str(file), "--store", store)
+    assert "has no object" not in glint("edits", "duck", "--take", str(file), "--store", store)
+    assert "has no object" not in glint("edits", "dukc", "--take", str(file), "--store", str(tmp_path / "new"))
