@@ -94,8 +94,15 @@ class SilhouetteParameters(StageParameters):
 
 
 class LabelsParameters(StageParameters):
-    """method: `sheets`, the literal `paper`, or `winner` takes all; edges, weight: of the
-    paper's graph; the others belong to `sheets`."""
+    """method: `sheets`, the literal `paper`, or `winner` takes all.
+
+    edges, weight: of the paper's graph; the others belong to `sheets`.
+    rounds: of labelling and interpolation, at most.
+    strength: cost of labelling two neighbouring nodes of equal normals differently, in nats.
+    contrast: difference of unit normals at which that cost has fallen to 1/e.
+    prior: share of the nodes that are exterior.
+    shape_weight: weight of the evidence of a sheet's shape (integrability, convexity).
+    """
 
     method: Literal["sheets", "paper", "winner"] = "sheets"
     edges: Literal["layers", "surface"] = "layers"
