@@ -160,12 +160,17 @@ class InputsView {
       ["Ctrl+y Ctrl+Z", "redo", () => this.history.redo()],
       ["Ctrl+s", "save", () => this.save.save()],
       ["g", "run from here", () => this.run.start()],
-    ], this.signal);
-    document.addEventListener("click", (event) => {
-      const leaves = event.target.closest?.("a[href^='#/']") && this.history.isDirty;
-      if (leaves && !confirm("Leave without saving what you have changed?")) event.preventDefault();
-    }, { signal: this.signal, capture: true });
-    addEventListener("beforeunload", (event) => { if (this.history.isDirty) event.preventDefault(); }, { signal: this.signal });
+    ].map(([key, text, action]) => [key, text, (event) => this.isLocked || action(event)]), this.signal);
+    this.history.guard(this.signal);
+  }
+
+  /** Lets nobody change anything, neither by mouse nor by keys, until it is unlocked. */
+  lock(isLocked) {
+    this.isLocked = isLocked;
+    // What is inert loses the focus.
+    if (isLocked) this.focused = document.activeElement;
+    for (const part of [this.tools, this.stage, this.side]) part.inert = isLocked;
+    if (!isLocked) this.focused?.focus({ preventScroll: true });
   }
 
   nudge(x, y) {
