@@ -47,7 +47,7 @@ class CaptureResult:
 
     @property
     def warnings(self) -> list[str]:
-        """Messages of the warnings of all stages, the dearest first."""
+        """Messages of the warnings of all stages, the most costly first."""
         return [
             warning.message for warning in by_cost(warning for record in self.records for warning in record.warnings)
         ]

@@ -40,9 +40,9 @@ class Check:
     """Measurements of a check.
 
     frames, and lights: frames with a light; observable, observed: shares of the object on which a highlight could be
-    and was seen; spheres: as text; warnings: one for each cause, the dearest first; error: why the capture cannot be
-    processed, with the remedy, empty if it can, and None or nothing stands for what is then not known; picture: the one
-    to look at; pictures: all that were written.
+    and was seen; spheres: as text; warnings: one for each cause, the most costly first; error: why the capture cannot
+    be processed, with the remedy, empty if it can, and None or nothing stands for what is then not known; picture: the
+    one to look at; pictures: all that were written.
     """
 
     name: str

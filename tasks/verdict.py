@@ -16,7 +16,7 @@ NEEDS_SPHERE, NEEDS_MASK, NEEDS_CAMERA = "needs a sphere", "needs a mask", "need
 WORD_BY_CAUSE: MappingProxyType[Cause, str] = MappingProxyType(
     {"sphere": NEEDS_SPHERE, "mask": NEEDS_MASK, "camera": NEEDS_CAMERA, "marks": CORRECT, "views": CORRECT}
 )
-"""What a capture needs by the cause of a warning that is too dear; by any other cause it is to be recorded again."""
+"""What a capture needs by the cause of a warning that is too costly; by any other cause it is to be recorded again."""
 PICTURE_BY_CAUSE: MappingProxyType[Cause, str] = MappingProxyType({"coverage": "coverage", "light": "coverage"})
 """The picture of a check that shows a cause; of any other it is the overview."""
 OVERVIEW = "overview"

@@ -30,6 +30,8 @@ PRODUCT = ("flows", "glint", "storage", "tasks")
 SHORTEST_FRAGMENT = 4
 """Characters of a quoted message's fragment that is looked for."""
 TERMS_OF_THE_GLOSSARY = 40
+FOREIGN_MESSAGES = ("403", "SSL", "credentials", "error sending request", "sends no heartbeats any more")
+"""Quoted words of libraries and of the deployment, which no literal of the product has."""
 
 
 def text_of(path: Path) -> str:
@@ -237,6 +239,17 @@ def test_quoted_messages_exist() -> None:
         assert fragments(message), f"{message!r} has no fixed part"
         for fragment in fragments(message):
             assert fragment in text, f"docs/troubleshooting.md quotes {fragment!r}, which no message has"
+
+
+@pytest.mark.long
+def test_messages_in_the_table_of_failures_exist() -> None:
+    _, _, table = text_of(DOCS / "operations.md").partition("## What each failure looks like")
+    quoted = [message for row in cells(table.strip()) for message in re.findall(r'"([^"]+)"', row[0])]
+    messages = [message for message in quoted if message not in FOREIGN_MESSAGES]
+    assert len(messages) >= 5
+    text = literals()
+    for fragment in (fragment for message in messages for fragment in fragments(message)):
+        assert fragment in text, f"docs/operations.md quotes {fragment!r}, which no message has"
 
 
 @pytest.mark.long

@@ -44,10 +44,10 @@ def edits(
 
     object_id, _, capture = name.partition("/")
     takes = take is not None or mask is not None or markup is not None
-    place = Location.parse(chosen_store(store))
+    location = Location.parse(chosen_store(store))
     if takes:
-        _warn_of_unknown_object(place, object_id)
-    opened = Edits.open(place, object_id, create=takes)
+        _warn_of_unknown_object(location, object_id)
+    opened = Edits.open(location, object_id, create=takes)
     if takes and capture:
         _warn_of_unknown_capture(opened, capture)
     saved = list["Revision | None"]()
@@ -70,16 +70,14 @@ def edits(
         _print_current(opened, capture, as_json)
 
 
-def _warn_of_unknown_object(place: "Location", object_id: str) -> None:
-    """Point out, on standard error, an object that the store does not have yet: it may be misspelt."""
-    from glint.storage.errors import StoreError
-    from glint.storage.versions.repository import ObjectRepository
+def _warn_of_unknown_object(location: "Location", object_id: str) -> None:
+    """Point out, on standard error, an object that a store with others does not have so far: it may be misspelt."""
+    from glint.storage.versions.repository import object_ids
 
-    try:
-        ObjectRepository.open(place, object_id, create=False)
-    except StoreError as error:
-        remedy = "its edits are used once a catalogue names it; `--discard` takes them back if the name is wrong"
-        echo(f"{error.message}\n  -> {remedy}", colour="yellow", err=True)
+    known = object_ids(location)
+    if known and object_id not in known:
+        remedy = f"  -> `glint edits {object_id}/CAPTURE --discard` takes the edit back if the name is wrong"
+        echo(f"{location.uri} has no object {object_id!r} yet: it is created\n{remedy}", colour="yellow", err=True)
 
 
 def _warn_of_unknown_capture(opened: "Edits", capture: str) -> None:

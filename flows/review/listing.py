@@ -55,6 +55,7 @@ class Listing:
     def __init__(self, location: Location, catalogue: str | None, runs: Runs) -> None:
         self._location, self._catalogue = location, catalogue
         self._states = RunStates(location.uri, runs)
+        self._listed: dict[str, list[str]] = {}
         self._rows: dict[str, dict[str, Row]] = {}
         self._stamps: dict[str, Any] = {}
         self._views: dict[tuple[str, tuple[str, ...], str], tuple[int, list[Row], dict[str, int]]] = {}
@@ -129,24 +130,44 @@ class Listing:
         """
         problem = ""
         try:
-            for item in () if self._catalogue is None else load_catalogue(self._catalogue).objects:
-                rows = self._rows.setdefault(item.id, {})
-                for capture in item.captures:
-                    if capture.id not in rows:
-                        rows[capture.id] = Row(item.id, capture.id, "new")
-                        self._revision += 1
+            objects = () if self._catalogue is None else load_catalogue(self._catalogue).objects
+            self._listed = {item.id: [capture.id for capture in item.captures] for item in objects}
         except (GlintError, OSError) as error:
             problem = str(error)
+        for object_id, captures in self._listed.items():
+            rows = self._rows.setdefault(object_id, {})
+            for capture_id in captures:
+                if capture_id not in rows:
+                    rows[capture_id] = Row(object_id, capture_id, "new")
+                    self._revision += 1
         if problem != self._problem:
             self._problem = problem
             self._revision += 1
         stored = object_ids(self._location)
+        self._drop_absent(frozenset(stored))
         for object_id in stored:
             if object_id not in self._stamps:
                 known = self._rows.setdefault(object_id, {})
                 for capture_id, row in known.items():
                     known[capture_id] = replace(row, state="reading")
         return stored
+
+    def _drop_absent(self, stored: frozenset[str]) -> None:
+        """Drop the rows of captures that neither the catalogue nor the store has any longer."""
+        for object_id, rows in list(self._rows.items()):
+            listed = self._listed.get(object_id, ())
+            if object_id in stored:
+                kept = {
+                    name: row for name, row in rows.items() if name in listed or row.state not in ("new", "reading")
+                }
+            else:
+                self._stamps.pop(object_id, None)
+                kept = {name: Row(object_id, name, "new") for name in listed}
+            if kept != rows:
+                self._rows[object_id] = kept
+                self._revision += 1
+            if not kept:
+                del self._rows[object_id]
 
     def read_changed(self, stored: Sequence[str]) -> None:
         """Read the objects that have changed since they were read last."""
@@ -162,7 +183,7 @@ class Listing:
                 # Whatever is wrong with one object must not hide the others.
                 rows = [failed_row(object_id, capture, error) for capture in self._rows.get(object_id) or ("-",)]
             self._rows[object_id] = {
-                row.capture: replace(row, state="new") for row in self._rows.get(object_id, {}).values()
+                capture: Row(object_id, capture, "new") for capture in self._listed.get(object_id, ())
             } | {row.capture: row for row in rows}
             self._stamps[object_id] = stamp
             self._revision += 1

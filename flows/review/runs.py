@@ -4,6 +4,7 @@ The process is independent of the server: it outlives the server, and so writes 
 """
 
 import json
+import logging
 import os
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from dataclasses import asdict, dataclass, field
 from tempfile import TemporaryFile
 from typing import IO, Any
 
+LOG = logging.getLogger(__name__)
 KEPT_BYTES = 20_000
 """Bytes of a failed run's errors in which its reason is looked for, the newest ones."""
 READ_SECONDS = 0.2
@@ -90,10 +92,21 @@ class Runs:
                     command, stdin=subprocess.DEVNULL, stdout=output, stderr=errors, start_new_session=True
                 )
                 for _ in _events(run, process, output, errors):
-                    self.revision += 1
+                    self._changed()
         except OSError as error:
-            run.error, run.remedy = f"it did not start: {error}", "free memory and disk space"
-            run.end("failed")
+            self._failed(run, f"it did not start: {error}", "free memory and disk space")
+        except Exception as error:
+            # A report that this server does not understand must not leave the run as one that goes on for ever.
+            LOG.exception("the reports of the run of %s cannot be followed", run.capture)
+            self._failed(run, f"its reports cannot be followed: {error!r}", "it may go on: see the dashboard")
+
+    def _failed(self, run: Run, error: str, remedy: str) -> None:
+        run.error, run.remedy = error, remedy
+        run.end("failed")
+        self._changed()
+
+    def _changed(self) -> None:
+        with self._lock:
             self.revision += 1
 
 

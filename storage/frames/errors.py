@@ -1,4 +1,4 @@
-"""The error of damaged frames; apart from the cache, so that who handles it need not import what decodes videos."""
+"""The error of damaged frames; apart from the cache, so that code that handles it need not import the video decoder."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""A stage's function by its name: who only asks for keys and records need not import what computes them."""
+"""A stage's function by its name: code that only asks for keys and records need not import what computes them."""
 
 from dataclasses import dataclass
 from importlib import import_module

@@ -35,7 +35,7 @@ class StageWarning:
 
 
 def by_cost(warnings: Iterable[StageWarning]) -> list[StageWarning]:
-    """Return one warning for each cause, the dearest first.
+    """Return one warning for each cause, the most costly first.
 
     Warnings of one cause are one: their messages in the order of their costs, none twice, and the highest cost.
     """

@@ -46,7 +46,7 @@ def rounded(value: float) -> str:
 
 def _views(about: Mapping[str, Any]) -> list[str]:
     table = about["turntable"]
-    lines = ["## Views", "", "| view | pose | outline misses, pixels | says most of |", "|---|---|---:|---:|"]
+    lines = ["## Views", "", "| view | pose | outline misses, pixels | share of the surface |", "|---|---|---:|---:|"]
     for view in sorted(about["views"], key=lambda view: str(view["capture"])):
         name, share = view["capture"], plain(f"{view['share']:.0%}")
         pose = view["pose"] if table is None else f"{view['pose']}: {table['angles'][name]:.1f} degrees"

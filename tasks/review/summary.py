@@ -15,7 +15,7 @@ Records = Mapping[str, tuple[str, Mapping[str, Any]]]
 
 @dataclass(frozen=True, slots=True)
 class CaptureSummary:
-    """verdict: None before the clusters are known; warnings: the dearest first; confident, observed: shares of the
+    """verdict: None before the clusters are known; warnings: the most costly first; confident, observed: shares of the
     object, None before they are known; stage: the last one that has a result."""
 
     verdict: Verdict | None

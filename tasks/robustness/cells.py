@@ -58,7 +58,7 @@ class Cell:
 
     entry: the perturbed entry of the catalogue; error_deg: mean over the mask's pixels on the object; confident_share:
     of the mask with confidence >= CONFIDENT; right_share: of these within CONFIDENT_ERROR_DEG of the truth, where
-    pixels beside the object are wrong; warnings: of all stages, the dearest first; refusal: why the capture has no
+    pixels beside the object are wrong; warnings: of all stages, the most costly first; refusal: why the capture has no
     result, empty if it has.
     """
 

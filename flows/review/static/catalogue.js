@@ -2,7 +2,7 @@
 // and come from the server in blocks when they are scrolled to.
 
 import { addressOf, ask, capturePath } from "./api.js";
-import { announce, duration, element, percent } from "./dom.js";
+import { announce, duration, element, guarded, percent } from "./dom.js";
 import { bind } from "./keys.js";
 
 const ROW_PX = 72;
@@ -68,11 +68,11 @@ class CatalogueView {
   changed() {
     sessionStorage.setItem("catalogue", this.query(0));
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => {
+    this.timer = setTimeout(guarded(() => {
       this.chosen = 0;
       this.scroller.scrollTop = 0;
-      this.load(true);
-    }, TYPING_MS);
+      return this.load(true);
+    }), TYPING_MS);
   }
 
   /** Fetches the rows on the screen; all others are fetched again when they are scrolled to. */

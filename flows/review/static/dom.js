@@ -26,6 +26,17 @@ export function announce(text, kind = "") {
   if (kind !== "error" && text) announce.timer = setTimeout(() => (status.textContent = ""), MESSAGE_MS);
 }
 
+/** Returns `action` as a listener that announces why it fails, unless its view was left. */
+export function guarded(action) {
+  return async (...given) => {
+    try {
+      await action(...given);
+    } catch (error) {
+      if (error.name !== "AbortError") announce(String(error.message ?? error), "error");
+    }
+  };
+}
+
 /** Returns a share as a percentage, a dash for what is not known. */
 export function percent(share) {
   return share === null || share === undefined ? "–" : `${Math.round(share * 100)}%`;

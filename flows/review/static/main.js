@@ -42,13 +42,13 @@ function showPlace(place) {
 async function show() {
   leaving.abort();
   leaving = new AbortController();
-  const place = placeOf(location.hash);
   const main = document.getElementById("main");
   const root = element("div", { class: "view" });
   main.replaceChildren(root);
-  showPlace(place);
   announce("");
   try {
+    const place = placeOf(location.hash);
+    showPlace(place);
     if (!place) {
       await (await import("./catalogue.js")).open(root, leaving.signal);
       return;

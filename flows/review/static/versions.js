@@ -2,7 +2,7 @@
 
 import { ask, objectPath } from "./api.js";
 import { Author } from "./author.js";
-import { announce, element } from "./dom.js";
+import { announce, element, guarded } from "./dom.js";
 import { addStyles } from "./surface.js";
 import { Capture, ServedParts } from "./viewer/payload.js";
 import { VersionStage } from "./version_stage.js";
@@ -12,10 +12,11 @@ export async function open(root, capture, signal) {
   const place = element("div", { class: "surface-page" });
   root.append(place);
   const main = element("div"), side = element("div", { class: "side" });
-  let stage = null;
+  let stage = null, turn = 0;
   signal.addEventListener("abort", () => stage?.dispose());
 
   async function show(before, after) {
+    const own = (turn += 1);
     const versions = (await ask(`${objectPath(capture.object)}/versions`, { signal })).filter(({ captures }) => captures.includes(capture.capture));
     if (!versions.length) {
       place.replaceChildren(element("p", { class: "faint" }, "No version holds this capture yet: run it first."));
@@ -23,10 +24,13 @@ export async function open(root, capture, signal) {
     }
     const newest = versions[0].name, other = (versions[1] ?? versions[0]).name;
     const chosen = { before: before ?? other, after: after ?? newest };
-    side.replaceChildren(listed(versions, chosen), await notes());
+    const written = await notes();
+    if (own !== turn) return;
+    side.replaceChildren(listed(versions, chosen), written);
     place.replaceChildren(element("div", { class: "versions" }, main, side));
     const path = `${objectPath(capture.object)}/differences/${chosen.before}/${chosen.after}/${encodeURIComponent(capture.capture)}`;
     const facts = await ask(path, { signal });
+    if (own !== turn) return;
     stage ??= new VersionStage();
     main.replaceChildren(stage.element, differences(facts, chosen));
     globalThis.glint = { stage, ready: stage.setPair(new Capture(facts, new ServedParts(path, { signal })), chosen.before, chosen.after) };
@@ -36,12 +40,12 @@ export async function open(root, capture, signal) {
   function listed(versions, chosen) {
     const pick = (name, group, label) => element("input", {
       type: "radio", name: group, checked: chosen[group] === name, "aria-label": `${label}: ${name}`,
-      onchange: () => show(group === "before" ? name : chosen.before, group === "after" ? name : chosen.after),
+      onchange: guarded(() => show(group === "before" ? name : chosen.before, group === "after" ? name : chosen.after)),
     });
     const rows = versions.map(({ name, time, message }, i) => element("tr", {},
       element("td", {}, pick(name, "before", "Left")), element("td", {}, pick(name, "after", "Right")),
       element("td", {}, element("b", {}, name), ` ${time.slice(0, 16).replace("T", " ")}`, element("div", { class: "faint" }, message)),
-      element("td", { class: "state" }, i ? element("button", { type: "button", onclick: () => restore(name) }, "Restore") : "newest")));
+      element("td", { class: "state" }, i ? element("button", { type: "button", onclick: guarded(() => restore(name)) }, "Restore") : "newest")));
     const head = element("thead", {}, element("tr", {}, ...["Left", "Right", "Version", "State"].map((text) => element("th", { scope: "col" }, text))));
     return element("section", {}, element("h2", {}, "Versions"), element("table", {}, head, element("tbody", {}, ...rows)));
   }

@@ -51,7 +51,7 @@ of the share is the squared misfit. With 0.5 limbs before a body come free; with
 creases are no steps."""
 TILT_POWER = 0.8
 """A step costs its length in pixels over exp(this x tilt of the near side towards the far one): steps that something
-hides behind are cheap, and those to which the near side turns its back are dear."""
+hides behind are cheap, and those to which the near side turns its back are costly."""
 SHARPENING = 2.0
 """Factor of the sigmoid's slope from round to round."""
 BILATERAL_ROUNDS = 20
@@ -88,7 +88,7 @@ def robust(
 ) -> Solution:
     """Solve for the height with steps where the normals require them; `rounds` are those of all attempts.
 
-    A known body decides between them, unless the height contradicts it or its steps are much dearer.
+    A known body decides between them, unless the height contradicts it or its steps cost much more.
     """
     rises, plain = expected_rises(edges), least_squares(edges)
     continuous = _continuous(rises, plain.height, mask, max_rounds, tolerance)

@@ -148,8 +148,9 @@ def test_a_run_takes_the_edits_and_says_so(simulated: Path, tmp_path: Path) -> N
         stop_server(home)
 
 
-def test_an_object_that_the_store_does_not_have_is_pointed_out(store: str, tmp_path: Path) -> None:
-    glint("edits", "duck", "--out", str(tmp_path / "out"), "--store", store)
-    taken = str(tmp_path / "out" / "edits.yaml")
-    assert "no object goose" in glint("edits", "goose", "--take", taken, "--store", store)
-    assert "no object goose" not in glint("edits", "goose", "--take", taken, "--store", store)
+def test_an_object_that_the_store_does_not_have_yet_is_pointed_out(store: str, tmp_path: Path) -> None:
+    file = tmp_path / "edits.yaml"
+    file.write_text("captures: [{id: front, verdict: good}]")
+    assert "has no object 'dukc' yet" in glint("edits", "dukc", "--take", str(file), "--store", store)
+    assert "has no object" not in glint("edits", "duck", "--take", str(file), "--store", store)
+    assert "has no object" not in glint("edits", "dukc", "--take", str(file), "--store", str(tmp_path / "new"))

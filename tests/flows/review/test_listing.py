@@ -1,6 +1,7 @@
 """The rows of the catalogue view, from what a store holds and what goes on in it."""
 
 import os
+import shutil
 import time
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 import pytest
 
 from glint.flows.cli.review import review
+from glint.flows.review import listing as listing_module
 from glint.flows.review.listing import RANK, Listing
 from glint.flows.review.object_rows import Row, object_rows
 from glint.flows.review.run_states import RunStates
@@ -83,15 +85,32 @@ def test_a_catalogue_with_an_error_is_told_and_the_store_read_nevertheless(tmp_p
         made.stop()
 
 
-def test_an_unexpected_error_is_logged_and_the_list_goes_on(
-    tmp_path: Path, simulated: Path, caplog: pytest.LogCaptureFixture
+def test_captures_that_leave_the_catalogue_and_objects_that_leave_the_store_are_listed_no_longer(
+    tmp_path: Path, simulated: Path
 ) -> None:
-    made = Listing(Location.parse(tmp_path), str(simulated), Runs(str(tmp_path)))
-    made._rows["hemisphere"] = None  # type: ignore[assignment]
-    made._thread.start()
+    catalogue, folder = tmp_path / "catalogue.yaml", tmp_path / "store/objects/cup/repo"
+    write(load(simulated), catalogue)
+    folder.mkdir(parents=True)
+    made = listing(tmp_path / "store", catalogue)
+    assert states(made) == {"hemisphere/front": "new", "cup/-": "failed"}
+    revision = made.revision
+    catalogue.write_text(catalogue.read_text().replace("front", "back"))
+    shutil.rmtree(folder.parent)
+    made.read_changed(made.refresh_names())
+    assert states(made) == {"hemisphere/back": "new"} and made.revision > revision
+
+
+def test_an_unexpected_error_is_logged_and_the_list_goes_on(
+    tmp_path: Path, simulated: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    catalogue = tmp_path / "catalogue.yaml"
+    made = Listing(Location.parse(tmp_path / "store"), str(catalogue), Runs(str(tmp_path / "store")))
+    made.start()
     try:
-        until(lambda: "could not be refreshed" in caplog.text)
-        made._rows.clear()
+        with monkeypatch.context() as patched:
+            patched.setattr(listing_module, "load_catalogue", {}.__getitem__)
+            until(lambda: "could not be refreshed" in caplog.text)
+        write(load(simulated), catalogue)
         until(lambda: states(made) == {"hemisphere/front": "new"})
     finally:
         made.stop()
@@ -127,8 +146,8 @@ def filled(*rows: Row) -> Listing:
 def test_what_needs_a_person_comes_first_then_what_costs_most() -> None:
     rows = [Row(f"object-{state}", "front", state) for state in reversed(RANK)]
     assert [*states(filled(*rows)).values()] == list(RANK)
-    cheap, dear = Row("a", "front", "warnings", cost_deg=1.0), Row("b", "front", "warnings", cost_deg=3.0)
-    assert [*states(filled(cheap, dear))] == ["b/front", "a/front"]
+    cheap, costly = Row("a", "front", "warnings", cost_deg=1.0), Row("b", "front", "warnings", cost_deg=3.0)
+    assert [*states(filled(cheap, costly))] == ["b/front", "a/front"]
     young, old = (
         Row("a", "front", "done", date="2026-02-01T00:00:00+00:00"),
         Row("b", "front", "done", date="2026-01-01"),

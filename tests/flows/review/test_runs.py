@@ -76,6 +76,13 @@ def test_the_run_of_a_capture_is_done_though_the_model_of_its_object_fails() -> 
         assert (run.state, run.error, run.version) == (state, error, "v2")
 
 
+def test_a_run_whose_reports_are_not_understood_ends_as_failed() -> None:
+    report = json.dumps({"kind": "summary", "captures": [{"capture": "glass/front"}]})
+    runs, run = Runs("store"), Run("glass/front")
+    runs._follow(run, [sys.executable, "-c", f"print({report!r})"])
+    assert run.state == "failed" and "cannot be followed" in run.error and runs.revision == 1
+
+
 def test_a_moved_sphere_is_used_by_the_run_and_only_what_depends_on_it_is_computed(
     server: Server, tmp_path: Path, stored: tuple[Path, Path], chromium: Any
 ) -> None:

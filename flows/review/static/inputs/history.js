@@ -16,6 +16,19 @@ export class History {
     return this.done.length > 0;
   }
 
+  /** Whether nothing is unsaved, or a person agrees to lose it. */
+  mayLose() {
+    return !this.isDirty || confirm("Lose what you have changed and not saved?");
+  }
+
+  /** Asks before the view is left with unsaved changes, by a link of the page or otherwise; `signal` ends it. */
+  guard(signal) {
+    document.addEventListener("click", (event) => {
+      if (event.target.closest?.("a[href^='#/']") && !this.mayLose()) event.preventDefault();
+    }, { signal, capture: true });
+    addEventListener("beforeunload", (event) => { if (this.isDirty) event.preventDefault(); }, { signal });
+  }
+
   /** Notes a step that has been taken: {undo, redo}. */
   add(step) {
     this.done.push(step);

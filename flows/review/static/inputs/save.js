@@ -32,21 +32,25 @@ export class SavePanel {
   /** Saves what was changed; returns whether it is saved. */
   async save(base = this.view.edits.revision) {
     this.view.spheres.finish();
+    this.view.mask.end();
     if (!this.view.history.isDirty) return true;
     const author = this.author.name;
     if (!author) return false;
-    const changes = await this.view.changes();
-    this.button.disabled = true;
+    // What is painted meanwhile would be neither saved nor kept.
+    this.view.lock(true);
     try {
+      const changes = await this.view.changes();
       if (Object.keys(changes).length) await ask(`${this.view.capture.path}/edits`, { method: "POST", body: { changes, author, base_revision: base } });
       await this.refresh();
       announce("Saved.");
       return true;
     } catch (error) {
-      this.button.disabled = false;
       if (error.status === 409) await this.showConflict(error.answer.conflicts);
       else announce(error.message, "error");
       return false;
+    } finally {
+      this.view.lock(false);
+      this.show();
     }
   }
 
@@ -62,12 +66,12 @@ export class SavePanel {
     const newest = await ask(`${this.view.capture.path}/edits`);
     const lines = conflicts.map(({ field, author, time }) => element("li", {}, `${author} changed ${field} at ${new Date(time).toLocaleTimeString("sv-SE")}`));
     const details = [element("ul", {}, lines), element("p", {}, "Both stay in the history, whichever you choose.")];
-    showConflict(this.conflict, "changed", details, { keep: () => this.save(newest.revision), take: () => this.refresh() });
+    showConflict(this.conflict, "changed", details, { keep: () => this.save(newest.revision), take: () => this.view.history.mayLose() && this.refresh() });
   }
 
   async takeBack(revision) {
     const author = this.author.name;
-    if (!author) return;
+    if (!author || !this.view.history.mayLose()) return;
     try {
       await ask(`${this.view.capture.path}/edits/undo`, { method: "POST", body: { revision, author } });
       await this.refresh();

@@ -188,11 +188,6 @@ export class SphereLayer {
     this.view.history.add({ undo: () => put(before), redo: () => put(after) });
   }
 
-  next() {
-    this.chosen = (this.chosen + 1) % Math.max(1, this.spheres.length);
-    this.draw();
-  }
-
   nudge(x, y) {
     const sphere = this.spheres[this.chosen];
     if (!sphere) return false;

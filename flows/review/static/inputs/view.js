@@ -152,7 +152,6 @@ class InputsView {
       ["[", "smaller brush or sphere", () => this.resize(-1)],
       ["]", "larger brush or sphere", () => this.resize(1)],
       ["Space", "paint at the cursor of the keyboard; choose or grow from the middle of what is shown", (event) => this.mask.paintAtCursor() || this.choosePixel(event)],
-      ["Tab", "next sphere (tool Spheres)", () => this.spheres.next()],
       ["a", "add a sphere in the middle", () => this.spheres.add(this.picture.centre())],
       ["Delete Backspace", "remove the chosen sphere", () => this.spheres.remove()],
       ["Enter Shift+Enter", "fill the polygon, fit the sphere", (event) => this.mask.closePolygon(event.shiftKey) || this.spheres.fitChosen()],
@@ -161,12 +160,17 @@ class InputsView {
       ["Ctrl+y Ctrl+Z", "redo", () => this.history.redo()],
       ["Ctrl+s", "save", () => this.save.save()],
       ["g", "run from here", () => this.run.start()],
-    ].filter(([key]) => key !== "Tab"), this.signal);
-    document.addEventListener("click", (event) => {
-      const leaves = event.target.closest?.("a[href^='#/']") && this.history.isDirty;
-      if (leaves && !confirm("Leave without saving what you have changed?")) event.preventDefault();
-    }, { signal: this.signal, capture: true });
-    addEventListener("beforeunload", (event) => { if (this.history.isDirty) event.preventDefault(); }, { signal: this.signal });
+    ].map(([key, text, action]) => [key, text, (event) => this.isLocked || action(event)]), this.signal);
+    this.history.guard(this.signal);
+  }
+
+  /** Lets nobody change anything, neither by mouse nor by keys, until it is unlocked. */
+  lock(isLocked) {
+    this.isLocked = isLocked;
+    // What is inert loses the focus.
+    if (isLocked) this.focused = document.activeElement;
+    for (const part of [this.tools, this.stage, this.side]) part.inert = isLocked;
+    if (!isLocked) this.focused?.focus({ preventScroll: true });
   }
 
   nudge(x, y) {

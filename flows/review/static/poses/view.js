@@ -54,7 +54,7 @@ class PosesView {
       ["Ctrl+s", "save", () => this.saveAll()],
       ["g", "run all views from here", () => this.run.start()],
     ], signal);
-    addEventListener("beforeunload", (event) => { if (this.history.isDirty) event.preventDefault(); }, { signal });
+    this.history.guard(signal);
     this.show();
   }
 
