@@ -791,9 +791,15 @@ ROWS = (
     ),
     Hostile(
         "markup",
-        "outside the frame",
+        "no position of a picture",
         "[" + MARK.replace("1.0", "1e300", 1) + "}]",
-        "DIR/m.json:1: mark 1 at frame 0, x 1e+300, y 1 lies outside the frame of 30 x 20 pixels",
+        "DIR/m.json:1: [0].x is 1e+300: input should be less than or equal to 1000000: check the number and its unit",
+    ),
+    Hostile(
+        "markup",
+        "outside the frame",
+        "[" + MARK.replace("1.0", "1000.0", 1) + "}]",
+        "DIR/m.json:1: mark 1 at frame 0, x 1000, y 1 lies outside the frame of 30 x 20 pixels",
     ),
     Hostile(
         "markup",
