@@ -2,16 +2,16 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, Response
 from fastapi.responses import JSONResponse
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from glint.flows.review.dependencies import CaptureId, ObjectId, ReviewState
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.merging import ConflictError
 from glint.storage.edits.models import Changes, Line, Number, Revision
 from glint.storage.errors import NotFoundError
-from glint.tasks.review.capture_inputs import check_mask, mask_picture
+from glint.tasks.review.capture_inputs import check_changes, mask_picture
 from glint.tasks.review.stored import edited_mask
 
 router = APIRouter(prefix="/captures/{object_id}/{capture_id}")
@@ -30,7 +30,7 @@ class Undo(BaseModel):
     """The revision that an author takes back."""
 
     model_config = ConfigDict(extra="forbid")
-    revision: Annotated[int, Query(ge=1)]
+    revision: Annotated[int, Field(ge=1)]
     author: Line
 
 
@@ -58,10 +58,9 @@ def mask(review: ReviewState, object_id: ObjectId, capture_id: CaptureId) -> Res
 @router.post("/edits", responses={409: {"description": "somebody else has changed the same since"}})
 def save(review: ReviewState, object_id: ObjectId, capture_id: CaptureId, request: Save) -> Any:
     """Save changes as a revision; null: nothing would change."""
-    if request.changes.mask is not None:
-        check_mask(request.changes.mask, review.context(object_id, capture_id))
-    else:
-        review.context(object_id, capture_id)
+    context = review.context(object_id, capture_id)
+    if request.changes.changed:
+        check_changes(request.changes, context)
     edits = Edits.open(review.location, object_id)
     try:
         return _saved(edits.save(capture_id, request.changes, request.author, request.base_revision))

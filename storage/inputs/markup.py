@@ -6,20 +6,23 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from glint.storage.catalogue.diagnostics import Diagnostic, raise_diagnostics
-from glint.storage.catalogue.models import Region
+from glint.storage.catalogue.models import Pixel, Region
 from glint.storage.catalogue.yaml_file import read_yaml_file
 from glint.storage.catalogue.yaml_lines import Kind, line_of
 from glint.storage.locations.input_files import Address, locate
 from glint.storage.locations.location import Location
+
+MAX_FRAME_NUMBER = 100_000_000
+"""No video has more frames: a frame a second for three years."""
 
 
 class AnnotationEntry(BaseModel):
     """A highlight that the user marked: frame counted from 0, position in pixels of the full frame, y down."""
 
     model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
-    frame: Annotated[int, Field(ge=0)]
-    x: float
-    y: float
+    frame: Annotated[int, Field(ge=0, le=MAX_FRAME_NUMBER)]
+    x: Pixel
+    y: Pixel
     kind: Literal["true", "false"]
 
 
@@ -54,10 +57,10 @@ def read_markup(
     root, annotations = _parse(locate(address))
     diagnostics: list[Diagnostic] = []
     for index, annotation in enumerate(annotations):
-        position_error = _position_error(annotation, frame_size, count, region, mask)
-        if position_error:
+        reason = position_error(annotation, frame_size, count, region, mask)
+        if reason:
             position = f"frame {annotation.frame}, x {annotation.x:g}, y {annotation.y:g}"
-            message = f"annotation {index} at {position} {position_error}"
+            message = f"mark {index + 1} at {position} {reason}"
             diagnostics.append(Diagnostic(locate(address).uri, line_of(root, (index,)), message, "move or remove it"))
     raise_diagnostics(diagnostics)
     return annotations
@@ -77,7 +80,7 @@ def check_markup(address: Address, count: int | None = None) -> None:
             Diagnostic(
                 locate(address).uri,
                 line_of(root, (index,)),
-                f"annotation {index} is at frame {annotation.frame}, after the last frame, {count - 1}",
+                f"mark {index + 1} is at frame {annotation.frame}, after the last frame, {count - 1}",
                 "frames count from 0",
             )
             for index, annotation in enumerate(annotations)
@@ -104,12 +107,12 @@ def _parse(location: Location) -> tuple[Any, list[AnnotationEntry]]:
     return read_yaml_file(location, MARKUP_KIND, _ANNOTATIONS.validate_python, AnnotationEntry)
 
 
-def _position_error(
+def position_error(
     annotation: AnnotationEntry,
     frame_size: tuple[int, int],
     count: int | None,
-    region: Region | None,
-    mask: np.ndarray | None,
+    region: Region | None = None,
+    mask: np.ndarray | None = None,
 ) -> str:
     """Return the reason why an annotation's position is invalid; empty if it is valid."""
     height, width = frame_size

@@ -4,13 +4,17 @@ from typing import Any
 
 import numpy as np
 
+from glint.storage.edits.models import Changes
 from glint.storage.errors import InputError
 from glint.storage.export.image_files import encode_png
+from glint.storage.inputs.markup import position_error
 from glint.storage.inputs.masks_and_truth import read_mask
+from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.review.pictures import first_frame, stored_geometry
 from glint.tasks.review.stored import mask_region, saved_records
-from glint.tasks.review.summary import summary_of
+from glint.tasks.review.summary import Records, summary_of
+from glint.tasks.stages.frame_parts import check_region, check_spheres
 
 
 def capture_inputs(context: CaptureContext) -> dict[str, Any]:
@@ -37,10 +41,9 @@ def capture_inputs(context: CaptureContext) -> dict[str, Any]:
             "pixel_size": geometry.pixel_size,
         }
     summary = summary_of(saved)
-    frames = saved.get("frames", ("", {}))[1].get("counts", {}).get("frames")
     return {
         "frame_size": [int(height_width[1]), int(height_width[0])],
-        "frames": int(frames) if frames else 1,
+        "frames": _frame_count(saved) or 1,
         "given": given | {"mask": capture.mask is not None, "lights": capture.lights is not None},
         "used": used,
         "stages": sorted(saved),
@@ -81,17 +84,44 @@ def mask_in_use(context: CaptureContext, edited: np.ndarray | None = None) -> np
     return whole
 
 
-def check_mask(mask: np.ndarray, context: CaptureContext) -> None:
-    """Check that a mask (H, W) bool that a person painted has the size of the full frame.
+def check_changes(changes: Changes, context: CaptureContext) -> None:
+    """Check that what a person drew lies in the capture's frames.
 
     Raises:
-        InputError: it has another; or the video cannot be read.
+        InputError: a mask of another size than the full frame's, or a sphere, region or mark beyond the frames; or the
+            video cannot be read.
     """
-    height, width = first_frame(context).shape
+    size = first_frame(context).shape
+    if changes.mask is not None:
+        check_mask(changes.mask, size)
+    check_spheres([Sphere(item.x, item.y, item.radius) for item in changes.spheres or ()], size)
+    if changes.region is not None:
+        check_region(changes.region, size)
+    count = _frame_count(saved_records(context))
+    for number, mark in enumerate(changes.marks or (), 1):
+        if reason := position_error(mark, size, count):
+            raise InputError(
+                f"mark {number} at frame {mark.frame}, x {mark.x:g}, y {mark.y:g} {reason}", "move or remove it"
+            )
+
+
+def check_mask(mask: np.ndarray, size: tuple[int, int]) -> None:
+    """Check that a mask (H, W) bool that a person painted has the size (rows, columns) of the full frame.
+
+    Raises:
+        InputError: it has another.
+    """
+    height, width = size
     if mask.shape != (height, width):
         raise InputError(
             f"the painted mask is {mask.shape[1]} x {mask.shape[0]}", f"it must have the frame's {width} x {height}"
         )
+
+
+def _frame_count(saved: Records) -> int | None:
+    """Return the number of frames, None before they were read."""
+    frames = saved.get("frames", ("", {}))[1].get("counts", {}).get("frames")
+    return int(frames) if frames else None
 
 
 def _light_rows(context: CaptureContext) -> list[list[float] | None]:

@@ -775,7 +775,7 @@ ROWS = (
         "markup",
         "frame after the last",
         "[" + MARK.replace("0", "99", 1) + "}]",
-        "DIR/m.json:1: annotation 0 at frame 99, x 1, y 1 is after the last frame, 49: move or remove it",
+        "DIR/m.json:1: mark 1 at frame 99, x 1, y 1 is after the last frame, 49: move or remove it",
     ),
     Hostile(
         "markup",
@@ -792,8 +792,8 @@ ROWS = (
     Hostile(
         "markup",
         "outside the frame",
-        "[" + MARK.replace("1.0", "1e300", 1) + "}]",
-        "DIR/m.json:1: annotation 0 at frame 0, x 1e+300, y 1 lies outside the frame of 30 x 20 pixels",
+        "[" + MARK.replace("1.0", "99.0", 1) + "}]",
+        "DIR/m.json:1: mark 1 at frame 0, x 99, y 1 lies outside the frame of 30 x 20 pixels",
     ),
     Hostile(
         "markup",

@@ -205,16 +205,16 @@ def test_annotations_keep_their_order(tmp_path: Path) -> None:
 def test_misplaced_annotations_are_reported_with_their_line(tmp_path: Path, mark: dict[str, Any], says: str) -> None:
     path = _markup(tmp_path, [_mark(), mark])
     error = _refused(read_markup, path, SIZE, 6, REGION, _disc()[REGION.rows, REGION.columns])
-    assert error.message.startswith(f"{path}:8: annotation 1 at frame {mark['frame']}")
+    assert error.message.startswith(f"{path}:8: mark 2 at frame {mark['frame']}")
     assert says in error.message
 
 
 def test_all_misplaced_annotations_are_reported(tmp_path: Path) -> None:
     path = _markup(tmp_path, [_mark(x=99), _mark(), _mark(frame=9)])
     error = _refused(read_markup, path, SIZE, 6)
-    assert f"{path}:2: annotation 0" in error.message
-    assert f"{path}:14: annotation 2" in error.message
-    assert "annotation 1" not in error.message
+    assert f"{path}:2: mark 1 " in error.message
+    assert f"{path}:14: mark 3 " in error.message
+    assert "mark 2 " not in error.message
 
 
 def test_borders_belong_to_the_frame(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from glint.storage.edits.models import Changes
 from glint.storage.errors import InputError
 from glint.storage.locations.location import Location
 from glint.tasks.algorithms.labelling.results import PROVENANCE
@@ -16,7 +17,7 @@ from glint.tasks.engine.references import load_catalogue
 from glint.tasks.questions.capture_questions import CaptureQuestions
 from glint.tasks.questions.kept_proposals import propose_or_recall
 from glint.tasks.review import questions as review_questions
-from glint.tasks.review.capture_inputs import capture_inputs, check_mask, mask_in_use, mask_picture
+from glint.tasks.review.capture_inputs import capture_inputs, check_changes, check_mask, mask_in_use, mask_picture
 from glint.tasks.review.pictures import THUMBNAIL_SIZE, first_frame, frame_picture, level_picture, thumbnail
 from glint.tasks.review.pixel_history import pixel_history
 from glint.tasks.review.questions import prepare, questions
@@ -70,9 +71,9 @@ def test_levels_mask_and_thumbnail(context: CaptureContext) -> None:
     painted = np.zeros(shown.shape, bool)
     painted[3:9, 4:8] = True
     assert np.array_equal(decoded(mask_picture(context, painted)) > 0, painted)
-    check_mask(painted, context)
+    check_mask(painted, first_frame(context).shape)
     with pytest.raises(InputError, match="must have the frame's"):
-        check_mask(painted[1:], context)
+        check_mask(painted[1:], first_frame(context).shape)
     assert max(decoded(thumbnail(context)).shape) == THUMBNAIL_SIZE
 
 
@@ -161,3 +162,18 @@ def test_what_a_run_with_another_region_left_is_shown_where_it_was(
     assert mask_picture(after) == mask
     assert pixel_history(after, x, y) == pixel
     assert {level: level_picture(after, level) for level in shown} == shown
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"marks": [{"frame": 0, "x": 100_000.0, "y": 1.0, "kind": "true"}]},
+        {"marks": [{"frame": 50_000_000, "x": 1.0, "y": 1.0, "kind": "true"}]},
+        {"spheres": [{"x": 100_000.0, "y": 10.0, "radius": 5.0}]},
+        {"region": {"x": 100_000, "y": 0, "width": 5, "height": 5}},
+    ],
+)
+def test_what_a_person_draws_beyond_the_frames_is_refused(context: CaptureContext, changes: dict[str, object]) -> None:
+    with pytest.raises(InputError, match=r"frame"):
+        check_changes(Changes.model_validate(changes), context)
+    check_changes(Changes.model_validate({"marks": [{"frame": 0, "x": 1.0, "y": 1.0, "kind": "true"}]}), context)
