@@ -98,7 +98,7 @@ def join_tracks(
     warnings = []
     for number, mark in enumerate(marks):
         if not 0 <= mark.frame < len(half_vectors):
-            raise ValueError(f"mark {number} is at frame {mark.frame} of {len(half_vectors)}")
+            raise ValueError(f"mark {number + 1} is at frame {mark.frame} of {len(half_vectors)}")
         before = max((frame for frame in keyframes if frame < mark.frame), default=-1)
         after = min((frame for frame in keyframes if frame > mark.frame), default=len(half_vectors))
         span = slice(max(before + 1, mark.frame - MAX_TRACK_FRAMES), min(after, mark.frame + MAX_TRACK_FRAMES + 1))
@@ -124,7 +124,7 @@ def _warning(number: int, mark: Mark, origin: tuple[int, int], has_light: bool) 
     reason = (
         f"has no highlight within {CLICK_RADIUS_PX:g} pixels" if has_light else "is at a frame whose light was rejected"
     )
-    return f"mark {number} ({_describe(mark, origin)}) {reason}: move or remove it"
+    return f"mark {number + 1} ({_describe(mark, origin)}) {reason}: move or remove it"
 
 
 def _describe(mark: Mark, origin: tuple[int, int]) -> str:
@@ -152,8 +152,9 @@ def _conflicts(
             excluded |= {points[index], points[opposite]}
             pairs.setdefault((points[index].mark, points[opposite].mark), []).append(points[index])
     messages = [
-        f"marks {true} ({_describe(marks[true], origin)}) and {not_true} ({_describe(marks[not_true], origin)}) meet"
-        f" at x {met[0].column + origin[0]}, y {met[0].row + origin[1]} in frame {met[0].frame}:"
+        f"marks {true + 1} ({_describe(marks[true], origin)}) and {not_true + 1}"
+        f" ({_describe(marks[not_true], origin)}) meet at"
+        f" x {met[0].column + origin[0]}, y {met[0].row + origin[1]} in frame {met[0].frame}:"
         " neither counts there; check them"
         for (true, not_true), met in pairs.items()
     ]

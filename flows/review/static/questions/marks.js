@@ -13,7 +13,9 @@ export class Marks {
     this.path = view.capture.path;
     this.conflict = element("div", { role: "alert" });
     this.list = element("ol", { class: "marks-list" });
-    this.root = element("section", {}, element("h2", {}, "Marks"), this.conflict, this.list);
+    // Apart from the marks, whose numbers the problems name.
+    this.doubts = element("ul", { class: "marks-problems", "aria-label": "Problems of marks" });
+    this.root = element("section", {}, element("h2", {}, "Marks"), this.conflict, this.doubts, this.list);
   }
 
   /** Takes what the server has, and returns whether it does: answers may come in another order than their questions. */
@@ -133,10 +135,10 @@ export class Marks {
       const length = known?.track.length;
       const by = known ? `${known.author ?? "catalogue"}: ` : "";
       const words = `${by}frame ${mark.frame.toLocaleString("en")}, x ${mark.x}, y ${mark.y}${length ? `, followed through ${length} ${length === 1 ? "frame" : "frames"}` : ""}`;
-      return element("li", { class: mark.kind }, element("button", { type: "button", class: "quiet", title: "Show it", onclick: () => this.ongo(mark) }, element("b", {}, mark.kind), ` ${words}`),
+      return element("li", { class: mark.kind }, element("button", { type: "button", class: "quiet", title: "Show it", onclick: () => this.ongo(mark) }, `${number + 1}. `, element("b", {}, mark.kind), ` ${words}`),
         element("button", { type: "button", class: "quiet", "aria-label": `Remove mark ${number + 1}`, title: "Remove", onclick: () => this.finish(this.remove(mark)) }, "×"));
     });
-    const problems = this.problems.map((problem) => element("li", { class: "doubt" }, problem));
-    this.list.replaceChildren(...(rows.length ? [...problems, ...rows] : [element("li", { class: "faint" }, "None yet.")]));
+    this.doubts.replaceChildren(...(rows.length ? this.problems : []).map((problem) => element("li", { class: "doubt" }, problem)));
+    this.list.replaceChildren(...(rows.length ? rows : [element("li", { class: "faint" }, "None yet.")]));
   }
 }

@@ -62,7 +62,7 @@ def test_merging_highlights_end_the_track() -> None:
 def test_a_mark_without_a_highlight_gives_a_warning() -> None:
     tracks, _ = tracked(footage((10, 30, 1.0, 0)), [Mark(3, 40.0, 10.0, False)])
     assert len(tracks.marks.kind) == 0
-    assert "mark 0 (false, frame 3, x 140, y 210) has no highlight within 4 pixels" in tracks.warnings[0]
+    assert "mark 1 (false, frame 3, x 140, y 210) has no highlight within 4 pixels" in tracks.warnings[0]
 
 
 @pytest.mark.parametrize("place", [(-200.0, 30.0), (30.0, -90.0), (30.0, 300.0), (-1.0, 30.0)])
@@ -82,7 +82,7 @@ def test_true_and_false_at_one_place_are_a_conflict() -> None:
     marks = [Mark(10, 20.0, 30.0, True), Mark(10, 21.0, 31.0, False)]
     tracks, _ = tracked(footage((10, 30, 1.0, 0)), marks)
     assert len(tracks.marks.kind) == 0 and len(tracks.conflicts) == 1
-    assert "marks 0 (true, frame 10, x 120, y 230) and 1 (false, frame 10, x 121, y 231)" in tracks.conflicts[0]
+    assert "marks 1 (true, frame 10, x 120, y 230) and 2 (false, frame 10, x 121, y 231)" in tracks.conflicts[0]
 
 
 def test_a_highlight_that_splits_off_another_ends_the_track() -> None:
