@@ -38,8 +38,7 @@ def test_an_address_that_cannot_be_read_is_a_problem_in_words(tab: Tab) -> None:
 
 
 def test_what_a_button_of_a_view_fails_at_is_announced(tab: Tab) -> None:
-    page = tab.open("#/hemisphere/front/versions", ".versions")
-    page.evaluate(
+    tab.page.evaluate(
         "import('/static/dom.js').then(({ guarded }) => guarded(() => Promise.reject(new Error('no space')))())"
     )
     tab.wait("document.getElementById('status').textContent === 'no space'")
