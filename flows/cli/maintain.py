@@ -31,14 +31,13 @@ def maintain(
 ) -> None:
     """Remove data that no version needs, limit the cache of frames, and warn before the disk is full."""
     from glint.flows.runtime.prefect_server import start_server
-    from glint.storage.errors import StoreError
     from glint.storage.locations.conditional_writes import check_conditional_writes
     from glint.storage.locations.location import Location
+    from glint.storage.maintenance.verify import check_store
 
     budget = budget_bytes(frames_budget)
     place = Location.parse(chosen_store(store))
-    if place.local is not None and not place.local.is_dir():
-        raise StoreError(f"no store at {place.uri}", "give the store with --store")
+    check_store(place)
     if not dry_run:
         check_conditional_writes(place)
     server = start_server()

@@ -54,14 +54,12 @@ def _restore_index(location: Location, object_id: str) -> str:
     listed = [meta for batch in obstore.list(store, prefix="overwritten") for meta in batch]
     with suppress(FileNotFoundError):
         damaged = bytes(obstore.get(store, INDEX).bytes())
-        if _reset_work(folder, object_id) and _problem(location, object_id) is None:
+        if _reset_work(location, object_id):
             return f"set the newest results of {object_id} back to its newest version"
         obstore.put(store, "damaged-index", damaged, use_multipart=False)
     for meta in sorted(listed, key=lambda meta: meta["last_modified"], reverse=True):
         obstore.put(store, INDEX, bytes(obstore.get(store, meta["path"]).bytes()), use_multipart=False)
-        if _problem(location, object_id) is None or (
-            _reset_work(folder, object_id) and _problem(location, object_id) is None
-        ):
+        if _problem(location, object_id) is None or _reset_work(location, object_id):
             return f"restored the index of {object_id} as it was before its last change"
     return f"the index of {object_id} has no whole copy: restore a backup, or remove {folder.uri} and run again"
 
@@ -91,10 +89,10 @@ def _edits_problem(location: Location, object_id: str) -> DamagedError | None:
     return None
 
 
-def _reset_work(folder: Location, object_id: str) -> bool:
+def _reset_work(location: Location, object_id: str) -> bool:
     """Set the branch `work` to the newest version if its own snapshot cannot be read; return whether that helped."""
     try:
-        repository = open_repository(folder)
+        repository = open_repository(repository_folder(location, object_id))
         with suppress(icechunk.IcechunkError, DamagedError):
             read_session(repository, object_id, "work")
             return False
@@ -107,4 +105,4 @@ def _reset_work(folder: Location, object_id: str) -> bool:
         read_session(repository, object_id, "work")
     except (icechunk.IcechunkError, DamagedError, StoreError):
         return False
-    return True
+    return _problem(location, object_id) is None

@@ -69,6 +69,16 @@ Part = Callable[[], tuple[int, list[Damage]]]
 """Reads a part of a store; returns its bytes and what of it is damaged."""
 
 
+def check_store(location: Location) -> None:
+    """Check that a local store exists; an object store's bucket tells of itself.
+
+    Raises:
+        StoreError: no folder at the location.
+    """
+    if location.local is not None and not location.local.is_dir():
+        raise StoreError(f"no store at {location.uri}", "give the folder that `glint run --store` wrote to")
+
+
 def verify_store(
     location: Location,
     chosen: Collection[str] = (),
@@ -82,8 +92,7 @@ def verify_store(
     Raises:
         StoreError: the store does not answer, or an object of `chosen` is absent or of another layout.
     """
-    if location.local is not None and not location.local.is_dir():
-        raise StoreError(f"no store at {location.uri}", "give the folder that `glint run --store` wrote to")
+    check_store(location)
     ids = sorted(chosen) or object_ids(location)
     parts, damages, size = list[Part](), list[Damage](), 0
     versions = dict[str, list[str]]()
