@@ -32,6 +32,8 @@ MAX_AXIS_OFFSET = 0.5
 """Distance of a body's axis from the silhouette's centroid that is tried, in inradii."""
 MIN_BODY_SHARE, MIN_MATCHED_SHARE = 0.6, 0.7
 """Shares of a silhouette that its body must cover, and of the body's contour that must lie on the silhouette's."""
+MIN_COMPLETED_SHARE = 0.8
+"""Share of a completed silhouette that must be known."""
 MAX_AXES, MAX_BODIES = 4, 3
 """Most axes of a silhouette, and most parts of one that could be its body, the best ones."""
 CONTOUR_PX = 1.5
@@ -109,6 +111,35 @@ def symmetric_bodies(mask: np.ndarray) -> list[np.ndarray]:
     Each is where the silhouette and its mirror image overlap, for an axis about which much of the contour is the image
     of contour.
     """
+    to_contour = distance_inside(~_contour(mask))
+    bodies = []
+    for mirrored in _mirror_images(mask):
+        pieces, _ = ndimage.label(mask & mirrored)
+        body = pieces == np.bincount(pieces[pieces > 0], minlength=2).argmax()
+        share = float((to_contour[_contour(body)] <= CONTOUR_PX).mean())
+        if body.sum() >= MIN_BODY_SHARE * mask.sum() and share >= MIN_MATCHED_SHARE:
+            bodies.append(body)
+    return bodies
+
+
+def completed_silhouettes(mask: np.ndarray) -> list[np.ndarray]:
+    """Return at most MAX_BODIES symmetric silhouettes (H, W) bool of which a silhouette (H, W) bool may be a part.
+
+    Each is a silhouette with its mirror image, for an axis as in `symmetric_bodies`: what is missing on one side shows on
+    the other.
+    """
+    return [
+        mask | mirrored
+        for mirrored in _mirror_images(mask)
+        if mask.sum() >= MIN_COMPLETED_SHARE * (mask | mirrored).sum()
+    ]
+
+
+def _mirror_images(mask: np.ndarray) -> list[np.ndarray]:
+    """Return at most MAX_BODIES mirror images (H, W) bool of a mask (H, W) bool.
+
+    They are about axes about which much of the contour is the image of contour, best first.
+    """
     depth = depth_inside(mask)
     contour = mask & (depth < CONTOUR_PX)
     to_contour = distance_inside(~contour)
@@ -132,23 +163,23 @@ def symmetric_bodies(mask: np.ndarray) -> list[np.ndarray]:
     scores = np.array([[matched(angle, offset, coarse, stride=4) for offset in offsets] for angle in angles])
     best = scores.max(axis=1)
     peaks = np.flatnonzero((best >= np.roll(best, 1)) & (best >= np.roll(best, -1)))
-    bodies = []
+    images = []
     for peak in peaks[np.argsort(-best[peaks])][:MAX_BODIES]:
         place = (float(angles[peak]), float(offsets[scores[peak].argmax()]))
         steps = (float(np.radians(SEED_STEP_DEG / 2)), coarse / 4)
         for sigma in MATCH_SIGMAS_PX:
             place, steps = _refined(partial(matched, sigma=sigma), place, steps, sigma / 8 / float(depth.max()))
-        column, row = np.rint(mirrored(np.column_stack([columns, rows]), *place)).astype(int).T
-        inside = (column >= 0) & (column < mask.shape[1]) & (row >= 0) & (row < mask.shape[0])
-        overlap = np.zeros_like(mask)
-        overlap[rows, columns] = inside & mask[row.clip(0, mask.shape[0] - 1), column.clip(0, mask.shape[1] - 1)]
-        pieces, _ = ndimage.label(overlap)
-        body = pieces == np.bincount(pieces[pieces > 0], minlength=2).argmax()
-        edge = body & (depth_inside(body) < CONTOUR_PX)
-        share = float((to_contour[edge] <= CONTOUR_PX).mean())
-        if body.sum() >= MIN_BODY_SHARE * mask.sum() and share >= MIN_MATCHED_SHARE:
-            bodies.append(body)
-    return bodies
+        height, width = mask.shape
+        every = np.indices(mask.shape)[::-1].reshape(2, -1).T.astype(float)
+        column, row = np.rint(mirrored(every, *place)).astype(int).T
+        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+        images.append((inside & mask[row.clip(0, height - 1), column.clip(0, width - 1)]).reshape(mask.shape))
+    return images
+
+
+def _contour(mask: np.ndarray) -> np.ndarray:
+    """Return the pixels (H, W) bool of the contour of a mask (H, W) bool."""
+    return np.asarray(mask & (depth_inside(mask) < CONTOUR_PX))
 
 
 @njit(cache=True, nogil=True)

@@ -56,7 +56,7 @@ class RotationalSymmetry:
         aimed, fit = self._aimed, (accepted, candidates, field, weights)
         if aimed is not None:
             fit = aimed.normals(accepted), self._shown(candidates), aimed.normals(field), aimed.values(weights)
-        result = surface_of_revolution_normals(self._symmetry, *fit) or _body_normals(self._symmetry, *fit)
+        result = surface_of_revolution_normals(self._symmetry, *fit) or _part_normals(self._symmetry, *fit)
         if aimed is None or result is None:
             return result
         normals, heights = aimed.normals_back(result.normals), aimed.heights_back(result.depths)
@@ -69,7 +69,7 @@ class RotationalSymmetry:
         contradict most of what could be observed of each surface.
         """
         aimed, shown = self._aimed, self._shown(candidates)
-        silhouettes = [self._symmetry] if self._symmetry.axes else self._symmetry.bodies
+        silhouettes = [self._symmetry] if self._symmetry.axes else self._symmetry.bodies + self._symmetry.completions
         _, surface = max(
             (_best_surface(silhouette, shown) for silhouette in silhouettes), key=itemgetter(0), default=(0.0, None)
         )
@@ -126,30 +126,44 @@ def _best_surface(silhouette: SilhouetteSymmetry, candidates: np.ndarray) -> tup
     return best
 
 
-def _body_normals(
+def _part_normals(
     silhouette: SilhouetteSymmetry,
     accepted: np.ndarray,
     candidates: np.ndarray,
     field: np.ndarray,
     weights: np.ndarray,
 ) -> RotationalNormals | None:
-    """Return the normals of a body of revolution and its handles, None without one.
+    """Return the normals of a body of revolution with handles, or of one whose silhouette lacks a part; None: neither.
 
     For the arguments see `surface_of_revolution_normals`.
     """
+    mask = silhouette.mask
+    is_accepted = np.isfinite(accepted[..., 0])
     limits = (MAX_BODY_ERROR_DEG, MAX_BODY_ERROR_RATIO)
     least_error: float = np.inf
-    best: tuple[np.ndarray, RotationalNormals] | None = None
+    best: RotationalNormals | None = None
     for body in silhouette.bodies:
         within = np.where(body.mask[..., None], accepted, np.nan)
         fitted = surface_of_revolution_normals(body, within, candidates, field, weights, *limits)
         if fitted is not None:
-            error = capped_angles(fitted.normals, accepted)[np.isfinite(accepted[..., 0])].mean()
+            error = capped_angles(fitted.normals, accepted)[is_accepted].mean()
             if error < least_error:
-                least_error, best = error, (body.mask, fitted)
-    if best is None:
-        return None
-    (part, fitted), mask = best, silhouette.mask
-    normals = with_handles(fitted.normals, handles_beside(mask, part), mask, accepted, candidates)
+                least_error, best = error, _with_handles(fitted, body.mask, mask, accepted, candidates)
+    for whole in silhouette.completions:
+        fitted = surface_of_revolution_normals(whole, accepted, candidates, field, weights, *limits)
+        if fitted is not None:
+            error = capped_angles(fitted.normals, accepted)[is_accepted].mean()
+            if error < least_error:
+                normals = np.where(mask[..., None], fitted.normals, np.nan)
+                depths = np.where(mask, fitted.depths, np.nan)
+                least_error, best = error, RotationalNormals(normals, depths, fitted.relief_fit)
+    return best
+
+
+def _with_handles(
+    fitted: RotationalNormals, body: np.ndarray, mask: np.ndarray, accepted: np.ndarray, candidates: np.ndarray
+) -> RotationalNormals:
+    """Return the normals of a body (H, W) bool and of the handles beside it, inside a mask (H, W) bool."""
+    normals = with_handles(fitted.normals, handles_beside(mask, body), mask, accepted, candidates)
     is_body = (normals == fitted.normals).all(axis=-1)
     return RotationalNormals(normals, np.where(is_body, fitted.depths, np.nan), fitted.relief_fit)

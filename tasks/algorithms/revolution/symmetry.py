@@ -16,7 +16,12 @@ import numpy as np
 from glint.tasks.algorithms.geometry.distance import with_nearest
 from glint.tasks.algorithms.geometry.vectors import angles, to_camera
 from glint.tasks.algorithms.revolution.opening import find_opening
-from glint.tasks.algorithms.revolution.reflection_axes import ReflectionAxis, reflection_axes, symmetric_bodies
+from glint.tasks.algorithms.revolution.reflection_axes import (
+    ReflectionAxis,
+    completed_silhouettes,
+    reflection_axes,
+    symmetric_bodies,
+)
 from glint.tasks.algorithms.revolution.relief import ERROR_CAP_DEG, capped_angles, find_relief
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 
@@ -67,6 +72,11 @@ class SilhouetteSymmetry:
     def bodies(self) -> list["SilhouetteSymmetry"]:
         """Symmetric parts of the silhouette that could be its body."""
         return [SilhouetteSymmetry(body, self.inverse_focal) for body in symmetric_bodies(self.mask)]
+
+    @cached_property
+    def completions(self) -> list["SilhouetteSymmetry"]:
+        """Symmetric silhouettes of which this one may be a part."""
+        return [SilhouetteSymmetry(whole, self.inverse_focal) for whole in completed_silhouettes(self.mask)]
 
     def surface(self, axis: int, tilt: float, step: float) -> SurfaceOfRevolution:
         """Return the largest surface inside the silhouette about the axis of that number.
