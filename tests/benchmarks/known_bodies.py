@@ -38,7 +38,7 @@ TILT_DEG, MOVED_PX = 5.0, 8
 
 def forced_body(*fit: Any) -> symmetry.RotationalNormals | None:
     """Return the surface of revolution that fits best, however badly; `fit`: silhouette, accepted, candidates."""
-    return FOUND(*fit[:3], max_error_deg=90.0)
+    return FOUND(*fit[:3], limits=symmetry.FitLimits(90.0, np.inf))
 
 
 def wrong_bodies(body: np.ndarray) -> dict[str, np.ndarray]:

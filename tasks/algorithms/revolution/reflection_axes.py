@@ -33,9 +33,9 @@ MAX_AXIS_OFFSET = 0.5
 MIN_BODY_SHARE, MIN_MATCHED_SHARE = 0.6, 0.7
 """Shares of a silhouette that its body must cover, and of the body's contour that must lie on the silhouette's."""
 MIN_COMPLETED_SHARE = 0.8
-"""Share of a completed silhouette that must be known."""
-MAX_AXES, MAX_BODIES = 4, 3
-"""Most axes of a silhouette, and most parts of one that could be its body, the best ones."""
+"""Share of a completed silhouette that a mask must show."""
+MAX_AXES, MAX_IMAGES = 4, 3
+"""Most axes of a silhouette, and most of its mirror images, the best ones."""
 CONTOUR_PX = 1.5
 """Distance up to which a pixel is one of the contour."""
 
@@ -105,46 +105,15 @@ def _refined(
     return (angle, offset), (turn, shift)
 
 
-def symmetric_bodies(mask: np.ndarray) -> list[np.ndarray]:
-    """Return at most MAX_BODIES symmetric parts (H, W) bool of a silhouette (H, W) bool that could be its body.
+def mirror_images(mask: np.ndarray) -> list[np.ndarray]:
+    """Return at most MAX_IMAGES mirror images (H, W) bool of a silhouette (H, W) bool, best first.
 
-    Each is where the silhouette and its mirror image overlap, for an axis about which much of the contour is the image
-    of contour.
-    """
-    to_contour = distance_inside(~_contour(mask))
-    bodies = []
-    for mirrored in _mirror_images(mask):
-        pieces, _ = ndimage.label(mask & mirrored)
-        body = pieces == np.bincount(pieces[pieces > 0], minlength=2).argmax()
-        share = float((to_contour[_contour(body)] <= CONTOUR_PX).mean())
-        if body.sum() >= MIN_BODY_SHARE * mask.sum() and share >= MIN_MATCHED_SHARE:
-            bodies.append(body)
-    return bodies
-
-
-def completed_silhouettes(mask: np.ndarray) -> list[np.ndarray]:
-    """Return at most MAX_BODIES symmetric silhouettes (H, W) bool of which a silhouette (H, W) bool may be a part.
-
-    Each is a silhouette with its mirror image, for an axis as in `symmetric_bodies`: what is missing on one side shows on
-    the other.
-    """
-    return [
-        mask | mirrored
-        for mirrored in _mirror_images(mask)
-        if mask.sum() >= MIN_COMPLETED_SHARE * (mask | mirrored).sum()
-    ]
-
-
-def _mirror_images(mask: np.ndarray) -> list[np.ndarray]:
-    """Return at most MAX_BODIES mirror images (H, W) bool of a mask (H, W) bool.
-
-    They are about axes about which much of the contour is the image of contour, best first.
+    They are about axes about which much of the contour is the image of contour.
     """
     depth = depth_inside(mask)
-    contour = mask & (depth < CONTOUR_PX)
+    contour = _contour(mask)
     to_contour = distance_inside(~contour)
-    rows, columns = np.nonzero(mask)
-    centre = np.array([columns.mean(), rows.mean()])
+    centre = np.argwhere(mask).mean(axis=0)[::-1]
     points = np.argwhere(contour)[:, ::-1].astype(float)
     points = points[:: max(1, len(points) // MAX_SCORED_PIXELS)]
 
@@ -163,22 +132,40 @@ def _mirror_images(mask: np.ndarray) -> list[np.ndarray]:
     scores = np.array([[matched(angle, offset, coarse, stride=4) for offset in offsets] for angle in angles])
     best = scores.max(axis=1)
     peaks = np.flatnonzero((best >= np.roll(best, 1)) & (best >= np.roll(best, -1)))
+    height, width = mask.shape
+    pixels = np.argwhere(np.ones_like(mask))[:, ::-1]
     images = []
-    for peak in peaks[np.argsort(-best[peaks])][:MAX_BODIES]:
+    for peak in peaks[np.argsort(-best[peaks])][:MAX_IMAGES]:
         place = (float(angles[peak]), float(offsets[scores[peak].argmax()]))
         steps = (float(np.radians(SEED_STEP_DEG / 2)), coarse / 4)
         for sigma in MATCH_SIGMAS_PX:
             place, steps = _refined(partial(matched, sigma=sigma), place, steps, sigma / 8 / float(depth.max()))
-        height, width = mask.shape
-        every = np.indices(mask.shape)[::-1].reshape(2, -1).T.astype(float)
-        column, row = np.rint(mirrored(every, *place)).astype(int).T
-        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-        images.append((inside & mask[row.clip(0, height - 1), column.clip(0, width - 1)]).reshape(mask.shape))
+        column, row = np.rint(mirrored(pixels, *place)).astype(int).T
+        is_inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+        image = is_inside & mask[row.clip(0, height - 1), column.clip(0, width - 1)]
+        images.append(image.reshape(mask.shape))
     return images
 
 
+def symmetric_body(mask: np.ndarray, image: np.ndarray) -> np.ndarray | None:
+    """Return where a silhouette (H, W) bool and its mirror image overlap, if that could be its body."""
+    pieces, _ = ndimage.label(mask & image)
+    body = np.asarray(pieces == np.bincount(pieces[pieces > 0], minlength=2).argmax())
+    share = float((distance_inside(~_contour(mask))[_contour(body)] <= CONTOUR_PX).mean())
+    return body if body.sum() >= MIN_BODY_SHARE * mask.sum() and share >= MIN_MATCHED_SHARE else None
+
+
+def completed_silhouette(mask: np.ndarray, image: np.ndarray) -> np.ndarray | None:
+    """Return a silhouette (H, W) bool together with its mirror image, if it could be what an imperfect mask shows.
+
+    What is missing on one side of a symmetric silhouette shows on the other.
+    """
+    whole = mask | image
+    return whole if mask.sum() >= MIN_COMPLETED_SHARE * whole.sum() else None
+
+
 def _contour(mask: np.ndarray) -> np.ndarray:
-    """Return the pixels (H, W) bool of the contour of a mask (H, W) bool."""
+    """Return the pixels (H, W) bool along the contour of a silhouette (H, W) bool."""
     return np.asarray(mask & (depth_inside(mask) < CONTOUR_PX))
 
 

@@ -21,17 +21,19 @@ from glint.tasks.algorithms.revolution.symmetry import (
     COARSE_STEP_PX,
     COARSE_TILT_STEP_DEG,
     SAMPLED_NORMALS,
+    SYMMETRIC_LIMITS,
     TILT_STEP_DEG,
     TILTS,
+    FitLimits,
     RotationalNormals,
     SilhouetteSymmetry,
     refined_tilt,
     surface_of_revolution_normals,
 )
 
-MAX_BODY_ERROR_DEG, MAX_BODY_ERROR_RATIO = 7.5, 0.6
-"""`MAX_MEAN_ERROR_DEG` and `MAX_SMOOTH_ERROR_RATIO` of a body with a handle, among whose accepted normals are some of
-the handle's."""
+IMPERFECT_LIMITS = FitLimits(7.5, 0.6)
+"""Limits for a body with a handle, among whose accepted normals are some of the handle's, and for a silhouette that
+lacks parts. Relief excuses no completed silhouette: with enough periods it explains any."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +58,7 @@ class RotationalSymmetry:
         aimed, fit = self._aimed, (accepted, candidates, field, weights)
         if aimed is not None:
             fit = aimed.normals(accepted), self._shown(candidates), aimed.normals(field), aimed.values(weights)
-        result = surface_of_revolution_normals(self._symmetry, *fit) or _part_normals(self._symmetry, *fit)
+        result = surface_of_revolution_normals(self._symmetry, *fit) or _imperfect_normals(self._symmetry, *fit)
         if aimed is None or result is None:
             return result
         normals, heights = aimed.normals_back(result.normals), aimed.heights_back(result.depths)
@@ -126,44 +128,34 @@ def _best_surface(silhouette: SilhouetteSymmetry, candidates: np.ndarray) -> tup
     return best
 
 
-def _part_normals(
+def _imperfect_normals(
     silhouette: SilhouetteSymmetry,
     accepted: np.ndarray,
     candidates: np.ndarray,
     field: np.ndarray,
     weights: np.ndarray,
 ) -> RotationalNormals | None:
-    """Return the normals of a body of revolution with handles, or of one whose silhouette lacks a part; None: neither.
+    """Return the normals of a surface of revolution that has handles, or whose silhouette lacks a part; None: neither.
 
     For the arguments see `surface_of_revolution_normals`.
     """
-    mask = silhouette.mask
-    is_accepted = np.isfinite(accepted[..., 0])
-    limits = (MAX_BODY_ERROR_DEG, MAX_BODY_ERROR_RATIO)
+    mask, is_accepted = silhouette.mask, np.isfinite(accepted[..., 0])
     least_error: float = np.inf
-    best: RotationalNormals | None = None
-    for body in silhouette.bodies:
-        within = np.where(body.mask[..., None], accepted, np.nan)
-        fitted = surface_of_revolution_normals(body, within, candidates, field, weights, *limits)
+    best: tuple[np.ndarray, RotationalNormals] | None = None
+    # Completing a silhouette that is symmetric already hardly changes it.
+    completed_limits = SYMMETRIC_LIMITS if silhouette.axes else IMPERFECT_LIMITS
+    parts = [(body, IMPERFECT_LIMITS) for body in silhouette.bodies]
+    parts += [(whole, completed_limits._replace(relief_excuses=False)) for whole in silhouette.completions]
+    for part, limits in parts:
+        within = np.where(part.mask[..., None], accepted, np.nan)
+        fitted = surface_of_revolution_normals(part, within, candidates, field, weights, limits)
         if fitted is not None:
             error = capped_angles(fitted.normals, accepted)[is_accepted].mean()
             if error < least_error:
-                least_error, best = error, _with_handles(fitted, body.mask, mask, accepted, candidates)
-    for whole in silhouette.completions:
-        fitted = surface_of_revolution_normals(whole, accepted, candidates, field, weights, *limits)
-        if fitted is not None:
-            error = capped_angles(fitted.normals, accepted)[is_accepted].mean()
-            if error < least_error:
-                normals = np.where(mask[..., None], fitted.normals, np.nan)
-                depths = np.where(mask, fitted.depths, np.nan)
-                least_error, best = error, RotationalNormals(normals, depths, fitted.relief_fit)
-    return best
-
-
-def _with_handles(
-    fitted: RotationalNormals, body: np.ndarray, mask: np.ndarray, accepted: np.ndarray, candidates: np.ndarray
-) -> RotationalNormals:
-    """Return the normals of a body (H, W) bool and of the handles beside it, inside a mask (H, W) bool."""
-    normals = with_handles(fitted.normals, handles_beside(mask, body), mask, accepted, candidates)
+                least_error, best = error, (part.mask, fitted)
+    if best is None:
+        return None
+    part_mask, fitted = best
+    normals = with_handles(fitted.normals, handles_beside(mask, part_mask), mask, accepted, candidates)
     is_body = (normals == fitted.normals).all(axis=-1)
     return RotationalNormals(normals, np.where(is_body, fitted.depths, np.nan), fitted.relief_fit)

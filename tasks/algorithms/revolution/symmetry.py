@@ -18,9 +18,10 @@ from glint.tasks.algorithms.geometry.vectors import angles, to_camera
 from glint.tasks.algorithms.revolution.opening import find_opening
 from glint.tasks.algorithms.revolution.reflection_axes import (
     ReflectionAxis,
-    completed_silhouettes,
+    completed_silhouette,
+    mirror_images,
     reflection_axes,
-    symmetric_bodies,
+    symmetric_body,
 )
 from glint.tasks.algorithms.revolution.relief import ERROR_CAP_DEG, capped_angles, find_relief
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
@@ -29,10 +30,6 @@ MAX_TILT_DEG = 75
 """Largest tilt that is tried."""
 TILT_STEP_DEG, COARSE_TILT_STEP_DEG, FINAL_TILT_STEP_DEG = 3.75, 0.95, 0.1
 """Half the distance of the tilts tried first, and the steps at which their refinement ends, coarse and fine."""
-MAX_MEAN_ERROR_DEG = 5.0
-"""Mean angle between accepted normals and those of a surface of revolution, each angle capped."""
-MAX_SMOOTH_ERROR_RATIO = 0.4
-"""A surface of revolution is accepted only if its mean angular error is below this fraction of the smooth field's."""
 COLLAPSED_ERROR_RATIO = 1.5
 """Ratio of its error to that with coarser steps from which a profile has collapsed."""
 MIN_RELIEF_DEG = 2.0
@@ -71,24 +68,44 @@ class SilhouetteSymmetry:
     @cached_property
     def bodies(self) -> list["SilhouetteSymmetry"]:
         """Symmetric parts of the silhouette that could be its body."""
-        return [SilhouetteSymmetry(body, self.inverse_focal) for body in symmetric_bodies(self.mask)]
+        return self._symmetric(symmetric_body)
 
     @cached_property
     def completions(self) -> list["SilhouetteSymmetry"]:
-        """Symmetric silhouettes of which this one may be a part."""
-        return [SilhouetteSymmetry(whole, self.inverse_focal) for whole in completed_silhouettes(self.mask)]
+        """Symmetric silhouettes of which this one may show a part."""
+        return self._symmetric(completed_silhouette)
+
+    @cached_property
+    def _images(self) -> list[np.ndarray]:
+        return mirror_images(self.mask)
+
+    def _symmetric(self, joined: Callable[[np.ndarray, np.ndarray], np.ndarray | None]) -> list["SilhouetteSymmetry"]:
+        masks = [joined(self.mask, image) for image in self._images]
+        return [SilhouetteSymmetry(mask, self.inverse_focal) for mask in masks if mask is not None]
 
     def surface(self, axis: int, tilt: float, step: float) -> SurfaceOfRevolution:
-        """Return the largest surface inside the silhouette about the axis of that number.
-
-        For tilt and step see `SurfaceOfRevolution.from_silhouette`.
-        """
+        """Return the largest surface inside the silhouette about an axis; see `SurfaceOfRevolution.from_silhouette`."""
         key = (axis, tilt, step)
         if key not in self._surfaces:
             self._surfaces[key] = SurfaceOfRevolution.from_silhouette(
                 self.mask, self.axes[axis], tilt, step, self.inverse_focal
             )
         return self._surfaces[key]
+
+
+class FitLimits(NamedTuple):
+    """Largest mean angle from accepted normals to a surface, each angle capped, and its ratio to the smooth field's.
+
+    relief_excuses: whether a surface may fit worse whose relief explains the normals.
+    """
+
+    error_deg: float
+    smooth_error_ratio: float
+    relief_excuses: bool = True
+
+
+SYMMETRIC_LIMITS = FitLimits(5.0, 0.4)
+"""Limits for a symmetric silhouette."""
 
 
 class RotationalNormals(NamedTuple):
@@ -110,8 +127,7 @@ def surface_of_revolution_normals(
     candidates: np.ndarray,
     field: np.ndarray | None = None,
     weights: np.ndarray | None = None,
-    max_error_deg: float = MAX_MEAN_ERROR_DEG,
-    max_error_ratio: float = MAX_SMOOTH_ERROR_RATIO,
+    limits: FitLimits = SYMMETRIC_LIMITS,
 ) -> RotationalNormals | None:
     """Return the normals of a rotationally symmetric object; None if it is not one.
 
@@ -121,12 +137,11 @@ def surface_of_revolution_normals(
         candidates: (K, H, W, 3), NaN where there is none; they decide whether an end is an opening.
         field: (H, W, 3), the silhouette's smooth normal field, which the surface must fit much better than.
         weights: (H, W) of the accepted normals in the profile; None: 1 each.
-        max_error_deg, max_error_ratio: see MAX_MEAN_ERROR_DEG, MAX_SMOOTH_ERROR_RATIO.
     """
-    limit = max_error_deg
+    limit = limits.error_deg
     if field is not None and np.isfinite(accepted[..., 0]).any():
         error = np.minimum(angles(field, accepted), ERROR_CAP_DEG)
-        limit = min(limit, max_error_ratio * float(error[np.isfinite(error)].mean()))
+        limit = min(limit, limits.smooth_error_ratio * float(error[np.isfinite(error)].mean()))
     fitted = _fitted_surface(silhouette, accepted)
     if fitted is None:
         return None
@@ -137,7 +152,8 @@ def surface_of_revolution_normals(
     weight = np.ones(len(rows)) if weights is None else weights[rows, columns]
     measured = (x[known], y[known], accepted[rows, columns][known], weight[known])
     deviation = capped_angles(surface.with_fitted_slopes(*measured).normals(*measured[:2]), measured[2])
-    relief = find_relief(mask, surface, *measured[:3]) if np.median(deviation) > MIN_RELIEF_DEG else None
+    may_have_relief = (error <= limit or limits.relief_excuses) and np.median(deviation) > MIN_RELIEF_DEG
+    relief = find_relief(mask, surface, *measured[:3]) if may_have_relief else None
     if relief is not None:
         surface = relief.surface
     elif error > limit:
@@ -209,7 +225,7 @@ def _fitted_surface(silhouette: SilhouetteSymmetry, accepted: np.ndarray) -> tup
 
 
 def _local_minima(errors: np.ndarray) -> np.ndarray:
-    """Return where errors (T,) have a local minimum: a vessel fits from below nearly as well as from above."""
+    # A vessel fits from below nearly as well as from above.
     beside = np.pad(errors, 1, constant_values=np.inf)
     return np.flatnonzero((errors <= beside[:-2]) & (errors < beside[2:]))
 

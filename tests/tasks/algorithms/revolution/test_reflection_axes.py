@@ -1,6 +1,11 @@
 import numpy as np
 
-from glint.tasks.algorithms.revolution.reflection_axes import reflection_axes, symmetric_bodies
+from glint.tasks.algorithms.revolution.reflection_axes import (
+    completed_silhouette,
+    mirror_images,
+    reflection_axes,
+    symmetric_body,
+)
 
 
 def pixels() -> tuple[np.ndarray, np.ndarray]:
@@ -28,15 +33,39 @@ def handled() -> tuple[np.ndarray, np.ndarray]:
     return vessel | ((ring < 36) & (ring > 24)), vessel
 
 
+def bodies(mask: np.ndarray) -> list[np.ndarray]:
+    possible = [symmetric_body(mask, image) for image in mirror_images(mask)]
+    return [body for body in possible if body is not None]
+
+
+def overlap(first: np.ndarray, second: np.ndarray) -> float:
+    return float((first & second).sum() / (first | second).sum())
+
+
 def test_the_body_beside_a_handle_is_found() -> None:
     mask, vessel = handled()
     assert reflection_axes(mask) == []
-    shares = [(body & vessel).sum() / (body | vessel).sum() for body in symmetric_bodies(mask)]
-    assert max(shares) > 0.99
+    assert max(overlap(body, vessel) for body in bodies(mask)) > 0.99
+
+
+def test_what_a_mask_lacks_on_one_side_shows_on_the_other() -> None:
+    x, y = pixels()
+    _, vessel = handled()
+    mask = vessel & ~((x > 8) & (y < -35)) & ~((x < -42) & (y > 45))
+    assert reflection_axes(mask) == []
+    completed = [completed_silhouette(mask, image) for image in mirror_images(mask)]
+    assert max(overlap(whole, vessel) for whole in completed if whole is not None) > 0.99
+
+
+def test_half_of_a_silhouette_is_too_little_to_complete() -> None:
+    x, _ = pixels()
+    _, vessel = handled()
+    mask = vessel & (x < -10)
+    assert completed_silhouette(mask, vessel & (x > -20)) is None
 
 
 def test_a_flag_with_a_weight_has_no_body() -> None:
     x, y = pixels()
     flag = (np.abs(x + 40) < 10) & (np.abs(y) < 90) | (np.abs(y - 70) < 10) & (np.abs(x) < 50)
     mask = flag | (np.hypot(x - 30, y - 20) < 28)
-    assert symmetric_bodies(mask) == []
+    assert bodies(mask) == []

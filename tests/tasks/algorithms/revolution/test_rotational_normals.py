@@ -39,6 +39,30 @@ def test_a_body_is_found_with_its_handle() -> None:
     assert np.median(error[handle & body]) < 5.0
 
 
+def test_a_surface_of_revolution_is_found_where_the_mask_lacks_a_part_of_one_side() -> None:
+    truth = beaker_normals(14.0)
+    x, y = camera_positions()
+    mask = np.isfinite(truth[..., 0]) & ~((x > 20.0) & (y < -10.0))
+    accepted = np.where(mask[..., None], observable(truth), np.nan)
+    flat = np.where(mask[..., None], (0.0, 0.0, 1.0), np.nan)
+    result = RotationalSymmetry(mask, None).normals(accepted, accepted[None], flat, np.ones(mask.shape))
+    assert result is not None
+    assert np.array_equal(np.isfinite(result.normals[..., 0]), mask)
+    assert not np.isfinite(result.depths[~mask]).any()
+    assert np.median(angles(result.normals, truth)[mask]) < 2.0
+
+
+def test_a_relief_does_not_excuse_a_completed_silhouette() -> None:
+    truth = beaker_normals(14.0)
+    x, y = camera_positions()
+    mask = np.isfinite(truth[..., 0]) & ~((x > 20.0) & (y < -10.0))
+    turn = np.radians(25.0) * np.sign(np.sin(x))
+    waves = np.stack([np.sin(turn), np.zeros(x.shape), np.cos(turn)], axis=-1)
+    accepted = np.where(mask[..., None], waves, np.nan)
+    flat = np.where(mask[..., None], (0.0, 0.0, 1.0), np.nan)
+    assert RotationalSymmetry(mask, None).normals(accepted, accepted[None], flat, np.ones(mask.shape)) is None
+
+
 @pytest.mark.parametrize(("tilt", "lean"), [(20.0, 0.0), (-25.0, 12.0), (2.0, -8.0)])
 def test_a_surface_of_revolution_is_found_before_a_perspective_camera(tilt: float, lean: float) -> None:
     normals, distances = seen_cylinder(tilt, lean)
