@@ -21,7 +21,6 @@ from glint.tasks.algorithms.revolution.symmetry import (
     COARSE_STEP_PX,
     COARSE_TILT_STEP_DEG,
     SAMPLED_NORMALS,
-    SYMMETRIC_LIMITS,
     TILT_STEP_DEG,
     TILTS,
     FitLimits,
@@ -31,9 +30,10 @@ from glint.tasks.algorithms.revolution.symmetry import (
     surface_of_revolution_normals,
 )
 
-IMPERFECT_LIMITS = FitLimits(7.5, 0.6)
-"""Limits for a body with a handle, among whose accepted normals are some of the handle's, and for a silhouette that
-lacks parts. Relief excuses no completed silhouette: with enough periods it explains any."""
+IMPERFECT_LIMITS = FitLimits(6.0, 0.5, is_of_slopes=True)
+"""Limits for a body with a handle, among whose accepted normals are some of the handle's, and for a completed
+silhouette: their profiles are uncertain, so that fitted slopes decide. Relief excuses no completed silhouette, since
+with enough periods it explains any normals."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,10 +142,8 @@ def _imperfect_normals(
     mask, is_accepted = silhouette.mask, np.isfinite(accepted[..., 0])
     least_error: float = np.inf
     best: tuple[np.ndarray, RotationalNormals] | None = None
-    # Completing a silhouette that is symmetric already hardly changes it.
-    completed_limits = SYMMETRIC_LIMITS if silhouette.axes else IMPERFECT_LIMITS
     parts = [(body, IMPERFECT_LIMITS) for body in silhouette.bodies]
-    parts += [(whole, completed_limits._replace(relief_excuses=False)) for whole in silhouette.completions]
+    parts += [(whole, IMPERFECT_LIMITS._replace(relief_excuses=False)) for whole in silhouette.completions]
     for part, limits in parts:
         within = np.where(part.mask[..., None], accepted, np.nan)
         fitted = surface_of_revolution_normals(part, within, candidates, field, weights, limits)

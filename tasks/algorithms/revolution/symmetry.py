@@ -96,11 +96,12 @@ class SilhouetteSymmetry:
 class FitLimits(NamedTuple):
     """Largest mean angle from accepted normals to a surface, each angle capped, and its ratio to the smooth field's.
 
-    relief_excuses: whether a surface may fit worse whose relief explains the normals.
+    is_of_slopes: whether the profile's slopes are fitted first. relief_excuses: whether one with relief may fit worse.
     """
 
     error_deg: float
     smooth_error_ratio: float
+    is_of_slopes: bool = False
     relief_excuses: bool = True
 
 
@@ -152,11 +153,11 @@ def surface_of_revolution_normals(
     weight = np.ones(len(rows)) if weights is None else weights[rows, columns]
     measured = (x[known], y[known], accepted[rows, columns][known], weight[known])
     deviation = capped_angles(surface.with_fitted_slopes(*measured).normals(*measured[:2]), measured[2])
-    may_have_relief = (error <= limit or limits.relief_excuses) and np.median(deviation) > MIN_RELIEF_DEG
+    may_have_relief = (limits.relief_excuses or error <= limit) and np.median(deviation) > MIN_RELIEF_DEG
     relief = find_relief(mask, surface, *measured[:3]) if may_have_relief else None
     if relief is not None:
         surface = relief.surface
-    elif error > limit:
+    elif (deviation.mean() if limits.is_of_slopes else error) > limit:
         return None
     opening = find_opening(surface, mask, candidates)
     surface = surface.with_risen_plates(*measured[:3]).with_fitted_slopes(*measured)
