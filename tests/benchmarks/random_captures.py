@@ -1,12 +1,13 @@
 """Random captures of all shapes: which of them have confident normals that are wrong.
 
-    python -m tests.benchmarks.random_captures [SHAPE ...] [--seed 6000] [--count 46] [--given 1] [--folder DIR]
+    python -m tests.benchmarks.random_captures [SHAPE ...] [--seed 6000] [--count 46] [--given 1] [--bare 1]
+        [--folder DIR]
 
 Size, frames, camera, spheres, light, compression, noise and exposure of each capture follow from its seed: the first
 seed, the next, and so on, shapes taking turns. A third of the captures has no mask, half has no spheres; with `--given
-1` masks and spheres are given. Of each it prints the mean error, the share of the mask at confidence 0.95 and of these
-the share within 5 degrees, the causes that warnings name, and BROKEN where fewer than 95% of more than half a percent
-are right and no warning comes with less than 5%.
+1` masks and spheres are given, with `--bare 1` no mask is. Of each it prints the mean error, the share of the mask at
+confidence 0.95 and of these the share within 5 degrees, the causes that warnings name, and BROKEN where fewer than 95%
+of more than half a percent are right and no warning comes with less than 5%; at last the geometric mean of the errors.
 """
 
 import argparse
@@ -89,6 +90,11 @@ class Measured:
     confident: np.ndarray
 
     @property
+    def mean_error(self) -> float:
+        """Mean angle between resulting and true normals in the mask, degrees."""
+        return float(np.nanmean(self.error[self.mask]))
+
+    @property
     def share(self) -> float:
         """Share of the mask that is confident."""
         return float(self.confident.sum() / self.mask.sum())
@@ -122,16 +128,20 @@ def outcome(measured: Measured) -> str:
     work, share, right = measured.work, measured.share, measured.right
     causes = {warning["cause"] for stage in STAGES for warning in work.load(stage).record["warnings"]}
     is_broken = right < MIN_RIGHT and share >= (MAX_WARNED if causes else MIN_CONFIDENT)
-    mean = np.nanmean(measured.error[measured.mask])
-    line = f"{mean:.1f} degrees, {share:.1%}, {right:.1%} right ({', '.join(sorted(causes))})"
+    line = f"{measured.mean_error:.1f} degrees, {share:.1%}, {right:.1%} right ({', '.join(sorted(causes))})"
     return line + (" BROKEN" if is_broken else "")
 
 
 def main() -> None:
     """Print a line per capture as it is measured."""
-    arguments = shapes_parser(__doc__, seed=6000, count=46, given=0).parse_args()
-    for name, capture, store in random_captures(arguments, is_given=bool(arguments.given)):
-        print(f"{name}: {outcome(measure(capture, store))}", flush=True)
+    arguments = shapes_parser(__doc__, seed=6000, count=46, given=0, bare=0).parse_args()
+    errors = []
+    for name, given, store in random_captures(arguments, is_given=bool(arguments.given)):
+        capture = given.model_copy(update={"mask": None}) if arguments.bare else given
+        measured = measure(capture, store)
+        errors.append(measured.mean_error)
+        print(f"{name}: {outcome(measured)}", flush=True)
+    print(f"geometric mean of the errors: {np.exp(np.log(errors).mean()):.2f} degrees")
 
 
 if __name__ == "__main__":
