@@ -29,11 +29,16 @@ from glint.tasks.algorithms.revolution.symmetry import (
     refined_tilt,
     surface_of_revolution_normals,
 )
+from glint.tasks.algorithms.silhouettes.measured_silhouettes import measured_silhouettes
 
 IMPERFECT_LIMITS = FitLimits(6.0, 0.5, is_of_slopes=True)
-"""Limits for a body with a handle, among whose accepted normals are some of the handle's, and for a completed
-silhouette: their profiles are uncertain, so that fitted slopes decide. Relief excuses no completed silhouette, since
-with enough periods it explains any normals."""
+"""Limits for a body with a handle, among whose accepted normals are some of the handle's: its profile is uncertain, so
+that fitted slopes decide."""
+COMPLETED_LIMITS = IMPERFECT_LIMITS._replace(relief_excuses=False)
+"""Limits for a silhouette that is not the mask's own; with enough periods, relief explains any normals."""
+MEASURED_ERROR_RATIO = 0.8
+"""Error of a silhouette that normals measure, relative to that of another one, up to which it is preferred: it follows
+the normals by which both are judged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,15 +145,17 @@ def _imperfect_normals(
     For the arguments see `surface_of_revolution_normals`.
     """
     mask, is_accepted = silhouette.mask, np.isfinite(accepted[..., 0])
+    measured = [SilhouetteSymmetry(part, silhouette.inverse_focal) for part in measured_silhouettes(mask, accepted)]
+    parts = [(body, IMPERFECT_LIMITS, 1.0) for body in silhouette.bodies]
+    parts += [(whole, COMPLETED_LIMITS, 1.0) for whole in silhouette.completions]
+    parts += [(whole, COMPLETED_LIMITS, MEASURED_ERROR_RATIO) for whole in measured]
     least_error: float = np.inf
     best: tuple[np.ndarray, RotationalNormals] | None = None
-    parts = [(body, IMPERFECT_LIMITS) for body in silhouette.bodies]
-    parts += [(whole, IMPERFECT_LIMITS._replace(relief_excuses=False)) for whole in silhouette.completions]
-    for part, limits in parts:
+    for part, limits, error_ratio in parts:
         within = np.where(part.mask[..., None], accepted, np.nan)
         fitted = surface_of_revolution_normals(part, within, candidates, field, weights, limits)
         if fitted is not None:
-            error = capped_angles(fitted.normals, accepted)[is_accepted].mean()
+            error = capped_angles(fitted.normals, accepted)[is_accepted].mean() / error_ratio
             if error < least_error:
                 least_error, best = error, (part.mask, fitted)
     if best is None:

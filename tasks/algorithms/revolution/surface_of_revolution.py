@@ -14,8 +14,8 @@ from glint.tasks.algorithms.geometry.perspective import rotate_to_view
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
 from glint.tasks.algorithms.revolution.inscribed_circles import inscribed_circles
 from glint.tasks.algorithms.revolution.profile import Plate, profile_of_contour, with_risen_plate
-from glint.tasks.algorithms.revolution.reflection_axes import ReflectionAxis
 from glint.tasks.algorithms.revolution.view_rays import AxisFrame, entry_depths
+from glint.tasks.algorithms.silhouettes.reflection_axes import ReflectionAxis
 
 MAX_WALL_SLOPE_DEG = 60.0
 """Angle of a normal from the circle's plane up to which it belongs to a wall, not to a flat end."""

@@ -16,15 +16,10 @@ import numpy as np
 from glint.tasks.algorithms.geometry.distance import with_nearest
 from glint.tasks.algorithms.geometry.vectors import angles, to_camera
 from glint.tasks.algorithms.revolution.opening import find_opening
-from glint.tasks.algorithms.revolution.reflection_axes import (
-    ReflectionAxis,
-    completed_silhouette,
-    mirror_images,
-    reflection_axes,
-    symmetric_body,
-)
 from glint.tasks.algorithms.revolution.relief import ERROR_CAP_DEG, capped_angles, find_relief
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
+from glint.tasks.algorithms.silhouettes.mirror_images import completed_silhouette, mirror_images, symmetric_body
+from glint.tasks.algorithms.silhouettes.reflection_axes import ReflectionAxis, reflection_axes
 
 MAX_TILT_DEG = 75
 """Largest tilt that is tried."""

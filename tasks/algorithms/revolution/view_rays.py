@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from glint.tasks.algorithms.geometry.vectors import unit
-from glint.tasks.algorithms.revolution.reflection_axes import ReflectionAxis
+from glint.tasks.algorithms.silhouettes.reflection_axes import ReflectionAxis
 
 DEPTH_SAMPLES = 160
 """Samples along a ray among which the surface is bracketed."""

@@ -9,8 +9,8 @@ from glint.tasks.algorithms.integration.edges import grid_edges
 from glint.tasks.algorithms.integration.expected_rises import expected_rises
 from glint.tasks.algorithms.integration.known_body import attached_height, beside_body, known_body
 from glint.tasks.algorithms.revolution.opening import Opening
-from glint.tasks.algorithms.revolution.reflection_axes import ReflectionAxis
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
+from glint.tasks.algorithms.silhouettes.reflection_axes import ReflectionAxis
 from tests.tasks.algorithms.revolution.beaker import tumbler
 
 SHAPE = (150, 110)

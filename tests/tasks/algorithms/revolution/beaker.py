@@ -3,8 +3,8 @@
 import numpy as np
 
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
-from glint.tasks.algorithms.revolution.reflection_axes import ReflectionAxis
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
+from glint.tasks.algorithms.silhouettes.reflection_axes import ReflectionAxis
 
 SHAPE = (200, 140)
 

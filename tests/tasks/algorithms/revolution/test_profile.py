@@ -3,8 +3,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.revolution.reflection_axes import ReflectionAxis
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
+from glint.tasks.algorithms.silhouettes.reflection_axes import ReflectionAxis
 
 GLASS = np.array(
     [(61.4, -177.0), (61.4, -172.3), (11.8, -165.2), (5.9, -153.4), (5.9, -59.0), (47.2, -23.6), (68.4, 23.6),

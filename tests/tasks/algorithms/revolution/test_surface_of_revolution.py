@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.revolution.reflection_axes import ReflectionAxis
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
+from glint.tasks.algorithms.silhouettes.reflection_axes import ReflectionAxis
 
 UPRIGHT = ReflectionAxis(np.zeros(2), np.array([1.0, 0.0]), 1.0)
 

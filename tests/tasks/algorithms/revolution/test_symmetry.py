@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.revolution.reflection_axes import reflection_axes
 from glint.tasks.algorithms.revolution.symmetry import SilhouetteSymmetry, surface_of_revolution_normals
+from glint.tasks.algorithms.silhouettes.reflection_axes import reflection_axes
 from tests.tasks.algorithms.revolution.beaker import SHAPE, beaker_normals, camera_positions, observable
 
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.revolution.reflection_axes import ReflectionAxis
 from glint.tasks.algorithms.revolution.view_rays import AxisFrame, AxisRays, entry_depths
+from glint.tasks.algorithms.silhouettes.reflection_axes import ReflectionAxis
 
 RADIUS = 50.0
 HEIGHTS = np.arange(-RADIUS, RADIUS + 0.01, 0.01)

@@ -1,28 +1,12 @@
 import numpy as np
 
-from glint.tasks.algorithms.revolution.reflection_axes import (
-    completed_silhouette,
-    mirror_images,
-    reflection_axes,
-    symmetric_body,
-)
+from glint.tasks.algorithms.silhouettes.mirror_images import completed_silhouette, mirror_images, symmetric_body
+from glint.tasks.algorithms.silhouettes.reflection_axes import reflection_axes
 
 
 def pixels() -> tuple[np.ndarray, np.ndarray]:
     columns, rows = np.meshgrid(np.arange(140) - 69.5, 99.5 - np.arange(200))
     return columns, rows
-
-
-def test_a_tilted_axis_is_found_where_it_is() -> None:
-    x, y = pixels()
-    normal = np.array([np.cos(0.3), np.sin(0.3)])
-    side, up = x * normal[0] + y * normal[1] - 7.0, -x * normal[1] + y * normal[0]
-    mask = (side / 30) ** 2 + (np.abs(up) / 75) ** 2 < 1
-    axes = reflection_axes(mask)
-    cosines = [abs(float(axis.normal @ normal)) for axis in axes]
-    best = axes[int(np.argmax(cosines))]
-    assert max(cosines) > np.cos(np.radians(1.0))
-    assert abs(float(best.point @ normal) - 7.0) < 1.0
 
 
 def handled() -> tuple[np.ndarray, np.ndarray]:

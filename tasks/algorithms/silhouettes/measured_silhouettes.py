@@ -1,0 +1,189 @@
+"""Silhouettes of surfaces of revolution as their normals show them, for masks whose contour is wrong.
+
+The normal of a circle of radius r about the axis, at the distance u from the axis in the image, has the component u/r
+across the view, relative to its length in the circle's plane. So normals well inside the contour measure axis, tilt and
+radii.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+
+from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.silhouettes.mirror_images import largest_piece, mirror_image
+from glint.tasks.algorithms.silhouettes.reflection_axes import refined_place
+
+ANGLE_STEP_DEG, TILT_STEP_DEG, MAX_TILT_DEG = 6.0, 15.0, 45.0
+"""Steps of the exhaustive search for the axis in the image and its tilt, and the largest tilt that is tried."""
+FINAL_STEP_DEG = 1.0
+"""Step of the axis' angle at which refinement ends."""
+SEEDS = 3
+"""Best pairs of angle and tilt that are refined."""
+MIN_NORMALS, COARSE_NORMALS, FINE_NORMALS = 50, 400, 1500
+"""Normals without which nothing is measured, and those compared in the exhaustive search and afterwards."""
+COARSE_ROUNDS, FINE_ROUNDS = 5, 15
+"""Rounds in which circles are fitted and normals weighed by their distance from them, likewise."""
+MAX_UPWARD = 0.8
+"""Component along the axis up to which a normal belongs to a wall, not to a flat end."""
+MIN_WALL_SHARE = 0.5
+"""Share of the normals that must belong to a wall."""
+CIRCLE_SHARE = 0.15
+"""Distance from one circle to the next, in inradii of the mask."""
+MIN_DEVIATION_SHARE, MAX_DEVIATION_SHARE = 0.025, 0.15
+"""Deviation of a normal's place up to which it counts in full, and beyond which it is as bad as any, in inradii."""
+MIN_CIRCLE_WEIGHT = 2.0
+"""Normals, as if all of them pointed across, without which the radius of a circle is unknown."""
+MIN_CIRCLES = 3
+"""Circles without which there is no silhouette."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Circles:
+    """Circles about an axis that normals measure, in pixels.
+
+    misfit: mean distance from where the normals' places would be on them, bounded. offset: of the axis. heights: (N,),
+    along the axis, where they are widest in the image. radii: (N,). weights: (N,), of each in normals that point across.
+    """
+
+    misfit: float
+    offset: float
+    heights: np.ndarray
+    radii: np.ndarray
+    weights: np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class _Sample:
+    """Normals (N, 3), camera frame, at places (N, 2), column and row from the mask's centroid; scale: its inradius."""
+
+    places: np.ndarray
+    normals: np.ndarray
+    scale: float
+
+    def part(self, count: int) -> "_Sample":
+        """Return the first ones."""
+        return _Sample(self.places[:count], self.normals[:count], self.scale)
+
+    def circles(self, angle: float, tilt: float, rounds: int) -> _Circles | None:
+        """Fit circles about an axis; None where too few normals belong to a wall.
+
+        angle: of the axis' normal in the image, from the columns to the rows. tilt: of its upper end towards the
+        camera. Both in radians.
+        """
+        (columns, rows), (x, y, z) = self.places.T, self.normals.T
+        cosine, sine = np.cos(angle), np.sin(angle)
+        across, along = columns * cosine + rows * sine, columns * sine - rows * cosine
+        # Rows run downwards, y upwards.
+        n_across, n_along = x * cosine - y * sine, x * sine + y * cosine
+        upward, forward = n_along * np.cos(tilt) + z * np.sin(tilt), z * np.cos(tilt) - n_along * np.sin(tilt)
+        is_wall = (np.abs(upward) < MAX_UPWARD) & (forward > 0.0)
+        if is_wall.sum() < max(MIN_NORMALS, MIN_WALL_SHARE * len(x)):
+            return None
+        in_plane = np.hypot(n_across, forward)[is_wall]
+        circles = _fitted_circles(
+            across[is_wall],
+            along[is_wall],
+            n_across[is_wall] / in_plane,
+            forward[is_wall] / in_plane * np.sin(tilt),
+            self.scale,
+            rounds,
+        )
+        # Otherwise a tilt under which false normals belong to no wall would fit best.
+        share, bound = float(is_wall.mean()), MAX_DEVIATION_SHARE * self.scale
+        return replace(circles, misfit=share * circles.misfit + (1.0 - share) * bound)
+
+
+def measured_silhouettes(mask: np.ndarray, normals: np.ndarray) -> list[np.ndarray]:
+    """Return silhouettes (H, W) bool of the surface of revolution that normals (H, W, 3), else NaN, show best.
+
+    Where they give its radius, it is as wide as that. Elsewhere it is where the mask (H, W) bool and its mirror image
+    about the axis overlap, or, in a second silhouette, both together. None if the normals are too few.
+    """
+    rows, columns = np.nonzero(mask & np.isfinite(normals[..., 0]))
+    if len(rows) < MIN_NORMALS:
+        return []
+    chosen = np.random.default_rng(0).permutation(len(rows))[:FINE_NORMALS]
+    rows, columns = rows[chosen], columns[chosen]
+    centre, scale = np.argwhere(mask).mean(axis=0)[::-1], inradius(mask)
+    sample = _Sample(np.column_stack([columns, rows]) - centre, normals[rows, columns].astype(float), scale)
+    angle, tilt = _best_axis(sample)
+    circles = sample.circles(angle, tilt, FINE_ROUNDS)
+    if circles is None or (circles.weights >= MIN_CIRCLE_WEIGHT).sum() < MIN_CIRCLES:
+        return []
+    image = mirror_image(mask, centre, angle, circles.offset)
+    return [_with_circles(base, mask, circles, centre, angle) for base in (mask & image, mask | image)]
+
+
+def _best_axis(sample: _Sample) -> tuple[float, float]:
+    """Return angle and tilt, radians, of the axis about which circles fit best."""
+
+    def fit(normals: _Sample, rounds: int) -> Callable[[float, float], float]:
+        @cache
+        def score(angle: float, tilt: float) -> float:
+            circles = normals.circles(angle, tilt, rounds)
+            return -np.inf if circles is None else -circles.misfit
+
+        return score
+
+    coarse, fine = fit(sample.part(COARSE_NORMALS), COARSE_ROUNDS), fit(sample, FINE_ROUNDS)
+    tilts = np.radians(np.arange(-MAX_TILT_DEG, MAX_TILT_DEG + 1.0, TILT_STEP_DEG))
+    places = [
+        (float(angle), float(tilt)) for angle in np.radians(np.arange(0.0, 180.0, ANGLE_STEP_DEG)) for tilt in tilts
+    ]
+    seeds = sorted(places, key=lambda place: -coarse(*place))[:SEEDS]
+    steps = float(np.radians(ANGLE_STEP_DEG / 2)), float(np.radians(TILT_STEP_DEG / 2))
+    refined = [refined_place(fine, seed, steps, float(np.radians(FINAL_STEP_DEG)))[0] for seed in seeds]
+    return max(refined, key=lambda place: fine(*place))
+
+
+def _fitted_circles(
+    across: np.ndarray, along: np.ndarray, sides: np.ndarray, rises: np.ndarray, scale: float, rounds: int
+) -> _Circles:
+    """Fit circles, smooth along the axis, to the places of normals by robust least squares (Cauchy weights).
+
+    across, along: (N,), places in the image. sides: (N,), sine of the normal's turn about the axis. rises: (N,), by how
+    much a normal's place lies below where its circle is widest in the image, in radii. scale: inradius of the mask.
+    """
+    step = CIRCLE_SHARE * scale
+    offset, weights = float(np.median(across)), np.ones(len(across))
+    reach = np.abs(across - offset).max() + 2.0 * step
+    first, widest = along.min() - reach, along
+    count = int((np.ptp(along) + 2.0 * reach) / step) + 2
+    radii = totals = np.zeros(count)
+    deviation = np.zeros(len(across))
+    for _ in range(rounds):
+        number = ((widest - first) / step).astype(int).clip(0, count - 1)
+        sums = _smoothed(np.bincount(number, weights * sides * (across - offset), count))
+        totals = _smoothed(np.bincount(number, weights * sides**2, count))
+        radii = np.maximum(sums / np.maximum(totals, 1e-9), 0.0)
+        offset += float(np.average(across - offset - radii[number] * sides, weights=weights))
+        deviation = np.abs(across - offset - radii[number] * sides)
+        spread = max(MIN_DEVIATION_SHARE * scale, 1.48 * float(np.median(deviation)))
+        weights = 1.0 / (1.0 + (deviation / spread) ** 2)
+        widest = along + radii[number] * rises
+    misfit = float(np.minimum(deviation, MAX_DEVIATION_SHARE * scale).mean())
+    return _Circles(misfit, offset, first + step * (np.arange(count) + 0.5), radii, totals)
+
+
+def _smoothed(sums: np.ndarray) -> np.ndarray:
+    return np.convolve(sums, [0.25, 0.5, 0.25], "same")
+
+
+def _with_circles(
+    base: np.ndarray, mask: np.ndarray, circles: _Circles, centre: np.ndarray, angle: float
+) -> np.ndarray:
+    """Return a silhouette (H, W) bool that is as wide as the circles whose radii are known, and `base` elsewhere.
+
+    It ends where the mask does. For centre and angle see `mirror_image`.
+    """
+    rows, columns = np.indices(mask.shape).astype(float)
+    beside = (columns - centre[0]) * np.cos(angle) + (rows - centre[1]) * np.sin(angle) - circles.offset
+    along = (columns - centre[0]) * np.sin(angle) - (rows - centre[1]) * np.cos(angle)
+    is_known = circles.weights >= MIN_CIRCLE_WEIGHT
+    number = np.rint((along - circles.heights[0]) / (circles.heights[1] - circles.heights[0])).astype(int)
+    known_there = is_known[number.clip(0, len(is_known) - 1)]
+    radius = np.interp(along, circles.heights[is_known], circles.radii[is_known])
+    is_between = (along >= along[mask].min()) & (along <= along[mask].max())
+    return largest_piece(np.where(known_there, (np.abs(beside) <= radius) & is_between, base))

@@ -1,0 +1,120 @@
+"""Mirror images of a silhouette about axes about which much of its contour is the image of contour.
+
+What stands out on one side alone, a handle or a spout, breaks the symmetry of a silhouette, and so does what a mask
+lacks on one side. Where silhouette and mirror image overlap may be the body beside a handle; both together may be the
+whole of which the mask shows a part.
+"""
+
+from functools import partial
+
+import numpy as np
+from numba import njit
+from scipy import ndimage
+
+from glint.tasks.algorithms.geometry.distance import depth_inside, distance_inside
+from glint.tasks.algorithms.silhouettes.reflection_axes import MAX_SCORED_PIXELS, SEED_STEP_DEG, refined_place
+
+MATCH_SIGMAS_PX = (6.0, 3.0, 1.0)
+"""Distances of mirrored contour from contour at which a point counts 1/e of a match, in turn."""
+MAX_AXIS_OFFSET = 0.5
+"""Distance of a body's axis from the silhouette's centroid that is tried, in inradii."""
+MAX_IMAGES = 3
+"""Most mirror images of a silhouette, the best ones."""
+MIN_BODY_SHARE, MIN_MATCHED_SHARE = 0.6, 0.7
+"""Shares of a silhouette that its body must cover, and of the body's contour that must lie on the silhouette's."""
+MIN_COMPLETED_SHARE = 0.8
+"""Share of a completed silhouette that a mask must show."""
+CONTOUR_PX = 1.5
+"""Distance up to which a pixel is one of the contour."""
+
+
+def mirror_images(mask: np.ndarray) -> list[np.ndarray]:
+    """Return at most MAX_IMAGES mirror images (H, W) bool of a silhouette (H, W) bool, best first."""
+    depth = depth_inside(mask)
+    contour = _contour(mask)
+    to_contour = distance_inside(~contour)
+    centre = np.argwhere(mask).mean(axis=0)[::-1]
+    points = np.argwhere(contour)[:, ::-1].astype(float)
+    points = points[:: max(1, len(points) // MAX_SCORED_PIXELS)]
+
+    def matched(angle: float, offset: float, sigma: float, stride: int = 1) -> float:
+        return _mean_match(_mirrored(points[::stride], centre, angle, offset), to_contour, sigma)
+
+    # The best offset for each angle, then local maxima over the angle.
+    coarse = MATCH_SIGMAS_PX[0]
+    reach = MAX_AXIS_OFFSET * float(depth.max())
+    angles = np.radians(np.arange(0.0, 180.0, SEED_STEP_DEG))
+    offsets = np.arange(-reach, reach + 1.0, coarse / 2)
+    scores = np.array([[matched(angle, offset, coarse, stride=4) for offset in offsets] for angle in angles])
+    best = scores.max(axis=1)
+    peaks = np.flatnonzero((best >= np.roll(best, 1)) & (best >= np.roll(best, -1)))
+    images = []
+    for peak in peaks[np.argsort(-best[peaks])][:MAX_IMAGES]:
+        place = (float(angles[peak]), float(offsets[scores[peak].argmax()]))
+        steps = (float(np.radians(SEED_STEP_DEG / 2)), coarse / 4)
+        for sigma in MATCH_SIGMAS_PX:
+            place, steps = refined_place(partial(matched, sigma=sigma), place, steps, sigma / 8 / float(depth.max()))
+        images.append(mirror_image(mask, centre, *place))
+    return images
+
+
+def mirror_image(mask: np.ndarray, centre: np.ndarray, angle: float, offset: float) -> np.ndarray:
+    """Return the mirror image (H, W) bool of a mask (H, W) bool.
+
+    centre: (2,), column and row. angle: of the axis' normal from the columns to the rows, radians. offset: of the axis
+    from the centre along its normal, in pixels.
+    """
+    height, width = mask.shape
+    pixels = np.argwhere(np.ones_like(mask))[:, ::-1]
+    column, row = np.rint(_mirrored(pixels, centre, angle, offset)).astype(int).T
+    is_inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    image = is_inside & mask[row.clip(0, height - 1), column.clip(0, width - 1)]
+    return np.asarray(image.reshape(mask.shape))
+
+
+def symmetric_body(mask: np.ndarray, image: np.ndarray) -> np.ndarray | None:
+    """Return where a silhouette (H, W) bool and its mirror image overlap, if that could be its body."""
+    body = largest_piece(mask & image)
+    share = float((distance_inside(~_contour(mask))[_contour(body)] <= CONTOUR_PX).mean())
+    return body if body.sum() >= MIN_BODY_SHARE * mask.sum() and share >= MIN_MATCHED_SHARE else None
+
+
+def completed_silhouette(mask: np.ndarray, image: np.ndarray) -> np.ndarray | None:
+    """Return a silhouette (H, W) bool together with its mirror image, if that could be what an imperfect mask shows."""
+    whole = mask | image
+    return whole if mask.sum() >= MIN_COMPLETED_SHARE * whole.sum() else None
+
+
+def largest_piece(mask: np.ndarray) -> np.ndarray:
+    """Return the largest connected piece (H, W) bool of a mask (H, W) bool."""
+    pieces, _ = ndimage.label(mask)
+    return np.asarray(pieces == np.bincount(pieces[pieces > 0], minlength=2).argmax())
+
+
+def _contour(mask: np.ndarray) -> np.ndarray:
+    """Return the pixels (H, W) bool along the contour of a silhouette (H, W) bool."""
+    return np.asarray(mask & (depth_inside(mask) < CONTOUR_PX))
+
+
+def _mirrored(points: np.ndarray, centre: np.ndarray, angle: float, offset: float) -> np.ndarray:
+    """Return the mirror images of points (N, 2), column and row."""
+    normal = np.array([np.cos(angle), np.sin(angle)])
+    return np.asarray(points - 2.0 * np.outer((points - centre) @ normal - offset, normal))
+
+
+@njit(cache=True, nogil=True)
+def _mean_match(points: np.ndarray, to_contour: np.ndarray, sigma: float) -> float:
+    """Return how well points (N, 2), column and row, lie on a contour: 1 on it, 1/e at the distance `sigma` in pixels.
+
+    to_contour: (H, W), each pixel's distance.
+    """
+    height, width = to_contour.shape
+    total = 0.0
+    for point in range(len(points)):
+        x, y = min(max(points[point, 0], 0.0), width - 1.0), min(max(points[point, 1], 0.0), height - 1.0)
+        column, row = min(int(x), width - 2), min(int(y), height - 2)
+        beside, below = x - column, y - row
+        distance = (1.0 - below) * ((1.0 - beside) * to_contour[row, column] + beside * to_contour[row, column + 1])
+        distance += below * ((1.0 - beside) * to_contour[row + 1, column] + beside * to_contour[row + 1, column + 1])
+        total += np.exp(-((distance / sigma) ** 2))
+    return total / len(points)

@@ -1,0 +1,106 @@
+"""Reflection symmetry axes of a silhouette, each of which may be the image of an axis of revolution.
+
+Source: the score of a reflection is the overlap of the silhouette with its mirror image, maximized over angle and
+offset (Marola 1989).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from glint.tasks.algorithms.geometry.vectors import to_camera
+
+MIN_SYMMETRY_IOU = 0.96
+"""Intersection over union of a silhouette with its mirror image from which it counts as symmetric."""
+SEED_IOU_MARGIN = 0.06
+"""Distance below that score that an unrefined angle may have."""
+SEED_STEP_DEG, FINAL_STEP_DEG = 3.0, 0.1
+"""Steps in angle of the exhaustive search, and at which refinement ends."""
+MAX_SCORED_PIXELS = 4000
+"""Pixels of the silhouette that are mirrored; of a larger one, every n-th."""
+MAX_AXES = 4
+"""Most axes of a silhouette, the best ones."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReflectionAxis:
+    """Reflection symmetry axis of a silhouette.
+
+    point: (2,), on the axis, camera frame, pixels. normal: (2,), unit, perpendicular to it. iou: intersection over
+    union of the silhouette and its mirror image.
+    """
+
+    point: np.ndarray
+    normal: np.ndarray
+    iou: float
+
+    @property
+    def direction(self) -> np.ndarray:
+        """Direction (2,) of the axis."""
+        return np.array([-self.normal[1], self.normal[0]])
+
+
+def reflection_axes(mask: np.ndarray) -> list[ReflectionAxis]:
+    """Return at most MAX_AXES axes of a silhouette (H, W) bool that is symmetric about them, best first."""
+    height, width = mask.shape
+    rows, columns = np.nonzero(mask)
+    points = np.stack(to_camera(columns.astype(float), rows.astype(float), width, height), axis=-1)
+    centre = points.mean(axis=0)
+    points = points[:: max(1, len(points) // MAX_SCORED_PIXELS)]
+
+    def iou(angle: float, offset: float) -> float:
+        share = _mirrored_share(points, centre, angle, offset, mask)
+        # Both silhouettes have the same area, so the union is twice it less the intersection.
+        return share / (2.0 - share)
+
+    # Local maxima over the angle, for axes through the centroid.
+    seeds = np.radians(np.arange(0.0, 180.0, SEED_STEP_DEG))
+    scores = np.array([iou(angle, 0.0) for angle in seeds])
+    is_peak = (scores >= np.roll(scores, 1)) & (scores >= np.roll(scores, -1))
+    is_peak &= scores >= MIN_SYMMETRY_IOU - SEED_IOU_MARGIN
+    axes = []
+    for seed in seeds[is_peak]:
+        steps = (float(np.radians(SEED_STEP_DEG / 2)), 1.0)
+        (angle, offset), _ = refined_place(iou, (float(seed), 0.0), steps, float(np.radians(FINAL_STEP_DEG)))
+        normal = np.array([np.cos(angle), np.sin(angle)])
+        axes.append(ReflectionAxis(centre + offset * normal, normal, iou(angle, offset)))
+    return sorted((axis for axis in axes if axis.iou >= MIN_SYMMETRY_IOU), key=lambda axis: -axis.iou)[:MAX_AXES]
+
+
+def refined_place(
+    score: Callable[[float, float], float], place: tuple[float, float], steps: tuple[float, float], last_turn: float
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Search the best score near a place, an angle and another number, until the angle's step is at most `last_turn`.
+
+    Steps are halved where no neighbour is better. Returns the place and the steps at the end.
+    """
+    (angle, offset), (turn, shift) = place, steps
+    best = score(angle, offset)
+    while turn > last_turn:
+        neighbours = [(angle + i * turn, offset + j * shift) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+        values = [score(*neighbour) for neighbour in neighbours]
+        if max(values) > best + 1e-6:
+            best = max(values)
+            angle, offset = neighbours[values.index(best)]
+        else:
+            turn, shift = turn / 2, shift / 2
+    return (angle, offset), (turn, shift)
+
+
+@njit(cache=True, nogil=True)
+def _mirrored_share(points: np.ndarray, centre: np.ndarray, angle: float, offset: float, mask: np.ndarray) -> float:
+    """Return the share of points (N, 2), camera frame, whose mirror images lie in a mask (H, W) bool.
+
+    centre: (2,); angle: of the axis' normal, radians; offset: of the axis from the centre along it, in pixels.
+    """
+    height, width = mask.shape
+    x, y = np.cos(angle), np.sin(angle)
+    within = 0
+    for point in range(len(points)):
+        beyond = (points[point, 0] - centre[0]) * x + (points[point, 1] - centre[1]) * y - offset
+        column = int(np.rint(points[point, 0] - 2.0 * beyond * x + (width - 1) / 2))
+        row = int(np.rint((height - 1) / 2 - points[point, 1] + 2.0 * beyond * y))
+        within += 0 <= column < width and 0 <= row < height and mask[row, column]
+    return within / len(points)
