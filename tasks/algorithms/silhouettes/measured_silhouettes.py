@@ -15,13 +15,13 @@ from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.silhouettes.mirror_images import largest_piece, mirror_image
 from glint.tasks.algorithms.silhouettes.reflection_axes import refined_place
 
-ANGLE_STEP_DEG, TILT_STEP_DEG, MAX_TILT_DEG = 6.0, 15.0, 45.0
+AXIS_STEP_DEG, AXIS_TILT_STEP_DEG, LARGEST_TILT_DEG = 6.0, 15.0, 45.0
 """Steps of the exhaustive search for the axis in the image and its tilt, and the largest tilt that is tried."""
-FINAL_STEP_DEG = 1.0
+LAST_AXIS_STEP_DEG = 1.0
 """Step of the axis' angle at which refinement ends."""
 SEEDS = 3
 """Best pairs of angle and tilt that are refined."""
-MIN_NORMALS, COARSE_NORMALS, FINE_NORMALS = 50, 400, 1500
+LEAST_NORMALS, COARSE_NORMALS, FINE_NORMALS = 50, 400, 1500
 """Normals without which nothing is measured, and those compared in the exhaustive search and afterwards."""
 COARSE_ROUNDS, FINE_ROUNDS = 5, 15
 """Rounds in which circles are fitted and normals weighed by their distance from them, likewise."""
@@ -44,7 +44,7 @@ class _Circles:
     """Circles about an axis that normals measure, in pixels.
 
     misfit: mean distance from where the normals' places would be on them, bounded. offset: of the axis. heights: (N,),
-    along the axis, where they are widest in the image. radii: (N,). weights: (N,), of each in normals that point across.
+    along the axis, where they are widest in the image. radii: (N,). weights: (N,), in normals that point across.
     """
 
     misfit: float
@@ -79,7 +79,7 @@ class _Sample:
         n_across, n_along = x * cosine - y * sine, x * sine + y * cosine
         upward, forward = n_along * np.cos(tilt) + z * np.sin(tilt), z * np.cos(tilt) - n_along * np.sin(tilt)
         is_wall = (np.abs(upward) < MAX_UPWARD) & (forward > 0.0)
-        if is_wall.sum() < max(MIN_NORMALS, MIN_WALL_SHARE * len(x)):
+        if is_wall.sum() < max(LEAST_NORMALS, MIN_WALL_SHARE * len(x)):
             return None
         in_plane = np.hypot(n_across, forward)[is_wall]
         circles = _fitted_circles(
@@ -102,7 +102,7 @@ def measured_silhouettes(mask: np.ndarray, normals: np.ndarray) -> list[np.ndarr
     about the axis overlap, or, in a second silhouette, both together. None if the normals are too few.
     """
     rows, columns = np.nonzero(mask & np.isfinite(normals[..., 0]))
-    if len(rows) < MIN_NORMALS:
+    if len(rows) < LEAST_NORMALS:
         return []
     chosen = np.random.default_rng(0).permutation(len(rows))[:FINE_NORMALS]
     rows, columns = rows[chosen], columns[chosen]
@@ -128,13 +128,13 @@ def _best_axis(sample: _Sample) -> tuple[float, float]:
         return score
 
     coarse, fine = fit(sample.part(COARSE_NORMALS), COARSE_ROUNDS), fit(sample, FINE_ROUNDS)
-    tilts = np.radians(np.arange(-MAX_TILT_DEG, MAX_TILT_DEG + 1.0, TILT_STEP_DEG))
+    tilts = np.radians(np.arange(-LARGEST_TILT_DEG, LARGEST_TILT_DEG + 1.0, AXIS_TILT_STEP_DEG))
     places = [
-        (float(angle), float(tilt)) for angle in np.radians(np.arange(0.0, 180.0, ANGLE_STEP_DEG)) for tilt in tilts
+        (float(angle), float(tilt)) for angle in np.radians(np.arange(0.0, 180.0, AXIS_STEP_DEG)) for tilt in tilts
     ]
     seeds = sorted(places, key=lambda place: -coarse(*place))[:SEEDS]
-    steps = float(np.radians(ANGLE_STEP_DEG / 2)), float(np.radians(TILT_STEP_DEG / 2))
-    refined = [refined_place(fine, seed, steps, float(np.radians(FINAL_STEP_DEG)))[0] for seed in seeds]
+    steps = float(np.radians(AXIS_STEP_DEG / 2)), float(np.radians(AXIS_TILT_STEP_DEG / 2))
+    refined = [refined_place(fine, seed, steps, float(np.radians(LAST_AXIS_STEP_DEG)))[0] for seed in seeds]
     return max(refined, key=lambda place: fine(*place))
 
 

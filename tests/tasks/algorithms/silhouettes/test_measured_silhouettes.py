@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.silhouettes.measured_silhouettes import measured_silhouettes
-from tests.tasks.algorithms.revolution.beaker import SHAPE, beaker_normals, camera_positions, false_sheets, observable
+from tests.tasks.algorithms.revolution.beaker import SHAPE, beaker_normals, camera_positions, observable
 
 
 def overlap(first: np.ndarray, second: np.ndarray) -> float:
