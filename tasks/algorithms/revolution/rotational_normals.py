@@ -36,7 +36,7 @@ IMPERFECT_LIMITS = FitLimits(6.0, 0.5, is_of_slopes=True)
 that fitted slopes decide."""
 COMPLETED_LIMITS = IMPERFECT_LIMITS._replace(relief_excuses=False)
 """Limits for a silhouette that is not the mask's own; with enough periods, relief explains any normals."""
-MEASURED_ERROR_RATIO = 0.8
+MEASURED_ERROR_RATIO = 0.75
 """Error of a silhouette that normals measure, relative to that of another one, up to which it is preferred: it follows
 the normals by which both are judged."""
 
