@@ -13,6 +13,7 @@ from scipy import ndimage
 
 from glint.tasks.algorithms.faces.creases import UNSEEN, Edge, image_points
 from glint.tasks.algorithms.faces.observed_faces import Face
+from glint.tasks.algorithms.geometry.connected_parts import largest_part
 from glint.tasks.algorithms.geometry.distance import depth_inside
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 
@@ -86,7 +87,7 @@ def unseen_faces(
     inside = depth_inside(mask)
     result = []
     for number, group in enumerate(groups):
-        pixels = _largest_part((nearest == number) & _behind_edges(group, unseen, scale))
+        pixels = largest_part((nearest == number) & _behind_edges(group, unseen, scale))
         depth = depth_inside(pixels).max()
         if pixels.sum() >= MIN_PART_SHARE * mask.sum() and depth >= MIN_PART_INRADII * scale:
             face = _estimate(group, faces, field, pixels)
@@ -121,12 +122,6 @@ def _rounded(
     result = np.zeros(pixels.shape, bool)
     result[pixels] = rounded
     return result
-
-
-def _largest_part(pixels: np.ndarray) -> np.ndarray:
-    """Return the largest connected part of pixels (H, W) bool."""
-    parts, count = ndimage.label(pixels)
-    return parts == np.bincount(parts.ravel())[1:].argmax() + 1 if count else pixels
 
 
 def _borders(edge: Edge, pixels: np.ndarray, scale: float) -> bool:

@@ -133,6 +133,7 @@ def surface_of_revolution_normals(
         candidates: (K, H, W, 3), NaN where there is none; they decide whether an end is an opening.
         field: (H, W, 3), the silhouette's smooth normal field, which the surface must fit much better than.
         weights: (H, W) of the accepted normals in the profile; None: 1 each.
+        limits: how well the surface must fit.
     """
     limit = limits.error_deg
     if field is not None and np.isfinite(accepted[..., 0]).any():

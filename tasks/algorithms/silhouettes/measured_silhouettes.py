@@ -11,8 +11,10 @@ from functools import cache
 
 import numpy as np
 
+from glint.tasks.algorithms.geometry.connected_parts import largest_part
 from glint.tasks.algorithms.geometry.distance import inradius
-from glint.tasks.algorithms.silhouettes.mirror_images import largest_piece, mirror_image
+from glint.tasks.algorithms.geometry.robust import robust_deviation
+from glint.tasks.algorithms.silhouettes.mirror_images import mirror_image
 from glint.tasks.algorithms.silhouettes.reflection_axes import refined_place
 
 AXIS_STEP_DEG, AXIS_TILT_STEP_DEG, LARGEST_TILT_DEG = 6.0, 15.0, 45.0
@@ -73,10 +75,9 @@ class _Sample:
         camera. Both in radians.
         """
         (columns, rows), (x, y, z) = self.places.T, self.normals.T
-        cosine, sine = np.cos(angle), np.sin(angle)
-        across, along = columns * cosine + rows * sine, columns * sine - rows * cosine
+        across, along = _turned(columns, rows, angle)
         # Rows run downwards, y upwards.
-        n_across, n_along = x * cosine - y * sine, x * sine + y * cosine
+        n_across, n_along = _turned(x, -y, angle)
         upward, forward = n_along * np.cos(tilt) + z * np.sin(tilt), z * np.cos(tilt) - n_along * np.sin(tilt)
         is_wall = (np.abs(upward) < MAX_UPWARD) & (forward > 0.0)
         if is_wall.sum() < max(LEAST_NORMALS, MIN_WALL_SHARE * len(x)):
@@ -113,7 +114,8 @@ def measured_silhouettes(mask: np.ndarray, normals: np.ndarray) -> list[np.ndarr
     if circles is None or (circles.weights >= MIN_CIRCLE_WEIGHT).sum() < MIN_CIRCLES:
         return []
     image = mirror_image(mask, centre, angle, circles.offset)
-    return [_with_circles(base, mask, circles, centre, angle) for base in (mask & image, mask | image)]
+    measured = [_with_circles(base, mask, circles, centre, angle) for base in (mask & image, mask | image)]
+    return [silhouette for silhouette in measured if silhouette.any()]
 
 
 def _best_axis(sample: _Sample) -> tuple[float, float]:
@@ -160,7 +162,7 @@ def _fitted_circles(
         radii = np.maximum(sums / np.maximum(totals, 1e-9), 0.0)
         offset += float(np.average(across - offset - radii[number] * sides, weights=weights))
         deviation = np.abs(across - offset - radii[number] * sides)
-        spread = max(MIN_DEVIATION_SHARE * scale, 1.48 * float(np.median(deviation)))
+        spread = max(MIN_DEVIATION_SHARE * scale, robust_deviation(deviation))
         weights = 1.0 / (1.0 + (deviation / spread) ** 2)
         widest = along + radii[number] * rises
     misfit = float(np.minimum(deviation, MAX_DEVIATION_SHARE * scale).mean())
@@ -179,11 +181,16 @@ def _with_circles(
     It ends where the mask does. For centre and angle see `mirror_image`.
     """
     rows, columns = np.indices(mask.shape).astype(float)
-    beside = (columns - centre[0]) * np.cos(angle) + (rows - centre[1]) * np.sin(angle) - circles.offset
-    along = (columns - centre[0]) * np.sin(angle) - (rows - centre[1]) * np.cos(angle)
+    across, along = _turned(columns - centre[0], rows - centre[1], angle)
     is_known = circles.weights >= MIN_CIRCLE_WEIGHT
     number = np.rint((along - circles.heights[0]) / (circles.heights[1] - circles.heights[0])).astype(int)
     known_there = is_known[number.clip(0, len(is_known) - 1)]
     radius = np.interp(along, circles.heights[is_known], circles.radii[is_known])
     is_between = (along >= along[mask].min()) & (along <= along[mask].max())
-    return largest_piece(np.where(known_there, (np.abs(beside) <= radius) & is_between, base))
+    return largest_part(np.where(known_there, (np.abs(across - circles.offset) <= radius) & is_between, base))
+
+
+def _turned(columns: np.ndarray, rows: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return components (..) across and along an axis, the latter upward, of those along columns and rows (..)."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return columns * cosine + rows * sine, columns * sine - rows * cosine

@@ -9,8 +9,8 @@ from functools import partial
 
 import numpy as np
 from numba import njit
-from scipy import ndimage
 
+from glint.tasks.algorithms.geometry.connected_parts import largest_part
 from glint.tasks.algorithms.geometry.distance import depth_inside, distance_inside
 from glint.tasks.algorithms.silhouettes.reflection_axes import MAX_SCORED_PIXELS, SEED_STEP_DEG, refined_place
 
@@ -74,7 +74,7 @@ def mirror_image(mask: np.ndarray, centre: np.ndarray, angle: float, offset: flo
 
 def symmetric_body(mask: np.ndarray, image: np.ndarray) -> np.ndarray | None:
     """Return where a silhouette (H, W) bool and its mirror image overlap, if that could be its body."""
-    body = largest_piece(mask & image)
+    body = largest_part(mask & image)
     share = float((distance_inside(~_contour(mask))[_contour(body)] <= CONTOUR_PX).mean())
     return body if body.sum() >= MIN_BODY_SHARE * mask.sum() and share >= MIN_MATCHED_SHARE else None
 
@@ -83,12 +83,6 @@ def completed_silhouette(mask: np.ndarray, image: np.ndarray) -> np.ndarray | No
     """Return a silhouette (H, W) bool together with its mirror image, if that could be what an imperfect mask shows."""
     whole = mask | image
     return whole if mask.sum() >= MIN_COMPLETED_SHARE * whole.sum() else None
-
-
-def largest_piece(mask: np.ndarray) -> np.ndarray:
-    """Return the largest connected piece (H, W) bool of a mask (H, W) bool."""
-    pieces, _ = ndimage.label(mask)
-    return np.asarray(pieces == np.bincount(pieces[pieces > 0], minlength=2).argmax())
 
 
 def _contour(mask: np.ndarray) -> np.ndarray:

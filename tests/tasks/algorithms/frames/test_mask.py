@@ -10,15 +10,12 @@ from glint.tasks.algorithms.frames.frame_sample import MAX_SAMPLE_EDGE_PX, Frame
 from glint.tasks.algorithms.frames.mask import estimate_mask
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from tests.tasks.algorithms.frames.glass_on_table import CENTRE, OUTER, GlassScene, draw_glass
+from tests.tasks.algorithms.overlap import overlap
 
 
 @pytest.fixture(scope="module")
 def ring() -> GlassScene:
     return draw_glass()
-
-
-def overlap(mask: np.ndarray, expected: np.ndarray) -> float:
-    return float((mask & expected).sum() / (mask | expected).sum())
 
 
 def test_the_object_is_separated_from_table_shadow_hole_and_sphere(ring: GlassScene) -> None:

@@ -2,16 +2,13 @@ import numpy as np
 
 from glint.tasks.algorithms.silhouettes.mirror_images import completed_silhouette, mirror_images, symmetric_body
 from glint.tasks.algorithms.silhouettes.reflection_axes import reflection_axes
-
-
-def pixels() -> tuple[np.ndarray, np.ndarray]:
-    columns, rows = np.meshgrid(np.arange(140) - 69.5, 99.5 - np.arange(200))
-    return columns, rows
+from tests.tasks.algorithms.overlap import overlap
+from tests.tasks.algorithms.revolution.beaker import camera_positions
 
 
 def handled() -> tuple[np.ndarray, np.ndarray]:
     """Return the silhouettes (H, W) bool of a tapering vessel with a handle, and of the vessel alone."""
-    x, y = pixels()
+    x, y = camera_positions()
     vessel = (np.abs(y) < 70) & (np.abs(x + 15) < 34 + 0.12 * y)
     ring = np.hypot(x - 22, y - 5)
     return vessel | ((ring < 36) & (ring > 24)), vessel
@@ -22,10 +19,6 @@ def bodies(mask: np.ndarray) -> list[np.ndarray]:
     return [body for body in possible if body is not None]
 
 
-def overlap(first: np.ndarray, second: np.ndarray) -> float:
-    return float((first & second).sum() / (first | second).sum())
-
-
 def test_the_body_beside_a_handle_is_found() -> None:
     mask, vessel = handled()
     assert reflection_axes(mask) == []
@@ -33,7 +26,7 @@ def test_the_body_beside_a_handle_is_found() -> None:
 
 
 def test_what_a_mask_lacks_on_one_side_shows_on_the_other() -> None:
-    x, y = pixels()
+    x, y = camera_positions()
     _, vessel = handled()
     mask = vessel & ~((x > 8) & (y < -35)) & ~((x < -42) & (y > 45))
     assert reflection_axes(mask) == []
@@ -42,14 +35,14 @@ def test_what_a_mask_lacks_on_one_side_shows_on_the_other() -> None:
 
 
 def test_half_of_a_silhouette_is_too_little_to_complete() -> None:
-    x, _ = pixels()
+    x, _ = camera_positions()
     _, vessel = handled()
     mask = vessel & (x < -10)
     assert completed_silhouette(mask, vessel & (x > -20)) is None
 
 
 def test_a_flag_with_a_weight_has_no_body() -> None:
-    x, y = pixels()
+    x, y = camera_positions()
     flag = (np.abs(x + 40) < 10) & (np.abs(y) < 90) | (np.abs(y - 70) < 10) & (np.abs(x) < 50)
     mask = flag | (np.hypot(x - 30, y - 20) < 28)
     assert bodies(mask) == []

@@ -1,15 +1,11 @@
 import numpy as np
 
 from glint.tasks.algorithms.silhouettes.reflection_axes import reflection_axes
-
-
-def pixels() -> tuple[np.ndarray, np.ndarray]:
-    columns, rows = np.meshgrid(np.arange(140) - 69.5, 99.5 - np.arange(200))
-    return columns, rows
+from tests.tasks.algorithms.revolution.beaker import camera_positions
 
 
 def test_a_tilted_axis_is_found_where_it_is() -> None:
-    x, y = pixels()
+    x, y = camera_positions()
     normal = np.array([np.cos(0.3), np.sin(0.3)])
     side, up = x * normal[0] + y * normal[1] - 7.0, -x * normal[1] + y * normal[0]
     mask = (side / 30) ** 2 + (np.abs(up) / 75) ** 2 < 1
