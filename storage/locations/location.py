@@ -3,6 +3,7 @@
 Credentials, endpoint and region come from the environment or from the usual profile files, never from the address.
 """
 
+import atexit
 import os
 import re
 from dataclasses import dataclass
@@ -15,6 +16,10 @@ from obstore.store import AzureStore, LocalStore, ObjectStore, S3Store
 
 from glint.storage.errors import GlintError
 from glint.storage.locations.credentials import azure_options, s3_options
+from glint.storage.locations.foreign_threads import await_foreign_threads
+
+# Whatever opens a location reads it by threads of icechunk or obstore.
+atexit.register(await_foreign_threads)
 
 _REMOTE = re.compile(r"(?P<scheme>[A-Za-z][A-Za-z0-9+.-]*)://(?P<rest>.*)", re.DOTALL)
 _NEARLY_REMOTE = re.compile(r"(s3|az):(?!//)", re.IGNORECASE)
