@@ -35,7 +35,7 @@ STAGES = (
         catalogue_keys=("spheres", "region", "pixel_size", "camera"),
         files=("frames", "mask", "lights"),
         progress_unit="frames",
-        version=21,
+        version=22,
     ),
     Stage(
         "frames",
@@ -67,7 +67,7 @@ STAGES = (
         },
         peak_bytes=_per_pixel(400),
         progress_unit="spheres",
-        version=10,
+        version=11,
     ),
     Stage(
         "mask",
@@ -77,7 +77,7 @@ STAGES = (
         files=("mask",),
         arrays={"mask": ArraySchema("HW", "b"), "doubt": ArraySchema("HW", "f", "all")},
         peak_bytes=_per_pixel(300),
-        version=4,
+        version=5,
     ),
     Stage(
         "thresholds",
@@ -85,7 +85,7 @@ STAGES = (
         parameters.ThresholdsParameters,
         reads=("frames", "lights", "mask"),
         arrays={"thresholds": ArraySchema("HW", "u")},
-        version=3,
+        version=4,
     ),
     Stage(
         "markup",
@@ -98,7 +98,7 @@ STAGES = (
             "half_vectors": ArraySchema("N3", "f", "all"),
             "kind": ArraySchema("N", "i"),
         },
-        version=3,
+        version=4,
     ),
     Stage(
         "silhouette",
@@ -142,7 +142,7 @@ STAGES = (
             "body_depth": ArraySchema("HW", "f", required=False),
         },
         peak_bytes=_per_pixel(900),
-        version=38,
+        version=39,
     ),
     Stage(
         "depth",

@@ -20,6 +20,7 @@ from glint.tasks.algorithms.geometry.perspective import areal_focal_length
 from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.integration.rim import with_rim
 from glint.tasks.algorithms.revolution import rotational_normals, symmetry
+from glint.tasks.algorithms.revolution.fit_limits import FitLimits
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.simulation.simulate import CaptureOptions
@@ -38,7 +39,7 @@ TILT_DEG, MOVED_PX = 5.0, 8
 
 def forced_body(*fit: Any) -> symmetry.RotationalNormals | None:
     """Return the surface of revolution that fits best, however badly; `fit`: silhouette, accepted, candidates."""
-    return FOUND(*fit[:3], limits=symmetry.FitLimits(90.0, np.inf))
+    return FOUND(*fit[:3], limits=FitLimits(90.0, np.inf))
 
 
 def wrong_bodies(body: np.ndarray) -> dict[str, np.ndarray]:

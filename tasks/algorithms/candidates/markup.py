@@ -50,8 +50,8 @@ def mark_constraints(
     """Return the constraints of marks on pixels and on their clusters.
 
     A mark fixes the cluster of its pixel that is nearest to its half vector, if within `radius_deg`: where two sheets
-    cross, it is of one of them. A true mark also rules out the clusters beyond twice that angle. Several true marks of
-    one pixel are averaged.
+    cross, it is of one of them. Of several marks of one cluster the nearest fixes it. A true mark also rules out the
+    clusters beyond twice that angle that no mark fixes. Several true marks of one pixel are averaged.
 
     Args:
         marks: None for no marks.
@@ -67,16 +67,16 @@ def mark_constraints(
     labels = np.zeros(normals.shape[:3], dtype=np.int8)
     if marks is None:
         return marked, unit(sums), labels
+    nearest, is_ruled_out = np.full(labels.shape, np.cos(np.radians(radius_deg))), np.zeros(labels.shape, dtype=bool)
     for (row, column), half_vector, kind in zip(marks.pixels, marks.half_vectors, marks.kind, strict=True):
         if not mask[row, column]:
             continue
         cosine = normals[:, row, column] @ half_vector
-        far = cosine < np.cos(np.radians(2.0 * radius_deg))
-        near = (cosine > np.cos(np.radians(radius_deg))) & (cosine == np.fmax.reduce(cosine, initial=-1.0))
+        fixed = (cosine > nearest[:, row, column]) & (cosine == np.fmax.reduce(cosine, initial=-1.0))
+        nearest[fixed, row, column] = cosine[fixed]
+        labels[fixed, row, column] = 1 if kind == 1 else -1
         if kind == 1:
             marked[row, column] = True
             sums[row, column] += half_vector
-            labels[:, row, column] = np.where(near, 1, np.where(far, -1, labels[:, row, column]))
-        else:
-            labels[near, row, column] = -1
-    return marked, unit(sums), labels
+            is_ruled_out[:, row, column] |= cosine < np.cos(np.radians(2.0 * radius_deg))
+    return marked, unit(sums), np.where(is_ruled_out & (labels == 0), -1, labels).astype(np.int8)

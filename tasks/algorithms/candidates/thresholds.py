@@ -69,7 +69,9 @@ def highlight_thresholds(background: np.ndarray, saturation: float, rise: float)
             the glass is no highlight, however bright.
     """
     headroom = np.maximum(saturation - background.astype(np.float64), MIN_HEADROOM_SHARE * saturation)
-    return np.floor(background + rise * headroom).astype(background.dtype)
+    # What is saturated without the light never counts as lit.
+    highest = np.iinfo(background.dtype).max
+    return np.minimum(np.floor(background + rise * headroom), highest).astype(background.dtype)
 
 
 def saturation_level(peak: np.ndarray, background: np.ndarray) -> float:

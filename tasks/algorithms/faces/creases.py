@@ -162,6 +162,7 @@ def rounding_radius(edges: list[Edge], faces: list[Face], scale: float) -> float
             difference = (faces[edge.behind].normal - faces[edge.face].normal)[:2] @ edge.outward
             middle = (edge.start + edge.end) / 2.0
             distances = np.linalg.norm(image_points(faces[edge.behind].hull) - middle, axis=1)
-            gap = float(distances.min()) - 1.0
+            # The hulls of two faces may overlap at an edge that is not rounded.
+            gap = max(float(distances.min()) - 1.0, 0.0)
             radii.append(gap / max(abs(float(difference)), MIN_NORMAL_STEP))
     return float(np.median(radii)) if radii else DEFAULT_ROUNDING_INRADII * scale

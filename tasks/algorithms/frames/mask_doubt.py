@@ -14,6 +14,7 @@ from scipy import ndimage
 from glint.tasks.algorithms.frames.contour_edges import edge_image, signed_distance
 from glint.tasks.algorithms.frames.contour_offset import misplacement
 from glint.tasks.algorithms.frames.mask_regions import large_components
+from glint.tasks.algorithms.geometry.connected_parts import largest_part
 from glint.tasks.algorithms.geometry.distance import inradius
 
 MIN_FLASH_LEVELS, FLASH_QUANTILE, FLASH_FACTOR = 12.0, 0.995, 1.5
@@ -174,5 +175,5 @@ def _perimeter(mask: np.ndarray) -> float:
 
 def _objection(kind: str, piece: np.ndarray, share: float, doubt: float, offset: float = 0.0) -> Objection:
     """Return an objection to the largest part of a piece, whose centre is reported."""
-    rows, columns = np.nonzero(large_components(piece, 1.0) if share < 1.0 else piece)
+    rows, columns = np.nonzero(largest_part(piece, diagonal=True) if share < 1.0 else piece)
     return Objection(kind, share, offset, float(columns.mean()), float(rows.mean()), doubt, piece)

@@ -16,7 +16,8 @@ def smooth_contour(mask: np.ndarray) -> np.ndarray:
     pixels = max(contours, key=len)[:, 0].astype(float)
     smooth = ndimage.gaussian_filter1d(pixels, CONTOUR_SIGMA_PX, axis=0, mode="wrap")
     following, before = np.roll(smooth, -1, axis=0), np.roll(smooth, 1, axis=0)
-    along = np.asarray(unit(following - before))
+    # At the tip of a line of single pixels the contour turns back, and has no direction.
+    along = np.nan_to_num(unit(following - before))
     turns = np.sign((smooth[:, 0] * following[:, 1] - smooth[:, 1] * following[:, 0]).sum())
     outward = turns * np.column_stack([along[:, 1], -along[:, 0]])
     # The centres of the outermost pixels lie half a pixel, a row or a column, inside the edge.

@@ -76,7 +76,9 @@ def fit_parallax(spheres: Sequence[SphereLights]) -> Parallax | None:
     if shared.sum() < MIN_SHARED_FRAMES:
         return None
     lights, positions, accepted = lights[:, shared], positions[:, shared], accepted[:, shared]
-    span = float(np.nanmax([np.linalg.norm(a - b, axis=1).mean() for a in positions for b in positions]))
+    distances = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
+    in_common = np.isfinite(distances).any(axis=-1)
+    span = float(np.nanmean(distances[in_common], axis=-1).max())
     inverse, rotations, error = 0.0, np.zeros((len(spheres), 2)), 0.0
     for _ in range(GAUSS_NEWTON_STEPS):
         everywhere = np.full(lights.shape[1], inverse)

@@ -13,6 +13,7 @@ import numpy as np
 from glint.tasks.algorithms.geometry.distance import with_nearest
 from glint.tasks.algorithms.geometry.vectors import to_camera
 from glint.tasks.algorithms.revolution.aimed_view import AimedView
+from glint.tasks.algorithms.revolution.fit_limits import FitLimits
 from glint.tasks.algorithms.revolution.handles import handles_beside, with_handles
 from glint.tasks.algorithms.revolution.opening import agreement
 from glint.tasks.algorithms.revolution.relief import capped_angles
@@ -23,7 +24,6 @@ from glint.tasks.algorithms.revolution.symmetry import (
     SAMPLED_NORMALS,
     TILT_STEP_DEG,
     TILTS,
-    FitLimits,
     RotationalNormals,
     SilhouetteSymmetry,
     refined_tilt,

@@ -15,6 +15,7 @@ import numpy as np
 
 from glint.tasks.algorithms.geometry.distance import with_nearest
 from glint.tasks.algorithms.geometry.vectors import angles, to_camera
+from glint.tasks.algorithms.revolution.fit_limits import SYMMETRIC_LIMITS, FitLimits
 from glint.tasks.algorithms.revolution.opening import find_opening
 from glint.tasks.algorithms.revolution.relief import ERROR_CAP_DEG, capped_angles, find_relief
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
@@ -88,22 +89,6 @@ class SilhouetteSymmetry:
         return self._surfaces[key]
 
 
-class FitLimits(NamedTuple):
-    """Largest mean angle from accepted normals to a surface, each angle capped, and its ratio to the smooth field's.
-
-    is_of_slopes: whether the profile's slopes are fitted first. relief_excuses: whether one with relief may fit worse.
-    """
-
-    error_deg: float
-    smooth_error_ratio: float
-    is_of_slopes: bool = False
-    relief_excuses: bool = True
-
-
-SYMMETRIC_LIMITS = FitLimits(5.0, 0.4)
-"""Limits for a symmetric silhouette."""
-
-
 class RotationalNormals(NamedTuple):
     """Normals and depths of a rotationally symmetric object.
 
@@ -135,14 +120,10 @@ def surface_of_revolution_normals(
         weights: (H, W) of the accepted normals in the profile; None: 1 each.
         limits: how well the surface must fit.
     """
-    limit = limits.error_deg
-    if field is not None and np.isfinite(accepted[..., 0]).any():
-        error = np.minimum(angles(field, accepted), ERROR_CAP_DEG)
-        limit = min(limit, limits.smooth_error_ratio * float(error[np.isfinite(error)].mean()))
     fitted = _fitted_surface(silhouette, accepted)
     if fitted is None:
         return None
-    (error, surface), mask = fitted, silhouette.mask
+    (error, surface), mask, limit = fitted, silhouette.mask, limits.largest_error(accepted, field)
     rows, columns = np.nonzero(mask)
     x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
     known = np.isfinite(accepted[rows, columns, 0])

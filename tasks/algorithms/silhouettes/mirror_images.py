@@ -75,6 +75,8 @@ def mirror_image(mask: np.ndarray, centre: np.ndarray, angle: float, offset: flo
 def symmetric_body(mask: np.ndarray, image: np.ndarray) -> np.ndarray | None:
     """Return where a silhouette (H, W) bool and its mirror image overlap, if that could be its body."""
     body = largest_part(mask & image)
+    if not body.any():
+        return None
     share = float((distance_inside(~_contour(mask))[_contour(body)] <= CONTOUR_PX).mean())
     return body if body.sum() >= MIN_BODY_SHARE * mask.sum() and share >= MIN_MATCHED_SHARE else None
 
@@ -100,12 +102,14 @@ def _mirrored(points: np.ndarray, centre: np.ndarray, angle: float, offset: floa
 def _mean_match(points: np.ndarray, to_contour: np.ndarray, sigma: float) -> float:
     """Return how well points (N, 2), column and row, lie on a contour: 1 on it, 1/e at the distance `sigma` in pixels.
 
-    to_contour: (H, W), each pixel's distance.
+    to_contour: (H, W), each pixel's distance. Points beside the image lie on no contour.
     """
     height, width = to_contour.shape
     total = 0.0
     for point in range(len(points)):
-        x, y = min(max(points[point, 0], 0.0), width - 1.0), min(max(points[point, 1], 0.0), height - 1.0)
+        x, y = points[point]
+        if not (0.0 <= x <= width - 1.0 and 0.0 <= y <= height - 1.0):
+            continue
         column, row = min(int(x), width - 2), min(int(y), height - 2)
         beside, below = x - column, y - row
         distance = (1.0 - below) * ((1.0 - beside) * to_contour[row, column] + beside * to_contour[row, column + 1])

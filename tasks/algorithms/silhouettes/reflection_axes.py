@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.geometry.vectors import to_camera
 
 MIN_SYMMETRY_IOU = 0.96
@@ -20,6 +21,8 @@ SEED_STEP_DEG, FINAL_STEP_DEG = 3.0, 0.1
 """Steps in angle of the exhaustive search, and at which refinement ends."""
 MAX_SCORED_PIXELS = 4000
 """Pixels of the silhouette that are mirrored; of a larger one, every n-th."""
+MIN_INRADIUS_PX = 2.0
+"""Inradius below which a silhouette is a line, and has no axes."""
 MAX_AXES = 4
 """Most axes of a silhouette, the best ones."""
 
@@ -44,6 +47,8 @@ class ReflectionAxis:
 
 def reflection_axes(mask: np.ndarray) -> list[ReflectionAxis]:
     """Return at most MAX_AXES axes of a silhouette (H, W) bool that is symmetric about them, best first."""
+    if inradius(mask) < MIN_INRADIUS_PX:
+        return []
     height, width = mask.shape
     rows, columns = np.nonzero(mask)
     points = np.stack(to_camera(columns.astype(float), rows.astype(float), width, height), axis=-1)

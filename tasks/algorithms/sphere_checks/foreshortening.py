@@ -25,8 +25,8 @@ MAX_RADIUS_RATIO = 0.62
 ends are cut off as glare."""
 MAX_OCCLUDED_SHARE = 0.05
 """Share of a highlight that is hidden by a static reflection, beyond which its shape shows nothing."""
-MIN_SHAPES = 24
-"""Frames below which nothing is said."""
+MIN_SHAPES, MIN_OTHER_SHAPES = 24, 12
+"""Frames, and frames outside any one sector, below which nothing is said."""
 SECTORS = 6
 """Sectors about the centre that are left out in turn."""
 RADIUS_RATIO_SD = 0.3
@@ -108,9 +108,11 @@ def circle_of_shapes(shapes: HighlightShapes, sphere: Sphere) -> ShapeCircle | N
     shapes = shapes.only(distance < MAX_RADIUS_RATIO * sphere.radius)
     if len(shapes.x) < MIN_SHAPES:
         return None
-    x, y, log_ratio = _fitted(shapes, sphere)
     turn = np.arctan2(shapes.y - sphere.y, shapes.x - sphere.x) / (2.0 * np.pi) % 1.0
     sector = np.minimum((SECTORS * turn).astype(int), SECTORS - 1)
+    if len(sector) - np.bincount(sector).max() < MIN_OTHER_SHAPES:
+        return None
+    x, y, log_ratio = _fitted(shapes, sphere)
     fits = np.array([_fitted(shapes.only(sector != left), sphere) for left in range(SECTORS)])
     variances = (SECTORS - 1) * fits.var(axis=0)
     return ShapeCircle(

@@ -27,3 +27,23 @@ def test_a_mark_without_a_cluster_fixes_its_normal_alone() -> None:
     for normals in (np.empty((0, 1, 1, 3)), np.full((2, 1, 1, 3), np.nan)):
         marked, values, labels = mark_constraints(marks, normals, np.ones((1, 1), bool))
         assert marked.all() and values[0, 0].tolist() == [0.0, 0.0, 1.0] and not labels.any()
+
+
+def half_vectors(*degrees: float) -> np.ndarray:
+    """Return unit vectors (N, 3) tilted to the right by so many degrees."""
+    tilts = np.radians(degrees)
+    return np.stack([np.sin(tilts), np.zeros(len(tilts)), np.cos(tilts)], axis=-1)
+
+
+@pytest.mark.parametrize("order", [[0, 1], [1, 0]])
+def test_of_two_marks_of_a_cluster_the_nearer_one_counts(order: list[int]) -> None:
+    normals = half_vectors(0.0)[:, None, None, :]
+    marks = Marks(np.zeros((2, 2), int), half_vectors(2.0, -3.0)[order], np.array([1, 0])[order])
+    assert mark_constraints(marks, normals, np.ones((1, 1), bool))[2].ravel().tolist() == [1]
+
+
+@pytest.mark.parametrize("order", [[0, 1], [1, 0]])
+def test_a_true_mark_does_not_rule_out_the_cluster_of_another(order: list[int]) -> None:
+    normals = half_vectors(0.0, 20.0, 40.0)[:, None, None, :]
+    marks = Marks(np.zeros((2, 2), int), half_vectors(0.0, 20.0)[order], np.array([1, 1]))
+    assert mark_constraints(marks, normals, np.ones((1, 1), bool))[2].ravel().tolist() == [1, 1, -1]

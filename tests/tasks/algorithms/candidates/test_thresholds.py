@@ -16,7 +16,15 @@ from glint.tasks.algorithms.simulation.light_path import light_path
 def test_thresholds_rise_with_the_picture_behind_the_glass() -> None:
     background = np.array([[0, 100, 200]], np.uint8)
     np.testing.assert_array_equal(highlight_thresholds(background, 255.0, 0.8), [[204, 224, 244]])
-    assert (highlight_thresholds(np.full((1, 1), 254, np.uint8), 255.0, 0.85) < 256).all()
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_what_is_saturated_without_the_light_never_counts_as_lit(dtype: type) -> None:
+    limit = np.iinfo(dtype).max
+    background = (limit * np.array([[0.98, 0.99, 1.0]])).astype(dtype)
+    thresholds = highlight_thresholds(background, float(limit), 0.85)
+    assert thresholds.dtype == dtype and (thresholds >= background).all()
+    assert (thresholds[0, 1:] == limit).all()
 
 
 def test_an_object_without_highlights_has_no_saturation_level() -> None:

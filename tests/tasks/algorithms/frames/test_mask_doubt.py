@@ -69,3 +69,17 @@ def test_necks_and_ragged_contours_are_doubtful_if_estimated(disc: GlassScene) -
     ragged |= disc.mask & (np.indices(disc.mask.shape).sum(axis=0) % 6 < 3)
     assert "ragged" in {objection.kind for objection in objections_to(disc, ragged, estimated=True)}
     assert not {"neck", "ragged"} & {objection.kind for objection in objections_to(disc, neck)}
+
+
+def test_the_place_of_the_longest_piece_without_highlights_is_reported() -> None:
+    """Upper left, where pixels of the contour touch at their corners alone, and not the shorter one below."""
+    right, down = np.mgrid[-150:150, -150:150][::-1]
+    mask, turn = np.hypot(right, down) < 100, np.degrees(np.arctan2(-down, right))
+    shows_highlights = ~((turn > 115) & (turn < 155)) & ~((turn > -100) & (turn < -80))
+    background = np.where(mask, 60, 120).astype(np.float32)
+    is_lit = mask & (np.hypot(right, down) > 90) & shows_highlights & ((right + down) % 4 == 0)
+    peak = np.where(is_lit, 250, background)
+    nothing = np.zeros(mask.shape, bool)
+    objections = mask_objections(mask, background, peak, free=~nothing, estimated=True, frame_edges=nothing)
+    (unsupported,) = (objection for objection in objections if objection.kind == "unsupported")
+    assert np.hypot(unsupported.x - 80, unsupported.y - 80) < 10

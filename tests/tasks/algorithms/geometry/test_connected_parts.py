@@ -19,3 +19,10 @@ def test_corners_do_not_connect() -> None:
 
 def test_nothing_has_no_part() -> None:
     assert not largest_part(np.zeros((3, 4), bool)).any()
+
+
+def test_the_pixels_of_a_contour_connect_across_corners() -> None:
+    oblique = np.eye(6, dtype=bool)
+    oblique[5, 0:3] = True
+    assert np.array_equal(largest_part(oblique, diagonal=True), np.eye(6, dtype=bool))
+    assert largest_part(oblique).sum() == 3

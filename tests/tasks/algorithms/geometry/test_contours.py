@@ -26,3 +26,10 @@ def test_a_straight_edge_is_half_a_pixel_outside_its_pixels() -> None:
     contour = smooth_contour(mask)
     beside = (contour[:, 1] > 25) & (contour[:, 1] < 35) & (contour[:, 0] < 30)
     np.testing.assert_allclose(contour[beside, 0], 11.5, atol=1e-6)
+
+
+def test_a_line_of_single_pixels_has_a_contour() -> None:
+    hairy = disc(20.0)
+    hairy[49, 70:95] = True
+    contour = smooth_contour(hairy)
+    assert np.isfinite(contour).all() and contour[:, 0].max() > 90.0

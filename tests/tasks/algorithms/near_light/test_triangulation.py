@@ -81,10 +81,16 @@ def test_spheres_agree_at_the_reference_point() -> None:
         assert np.median(angles(rotated(at_reference, rotation), at_reference)) < 0.1
 
 
-def test_three_spheres_are_used_together() -> None:
+@pytest.mark.parametrize("missing", [[], [0, 2], [0, 1, 2]])
+def test_three_spheres_are_used_together(missing: list[int]) -> None:
+    """Spheres lose frames of their own, in which the others show the light."""
     positions = light_positions(1500.0)
     third = Sphere(250.0, 300.0, 28.0)
-    found = triangulate(sites(positions, spheres=(LEFT, third, RIGHT)))
+    all_sites = sites(positions, spheres=(LEFT, third, RIGHT))
+    for sphere in missing:
+        all_sites[sphere].lights[7 * sphere] = np.nan
+        all_sites[sphere].positions[7 * sphere] = np.nan
+    found = triangulate(all_sites)
     assert found is not None
     assert np.abs(found.inverse_distance * 1500.0 - 1).max() < 0.02
 

@@ -25,6 +25,14 @@ def test_a_surface_of_revolution_is_found_with_its_flat_end(tilt: float) -> None
     assert np.isfinite(found.normals[mask]).all() and np.isnan(found.normals[~mask]).all()
 
 
+def test_a_flat_end_alone_shows_no_axis() -> None:
+    """Any flat face would be the end of some surface of revolution."""
+    truth, normal = beaker_normals(30.0), np.array([0.0, np.cos(np.radians(30.0)), np.sin(np.radians(30.0))])
+    silhouette = SilhouetteSymmetry(np.isfinite(truth[..., 0]))
+    end = np.where((truth @ normal > 0.99)[..., None], truth, np.nan)
+    assert surface_of_revolution_normals(silhouette, end, no_candidates()) is None
+
+
 @pytest.mark.long
 def test_an_opening_shows_the_far_wall() -> None:
     solid, inside = beaker_normals(20.0), beaker_normals(20.0, far=True)

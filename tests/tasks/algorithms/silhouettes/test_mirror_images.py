@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from glint.tasks.algorithms.silhouettes.mirror_images import completed_silhouette, mirror_images, symmetric_body
 from glint.tasks.algorithms.silhouettes.reflection_axes import reflection_axes
@@ -46,3 +47,10 @@ def test_a_flag_with_a_weight_has_no_body() -> None:
     flag = (np.abs(x + 40) < 10) & (np.abs(y) < 90) | (np.abs(y - 70) < 10) & (np.abs(x) < 50)
     mask = flag | (np.hypot(x - 30, y - 20) < 28)
     assert bodies(mask) == []
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_mirror_image_beside_the_silhouette_shows_no_body() -> None:
+    mask = np.zeros((40, 60), bool)
+    mask[10:30, 5:20] = True
+    assert symmetric_body(mask, mask[:, ::-1]) is None

@@ -14,3 +14,9 @@ def test_a_tilted_axis_is_found_where_it_is() -> None:
     best = axes[int(np.argmax(cosines))]
     assert max(cosines) > np.cos(np.radians(1.0))
     assert abs(float(best.point @ normal) - 7.0) < 1.0
+
+
+def test_a_line_has_no_axes() -> None:
+    line = np.zeros((20, 40), bool)
+    line[8:10, 5:35] = True
+    assert reflection_axes(line) == []

@@ -58,6 +58,12 @@ def test_half_a_sweep_says_how_little_it_knows(frames):
     assert shapes is None or shapes.sd > 1.5 * whole.sd
 
 
+def test_highlights_on_one_side_alone_say_nothing():
+    turns, distances = np.random.default_rng(0).uniform((0.1, 5.0), (0.9, 17.0), (40, 2)).T
+    x, y = TRUTH.x + distances * np.cos(turns), TRUTH.y + distances * np.sin(turns)
+    assert circle_of_shapes(HighlightShapes(x, y, expected_moments(x, y, TRUTH, 4.0)), TRUTH) is None
+
+
 def test_few_frames_say_nothing(frames):
     assert circle_of_highlights(frames[:20], TRUTH) is None
 
