@@ -45,19 +45,20 @@ class Marks:
 
 
 def mark_constraints(
-    marks: Marks | None, normals: np.ndarray, mask: np.ndarray, radius_deg: float = MARK_RADIUS_DEG
+    marks: Marks | None, normals: np.ndarray, mask: np.ndarray, exterior: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the constraints of marks on pixels and on their clusters.
 
-    A mark fixes the cluster of its pixel that is nearest to its half vector, if within `radius_deg`: where two sheets
-    cross, it is of one of them. Of several marks of one cluster the nearest fixes it. A true mark also rules out the
-    clusters beyond twice that angle that no mark fixes. Several true marks of one pixel are averaged.
+    A mark fixes one cluster of its pixel within MARK_RADIUS_DEG of its half vector: where two sheets cross, it is of
+    one of them, rather of one whose label it confirms, else of the nearest. Of several marks of one cluster the nearest
+    fixes it. A true mark also rules out the clusters beyond twice that angle that no mark fixes. Several true marks of
+    one pixel are averaged.
 
     Args:
         marks: None for no marks.
         normals: (K, H, W, 3) of the clusters.
         mask: (H, W) bool; marks outside are ignored.
-        radius_deg: angle within which a cluster belongs to a mark.
+        exterior: (K, H, W) bool, clusters that are labelled exterior without the marks; None: not labelled yet.
 
     Returns:
         Pixels with a true mark (H, W) bool, their normals (H, W, 3), NaN elsewhere, and the labels of the clusters
@@ -67,16 +68,20 @@ def mark_constraints(
     labels = np.zeros(normals.shape[:3], dtype=np.int8)
     if marks is None:
         return marked, unit(sums), labels
-    nearest, is_ruled_out = np.full(labels.shape, np.cos(np.radians(radius_deg))), np.zeros(labels.shape, dtype=bool)
+    nearest, is_ruled_out = np.full(labels.shape, -1.0), np.zeros(labels.shape, dtype=bool)
     for (row, column), half_vector, kind in zip(marks.pixels, marks.half_vectors, marks.kind, strict=True):
         if not mask[row, column]:
             continue
         cosine = normals[:, row, column] @ half_vector
-        fixed = (cosine > nearest[:, row, column]) & (cosine == np.fmax.reduce(cosine, initial=-1.0))
+        near = cosine > np.cos(np.radians(MARK_RADIUS_DEG))
+        if exterior is not None:
+            confirmed = near & (exterior[:, row, column] == (kind == 1))
+            near = confirmed if confirmed.any() else near
+        fixed = near & (cosine == np.max(cosine, where=near, initial=-1.0)) & (cosine > nearest[:, row, column])
         nearest[fixed, row, column] = cosine[fixed]
         labels[fixed, row, column] = 1 if kind == 1 else -1
         if kind == 1:
             marked[row, column] = True
             sums[row, column] += half_vector
-            is_ruled_out[:, row, column] |= cosine < np.cos(np.radians(2.0 * radius_deg))
+            is_ruled_out[:, row, column] |= cosine < np.cos(np.radians(2.0 * MARK_RADIUS_DEG))
     return marked, unit(sums), np.where(is_ruled_out & (labels == 0), -1, labels).astype(np.int8)

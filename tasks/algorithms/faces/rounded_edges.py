@@ -23,10 +23,11 @@ TESTED_TURN_DEG, TESTED_SLANT_DEG = 10.0, 44.0
 """An edge is tested if a normal turned outwards by so many degrees is still within this angle of the view vector."""
 
 
-def rounded_share(edge: Edge, face: Face, candidates: np.ndarray, scale: float) -> float:
+def rounded_share(edge: Edge, face: Face, candidates: np.ndarray, scale: float, *, is_inside: bool = False) -> float:
     """Return the share of an edge beside which candidates show its rounding; NaN where the light could not show it.
 
-    candidates: (K, H, W, 3), NaN where there is none; scale: inradius of the mask in pixels.
+    candidates: (K, H, W, 3), NaN where there is none. scale: inradius of the mask in pixels. is_inside: whether to look
+    within the face instead, where a curved wall shows the same.
     """
     direction = edge.direction(face.normal)
     outward = np.cross(direction, face.normal)
@@ -35,9 +36,8 @@ def rounded_share(edge: Edge, face: Face, candidates: np.ndarray, scale: float) 
     if turned[2] < np.cos(np.radians(TESTED_SLANT_DEG)):
         return float("nan")
     strip = max(MIN_STRIP_PX, round(STRIP_INRADII * scale))
-    rows, columns = edge.strip(
-        np.linspace(*TESTED_SHARES, max(MIN_TESTED_PLACES, int(edge.length))), np.arange(-1, strip)
-    )
+    distances = np.arange(-1, strip) if not is_inside else np.arange(-1 - strip, -1)
+    rows, columns = edge.strip(np.linspace(*TESTED_SHARES, max(MIN_TESTED_PLACES, int(edge.length))), distances)
     height, width = candidates.shape[1:3]
     inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
     normals = candidates[:, np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)]

@@ -1,7 +1,4 @@
-"""Working state of the alternating reconstruction of one view: label, solve the field, judge the result.
-
-Sections 4.1 and 4.2 of the paper, alternated; see `reconstruction`, which drives it.
-"""
+"""Working state of the alternation of sections 4.1 and 4.2 of the paper, which `reconstruction` drives."""
 
 from dataclasses import dataclass, field
 
@@ -56,9 +53,10 @@ class Alternation:
     observations (H, W): frames in which a pixel is lit. weights (K, H, W): of the clusters. is_draft: whether the field
     is that of a draft. camera: of the view. coarse: the field that predicts what is held out. sheets: the nodes' graph.
     own_evidence (K, H, W): log-likelihood ratio of a true against a false highlight, by the sheet's shape, by shading
-    and refuted faces. labels (K, H, W) bool: exterior nodes. readmitted (K, H, W): probability of nodes that were
-    rejected and then readmitted, 0 elsewhere. values (H, W, 3): accepted normals, else NaN. confidence (H, W): theirs,
-    else NaN. known (H, W) bool: where they enter the field. initial, smooth (H, W, 3): first and present field.
+    and refuted faces; face_evidence (K, H, W): by faces that candidates prove. labels (K, H, W) bool: exterior nodes;
+    unmarked_labels: those that marks met. readmitted (K, H, W): probability of nodes that were rejected and then
+    readmitted, 0 elsewhere. values (H, W, 3): accepted normals, else NaN. confidence (H, W): theirs, else NaN. known
+    (H, W) bool: where they enter the field. initial, smooth (H, W, 3): first and present field.
     body_depth (H, W): of an expected surface of revolution. unreached (H, W, 3): normals of dark pixels, else NaN.
     """
 
@@ -81,11 +79,13 @@ class Alternation:
     symmetry: RotationalSymmetry = field(init=False)
     own_evidence: np.ndarray = field(init=False)
     sheets: tuple[np.ndarray, sparse.csr_matrix] = field(init=False)
+    unmarked_labels: np.ndarray = field(init=False)
     marked: np.ndarray = field(init=False)
     marked_normals: np.ndarray = field(init=False)
     pins: np.ndarray = field(init=False)
     influence: np.ndarray = field(init=False)
     labels: np.ndarray = field(init=False)
+    face_evidence: np.ndarray = field(init=False)
     readmitted: np.ndarray = field(init=False)
     known: np.ndarray = field(init=False)
     values: np.ndarray = field(init=False)
@@ -111,6 +111,7 @@ class Alternation:
         self.own_evidence += weights.shading_weight * shading_log_ratio(self.shading)
         self.sheets = sheet_graph(self.normals)
         self.labels = np.zeros(self.normals.shape[:3], dtype=bool)
+        self.face_evidence = np.zeros(self.normals.shape[:3])
         self.take_marks(None)
         self.readmitted, self.known, self.values = np.zeros(self.normals.shape[:3]), self.marked, self.marked_normals
         self.faces, self.relief_fit, self.body_depth, self.unreached = None, 0.0, None, None
@@ -119,13 +120,14 @@ class Alternation:
 
     def take_marks(self, marks: Marks | None) -> None:
         """Let marks speak from now on; the present labels tell what they confirm."""
-        self.marked, self.marked_normals, self.pins = mark_constraints(marks, self.normals, self.mask)
+        self.unmarked_labels = self.labels
+        self.marked, self.marked_normals, self.pins = mark_constraints(marks, self.normals, self.mask, self.labels)
         self.influence = mark_influence(*self.sheets, self.pins, self.scale, self.labels)
 
     @property
     def evidence(self) -> np.ndarray:
         """Log-likelihood ratio (K, H, W) of a true against a false highlight, by all that speaks for the sheet."""
-        return self.own_evidence + MARKED_SHEET_NATS * self.influence
+        return self.own_evidence + self.face_evidence + MARKED_SHEET_NATS * self.influence
 
     def solve_field(
         self,
@@ -143,12 +145,11 @@ class Alternation:
             targets, pull = self.outward, np.where(self.rim, weights.rim, 0.0)
         else:
             targets, pull = self.expected, np.full(self.mask.shape, weights.expected)
-        # A sheet that carries a true mark is known as surely as the mark.
-        influence = np.where(self.labels, self.influence, 0.0).max(axis=0, initial=0.0)
+        # A mark says which sheet is true, not how exact it is: only what was rejected before must bend the field.
+        is_turned = self.labels & ~self.unmarked_labels
+        influence = np.where(is_turned, self.influence, 0.0).max(axis=0, initial=0.0)
         pull = np.where(known, weights.observed + (weights.marked - weights.observed) * influence, pull)
-        # A mark with a cluster is averaged with it and so less noisy; a mark alone must hold against its neighbours.
-        mark = np.where(self.labels.any(axis=0), weights.marked, weights.mark_alone)
-        pull = np.where(self.marked & known, mark, pull)
+        pull = np.where(self.marked & known & ~self.labels.any(axis=0), weights.mark_alone, pull)
         targets = np.where(known[..., None], values, targets)
         if self.unreached is not None:
             targets, pull = with_unreached(targets, pull, self.unreached, weights.unreached)
@@ -209,10 +210,8 @@ class Alternation:
 
     def adopt_symmetry(self) -> bool:
         """Make a surface of revolution the expected field, where there was none, if the accepted normals support it."""
-        weights = self.options.field
-        relative = np.where(self.marked, weights.marked / weights.observed, 1.0)
         accepted = np.where(self.known[..., None], self.values, np.nan)
-        rotational = self.symmetry.normals(accepted, self.normals, self.initial, relative)
+        rotational = self.symmetry.normals(accepted, self.normals, self.initial)
         if rotational is None or rotational.relief_fit < self.relief_fit:
             return False
         lights = accepted_weights(self.weights, self.labels)

@@ -66,11 +66,9 @@ def mark_influence(
 def contradictions(pins: np.ndarray, labels: np.ndarray) -> np.ndarray:
     """Return the marked nodes (K, H, W) bool whose marks contradict their labels.
 
-    pins: as in `mark_influence`. labels: (K, H, W) bool, exterior nodes. Where two sheets cross, a true mark pins nodes
-    of both: if one is exterior, the mark is no news.
+    pins: as in `mark_influence`. labels: (K, H, W) bool, exterior nodes.
     """
-    true = pins == 1
-    return np.where(true, ~(true & labels).any(axis=0), (pins == -1) & labels)
+    return (pins != 0) & (labels != (pins == 1))
 
 
 def _ties_within(ties: sparse.csr_matrix, labels: np.ndarray) -> sparse.csr_matrix:

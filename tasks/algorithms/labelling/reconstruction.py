@@ -6,10 +6,11 @@ maps the image smoothly to half vectors, so true and false candidates form diffe
 sheets by a graph cut against the present field (`graph_cut`), then solves the field again from the accepted normals of
 sufficient confidence and the occluding contour (`smooth_normals`). The first field knows the contour alone. If the
 converged normals show a surface of revolution, it becomes the expected field and the iterations continue (`symmetry`);
-else flat faces that they show become part of the field, and the iterations continue likewise (`faces.flat_faces`).
-Then rejected sheets that may well be the surface are readmitted (`readmission`) and the iterations continue from them,
-unless the expected field is given; what follows is kept if the labels are more likely than before. Where there is no
-expected field, it is bent away from the lights where nothing flashed (`unreached`).
+else flat faces that candidates prove count as true (`faces.proven_faces`), those that accepted normals show become part
+of the field, and the iterations continue likewise (`faces.flat_faces`). Then rejected sheets that may well be the
+surface are readmitted (`readmission`) and the iterations continue from them, unless the expected field is given; what
+follows is kept if the labels are more likely than before. Where there is no expected field, it is bent away from the
+lights where nothing flashed (`unreached`).
 """
 
 from copy import copy
@@ -18,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from glint.tasks.algorithms.candidates.markup import Marks
+from glint.tasks.algorithms.faces.proven_faces import face_evidence
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.answers import contradictions
@@ -125,20 +127,14 @@ def explain(settled: Alternation) -> Alternation:
     """
     if settled.expected is not None and settled.body_depth is None:
         return settled
-    state, options = copy(settled), settled.options
-    symmetric = _adopted_symmetry(state) if state.expected is None and options.symmetry else None
-    state = symmetric or state
-    if symmetric is not None or (state.expected is None and options.flat_faces and state.adopt_faces()):
-        state.iterate()
-    if state.relief_fit > 0.0 and state.adopt_symmetry():
-        # Highlights that a relief explains show more of it.
-        state.iterate()
-    for _ in range(MAX_READMISSIONS if options.readmission else 0):
+    state = explained = _with_surface(copy(settled))
+    for _ in range(MAX_READMISSIONS if state.options.readmission else 0):
         better = _readmitted(state)
         if better is None:
             break
         state = better
-    return state
+    # The readmitted may show what the others did not.
+    return state if state is explained or state.expected is not None else _with_surface(state)
 
 
 def conclude(explained: Alternation, marks: Marks | None = None) -> Reconstruction:
@@ -177,6 +173,23 @@ def conclude(explained: Alternation, marks: Marks | None = None) -> Reconstructi
         iterations=tuple(state.history),
         body_depth=_followed_depth(state, normals),
     )
+
+
+def _with_surface(state: Alternation) -> Alternation:
+    """Return the state with a surface of revolution as its expected field, else with flat faces, if labels show any."""
+    options = state.options
+    symmetric = _adopted_symmetry(state) if state.expected is None and options.symmetry else None
+    state = symmetric or state
+    if state.expected is None and options.flat_faces and not state.face_evidence.any():
+        state.face_evidence = face_evidence(state.normals, state.mask, state.scale, state.camera)
+        if state.face_evidence.any():
+            state.iterate()
+    if symmetric is not None or (state.expected is None and options.flat_faces and state.adopt_faces()):
+        state.iterate()
+    if state.relief_fit > 0.0 and state.adopt_symmetry():
+        # Highlights that a relief explains show more of it.
+        state.iterate()
+    return state
 
 
 def _adopted_symmetry(state: Alternation) -> Alternation | None:

@@ -56,10 +56,10 @@ def exterior_normals(normals: np.ndarray, labels: np.ndarray) -> np.ndarray:
 def accepted_normals(normals: np.ndarray, labels: np.ndarray, marked: np.ndarray) -> np.ndarray:
     """Return the accepted normal of each pixel (H, W, 3), NaN where there is none.
 
-    It is that of the exterior node or of the mark, and the direction midway between them where a pixel has both.
+    It is that of the exterior node, a mean over frames, or else of the mark, which is of one frame.
     """
     chosen = exterior_normals(normals, labels)
-    return unit(np.where(np.isnan(chosen), marked, np.where(np.isnan(marked), chosen, chosen + marked)))
+    return np.where(np.isnan(chosen), marked, chosen)
 
 
 def accepted_weights(weights: np.ndarray, labels: np.ndarray) -> np.ndarray:

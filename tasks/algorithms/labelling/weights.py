@@ -26,9 +26,10 @@ class GraphCutWeights:
 class FieldWeights:
     """Data terms of the smooth normal field (see `smooth_normals`), as weights of a squared difference per pixel.
 
-    rim: a pixel of the occluding contour; observed: an accepted normal; marked: a marked pixel that also has an
-    accepted cluster; mark_alone: a marked pixel without one; expected: an expected normal; unreached: a dark pixel (see
-    `unreached`). tension_length: distance from any data, in inradii, beyond which the thin plate becomes a membrane.
+    rim: a pixel of the occluding contour; observed: an accepted normal; marked: one that was rejected before it was
+    marked as true; mark_alone: a marked pixel without an accepted cluster, which must hold against its neighbours;
+    expected: an expected normal; unreached: a dark pixel (see `unreached`). tension_length: distance from any data, in
+    inradii, beyond which the thin plate becomes a membrane.
     """
 
     rim: float = 1.0

@@ -58,10 +58,6 @@ class AimedView:
         """Return normals (H, W, 3), relative to the camera's rays, as those (H', W', 3) of the nearest pixel."""
         return self._warped(_turned(normals, self._turns), cv2.INTER_NEAREST, np.nan)
 
-    def values(self, values: np.ndarray) -> np.ndarray:
-        """Return values (H, W) as those (H', W') of the nearest pixel."""
-        return self._warped(values.astype(np.float32), cv2.INTER_NEAREST)
-
     def normals_back(self, normals: np.ndarray) -> np.ndarray:
         """Return normals (H', W', 3) of this view at the silhouette's pixels in the camera's image, (H, W, 3).
 

@@ -22,6 +22,9 @@ MAX_ERROR_RATIO = 0.5
 by their circle alone."""
 MIN_RELIEF_SHARE = 0.12
 """Share of the normals that must lie on such circles; on objects without relief it is 0.01 at most."""
+MIN_RELIEF_FIT = 0.7
+"""Share of the capped squared error that relief and surface together must explain; vessels with relief have 0.83 to
+0.94, a few normals of one flat face 0.05."""
 MAX_GIRTH = 2000.0
 """Cells along the longest circle at most. A cell is a pixel on objects of up to 640 pixels; finer ones hold too few
 normals to be compared, and cost more."""
@@ -47,8 +50,8 @@ class Relief:
     """Relief on a surface of revolution.
 
     surface: the one that touches the silhouette. thickness: in pixels, between it and the circles on which the relief
-    repeats. periods: round the axis. fit: share of the capped squared error that it and,
-    on other circles, the surface explain. share: see MIN_RELIEF_SHARE.
+    repeats. periods: round the axis. fit: share of the capped squared error that it and, on other circles, the surface
+    explain. share: see MIN_RELIEF_SHARE.
     """
 
     surface: SurfaceOfRevolution
@@ -134,7 +137,7 @@ def find_relief(
             best = better
         else:
             turn, step = turn / 2.0, step / 2.0
-    if best.share < MIN_RELIEF_SHARE:
+    if best.share < MIN_RELIEF_SHARE or best.fit < MIN_RELIEF_FIT:
         return None
     return replace(best, surface=surface.tilted(mask, best.surface.tilt))
 

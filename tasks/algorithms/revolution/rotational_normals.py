@@ -52,17 +52,15 @@ class RotationalSymmetry:
     mask: np.ndarray
     camera: np.ndarray | None
 
-    def normals(
-        self, accepted: np.ndarray, candidates: np.ndarray, field: np.ndarray, weights: np.ndarray
-    ) -> RotationalNormals | None:
+    def normals(self, accepted: np.ndarray, candidates: np.ndarray, field: np.ndarray) -> RotationalNormals | None:
         """Return the normals of an object that is rotationally symmetric, or whose body is, else None.
 
         All normals are relative to the view rays. The depths are heights: under perspective the negative logarithm of
         the distance times the focal length. For the arguments see `surface_of_revolution_normals`.
         """
-        aimed, fit = self._aimed, (accepted, candidates, field, weights)
+        aimed, fit = self._aimed, (accepted, candidates, field)
         if aimed is not None:
-            fit = aimed.normals(accepted), self._shown(candidates), aimed.normals(field), aimed.values(weights)
+            fit = aimed.normals(accepted), self._shown(candidates), aimed.normals(field)
         result = surface_of_revolution_normals(self._symmetry, *fit) or _imperfect_normals(self._symmetry, *fit)
         if aimed is None or result is None:
             return result
@@ -138,7 +136,6 @@ def _imperfect_normals(
     accepted: np.ndarray,
     candidates: np.ndarray,
     field: np.ndarray,
-    weights: np.ndarray,
 ) -> RotationalNormals | None:
     """Return the normals of a surface of revolution that has handles, or whose silhouette lacks a part; None: neither.
 
@@ -153,7 +150,7 @@ def _imperfect_normals(
     best: tuple[np.ndarray, RotationalNormals] | None = None
     for part, limits, error_ratio in parts:
         within = np.where(part.mask[..., None], accepted, np.nan)
-        fitted = surface_of_revolution_normals(part, within, candidates, field, weights, limits)
+        fitted = surface_of_revolution_normals(part, within, candidates, field, limits)
         if fitted is not None:
             error = capped_angles(fitted.normals, accepted)[is_accepted].mean() / error_ratio
             if error < least_error:

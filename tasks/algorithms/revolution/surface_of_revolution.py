@@ -170,20 +170,17 @@ class SurfaceOfRevolution:
             surface = replace(self, squared_radii=squared, half_slopes=half_slopes)
         return surface
 
-    def with_fitted_slopes(
-        self, x: np.ndarray, y: np.ndarray, normals: np.ndarray, weights: np.ndarray
-    ) -> "SurfaceOfRevolution":
+    def with_fitted_slopes(self, x: np.ndarray, y: np.ndarray, normals: np.ndarray) -> "SurfaceOfRevolution":
         """Return the surface with its profile's slopes corrected by measured normals.
 
         The silhouette gives radii to subpixel accuracy but slopes only to several degrees; a normal gives the slope to
-        one degree, for its whole circle. The slope at each height is corrected by the weighted mean residual, smoothed
-        along the axis and applied twice (Tukey's twicing). Flat ends are left unchanged.
+        one degree, for its whole circle. The slope at each height is corrected by the mean residual, smoothed along
+        the axis and applied twice (Tukey's twicing). Flat ends are left unchanged.
 
         Args:
             x: (N,), camera frame.
             y: (N,).
             normals: (N, 3), measured there.
-            weights: (N,).
         """
         hits = self.intersect(x, y)
         radii = np.sqrt(self.squared_radii)
@@ -198,11 +195,11 @@ class SurfaceOfRevolution:
             sample = np.rint((hits.heights[used] - self.heights[0]) / step).astype(int).clip(0, len(angle) - 1)
             total, sums = (
                 ndimage.gaussian_filter1d(
-                    np.bincount(sample, values, minlength=len(angle)).astype(float),
+                    np.bincount(sample, values, minlength=len(angle)),
                     SLOPE_SIGMA_PX / step,
                     mode="constant",
                 )
-                for values in (weights[used], weights[used] * residual[used])
+                for values in (np.ones(len(sample)), residual[used])
             )
             angle = angle + np.where(is_wall, sums / (total + CONTOUR_SLOPE_WEIGHT), 0.0)
         half_slopes = np.where(is_wall, -radii * np.tan(angle.clip(-1.4, 1.4)), self.half_slopes)

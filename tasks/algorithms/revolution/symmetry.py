@@ -107,7 +107,6 @@ def surface_of_revolution_normals(
     accepted: np.ndarray,
     candidates: np.ndarray,
     field: np.ndarray | None = None,
-    weights: np.ndarray | None = None,
     limits: FitLimits = SYMMETRIC_LIMITS,
 ) -> RotationalNormals | None:
     """Return the normals of a rotationally symmetric object; None if it is not one.
@@ -117,7 +116,6 @@ def surface_of_revolution_normals(
         accepted: (H, W, 3), normals of accepted highlights, NaN elsewhere.
         candidates: (K, H, W, 3), NaN where there is none; they decide whether an end is an opening.
         field: (H, W, 3), the silhouette's smooth normal field, which the surface must fit much better than.
-        weights: (H, W) of the accepted normals in the profile; None: 1 each.
         limits: how well the surface must fit.
     """
     fitted = _fitted_surface(silhouette, accepted)
@@ -127,17 +125,16 @@ def surface_of_revolution_normals(
     rows, columns = np.nonzero(mask)
     x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
     known = np.isfinite(accepted[rows, columns, 0])
-    weight = np.ones(len(rows)) if weights is None else weights[rows, columns]
-    measured = (x[known], y[known], accepted[rows, columns][known], weight[known])
+    measured = (x[known], y[known], accepted[rows, columns][known])
     deviation = capped_angles(surface.with_fitted_slopes(*measured).normals(*measured[:2]), measured[2])
     may_have_relief = (limits.relief_excuses or error <= limit) and np.median(deviation) > MIN_RELIEF_DEG
-    relief = find_relief(mask, surface, *measured[:3]) if may_have_relief else None
+    relief = find_relief(mask, surface, *measured) if may_have_relief else None
     if relief is not None:
         surface = relief.surface
     elif (deviation.mean() if limits.is_of_slopes else error) > limit:
         return None
     opening = find_opening(surface, mask, candidates)
-    surface = surface.with_risen_plates(*measured[:3]).with_fitted_slopes(*measured)
+    surface = surface.with_risen_plates(*measured).with_fitted_slopes(*measured)
     hits = surface.intersect(x, y)
     normals, depths = surface.normals_at(hits), hits.depths
     if not np.isfinite(normals[:, 0]).any():

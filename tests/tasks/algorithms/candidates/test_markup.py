@@ -47,3 +47,15 @@ def test_a_true_mark_does_not_rule_out_the_cluster_of_another(order: list[int]) 
     normals = half_vectors(0.0, 20.0, 40.0)[:, None, None, :]
     marks = Marks(np.zeros((2, 2), int), half_vectors(0.0, 20.0)[order], np.array([1, 1]))
     assert mark_constraints(marks, normals, np.ones((1, 1), bool))[2].ravel().tolist() == [1, 1, -1]
+
+
+@pytest.mark.parametrize("kind", [1, 0])
+def test_where_sheets_cross_a_mark_is_rather_of_one_that_it_confirms(kind: int) -> None:
+    """Nearer to the first cluster, but within its error of the second, whose label is the mark's."""
+    normals = half_vectors(1.0, -4.0)[:, None, None, :]
+    marks = Marks(np.array([[0, 0]]), half_vectors(0.0), np.array([kind]))
+    exterior = np.array([kind == 0, kind == 1]).reshape(2, 1, 1)
+    label = 1 if kind == 1 else -1
+    assert mark_constraints(marks, normals, np.ones((1, 1), bool))[2].ravel().tolist() == [label, 0]
+    assert mark_constraints(marks, normals, np.ones((1, 1), bool), exterior)[2].ravel().tolist() == [0, label]
+    assert mark_constraints(marks, normals, np.ones((1, 1), bool), ~exterior)[2].ravel().tolist() == [label, 0]

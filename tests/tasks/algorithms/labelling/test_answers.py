@@ -62,10 +62,10 @@ def test_a_mark_that_confirms_a_label_is_silent_about_the_other(pin: int) -> Non
     assert (confirming[0, 20, :10] == news[0, 20, :10]).all() and not confirming[0, 20, 10:].any()
 
 
-def test_a_true_mark_that_an_exterior_candidate_confirms_contradicts_nothing() -> None:
-    pins = np.array([[1, 1], [1, -1], [0, -1]], np.int8).reshape(3, 1, 2)
-    labels = np.array([[False, False], [True, True], [True, False]]).reshape(3, 1, 2)
-    assert contradictions(pins, labels).reshape(3, 2).tolist() == [[False, True], [False, True], [False, False]]
+def test_a_mark_contradicts_the_other_label() -> None:
+    pins = np.array([1, 1, -1, -1, 0, 0], np.int8).reshape(3, 1, 2)
+    labels = np.array([True, False, True, False, True, False]).reshape(3, 1, 2)
+    assert contradictions(pins, labels).ravel().tolist() == [False, True, True, False, False, False]
 
 
 @pytest.mark.parametrize("kind", [1, 0])

@@ -77,3 +77,12 @@ def test_normals_beside_the_wall_are_no_relief() -> None:
     mask = np.isfinite(beaker_normals(TILT)[..., 0])
     beside = np.full(30, 200.0)
     assert find_relief(mask, beaker_surface(TILT), beside, beside, np.tile((0.0, 0.0, 1.0), (30, 1))) is None
+
+
+def test_a_few_normals_of_a_flat_face_are_no_relief() -> None:
+    """Where two periods show parts of it, each predicts the other, and the surface contradicts both."""
+    mask = np.isfinite(beaker_normals(TILT)[..., 0])
+    x, y = (values[mask] for values in camera_positions())
+    patch = (np.abs(x - 15.0) < 8.0) & (np.abs(y) < 25.0)
+    face = unit(np.array([-0.3, 0.6, 0.74]) + np.random.default_rng(0).normal(0.0, 0.01, (int(patch.sum()), 3)))
+    assert find_relief(mask, beaker_surface(TILT), x[patch], y[patch], face) is None

@@ -29,7 +29,7 @@ def test_a_body_is_found_with_its_handle() -> None:
     observed = observable(truth)
     accepted = np.where((handle & body)[..., None], np.nan, observed)
     flat = np.where(mask[..., None], (0.0, 0.0, 1.0), np.nan)
-    result = RotationalSymmetry(mask, None).normals(accepted, observed[None], flat, np.ones(mask.shape))
+    result = RotationalSymmetry(mask, None).normals(accepted, observed[None], flat)
     assert result is not None
     found = result.normals
     error = angles(found, truth)
@@ -45,7 +45,7 @@ def test_a_surface_of_revolution_is_found_where_the_mask_lacks_a_part_of_one_sid
     mask = np.isfinite(truth[..., 0]) & ~((x > 20.0) & (y < -10.0))
     accepted = np.where(mask[..., None], observable(truth), np.nan)
     flat = np.where(mask[..., None], (0.0, 0.0, 1.0), np.nan)
-    result = RotationalSymmetry(mask, None).normals(accepted, accepted[None], flat, np.ones(mask.shape))
+    result = RotationalSymmetry(mask, None).normals(accepted, accepted[None], flat)
     assert result is not None
     assert np.array_equal(np.isfinite(result.normals[..., 0]), mask)
     assert not np.isfinite(result.depths[~mask]).any()
@@ -60,7 +60,7 @@ def test_a_relief_does_not_excuse_a_completed_silhouette() -> None:
     waves = np.stack([np.sin(turn), np.zeros(x.shape), np.cos(turn)], axis=-1)
     accepted = np.where(mask[..., None], waves, np.nan)
     flat = np.where(mask[..., None], (0.0, 0.0, 1.0), np.nan)
-    assert RotationalSymmetry(mask, None).normals(accepted, accepted[None], flat, np.ones(mask.shape)) is None
+    assert RotationalSymmetry(mask, None).normals(accepted, accepted[None], flat) is None
 
 
 @pytest.mark.parametrize(("tilt", "lean"), [(20.0, 0.0), (-25.0, 12.0), (2.0, -8.0)])
@@ -69,7 +69,7 @@ def test_a_surface_of_revolution_is_found_before_a_perspective_camera(tilt: floa
     mask = np.isfinite(distances)
     truth = rotate_to_view(normals, view_vectors(CAMERA, SHAPE, 0.0, 0.0))
     accepted, field = observable(truth), np.where(mask[..., None], (0.0, 0.0, 1.0), np.nan)
-    result = RotationalSymmetry(mask, CAMERA).normals(accepted, accepted[None], field, np.ones(mask.shape))
+    result = RotationalSymmetry(mask, CAMERA).normals(accepted, accepted[None], field)
     assert result is not None
     assert np.array_equal(np.isfinite(result.normals[..., 0]), mask)
     error = angles(result.normals, truth)[mask]
@@ -78,7 +78,7 @@ def test_a_surface_of_revolution_is_found_before_a_perspective_camera(tilt: floa
     difference = (result.depths + CAMERA[0, 0] * np.log(distances))[known]
     assert known.sum() > 0.7 * mask.sum()
     assert np.percentile(np.abs(difference - np.median(difference)), 95) < 1.5
-    parallel = RotationalSymmetry(mask, None).normals(accepted, accepted[None], field, np.ones(mask.shape))
+    parallel = RotationalSymmetry(mask, None).normals(accepted, accepted[None], field)
     assert parallel is None or angles(parallel.normals, truth)[mask].mean() > 2.0 * error.mean()
 
 
