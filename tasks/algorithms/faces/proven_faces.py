@@ -26,7 +26,7 @@ MIN_PROVEN_SHARE = 0.08
 """Share of the mask of the smallest face; on prisms, false ones with rounded edges have 0.06 at most."""
 PROVEN_ROUNDED_SHARE, MIN_PROVEN_INRADII = 0.7, 1.0
 """Share of a face's edges that must show their rounding, and their length in inradii: what is seen through curved glass
-shows at most 0.56 of it."""
+shows 0.56 of it at most, but for strips along a cylinder."""
 MAX_INSIDE_SHARE = 0.8
 """Share of an edge inside of which candidates turn as its rounding does, beyond which the edge shows nothing: they are
 those of a curved wall."""
