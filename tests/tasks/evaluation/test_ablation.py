@@ -8,6 +8,7 @@ import pytest
 
 from glint.tasks.algorithms.evaluation.metrics import Reliability
 from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.evaluation import ablation
 from glint.tasks.evaluation.ablation import ABLATIONS, ablate
 from glint.tasks.evaluation.captures import Evaluation, evaluate
 from glint.tasks.evaluation.evaluation_sheet import reliability_diagram
@@ -32,14 +33,23 @@ def evaluation(work: CaptureContext) -> Evaluation:
 
 
 @pytest.mark.slow
-def test_every_ingredient_is_switched_off_by_itself(work: CaptureContext, evaluation: Evaluation) -> None:
+def test_every_ingredient_is_switched_off_by_itself(
+    work: CaptureContext, evaluation: Evaluation, monkeypatch: pytest.MonkeyPatch
+) -> None:
     found = ablate(work)
     assert found is not None and set(found) == set(ABLATIONS)
     stored = evaluation.method("glint")
     assert found["default"] == pytest.approx((stored.observed_region.squared, stored.whole_mask.squared), abs=1e-9)
     changed = {name for name, errors in found.items() if errors != found["default"]}
-    assert {"no marks", "one candidate", "one round"} <= changed
+    assert {"one candidate", "one round"} <= changed
     assert found["one candidate"][0] > found["default"][0]
+    # Marks that are right change nothing here, and those that are wrong do.
+    marks = ablation.load_marks(work)
+    assert marks is not None
+    monkeypatch.setattr(ablation, "load_marks", lambda _: replace(marks, kind=1 - marks.kind))
+    contradicted = ablate(work)
+    assert contradicted is not None and contradicted["no marks"] == found["no marks"]
+    assert contradicted["default"][0] > found["default"][0]
 
 
 def test_a_capture_without_truth_is_not_ablated(work: CaptureContext) -> None:
