@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Callable
 from types import FrameType
 from typing import Any
@@ -63,6 +64,8 @@ def _handle(number: int, frame: FrameType | None) -> None:
         _interrupted.set()
         # Unbuffered and without a lock, which the interrupted code may hold.
         os.write(2, f"{_line}\n".encode())
+        # Where the interrupt comes between a coroutine's call and its await, Python would warn of it at the end.
+        warnings.filterwarnings("ignore", r"coroutine .* was never awaited", RuntimeWarning)
         for seconds, call, arguments in ((REPEAT_SECONDS, _repeated.set, []), (GRACE_SECONDS, os._exit, [EXIT_STATUS])):
             timer = threading.Timer(seconds, call, arguments)
             timer.daemon = True

@@ -98,6 +98,23 @@ def test_an_interrupt_within_a_string_that_is_executed_ends_with_the_status(tmp_
     assert ended.returncode == 130
 
 
+def test_a_coroutine_that_an_interrupt_leaves_behind_is_not_told() -> None:
+    code = (
+        "import os, signal\nfrom glint.flows.runtime import signals\nsignals.install()\n"
+        "async def begin(): pass\n"
+        "for number in (signal.SIGINT, signal.SIGTERM):\n"
+        "    left = begin()\n"
+        "    try:\n"
+        "        os.kill(os.getpid(), number)\n"
+        "    except KeyboardInterrupt:\n"
+        "        del left\n"
+        "    signals._repeated.clear()\n"
+        "left = begin()"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], cwd=ROOT, stderr=subprocess.PIPE, text=True, check=True)
+    assert ended.stderr.splitlines() == [signals.LINE]
+
+
 def test_a_second_interrupt_ends_at_once() -> None:
     code = (
         "import threading, time\nfrom glint.flows.runtime import signals\nsignals.REPEAT_SECONDS = 0.2\n"
