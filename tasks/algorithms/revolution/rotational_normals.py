@@ -13,7 +13,7 @@ import numpy as np
 from glint.tasks.algorithms.geometry.distance import with_nearest
 from glint.tasks.algorithms.geometry.vectors import to_camera
 from glint.tasks.algorithms.revolution.aimed_view import AimedView
-from glint.tasks.algorithms.revolution.fit_limits import FitLimits
+from glint.tasks.algorithms.revolution.fit_limits import SYMMETRIC_LIMITS, FitLimits
 from glint.tasks.algorithms.revolution.handles import handles_beside, with_handles
 from glint.tasks.algorithms.revolution.opening import agreement
 from glint.tasks.algorithms.revolution.relief import capped_angles
@@ -36,6 +36,9 @@ IMPERFECT_LIMITS = FitLimits(6.0, 0.5, is_of_slopes=True)
 that fitted slopes decide."""
 COMPLETED_LIMITS = IMPERFECT_LIMITS._replace(relief_excuses=False)
 """Limits for a silhouette that is not the mask's own; with enough periods, relief explains any normals."""
+MEASURED_LIMITS = COMPLETED_LIMITS._replace(error_deg=4.2, simpler_error_ratio=SYMMETRIC_LIMITS.simpler_error_ratio)
+"""Limits for a silhouette that normals measure: it follows those of other smooth shapes to 4.5 degrees, but where a
+surface of revolution is seen, to less than 4."""
 MEASURED_ERROR_RATIO = 0.75
 """Error of a silhouette that normals measure, relative to that of another one, up to which it is preferred: it follows
 the normals by which both are judged."""
@@ -145,7 +148,7 @@ def _imperfect_normals(
     measured = [SilhouetteSymmetry(part, silhouette.inverse_focal) for part in measured_silhouettes(mask, accepted)]
     parts = [(body, IMPERFECT_LIMITS, 1.0) for body in silhouette.bodies]
     parts += [(whole, COMPLETED_LIMITS, 1.0) for whole in silhouette.completions]
-    parts += [(whole, COMPLETED_LIMITS, MEASURED_ERROR_RATIO) for whole in measured]
+    parts += [(whole, MEASURED_LIMITS, MEASURED_ERROR_RATIO) for whole in measured]
     least_error: float = np.inf
     best: tuple[np.ndarray, RotationalNormals] | None = None
     for part, limits, error_ratio in parts:

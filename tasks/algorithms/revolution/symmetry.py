@@ -40,6 +40,9 @@ FITTED_STEP_PX, FINAL_STEP_PX = 1.0, 0.5
 """Steps along the axis while the tilt is refined, and of the surface that results."""
 FITTED_LENGTH_PX = 600.0
 """Length of an object beyond which the first two steps grow with it, so that there are as many."""
+HOPELESS_ERROR_RATIO = 3.0
+"""Error with coarse steps, relative to the limit of a fit, from which nothing is refined; with fitted slopes or relief,
+fits come from up to 2.5 times it."""
 REFINED_ERROR_RATIO = 1.3
 """Ratio to the least error of the tilts found by coarse steps up to which one is refined."""
 
@@ -118,10 +121,11 @@ def surface_of_revolution_normals(
         field: (H, W, 3), the silhouette's smooth normal field, which the surface must fit much better than.
         limits: how well the surface must fit.
     """
-    fitted = _fitted_surface(silhouette, accepted)
+    mask, limit = silhouette.mask, limits.largest_error(accepted, field)
+    fitted = _fitted_surface(silhouette, accepted, HOPELESS_ERROR_RATIO * limit)
     if fitted is None:
         return None
-    (error, surface), mask, limit = fitted, silhouette.mask, limits.largest_error(accepted, field)
+    error, surface = fitted
     rows, columns = np.nonzero(mask)
     x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
     known = np.isfinite(accepted[rows, columns, 0])
@@ -154,8 +158,13 @@ def surface_of_revolution_normals(
     return RotationalNormals(with_nearest(result, mask), body, relief.fit if relief else 0.0)
 
 
-def _fitted_surface(silhouette: SilhouetteSymmetry, accepted: np.ndarray) -> tuple[float, SurfaceOfRevolution] | None:
-    """Return the least mean angle in degrees to the accepted normals (H, W, 3), and the surface; None without any."""
+def _fitted_surface(
+    silhouette: SilhouetteSymmetry, accepted: np.ndarray, hopeless_error: float
+) -> tuple[float, SurfaceOfRevolution] | None:
+    """Return the least mean angle in degrees to the accepted normals (H, W, 3), and the surface.
+
+    None: there are too few normals, or coarse steps give at least the hopeless error.
+    """
     mask = silhouette.mask
     rows, columns = np.nonzero(mask & np.isfinite(accepted[..., 0]))
     if len(rows) < MIN_NORMALS:
@@ -185,6 +194,8 @@ def _fitted_surface(silhouette: SilhouetteSymmetry, accepted: np.ndarray) -> tup
         coarse_error_at = cache(partial(mean_error, axis, step=COARSE_STEP_PX, stride=COARSE_STRIDE))
         for tilt in TILTS[_local_minima(np.array([coarse_error_at(float(tilt)) for tilt in TILTS]))]:
             starts.append((*refined_tilt(coarse_error_at, float(tilt), TILT_STEP_DEG, COARSE_TILT_STEP_DEG), axis))
+    if not starts or min(starts)[0] >= hopeless_error:
+        return None
     least_error, best = ERROR_CAP_DEG, None
     for coarse_error, tilt, axis in starts:
         if coarse_error > REFINED_ERROR_RATIO * min(starts)[0]:
