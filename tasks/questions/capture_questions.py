@@ -14,7 +14,8 @@ from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view
 from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.answers import mark_influence
-from glint.tasks.algorithms.labelling.reconstruction import conclude, explain, settle
+from glint.tasks.algorithms.labelling.explanations import explain
+from glint.tasks.algorithms.labelling.reconstruction import conclude, settle
 from glint.tasks.algorithms.labelling.results import Reconstruction
 from glint.tasks.algorithms.labelling.weights import LabellingOptions
 from glint.tasks.algorithms.questions.highlights import choose_highlight

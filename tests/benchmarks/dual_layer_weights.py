@@ -20,13 +20,13 @@ from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels,
 from glint.tasks.algorithms.candidates.thresholds import highlight_levels
 from glint.tasks.algorithms.evaluation.metrics import normal_errors
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
-from glint.tasks.algorithms.labelling.dual_layer import (
+from glint.tasks.algorithms.prior.silhouette import initial_normals
+from glint.tasks.algorithms.published.dual_layer import (
     Connectivity,
     label_dual_layer,
     node_terms,
     reconstruct_dual_layer,
 )
-from glint.tasks.algorithms.prior.silhouette import initial_normals
 
 CAPTURES = ("hemisphere", "cylinder", "duck")
 REGION_ORIGIN = 16

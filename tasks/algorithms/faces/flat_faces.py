@@ -22,7 +22,8 @@ FACE_WEIGHT, UNSEEN_WEIGHT = 1.0, 0.03
 """Weights per pixel in the field: of a face that showed the light, and of one that never did."""
 MIN_CREASE_TURN_DEG = 20.0
 """Angle between two creases from which they are independent evidence for a face."""
-
+APPARENT_DEG = 3.0
+"""Angle to an apparent face's normal up to which a candidate belongs to it."""
 MAX_FACE_ERROR_DEG, MIN_FACETED_SHARE = 3.0, 0.05
 """Mean angle between flat faces and another surface, and share of the accepted normals that belong to them, from which
 the object is faceted instead: a small false sheet can be flat."""

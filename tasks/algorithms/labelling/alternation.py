@@ -7,9 +7,8 @@ from scipy import sparse
 
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
 from glint.tasks.algorithms.candidates.shading import shading_log_ratio
-from glint.tasks.algorithms.faces.flat_faces import FlatFaces, flat_faces, has_other_faces
+from glint.tasks.algorithms.faces.flat_faces import FlatFaces
 from glint.tasks.algorithms.geometry.distance import inradius
-from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.answers import MARKED_SHEET_NATS, mark_influence, marked_confidence
 from glint.tasks.algorithms.labelling.confidence import (
     field_confidence,
@@ -18,7 +17,7 @@ from glint.tasks.algorithms.labelling.confidence import (
     probability_within_tolerance,
 )
 from glint.tasks.algorithms.labelling.graph_cut import HARD_CONSTRAINT, GraphCut, keep_best_per_pixel, unary_log_ratio
-from glint.tasks.algorithms.labelling.results import Iteration, accepted_normals, accepted_weights
+from glint.tasks.algorithms.labelling.results import Iteration, accepted_normals
 from glint.tasks.algorithms.labelling.weights import LabellingOptions
 from glint.tasks.algorithms.prior.smooth_normals import (
     MAX_NODES,
@@ -29,6 +28,7 @@ from glint.tasks.algorithms.prior.smooth_normals import (
     thickness,
 )
 from glint.tasks.algorithms.prior.unreached import with_unreached
+from glint.tasks.algorithms.prisms.prismatic_normals import PrismSearch
 from glint.tasks.algorithms.revolution.rotational_normals import RotationalSymmetry
 from glint.tasks.algorithms.sheets.integrability import shape_log_ratio
 from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
@@ -37,10 +37,6 @@ DRAFT_NODES, HELD_OUT_NODES = 7_000, 5_000
 """Grid nodes of coarser fields: a draft's (a third of the time, 1% more squared error), one that predicts a sheet."""
 CONVERGED_SHARE = 0.002
 """Share of the mask whose labels may still change in the last iteration."""
-MAX_REFUTATIONS = 3
-"""Rounds in which flat faces are looked for, and false ones refuted."""
-REFUTED_DEG, REFUTED_NATS = 3.0, 10.0
-"""Angle up to which a candidate belongs to an apparent face that is refuted, and what that takes from its evidence."""
 
 
 @dataclass(slots=True)
@@ -48,16 +44,16 @@ class Alternation:
     """Working state of the alternation: constants of the view, then what each iteration replaces.
 
     No array is changed in place, so that copies can go on independently. What depends on candidates and mask alone, the
-    graph and the silhouette's symmetry among them, is shared by copies.
+    graph, symmetry and prism among them, is shared by copies.
 
     observations (H, W): frames in which a pixel is lit. weights (K, H, W): of the clusters. is_draft: whether the field
     is that of a draft. camera: of the view. coarse: the field that predicts what is held out. sheets: the nodes' graph.
     own_evidence (K, H, W): log-likelihood ratio of a true against a false highlight, by the sheet's shape, by shading
     and refuted faces; face_evidence (K, H, W): by faces that candidates prove. labels (K, H, W) bool: exterior nodes;
     unmarked_labels: those that marks met. readmitted (K, H, W): probability of nodes that were rejected and then
-    readmitted, 0 elsewhere. values (H, W, 3): accepted normals, else NaN. confidence (H, W): theirs, else NaN. known
-    (H, W) bool: where they enter the field. initial, smooth (H, W, 3): first and present field.
-    body_depth (H, W): of an expected surface of revolution. unreached (H, W, 3): normals of dark pixels, else NaN.
+    readmitted, 0 elsewhere. values (H, W, 3): accepted normals, else NaN; confidence (H, W): theirs, else NaN. known
+    (H, W) bool: where they enter the field. initial, smooth (H, W, 3): first and present field. body_depth (H, W): of
+    an expected surface of revolution or prism. unreached (H, W, 3): normals of dark pixels, else NaN.
     """
 
     normals: np.ndarray
@@ -77,6 +73,7 @@ class Alternation:
     outward: np.ndarray = field(init=False)
     graph: GraphCut = field(init=False)
     symmetry: RotationalSymmetry = field(init=False)
+    prism: PrismSearch = field(init=False)
     own_evidence: np.ndarray = field(init=False)
     sheets: tuple[np.ndarray, sparse.csr_matrix] = field(init=False)
     unmarked_labels: np.ndarray = field(init=False)
@@ -107,15 +104,16 @@ class Alternation:
         self.rim, self.outward = contour_normals(self.mask)
         self.graph = GraphCut(self.normals, weights.strength, weights.contrast)
         self.symmetry = RotationalSymmetry(self.mask, self.camera)
+        self.prism = PrismSearch(self.normals, self.mask, self.camera)
         self.own_evidence = weights.shape_weight * shape_log_ratio(self.normals, self.scale)
         self.own_evidence += weights.shading_weight * shading_log_ratio(self.shading)
         self.sheets = sheet_graph(self.normals)
         self.labels = np.zeros(self.normals.shape[:3], dtype=bool)
-        self.face_evidence = np.zeros(self.normals.shape[:3])
+        self.face_evidence, self.readmitted = np.zeros((2, *self.normals.shape[:3]))
         self.take_marks(None)
-        self.readmitted, self.known, self.values = np.zeros(self.normals.shape[:3]), self.marked, self.marked_normals
+        self.forget_labels()
         self.faces, self.relief_fit, self.body_depth, self.unreached = None, 0.0, None, None
-        self.confidence, self.history = np.full(self.mask.shape, np.nan), []
+        self.history = []
         self.smooth = self.initial = self.solve_field(self.known, self.values)
 
     def take_marks(self, marks: Marks | None) -> None:
@@ -208,36 +206,16 @@ class Alternation:
         self.unreached = None
         self.follow_labels()
 
-    def adopt_symmetry(self) -> bool:
-        """Make a surface of revolution the expected field, where there was none, if the accepted normals support it."""
-        accepted = np.where(self.known[..., None], self.values, np.nan)
-        rotational = self.symmetry.normals(accepted, self.normals, self.initial)
-        if rotational is None or rotational.relief_fit < self.relief_fit:
-            return False
-        lights = accepted_weights(self.weights, self.labels)
-        if has_other_faces(rotational.normals, accepted, lights, self.mask, self.scale):
-            return False  # A prism seen from its front has the silhouette of a cylinder, which has no flat faces.
-        self.expected, self.body_depth, self.relief_fit = rotational
+    def expect(self, normals: np.ndarray, depth: np.ndarray | None) -> None:
+        """Make normals (H, W, 3) the expected field; depth (H, W): of the body that has them."""
+        self.expected, self.body_depth = normals, depth
         self.smooth = self.solve_field(self.known, self.values)
-        return True
 
-    def adopt_faces(self) -> bool:
-        """Make flat faces part of the field if accepted normals show any; return whether field or evidence changed."""
-        for number in range(MAX_REFUTATIONS):
-            accepted = np.where(self.known[..., None], self.values, np.nan)
-            lights = accepted_weights(self.weights, self.labels)
-            self.faces = flat_faces(accepted, lights, self.normals, self.smooth, self.mask, self.scale)
-            if self.faces is not None or number > 0:
-                self.smooth = self.solve_field(self.known, self.values, faces=self.faces)
-            if self.faces is None:
-                return number > 0
-            false = angles(self.normals, self.faces.refuted[None]) < REFUTED_DEG
-            if not false.any():
-                break
-            # What a false face hid may be another one.
-            self.own_evidence = self.own_evidence - REFUTED_NATS * false
-            self.iterate(1)
-        return True
+    def forget_labels(self) -> None:
+        """Start again from nothing but marks: the next labels follow the field alone."""
+        self.labels = np.zeros(self.normals.shape[:3], dtype=bool)
+        self.known, self.values = self.marked, self.marked_normals
+        self.confidence = np.full(self.mask.shape, np.nan)
 
     def field_confidence(self, known: np.ndarray) -> np.ndarray:
         """Return the confidence (H, W) of the field and its faces, for `known` pixels (H, W) that can be trusted."""

@@ -10,8 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from glint.tasks.algorithms.faces.flat_faces import APPARENT_DEG
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.labelling.alternation import REFUTED_DEG, Alternation
+from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.confidence import (
     accepted_log_odds,
     face_confidence,
@@ -45,7 +46,7 @@ def final_confidence(state: Alternation, normals: np.ndarray) -> np.ndarray:
     observed = state.with_marks(observed * place_confidence(normals))
     between = state.field_confidence(state.known & (observed >= state.options.min_confidence))
     if state.faces is not None:
-        agrees = angles(state.values, state.faces.normals) < REFUTED_DEG
+        agrees = angles(state.values, state.faces.normals) < APPARENT_DEG
         observed = np.where(agrees, np.fmax(observed, face_confidence(state.faces.residual)), observed)
     return np.where(np.isfinite(state.confidence), observed, between)
 

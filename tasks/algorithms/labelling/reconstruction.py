@@ -6,11 +6,12 @@ maps the image smoothly to half vectors, so true and false candidates form diffe
 sheets by a graph cut against the present field (`graph_cut`), then solves the field again from the accepted normals of
 sufficient confidence and the occluding contour (`smooth_normals`). The first field knows the contour alone. If the
 converged normals show a surface of revolution, it becomes the expected field and the iterations continue (`symmetry`);
-else flat faces that candidates prove count as true (`faces.proven_faces`), those that accepted normals show become part
-of the field, and the iterations continue likewise (`faces.flat_faces`). Then rejected sheets that may well be the
-surface are readmitted (`readmission`) and the iterations continue from them, unless the expected field is given; what
-follows is kept if the labels are more likely than before. Where there is no expected field, it is bent away from the
-lights where nothing flashed (`unreached`).
+else, if candidates prove a right prism, that one does (`prisms`); else flat faces that candidates prove count as true
+(`faces.proven_faces`), those that accepted normals show become part of the field, and the iterations continue likewise
+(`faces.flat_faces`). Then rejected sheets that may well be the surface are readmitted (`readmission`) and the
+iterations continue from them, unless the expected field is given; what follows is kept if the labels are more likely
+than before (`explanations`). Where there is no expected field, it is bent away from the lights where nothing flashed
+(`unreached`).
 """
 
 from copy import copy
@@ -19,12 +20,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from glint.tasks.algorithms.candidates.markup import Marks
-from glint.tasks.algorithms.faces.proven_faces import face_evidence
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.answers import contradictions
+from glint.tasks.algorithms.labelling.explanations import explain
 from glint.tasks.algorithms.labelling.final_confidence import final_confidence
-from glint.tasks.algorithms.labelling.readmission import plausible_sheets
 from glint.tasks.algorithms.labelling.results import (
     DETAIL_DEG,
     FILLED,
@@ -41,12 +41,8 @@ from glint.tasks.algorithms.prior.unreached import SweptNormals, unreached_norma
 if TYPE_CHECKING:
     from glint.tasks.algorithms.candidates.clusters import Clusters
 
-MIN_KNOWN_SHARE = 0.05
-"""Share of the mask that enters the field from which labels have a start of their own."""
 PLAUSIBLE_NATS = 1.0
 """Evidence of a rejected candidate from which it may be a true highlight."""
-MAX_READMISSIONS = 3
-"""Rounds in which rejected sheets are readmitted: each may show the field of the next."""
 
 
 def reconstruct_normals(
@@ -120,23 +116,6 @@ def settle(
     return state
 
 
-def explain(settled: Alternation) -> Alternation:
-    """Explain labels that have settled by a surface of revolution or flat faces, and readmit plausible sheets.
-
-    Normals that were expected beforehand explain them already.
-    """
-    if settled.expected is not None and settled.body_depth is None:
-        return settled
-    state = explained = _with_surface(copy(settled))
-    for _ in range(MAX_READMISSIONS if state.options.readmission else 0):
-        better = _readmitted(state)
-        if better is None:
-            break
-        state = better
-    # The readmitted may show what the others did not.
-    return state if state is explained or state.expected is not None else _with_surface(state)
-
-
 def conclude(explained: Alternation, marks: Marks | None = None) -> Reconstruction:
     """Let marks speak, and return the result.
 
@@ -173,52 +152,6 @@ def conclude(explained: Alternation, marks: Marks | None = None) -> Reconstructi
         iterations=tuple(state.history),
         body_depth=_followed_depth(state, normals),
     )
-
-
-def _with_surface(state: Alternation) -> Alternation:
-    """Return the state with a surface of revolution as its expected field, else with flat faces, if labels show any."""
-    options = state.options
-    symmetric = _adopted_symmetry(state) if state.expected is None and options.symmetry else None
-    state = symmetric or state
-    if state.expected is None and options.flat_faces and not state.face_evidence.any():
-        state.face_evidence = face_evidence(state.normals, state.mask, state.scale, state.camera)
-        if state.face_evidence.any():
-            state.iterate()
-    if symmetric is not None or (state.expected is None and options.flat_faces and state.adopt_faces()):
-        state.iterate()
-    if state.relief_fit > 0.0 and state.adopt_symmetry():
-        # Highlights that a relief explains show more of it.
-        state.iterate()
-    return state
-
-
-def _adopted_symmetry(state: Alternation) -> Alternation | None:
-    """Return the state whose expected field is a surface of revolution, None if accepted normals support none.
-
-    The field of a shallow bowl's silhouette on its stem contradicts all that is seen of it: where labels accept next to
-    nothing, they start from the surface that the candidates show. Accepted normals then decide as always.
-    """
-    supposed = copy(state)
-    if state.known[state.mask].mean() < MIN_KNOWN_SHARE:
-        supposed.expected = state.symmetry.supposed_normals(state.normals)
-    if supposed.expected is not None:
-        supposed.smooth = supposed.solve_field(supposed.known, supposed.values)
-        supposed.iterate()
-        if supposed.adopt_symmetry():
-            return supposed
-    return state if state.adopt_symmetry() else None
-
-
-def _readmitted(state: Alternation) -> Alternation | None:
-    """Return what follows from readmitting plausible sheets, None if there are none or labels become less likely."""
-    probability = plausible_sheets(state)
-    if not probability.any():
-        return None
-    after = copy(state)
-    after.readmit(probability)
-    # The readmitted are not held: a false sheet that the field no longer needs to contradict is rejected again.
-    after.iterate()
-    return after if after.log_likelihood() > state.log_likelihood() else None
 
 
 def _bend_dark_pixels(state: Alternation) -> None:

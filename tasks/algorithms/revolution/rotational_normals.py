@@ -12,7 +12,6 @@ import numpy as np
 
 from glint.tasks.algorithms.geometry.distance import with_nearest
 from glint.tasks.algorithms.geometry.vectors import to_camera
-from glint.tasks.algorithms.revolution.aimed_view import AimedView
 from glint.tasks.algorithms.revolution.fit_limits import SYMMETRIC_LIMITS, FitLimits
 from glint.tasks.algorithms.revolution.handles import handles_beside, with_handles
 from glint.tasks.algorithms.revolution.opening import agreement
@@ -29,6 +28,7 @@ from glint.tasks.algorithms.revolution.symmetry import (
     refined_tilt,
     surface_of_revolution_normals,
 )
+from glint.tasks.algorithms.silhouettes.aimed_view import AimedView
 from glint.tasks.algorithms.silhouettes.measured_silhouettes import measured_silhouettes
 
 IMPERFECT_LIMITS = FitLimits(6.0, 0.5, is_of_slopes=True)

@@ -46,7 +46,7 @@ def build_solids(shape: str, width: int, height: int, turn: float = 0.0, level: 
         turn: degrees about the upward axis, counter-clockwise from above.
         level: no tilt, and a scale and position that do not depend on the turn, so that views of a turntable agree.
     """
-    solids = _untransformed_solids(shape)
+    solids = untransformed_solids(shape)
     tilt = 0.0 if level else TILT_DEG.get(shape, 0.0)
     rotation = _rotation_x(tilt) @ _rotation_y(turn)
     points = np.concatenate([solid.vertices for solid in solids if not solid.inner])
@@ -64,8 +64,9 @@ def build_solids(shape: str, width: int, height: int, turn: float = 0.0, level: 
 
 
 @cache
-def _untransformed_solids(shape: str) -> tuple[Solid, ...]:
-    return tuple(_MAKERS[shape]())
+def untransformed_solids(shape: str) -> tuple[Solid, ...]:
+    """Return the solids of a shape in its own frame, where y is upwards; made once."""
+    return tuple(MAKERS[shape]())
 
 
 def _rotation_x(degrees: float) -> np.ndarray:
@@ -219,7 +220,7 @@ def _from_table(name: str) -> list[Solid]:
     return [from_implicit(maker(), np.array(low), np.array(high), cell)]
 
 
-_MAKERS: dict[str, Callable[[], list[Solid]]] = {
+MAKERS: dict[str, Callable[[], list[Solid]]] = {
     "hemisphere": _hemisphere,
     "cylinder": _cylinder,
     "jug": _jug,
@@ -232,3 +233,4 @@ _MAKERS: dict[str, Callable[[], list[Solid]]] = {
     "cut-cube": _cut_cube,
     "gem": _gem,
 }
+"""Makers of the solids of each shape, in its own frame."""

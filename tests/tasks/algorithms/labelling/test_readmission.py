@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.candidates.markup import Marks
-from glint.tasks.algorithms.labelling import reconstruction
+from glint.tasks.algorithms.labelling import explanations
 from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.readmission import READMITTED_PROBABILITY, plausible_sheets, surface_probability
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
@@ -86,15 +86,15 @@ def test_given_expected_normals_are_not_contradicted(
     def refuse(_: Alternation) -> np.ndarray:
         pytest.fail("the expected normals are contradicted")
 
-    monkeypatch.setattr(reconstruction, "plausible_sheets", refuse)
+    monkeypatch.setattr(explanations, "plausible_sheets", refuse)
     reconstruct_normals(clusters, mask, expected=settled.smooth)
 
 
 def test_labels_that_become_less_likely_are_not_kept(settled: Alternation, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert reconstruction._readmitted(settled) is not None
+    assert explanations._readmitted(settled) is not None
     likelihoods = iter([1.0, 2.0])  # after, before
     monkeypatch.setattr(Alternation, "log_likelihood", lambda _: next(likelihoods))
-    assert reconstruction._readmitted(settled) is None
+    assert explanations._readmitted(settled) is None
 
 
 @pytest.mark.parametrize(

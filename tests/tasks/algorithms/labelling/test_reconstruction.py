@@ -6,7 +6,8 @@ import pytest
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view, view_vectors
 from glint.tasks.algorithms.geometry.vectors import angles, unit
-from glint.tasks.algorithms.labelling.reconstruction import explain, reconstruct_normals, settle
+from glint.tasks.algorithms.labelling.explanations import explain
+from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
 from glint.tasks.algorithms.labelling.results import PROVENANCE, Reconstruction, exterior_normals
 from glint.tasks.algorithms.labelling.weights import LabellingOptions
 from tests.tasks.algorithms.faces.polyhedron import PYRAMID, face_numbers, polyhedron_normals

@@ -3,7 +3,7 @@ import pytest
 
 from glint.tasks.algorithms.geometry.perspective import CAMERA_FLIP, rotate_to_view, view_vectors
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.revolution.aimed_view import AimedView
+from glint.tasks.algorithms.silhouettes.aimed_view import AimedView
 from glint.tasks.algorithms.silhouettes.reflection_axes import reflection_axes
 from tests.tasks.algorithms.revolution.cylinder import CAMERA, SHAPE, seen_cylinder
 

@@ -8,7 +8,9 @@ import pytest
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.geometry.vectors import angles, unit
-from glint.tasks.algorithms.labelling.dual_layer import (
+from glint.tasks.algorithms.labelling.results import MARKED, OBSERVED, OUTSIDE, SILHOUETTE
+from glint.tasks.algorithms.prior.silhouette import initial_normals
+from glint.tasks.algorithms.published.dual_layer import (
     Connectivity,
     NodeTerms,
     edge_ends,
@@ -17,8 +19,6 @@ from glint.tasks.algorithms.labelling.dual_layer import (
     node_terms,
     reconstruct_dual_layer,
 )
-from glint.tasks.algorithms.labelling.results import MARKED, OBSERVED, OUTSIDE, SILHOUETTE
-from glint.tasks.algorithms.prior.silhouette import initial_normals
 
 NEIGHBOURS: dict[Connectivity, list[tuple[int, int]]] = {
     "layers": [(0, 1), (1, 0), (0, -1), (-1, 0)],

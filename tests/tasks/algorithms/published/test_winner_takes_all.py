@@ -6,8 +6,8 @@ from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.labelling.results import FILLED, MARKED, OBSERVED, OUTSIDE
-from glint.tasks.algorithms.labelling.winner_takes_all import reconstruct_winner
 from glint.tasks.algorithms.prior.silhouette import initial_normals
+from glint.tasks.algorithms.published.winner_takes_all import reconstruct_winner
 
 
 def scene() -> tuple[np.ndarray, np.ndarray]:

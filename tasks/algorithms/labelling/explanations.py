@@ -1,0 +1,144 @@
+"""Explanations of settled labels: a surface of revolution, a right prism or flat faces; plausible sheets readmitted.
+
+Each explanation that is adopted changes the expected field or the evidence, and the alternation goes on from there.
+"""
+
+from copy import copy
+
+import numpy as np
+
+from glint.tasks.algorithms.faces.flat_faces import APPARENT_DEG, flat_faces, has_other_faces
+from glint.tasks.algorithms.faces.proven_faces import face_evidence
+from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.labelling.alternation import Alternation
+from glint.tasks.algorithms.labelling.readmission import plausible_sheets
+from glint.tasks.algorithms.labelling.results import accepted_weights
+
+MIN_KNOWN_SHARE = 0.05
+"""Share of the mask that enters the field from which labels have a start of their own."""
+MAX_READMISSIONS = 3
+"""Rounds in which rejected sheets are readmitted: each may show the field of the next."""
+MIN_PRISM_NATS, CONTRADICTED_NATS = 10.0, 50.0
+"""Evidence for a prism from which it is adopted, and how much more it takes if all accepted normals of a full mask
+contradict it; what is seen through a prism's faces does."""
+CONTRADICTED_DEG = 6.0
+"""Angle from which an accepted normal contradicts a prism."""
+MAX_REFUTATIONS = 3
+"""Rounds in which flat faces are looked for, and false ones refuted."""
+REFUTED_NATS = 10.0
+"""What a refuted face takes from the evidence of its candidates."""
+
+
+def explain(settled: Alternation) -> Alternation:
+    """Explain labels that have settled by a surface that they show, and readmit plausible sheets.
+
+    Normals that were expected beforehand explain them already.
+    """
+    if settled.expected is not None and settled.body_depth is None:
+        return settled
+    state = explained = _with_surface(copy(settled))
+    for _ in range(MAX_READMISSIONS if state.options.readmission else 0):
+        better = _readmitted(state)
+        if better is None:
+            break
+        state = better
+    # The readmitted may show what the others did not.
+    return state if state is explained or state.expected is not None else _with_surface(state)
+
+
+def _with_surface(state: Alternation) -> Alternation:
+    """Return the state with a surface of revolution, else a right prism, else flat faces, if there are any."""
+    options = state.options
+    is_open = state.expected is None
+    symmetric = _with_symmetry(state) if is_open and options.symmetry else None
+    state = symmetric or state
+    if state.expected is None and options.flat_faces and _adopts_prism(state):
+        state.iterate()
+    if state.expected is None and options.flat_faces and not state.face_evidence.any():
+        state.face_evidence = face_evidence(state.normals, state.mask, state.scale, state.camera)
+        if state.face_evidence.any():
+            state.iterate()
+    if symmetric is not None or (state.expected is None and options.flat_faces and _adopts_faces(state)):
+        state.iterate()
+    if state.relief_fit > 0.0 and _adopts_symmetry(state):
+        # Highlights that a relief explains show more of it.
+        state.iterate()
+    return state
+
+
+def _with_symmetry(state: Alternation) -> Alternation | None:
+    """Return the state whose expected field is a surface of revolution, None if accepted normals support none.
+
+    The field of a shallow bowl's silhouette on its stem contradicts all that is seen of it: where labels accept next to
+    nothing, they start from the surface that the candidates show. Accepted normals then decide as always.
+    """
+    supposed = copy(state)
+    if state.known[state.mask].mean() < MIN_KNOWN_SHARE:
+        supposed.expected = state.symmetry.supposed_normals(state.normals)
+    if supposed.expected is not None:
+        supposed.smooth = supposed.solve_field(supposed.known, supposed.values)
+        supposed.iterate()
+        if _adopts_symmetry(supposed):
+            return supposed
+    return state if _adopts_symmetry(state) else None
+
+
+def _adopts_symmetry(state: Alternation) -> bool:
+    """Make a surface of revolution the expected field if accepted normals support it; return whether they do."""
+    accepted = np.where(state.known[..., None], state.values, np.nan)
+    rotational = state.symmetry.normals(accepted, state.normals, state.initial)
+    if rotational is None or rotational.relief_fit < state.relief_fit:
+        return False
+    lights = accepted_weights(state.weights, state.labels)
+    if has_other_faces(rotational.normals, accepted, lights, state.mask, state.scale):
+        return False  # A prism seen from its front has the silhouette of a cylinder, which has no flat faces.
+    state.relief_fit = rotational.relief_fit
+    state.expect(rotational.normals, rotational.depths)
+    return True
+
+
+def _adopts_prism(state: Alternation) -> bool:
+    """Make a right prism the expected field if candidates prove it; return whether they do.
+
+    Labels start again from it: what was accepted before may be no more than what is seen through its faces.
+    """
+    prism = state.prism.best
+    if prism is None:
+        return False
+    contradicted = state.known & (angles(state.values, prism.normals) > CONTRADICTED_DEG)
+    if prism.log_ratio < MIN_PRISM_NATS + CONTRADICTED_NATS * contradicted.sum() / state.mask.sum():
+        return False
+    state.forget_labels()
+    state.expect(prism.normals, prism.depths)
+    return True
+
+
+def _adopts_faces(state: Alternation) -> bool:
+    """Make flat faces part of the field if accepted normals show any; return whether field or evidence changed."""
+    for number in range(MAX_REFUTATIONS):
+        accepted = np.where(state.known[..., None], state.values, np.nan)
+        lights = accepted_weights(state.weights, state.labels)
+        state.faces = flat_faces(accepted, lights, state.normals, state.smooth, state.mask, state.scale)
+        if state.faces is not None or number > 0:
+            state.smooth = state.solve_field(state.known, state.values, faces=state.faces)
+        if state.faces is None:
+            return number > 0
+        false = angles(state.normals, state.faces.refuted[None]) < APPARENT_DEG
+        if not false.any():
+            break
+        # What a false face hid may be another one.
+        state.own_evidence = state.own_evidence - REFUTED_NATS * false
+        state.iterate(1)
+    return True
+
+
+def _readmitted(state: Alternation) -> Alternation | None:
+    """Return what follows from readmitting plausible sheets, None if there are none or labels become less likely."""
+    probability = plausible_sheets(state)
+    if not probability.any():
+        return None
+    after = copy(state)
+    after.readmit(probability)
+    # The readmitted are not held: a false sheet that the field no longer needs to contradict is rejected again.
+    after.iterate()
+    return after if after.log_likelihood() > state.log_likelihood() else None

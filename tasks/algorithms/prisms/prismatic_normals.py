@@ -1,0 +1,132 @@
+"""Normals of a right prism, found by its silhouette and the candidates, under either camera.
+
+Most faces of a block of glass never show the light, and through those that do its other faces are seen: hardly any
+candidate is true, and no smooth field is near. But its silhouette leaves few prisms to choose from, and one number, the
+slope of the axis, for each; the highlights of its edges choose among them.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from operator import itemgetter
+from typing import NamedTuple
+
+import numpy as np
+from scipy import ndimage
+
+from glint.tasks.algorithms.geometry.distance import inradius, with_nearest
+from glint.tasks.algorithms.geometry.perspective import rotate_to_view
+from glint.tasks.algorithms.geometry.vectors import to_camera, unit
+from glint.tasks.algorithms.prisms.contour_polygon import contour_polygons
+from glint.tasks.algorithms.prisms.prism_evidence import ShownNormals, prism_log_ratio
+from glint.tasks.algorithms.prisms.right_prism import RightPrism, swept_contours
+from glint.tasks.algorithms.silhouettes.aimed_view import AimedView
+
+SLOPES_DEG = range(10, 79, 8)
+"""Slopes of the axis in degrees that are tried first; an end seen at a smaller or larger angle hides what it bounds."""
+SLOPE_STEPS_DEG, REFINED = (4.0, 2.0, 1.0), 4
+"""Steps by which the slopes of the best prisms are refined in turn, and how many prisms."""
+SCORED_INRADIUS_PX = 60.0
+"""Inradius in pixels to which an object is sampled down to compare prisms."""
+BEND_INRADII = 0.05
+"""Half the width in inradii over which normals are averaged, since edges are rounded."""
+
+
+class PrismaticNormals(NamedTuple):
+    """Normals and depths of a right prism.
+
+    normals: (H, W, 3) float32, relative to the view rays, NaN outside the object. depths: (H, W) float32, z of its
+    faces in pixels towards the camera, up to a constant; under perspective heights, as of `RotationalNormals`.
+    log_ratio: how much candidates speak for it, nats.
+    """
+
+    normals: np.ndarray
+    depths: np.ndarray
+    log_ratio: float
+
+
+@dataclass(frozen=True, eq=False)
+class PrismSearch:
+    """Search for a right prism in a view, on demand.
+
+    candidates: (K, H, W, 3), relative to the view rays, NaN where there is none. mask: (H, W) bool, the silhouette.
+    camera: (3, 3), the perspective camera's matrix in pixels of the mask; None for parallel rays.
+    """
+
+    candidates: np.ndarray
+    mask: np.ndarray
+    camera: np.ndarray | None
+
+    @cached_property
+    def best(self) -> PrismaticNormals | None:
+        """The prism for which candidates speak most; None if they speak for none."""
+        if self.camera is None:
+            prism = find_prism(self.candidates, self.mask)
+            return None if prism is None else _rendered(*prism, self.mask)
+        aimed = AimedView.at(self.mask, self.camera)
+        if not contour_polygons(aimed.silhouette):
+            return None
+        shown = np.stack([aimed.normals(layer) for layer in self.candidates])
+        prism = find_prism(shown, aimed.silhouette, 1.0 / aimed.focal)
+        if prism is None:
+            return None
+        normals, depths, log_ratio = _rendered(*prism, aimed.silhouette)
+        return PrismaticNormals(aimed.normals_back(normals), aimed.heights_back(depths), log_ratio)
+
+
+def find_prism(candidates: np.ndarray, mask: np.ndarray, inverse_focal: float = 0.0) -> tuple[RightPrism, float] | None:
+    """Return the right prism for which candidates speak most, and how much, nats; None if they speak for none.
+
+    inverse_focal: 1 over the focal length in pixels of a camera aimed at the middle of the image, 0 for parallel rays;
+    for the rest see `PrismSearch`.
+    """
+    tried = [
+        RightPrism(contour, np.radians(slope), inverse_focal)
+        for corners in contour_polygons(mask)
+        for contour in swept_contours(corners, inverse_focal)
+        for slope in SLOPES_DEG
+    ]
+    stride = max(1, int(inradius(mask) / SCORED_INRADIUS_PX))
+    sampled = mask[::stride, ::stride]
+    shown = ShownNormals.of(candidates[:, ::stride, ::stride], sampled, inverse_focal * stride) if tried else None
+    if shown is None:
+        return None
+    lost = np.array(mask.shape) - 1 - stride * (np.array(sampled.shape) - 1)
+    middle = np.array([-lost[1], lost[0]]) / 2.0
+
+    def log_ratio(prism: RightPrism) -> float:
+        return prism_log_ratio(prism.seen_from(middle, stride), shown)
+
+    scored = sorted(((log_ratio(prism), number) for number, prism in enumerate(tried)), reverse=True)
+    best, largest = None, 0.0
+    for ratio, number in scored[:REFINED]:
+        prism = tried[number]
+        for step in SLOPE_STEPS_DEG:
+            beside = [(log_ratio(other), other) for other in _beside(prism, step)]
+            ratio, prism = max((ratio, prism), *beside, key=itemgetter(0))
+        if ratio > largest:
+            best, largest = prism, ratio
+    return None if best is None else (best, largest)
+
+
+def _beside(prism: RightPrism, step: float) -> Iterator[RightPrism]:
+    """Yield the prisms with slopes a step in degrees to either side."""
+    for slope in (prism.slope - np.radians(step), prism.slope + np.radians(step)):
+        yield RightPrism(prism.contour, float(slope), prism.inverse_focal)
+
+
+def _rendered(prism: RightPrism, log_ratio: float, mask: np.ndarray) -> PrismaticNormals:
+    """Return what a mask (H, W) bool shows of a prism."""
+    faces = prism.faces(mask.shape)
+    rows, columns = np.indices(mask.shape, dtype=float)
+    x, y = to_camera(columns, rows, mask.shape[1], mask.shape[0])
+    is_seen = faces >= 0
+    normals, depths = np.full((*mask.shape, 3), np.nan), np.full(mask.shape, np.nan, np.float32)
+    normals[is_seen] = prism.normals[faces[is_seen]]
+    depths[is_seen] = prism.depths(x[is_seen], y[is_seen], faces[is_seen])
+    side = 2 * round(BEND_INRADII * inradius(mask)) + 1
+    flat = np.where(mask[..., None], with_nearest(normals, mask), 0.0)
+    rounded = np.full(flat.shape, np.nan)
+    rounded[mask] = unit(ndimage.uniform_filter(flat, (side, side, 0))[mask])
+    view = unit(np.stack([-prism.inverse_focal * x, -prism.inverse_focal * y, np.ones(mask.shape)], axis=-1))
+    return PrismaticNormals(rotate_to_view(rounded, view), depths, log_ratio)

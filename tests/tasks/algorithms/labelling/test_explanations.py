@@ -1,0 +1,69 @@
+"""What explains settled labels: a right prism, unless accepted normals contradict it."""
+
+from copy import copy
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.labelling.alternation import Alternation
+from glint.tasks.algorithms.labelling.explanations import MIN_PRISM_NATS, explain
+from glint.tasks.algorithms.labelling.reconstruction import conclude, settle
+from glint.tasks.algorithms.labelling.weights import LabellingOptions
+from tests.tasks.algorithms.labelling.test_reconstruction import clusters_of
+from tests.tasks.algorithms.prisms.block import Block
+from tests.tasks.algorithms.prisms.test_prismatic_normals import shown
+
+ALONE = LabellingOptions(symmetry=False, readmission=False)
+
+
+@pytest.fixture(scope="module")
+def truth() -> np.ndarray:
+    return Block().render()[0]
+
+
+@pytest.fixture(scope="module")
+def settled(truth: np.ndarray) -> Alternation:
+    return settle(clusters_of(shown(truth).astype(np.float32)), np.isfinite(truth[..., 0]), ALONE)
+
+
+def test_the_faces_that_never_showed_the_light_follow_from_a_prism(settled: Alternation, truth: np.ndarray) -> None:
+    mask = settled.mask
+    without = copy(settled)
+    without.options = LabellingOptions(symmetry=False, readmission=False, flat_faces=False)
+    before, after = (angles(conclude(explain(state)).normals, truth)[mask].mean() for state in (without, settled))
+    assert before > 15.0
+    assert after < 5.0
+
+
+def test_confident_normals_of_a_prism_are_right(settled: Alternation, truth: np.ndarray) -> None:
+    result = conclude(explain(settled))
+    confident = result.confidence >= 0.95
+    assert (angles(result.normals, truth)[confident] < 5.0).mean() > 0.95
+    assert result.body_depth is not None
+    # Most of it never showed the light, and is not certain.
+    assert confident.sum() < 0.6 * settled.mask.sum()
+
+
+def test_accepted_normals_that_contradict_a_prism_take_more_evidence(settled: Alternation, truth: np.ndarray) -> None:
+    contradicting = copy(settled)
+    contradicting.known, contradicting.values = settled.mask, np.where(settled.mask[..., None], [0.0, 0.0, 1.0], np.nan)
+
+    def adopts(state: Alternation, log_ratio: float) -> bool:
+        state = copy(state)
+        depths = np.zeros(truth.shape[:2], np.float32)
+        state.prism = SimpleNamespace(best=SimpleNamespace(normals=truth, depths=depths, log_ratio=log_ratio))  # type: ignore[assignment]
+        explained = explain(state)
+        return explained.expected is not None
+
+    assert adopts(settled, 5.0 * MIN_PRISM_NATS)
+    assert not adopts(settled, 0.5 * MIN_PRISM_NATS)
+    assert not adopts(contradicting, 4.0 * MIN_PRISM_NATS)
+    assert adopts(contradicting, 8.0 * MIN_PRISM_NATS)
+
+
+def test_a_prism_is_explained_once(settled: Alternation) -> None:
+    explained = explain(settled)
+    assert settled.expected is None
+    assert explain(explained).expected is explained.expected
