@@ -11,8 +11,10 @@ from glint.tasks.algorithms.faces.flat_faces import APPARENT_DEG, flat_faces, ha
 from glint.tasks.algorithms.faces.proven_faces import face_evidence
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.alternation import Alternation
+from glint.tasks.algorithms.labelling.final_confidence import final_confidence
 from glint.tasks.algorithms.labelling.readmission import plausible_sheets
-from glint.tasks.algorithms.labelling.results import accepted_weights
+from glint.tasks.algorithms.labelling.results import CONFIDENT, accepted_weights, blended_normals
+from glint.tasks.algorithms.prisms.prismatic_normals import PrismaticNormals
 
 MIN_KNOWN_SHARE = 0.05
 """Share of the mask that enters the field from which labels have a start of their own."""
@@ -23,6 +25,8 @@ MIN_PRISM_NATS, CONTRADICTED_NATS = 10.0, 50.0
 contradict it; what is seen through a prism's faces does."""
 CONTRADICTED_DEG = 6.0
 """Angle from which an accepted normal contradicts a prism."""
+MAX_CONTRADICTED_SHARE, MIN_REFUTED_SHARE = 0.4, 0.05
+"""Share of one of its faces that confident normals may contradict, if that face has this share of the mask."""
 MAX_REFUTATIONS = 3
 """Rounds in which flat faces are looked for, and false ones refuted."""
 REFUTED_NATS = 10.0
@@ -52,14 +56,15 @@ def _with_surface(state: Alternation) -> Alternation:
     is_open = state.expected is None
     symmetric = _with_symmetry(state) if is_open and options.symmetry else None
     state = symmetric or state
-    if state.expected is None and options.flat_faces and _adopts_prism(state):
-        state.iterate()
+    start, prism = copy(state), _likely_prism(state) if state.expected is None and options.flat_faces else None
     if state.expected is None and options.flat_faces and not state.face_evidence.any():
         state.face_evidence = face_evidence(state.normals, state.mask, state.scale, state.camera)
         if state.face_evidence.any():
             state.iterate()
     if symmetric is not None or (state.expected is None and options.flat_faces and _adopts_faces(state)):
         state.iterate()
+    if prism is not None and not _is_refuted(prism, state):
+        state = _with_prism(start, prism)
     if state.relief_fit > 0.0 and _adopts_symmetry(state):
         # Highlights that a relief explains show more of it.
         state.iterate()
@@ -97,20 +102,40 @@ def _adopts_symmetry(state: Alternation) -> bool:
     return True
 
 
-def _adopts_prism(state: Alternation) -> bool:
-    """Make a right prism the expected field if candidates prove it; return whether they do.
+def _likely_prism(state: Alternation) -> PrismaticNormals | None:
+    """Return the right prism that candidates show, None unless they outweigh accepted normals that contradict it."""
+    prism = state.prism.best
+    if prism is None:
+        return None
+    contradicted = state.known & (angles(state.values, prism.normals) > CONTRADICTED_DEG)
+    needed = MIN_PRISM_NATS + CONTRADICTED_NATS * contradicted.sum() / state.mask.sum()
+    return prism if prism.log_ratio >= needed else None
+
+
+def _is_refuted(prism: PrismaticNormals, state: Alternation) -> bool:
+    """Return whether confident normals contradict much of one of a prism's faces, as if it had another end.
+
+    state: explained by flat faces, if there are any.
+    """
+    normals = blended_normals(state.values, state.smooth)
+    is_confident = final_confidence(state, normals) >= CONFIDENT
+    contradicted = is_confident & (angles(normals, prism.normals) > CONTRADICTED_DEG)
+    sizes = np.bincount(prism.faces[state.mask] + 1)[1:]
+    shares = np.bincount(prism.faces[state.mask & contradicted] + 1, minlength=len(sizes) + 1)[1:] / np.maximum(
+        sizes, 1
+    )
+    return bool((shares[sizes >= MIN_REFUTED_SHARE * state.mask.sum()] > MAX_CONTRADICTED_SHARE).any())
+
+
+def _with_prism(state: Alternation, prism: PrismaticNormals) -> Alternation:
+    """Return the state whose expected field is a right prism.
 
     Labels start again from it: what was accepted before may be no more than what is seen through its faces.
     """
-    prism = state.prism.best
-    if prism is None:
-        return False
-    contradicted = state.known & (angles(state.values, prism.normals) > CONTRADICTED_DEG)
-    if prism.log_ratio < MIN_PRISM_NATS + CONTRADICTED_NATS * contradicted.sum() / state.mask.sum():
-        return False
     state.forget_labels()
     state.expect(prism.normals, prism.depths)
-    return True
+    state.iterate()
+    return state
 
 
 def _adopts_faces(state: Alternation) -> bool:

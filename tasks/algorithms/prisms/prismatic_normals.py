@@ -36,12 +36,13 @@ class PrismaticNormals(NamedTuple):
     """Normals and depths of a right prism.
 
     normals: (H, W, 3) float32, relative to the view rays, NaN outside the object. depths: (H, W) float32, z of its
-    faces in pixels towards the camera, up to a constant; under perspective heights, as of `RotationalNormals`.
-    log_ratio: how much candidates speak for it, nats.
+    faces in pixels towards the camera, up to a constant; under perspective heights, as of `RotationalNormals`. faces:
+    (H, W) int, numbers of the visible faces, -1 beside them. log_ratio: how much candidates speak for it, nats.
     """
 
     normals: np.ndarray
     depths: np.ndarray
+    faces: np.ndarray
     log_ratio: float
 
 
@@ -70,8 +71,9 @@ class PrismSearch:
         prism = find_prism(shown, aimed.silhouette, 1.0 / aimed.focal)
         if prism is None:
             return None
-        normals, depths, log_ratio = _rendered(*prism, aimed.silhouette)
-        return PrismaticNormals(aimed.normals_back(normals), aimed.heights_back(depths), log_ratio)
+        normals, depths, faces, log_ratio = _rendered(*prism, aimed.silhouette)
+        shown_back = aimed.normals_back(normals), aimed.heights_back(depths), aimed.numbers_back(faces)
+        return PrismaticNormals(*shown_back, log_ratio)
 
 
 def find_prism(candidates: np.ndarray, mask: np.ndarray, inverse_focal: float = 0.0) -> tuple[RightPrism, float] | None:
@@ -129,4 +131,4 @@ def _rendered(prism: RightPrism, log_ratio: float, mask: np.ndarray) -> Prismati
     rounded = np.full(flat.shape, np.nan)
     rounded[mask] = unit(ndimage.uniform_filter(flat, (side, side, 0))[mask])
     view = unit(np.stack([-prism.inverse_focal * x, -prism.inverse_focal * y, np.ones(mask.shape)], axis=-1))
-    return PrismaticNormals(rotate_to_view(rounded, view), depths, log_ratio)
+    return PrismaticNormals(rotate_to_view(rounded, view), depths, faces, log_ratio)

@@ -79,6 +79,12 @@ class AimedView:
             heights = -focal_length(self.camera) * (np.log1p(-nearness) - np.log(along))
         return np.where(self.mask, heights, np.nan).astype(np.float32)
 
+    def numbers_back(self, numbers: np.ndarray) -> np.ndarray:
+        """Return numbers (H', W') int16 of this view at the camera's pixels, (H, W); -1 outside the silhouette."""
+        x, y = np.moveaxis(self._positions + self._size, -1, 0).astype(np.float32)
+        nearest = cv2.remap(numbers, x, y, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=(-1.0,) * 4)
+        return np.where(self.mask, nearest, np.int16(-1))
+
     @cached_property
     def _view(self) -> np.ndarray:
         """View vectors (H, W, 3) of the camera's pixels."""

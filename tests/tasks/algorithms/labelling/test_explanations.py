@@ -11,9 +11,12 @@ from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.explanations import MIN_PRISM_NATS, explain
 from glint.tasks.algorithms.labelling.reconstruction import conclude, settle
 from glint.tasks.algorithms.labelling.weights import LabellingOptions
+from glint.tasks.algorithms.prisms.prismatic_normals import PrismaticNormals, PrismSearch
+from tests.tasks.algorithms.faces.polyhedron import PYRAMID, face_numbers, polyhedron_normals
 from tests.tasks.algorithms.labelling.test_reconstruction import clusters_of
 from tests.tasks.algorithms.prisms.block import Block
 from tests.tasks.algorithms.prisms.test_prismatic_normals import shown
+from tests.tasks.algorithms.revolution.beaker import observable
 
 ALONE = LabellingOptions(symmetry=False, readmission=False)
 
@@ -26,6 +29,11 @@ def truth() -> np.ndarray:
 @pytest.fixture(scope="module")
 def settled(truth: np.ndarray) -> Alternation:
     return settle(clusters_of(shown(truth).astype(np.float32)), np.isfinite(truth[..., 0]), ALONE)
+
+
+def prism_of(normals: np.ndarray, faces: np.ndarray, log_ratio: float) -> PrismSearch:
+    depths = np.zeros(normals.shape[:2], np.float32)
+    return SimpleNamespace(best=PrismaticNormals(normals, depths, faces, log_ratio))  # type: ignore[return-value]
 
 
 def test_the_faces_that_never_showed_the_light_follow_from_a_prism(settled: Alternation, truth: np.ndarray) -> None:
@@ -52,15 +60,25 @@ def test_accepted_normals_that_contradict_a_prism_take_more_evidence(settled: Al
 
     def adopts(state: Alternation, log_ratio: float) -> bool:
         state = copy(state)
-        depths = np.zeros(truth.shape[:2], np.float32)
-        state.prism = SimpleNamespace(best=SimpleNamespace(normals=truth, depths=depths, log_ratio=log_ratio))  # type: ignore[assignment]
-        explained = explain(state)
-        return explained.expected is not None
+        state.prism = prism_of(truth, np.zeros(truth.shape[:2], int), log_ratio)
+        return explain(state).expected is not None
 
     assert adopts(settled, 5.0 * MIN_PRISM_NATS)
     assert not adopts(settled, 0.5 * MIN_PRISM_NATS)
     assert not adopts(contradicting, 4.0 * MIN_PRISM_NATS)
     assert adopts(contradicting, 8.0 * MIN_PRISM_NATS)
+
+
+def test_confident_normals_refute_a_prism_with_another_end() -> None:
+    pyramid = polyhedron_normals(PYRAMID, rounding=1.5)
+    mask, numbers = np.isfinite(pyramid[..., 0]), face_numbers(PYRAMID)
+    settled = settle(clusters_of(observable(pyramid)[None]), mask, ALONE)
+    # The first two faces flashed, and are confident; the third never did.
+    for wrong, expected in ((0, False), (2, True)):
+        state, normals = copy(settled), pyramid.copy()
+        normals[mask & (numbers == wrong)] = [0.0, 0.0, 1.0]
+        state.prism = prism_of(normals, np.where(mask, numbers, -1), 100.0)
+        assert (explain(state).expected is not None) is expected
 
 
 def test_a_prism_is_explained_once(settled: Alternation) -> None:

@@ -83,6 +83,9 @@ def test_a_near_camera_sees_the_same() -> None:
     found = PrismSearch(shown(relative), mask, CAMERA).best
     assert found is not None
     assert angles(found.normals, relative)[mask].mean() < 5.0
+    assert set(np.unique(found.faces[mask])) <= {-1, 0, 1, 2, 3}
+    assert (found.faces[mask] >= 0).mean() > 0.9
+    assert (found.faces[~mask] == -1).all()
 
 
 def test_a_large_image_shows_the_same_prism() -> None:
