@@ -51,24 +51,29 @@ def explain(settled: Alternation) -> Alternation:
 
 
 def _with_surface(state: Alternation) -> Alternation:
-    """Return the state with a surface of revolution, else a right prism, else flat faces, if there are any."""
-    options = state.options
-    is_open = state.expected is None
-    symmetric = _with_symmetry(state) if is_open and options.symmetry else None
-    state = symmetric or state
-    start, prism = copy(state), _likely_prism(state) if state.expected is None and options.flat_faces else None
-    if state.expected is None and options.flat_faces and not state.face_evidence.any():
-        state.face_evidence = face_evidence(state.normals, state.mask, state.scale, state.camera)
-        if state.face_evidence.any():
-            state.iterate()
-    if symmetric is not None or (state.expected is None and options.flat_faces and _adopts_faces(state)):
+    """Return the state with a surface of revolution, else with flat faces, if there are any and none is known yet."""
+    symmetric = _with_symmetry(state) if state.expected is None and state.options.symmetry else None
+    if symmetric is not None:
+        state = symmetric
         state.iterate()
-    if prism is not None and not _is_refuted(prism, state):
-        state = _with_prism(start, prism)
+    elif state.expected is None and state.options.flat_faces:
+        state = _with_faces(state)
     if state.relief_fit > 0.0 and _adopts_symmetry(state):
         # Highlights that a relief explains show more of it.
         state.iterate()
     return state
+
+
+def _with_faces(state: Alternation) -> Alternation:
+    """Return the state with a right prism, else with single flat faces, if there are any."""
+    start, prism = copy(state), _likely_prism(state)
+    if not state.face_evidence.any():
+        state.face_evidence = face_evidence(state.normals, state.mask, state.scale, state.camera)
+        if state.face_evidence.any():
+            state.iterate()
+    if _adopts_faces(state):
+        state.iterate()
+    return state if prism is None or _is_refuted(prism, state) else _with_prism(start, prism)
 
 
 def _with_symmetry(state: Alternation) -> Alternation | None:
@@ -120,11 +125,12 @@ def _is_refuted(prism: PrismaticNormals, state: Alternation) -> bool:
     normals = blended_normals(state.values, state.smooth)
     is_confident = final_confidence(state, normals) >= CONFIDENT
     contradicted = is_confident & (angles(normals, prism.normals) > CONTRADICTED_DEG)
-    sizes = np.bincount(prism.faces[state.mask] + 1)[1:]
-    shares = np.bincount(prism.faces[state.mask & contradicted] + 1, minlength=len(sizes) + 1)[1:] / np.maximum(
-        sizes, 1
-    )
-    return bool((shares[sizes >= MIN_REFUTED_SHARE * state.mask.sum()] > MAX_CONTRADICTED_SHARE).any())
+    for face in range(prism.faces.max() + 1):
+        pixels = state.mask & (prism.faces == face)
+        is_large = pixels.sum() >= MIN_REFUTED_SHARE * state.mask.sum()
+        if is_large and contradicted[pixels].mean() > MAX_CONTRADICTED_SHARE:
+            return True
+    return False
 
 
 def _with_prism(state: Alternation, prism: PrismaticNormals) -> Alternation:
