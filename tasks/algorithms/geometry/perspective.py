@@ -41,6 +41,14 @@ def view_vectors(camera: np.ndarray, shape: tuple[int, ...], left: float, top: f
     return _view_vectors_at(camera, columns + left, rows + top)
 
 
+def to_camera_directions(x: np.ndarray, y: np.ndarray, inverse_focal: float) -> np.ndarray:
+    """Return the directions (..., 3) from image positions x, y (...) to the camera, camera frame, each with z = 1.
+
+    inverse_focal: 1 over the focal length in pixels, 0 for parallel rays; the principal point is the origin.
+    """
+    return np.stack([-inverse_focal * x, -inverse_focal * y, np.ones(np.shape(x))], axis=-1)
+
+
 def half_vectors_for_view(half_vectors: np.ndarray, view: np.ndarray) -> np.ndarray:
     """Return half vectors (..., 3) float32 of the same lights relative to view vectors (..., 3) instead of V0."""
     return unit(lights_of(half_vectors.astype(np.float64)) + view).astype(np.float32)

@@ -127,6 +127,11 @@ class Alternation:
         """Log-likelihood ratio (K, H, W) of a true against a false highlight, by all that speaks for the sheet."""
         return self.own_evidence + self.face_evidence + MARKED_SHEET_NATS * self.influence
 
+    @property
+    def known_values(self) -> np.ndarray:
+        """Accepted normals (H, W, 3) that enter the field, NaN elsewhere."""
+        return np.where(self.known[..., None], self.values, np.nan)
+
     def solve_field(
         self,
         known: np.ndarray,
@@ -219,7 +224,7 @@ class Alternation:
 
     def field_confidence(self, known: np.ndarray) -> np.ndarray:
         """Return the confidence (H, W) of the field and its faces, for `known` pixels (H, W) that can be trusted."""
-        accepted = np.where(self.known[..., None], self.values, np.nan)
+        accepted = self.known_values
         slope = field_error_slope(lambda kept: self.solve_field(kept, self.values, self.coarse), accepted, self.scale)
         between = field_confidence(known, self.rim, slope, self.scale)
         if self.faces is None:

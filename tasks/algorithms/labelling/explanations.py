@@ -5,8 +5,6 @@ Each explanation that is adopted changes the expected field or the evidence, and
 
 from copy import copy
 
-import numpy as np
-
 from glint.tasks.algorithms.faces.flat_faces import APPARENT_DEG, flat_faces, has_other_faces
 from glint.tasks.algorithms.faces.proven_faces import face_evidence
 from glint.tasks.algorithms.geometry.vectors import angles
@@ -82,11 +80,11 @@ def _with_symmetry(state: Alternation) -> Alternation | None:
     The field of a shallow bowl's silhouette on its stem contradicts all that is seen of it: where labels accept next to
     nothing, they start from the surface that the candidates show. Accepted normals then decide as always.
     """
-    supposed = copy(state)
-    if state.known[state.mask].mean() < MIN_KNOWN_SHARE:
-        supposed.expected = state.symmetry.supposed_normals(state.normals)
-    if supposed.expected is not None:
-        supposed.smooth = supposed.solve_field(supposed.known, supposed.values)
+    has_start = state.known[state.mask].mean() >= MIN_KNOWN_SHARE
+    normals = None if has_start else state.symmetry.supposed_normals(state.normals)
+    if normals is not None:
+        supposed = copy(state)
+        supposed.expect(normals, None)
         supposed.iterate()
         if _adopts_symmetry(supposed):
             return supposed
@@ -95,7 +93,7 @@ def _with_symmetry(state: Alternation) -> Alternation | None:
 
 def _adopts_symmetry(state: Alternation) -> bool:
     """Make a surface of revolution the expected field if accepted normals support it; return whether they do."""
-    accepted = np.where(state.known[..., None], state.values, np.nan)
+    accepted = state.known_values
     rotational = state.symmetry.normals(accepted, state.normals, state.initial)
     if rotational is None or rotational.relief_fit < state.relief_fit:
         return False
@@ -147,9 +145,8 @@ def _with_prism(state: Alternation, prism: PrismaticNormals) -> Alternation:
 def _adopts_faces(state: Alternation) -> bool:
     """Make flat faces part of the field if accepted normals show any; return whether field or evidence changed."""
     for number in range(MAX_REFUTATIONS):
-        accepted = np.where(state.known[..., None], state.values, np.nan)
         lights = accepted_weights(state.weights, state.labels)
-        state.faces = flat_faces(accepted, lights, state.normals, state.smooth, state.mask, state.scale)
+        state.faces = flat_faces(state.known_values, lights, state.normals, state.smooth, state.mask, state.scale)
         if state.faces is not None or number > 0:
             state.smooth = state.solve_field(state.known, state.values, faces=state.faces)
         if state.faces is None:

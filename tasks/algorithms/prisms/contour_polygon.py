@@ -5,6 +5,7 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.vectors import to_camera
 
 MIN_CONVEX_SHARE = 0.965
 """Least share of its convex hull that a silhouette must cover; masks are rough, and edges rounded."""
@@ -40,9 +41,9 @@ def contour_polygons(mask: np.ndarray) -> list[np.ndarray]:
     cv2.fillConvexPoly(covered, hull, 1)
     if mask.sum() < MIN_CONVEX_SHARE * covered.sum():
         return []
-    points = _dense(hull[:, 0].astype(float)) - (np.array(mask.shape[::-1]) - 1.0) / 2.0
-    points *= np.array([1.0, -1.0])
-    x, y = points.T
+    columns, rows = _dense(hull[:, 0].astype(float)).T
+    x, y = to_camera(columns, rows, mask.shape[1], mask.shape[0])
+    points = np.column_stack([x, y])
     if x @ np.roll(y, -1) < y @ np.roll(x, -1):
         points = points[::-1]
     scale = inradius(mask)

@@ -12,10 +12,10 @@ import cv2
 import numpy as np
 
 from glint.tasks.algorithms.geometry.distance import depth_inside, inradius
-from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view
+from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view, to_camera_directions
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
 from glint.tasks.algorithms.prior.unreached import SweptNormals
-from glint.tasks.algorithms.prisms.right_prism import Crease, RightPrism
+from glint.tasks.algorithms.prisms.right_prism import Crease, RightPrism, to_pixels
 
 FLASHED_DEG = 3.0
 """Degrees from a face's normal within which a candidate belongs to it."""
@@ -58,7 +58,7 @@ class ShownNormals:
         if swept is None:
             return None
         x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
-        view = unit(np.stack([-inverse_focal * x, -inverse_focal * y, np.ones(len(x))], axis=-1))
+        view = unit(to_camera_directions(x, y, inverse_focal))
         normals = rotate_from_view(candidates[layers, rows, columns].astype(np.float64), view)
         return cls(
             normals.astype(np.float64), rows * mask.shape[1] + columns, mask, inradius(mask), inverse_focal, swept
@@ -66,7 +66,7 @@ class ShownNormals:
 
     def flashing(self, normals: np.ndarray, place: np.ndarray) -> np.ndarray:
         """Return which of normals (N, 3), camera frame, the lights reached at an image position (2,)."""
-        view = unit(np.append(-self.inverse_focal * place, 1.0))
+        view = unit(to_camera_directions(place[0], place[1], self.inverse_focal))
         return self.swept.flashes(rotate_to_view(normals, np.broadcast_to(view, normals.shape)))
 
     def where(self, shows: np.ndarray) -> np.ndarray:
@@ -124,9 +124,8 @@ def _share_log_ratio(share: float, false_share: float) -> float:
 
 def _pixels_along(crease: Crease, shown: ShownNormals) -> np.ndarray:
     """Return the pixels (H, W) bool along a crease without its ends, which are rounded corners."""
-    middle = (np.array(shown.mask.shape[::-1]) - 1.0) / 2.0
     ends = crease.start + MIDDLE_SHARES * (crease.end - crease.start)
-    (left, top), (right, bottom) = np.round(ends * np.array([1.0, -1.0]) + middle).astype(int).tolist()
+    (left, top), (right, bottom) = np.round(to_pixels(ends, shown.mask.shape)).astype(int).tolist()
     result = np.zeros(shown.mask.shape, np.uint8)
     cv2.line(result, (left, top), (right, bottom), 1)
     return (result > 0) & shown.mask

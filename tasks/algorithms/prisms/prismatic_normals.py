@@ -6,7 +6,7 @@ slope of the axis, for each; the highlights of its edges choose among them.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import itemgetter
 from typing import NamedTuple
@@ -15,7 +15,7 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.distance import inradius, with_nearest
-from glint.tasks.algorithms.geometry.perspective import rotate_to_view
+from glint.tasks.algorithms.geometry.perspective import rotate_to_view, to_camera_directions
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
 from glint.tasks.algorithms.prisms.contour_polygon import contour_polygons
 from glint.tasks.algorithms.prisms.prism_evidence import ShownNormals, prism_log_ratio
@@ -62,13 +62,11 @@ class PrismSearch:
     def best(self) -> PrismaticNormals | None:
         """The prism for which candidates speak most; None if they speak for none."""
         if self.camera is None:
-            prism = find_prism(self.candidates, self.mask)
+            prism = likeliest_prism(possible_prisms(self.mask), self.candidates, self.mask)
             return None if prism is None else _rendered(*prism, self.mask)
         aimed = AimedView.at(self.mask, self.camera)
-        if not contour_polygons(aimed.silhouette):
-            return None
-        shown = np.stack([aimed.normals(layer) for layer in self.candidates])
-        prism = find_prism(shown, aimed.silhouette, 1.0 / aimed.focal)
+        prisms = possible_prisms(aimed.silhouette, 1.0 / aimed.focal)
+        prism = likeliest_prism(prisms, aimed.candidates(self.candidates), aimed.silhouette) if prisms else None
         if prism is None:
             return None
         normals, depths, faces, log_ratio = _rendered(*prism, aimed.silhouette)
@@ -76,21 +74,31 @@ class PrismSearch:
         return PrismaticNormals(*shown_back, log_ratio)
 
 
-def find_prism(candidates: np.ndarray, mask: np.ndarray, inverse_focal: float = 0.0) -> tuple[RightPrism, float] | None:
-    """Return the right prism for which candidates speak most, and how much, nats; None if they speak for none.
+def possible_prisms(mask: np.ndarray, inverse_focal: float = 0.0) -> list[RightPrism]:
+    """Return the right prisms with the silhouette of a mask (H, W) bool, at the slopes that are tried first.
 
-    inverse_focal: 1 over the focal length in pixels of a camera aimed at the middle of the image, 0 for parallel rays;
-    for the rest see `PrismSearch`.
+    inverse_focal: 1 over the focal length in pixels of a camera aimed at the middle of the image, 0 for parallel rays.
     """
-    tried = [
-        RightPrism(contour, np.radians(slope), inverse_focal)
+    return [
+        RightPrism(contour, float(np.radians(slope)), inverse_focal)
         for corners in contour_polygons(mask)
         for contour in swept_contours(corners, inverse_focal)
         for slope in SLOPES_DEG
     ]
+
+
+def likeliest_prism(
+    prisms: list[RightPrism], candidates: np.ndarray, mask: np.ndarray
+) -> tuple[RightPrism, float] | None:
+    """Return the prism for which candidates speak most, its slope refined, and how much, nats; None: for none.
+
+    prisms: `possible_prisms`; for the rest see `PrismSearch`.
+    """
+    if not prisms:
+        return None
     stride = max(1, int(inradius(mask) / SCORED_INRADIUS_PX))
     sampled = mask[::stride, ::stride]
-    shown = ShownNormals.of(candidates[:, ::stride, ::stride], sampled, inverse_focal * stride) if tried else None
+    shown = ShownNormals.of(candidates[:, ::stride, ::stride], sampled, prisms[0].inverse_focal * stride)
     if shown is None:
         return None
     lost = np.array(mask.shape) - 1 - stride * (np.array(sampled.shape) - 1)
@@ -99,10 +107,10 @@ def find_prism(candidates: np.ndarray, mask: np.ndarray, inverse_focal: float = 
     def log_ratio(prism: RightPrism) -> float:
         return prism_log_ratio(prism.seen_from(middle, stride), shown)
 
-    scored = sorted(((log_ratio(prism), number) for number, prism in enumerate(tried)), reverse=True)
+    scored = sorted(((log_ratio(prism), number) for number, prism in enumerate(prisms)), reverse=True)
     best, largest = None, 0.0
     for ratio, number in scored[:REFINED]:
-        prism = tried[number]
+        prism = prisms[number]
         for step in SLOPE_STEPS_DEG:
             beside = [(log_ratio(other), other) for other in _beside(prism, step)]
             ratio, prism = max((ratio, prism), *beside, key=itemgetter(0))
@@ -114,7 +122,7 @@ def find_prism(candidates: np.ndarray, mask: np.ndarray, inverse_focal: float = 
 def _beside(prism: RightPrism, step: float) -> Iterator[RightPrism]:
     """Yield the prisms with slopes a step in degrees to either side."""
     for slope in (prism.slope - np.radians(step), prism.slope + np.radians(step)):
-        yield RightPrism(prism.contour, float(slope), prism.inverse_focal)
+        yield replace(prism, slope=float(slope))
 
 
 def _rendered(prism: RightPrism, log_ratio: float, mask: np.ndarray) -> PrismaticNormals:
@@ -130,5 +138,5 @@ def _rendered(prism: RightPrism, log_ratio: float, mask: np.ndarray) -> Prismati
     flat = np.where(mask[..., None], with_nearest(normals, mask), 0.0)
     rounded = np.full(flat.shape, np.nan)
     rounded[mask] = unit(ndimage.uniform_filter(flat, (side, side, 0))[mask])
-    view = unit(np.stack([-prism.inverse_focal * x, -prism.inverse_focal * y, np.ones(mask.shape)], axis=-1))
+    view = unit(to_camera_directions(x, y, prism.inverse_focal))
     return PrismaticNormals(rotate_to_view(rounded, view), depths, faces, log_ratio)

@@ -15,6 +15,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
+from glint.tasks.algorithms.geometry.perspective import to_camera_directions
 from glint.tasks.algorithms.geometry.vectors import unit
 
 MAX_PARALLEL_DEG, MIN_LENGTH_RATIO = 8.0, 0.45
@@ -43,6 +44,11 @@ class Crease:
     end: np.ndarray
     direction: np.ndarray
     faces: tuple[int, int]
+
+
+def to_pixels(points: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Return columns and rows (N, 2) of points (N, 2), x and y from the centre of an image of this shape."""
+    return points * np.array([1.0, -1.0]) + (np.array(shape[::-1]) - 1.0) / 2.0
 
 
 def swept_contours(corners: np.ndarray, inverse_focal: float = 0.0) -> list[SweptContour]:
@@ -119,16 +125,15 @@ class RightPrism:
     def faces(self, shape: tuple[int, ...]) -> np.ndarray:
         """Return the number (H, W) of the visible face at each pixel of an image of this shape, -1 beside the prism."""
         result = np.full(shape, -1, np.int16)
-        middle = (np.array(shape[::-1]) - 1.0) / 2.0
         for number, corners in reversed(list(enumerate(self.corners))):
-            pixels = corners * np.array([1.0, -1.0]) + middle
-            cv2.fillPoly(result, [np.round(pixels * 2**SUBPIXEL_BITS).astype(np.int32)], number, shift=SUBPIXEL_BITS)
+            pixels = to_pixels(corners, shape) * 2**SUBPIXEL_BITS
+            cv2.fillPoly(result, [np.round(pixels).astype(np.int32)], number, shift=SUBPIXEL_BITS)
         return result
 
     def depths(self, x: np.ndarray, y: np.ndarray, faces: np.ndarray) -> np.ndarray:
         """Return z (N,) in pixels of the faces (N,) at image positions x, y (N,), up to a constant for all."""
         points = np.column_stack([x, y, np.zeros(len(x))])
-        rays = np.column_stack([-self.inverse_focal * x, -self.inverse_focal * y, np.ones(len(x))])
+        rays = to_camera_directions(x, y, self.inverse_focal)
         hidden = self._hidden_points
         anchors = np.stack([hidden[0] + self._height * self.axis, *hidden[:-1]])
         normals = self.normals[faces]
@@ -136,13 +141,9 @@ class RightPrism:
             result = ((anchors[faces] - points) * normals).sum(axis=1) / (rays * normals).sum(axis=1)
         return np.asarray(result)
 
-    def _to_camera(self, point: np.ndarray) -> np.ndarray:
-        """Direction (3,) from image position (2,) to the camera, with z = 1."""
-        return np.append(-self.inverse_focal * point, 1.0)
-
     def _plane(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
         """Return the unit normal (3,) of the plane through the camera and the image of an edge."""
-        return unit(np.cross(np.append(end - start, 0.0), self._to_camera(start)))
+        return unit(np.cross(np.append(end - start, 0.0), to_camera_directions(start[0], start[1], self.inverse_focal)))
 
     @cached_property
     def _end_edges(self) -> list[np.ndarray]:
@@ -161,7 +162,7 @@ class RightPrism:
         anchor = np.append(hidden[0], 0.0)
         points = []
         for corner in hidden:
-            start, ray = np.append(corner, 0.0), self._to_camera(corner)
+            start, ray = np.append(corner, 0.0), to_camera_directions(corner[0], corner[1], self.inverse_focal)
             points.append(start + (anchor - start) @ self.axis / (ray @ self.axis) * ray)
         return np.array(points)
 

@@ -93,7 +93,7 @@ class RotationalSymmetry:
     def _shown(self, candidates: np.ndarray) -> np.ndarray:
         """Return candidates (K, H, W, 3) as the view in which the surface is looked for shows them."""
         aimed = self._aimed
-        return candidates if aimed is None else np.stack([aimed.normals(layer) for layer in candidates])
+        return candidates if aimed is None else aimed.candidates(candidates)
 
     @cached_property
     def _aimed(self) -> AimedView | None:

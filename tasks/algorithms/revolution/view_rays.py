@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from glint.tasks.algorithms.geometry.perspective import to_camera_directions
 from glint.tasks.algorithms.geometry.vectors import unit
 from glint.tasks.algorithms.silhouettes.reflection_axes import ReflectionAxis
 
@@ -67,11 +68,11 @@ class AxisFrame:
     def rays(self, x: np.ndarray, y: np.ndarray) -> AxisRays:
         """Return the view rays of image positions x, y (N,), camera frame."""
         origins = np.column_stack([x - self.point[0], y - self.point[1], np.zeros(len(x))])
-        return AxisRays(origins @ self.vectors.T, self._to_camera(x, y) @ self.vectors.T)
+        return AxisRays(origins @ self.vectors.T, to_camera_directions(x, y, self.inverse_focal) @ self.vectors.T)
 
     def view_vectors(self, x: np.ndarray, y: np.ndarray) -> np.ndarray | None:
         """Return the unit view vectors (N, 3) at x, y (N,), camera frame; None: all are (0, 0, 1)."""
-        return None if self.inverse_focal == 0.0 else np.asarray(unit(self._to_camera(x, y)))
+        return None if self.inverse_focal == 0.0 else np.asarray(unit(to_camera_directions(x, y, self.inverse_focal)))
 
     def tilts(self, heights: np.ndarray) -> np.ndarray:
         """Return by how much the axis tilts towards the camera as seen from it at heights (N,), radians.
@@ -80,9 +81,6 @@ class AxisFrame:
         """
         camera = self.vectors @ np.append(-self.inverse_focal * self.point, 1.0)
         return np.asarray(np.arctan2(camera[2] - self.inverse_focal * heights, camera[1]))
-
-    def _to_camera(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return np.column_stack([-self.inverse_focal * x, -self.inverse_focal * y, np.ones(len(x))])
 
 
 def entry_depths(rays: AxisRays, heights: np.ndarray, squared_radii: np.ndarray, reach: float, far: bool) -> np.ndarray:

@@ -58,6 +58,10 @@ class AimedView:
         """Return normals (H, W, 3), relative to the camera's rays, as those (H', W', 3) of the nearest pixel."""
         return self._warped(_turned(normals, self._turns), cv2.INTER_NEAREST, np.nan)
 
+    def candidates(self, candidates: np.ndarray) -> np.ndarray:
+        """Return candidates (K, H, W, 3) as `normals` does each of their layers."""
+        return np.stack([self.normals(layer) for layer in candidates])
+
     def normals_back(self, normals: np.ndarray) -> np.ndarray:
         """Return normals (H', W', 3) of this view at the silhouette's pixels in the camera's image, (H, W, 3).
 
@@ -81,9 +85,7 @@ class AimedView:
 
     def numbers_back(self, numbers: np.ndarray) -> np.ndarray:
         """Return numbers (H', W') int16 of this view at the camera's pixels, (H, W); -1 outside the silhouette."""
-        x, y = np.moveaxis(self._positions + self._size, -1, 0).astype(np.float32)
-        nearest = cv2.remap(numbers, x, y, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=(-1.0,) * 4)
-        return np.where(self.mask, nearest, np.int16(-1))
+        return np.where(self.mask, self._sampled(numbers, cv2.INTER_NEAREST, -1.0), -1.0).astype(np.int16)
 
     @cached_property
     def _view(self) -> np.ndarray:
@@ -127,10 +129,10 @@ class AimedView:
         border_value = (border,) * 4
         return cv2.warpPerspective(image, homography, size, flags=flags, borderValue=border_value)
 
-    def _sampled(self, image: np.ndarray) -> np.ndarray:
-        """Return an image (H', W', ..) of this view at the camera's pixels, between the pixels; NaN next to NaN."""
+    def _sampled(self, image: np.ndarray, interpolation: int = cv2.INTER_LINEAR, border: float = np.nan) -> np.ndarray:
+        """Return an image (H', W', ..) of this view at the camera's pixels; if interpolated, NaN next to NaN."""
         x, y = np.moveaxis(self._positions + self._size, -1, 0).astype(np.float32)
-        return cv2.remap(image.astype(np.float32), x, y, cv2.INTER_LINEAR, borderValue=(np.nan,) * 4)
+        return cv2.remap(image.astype(np.float32), x, y, interpolation, borderValue=(border,) * 4)
 
 
 def _turned(normals: np.ndarray, angles: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ import pytest
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view, view_vectors
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.prisms.prism_evidence import ShownNormals, prism_log_ratio
-from glint.tasks.algorithms.prisms.prismatic_normals import PrismSearch, find_prism
+from glint.tasks.algorithms.prisms.prismatic_normals import PrismSearch
 from glint.tasks.algorithms.prisms.right_prism import RightPrism, SweptContour
 from tests.tasks.algorithms.prisms.block import INVERSE_FOCAL, SHAPE, Block, seen_candidates
 
@@ -58,7 +58,7 @@ def test_a_face_that_would_have_flashed_speaks_against_a_prism() -> None:
 def test_no_candidates_speak_for_nothing() -> None:
     mask = np.isfinite(Block().render()[0][..., 0])
     assert ShownNormals.of(np.full((1, *SHAPE, 3), np.nan), mask) is None
-    assert find_prism(np.full((1, *SHAPE, 3), np.nan), mask) is None
+    assert PrismSearch(np.full((1, *SHAPE, 3), np.nan), mask, None).best is None
 
 
 @pytest.mark.parametrize("block", [Block(), Block(slope=48.0, turns=(30.0, 120.0, 210.0, 300.0)), Block(slope=25.0)])
