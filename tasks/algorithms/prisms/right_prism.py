@@ -5,7 +5,7 @@ silhouette is bounded by two edges along the axis, and by parts of the two ends 
 slope of the axis all of its visible faces follow, whether they show the light or not: an edge of an end lies in the
 plane through its image and the camera, and is perpendicular to the axis.
 
-The rays are those of `revolution.view_rays`: parallel, or of a perspective camera whose principal point is the origin.
+The view rays are parallel, or those of a perspective camera whose principal point is the origin.
 """
 
 from dataclasses import dataclass
