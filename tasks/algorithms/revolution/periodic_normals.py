@@ -1,7 +1,7 @@
-"""Normals that repeat round an axis: their means over all periods, and how well some periods predict the others.
+"""Normals that repeat round an axis: which candidates other periods show at the same place, and the means of these.
 
-Sums over the periods lie on a grid of circles and of places within a period, and are smoothed by a Gaussian: along the
-axis when they are made, along the circle where they are read.
+Places lie on a grid of circles and of columns within a period. Means are smoothed by a Gaussian: along the axis when
+sums are made, along the circle where they are read.
 """
 
 import numpy as np
@@ -9,14 +9,77 @@ from numba import njit
 
 from glint.tasks.algorithms.geometry.vectors import unit
 
+COS_SAME = np.cos(np.radians(6.0))
+"""Cosine of the angle up to which candidates of two periods are the same normal."""
+MIN_PIXELS = 2
+"""Pixels of other periods that show a candidate that repeats."""
 SIGMA_CELLS = 1.0
 """Standard deviation of the Gaussian, in cells."""
 REACH = 4
 """Cells to each side at which it ends."""
 GAUSSIAN = np.exp(-0.5 * (np.arange(-REACH, REACH + 1) / SIGMA_CELLS) ** 2)
 GAUSSIAN /= GAUSSIAN.sum()
-MIN_SUPPORT = 0.05
-"""Normals per cell from which they predict others, and count as much as a surface without relief."""
+
+
+@njit(cache=True, nogil=True)
+def repeated_candidates(
+    row: np.ndarray,
+    turns: np.ndarray,
+    candidates: np.ndarray,
+    rows: int,
+    columns: int,
+    shift: int,
+    least_share: float,
+    asked: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return which candidate of each asked pixel most other periods show, and how well it agrees with them.
+
+    Pixels of other periods count that are at most one cell from the same place.
+
+    Args:
+        row: (N,) int, of each pixel's circle.
+        turns: (N,), periods from the azimuth 0; the fraction is the place within a period.
+        candidates: (K, N, 3), unit, in the frames of axis, radius and circle, NaN where there is none.
+        rows: number of circles.
+        columns: number of places within a period.
+        shift: columns by which other periods are moved: what repeats after a part of a period does so by chance.
+        least_share: of the pixels that count, which must show a candidate.
+        asked: (M,) int, pixels.
+
+    Returns:
+        Numbers (M,) int of candidates, -1 where too few pixels show one, and their agreement (M,): 1 if all show the
+        same normal, 0 without such a candidate.
+    """
+    period, cell = np.empty(len(row), np.int64), np.empty(len(row), np.int64)
+    first = np.zeros(rows * columns + 1, np.int64)
+    for pixel in range(len(row)):
+        period[pixel] = int(np.floor(turns[pixel]))
+        column = min(int((turns[pixel] - period[pixel]) * columns), columns - 1)
+        cell[pixel] = row[pixel] * columns + column
+        first[cell[pixel] + 1] += 1
+    first = np.cumsum(first)
+    by_cell, end = np.empty(len(row), np.int64), first[:-1].copy()
+    for pixel in range(len(row)):
+        by_cell[end[cell[pixel]]] = pixel
+        end[cell[pixel]] += 1
+
+    repeated, agreement = np.full(len(asked), -1), np.zeros(len(asked))
+    shown, closeness = np.empty(len(candidates)), np.empty(len(candidates))
+    for number, pixel in enumerate(asked):
+        shown[:], closeness[:] = 0.0, 0.0
+        compared = 0
+        column = cell[pixel] % columns + shift
+        for beside in range(max(row[pixel] - 1, 0), min(row[pixel] + 2, rows)):
+            for step in range(-1, 2):
+                place = beside * columns + (column + step) % columns
+                for other in by_cell[first[place] : first[place + 1]]:
+                    if period[other] != period[pixel]:
+                        compared += 1
+                        _add_shown(shown, closeness, candidates[:, pixel], candidates[:, other])
+        best = np.argmax(shown)
+        if shown[best] >= max(MIN_PIXELS, least_share * compared):
+            repeated[number], agreement[number] = best, closeness[best] / compared
+    return repeated, agreement
 
 
 def sums_over_periods(row: np.ndarray, turns: np.ndarray, normals: np.ndarray, rows: int, columns: int) -> np.ndarray:
@@ -30,7 +93,7 @@ def sums_over_periods(row: np.ndarray, turns: np.ndarray, normals: np.ndarray, r
         columns: number of places within a period.
     """
     sums = np.zeros((rows, columns, 4))
-    _add(sums, row, turns, normals, np.ones(len(row), bool))
+    _add(sums, row, turns, normals)
     return sums
 
 
@@ -44,38 +107,29 @@ def sampled(sums: np.ndarray, row: np.ndarray, turns: np.ndarray) -> tuple[np.nd
 
 
 @njit(cache=True, nogil=True)
-def held_out_errors(
-    row: np.ndarray, turns: np.ndarray, normals: np.ndarray, rows: int, columns: int, cap: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Predict every other period by those between them, at the same place, and by the means of circles alone.
+def _add_shown(shown: np.ndarray, closeness: np.ndarray, candidates: np.ndarray, neighbours: np.ndarray) -> None:
+    """Add 1 to shown (K,) for each of a pixel's candidates (K, 3) that is one of another pixel's (K, 3).
 
-    Args:
-        row, turns, normals, rows, columns: see `sums_over_periods`.
-        cap: of an angle, degrees.
-
-    Returns:
-        Squared angles (N,) in square degrees of the two predictions, NaN where too few normals of others are near.
+    closeness: (K,), to which 1 is added for equal normals, and less with the square of their angle.
     """
-    by_place, by_circle = np.full(len(row), np.nan), np.full(len(row), np.nan)
-    is_odd = np.floor(turns) % 2.0 == 1.0
-    for parity in range(2):
-        is_predicted = is_odd == (parity == 1)
-        sums = np.zeros((rows, columns, 4))
-        _add(sums, row, turns, normals, ~is_predicted)
-        circles = sums.sum(axis=1)
-        for point in np.flatnonzero(is_predicted):
-            mean = _mean(sums, row[point], turns[point])
-            if mean[3] > MIN_SUPPORT:
-                by_place[point] = _squared_angle(mean, normals[point], cap)
-                by_circle[point] = _squared_angle(circles[row[point]], normals[point], cap)
-    return by_place, by_circle
+    for number in range(len(candidates)):
+        x, y, z = candidates[number]
+        if np.isnan(x):
+            continue
+        closest = COS_SAME
+        for other in neighbours:
+            cosine = x * other[0] + y * other[1] + z * other[2]
+            if cosine > closest:
+                closest = cosine
+        if closest > COS_SAME:
+            shown[number] += 1.0
+            closeness[number] += (closest - COS_SAME) / (1.0 - COS_SAME)
 
 
 @njit(cache=True, nogil=True)
-def _add(sums: np.ndarray, row: np.ndarray, turns: np.ndarray, normals: np.ndarray, used: np.ndarray) -> None:
-    """Add the used (N,) bool of the normals to sums."""
+def _add(sums: np.ndarray, row: np.ndarray, turns: np.ndarray, normals: np.ndarray) -> None:
     rows, columns, _ = sums.shape
-    for point in np.flatnonzero(used):
+    for point in range(len(row)):
         column = min(int(turns[point] % 1.0 * columns), columns - 1)
         for shift in range(-REACH, REACH + 1):
             if 0 <= row[point] + shift < rows:
@@ -111,16 +165,3 @@ def _mean(sums: np.ndarray, row: int, turns: float) -> np.ndarray:
         for part in range(4):
             mean[part] += weight * cell[part]
     return mean
-
-
-@njit(cache=True, nogil=True)
-def _squared_angle(mean: np.ndarray, normal: np.ndarray, cap: float) -> float:
-    """Return the squared angle in square degrees, capped, of a normal (3,) from the direction of a mean (4,)."""
-    length = np.sqrt(mean[0] ** 2 + mean[1] ** 2 + mean[2] ** 2)
-    if not length > 0.0:
-        return float(cap**2)
-    chord = 0.0
-    for part in range(3):
-        chord += (mean[part] / length - normal[part]) ** 2
-    angle = np.degrees(2.0 * np.arcsin(min(0.5 * np.sqrt(chord), 1.0)))
-    return float(min(angle, cap) ** 2)

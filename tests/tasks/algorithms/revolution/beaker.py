@@ -61,6 +61,26 @@ def seen_normals(surface: SurfaceOfRevolution, far: bool = False) -> np.ndarray:
     return surface.normals(x.ravel(), y.ravel(), far).reshape(*SHAPE, 3)
 
 
+def turned(deviation: np.ndarray, tilt: float) -> np.ndarray:
+    """Return the beaker's normals (H, W, 3), its wall's turned by (H, W, 2) radians round the axis and along it."""
+    surface, normals = beaker_surface(tilt), beaker_normals(tilt)
+    x, y = (values.ravel() for values in camera_positions())
+    outward = unit(surface.intersect(x, y).outward).reshape(*SHAPE, 3)
+    along = np.cross(surface.frame.upward, outward)
+    is_wall = np.abs(normals @ surface.frame.upward) < 0.5
+    moved = normals + np.tan(deviation[..., :1]) * along + np.tan(deviation[..., 1:]) * surface.frame.upward
+    return np.where(is_wall[..., None], unit(moved), normals)
+
+
+def cylindrical(tilt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return azimuth and height (H, W) of the beaker's points at a tilt in degrees."""
+    surface = beaker_surface(tilt)
+    x, y = (values.ravel() for values in camera_positions())
+    hits = surface.intersect(x, y)
+    forward = np.cross([1.0, 0.0, 0.0], surface.frame.upward)
+    return np.arctan2(hits.outward[:, 0], hits.outward @ forward).reshape(SHAPE), hits.heights.reshape(SHAPE)
+
+
 def false_sheets(count: int) -> np.ndarray:
     """Return smooth sheets (K, H, W, 3) that have nothing to do with any surface."""
     x, y = camera_positions()

@@ -1,6 +1,6 @@
 import numpy as np
 
-from glint.tasks.algorithms.revolution.periodic_normals import held_out_errors, sampled, sums_over_periods
+from glint.tasks.algorithms.revolution.periodic_normals import repeated_candidates, sampled, sums_over_periods
 
 ROWS, COLUMNS = 40, 30
 
@@ -26,18 +26,31 @@ def test_sums_of_what_repeats_say_it_everywhere() -> None:
     assert abs(float(support.mean()) / (20_000 / (ROWS * COLUMNS)) - 1.0) < 0.05
 
 
-def test_other_periods_predict_what_repeats_and_circles_what_does_not_turn() -> None:
+def repeated(turns: np.ndarray, row: np.ndarray, candidates: np.ndarray, shift: int = 0) -> np.ndarray:
+    """Return the number (N,) of each pixel's repeated candidate."""
+    return repeated_candidates(row, turns, candidates, ROWS, COLUMNS, shift, 0.4, np.arange(len(turns)))[0]
+
+
+def test_the_candidate_that_other_periods_show_repeats() -> None:
     row, turns = places(20_000)
-    by_place, by_circle = held_out_errors(row, turns, tilted(0.3 * np.sin(2.0 * np.pi * turns)), ROWS, COLUMNS, 20.0)
-    assert np.isfinite(by_place).all()
-    assert np.sqrt(by_place.mean()) < 1.0
-    assert abs(np.sqrt(by_circle.mean()) - np.degrees(0.3 / np.sqrt(2.0))) < 0.5
+    generator = np.random.default_rng(1)
+    true, false = tilted(0.6 * np.sin(2.0 * np.pi * turns)), tilted(generator.uniform(-1.2, 1.2, 20_000))
+    is_first = generator.random(20_000) < 0.5
+    candidates = np.stack([np.where(is_first[:, None], true, false), np.where(is_first[:, None], false, true)])
+    number = repeated(turns, row, candidates)
+    assert (number == np.where(is_first, 0, 1)).mean() > 0.96
+    # A third of a period further most of the true ones are others.
+    assert (repeated(turns, row, candidates, COLUMNS // 3) >= 0).mean() < 0.25
     # What repeats after two periods only is the opposite in the next.
-    by_place, _ = held_out_errors(row, turns, tilted(0.3 * np.sin(np.pi * turns)), ROWS, COLUMNS, 20.0)
-    assert np.sqrt(by_place.mean()) > 10.0
+    halved = tilted(0.6 * np.sin(np.pi * turns))[None]
+    assert (repeated(turns, row, halved) >= 0).mean() < 0.7 * (repeated(turns / 2.0, row, halved) >= 0).mean()
 
 
-def test_nothing_is_predicted_where_no_other_period_was_seen() -> None:
+def test_nothing_repeats_where_no_other_period_was_seen() -> None:
     row, turns = places(2_000)
-    by_place, by_circle = held_out_errors(row, turns % 1.0, tilted(0.0 * turns), ROWS, COLUMNS, 20.0)
-    assert np.isnan(by_place).all() and np.isnan(by_circle).all()
+    assert (repeated(turns % 1.0, row, tilted(0.0 * turns)[None]) == -1).all()
+
+
+def test_gaps_are_no_candidates() -> None:
+    row, turns = places(2_000)
+    assert (repeated(turns, row, np.full((2, 2_000, 3), np.nan)) == -1).all()

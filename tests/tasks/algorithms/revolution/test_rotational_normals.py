@@ -3,14 +3,17 @@ import pytest
 
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view, view_vectors
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.revolution.rotational_normals import RotationalSymmetry
+from glint.tasks.algorithms.revolution.rotational_normals import COMPLETED_LIMITS, IMPERFECT_LIMITS, RotationalSymmetry
+from glint.tasks.algorithms.revolution.symmetry import SilhouetteSymmetry, surface_of_revolution_normals
 from tests.tasks.algorithms.revolution.beaker import (
     beaker_normals,
     bowl_on_stem,
     camera_positions,
+    cylindrical,
     false_sheets,
     observable,
     seen_normals,
+    turned,
 )
 from tests.tasks.algorithms.revolution.cylinder import CAMERA, SHAPE, seen_cylinder
 
@@ -53,14 +56,14 @@ def test_a_surface_of_revolution_is_found_where_the_mask_lacks_a_part_of_one_sid
 
 
 def test_a_relief_does_not_excuse_a_completed_silhouette() -> None:
-    truth = beaker_normals(14.0)
-    x, y = camera_positions()
-    mask = np.isfinite(truth[..., 0]) & ~((x > 20.0) & (y < -10.0))
-    turn = np.radians(25.0) * np.sign(np.sin(x))
-    waves = np.stack([np.sin(turn), np.zeros(x.shape), np.cos(turn)], axis=-1)
-    accepted = np.where(mask[..., None], waves, np.nan)
+    azimuth, _ = cylindrical(14.0)
+    ribs = turned(np.stack([np.radians(25.0) * np.sin(16.0 * azimuth), 0.0 * azimuth], axis=-1), 14.0)
+    mask = np.isfinite(beaker_normals(14.0)[..., 0])
     flat = np.where(mask[..., None], (0.0, 0.0, 1.0), np.nan)
-    assert RotationalSymmetry(mask, None).normals(accepted, accepted[None], flat) is None
+    fit = SilhouetteSymmetry(mask), ribs, ribs[None], flat
+    ribbed = surface_of_revolution_normals(*fit, IMPERFECT_LIMITS)
+    assert ribbed is not None and ribbed.relief_fit > 0.0
+    assert surface_of_revolution_normals(*fit, COMPLETED_LIMITS) is None
 
 
 @pytest.mark.parametrize(("tilt", "lean"), [(20.0, 0.0), (-25.0, 12.0), (2.0, -8.0)])
