@@ -25,6 +25,8 @@ MAX_BY_CHANCE = 0.35
 """Share whose candidates repeat after parts of a period, as those of a smooth wall do after any angle."""
 MIN_AMPLITUDE_DEG = 5.0
 """RMS angle of repeated candidates from their circles' means: 2 to 4 degrees on smooth walls, 6 and more on reliefs."""
+MAX_MEDIAN_DEG = 4.5
+"""Median angle of accepted normals from those with relief: up to 4.1 degrees on vessels, 5 and more on cut stones."""
 MIN_FIRST_AGREEMENT = 0.008
 """Mean agreement in excess of chance at the tilt of the surface, below which nothing is refined."""
 SEARCHED_PIXELS, USED_PIXELS = 30_000, 300_000
@@ -91,7 +93,7 @@ def find_relief(
 ) -> Relief | None:
     """Find the relief of a surface, and the tilt under which it repeats; None if there is none.
 
-    Accepted normals show it best if most of them are true; else all candidates do.
+    Accepted normals show it best if most of them are true; else all candidates do. It may contradict half of them.
 
     Args:
         mask: (H, W) bool, the silhouette.
@@ -102,7 +104,13 @@ def find_relief(
         candidates: (K, N, 3), NaN where there is none.
     """
     reliefs = [_relief_of(mask, surface, x, y, shown) for shown in (accepted[None], candidates)]
-    return max((relief for relief in reliefs if relief is not None), key=attrgetter("fit"), default=None)
+    relief = max((relief for relief in reliefs if relief is not None), key=attrgetter("fit"), default=None)
+    if relief is None:
+        return None
+    known = np.isfinite(accepted[:, 0])
+    base = relief.surface.with_fitted_slopes(x[known], y[known], accepted[known]).normals(x, y)
+    contradiction = np.median(capped_angles(relief.normals(x, y, base), accepted)[known])
+    return relief if contradiction <= MAX_MEDIAN_DEG else None
 
 
 def _relief_of(

@@ -28,9 +28,8 @@ TILT_STEP_DEG, COARSE_TILT_STEP_DEG, FINAL_TILT_STEP_DEG = 3.75, 0.95, 0.1
 """Half the distance of the tilts tried first, and the steps at which their refinement ends, coarse and fine."""
 COLLAPSED_ERROR_RATIO = 1.5
 """Ratio of its error to that with coarser steps from which a profile has collapsed."""
-MIN_RELIEF_DEG, MAX_RELIEF_DEG = 2.0, 4.5
-"""Median angle of accepted normals from a fitted surface from which a relief is looked for, and from the relief up to
-which it is accepted: up to 4.1 degrees on vessels that have one, 5 and more on cut stones."""
+MIN_RELIEF_DEG = 2.0
+"""Median angle of accepted normals from a fitted surface from which a relief is looked for."""
 MIN_NORMALS, SAMPLED_NORMALS = 20, 1500
 """Accepted normals without which no surface is fitted, and number of those compared for each tilt."""
 TILTS = np.radians(np.arange(-MAX_TILT_DEG, MAX_TILT_DEG + 1, 2 * TILT_STEP_DEG))
@@ -147,8 +146,6 @@ def surface_of_revolution_normals(
         return None
     if relief is not None:
         normals = relief.normals(x, y, normals)
-        if np.median(capped_angles(normals[known], measured[2])) > MAX_RELIEF_DEG:
-            return None
     if opening is not None:
         opening = replace(opening, surface=opening.surface.with_fitted_slopes(*measured))
         around = opening.around[rows, columns]

@@ -43,10 +43,12 @@ def positions(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return x[mask], y[mask]
 
 
-def found_relief(truth: np.ndarray, tilt: float = TILT) -> Relief | None:
-    """Return the relief found among candidates of normals (H, W, 3) if those that are accepted are false."""
+def found_relief(truth: np.ndarray, tilt: float = TILT, *, false_share: float = 0.15) -> Relief | None:
+    """Return the relief found among candidates of normals (H, W, 3) if a share of the accepted ones is false."""
     mask, candidates = np.isfinite(truth[..., 0]), with_false_candidates(truth)
-    return find_relief(mask, beaker_surface(tilt), *positions(mask), candidates[1], candidates)
+    is_false = np.random.default_rng(7).random(mask.sum()) < false_share
+    accepted = np.where(is_false[:, None], candidates[1], candidates[0])
+    return find_relief(mask, beaker_surface(tilt), *positions(mask), accepted, candidates)
 
 
 @pytest.mark.parametrize("periods", [14])
@@ -76,6 +78,12 @@ def test_accepted_normals_alone_show_a_relief_if_they_are_true() -> None:
     nothing_else = np.full((1, *accepted.shape), np.nan)
     relief = find_relief(mask, beaker_surface(TILT), *positions(mask), accepted, nothing_else)
     assert relief is not None and relief.periods == 14
+
+
+def test_a_relief_that_most_accepted_normals_contradict_is_none() -> None:
+    truth = np.where(turned(hobnails(14), TILT)[..., 2:] > 0.0, turned(hobnails(14), TILT), beaker_normals(TILT))
+    assert found_relief(truth, false_share=0.15) is not None
+    assert found_relief(truth, false_share=0.9) is None
 
 
 def test_normals_that_do_not_repeat_are_no_relief() -> None:
