@@ -29,8 +29,8 @@ MAX_MEDIAN_DEG = 4.5
 """Median angle of accepted normals from those with relief: up to 4.1 degrees on vessels, 5 and more on cut stones."""
 MIN_FIRST_AGREEMENT = 0.008
 """Mean agreement in excess of chance at the tilt of the surface, below which nothing is refined."""
-SEARCHED_PIXELS, USED_PIXELS = 30_000, 300_000
-"""Pixels in which a relief is looked for, and those that show it."""
+SEARCHED_PIXELS = 30_000
+"""Pixels in which a relief is looked for."""
 MIN_SUPPORT = 0.05
 """Normals per cell that count as much as a surface without relief."""
 ERROR_CAP_DEG = 20.0
@@ -53,27 +53,28 @@ class Relief:
     """Relief on a surface of revolution.
 
     surface: the one that touches the silhouette. thickness: in pixels, between it and the circles on which the relief
-    repeats. periods: round the axis. fit: share of the pixels that repeat in excess of chance. shown: (K, N, 3),
-    candidates of N pixels that show it.
+    repeats. periods: round the axis. fit: share of the pixels that repeat in excess of chance. x, y: (M,), camera
+    frame, of the pixels that show it. shown: (K, M, 3), their candidates.
     """
 
     surface: SurfaceOfRevolution
     thickness: float
     periods: int
     fit: float
+    x: np.ndarray
+    y: np.ndarray
     shown: np.ndarray
 
     def normals(self, x: np.ndarray, y: np.ndarray, base: np.ndarray) -> np.ndarray:
-        """Return the unit normals (N, 3) of its pixels with relief.
+        """Return the unit normals (N, 3) with relief.
 
         Args:
             x: (N,), camera frame.
             y: (N,).
             base: (N, 3), normals of the surface without relief, which remain where the relief shows nothing.
         """
-        places = Places.on(self.surface.shrunk(self.thickness), x, y)
-        used = np.random.default_rng(0).permutation(len(x))[:USED_PIXELS]
-        observed = ObservedPlaces.at(places.at(used), self.shown[:, used])
+        body = self.surface.shrunk(self.thickness)
+        places, observed = Places.on(body, x, y), ObservedPlaces.at(Places.on(body, self.x, self.y), self.shown)
         relief, support = places.means(*observed.repeated_normals(self.periods), self.periods)
         circles = observed.circles_with_relief(self.periods)
         weight = np.where(places.hit, circles[places.row] * support / (support + MIN_SUPPORT), 0.0)[:, None]
@@ -98,7 +99,7 @@ def find_relief(
     Args:
         mask: (H, W) bool, the silhouette.
         surface: the largest one in it.
-        x: (N,), camera frame.
+        x: (N,), camera frame, of all its pixels or a sample.
         y: (N,).
         accepted: (N, 3), NaN where there is none.
         candidates: (K, N, 3), NaN where there is none.
@@ -119,13 +120,13 @@ def _relief_of(
     """Return the relief that candidates (K, N, 3) show, see `find_relief`."""
     has_candidate = np.flatnonzero(np.isfinite(shown[..., 0]).any(axis=0))
     searched = np.random.default_rng(0).permutation(has_candidate)[:SEARCHED_PIXELS]
-    x, y, candidates = x[searched], y[searched], shown[:, searched]
-    cell = max(1.0, np.sqrt(len(has_candidate) / SEARCHED_PIXELS))
+    candidates = shown[:, searched]
+    cell = max(1.0, np.sqrt(mask.sum() / len(x) * len(has_candidate) / SEARCHED_PIXELS))
     radius = float(np.sqrt(surface.squared_radii.max()))
 
     def observed_under(tilt: float, thickness: float) -> ObservedPlaces:
         body = surface.tilted(mask, tilt, step=1.0).shrunk(thickness * radius)
-        return ObservedPlaces.at(Places.on(body, x, y, cell), candidates)
+        return ObservedPlaces.at(Places.on(body, x[searched], y[searched], cell), candidates)
 
     @cache
     def fits(tilt: float, thickness: float, counts: range) -> tuple[float, int]:
@@ -152,7 +153,7 @@ def _relief_of(
     is_smooth = by_chance > MAX_BY_CHANCE or excess < max(MIN_EXCESS, MIN_EXCESS_RATIO * by_chance)
     if is_smooth or repeated < MIN_REPEATED or observed.amplitude(periods) < MIN_AMPLITUDE_DEG:
         return None
-    return Relief(surface.tilted(mask, tilt), thickness * radius, periods, excess, shown)
+    return Relief(surface.tilted(mask, tilt), thickness * radius, periods, excess, x, y, shown)
 
 
 def _refined(

@@ -30,6 +30,8 @@ COLLAPSED_ERROR_RATIO = 1.5
 """Ratio of its error to that with coarser steps from which a profile has collapsed."""
 MIN_RELIEF_DEG = 2.0
 """Median angle of accepted normals from a fitted surface from which a relief is looked for."""
+RELIEF_PIXELS = 300_000
+"""Pixels that show a relief."""
 MIN_NORMALS, SAMPLED_NORMALS = 20, 1500
 """Accepted normals without which no surface is fitted, and number of those compared for each tilt."""
 TILTS = np.radians(np.arange(-MAX_TILT_DEG, MAX_TILT_DEG + 1, 2 * TILT_STEP_DEG))
@@ -132,8 +134,11 @@ def surface_of_revolution_normals(
     measured = (x[known], y[known], accepted[rows, columns][known])
     deviation = capped_angles(surface.with_fitted_slopes(*measured).normals(*measured[:2]), measured[2])
     may_have_relief = (limits.relief_excuses or error <= limit) and np.median(deviation) > MIN_RELIEF_DEG
-    shown = accepted[rows, columns], candidates[:, rows, columns]
-    relief = find_relief(mask, surface, x, y, *shown) if may_have_relief else None
+    relief = None
+    if may_have_relief:
+        used = np.sort(np.random.default_rng(0).permutation(len(rows))[:RELIEF_PIXELS])
+        shown = accepted[rows[used], columns[used]], candidates[:, rows[used], columns[used]]
+        relief = find_relief(mask, surface, x[used], y[used], *shown)
     if relief is not None:
         surface = relief.surface
     elif (deviation.mean() if limits.is_of_slopes else error) > limit:
