@@ -23,8 +23,8 @@ MIN_OBSERVED, MIN_REPEATED = 0.5, 0.12
 """Share of the pixels at which candidates can be compared, and of these the share whose candidates repeat."""
 MAX_BY_CHANCE = 0.35
 """Share whose candidates repeat after parts of a period, as those of a smooth wall do after any angle."""
-PROBED_PERIODS = 16
-"""Number of periods by which a smooth wall is told before others are tried."""
+PROBED_PERIODS, SMOOTH_BY_CHANCE = 16, 0.5
+"""Number of periods by which a smooth wall is told before others are tried, and share that then repeats by chance."""
 MIN_AMPLITUDE_DEG = 5.0
 """RMS angle of repeated candidates from their circles' means: 2 to 4 degrees on smooth walls, 6 and more on reliefs."""
 MAX_MEDIAN_DEG = 4.5
@@ -145,7 +145,7 @@ def _relief_of(
     observed = observed_under(tilt, thickness)
     if len(observed.places.row) < MIN_OBSERVED * len(searched):
         return None
-    if observed.excess(PROBED_PERIODS).by_chance > MAX_BY_CHANCE:
+    if observed.excess(PROBED_PERIODS).by_chance > SMOOTH_BY_CHANCE:
         return None
     periods, agreement = observed.likely_periods(PERIODS)
     if agreement < MIN_FIRST_AGREEMENT:
