@@ -32,6 +32,14 @@ CIRCLE_SIGMA = 4.0
 """Standard deviation along the axis, in cells, over which circles are compared."""
 
 
+def exceeds_chance[T: (float, np.ndarray)](repeated: T, by_chance: T, pixels: T) -> bool | np.ndarray:
+    """Return whether more pixels repeat than by chance, by as many as a relief takes.
+
+    repeated, by_chance, pixels: numbers of these and of all pixels, (...), or shares of 1.0.
+    """
+    return repeated - by_chance > np.maximum(MIN_EXCESS * pixels, MIN_EXCESS_RATIO * by_chance)
+
+
 @dataclass(frozen=True, slots=True)
 class Places:
     """Places of N pixels on a surface of revolution.
@@ -153,7 +161,7 @@ class ObservedPlaces:
             ndimage.gaussian_filter1d(np.bincount(row[chosen], minlength=rows).astype(float), CIRCLE_SIGMA)
             for chosen in (slice(None), self._repeated(periods)[0] >= 0, self._repeated(periods, CHANCE_SHIFT)[0] >= 0)
         )
-        has_relief = repeated - by_chance > np.maximum(MIN_EXCESS * pixels, MIN_EXCESS_RATIO * by_chance)
+        has_relief = exceeds_chance(repeated, by_chance, pixels)
         has_relief &= repeated > MIN_CIRCLE_RATIO * pixels * repeated.sum() / max(pixels.sum(), 1.0)
         return np.asarray(ndimage.gaussian_filter1d(has_relief.astype(float), 1.0))
 

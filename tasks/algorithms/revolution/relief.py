@@ -8,13 +8,13 @@ behind, and do not repeat.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from operator import attrgetter
 
 import numpy as np
 
 from glint.tasks.algorithms.geometry.vectors import angles, unit
-from glint.tasks.algorithms.revolution.periodic_places import MIN_EXCESS, MIN_EXCESS_RATIO, ObservedPlaces, Places
+from glint.tasks.algorithms.revolution.periodic_places import ObservedPlaces, Places, exceeds_chance
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 
 PERIODS = range(8, 61)
@@ -50,7 +50,7 @@ def capped_angles(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.asarray(np.minimum(np.nan_to_num(angles(first, second), nan=ERROR_CAP_DEG), ERROR_CAP_DEG))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class Relief:
     """Relief on a surface of revolution.
 
@@ -75,15 +75,29 @@ class Relief:
             y: (N,).
             base: (N, 3), normals of the surface without relief, which remain where the relief shows nothing.
         """
-        body = self.surface.shrunk(self.thickness)
-        places, observed = Places.on(body, x, y), ObservedPlaces.at(Places.on(body, self.x, self.y), self.shown)
-        relief, support = places.means(*observed.repeated_normals(self.periods), self.periods)
-        circles = observed.circles_with_relief(self.periods)
-        weight = np.where(places.hit, circles[places.row] * support / (support + MIN_SUPPORT), 0.0)[:, None]
+        places = Places.on(self._body, x, y)
+        relief, support = places.means(*self._repeated, self.periods)
+        weight = np.where(places.hit, self._circles[places.row] * support / (support + MIN_SUPPORT), 0.0)[:, None]
         result = np.where(weight > 0.0, weight * relief, 0.0) + (1.0 - weight) * base
         # What would be turned away is hidden by a nearer part of the relief, whose contour is beside it.
         result[:, 2] = np.maximum(result[:, 2], 0.0)
         return np.asarray(unit(result))
+
+    @cached_property
+    def _body(self) -> SurfaceOfRevolution:
+        return self.surface.shrunk(self.thickness)
+
+    @cached_property
+    def _observed(self) -> ObservedPlaces:
+        return ObservedPlaces.at(Places.on(self._body, self.x, self.y), self.shown)
+
+    @cached_property
+    def _repeated(self) -> tuple[Places, np.ndarray]:
+        return self._observed.repeated_normals(self.periods)
+
+    @cached_property
+    def _circles(self) -> np.ndarray:
+        return self._observed.circles_with_relief(self.periods)
 
 
 def find_relief(
@@ -111,8 +125,9 @@ def find_relief(
     if relief is None:
         return None
     known = np.isfinite(accepted[:, 0])
-    base = relief.surface.with_fitted_slopes(x[known], y[known], accepted[known]).normals(x, y)
-    contradiction = np.median(capped_angles(relief.normals(x, y, base), accepted)[known])
+    x, y, accepted = x[known], y[known], accepted[known]
+    base = relief.surface.with_fitted_slopes(x, y, accepted).normals(x, y)
+    contradiction = np.median(capped_angles(relief.normals(x, y, base), accepted))
     return relief if contradiction <= MAX_MEDIAN_DEG else None
 
 
@@ -153,11 +168,10 @@ def _relief_of(
     (tilt, thickness), periods = _refined(fits, (tilt, thickness), periods)
     observed = observed_under(tilt, thickness)
     repeated, by_chance, _ = observed.excess(periods)
-    excess = repeated - by_chance
-    is_smooth = by_chance > MAX_BY_CHANCE or excess < max(MIN_EXCESS, MIN_EXCESS_RATIO * by_chance)
+    is_smooth = by_chance > MAX_BY_CHANCE or not exceeds_chance(repeated, by_chance, 1.0)
     if is_smooth or repeated < MIN_REPEATED or observed.amplitude(periods) < MIN_AMPLITUDE_DEG:
         return None
-    return Relief(surface.tilted(mask, tilt), thickness * radius, periods, excess, x, y, shown)
+    return Relief(surface.tilted(mask, tilt), thickness * radius, periods, repeated - by_chance, x, y, shown)
 
 
 def _refined(
