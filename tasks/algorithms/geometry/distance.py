@@ -10,7 +10,10 @@ def distance_inside(region: np.ndarray) -> np.ndarray:
 
     region: (H, W) bool; there must be a pixel outside it. The border of the image is not outside.
     """
-    return np.asarray(cv2.distanceTransform(region.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE))
+    distance = cv2.distanceTransform(region.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    # OpenCV's root differs in its last digit with the array's address, which would make results differ between runs.
+    # Squared distances are whole numbers, and up to 1,400 pixels nothing else is rounded to them.
+    return np.asarray(np.sqrt(np.rint(distance * distance)))
 
 
 def depth_inside(mask: np.ndarray) -> np.ndarray:

@@ -1,0 +1,22 @@
+import numpy as np
+from scipy import ndimage
+
+from glint.tasks.algorithms.geometry.distance import depth_inside, distance_inside, inradius
+
+
+def test_distances_are_the_exact_ones_wherever_the_array_lies_in_memory() -> None:
+    generator = np.random.default_rng(0)
+    held = []
+    for count in range(40):
+        height, width = generator.integers(20, 90, 2)
+        region = generator.random((height, width)) < 0.995
+        region[0, 0] = False
+        exact = np.sqrt(np.rint(ndimage.distance_transform_edt(region) ** 2).astype(np.float32))
+        assert np.array_equal(distance_inside(region), exact)
+        held.append(np.zeros(100 * count + int(generator.integers(1, 5000))))
+
+
+def test_the_edge_of_an_image_is_outside_of_its_mask() -> None:
+    mask = np.ones((9, 13), bool)
+    assert depth_inside(mask)[0, 0] == 1.0
+    assert inradius(mask) == 5.0
