@@ -3,9 +3,9 @@
 import numpy as np
 
 from glint.storage.inputs.masks_and_truth import read_mask
-from glint.tasks.algorithms.frames.mask import beside_spheres
-from glint.tasks.algorithms.frames.mask_doubt import Objection, doubt_of, mask_objections
 from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.masks.mask import beside_spheres
+from glint.tasks.algorithms.masks.mask_doubt import Objection, doubt_of, mask_objections
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning

@@ -19,8 +19,8 @@ from scipy import ndimage
 from glint.storage.catalogue.loading import Capture
 from glint.storage.inputs.masks_and_truth import read_mask
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.frames.mask import beside_spheres
-from glint.tasks.algorithms.frames.mask_doubt import mask_objections
+from glint.tasks.algorithms.masks.mask import beside_spheres
+from glint.tasks.algorithms.masks.mask_doubt import mask_objections
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.engine.references import load_catalogue

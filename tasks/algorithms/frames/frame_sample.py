@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from glint.tasks.algorithms.frames.mask import estimate_mask
 from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.masks.mask import estimate_mask
 
 MAX_SAMPLE_BYTES = 256 << 20
 """Bytes that reduced frames may take."""

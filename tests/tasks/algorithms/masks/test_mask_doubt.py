@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from glint.tasks.algorithms.frames.mask_doubt import Objection, doubt_of, mask_objections
-from tests.tasks.algorithms.frames.glass_on_table import GlassScene, draw_glass
+from glint.tasks.algorithms.masks.mask_doubt import Objection, doubt_of, mask_objections
+from tests.tasks.algorithms.masks.glass_on_table import GlassScene, draw_glass
 
 
 @pytest.fixture(scope="module")

@@ -11,11 +11,11 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from glint.tasks.algorithms.frames.contour_edges import edge_image, signed_distance
-from glint.tasks.algorithms.frames.contour_offset import misplacement
-from glint.tasks.algorithms.frames.mask_regions import large_components
 from glint.tasks.algorithms.geometry.connected_parts import largest_part
 from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.masks.contour_edges import edge_image, signed_distance
+from glint.tasks.algorithms.masks.contour_offset import misplacement
+from glint.tasks.algorithms.masks.mask_regions import large_components
 
 MIN_FLASH_LEVELS, FLASH_QUANTILE, FLASH_FACTOR = 12.0, 0.995, 1.5
 """A highlight rises above its surroundings by so many levels, and by a factor above this quantile of the table's."""

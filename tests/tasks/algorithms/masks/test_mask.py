@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.frames.contour_edges import rim_offset, signed_distance
 from glint.tasks.algorithms.frames.frame_sample import MAX_SAMPLE_EDGE_PX, FrameSample
-from glint.tasks.algorithms.frames.mask import estimate_mask
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from tests.tasks.algorithms.frames.glass_on_table import CENTRE, OUTER, GlassScene, draw_glass
+from glint.tasks.algorithms.masks.contour_edges import rim_offset, signed_distance
+from glint.tasks.algorithms.masks.mask import estimate_mask
+from tests.tasks.algorithms.masks.glass_on_table import CENTRE, OUTER, GlassScene, draw_glass
 from tests.tasks.algorithms.overlap import overlap
 
 

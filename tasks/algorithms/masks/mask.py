@@ -5,31 +5,35 @@ the light differs from that of the table around them (`table_response`); holes a
 (`mask_regions`); and a second cut moves the contour to the edges of the background and of the response nearby. Walls
 and feet of glasses refract the table without any highlight: the contour moves out to an edge of the background that is
 stronger than the one that it leaves, then farther to a clear line of it, as the outer face of a thin wall is; and in
-from the blur of highlights at the rim.
+from the blur of highlights at the rim. A round foot, of which only the rim differs from the table, belongs to it
+(`round_foot`).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.frames.contour_edges import edge_image, rim_offset, signed_distance, stronger_pieces
-from glint.tasks.algorithms.frames.grid_cut import Links, grid_cut, links
-from glint.tasks.algorithms.frames.mask_regions import (
+from glint.tasks.algorithms.geometry.convex_hull import convex_hull
+from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.masks.contour_edges import edge_image, rim_offset, signed_distance, stronger_pieces
+from glint.tasks.algorithms.masks.grid_cut import Links, grid_cut, links
+from glint.tasks.algorithms.masks.mask_regions import (
     CLOSE_SHARE,
     bridged,
     closed,
     filled,
     large_components,
     main_components,
+    thick_components,
+    without_specks,
 )
-from glint.tasks.algorithms.frames.table_model import TableModel, fit_table
-from glint.tasks.algorithms.frames.table_response import TableResponse, table_response
-from glint.tasks.algorithms.geometry.convex_hull import convex_hull
-from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.masks.round_foot import round_foot
+from glint.tasks.algorithms.masks.table_model import TableModel, fit_table
+from glint.tasks.algorithms.masks.table_response import TableResponse, table_response
 
 EXCLUDED_RADII = 1.3
 """Radii around a sphere's centre that are excluded: beside the sphere lie its caustics."""
@@ -63,6 +67,8 @@ RESPONSE_WEIGHT = 0.03
 """Weight of the log-likelihood ratios in the second cut: near the contour edges decide."""
 RIM_SIGMA_PX = 1.0
 """Standard deviation of the smoothing of the distances from the contour, by which it is moved by parts of a pixel."""
+MIN_FOOT_DEPTH_PX = 1.5
+"""Depth of a part of a foot from which the cut may not leave it out."""
 OUTWARD_ROUNDS = 2
 """Times that a contour farther out is looked for."""
 MIN_HIGHLIGHT_PX = 12
@@ -114,7 +120,14 @@ def estimate_mask(
     allowed = free if within is None else free & within
     response = table_response(frames, free)
     classes = _separate(response, free, allowed)
-    return _without_blur(_at_edges(classes, response.background, allowed), response, free)
+    mask = _with_contour(classes, response, free, allowed)
+    foot = allowed & round_foot(mask, response.background, classes.features[..., 1], classes.is_table)
+    if not (foot & ~mask).any():
+        return mask
+    classes = replace(classes, differing=classes.differing | foot, filled=classes.filled | foot)
+    mask = _with_contour(classes, response, free, allowed)
+    # Far rims may be too weak for the cut. What a pixel more or less makes of the rim is the cut's to decide.
+    return mask | thick_components(foot & ~mask, MIN_FOOT_DEPTH_PX)
 
 
 def beside_spheres(shape: tuple[int, ...], spheres: Sequence[Sphere]) -> np.ndarray:
@@ -149,7 +162,7 @@ def _separate(response: TableResponse, free: np.ndarray, allowed: np.ndarray) ->
             differing = main_components(flashing, flashing, response.moment)
         else:
             differing = grid_cut(ratios, capacities, np.zeros_like(free), ~allowed) & allowed
-            strong = _without_specks((distance > STRONG_DISTANCE) & allowed)
+            strong = without_specks((distance > STRONG_DISTANCE) & allowed)
             differing = main_components(differing | strong, flashing, response.moment)
         mask = filled(differing, CLOSE_SHARE)
         enclosed = bridged(differing, mask)
@@ -176,6 +189,11 @@ def _check_highlights(flashing: np.ndarray, free: np.ndarray) -> None:
         raise UnusableCapture(f"no highlight in {width} x {height} pixels ({count} pixels flash)", MASK_REMEDY)
     if count > MAX_HIGHLIGHT_SHARE * free.sum():
         raise UnusableCapture(f"{count / free.sum():.0%} of {width} x {height} pixels show a highlight", MASK_REMEDY)
+
+
+def _with_contour(classes: _Classes, response: TableResponse, free: np.ndarray, allowed: np.ndarray) -> np.ndarray:
+    """Return the mask (H, W) bool with its contour at the edges nearby, without blur; see `_separate`."""
+    return _without_blur(_at_edges(classes, response.background, allowed), response, free)
 
 
 def _at_edges(classes: _Classes, background: np.ndarray, free: np.ndarray) -> np.ndarray:
@@ -227,9 +245,3 @@ def _saturated_responses(classes: _Classes) -> list[np.ndarray]:
         ratio = np.exp(excess.clip(-1.0, 5.0)) - 1.0
         images.append(ratio / (np.abs(ratio) + reference) / RESPONSE_EDGE)
     return images
-
-
-def _without_specks(mask: np.ndarray) -> np.ndarray:
-    """Return a mask (H, W) bool without single pixels."""
-    components, _ = ndimage.label(mask, np.ones((3, 3)))
-    return mask & (np.bincount(components.ravel())[components] > 1)

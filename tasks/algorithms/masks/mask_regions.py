@@ -4,6 +4,8 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
+from glint.tasks.algorithms.geometry.distance import depth_inside
+
 JOIN_SHARE, CLOSE_SHARE, BRIDGE_SHARE = 0.1, 0.07, 0.12
 """Gaps that are closed, as shares of the edge of a square of the object's area: between components of one object,
 between pixels of its contour, and those that only a contour along most of the region may bridge."""
@@ -53,6 +55,18 @@ def large_components(mask: np.ndarray, min_area_ratio: float = 0.15) -> np.ndarr
         return mask
     areas = np.bincount(components.ravel())[1:]
     return np.isin(components, 1 + np.flatnonzero(areas >= min_area_ratio * areas.max()))
+
+
+def thick_components(mask: np.ndarray, min_depth: float) -> np.ndarray:
+    """Return those components of a mask (H, W) bool in which a pixel lies at least `min_depth` pixels from outside."""
+    components, _ = ndimage.label(mask)
+    return mask & np.isin(components, components[depth_inside(mask) >= min_depth])
+
+
+def without_specks(mask: np.ndarray) -> np.ndarray:
+    """Return a mask (H, W) bool without single pixels."""
+    components, _ = ndimage.label(mask, np.ones((3, 3)))
+    return mask & (np.bincount(components.ravel())[components] > 1)
 
 
 def filled(differing: np.ndarray, share: float) -> np.ndarray:
