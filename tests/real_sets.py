@@ -18,6 +18,7 @@ from glint.storage.inputs.lp_file import write_lights
 from glint.tasks.algorithms.geometry.vectors import half_vectors_of, unit
 from glint.tasks.algorithms.lighting import spheres
 from glint.tasks.algorithms.lighting.lights import find_lights
+from tests.pictures import read_picture
 
 Surface = Literal["matte", "glossy", "mirror"]
 UW_SPHERE = spheres.Sphere(253.5, 148.0, 119.25)
@@ -115,7 +116,7 @@ def _probe(folder: Path, name: str) -> RealSet:
 
 def _uw(folder: Path, name: str, surface: Surface) -> RealSet:
     pattern = str(folder / name / f"{name}.[0-9]*.png")
-    mask = cv2.imread(str(folder / name / f"{name}.mask.png"), cv2.IMREAD_GRAYSCALE) > 127
+    mask = read_picture(folder / name / f"{name}.mask.png", cv2.IMREAD_GRAYSCALE) > 127
     shape = (mask.shape[0], mask.shape[1])
     if name == "chrome":
         return RealSet(name, surface, pattern, None, UW_SPHERE, mask, sphere_normals(shape, UW_SPHERE))
@@ -130,7 +131,7 @@ def _uw(folder: Path, name: str, surface: Surface) -> RealSet:
 def _bottle_lights(folder: Path) -> np.ndarray:
     """Lights (42, 3) by the mirror law, from the highlight on the glossy sphere."""
     frames = _photographs(str(folder / "ref_obj" / "0001" / "ref_spec_*.png"))
-    mask = cv2.imread(str(folder / "ref_obj" / "0001" / "mask_ref_spec.png"), cv2.IMREAD_GRAYSCALE) > 127
+    mask = read_picture(folder / "ref_obj" / "0001" / "mask_ref_spec.png", cv2.IMREAD_GRAYSCALE) > 127
     normals = sphere_normals((mask.shape[0], mask.shape[1]), _enclosing(mask))
     lights = []
     for frame in frames.astype(float):
@@ -144,14 +145,14 @@ def _bottle_lights(folder: Path) -> np.ndarray:
 
 
 def _bottle(folder: Path) -> RealSet:
-    mask = cv2.imread(str(folder / "mask.png"), cv2.IMREAD_GRAYSCALE) > 127
+    mask = read_picture(folder / "mask.png", cv2.IMREAD_GRAYSCALE) > 127
     truth = _body_of_revolution(mask)
     return RealSet("bottle", "glossy", str(folder / "img_*.png"), _bottle_lights(folder), None, mask, truth)
 
 
 def _reference(folder: Path, frames: str, mask: str, surface: Surface) -> RealSet:
     pattern = str(folder / "ref_obj" / frames)
-    image = cv2.imread(str(folder / "ref_obj" / mask), cv2.IMREAD_GRAYSCALE) > 127
+    image = read_picture(folder / "ref_obj" / mask, cv2.IMREAD_GRAYSCALE) > 127
     truth = sphere_normals((image.shape[0], image.shape[1]), _enclosing(image))
     name = f"{surface}-sphere"
     return RealSet(name, surface, pattern, _bottle_lights(folder), None, image, _within(truth, image))
@@ -205,7 +206,7 @@ def _paths(pattern: str) -> list[Path]:
 
 
 def _photographs(pattern: str) -> np.ndarray:
-    return np.stack([cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in _paths(pattern)])
+    return np.stack([read_picture(path, cv2.IMREAD_GRAYSCALE) for path in _paths(pattern)])
 
 
 __all__ = ["RealSet", "half_vectors_of", "lambert_normals", "real_sets", "sphere_normals", "write_catalogue"]

@@ -67,7 +67,7 @@ def main() -> None:
 
 
 def _saved(session: requests.Session, path: str, marks: list[dict[str, Any]], revision: int) -> int:
-    body = {"changes": {"marks": marks}, "author": "benchmark", "base_revision": revision}
+    body: Any = {"changes": {"marks": marks}, "author": "benchmark", "base_revision": revision}
     answer = session.post(f"{path}/edits", json=body, timeout=600)
     answer.raise_for_status()
     saved = answer.json()["revision"]

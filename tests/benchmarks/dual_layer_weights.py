@@ -27,6 +27,7 @@ from glint.tasks.algorithms.published.dual_layer import (
     node_terms,
     reconstruct_dual_layer,
 )
+from tests.pictures import read_picture
 
 CAPTURES = ("hemisphere", "cylinder", "duck")
 REGION_ORIGIN = 16
@@ -47,7 +48,7 @@ class Scene:
 def load(captures: Path, name: str) -> Scene:
     """Decode a capture and cluster it under its true lights."""
     folder = captures / name / "front"
-    mask = cv2.imread(str(folder / "mask.png"), cv2.IMREAD_GRAYSCALE) > 0
+    mask = read_picture(folder / "mask.png", cv2.IMREAD_GRAYSCALE) > 0
     frames = read_region(folder / "video.mp4", mask.shape)
     half_vectors = half_vectors_of(np.load(folder / "truth" / "lights.npy")).astype(np.float32)
     half_vectors[half_vectors[:, 2] < np.cos(np.pi / 4)] = np.nan
@@ -59,7 +60,7 @@ def load(captures: Path, name: str) -> Scene:
 
 def read_region(video: Path, shape: tuple[int, int]) -> np.ndarray:
     """Luma of the region over all frames (T, H, W) uint8."""
-    capture, frames = cv2.VideoCapture(str(video)), []
+    capture, frames = cv2.VideoCapture(str(video)), list[np.ndarray]()
     rows, columns = (slice(REGION_ORIGIN, REGION_ORIGIN + size) for size in shape)
     while True:
         good, frame = capture.read()

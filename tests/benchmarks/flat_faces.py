@@ -9,6 +9,7 @@ with them.
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -50,9 +51,10 @@ def measure(capture: Capture, store: Path, hypothesis: str = "flat_faces") -> st
         pair = f"{squared[known & (clusters.observations > 0)].mean():.4f} / {squared[known].mean():.4f}"
         return f"{pair}, {confident.sum() / known.sum():.0%}, {right.mean() if right.size else np.nan:.1%} right"
 
+    switched_off: dict[str, Any] = {hypothesis: False}
     without, result = (
         reconstruct_normals(clusters, mask, options, settled=settled, camera=camera)
-        for options in (replace(DEFAULT_OPTIONS, **{hypothesis: False}), DEFAULT_OPTIONS)
+        for options in (replace(DEFAULT_OPTIONS, **switched_off), DEFAULT_OPTIONS)
     )
     return f"without {errors(without)}; with {errors(result)}"
 

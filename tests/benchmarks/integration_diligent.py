@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from glint.tasks.algorithms.integration.bilateral import Method, integrate
+from tests.pictures import read_picture
 
 BAR = {"bear": 0.334, "buddha": 0.563, "cow": 0.058, "pot1": 0.635, "pot2": 0.159}
 METHODS: tuple[Method, ...] = ("bilateral", "least-squares")
@@ -22,8 +23,8 @@ METHODS: tuple[Method, ...] = ("bilateral", "least-squares")
 
 def load(folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return normals (H, W, 3), mask (H, W), camera (3, 3) and true distance (H, W) in millimetres of one object."""
-    picture = cv2.imread(str(folder / "normal_map.png"), cv2.IMREAD_UNCHANGED)[..., ::-1] / 65535 * 2 - 1
-    mask = cv2.imread(str(folder / "mask.png"), cv2.IMREAD_GRAYSCALE) > 0
+    picture = read_picture(folder / "normal_map.png")[..., ::-1] / 65535 * 2 - 1
+    mask = read_picture(folder / "mask.png", cv2.IMREAD_GRAYSCALE) > 0
     normals = picture / np.linalg.norm(picture, axis=-1, keepdims=True)
     return normals, mask, np.loadtxt(folder / "K.txt"), np.load(folder / "depth_gt.npz")["depth_gt"].astype(float)
 

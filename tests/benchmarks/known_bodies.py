@@ -37,9 +37,11 @@ TILT_DEG, MOVED_PX = 5.0, 8
 """Tilt by which a wrong body is turned, and pixels by which one is moved."""
 
 
-def forced_body(*fit: Any) -> symmetry.RotationalNormals | None:
-    """Return the surface of revolution that fits best, however badly; `fit`: silhouette, accepted, candidates."""
-    return FOUND(*fit[:3], limits=FitLimits(90.0, np.inf))
+def forced_body(
+    silhouette: symmetry.SilhouetteSymmetry, accepted: np.ndarray, candidates: np.ndarray, *_: Any
+) -> symmetry.RotationalNormals | None:
+    """Return the surface of revolution that fits best, however badly."""
+    return FOUND(silhouette, accepted, candidates, limits=FitLimits(90.0, np.inf))
 
 
 def wrong_bodies(body: np.ndarray) -> dict[str, np.ndarray]:

@@ -17,9 +17,10 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import open3d as o3d
+import open3d
 import psutil
 from scipy.spatial import cKDTree
 
@@ -40,6 +41,8 @@ from glint.tasks.model.model_key import STAGE, model_key
 from glint.tasks.pipeline import STAGES, warm_up
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
 
+o3d: Any = open3d
+"""Its annotations refuse tuples and arrays, which it takes."""
 TRUNCATED = 4.0
 """Cells from a surface within which the TSDF is integrated."""
 BLOCK = 16

@@ -38,8 +38,8 @@ def main() -> None:
                 line = f"{form:7s} {lights:9s} {name:14s} "
                 try:
                     levels = highlight_levels(background, frames.max(axis=0), mask, half_vectors)
-                except UnusableCapture as error:
-                    print(line, error)
+                except UnusableCapture as refusal:
+                    print(line, refusal)
                     continue
                 clusters = cluster_pixels(frames, levels, half_vectors, inverse_density_weights(half_vectors))
                 mean = object_shading(clusters.shading)

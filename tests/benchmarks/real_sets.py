@@ -58,8 +58,8 @@ def evaluate(real: RealSet, folder: Path, parameters: dict[str, Any] | None = No
     try:
         for stage in STAGES[: [stage.name for stage in STAGES].index("labels") + 1]:
             warnings += perform(context, stage, keys[stage.name]).warnings
-    except UnusableCapture as error:
-        return Outcome(np.nan, 0.0, np.nan, tuple(warnings), str(error))
+    except UnusableCapture as refusal:
+        return Outcome(np.nan, 0.0, np.nan, tuple(warnings), str(refusal))
     region = context.load("survey").record["region"]
     window = np.s_[region["y"] : region["y"] + region["height"], region["x"] : region["x"] + region["width"]]
     mask, labels = context.load("mask").read("mask"), context.load("labels")

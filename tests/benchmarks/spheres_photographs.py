@@ -16,6 +16,7 @@ from glint.tasks.algorithms.lighting.lights import find_lights
 from glint.tasks.algorithms.lighting.sphere_detection import find_spheres
 from glint.tasks.algorithms.lighting.spheres import Sphere, crop_around
 from glint.tasks.stages.capture_geometry import SPHERE_MARGIN_PX
+from tests.pictures import read_picture
 
 
 def report(name: str, frames: np.ndarray, truth: Sphere, lights: np.ndarray, *, half: bool) -> None:
@@ -42,7 +43,7 @@ def report(name: str, frames: np.ndarray, truth: Sphere, lights: np.ndarray, *, 
 def photographs(folder: Path, pattern: str) -> np.ndarray:
     """Read grey frames (T, H, W) in natural order."""
     paths = sorted(folder.glob(pattern), key=lambda path: (len(path.name), path.name))
-    return np.stack([cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in paths])
+    return np.stack([read_picture(path, cv2.IMREAD_GRAYSCALE) for path in paths])
 
 
 def video(path: Path) -> np.ndarray:

@@ -117,8 +117,8 @@ def evaluate_scene(folder: Path, perturbation: float) -> Result:
             continue
         if nearest in remaining:
             remaining.remove(nearest)
-        error = np.array([sphere.x - nearest.x, sphere.y - nearest.y, sphere.radius - nearest.radius])
-        percent = error / nearest.radius * 100
+        offset = np.array([sphere.x - nearest.x, sphere.y - nearest.y, sphere.radius - nearest.radius])
+        percent = offset / nearest.radius * 100
         deviation = np.array([sphere.centre_sd, sphere.centre_sd, sphere.radius_sd]) / nearest.radius * 100
         result.deviations.append(np.stack([percent, deviation]))
         result.spheres.append(

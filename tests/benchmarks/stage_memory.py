@@ -24,6 +24,7 @@ from glint.tasks.engine.references import CaptureReference
 from glint.tasks.engine.stage import perform, stage_keys
 from glint.tasks.pipeline import BY_NAME, STAGES
 from glint.tasks.warm_up import warm_up
+from tests.pictures import read_picture
 from tests.scene import draw_scene
 from tests.storage.footage.videos import write_video
 
@@ -42,7 +43,7 @@ def enlarged(small: Capture, out: Path, factor: int) -> Path:
     assert small.region is not None and small.mask is not None
     out.mkdir(parents=True)
     video = write_video(out / "front.mp4", list(frames()), options={"crf": "18", "preset": "ultrafast"})
-    write_png(out / "mask.png", larger(cv2.imread(small.mask, cv2.IMREAD_GRAYSCALE)))
+    write_png(out / "mask.png", larger(read_picture(Path(small.mask), cv2.IMREAD_GRAYSCALE)))
     capture = Capture(
         id="front",
         frames=str(video),

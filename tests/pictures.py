@@ -1,0 +1,18 @@
+"""Pictures that benchmarks and tests read."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+
+def read_picture(path: Path, flags: int = cv2.IMREAD_UNCHANGED) -> np.ndarray:
+    """Read a picture as OpenCV does with these flags.
+
+    Raises:
+        FileNotFoundError: there is none, or it cannot be decoded.
+    """
+    picture = cv2.imread(str(path), flags)
+    if picture is None:
+        raise FileNotFoundError(f"no picture {path}")
+    return np.asarray(picture)
