@@ -28,6 +28,8 @@ class FitLimits(NamedTuple):
         """
         is_accepted = np.isfinite(accepted[..., 0])
         normals = accepted[is_accepted]
+        if not len(normals):
+            return self.error_deg
         # A single flat face may be the end of any surface of revolution: it shows no axis.
         simpler = [np.broadcast_to(unit(normals.sum(axis=0)), normals.shape)]
         if field is not None:
