@@ -10,9 +10,9 @@ def read_picture(path: Path, flags: int = cv2.IMREAD_UNCHANGED) -> np.ndarray:
     """Read a picture as OpenCV does with these flags.
 
     Raises:
-        FileNotFoundError: there is none, or it cannot be decoded.
+        ValueError: it cannot be read.
     """
     picture = cv2.imread(str(path), flags)
     if picture is None:
-        raise FileNotFoundError(f"no picture {path}")
+        raise ValueError(f"{path} cannot be read as a picture")
     return np.asarray(picture)

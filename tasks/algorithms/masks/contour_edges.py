@@ -23,6 +23,8 @@ MAX_WALL_EDGE = 3.0
 """Edge of a wall beyond which a stronger one counts no more: a black line on the table stands for no other place."""
 RIM_DEPTH_PX, TABLE_DISTANCES_PX, PROFILE_STEP_PX = 4.0, (3.0, 6.0), 0.25
 """Distances from a contour up to which the rim inside lies, and between which the table outside, and of samples."""
+RIM_SIGMA_PX = 1.0
+"""Standard deviation of the smoothing of the distances from the contour, by which it is moved by parts of a pixel."""
 MAX_RIM_OFFSET_PX = 1.0
 """Distance outside the contour up to which the rim's highest level is looked for."""
 MIN_RIM_RATIO = 3.0
@@ -126,6 +128,18 @@ def rim_offset(levels: np.ndarray, distance: np.ndarray, smooth: np.ndarray, use
     half = len(offsets) // 2
     shortest = int((offsets[half:] - offsets[: len(offsets) - half]).argmin())
     return float(np.median(offsets[shortest : shortest + half + 1]))
+
+
+def without_blur(mask: np.ndarray, levels: np.ndarray, used: np.ndarray) -> np.ndarray:
+    """Return a mask (H, W) bool without the rim that is blur alone, for levels and pixels as in `rim_offset`.
+
+    Half the level of a clipped highlight lies out in its blur, never inside the object, and so does a contour found
+    there. The RMS residual over all frames is hardly clipped.
+    """
+    distance = signed_distance(mask)
+    smooth = cv2.GaussianBlur(distance, (0, 0), RIM_SIGMA_PX)
+    offset = rim_offset(levels, distance, smooth, used)
+    return mask if offset is None or offset >= 0.0 else mask & (smooth <= offset)
 
 
 def signed_distance(mask: np.ndarray) -> np.ndarray:

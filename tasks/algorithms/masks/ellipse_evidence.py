@@ -1,6 +1,7 @@
 """Evidence for the rim of a foot along an ellipse: flashes on its near half, edges on its far one, table outside.
 
-Evidence is in edges of the table and in standard deviations of its flashes, per pixel across the rim, and bounded.
+Evidence is the slope across the rim, per pixel: of lines in edges of the table, of flashes in their log ratio to the
+table's. It is bounded.
 """
 
 from typing import NamedTuple
@@ -12,8 +13,8 @@ NEAR_EDGE_WEIGHT = 0.4
 """Weight of edges of the near rim: without flashes it may be that of a matt coaster."""
 BEYOND_WEIGHT, BEYOND_DISTANCE_PX = 0.5, 3.0
 """Weight of what speaks against a place: edges and flashes so far outside it, where the table should be."""
-MEAN_TABLE_EDGE = 0.4
-"""Evidence per pixel of the rim that counts neither for nor against an ellipse."""
+NEUTRAL_EVIDENCE = 0.4
+"""Evidence that counts neither for nor against an ellipse."""
 
 
 class Ellipse(NamedTuple):
@@ -34,13 +35,16 @@ class Ellipse(NamedTuple):
         return self.x - self.half_height * np.sin(self.tilt), self.y + self.half_height * np.cos(self.tilt)
 
     def scaled(self, factor: float) -> "Ellipse":
-        """Return it on a grid `factor` times as fine, where pixel (0, 0) is the centre of the top-left one."""
+        """Return it on a grid `factor` times as fine, (0, 0) being the centre of the top-left pixel."""
         x, y = ((place + 0.5) * factor - 0.5 for place in (self.x, self.y))
         return Ellipse(x, y, self.half_width * factor, self.half_height * factor, self.tilt)
 
 
 class Evidence(NamedTuple):
-    """Where a rim may be: slopes down and right (2, H, W) of lines and of flashes; the larger amount (H, W) of both."""
+    """Where a rim may be.
+
+    lines, flashes: (2, H, W), their slopes down and right. amount: (H, W), the larger of their magnitudes.
+    """
 
     lines: np.ndarray
     flashes: np.ndarray
@@ -59,7 +63,7 @@ def best_ellipse(
     samples: int,
     bound: float,
 ) -> tuple[float, tuple[float, float, float, float, float]]:
-    """Return the largest sum of evidence along a rim in excess of the table's, and the ellipse, as in `Ellipse`.
+    """Return the largest sum of evidence along a rim in excess of the neutral level, and the ellipse, as in `Ellipse`.
 
     lowest: column and row of the end of the ellipse's height; across, down (N,): offsets from it; half_widths (N,);
     flatness (N,); tilts (N,). The sum is -inf if all rims leave the image.
@@ -76,7 +80,7 @@ def best_ellipse(
                         y = lowest[1] + beside * sine + (below - half_height) * cosine
                         ellipse = (x, y, half_width, half_height, tilt)
                         near, far, length = mean_evidence(evidence, ellipse, samples, bound)
-                        excess = (0.5 * (near + far) - MEAN_TABLE_EDGE) * length
+                        excess = (0.5 * (near + far) - NEUTRAL_EVIDENCE) * length
                         if length > 0.0 and excess > most:
                             most, best = excess, ellipse
     return most, best

@@ -3,10 +3,10 @@
 Yeung et al. 2009 take the silhouette as given (section 4.1). Here a first cut separates the pixels whose response to
 the light differs from that of the table around them (`table_response`); holes and gaps that are glass are filled
 (`mask_regions`); and a second cut moves the contour to the edges of the background and of the response nearby. Walls
-and feet of glasses refract the table without any highlight: the contour moves out to an edge of the background that is
-stronger than the one that it leaves, then farther to a clear line of it, as the outer face of a thin wall is; and in
-from the blur of highlights at the rim. A round foot, of which only the rim differs from the table, belongs to it
-(`round_foot`).
+of glasses refract the table without any highlight: the contour moves out to an edge of the background that is stronger
+than the one that it leaves, then farther to a clear line of it, as the outer face of a thin wall is; and in from the
+blur of highlights at the rim. A round foot is added, of which only the rim differs from the table (`round_foot`), and
+the opening of a handle taken away (`handle_openings`).
 """
 
 from collections.abc import Sequence
@@ -19,8 +19,9 @@ from scipy import ndimage
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.convex_hull import convex_hull
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from glint.tasks.algorithms.masks.contour_edges import edge_image, rim_offset, signed_distance, stronger_pieces
+from glint.tasks.algorithms.masks.contour_edges import edge_image, stronger_pieces, without_blur
 from glint.tasks.algorithms.masks.grid_cut import Links, grid_cut, links
+from glint.tasks.algorithms.masks.handle_openings import handle_openings
 from glint.tasks.algorithms.masks.mask_regions import (
     CLOSE_SHARE,
     bridged,
@@ -65,8 +66,6 @@ RESPONSE_EDGE = 0.24
 """Difference of the saturated response that counts as an edge."""
 RESPONSE_WEIGHT = 0.03
 """Weight of the log-likelihood ratios in the second cut: near the contour edges decide."""
-RIM_SIGMA_PX = 1.0
-"""Standard deviation of the smoothing of the distances from the contour, by which it is moved by parts of a pixel."""
 MIN_FOOT_DEPTH_PX = 1.5
 """Depth of a part of a foot from which the cut may not leave it out."""
 OUTWARD_ROUNDS = 2
@@ -120,14 +119,8 @@ def estimate_mask(
     allowed = free if within is None else free & within
     response = table_response(frames, free)
     classes = _separate(response, free, allowed)
-    mask = _with_contour(classes, response, free, allowed)
-    foot = allowed & round_foot(mask, response.background, classes.features[..., 1], classes.is_table)
-    if not (foot & ~mask).any():
-        return mask
-    classes = replace(classes, differing=classes.differing | foot, filled=classes.filled | foot)
-    mask = _with_contour(classes, response, free, allowed)
-    # Far rims may be too weak for the cut. What a pixel more or less makes of the rim is the cut's to decide.
-    return mask | thick_components(foot & ~mask, MIN_FOOT_DEPTH_PX)
+    mask = _with_foot(_with_contour(classes, response, free, allowed), classes, response, free, allowed)
+    return mask & ~handle_openings(mask, classes.ratios < 0.0)
 
 
 def beside_spheres(shape: tuple[int, ...], spheres: Sequence[Sphere]) -> np.ndarray:
@@ -193,7 +186,26 @@ def _check_highlights(flashing: np.ndarray, free: np.ndarray) -> None:
 
 def _with_contour(classes: _Classes, response: TableResponse, free: np.ndarray, allowed: np.ndarray) -> np.ndarray:
     """Return the mask (H, W) bool with its contour at the edges nearby, without blur; see `_separate`."""
-    return _without_blur(_at_edges(classes, response.background, allowed), response, free)
+    mask = _at_edges(classes, response.background, allowed)
+    return without_blur(mask, np.exp(response.deviation), free)
+
+
+def _with_foot(
+    mask: np.ndarray, classes: _Classes, response: TableResponse, free: np.ndarray, allowed: np.ndarray
+) -> np.ndarray:
+    """Return the mask (H, W) bool with the round foot of a vessel, its contour at the edges nearby; see `_separate`."""
+    foot = allowed & round_foot(mask, response.background, classes.features[..., 1], classes.is_table)
+    if not thick_components(foot & ~mask, MIN_FOOT_DEPTH_PX).any():
+        return mask
+    classes = replace(
+        classes,
+        differing=classes.differing | foot,
+        filled=classes.filled | foot,
+        is_table=classes.is_table & ~foot,
+    )
+    mask = _with_contour(classes, response, free, allowed)
+    # A far rim may be too weak for the cut. Whether a rim is a pixel wider or narrower is left to it.
+    return mask | thick_components(foot & ~mask, MIN_FOOT_DEPTH_PX)
 
 
 def _at_edges(classes: _Classes, background: np.ndarray, free: np.ndarray) -> np.ndarray:
@@ -222,18 +234,6 @@ def _at_edges(classes: _Classes, background: np.ndarray, free: np.ndarray) -> np
         outer = mask | cut(mask, mask, MAX_WALL_SHARE, OUTWARD_BONUS, walls)
         mask = mask | stronger_pieces(mask, outer, lines, is_wall=True)
     return mask
-
-
-def _without_blur(mask: np.ndarray, response: TableResponse, free: np.ndarray) -> np.ndarray:
-    """Return the mask (H, W) bool without the rim that is blur alone.
-
-    Half the level of a clipped highlight lies out in its blur, never inside the object, and so does a contour found
-    there. The RMS residual over all frames is hardly clipped.
-    """
-    distance = signed_distance(mask)
-    smooth = cv2.GaussianBlur(distance, (0, 0), RIM_SIGMA_PX)
-    offset = rim_offset(np.exp(response.deviation), distance, smooth, free)
-    return mask if offset is None or offset >= 0.0 else mask & (smooth <= offset)
 
 
 def _saturated_responses(classes: _Classes) -> list[np.ndarray]:

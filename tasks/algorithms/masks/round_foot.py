@@ -19,27 +19,27 @@ MIN_IMAGE_PX = 8
 """Least edge of an image in which a foot is searched for."""
 MIN_WIDTH_SHARE, MAX_WIDTH_SHARE = 0.15, 0.7
 """Half the width of the foot as a share of the mask's width."""
-MIN_FLATNESS, MAX_FLATNESS = 0.08, 0.65
+MIN_ASPECT, MAX_ASPECT = 0.08, 0.65
 """Height of the foot relative to its width: that of a level circle is the sine of the camera's elevation."""
 LOWEST_OFFSETS_PX = -5.0, 2.0
 """Offsets of the foot's lowest point from the mask's at the search width."""
 AXIS_OFFSET_PX = 2.0
-"""Offset of the foot's centre from the axis at that width."""
+"""Largest offset of the foot from the axis at that width."""
 MAX_EDGE, MAX_FINE_EDGE = 1.0, 3.0
-"""Bound of a place's evidence, in edges of the table and standard deviations of its flashes per pixel: in the search,
-where no place may outweigh the rest, and in the refinement, where the rim is where slopes are steepest."""
+"""Bound of a place's evidence: in the search, where no place may outweigh the rest, and in the refinement, where the
+rim is where slopes are steepest."""
 MIN_EVIDENCE, MIN_NEAR_EVIDENCE = 0.62, 0.55
 """Mean evidence of the whole rim, and of its near half, without which there is no foot."""
 MIN_TABLE_RATIO = 1.5
-"""Evidence in excess of MEAN_TABLE_EDGE relative to that of the best ellipse on the table beside the object."""
+"""Evidence in excess of the neutral level, relative to that of the best ellipse beside the axis."""
 BESIDE_SHARE = 1.1
 """Distance of that ellipse from the axis, as a share of the mask's width."""
 RIM_INSET_PX = 0.5
-"""Distance of the contour from the rim that is found: its slopes are steepest where they begin."""
+"""Distance of the contour from the ellipse: slopes are steepest at the outer edge of the rim's blur."""
 COARSE_SAMPLES, FINE_SAMPLES = 48, 96
 """Places along the rim at which evidence is taken, in the search and in the refinement."""
-FOOT_TILT_STEP_DEG, MAX_TILT = 4.0, 0.5
-"""First step of the tilt in the refinement, and the largest tilt of an axis, radians."""
+FOOT_TILT_STEP_DEG, MAX_AXIS_TILT_DEG = 4.0, 30.0
+"""First step of the tilt in the refinement, and the largest tilt of an axis."""
 LINE_ROUNDS = 10
 """Rounds of reweighted least squares in which a line of least absolute distance is fitted."""
 REFINEMENTS = 3
@@ -61,7 +61,7 @@ def round_foot(mask: np.ndarray, background: np.ndarray, flashes: np.ndarray, is
     Args:
         mask: (H, W) bool, the vessel as far as it is known: its stem or its walls, and the lowest point of its foot.
         background: (H, W), level of each pixel without highlights, 0 to 255.
-        flashes: (H, W), flash of each pixel, in standard deviations of the table's.
+        flashes: (H, W), log ratio of each pixel's flash to the table's.
         is_table: (H, W) bool, pixels of the table.
     """
     width = int(mask.any(axis=0).sum())
@@ -70,7 +70,10 @@ def round_foot(mask: np.ndarray, background: np.ndarray, flashes: np.ndarray, is
         return np.zeros_like(mask)
     flashes = np.maximum(flashes - np.median(flashes[is_table]) if is_table.any() else flashes, 0.0)
     evidence = _evidence(background, flashes, is_table, factor)
-    starts = [_Start(x / factor, y / factor, tilt, width / factor) for x, y, tilt in _lower_ends(mask)]
+    starts = [
+        _Start((x + 0.5) / factor - 0.5, (y + 0.5) / factor - 0.5, tilt, width / factor)
+        for x, y, tilt in _lower_ends(mask)
+    ]
     excess, ellipse = max((_search(evidence, start) for start in starts), key=lambda best: best[0])
     shift = BESIDE_SHARE * width / factor
     beside = [
@@ -92,14 +95,14 @@ def round_foot(mask: np.ndarray, background: np.ndarray, flashes: np.ndarray, is
 def _lower_ends(mask: np.ndarray) -> list[tuple[float, float, float]]:
     """Return column, row and tilt of the lower end of the axis of a mask (H, W) bool, if it is upright and if not.
 
-    The axis is the line of least absolute distance from the middles of the rows, narrow rows counting more: where one
-    side of a wall is missing, or a handle stands off, the others are narrower.
+    The axis is the line of least absolute distance from the middles of the rows. Narrow rows, as of a stem, count more
+    than wide ones, as of a vessel with its handle.
     """
     rows = np.flatnonzero(mask.any(axis=1))
     first, last = mask[rows].argmax(axis=1), mask.shape[1] - 1 - mask[rows, ::-1].argmax(axis=1)
     middles, weights = (first + last) / 2.0, 1.0 / (last - first + 1.0)
     height, ends = rows - rows[-1], []
-    for degree in (0, 1):
+    for degree in (0, 1)[: len(rows)]:
         line = np.full(degree + 1, 0.0)
         used = weights
         for _ in range(LINE_ROUNDS):
@@ -107,7 +110,7 @@ def _lower_ends(mask: np.ndarray) -> list[tuple[float, float, float]]:
             misfit = np.abs(np.polynomial.polynomial.polyval(height, line) - middles)
             used = weights / np.maximum(misfit, 0.5)
         tilt = -float(np.arctan(line[1])) if degree else 0.0
-        if abs(tilt) <= MAX_TILT:
+        if abs(tilt) <= np.radians(MAX_AXIS_TILT_DEG):
             ends.append((float(line[0]), float(rows[-1]), tilt))
     return ends
 
@@ -129,14 +132,14 @@ def _reduced(image: np.ndarray, factor: int) -> np.ndarray:
 
 
 def _search(evidence: Evidence, start: _Start) -> tuple[float, Ellipse]:
-    """Return the ellipse with the most evidence about an axis, refined, and how much exceeds that of the table."""
+    """Return the ellipse with the most evidence about an axis, refined, and its excess over the neutral level."""
     excess, ellipse = best_ellipse(
         evidence,
         (start.x, start.y),
         np.linspace(-AXIS_OFFSET_PX, AXIS_OFFSET_PX, 5),
         np.arange(LOWEST_OFFSETS_PX[0], LOWEST_OFFSETS_PX[1] + 0.5),
         np.geomspace(MIN_WIDTH_SHARE * start.width, MAX_WIDTH_SHARE * start.width, 22),
-        np.geomspace(MIN_FLATNESS, MAX_FLATNESS, 14),
+        np.geomspace(MIN_ASPECT, MAX_ASPECT, 14),
         np.array([start.tilt]),
         COARSE_SAMPLES,
         MAX_EDGE,
@@ -145,7 +148,7 @@ def _search(evidence: Evidence, start: _Start) -> tuple[float, Ellipse]:
 
 
 def _refined(evidence: Evidence, ellipse: Ellipse, bound: float) -> tuple[float, Ellipse]:
-    """Return the ellipse with the most evidence near another, and how much exceeds that of the table."""
+    """Return the ellipse with the most evidence near another, and its excess over the neutral level."""
     excess, steps = -np.inf, np.linspace(-1.0, 1.0, 5)
     for step in 0.5 ** np.arange(REFINEMENTS):
         excess, best = best_ellipse(

@@ -75,10 +75,14 @@ def mirror_image(mask: np.ndarray, centre: np.ndarray, angle: float, offset: flo
 def symmetric_body(mask: np.ndarray, image: np.ndarray) -> np.ndarray | None:
     """Return where a silhouette (H, W) bool and its mirror image overlap, if that could be its body."""
     body = largest_part(mask & image)
-    if not body.any():
-        return None
-    share = float((distance_inside(~_contour(mask))[_contour(body)] <= CONTOUR_PX).mean())
-    return body if body.sum() >= MIN_BODY_SHARE * mask.sum() and share >= MIN_MATCHED_SHARE else None
+    is_body = body.sum() >= MIN_BODY_SHARE * mask.sum() and matched_share(mask, body) >= MIN_MATCHED_SHARE
+    return body if is_body else None
+
+
+def matched_share(mask: np.ndarray, body: np.ndarray) -> float:
+    """Return the share of a body's contour that lies on the silhouette's; both (H, W) bool."""
+    contour = _contour(body)
+    return float((distance_inside(~_contour(mask))[contour] <= CONTOUR_PX).mean()) if contour.any() else 0.0
 
 
 def completed_silhouette(mask: np.ndarray, image: np.ndarray) -> np.ndarray | None:

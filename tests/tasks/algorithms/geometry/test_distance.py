@@ -16,6 +16,13 @@ def test_distances_are_the_exact_ones_wherever_the_array_lies_in_memory() -> Non
         held.append(np.zeros(100 * count + int(generator.integers(1, 5000))))
 
 
+def test_long_distances_are_exact() -> None:
+    region = np.ones((800, 30), bool)
+    region[0, 0] = False
+    rows, columns = np.indices(region.shape)
+    assert np.array_equal(distance_inside(region), np.sqrt((rows**2 + columns**2).astype(np.float32)))
+
+
 def test_the_edge_of_an_image_is_outside_of_its_mask() -> None:
     mask = np.ones((9, 13), bool)
     assert depth_inside(mask)[0, 0] == 1.0

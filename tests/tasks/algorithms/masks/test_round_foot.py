@@ -6,10 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
+from glint.tasks.algorithms.masks.ellipse_evidence import Ellipse
 from glint.tasks.algorithms.masks.round_foot import round_foot
 from tests.tasks.algorithms.overlap import overlap
 
-LEVEL, TEXTURE, LINE_DEPTH, FLASH = 120.0, 6.0, 0.3, 8.0
+LEVEL, TEXTURE, LINE_DEPTH, FLASH = 120.0, 6.0, 0.3, 4.0
 
 
 @dataclass
@@ -35,10 +36,10 @@ def draw_foot(
     depth: float = LINE_DEPTH,
     tilt: float = 0.0,
 ) -> Foot:
-    """Draw a vessel whose foot is 60 pixels wide, 100 pixels below its bowl.
+    """Draw a vessel whose foot is 60 pixels wide, on a stem.
 
-    scale: of all lengths. x: column of its axis. other: column of a second foot. flash: of the near rim, standard
-    deviations. depth: share of the light that the rim takes. tilt: of the vessel, degrees.
+    scale: of all lengths. x: column of its axis. other: column of a second foot. flash: of the near rim, log
+    ratio to the table's. depth: share of the light that the rim takes. tilt: of the vessel, degrees.
     """
     height, width = round(180 * scale), round(300 * scale)
     generator = np.random.default_rng(0)
@@ -58,7 +59,8 @@ def draw_foot(
         distance = (radius - 30.0) / np.maximum(slope, 1e-6)
         background *= 1.0 - depth * np.exp(-0.5 * ((distance + 1.0) / 0.8) ** 2)
         flashes += flash * ((distance > -2.0) & (distance <= 0.0) & (rows > 150.0))
-        truth |= radius <= 30.0 if centre == x else False
+        if centre == x:
+            truth = radius <= 30.0
     bowl = np.hypot((columns - x) / 45.0, (rows - 60.0) / 30.0) < 1.0
     stem = (np.abs(columns - x) < 3.0) & (rows > 60.0) & (rows < 150.0 + half_height)
     mask = bowl | stem
@@ -112,5 +114,15 @@ def test_a_mask_without_pixels_has_no_foot() -> None:
     foot = draw_foot()
     foot.mask[:] = False
     assert not foot.found().any()
+
+
+def test_a_foot_is_found_where_no_table_is_known() -> None:
+    foot = draw_foot()
     foot.is_table[:] = False
-    assert not foot.found().any()
+    assert overlap(foot.found(), foot.truth) > 0.8
+
+
+def test_an_ellipse_keeps_its_place_on_a_finer_grid() -> None:
+    ellipse = Ellipse(9.5, 4.5, 3.0, 1.0, 0.1)
+    assert ellipse.scaled(2.0) == Ellipse(19.5, 9.5, 6.0, 2.0, 0.1)
+    assert Ellipse(2.0, 3.0, 4.0, 1.5, 0.0).lowest == (2.0, 4.5)
