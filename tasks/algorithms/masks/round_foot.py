@@ -75,14 +75,14 @@ def round_foot(mask: np.ndarray, background: np.ndarray, flashes: np.ndarray, is
         for x, y, tilt in _lower_ends(mask)
     ]
     excess, ellipse = max((_search(evidence, start) for start in starts), key=lambda best: best[0])
+    near, far, _ = mean_evidence(evidence, ellipse, FINE_SAMPLES, MAX_EDGE)
+    if near < MIN_NEAR_EVIDENCE or 0.5 * (near + far) < MIN_EVIDENCE:
+        return np.zeros_like(mask)
     shift = BESIDE_SHARE * width / factor
     beside = [
         _search(evidence, start._replace(x=start.x + side * shift))[0] for side in (-1.0, 1.0) for start in starts
     ]
     if excess <= MIN_TABLE_RATIO * max(*beside, 0.0):
-        return np.zeros_like(mask)
-    near, far, _ = mean_evidence(evidence, ellipse, FINE_SAMPLES, MAX_EDGE)
-    if near < MIN_NEAR_EVIDENCE or 0.5 * (near + far) < MIN_EVIDENCE:
         return np.zeros_like(mask)
     ellipse = _refined(evidence, ellipse, MAX_FINE_EDGE)[1]
     while factor > 1:

@@ -89,6 +89,10 @@ def test_a_matt_coaster_is_no_foot() -> None:
     assert not draw_foot(flash=0.0, depth=0.8).found().any()
 
 
+def test_a_clear_rim_whose_near_half_hardly_flashes_is_no_foot() -> None:
+    assert not draw_foot(flash=2.0, depth=0.9).found().any()
+
+
 def test_a_stem_without_a_foot_has_none() -> None:
     assert not draw_foot(flash=0.0, depth=0.0).found().any()
 
