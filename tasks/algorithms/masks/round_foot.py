@@ -28,8 +28,8 @@ AXIS_OFFSET_PX = 2.0
 MAX_EDGE, MAX_FINE_EDGE = 1.0, 3.0
 """Bound of a place's evidence: in the search, where no place may outweigh the rest, and in the refinement, where the
 rim is where slopes are steepest."""
-MIN_EVIDENCE, MIN_NEAR_EVIDENCE = 0.62, 0.55
-"""Mean evidence of the whole rim, and of its near half, without which there is no foot."""
+MIN_EVIDENCE, MIN_HALF_EVIDENCE = 0.62, 0.55
+"""Mean evidence of the whole rim, and of each half, without which there is no foot."""
 MIN_TABLE_RATIO = 1.5
 """Evidence in excess of the neutral level, relative to that of the best ellipse beside the axis."""
 BESIDE_SHARE = 1.1
@@ -76,7 +76,7 @@ def round_foot(mask: np.ndarray, background: np.ndarray, flashes: np.ndarray, is
     ]
     excess, ellipse = max((_search(evidence, start) for start in starts), key=lambda best: best[0])
     near, far, _ = mean_evidence(evidence, ellipse, FINE_SAMPLES, MAX_EDGE)
-    if near < MIN_NEAR_EVIDENCE or 0.5 * (near + far) < MIN_EVIDENCE:
+    if min(near, far) < MIN_HALF_EVIDENCE or 0.5 * (near + far) < MIN_EVIDENCE:
         return np.zeros_like(mask)
     shift = BESIDE_SHARE * width / factor
     beside = [
