@@ -58,7 +58,7 @@ def best_ellipse(
     across: np.ndarray,
     down: np.ndarray,
     half_widths: np.ndarray,
-    flatness: np.ndarray,
+    aspects: np.ndarray,
     tilts: np.ndarray,
     samples: int,
     bound: float,
@@ -66,14 +66,14 @@ def best_ellipse(
     """Return the largest sum of evidence along a rim in excess of the neutral level, and the ellipse, as in `Ellipse`.
 
     lowest: column and row of the end of the ellipse's height; across, down (N,): offsets from it; half_widths (N,);
-    flatness (N,); tilts (N,). The sum is -inf if all rims leave the image.
+    aspects (N,), their heights relative to their widths; tilts (N,). The sum is -inf if all rims leave the image.
     """
     most, best = -np.inf, (0.0, 0.0, 1.0, 1.0, 0.0)
     for tilt in tilts:
         cosine, sine = np.cos(tilt), np.sin(tilt)
         for half_width in half_widths:
-            for ratio in flatness:
-                half_height = ratio * half_width
+            for aspect in aspects:
+                half_height = aspect * half_width
                 for below in down:
                     for beside in across:
                         x = lowest[0] + beside * cosine - (below - half_height) * sine

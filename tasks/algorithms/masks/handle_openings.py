@@ -8,6 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.connected_parts import largest_part
+from glint.tasks.algorithms.masks.mask_regions import without_specks
 from glint.tasks.algorithms.silhouettes.mirror_images import matched_share, mirror_images, symmetric_body
 
 MIN_OPENING_RATIO, MIN_OPENING_PX = 0.002, 12
@@ -27,7 +28,7 @@ def handle_openings(mask: np.ndarray, is_like_table: np.ndarray) -> np.ndarray:
     """
     is_like_table = ndimage.binary_opening(mask & is_like_table, SPECK)
     min_area = max(MIN_OPENING_PX, MIN_OPENING_RATIO * float(mask.sum()))
-    if not _large_components(is_like_table, min_area).any():
+    if not without_specks(is_like_table, min_area, diagonal=False).any():
         return np.zeros_like(mask)
     bodies = [body for image in mirror_images(mask) if (body := symmetric_body(mask, image)) is not None]
     if not bodies:
@@ -36,11 +37,6 @@ def handle_openings(mask: np.ndarray, is_like_table: np.ndarray) -> np.ndarray:
     handle = largest_part(ndimage.binary_opening(mask & ~body, SPECK))
     if handle.sum() < MIN_HANDLE_RATIO * mask.sum():
         return np.zeros_like(mask)
-    components, _ = ndimage.label(_large_components(is_like_table & handle, min_area))
+    components, _ = ndimage.label(without_specks(is_like_table & handle, min_area, diagonal=False))
     at_rim = components[~ndimage.binary_erosion(mask, SPECK, iterations=MIN_THICKNESS_PX)]
     return np.asarray((components > 0) & ~np.isin(components, at_rim))
-
-
-def _large_components(pixels: np.ndarray, min_area: float) -> np.ndarray:
-    components, _ = ndimage.label(pixels)
-    return pixels & (np.bincount(components.ravel())[components] >= min_area)

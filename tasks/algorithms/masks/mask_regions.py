@@ -63,10 +63,13 @@ def thick_components(mask: np.ndarray, min_depth: float) -> np.ndarray:
     return mask & np.isin(components, components[depth_inside(mask) >= min_depth])
 
 
-def without_specks(mask: np.ndarray) -> np.ndarray:
-    """Return a mask (H, W) bool without single pixels."""
-    components, _ = ndimage.label(mask, np.ones((3, 3)))
-    return mask & (np.bincount(components.ravel())[components] > 1)
+def without_specks(mask: np.ndarray, min_area: float = 2.0, *, diagonal: bool = True) -> np.ndarray:
+    """Return a mask (H, W) bool without its components of fewer than `min_area` pixels.
+
+    diagonal: whether pixels connect across their corners too.
+    """
+    components, _ = ndimage.label(mask, ndimage.generate_binary_structure(2, 2 if diagonal else 1))
+    return mask & (np.bincount(components.ravel())[components] >= min_area)
 
 
 def filled(differing: np.ndarray, share: float) -> np.ndarray:

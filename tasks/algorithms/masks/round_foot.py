@@ -40,8 +40,9 @@ COARSE_SAMPLES, FINE_SAMPLES = 48, 96
 """Places along the rim at which evidence is taken, in the search and in the refinement."""
 FOOT_TILT_STEP_DEG, MAX_AXIS_TILT_DEG = 4.0, 30.0
 """First step of the tilt in the refinement, and the largest tilt of an axis."""
-LINE_ROUNDS = 10
-"""Rounds of reweighted least squares in which a line of least absolute distance is fitted."""
+LINE_ROUNDS, MIN_MISFIT_PX = 10, 0.5
+"""Rounds of reweighted least squares in which a line of least absolute distance is fitted, and the distance below which
+points weigh alike."""
 REFINEMENTS = 3
 """Times that the ellipse is refined at each size, with half of the last steps."""
 
@@ -103,12 +104,11 @@ def _lower_ends(mask: np.ndarray) -> list[tuple[float, float, float]]:
     middles, weights = (first + last) / 2.0, 1.0 / (last - first + 1.0)
     height, ends = rows - rows[-1], []
     for degree in (0, 1)[: len(rows)]:
-        line = np.full(degree + 1, 0.0)
-        used = weights
+        misfit = np.ones(len(rows))
         for _ in range(LINE_ROUNDS):
-            line = np.polynomial.polynomial.polyfit(height, middles, degree, w=np.sqrt(used))
+            used = np.sqrt(weights / np.maximum(misfit, MIN_MISFIT_PX))
+            line = np.polynomial.polynomial.polyfit(height, middles, degree, w=used)
             misfit = np.abs(np.polynomial.polynomial.polyval(height, line) - middles)
-            used = weights / np.maximum(misfit, 0.5)
         tilt = -float(np.arctan(line[1])) if degree else 0.0
         if abs(tilt) <= np.radians(MAX_AXIS_TILT_DEG):
             ends.append((float(line[0]), float(rows[-1]), tilt))
