@@ -8,7 +8,7 @@ PATIENCE = 120.0
 """Seconds after which a test gives up: a busy machine may need many, and who waits in vain fails in any case."""
 
 
-def until[Found](look: Callable[[], Found], seconds: float = PATIENCE, pause: float = 0.1) -> Found:
+def until[Found](look: Callable[[], Found | None], seconds: float = PATIENCE, pause: float = 0.1) -> Found:
     """Repeat a query until its result is true, and return that."""
     deadline = time.monotonic() + seconds
     while not (found := look()):

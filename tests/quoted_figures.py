@@ -88,7 +88,7 @@ def main() -> None:
             if name in measured:
                 shapes[shape] = quoted_degraded(measured[name], shape)
     for part, block in BLOCKS.items():
-        text = block.sub(lambda _, part=part: written(part, figures[part]), text, count=1)
+        text = written(part, figures[part]).join(block.split(text, maxsplit=1))
     FIGURES_FILE.write_text(text, encoding="utf-8")
 
 

@@ -100,7 +100,12 @@ def served(store: Path, ways: Collection[str], names: Collection[str], scratch: 
     for name in names:
         parts = [partial(_frames, location, name)] if name in "ab" else [partial(_object, store, name)]
         if name not in "ab":
-            choice = {"work": _work, "rows": _rows, "diff": _differences, "export": partial(_exported, scratch)}
+            choice: dict[str, Callable[[Location, str], Served]] = {
+                "work": _work,
+                "rows": _rows,
+                "diff": _differences,
+                "export": partial(_exported, scratch),
+            }
             parts += [partial(choice[way], location, name) for way in ways]
         for part in parts:
             values |= _guarded((name,), part)

@@ -11,7 +11,7 @@ from glint.tasks.pipeline import BY_NAME, STAGES
 
 
 def make_context(
-    catalogue: Path, store: Path, parameters: dict[str, Any] | None = None, **changed: Any
+    catalogue: Path, store: Path, parameters: dict[str, Any] | None = None, /, **changed: Any
 ) -> CaptureContext:
     """The workspace of the catalogue's first capture with some keys changed."""
     item = load(catalogue).objects[0]
