@@ -95,7 +95,8 @@ def save_sphere(
         "lights": {"reasons": REASONS},
         "surface": {"unit": unit},
     }
-    for stage, values in ({"survey": {}} | arrays).items():
+    stages: dict[str, dict[str, Any]] = {"survey": {}} | arrays
+    for stage, values in stages.items():
         files = {}
         if stage == "surface":
             files = {

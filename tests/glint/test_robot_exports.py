@@ -42,7 +42,7 @@ def test_camera_json_stands_beside_the_arrays(store: Path, tmp_path: Path) -> No
     rows, columns = np.nonzero(np.isfinite(depth))
     ahead = phone["depth"]["zero_distance"] - depth[rows, columns]
     rays = np.stack([columns, rows, np.ones_like(rows)], axis=-1) @ np.linalg.inv(phone["region_matrix"]).T
-    mesh = open3d.io.read_triangle_mesh(str(tmp_path / "out/phone/surface.ply"))
+    mesh = open3d.io.read_triangle_mesh(tmp_path / "out/phone/surface.ply")
     points = np.asarray(mesh.vertices)
     conversion = np.array(phone["frames"]["opencv"]["from_camera"])
     np.testing.assert_allclose((rays * ahead[:, None])[: len(points)], points @ conversion[:3, :3].T, atol=1e-3)
@@ -63,11 +63,11 @@ def test_a_point_cloud_is_read_by_open3d(store: Path, tmp_path: Path) -> None:
     assert record.captures == ("front", "phone") and record.files == 5
     for name, centre in (("front", (0, 0, 0)), ("phone", (0, 0, 0.2))):
         path = tmp_path / "out" / name / "cloud.pcd"
-        cloud = open3d.io.read_point_cloud(str(path))
+        cloud = open3d.io.read_point_cloud(path)
         offsets = np.asarray(cloud.points) - centre
         np.testing.assert_allclose(np.linalg.norm(offsets, axis=-1), 0.006, atol=1e-6)
         np.testing.assert_allclose(np.asarray(cloud.normals), offsets / 0.006, atol=1e-3)
-        fields = open3d.t.io.read_point_cloud(str(path)).point
+        fields = open3d.t.io.read_point_cloud(path).point
         np.testing.assert_allclose(np.unique(fields["confidence"].numpy()), [0.4, 0.97], atol=1e-6)
         assert content(path.with_name("camera.json"))["unit"] == "mm"
 
@@ -76,7 +76,7 @@ def projected(folder: Path, image: str, object_number: int) -> tuple[np.ndarray,
     """Pixels (N, 2) and distances (N,) of a model's vertices in an image, by the files of the dataset alone."""
     scene = folder / "train" / f"{object_number:06d}"
     camera, (pose,) = content(scene / "scene_camera.json")[image], content(scene / "scene_gt.json")[image]
-    mesh = open3d.io.read_triangle_mesh(str(folder / "models" / f"obj_{object_number:06d}.ply"))
+    mesh = open3d.io.read_triangle_mesh(folder / "models" / f"obj_{object_number:06d}.ply")
     rotation, shift = np.reshape(pose["cam_R_m2c"], (3, 3)), np.array(pose["cam_t_m2c"])
     assert np.linalg.det(rotation) == pytest.approx(1.0) and mesh.has_vertex_normals()
     matrix, vertices = np.reshape(camera["cam_K"], (3, 3)), np.asarray(mesh.vertices)
@@ -181,6 +181,6 @@ def test_a_text_mesh_is_read_by_open3d(store: Path, tmp_path: Path) -> None:
 
     mesh = glint.open(store)["wine-glass"].latest["front"].mesh
     write_ply(tmp_path / "mesh.ply", mesh)
-    back = open3d.io.read_triangle_mesh(str(tmp_path / "mesh.ply"))
+    back = open3d.io.read_triangle_mesh(tmp_path / "mesh.ply")
     np.testing.assert_allclose(np.asarray(back.vertices), mesh.vertices, atol=1e-4)
     np.testing.assert_array_equal(np.asarray(back.triangles), mesh.triangles)

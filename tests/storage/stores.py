@@ -1,11 +1,13 @@
 """Stores and results of a capture, shared by tests."""
 
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import icechunk
 import numpy as np
-from obstore.store import MemoryStore
+from obstore.store import MemoryStore, ObjectStore
 
 from glint.storage.locations.location import Location
 from glint.storage.versions.array_schema import ArraySchema
@@ -33,20 +35,23 @@ def local_store(folder: Path) -> Location:
     return Location.parse(folder)
 
 
-class MemoryLocation:
-    """A store in this process that honours conditions and has no locks, as an object store does."""
+@dataclass(frozen=True, slots=True)
+class MemoryLocation(Location):
+    """A store in this process that honours conditions and has no locks, as an object store does.
 
-    uri, local = "memory://", None
+    store: of the root; repositories: by path, shared with all locations below.
+    """
 
-    def __init__(self, root: "MemoryLocation | None" = None, path: tuple[str, ...] = ()) -> None:
-        self.root, self.path = root or self, path
-        self.store = MemoryStore() if root is None else root.store
-        self.repositories: dict[tuple[str, ...], icechunk.Storage] = {} if root is None else root.repositories
+    scheme: str = "memory"
+    container: str = field(default_factory=lambda: uuid4().hex)
+    path: str = ""
+    store: MemoryStore = field(default_factory=MemoryStore, compare=False)
+    repositories: dict[str, icechunk.Storage] = field(default_factory=dict, compare=False)
 
     def child(self, *parts: str) -> "MemoryLocation":
-        return MemoryLocation(self.root, self.path + parts)
+        return replace(self, path="/".join((self.path, *parts)).lstrip("/"))
 
-    def obstore(self) -> MemoryStore:
+    def obstore(self) -> ObjectStore:
         return MemoryStore() if self.path else self.store
 
     def icechunk_storage(self) -> icechunk.Storage:

@@ -111,12 +111,27 @@ def playlist(path: Path) -> None:
 
 def sparse(size: int) -> Callable[[Path], object]:
     """A file of so many bytes that takes no room."""
-    return lambda path: (path.write_bytes(b"x"), os.truncate(path, size))
+
+    def make(path: Path) -> None:
+        path.write_bytes(b"x")
+        os.truncate(path, size)
+
+    return make
 
 
 def link(target: str) -> Callable[[Path], object]:
     """A link."""
     return lambda path: path.symlink_to(target)
+
+
+def folder_with_link(name: str, target: str) -> Callable[[Path], object]:
+    """A folder of one link."""
+
+    def make(path: Path) -> None:
+        path.mkdir()
+        (path / name).symlink_to(target)
+
+    return make
 
 
 def folder(*files: tuple[str, bytes]) -> Callable[[Path], object]:
@@ -970,7 +985,7 @@ ROWS = (
     Hostile(
         "frames",
         "folder of links to nowhere",
-        lambda path: (path.mkdir(), (path / "1.png").symlink_to("/nowhere/1.png")),
+        folder_with_link("1.png", "/nowhere/1.png"),
         "no images at DIR/f.mp4",
     ),
     Hostile("frames", "pipe", os.mkfifo, "DIR/f.mp4 is neither a file nor a folder"),
@@ -1051,7 +1066,7 @@ ROWS = (
     Hostile(
         "truth",
         "link to a device",
-        lambda path: (path.mkdir(), (path / "depth.npy").symlink_to("/dev/zero")),
+        folder_with_link("depth.npy", "/dev/zero"),
         "DIR/truth/depth.npy is not a file: give the path of a file",
     ),
     Hostile(

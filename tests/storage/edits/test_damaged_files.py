@@ -65,8 +65,8 @@ def test_nothing_damaged_is_served(tmp_path: Path) -> None:
     edits = Edits.open(local_store(tmp_path / "whole"), "duck")
     for number in range(4):
         noise = np.random.default_rng(number).random((90, 110)) < 0.5
-        values = VALUES | {"mask": noise, "pixel_size": 0.25 + number, "note": f"note {number}"}
-        edits.save("back" if number == 1 else "front", Changes.model_validate(values), "Ann", number)
+        changes = VALUES | {"mask": noise, "pixel_size": 0.25 + number, "note": f"note {number}"}
+        edits.save("back" if number == 1 else "front", Changes.model_validate(changes), "Ann", number)
     original, chance, outcomes = served(local_store(tmp_path / "whole")), random.Random(0), Counter[str]()
     assert not any(isinstance(value, GlintError) for value in original)
     for trial in range(TRIALS):

@@ -154,8 +154,8 @@ def test_undo_gives_the_earlier_values_back(edits: Edits) -> None:
 
 
 def test_undo_goes_back_step_by_step(edits: Edits) -> None:
-    for number, size in enumerate((0.1, 0.2, 0.3)):
-        edits.save("front", Changes(pixel_size=size), "Ann" if size != 0.2 else "Bob", number)
+    for revision, size in enumerate((0.1, 0.2, 0.3)):
+        edits.save("front", Changes(pixel_size=size), "Ann" if size != 0.2 else "Bob", revision)
     edits.save("front", Changes(note="a note is not undone"), "Ann", 3)
     states = []
     while (number := edits.next_undo("front")) is not None:
@@ -284,7 +284,7 @@ def _save_many(location: Any, writer: int, failures: list[Exception], count: int
 @pytest.mark.long
 @pytest.mark.parametrize("kind", ["folder", "memory"])
 def test_two_writers_at_once_lose_nothing(kind: str, location: Location) -> None:
-    place: Any = location if kind == "folder" else MemoryLocation()
+    place: Location = location if kind == "folder" else MemoryLocation()
     failures: list[Exception] = []
     writers = [threading.Thread(target=_save_many, args=(place, writer, failures)) for writer in range(2)]
     for thread in writers:
@@ -301,7 +301,7 @@ def test_two_writers_at_once_lose_nothing(kind: str, location: Location) -> None
 
 @pytest.mark.parametrize("kind", ["folder", "memory"])
 def test_of_two_people_who_change_one_field_at_once_one_is_refused(kind: str, location: Location) -> None:
-    place: Any = location if kind == "folder" else MemoryLocation()
+    place: Location = location if kind == "folder" else MemoryLocation()
     Edits.open(place, "duck")
     barrier, outcomes = threading.Barrier(2), dict[str, Any]()
 

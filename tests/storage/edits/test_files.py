@@ -23,7 +23,7 @@ def edits(tmp_path: Path) -> Edits:
 def test_what_was_written_is_taken_again(edits: Edits, tmp_path: Path) -> None:
     everything = Changes.model_validate(VALUES | {"mask": drawn_mask(), "note": "it leaked"}, strict=False)
     edits.save("front", everything, "Ann", 0)
-    edits.save("back", Changes(pose={"camera_to_world": np.eye(4).tolist()}), "Ann", 1)
+    edits.save("back", Changes.model_validate({"pose": {"camera_to_world": np.eye(4).tolist()}}), "Ann", 1)
     written = write_files(edits, edits.captures(), tmp_path / "out")
     names = [path.relative_to(tmp_path / "out").as_posix() for path in written]
     assert names == ["edits.yaml", "front/mask.png", "front/markup.json"]

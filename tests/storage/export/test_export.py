@@ -185,7 +185,9 @@ def test_damaged_or_hostile_content_leaves_nothing(
         session = inner.writable_session("work")
         group = zarr.open_group(session.store, path="front/surface")
         attributes = dict(group.attrs)
-        attributes["files"][name] = attributes["files"]["surface.ply"]
+        files = attributes["files"]
+        assert isinstance(files, dict)
+        files[name] = files["surface.ply"]
         group.attrs.put(sealed(attributes))
         session.commit("foreign")
         repository.publish(["front"], {})
@@ -199,7 +201,9 @@ def test_a_file_whose_content_was_replaced_is_refused(
 ) -> None:
     inner = icechunk.Repository.open(location.child("objects", "duck", "repo").icechunk_storage())
     session = inner.writable_session("work")
-    zarr.open_group(session.store, path="front/surface/files")["surface.ply"][2] = ord("x")
+    content = zarr.open_group(session.store, path="front/surface/files")["surface.ply"]
+    assert isinstance(content, zarr.Array)
+    content[2] = ord("x")
     session.commit("damage")
     repository.publish(["front"], {})
     with pytest.raises(StoreError, match=r"'surface\.ply' of duck/front/surface in v\d is damaged"):

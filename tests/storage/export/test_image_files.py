@@ -1,6 +1,5 @@
 from pathlib import Path
 
-import cv2
 import numpy as np
 import OpenEXR
 import pytest
@@ -8,6 +7,7 @@ import tifffile
 from PIL import Image
 
 from glint.storage.export import image_files
+from tests.pictures import read_picture
 from tests.storage.export.image_readers import decode_normals, read_exr, read_png
 
 
@@ -32,7 +32,7 @@ def test_a_16_bit_png_keeps_normals_to_its_last_bit(normals: np.ndarray, tmp_pat
     back = read_png(tmp_path / "n.png")
     np.testing.assert_array_equal(back, image_files.encode_normals(normals))
     np.testing.assert_allclose(decode_normals(back), normals, atol=2.5e-5)
-    raw = cv2.imread(str(tmp_path / "n.png"), cv2.IMREAD_UNCHANGED)
+    raw = read_picture(tmp_path / "n.png")
     np.testing.assert_array_equal(raw[..., 2], image_files.encode_normals(normals)[..., 0], "red is x")
 
 
@@ -55,7 +55,7 @@ def test_float_images_are_lossless(normals: np.ndarray, tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_exr(tmp_path / "y.exr"), normals[..., 0])
     image_files.write_tiff(tmp_path / "d.tiff", normals[..., 2])
     np.testing.assert_array_equal(tifffile.imread(tmp_path / "d.tiff"), normals[..., 2])
-    np.testing.assert_array_equal(cv2.imread(str(tmp_path / "d.tiff"), cv2.IMREAD_UNCHANGED), normals[..., 2])
+    np.testing.assert_array_equal(read_picture(tmp_path / "d.tiff"), normals[..., 2])
 
 
 def test_other_types_and_shapes_are_refused(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import itertools
 import os
 import threading
+from collections.abc import Generator
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -168,7 +169,8 @@ def test_reading_can_be_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     with open_footage(path) as footage:
         frames = footage.frames()
         assert next(frames).shape == (96, 128)
-        frames.close()  # type: ignore[attr-defined]
+        assert isinstance(frames, Generator)
+        frames.close()
     assert not [thread for thread in threading.enumerate() if thread.name.startswith("decoding")]
 
 

@@ -18,6 +18,7 @@ import glint.storage.frames.ingest
 from glint.storage.catalogue.loading import Region
 from glint.storage.errors import InputError, StoreError
 from glint.storage.footage.source import Footage, open_footage
+from glint.storage.footage.video import Video
 from glint.storage.frames.cache import FrameCache, cache_digest
 from glint.storage.frames.layout import MAX_SHARD_BYTES, shard_frames
 from glint.storage.frames.layout import SHARD_FRAMES as SHARD
@@ -145,6 +146,7 @@ def test_a_complete_cache_is_not_written_again(tmp_path: Path, video: tuple[Path
 
 def test_more_frames_than_the_file_states(tmp_path: Path, video: tuple[Path, np.ndarray]) -> None:
     footage = open_footage(video[0])
+    assert isinstance(footage, Video)
     footage.count = 0
     _same(FrameCache.ingest(footage, _place(tmp_path), "d", CROPS), video[1])
 

@@ -57,8 +57,9 @@ class _LaxHandler(BaseHTTPRequestHandler):
 @contextmanager
 def lax_server() -> Iterator[LaxServer]:
     """Yield the server while it runs."""
-    handler = type("LaxHandler", (_LaxHandler,), {"objects": {}, "tokens": []})
+    tokens = list[str | None]()
+    handler = type("LaxHandler", (_LaxHandler,), {"objects": {}, "tokens": tokens})
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         Thread(target=server.serve_forever, daemon=True).start()
-        yield LaxServer(f"http://127.0.0.1:{server.server_port}", handler.tokens)
+        yield LaxServer(f"http://127.0.0.1:{server.server_port}", tokens)
         server.shutdown()

@@ -5,7 +5,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -69,10 +69,10 @@ def test_files_that_hang_are_given_up(hung: Path, tmp_path: Path) -> None:
 def test_what_goes_on_slowly_is_not_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(time_limit, "SILENCE_SECONDS", 2.0)
 
-    def slow(step: object) -> str:
+    def slow(step: Callable[[], None]) -> str:
         for _ in range(8):
             time.sleep(0.4)
-            step()  # type: ignore[operator]
+            step()
         return "read"
 
     assert within_time(slow, "tape") == "read"
@@ -105,7 +105,8 @@ def test_what_makes_items_ends_when_no_more_are_taken() -> None:
 
     taken = items_within_time(endless(), "tape")
     assert next(taken) == 1
-    taken.close()  # type: ignore[attr-defined]
+    assert isinstance(taken, Generator)
+    taken.close()
     assert closed.is_set()
     assert not any(thread.name == "reading tape" and thread.is_alive() for thread in threading.enumerate())
 

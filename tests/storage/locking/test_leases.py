@@ -2,13 +2,13 @@ import subprocess
 import sys
 import threading
 import time
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from datetime import timedelta
 from pathlib import Path
 
 import obstore
 import pytest
-from obstore.store import LocalStore
+from obstore.store import LocalStore, ObjectStore
 
 from glint.storage.errors import StoreError
 from glint.storage.locking.leases import lease
@@ -69,19 +69,18 @@ def test_a_run_that_lost_its_lease_leaves_the_new_owner_alone() -> None:
     assert run_owner(location, "duck") is not None
 
 
+@dataclass(frozen=True, slots=True)
 class FolderLocation(MemoryLocation):
     """The same in a folder, which can be made to fail."""
 
-    def __init__(self, folder: Path) -> None:
-        super().__init__()
-        self.folder = folder
+    folder: Path = field(kw_only=True)
 
-    def obstore(self) -> LocalStore:
+    def obstore(self) -> ObjectStore:
         return LocalStore(self.folder)
 
 
 def test_a_run_succeeds_though_its_lease_cannot_be_released(tmp_path: Path) -> None:
-    location = FolderLocation(tmp_path)
+    location = FolderLocation(folder=tmp_path)
     with run_lock(location, "duck"):
         folder = tmp_path / "objects" / "duck"
         folder.rename(tmp_path / "moved")

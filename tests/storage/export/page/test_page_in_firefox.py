@@ -13,6 +13,7 @@ from glint.storage.versions.repository import ObjectRepository
 from glint.tasks.algorithms.meshing.shading import relit
 from tests import firefox
 from tests.glint.sample_store import save_sphere
+from tests.pictures import decode_picture
 from tests.polling import until
 from tests.storage.stores import local_store
 
@@ -42,7 +43,7 @@ def test_the_page_relights_and_turns_the_mesh(tmp_path: Path) -> None:
         expected = relit(capture.normals, capture.mask, (0.6, 0.0, 0.8))
         assert expected.max() > 200 and np.abs(pixels[..., 0].astype(int) - expected).max() <= 1
         assert running.evaluate("glint.viewer.show('mesh').then(() => glint.viewer.hasFailed)") is False
-        picture = cv2.imdecode(np.frombuffer(running.picture(), np.uint8), cv2.IMREAD_COLOR)
+        picture = decode_picture(running.picture(), cv2.IMREAD_COLOR)
         assert picture.std() > 10.0
         assert [url for url in running.requested() if not url.startswith(("data:", "blob:", file.as_uri()))] == []
         assert running.complaints() == []
