@@ -25,9 +25,9 @@ def lit(half_vectors: np.ndarray, normals: list[np.ndarray], disc: float = DISC)
     return np.where(near, 255, 30).astype(np.uint8)[:, None, None]
 
 
-def cluster_frames(half_vectors: np.ndarray, frames: np.ndarray, **parameters: float) -> Clusters:
+def cluster_frames(half_vectors: np.ndarray, frames: np.ndarray) -> Clusters:
     highlights = HighlightLevels(np.full(frames.shape[1:], 200, frames.dtype), saturation=255.0)
-    return cluster_pixels(frames, highlights, half_vectors, inverse_density_weights(half_vectors), **parameters)
+    return cluster_pixels(frames, highlights, half_vectors, inverse_density_weights(half_vectors))
 
 
 def test_discs_become_their_centres_heaviest_first() -> None:

@@ -19,7 +19,7 @@ def test_thresholds_rise_with_the_picture_behind_the_glass() -> None:
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_what_is_saturated_without_the_light_never_counts_as_lit(dtype: type) -> None:
+def test_what_is_saturated_without_the_light_never_counts_as_lit(dtype: type[np.unsignedinteger]) -> None:
     limit = np.iinfo(dtype).max
     background = (limit * np.array([[0.98, 0.99, 1.0]])).astype(dtype)
     thresholds = highlight_thresholds(background, float(limit), 0.85)

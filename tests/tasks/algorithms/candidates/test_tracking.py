@@ -11,6 +11,7 @@ from glint.tasks.algorithms.candidates.marked_tracks import Tracks, track
 from glint.tasks.algorithms.candidates.markup import Mark
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of
 from tests.benchmarks.dual_layer_weights import read_region
+from tests.pictures import read_picture
 
 COUNT, SIZE = 30, 60
 
@@ -155,7 +156,7 @@ def test_long_footage_is_read_in_small_parts() -> None:
 @pytest.mark.parametrize("name", ["cylinder", "duck"])
 def test_tracks_of_true_marks_have_true_normals(shared_data: Path, name: str) -> None:
     folder = shared_data / "captures" / name / "front"
-    mask = cv2.imread(str(folder / "mask.png"), cv2.IMREAD_GRAYSCALE) > 0
+    mask = read_picture(folder / "mask.png", cv2.IMREAD_GRAYSCALE) > 0
     truth = np.load(folder / "truth" / "normals.npy")
     half_vectors = half_vectors_of(np.load(folder / "truth" / "lights.npy")).astype(np.float32)
     half_vectors[half_vectors[:, 2] < np.cos(np.pi / 4)] = np.nan

@@ -5,14 +5,15 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.integration.bilateral import integrate
+from glint.tasks.algorithms.integration.bilateral import Method, integrate
 from glint.tasks.algorithms.integration.edges import bilateral_weights, compare_sides, grid_edges, step_price
 from tests.benchmarks.integration_scenes import FIELDS, traced, with_noise
 from tests.benchmarks.integration_sheets import risers, stairs
 from tests.benchmarks.integration_synthetic import step_error
+from tests.pictures import read_picture
 from tests.tasks.algorithms.geometry.gradient_normals import from_gradients
 
-METHODS = ("bilateral", "least-squares")
+METHODS: tuple[Method, ...] = ("bilateral", "least-squares")
 
 
 def grid(height: int, width: int) -> tuple[np.ndarray, np.ndarray]:
@@ -37,7 +38,7 @@ def deviation(depth: np.ndarray, truth: np.ndarray, where: np.ndarray) -> np.nda
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_plane_is_exact_and_grows_towards_the_camera(method):
+def test_a_plane_is_exact_and_grows_towards_the_camera(method: Method) -> None:
     x, y = grid(30, 41)
     normals = np.broadcast_to(from_gradients(np.array(0.7), np.array(-0.3)), (30, 41, 3))
     mask = np.hypot(x, y) < 14
@@ -50,13 +51,13 @@ def test_a_plane_is_exact_and_grows_towards_the_camera(method):
 
 @pytest.mark.parametrize(("reach", "bound"), [(0.9, 0.05), (0.999, 0.6)])
 @pytest.mark.parametrize("method", METHODS)
-def test_a_sphere_is_recovered_up_to_its_rim(method, reach, bound):
+def test_a_sphere_is_recovered_up_to_its_rim(method: Method, reach: float, bound: float) -> None:
     normals, mask, height = sphere(121, 55.0, reach)
     errors = deviation(integrate(normals, mask, method=method).depth, height, mask)
     assert np.abs(errors).mean() < bound
 
 
-def test_components_are_labelled_and_each_has_mean_zero():
+def test_components_are_labelled_and_each_has_mean_zero() -> None:
     mask = np.zeros((12, 30), bool)
     mask[2:10, 2:10] = mask[3:9, 15:28] = mask[11, 29] = True
     normals = np.broadcast_to(from_gradients(np.array(0.5), np.array(0.0)), (12, 30, 3))
@@ -68,14 +69,14 @@ def test_components_are_labelled_and_each_has_mean_zero():
     assert np.allclose(np.diff(result.depth[5, 2:10]), 0.5, atol=1e-3)
 
 
-def test_diagonal_neighbours_are_components_of_their_own():
+def test_diagonal_neighbours_are_components_of_their_own() -> None:
     mask = np.eye(2, dtype=bool)
     result = integrate(np.broadcast_to([0.0, 0.0, 1.0], (2, 2, 3)), mask)
     assert sorted(result.components[mask]) == [1, 2]
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_hole_does_not_bend_the_surface(method):
+def test_a_hole_does_not_bend_the_surface(method: Method) -> None:
     normals, mask, height = sphere(101, 60.0, 0.8)
     mask &= np.hypot(*grid(101, 101)) > 20
     normals[~mask] = (1.0, 0.0, 0.0)
@@ -94,7 +95,7 @@ def handle() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 
 
 @pytest.mark.long
-def test_bilateral_steps_where_a_handle_stands_in_front_and_least_squares_does_not():
+def test_bilateral_steps_where_a_handle_stands_in_front_and_least_squares_does_not() -> None:
     normals, mask, height, rod = handle()
     body = mask & ~rod
     bent = np.abs(deviation(integrate(normals, mask, method="least-squares").depth, height, body)).mean()
@@ -115,7 +116,7 @@ def rays(height: int, width: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_plane_under_perspective_is_exact(method):
+def test_a_plane_under_perspective_is_exact(method: Method) -> None:
     normal = np.array([0.4, -0.3, 0.8]) / np.linalg.norm([0.4, -0.3, 0.8])
     truth = -500.0 * normal[2] / (rays(50, 70) @ normal)
     mask = np.ones((50, 70), bool)
@@ -128,7 +129,7 @@ def test_a_plane_under_perspective_is_exact(method):
     assert np.corrcoef(nearer[mask], truth[mask])[0, 1] < -0.999
 
 
-def test_a_sphere_under_perspective():
+def test_a_sphere_under_perspective() -> None:
     directions = rays(50, 70)
     centre, radius = np.array([-5.0, 2.0, -400.0]), 40.0
     along, square = directions @ centre, (directions**2).sum(axis=-1)
@@ -141,7 +142,7 @@ def test_a_sphere_under_perspective():
     assert np.abs(scaled - distance[mask]).mean() < 0.02 * radius
 
 
-def test_confidence_decides_between_true_and_false_normals():
+def test_confidence_decides_between_true_and_false_normals() -> None:
     x, y = grid(40, 40)
     mask = np.hypot(x, y) < 19
     normals = np.broadcast_to(from_gradients(np.array(0.2), np.array(0.1)), (40, 40, 3)).copy()
@@ -154,7 +155,7 @@ def test_confidence_decides_between_true_and_false_normals():
         assert np.abs(deviation(weighed.depth, truth, mask & ~false)).mean() < 0.2 * blind
 
 
-def test_pixels_of_little_weight_hardly_choose_between_their_sides():
+def test_pixels_of_little_weight_hardly_choose_between_their_sides() -> None:
     mask = np.ones((1, 3), bool)
     height = np.array([[0.0, 0.0, 2.0]])
     chosen = []
@@ -166,7 +167,7 @@ def test_pixels_of_little_weight_hardly_choose_between_their_sides():
     assert chosen[0] < 1e-6 and 0.4 < chosen[1] < 0.5
 
 
-def test_a_crease_is_no_discontinuity_and_a_step_is():
+def test_a_crease_is_no_discontinuity_and_a_step_is() -> None:
     mask = np.ones((1, 4), bool)
     slope = np.array([0.5, 0.5, -0.5, -0.5])[None]
     edges = grid_edges(from_gradients(slope, np.zeros((1, 4))), mask, np.ones((1, 4)), None, 0.01)
@@ -177,7 +178,7 @@ def test_a_crease_is_no_discontinuity_and_a_step_is():
     assert step_price(unsure, roof + np.array([[0, 0, 3.0, 3.0]]), 0.0) < 0.05
 
 
-def test_a_step_is_the_cheaper_the_more_the_near_side_tilts_towards_the_far_one():
+def test_a_step_is_the_cheaper_the_more_the_near_side_tilts_towards_the_far_one() -> None:
     mask = np.ones((1, 4), bool)
     slope = np.array([-0.7, -0.7, 0.0, 0.0])[None]
     edges = grid_edges(from_gradients(slope, np.zeros((1, 4))), mask, np.ones((1, 4)), None, 0.01)
@@ -199,7 +200,7 @@ def test_a_step_is_the_cheaper_the_more_the_near_side_tilts_towards_the_far_one(
         pytest.param("boxes", 0.3, id="faces stay together and solids come apart", marks=pytest.mark.long),
     ],
 )
-def test_what_hides_something_is_cut_from_it(field, share):
+def test_what_hides_something_is_cut_from_it(field: str, share: float) -> None:
     scene = traced(FIELDS[field], 64)
     errors = {}
     for method in METHODS:
@@ -209,20 +210,20 @@ def test_what_hides_something_is_cut_from_it(field, share):
 
 
 @pytest.mark.parametrize("degrees", [0.0, 1.0])
-def test_steps_that_fade_out_of_a_slope_have_their_height(degrees):
+def test_steps_that_fade_out_of_a_slope_have_their_height(degrees: float) -> None:
     scene = with_noise(stairs(64, 0.2, bend=0.6), degrees)
     assert step_error(scene, integrate(scene.normals, scene.mask).depth) < 0.02
     assert step_error(scene, integrate(scene.normals, scene.mask, method="least-squares").depth) > 0.9
 
 
-def test_steep_risers_are_no_steps():
+def test_steep_risers_are_no_steps() -> None:
     scene = with_noise(risers(48, 2, 3.0), 1.0)
     for method in METHODS:
         depth = integrate(scene.normals, scene.mask, method=method).depth
         assert np.abs(deviation(depth, scene.height, scene.mask)).max() < 0.02 * np.ptp(scene.height)
 
 
-def test_missing_normals_and_confidences_follow_their_neighbours():
+def test_missing_normals_and_confidences_follow_their_neighbours() -> None:
     normals, mask, height = sphere(81, 60.0, 0.6)
     normals[38:43, 38:43] = np.nan
     confidence = np.where(mask, 0.8, np.nan)
@@ -232,7 +233,7 @@ def test_missing_normals_and_confidences_follow_their_neighbours():
     assert np.abs(deviation(result.depth, height, mask)).max() < 0.3
 
 
-def test_rim_normals_in_the_image_plane_stay_finite():
+def test_rim_normals_in_the_image_plane_stay_finite() -> None:
     normals, mask, height = sphere(61, 28.0, 1.0)
     rim = mask & (np.hypot(*grid(61, 61)) > 27.0)
     normals[rim, 2] = 0.0
@@ -240,14 +241,14 @@ def test_rim_normals_in_the_image_plane_stay_finite():
     assert np.abs(deviation(result.depth, height, mask & ~rim)).mean() < 1.0
 
 
-def test_the_result_does_not_depend_on_what_lies_outside_the_mask():
+def test_the_result_does_not_depend_on_what_lies_outside_the_mask() -> None:
     normals, mask, _ = sphere(61, 30.0, 0.8)
     first = integrate(np.where(mask[..., None], normals, np.nan), mask)
     second = integrate(np.where(mask[..., None], normals, 1.0), mask)
     assert np.array_equal(first.depth, second.depth, equal_nan=True)
 
 
-def test_bad_input_is_refused():
+def test_bad_input_is_refused() -> None:
     normals, mask, _ = sphere(21, 10.0, 0.8)
     with pytest.raises(UnusableCapture, match="empty"):
         integrate(normals, np.zeros_like(mask))
@@ -260,10 +261,10 @@ def test_bad_input_is_refused():
     with pytest.raises(ValueError, match="camera"):
         integrate(normals, mask, camera=np.eye(2))
     with pytest.raises(ValueError, match="unknown method"):
-        integrate(normals, mask, method="poisson")
+        integrate(normals, mask, method="poisson")  # type: ignore[arg-type]
 
 
-def test_a_mask_without_usable_confidence_is_integrated_all_the_same():
+def test_a_mask_without_usable_confidence_is_integrated_all_the_same() -> None:
     x, _ = grid(9, 9)
     normals = np.broadcast_to(from_gradients(np.array(0.3), np.array(0.0)), (9, 9, 3))
     result = integrate(normals, np.ones((9, 9), bool), confidence=np.zeros((9, 9)))
@@ -278,12 +279,12 @@ def test_a_mask_without_usable_confidence_is_integrated_all_the_same():
         *(pytest.param(*large, marks=pytest.mark.slow) for large in (("buddha", 0.619), ("pot1", 0.698))),
     ],
 )
-def test_measured_objects_under_perspective(shared_data: Path, name: str, bound: float):
+def test_measured_objects_under_perspective(shared_data: Path, name: str, bound: float) -> None:
     """Mean absolute error in millimetres after scaling by the median ratio, the one freedom under perspective."""
     folder = shared_data / "real" / "diligent" / name
-    normals = cv2.imread(str(folder / "normal_map.png"), cv2.IMREAD_UNCHANGED)[..., ::-1] / 65535 * 2 - 1
+    normals = read_picture(folder / "normal_map.png")[..., ::-1] / 65535 * 2 - 1
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    mask = cv2.imread(str(folder / "mask.png"), cv2.IMREAD_GRAYSCALE) > 0
+    mask = read_picture(folder / "mask.png", cv2.IMREAD_GRAYSCALE) > 0
     truth = np.load(folder / "depth_gt.npz")["depth_gt"].astype(float)
     depth = integrate(normals, mask, camera=np.loadtxt(folder / "K.txt")).depth
     known = mask & np.isfinite(truth)
@@ -292,7 +293,7 @@ def test_measured_objects_under_perspective(shared_data: Path, name: str, bound:
 
 
 @pytest.mark.parametrize("radius", [20, 60])
-def test_the_depth_of_a_sphere_does_not_run_away_at_its_contour(radius):
+def test_the_depth_of_a_sphere_does_not_run_away_at_its_contour(radius: int) -> None:
     y, x = np.mgrid[-radius - 2 : radius + 3, -radius - 2 : radius + 3].astype(float)
     mask = x**2 + y**2 < radius**2
     height = np.sqrt(np.maximum(radius**2 - x**2 - y**2, 0.0))

@@ -16,7 +16,7 @@ def edges_of(scene: Scene) -> GridEdges:
     return grid_edges(scene.normals, scene.mask, np.ones(scene.mask.shape), scene.camera, 0.01)
 
 
-def test_the_noise_of_normals_is_measured_on_slopes_too():
+def test_the_noise_of_normals_is_measured_on_slopes_too() -> None:
     for tilt in (0.0, 1.5):
         scene = stairs(64, 0.0, bend=0.5, tilt=tilt)
         assert expected_rises(edges_of(scene)).noise == LEAST_NOISE
@@ -25,14 +25,14 @@ def test_the_noise_of_normals_is_measured_on_slopes_too():
             assert 0.7 * degrees < noise < 1.1 * degrees
 
 
-def test_rises_are_less_precise_where_the_slope_changes_and_where_it_is_steep():
+def test_rises_are_less_precise_where_the_slope_changes_and_where_it_is_steep() -> None:
     edges = edges_of(risers(32, 8, 3.0, count=1))
     precision = expected_rises(edges).precision[1, 16]
     assert precision[23] < 0.01 * precision[10] and precision[27] < 0.1 * precision[10]
     assert precision[-1] == 0.0
 
 
-def test_lines_of_curl_are_evidence_along_a_step_and_nowhere_else():
+def test_lines_of_curl_are_evidence_along_a_step_and_nowhere_else() -> None:
     scene = with_noise(stairs(64, 0.2), 1.0)
     edges = edges_of(scene)
     rises = expected_rises(edges)
@@ -43,7 +43,7 @@ def test_lines_of_curl_are_evidence_along_a_step_and_nowhere_else():
     assert np.median(significance[0]) < 3.0
 
 
-def test_creases_are_changes_of_the_normal_and_curvature_is_none():
+def test_creases_are_changes_of_the_normal_and_curvature_is_none() -> None:
     edges = edges_of(risers(32, 8, 3.0, count=1))
     significance = np.sqrt(normal_evidence(edges, expected_rises(edges)))
     assert significance[1, :, 23].min() > 10.0
@@ -52,7 +52,7 @@ def test_creases_are_changes_of_the_normal_and_curvature_is_none():
     assert normal_evidence(curved, expected_rises(curved)).max() == 0.0
 
 
-def test_large_misfits_lose_their_weight_and_soft_edges_sooner():
+def test_large_misfits_lose_their_weight_and_soft_edges_sooner() -> None:
     edges = edges_of(stairs(16, 0.0))
     rises = expected_rises(edges)
     height = np.zeros((16, 16))

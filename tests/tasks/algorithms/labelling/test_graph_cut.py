@@ -6,8 +6,8 @@ from glint.tasks.algorithms.labelling.graph_cut import HARD_CONSTRAINT, GraphCut
 SIZE = 30
 
 
-def crossing_sheets() -> np.ndarray:
-    """Two smooth sheets (2, H, W, 3) that cross on the middle column, the layers shuffled pixel by pixel."""
+def crossing_sheets() -> tuple[np.ndarray, np.ndarray]:
+    """Two smooth sheets (2, H, W, 3) that cross on the middle column, and where (H, W) their layers are swapped."""
     rows, columns = (np.indices((SIZE, SIZE)) - SIZE / 2) / SIZE
     true = unit(np.stack([columns, -rows, np.ones_like(rows)], axis=-1))
     false = unit(np.stack([-columns, -rows + 0.2, np.ones_like(rows)], axis=-1))

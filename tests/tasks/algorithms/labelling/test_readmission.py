@@ -1,6 +1,7 @@
 """An ear before a head, of which the silhouette says nothing: rejected at first, and readmitted."""
 
 from copy import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -60,11 +61,11 @@ def test_nothing_is_readmitted_twice(settled: Alternation) -> None:
 
 def test_of_two_sheets_at_a_pixel_the_more_probable_is_readmitted(ear_scene: EarScene) -> None:
     (clusters, mask, _), ear = ear_scene
-    twice = copy(clusters)
     other = clusters.normals[0] + np.array([0.0, 0.3, 0.0], np.float32)
     other = np.where(ear[..., None], other / np.linalg.norm(other, axis=-1, keepdims=True), np.nan)
-    twice.normals = np.stack([clusters.normals[0], other])
-    twice.shading, twice.weight = np.full((2, *mask.shape), np.nan), np.ones((2, *mask.shape))
+    normals = np.stack([clusters.normals[0], other])
+    unknown, single = np.full((2, *mask.shape), np.nan), np.ones((2, *mask.shape))
+    twice = replace(clusters, normals=normals, shading=unknown, weight=single)
     found = plausible_sheets(settle(twice, mask)) > 0.0
     assert found.any() and found.sum(axis=0).max() == 1
 

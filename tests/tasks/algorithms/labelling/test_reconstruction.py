@@ -1,8 +1,9 @@
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view, view_vectors
 from glint.tasks.algorithms.geometry.vectors import angles, unit
@@ -14,7 +15,7 @@ from tests.tasks.algorithms.faces.polyhedron import PYRAMID, face_numbers, polyh
 from tests.tasks.algorithms.revolution.beaker import bowl_on_stem, false_sheets, observable, seen_normals
 from tests.tasks.algorithms.revolution.cylinder import CAMERA, SHAPE, seen_cylinder
 
-Scene = tuple[SimpleNamespace, np.ndarray, np.ndarray]
+Scene = tuple[Clusters, np.ndarray, np.ndarray]
 
 
 def pebble(size: int = 90, seed: int = 0) -> Scene:
@@ -35,11 +36,19 @@ def pebble(size: int = 90, seed: int = 0) -> Scene:
     return clusters_of(nodes), inside, np.where(inside[..., None], truth, np.nan)
 
 
-def clusters_of(normals: np.ndarray) -> SimpleNamespace:
+def clusters_of(normals: np.ndarray) -> Clusters:
     """Candidates (K, H, W, 3) of whose shading nothing is known."""
-    observations = np.isfinite(normals[..., 0]).sum(axis=0)
+    known = np.isfinite(normals[..., 0])
     unknown, single = np.full(normals.shape[:3], np.nan), np.ones(normals.shape[:3])
-    return SimpleNamespace(normals=normals, shading=unknown, weight=single, observations=observations)
+    return Clusters(
+        normals,
+        weight=single,
+        spread=unknown,
+        count=known.astype(np.int32),
+        observations=known.sum(axis=0),
+        winner=normals[0],
+        shading=unknown,
+    )
 
 
 def head_with_ear(size: int = 90) -> tuple[Scene, np.ndarray]:
@@ -226,7 +235,7 @@ def test_flat_faces_come_right_where_no_light_was_seen() -> None:
     mask = np.isfinite(truth[..., 0])
     noise = np.random.default_rng(1).normal(0.0, 0.002, truth.shape)
     clusters = clusters_of(unit(observable(truth) + noise)[None].astype(np.float32))
-    clusters.weight *= 2.0
+    clusters = replace(clusters, weight=2.0 * clusters.weight)
     with_faces = reconstruct_normals(clusters, mask)
     without = reconstruct_normals(clusters, mask, LabellingOptions(flat_faces=False))
     unseen = mask & (face_numbers(PYRAMID) == 2)

@@ -34,16 +34,16 @@ def offset_percent(frames: np.ndarray) -> float:
     return (fit.x - CENTRE) / RADIUS * 100.0
 
 
-def test_the_variation_over_time_pulls_the_centre_from_a_wrong_edge_of_levels():
+def test_the_variation_over_time_pulls_the_centre_from_a_wrong_edge_of_levels() -> None:
     few = offset_percent(frames_of(CENTRE + 0.45, CENTRE, MIN_VARIATION_FRAMES - 1, constant=True))
     many = offset_percent(frames_of(CENTRE + 0.45, CENTRE, 24))
     assert few == pytest.approx(0.9, abs=0.3)
     assert many < 0.75 * few
 
 
-def test_a_variation_that_ends_elsewhere_does_not_move_the_contour():
+def test_a_variation_that_ends_elsewhere_does_not_move_the_contour() -> None:
     assert offset_percent(frames_of(CENTRE, CENTRE - 3.0, 24)) == pytest.approx(0.0, abs=0.5)
 
 
-def test_without_variation_the_levels_decide():
+def test_without_variation_the_levels_decide() -> None:
     assert offset_percent(frames_of(CENTRE, CENTRE, 24, constant=True)) == pytest.approx(0.0, abs=0.5)

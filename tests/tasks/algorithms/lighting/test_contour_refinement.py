@@ -48,7 +48,7 @@ def table_levels(count: int) -> np.ndarray:
     return np.asarray((100.0 + texture) * light[:, None, None])
 
 
-def test_deviations_show_where_the_mirror_image_of_an_object_ends():
+def test_deviations_show_where_the_mirror_image_of_an_object_ends() -> None:
     table = table_levels(32)
     levels = table.mean(axis=(1, 2)) / table[0].mean()
     rim = 0.85 * cv2.GaussianBlur(table[0], (0, 0), 6.0) * levels[:, None, None]
@@ -65,7 +65,7 @@ def test_deviations_show_where_the_mirror_image_of_an_object_ends():
     assert np.ptp(edges) <= 1.5
 
 
-def test_shadows_beside_the_sphere_do_not_pull_the_contour():
+def test_shadows_beside_the_sphere_do_not_pull_the_contour() -> None:
     table = table_levels(32)
     # In a third of the frames a shadow lies to the right, which a crescent of the rim mirrors.
     shadow = (np.arange(32) % 3 == 0)[:, None, None] & (np.abs(ANGLE) < 60.0) & (DISTANCE > RADIUS - 2.0)
@@ -74,14 +74,14 @@ def test_shadows_beside_the_sphere_do_not_pull_the_contour():
     assert error(refined) < 0.6 * error(first)
 
 
-def test_a_clear_contour_is_not_moved_away():
+def test_a_clear_contour_is_not_moved_away() -> None:
     table = table_levels(32)
     first, refined = fits(log_sequence(table, 0.7 * table))
     assert error(refined) < error(first)
     assert refined.radius == pytest.approx(first.radius, abs=0.15)
 
 
-def test_a_contour_that_shows_along_an_arc_is_less_certain():
+def test_a_contour_that_shows_along_an_arc_is_less_certain() -> None:
     table = table_levels(32)
     _, whole = fits(log_sequence(table, 0.7 * table))
     _, part = fits(log_sequence(table, table * np.where(np.abs(ANGLE) < 60.0, 0.7, 1.0)))
@@ -90,6 +90,6 @@ def test_a_contour_that_shows_along_an_arc_is_less_certain():
     assert error(part) < 3.0 * centre_deviation(part)
 
 
-def test_a_few_stills_are_not_refined():
+def test_a_few_stills_are_not_refined() -> None:
     first, refined = fits(log_sequence(table_levels(MIN_VARIATION_FRAMES - 1), 0.7 * table_levels(5)))
     assert refined is first

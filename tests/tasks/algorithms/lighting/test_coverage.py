@@ -14,7 +14,7 @@ from glint.tasks.algorithms.lighting.coverage import (
 from tests.tasks.algorithms.lighting.light_sweep import sweep
 
 
-def test_the_map_is_equal_in_area_and_ends_at_45_degrees():
+def test_the_map_is_equal_in_area_and_ends_at_45_degrees() -> None:
     directions = cap_directions(200)
     inside = np.isfinite(directions[..., 0])
     assert inside.mean() == pytest.approx(np.pi / 4, abs=0.01)
@@ -32,21 +32,21 @@ def test_normals_lie_between_the_half_vectors_of_a_sparse_sweep() -> None:
     assert share_between(np.full((3, 3), np.nan)) == 0.0
 
 
-def test_a_dense_sweep_covers_the_cap():
+def test_a_dense_sweep_covers_the_cap() -> None:
     result = coverage(sweep(8000))
     assert result.covered_shares[3.0] > 0.99
     assert result.gaps == ()
     assert result.frames == 8000
 
 
-def test_density_counts_frames_per_square_degree():
+def test_density_counts_frames_per_square_degree() -> None:
     result = coverage(sweep(8000))
     cap = 2 * np.pi * (1 - np.cos(np.radians(45))) * np.degrees(1) ** 2
     assert np.nanmean(result.density) == pytest.approx(8000 / cap, rel=0.05)
 
 
 @pytest.mark.parametrize(("axis", "sign", "side"), [(0, 1, "left"), (0, -1, "right"), (1, 1, "bottom"), (1, -1, "top")])
-def test_a_missing_side_is_named(axis, sign, side):
+def test_a_missing_side_is_named(axis: int, sign: int, side: str) -> None:
     result = coverage(sweep(8000, lambda lights: sign * lights[:, axis] > -0.2))
     assert result.gaps[0].side == side
     assert side in str(result.gaps[0])
@@ -54,8 +54,8 @@ def test_a_missing_side_is_named(axis, sign, side):
     assert opposite not in {gap.side for gap in result.gaps}
 
 
-def test_a_missing_corner_is_named_with_its_angles():
-    def keep(lights):
+def test_a_missing_corner_is_named_with_its_angles() -> None:
+    def keep(lights: np.ndarray) -> np.ndarray:
         polar = np.degrees(np.arccos(lights[:, 2]))
         corner = (lights[:, 0] < 0) & (lights[:, 1] > 0) & (polar > 25) & (polar < 66)
         return ~corner
@@ -64,7 +64,7 @@ def test_a_missing_corner_is_named_with_its_angles():
     assert (gap.side, gap.inner_deg, gap.outer_deg) == ("upper left", 30.0, 60.0)
 
 
-def test_all_gaps_are_one_sentence():
+def test_all_gaps_are_one_sentence() -> None:
     gaps = [Gap("left", 30, 90, 0.1), Gap("bottom", 30, 90, 0.08), Gap("top", 60, 90, 0.02)]
     assert gaps_message(gaps) == (
         "no light from the left and the bottom, 30-90 degrees from the camera axis; from the top, 60-90 degrees from"
@@ -75,7 +75,7 @@ def test_all_gaps_are_one_sentence():
     assert gaps_message([Gap("centre", 0, 20, 0.1)]).startswith("no light around the camera, 0-20 degrees")
 
 
-def test_twelve_evenly_spread_lights_leave_no_gap_and_twelve_on_a_side_do():
+def test_twelve_evenly_spread_lights_leave_no_gap_and_twelve_on_a_side_do() -> None:
     ring = [(polar, azimuth) for polar, count in ((15, 3), (36, 9)) for azimuth in np.arange(count) * 360 / count]
     polar, azimuth = np.radians(ring).T
     half = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=-1)
@@ -84,13 +84,13 @@ def test_twelve_evenly_spread_lights_leave_no_gap_and_twelve_on_a_side_do():
     assert {gap.side for gap in coverage(half).gaps} >= {"left"}
 
 
-def test_rejected_frames_do_not_count():
+def test_rejected_frames_do_not_count() -> None:
     half_vectors = sweep(500)
     half_vectors[::2] = np.nan
     assert coverage(half_vectors).frames == 250
 
 
-def test_no_light_at_all_covers_nothing():
+def test_no_light_at_all_covers_nothing() -> None:
     result = coverage(np.full((10, 3), np.nan))
     assert result.frames == 0
     assert result.covered_shares == {1.5: 0.0, 3.0: 0.0}
@@ -98,7 +98,7 @@ def test_no_light_at_all_covers_nothing():
     assert "100% of the normals" in gaps_message(result.gaps)
 
 
-def test_gaps_that_overlap_are_counted_once():
+def test_gaps_that_overlap_are_counted_once() -> None:
     directions = cap_directions(128)
     angle = np.degrees(np.arccos(directions[..., 2]))
     azimuth = np.degrees(np.arctan2(directions[..., 1], directions[..., 0]))
@@ -108,7 +108,7 @@ def test_gaps_that_overlap_are_counted_once():
     assert sum(gap.share for gap in gaps) <= empty.sum() / np.isfinite(angle).sum()
 
 
-def test_normals_near_a_half_vector_are_observable():
+def test_normals_near_a_half_vector_are_observable() -> None:
     half = np.array([[0.0, 0.0, 1.0], [np.nan] * 3])
     tilted = np.radians([1.0, 2.0])
     normals = np.stack([np.sin(tilted), 0 * tilted, np.cos(tilted)], axis=-1)[None]

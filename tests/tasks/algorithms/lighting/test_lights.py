@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -31,12 +33,12 @@ LIGHTS = [light_direction(37.0 * k, 8.0 + 3.2 * k) for k in range(24)]
 BLURRED_LIGHTS = [light_direction(37.0 * k, 40.0 + 1.8 * k) for k in range(24)]
 
 
-def sphere_frames(lights, **options):
-    return np.stack([sphere_frame(SPHERE, [light], SHAPE, seed=k, **options) for k, light in enumerate(lights)])
+def sphere_frames(lights: list[np.ndarray], *, window: bool = False) -> np.ndarray:
+    return np.stack([sphere_frame(SPHERE, [light], SHAPE, window=window, seed=k) for k, light in enumerate(lights)])
 
 
 @pytest.mark.parametrize("window", [False, True])
-def test_half_vectors_are_found_to_a_fraction_of_a_degree(window):
+def test_half_vectors_are_found_to_a_fraction_of_a_degree(window: bool) -> None:
     lights = find_lights(sphere_frames(LIGHTS, window=window), SPHERE)
     errors = angles(lights.half_vectors, half_vectors_of(np.array(LIGHTS)))
     assert lights.accepted.sum() >= len(LIGHTS) - 1
@@ -45,7 +47,7 @@ def test_half_vectors_are_found_to_a_fraction_of_a_degree(window):
     assert lights.half_vectors.dtype == np.float32 and lights.reason.dtype == np.uint8
 
 
-def test_blocks_give_the_same_lights_as_the_whole():
+def test_blocks_give_the_same_lights_as_the_whole() -> None:
     frames = sphere_frames(LIGHTS)
     static = static_background(frames, SPHERE)
     blocks = [measure_highlights(frames[start : start + 7], SPHERE, static) for start in range(0, len(frames), 7)]
@@ -54,13 +56,13 @@ def test_blocks_give_the_same_lights_as_the_whole():
 
 
 @pytest.mark.long
-def test_sixteen_bits_give_the_same_lights():
+def test_sixteen_bits_give_the_same_lights() -> None:
     frames = sphere_frames(LIGHTS)
     wide = find_lights(frames.astype(np.uint16) * 257, SPHERE)
     assert np.nanmax(angles(wide.half_vectors, find_lights(frames, SPHERE).half_vectors)) < 0.01
 
 
-def test_every_rejected_frame_has_its_reason():
+def test_every_rejected_frame_has_its_reason() -> None:
     frames = [sphere_frame(SPHERE, [light], SHAPE, seed=k) for k, light in enumerate(LIGHTS)]
     frames[3] = sphere_frame(SPHERE, [], SHAPE, seed=3)
     frames[5] = sphere_frame(SPHERE, [light_direction(200.0, 115.0)], SHAPE, seed=5)
@@ -74,7 +76,7 @@ def test_every_rejected_frame_has_its_reason():
     assert len(REASONS) == 8 and REASONS[ACCEPTED] == "accepted"
 
 
-def test_dim_second_reflections_are_no_second_light():
+def test_dim_second_reflections_are_no_second_light() -> None:
     frames = sphere_frames(LIGHTS)
     for frame in frames:
         cv2.circle(frame, (46, 60), 5, 110, -1)
@@ -84,7 +86,7 @@ def test_dim_second_reflections_are_no_second_light():
 
 
 @pytest.mark.long
-def test_a_glare_streak_does_not_pull_the_light():
+def test_a_glare_streak_does_not_pull_the_light() -> None:
     sphere = Sphere(220.0, 221.0, 200.0)
     directions = [light_direction(60.0 * k, 15.0 + 3 * k) for k in range(6)]
     frames = np.stack([sphere_frame(sphere, [light], (442, 440), seed=k) for k, light in enumerate(directions)])
@@ -97,30 +99,30 @@ def test_a_glare_streak_does_not_pull_the_light():
     assert np.nanmax(errors) < 0.5
 
 
-def test_one_frame_works():
+def test_one_frame_works() -> None:
     lights = find_lights(sphere_frames(LIGHTS[:1]), SPHERE)
     assert lights.accepted.all()
     assert angles(lights.half_vectors[0], half_vectors_of(LIGHTS[0])) < 0.3
 
 
 @pytest.mark.parametrize("value", [0, 7, 255])
-def test_frames_without_any_light_are_unusable(value):
+def test_frames_without_any_light_are_unusable(value: int) -> None:
     with pytest.raises(UnusableCapture, match="no moving light"):
         find_lights(np.full((5, *SHAPE), value, np.uint8), SPHERE)
 
 
-def test_a_static_window_is_no_light():
+def test_a_static_window_is_no_light() -> None:
     frames = np.stack([sphere_frame(SPHERE, [], SHAPE, window=True, seed=k) for k in range(20)])
     with pytest.raises(UnusableCapture):
         find_lights(frames, SPHERE)
 
 
-def test_a_sphere_outside_its_frames_is_unusable():
+def test_a_sphere_outside_its_frames_is_unusable() -> None:
     with pytest.raises(UnusableCapture, match="outside"):
         find_lights(sphere_frames(LIGHTS[:3]), Sphere(500.0, 500.0, 36.0))
 
 
-def test_wrong_shapes_are_programming_errors():
+def test_wrong_shapes_are_programming_errors() -> None:
     with pytest.raises(ValueError, match="sample"):
         static_background(np.zeros((0, 4, 4), np.uint8), SPHERE)
     static = static_background(sphere_frames(LIGHTS[:2]), SPHERE)
@@ -128,7 +130,7 @@ def test_wrong_shapes_are_programming_errors():
         measure_highlights(np.zeros((2, 3, 3), np.uint8), SPHERE, static)
 
 
-def test_several_spheres_are_averaged_with_their_inter_sphere_angle():
+def test_several_spheres_are_averaged_with_their_inter_sphere_angle() -> None:
     first = find_lights(sphere_frames(LIGHTS), SPHERE)
     off = Sphere(SPHERE.x + 0.02 * SPHERE.radius, SPHERE.y, SPHERE.radius)
     second = find_lights(sphere_frames(LIGHTS), off)
@@ -142,7 +144,7 @@ def test_several_spheres_are_averaged_with_their_inter_sphere_angle():
         merge_spheres([])
 
 
-def test_spheres_that_contradict_each_other_reject_the_frame():
+def test_spheres_that_contradict_each_other_reject_the_frame() -> None:
     first = find_lights(sphere_frames(LIGHTS), SPHERE)
     second = find_lights(sphere_frames(LIGHTS[::-1]), SPHERE)
     merged = merge_spheres([first, second])
@@ -159,7 +161,7 @@ def test_spheres_that_contradict_each_other_reject_the_frame():
         ("duck/front", 322.5, 115.5, 40.0),
     ],
 )
-def test_lights_of_a_shared_capture(shared_data, capture, x, y, radius):
+def test_lights_of_a_shared_capture(shared_data: Path, capture: str, x: float, y: float, radius: float) -> None:
     folder = shared_data / "captures" / capture
     left, top = int(x - radius) - 4, int(y - radius) - 4
     side = int(2 * radius) + 10

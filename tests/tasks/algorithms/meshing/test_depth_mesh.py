@@ -1,12 +1,13 @@
 import io
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.meshing.depth_mesh import glb_bytes, mesh_from_depth, ply_bytes
+from glint.tasks.algorithms.meshing.depth_mesh import Surface, glb_bytes, mesh_from_depth, ply_bytes
 from tests.tasks.algorithms.geometry.gradient_normals import from_gradients
 
 
@@ -17,12 +18,12 @@ def plane(height: int = 12, width: int = 17, p: float = 0.5) -> tuple[np.ndarray
     return depth, np.ones((height, width), bool), normals
 
 
-def face_normals(mesh) -> np.ndarray:
+def face_normals(mesh: Surface) -> np.ndarray:
     corners = mesh.vertices[mesh.triangles].astype(float)
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
-def test_each_pixel_is_a_vertex_and_each_square_two_triangles():
+def test_each_pixel_is_a_vertex_and_each_square_two_triangles() -> None:
     depth, mask, normals = plane()
     mesh = mesh_from_depth(depth, mask, normals)
     assert mesh.vertices.shape == (12 * 17, 3) and mesh.triangles.shape == (2 * 11 * 16, 3)
@@ -32,14 +33,14 @@ def test_each_pixel_is_a_vertex_and_each_square_two_triangles():
     assert (mesh.confidence == 1.0).all()
 
 
-def test_vertices_are_in_the_camera_frame_of_the_full_picture():
+def test_vertices_are_in_the_camera_frame_of_the_full_picture() -> None:
     depth, mask, normals = plane(3, 4)
     mesh = mesh_from_depth(depth, mask, normals, origin=(10, 20), frame=(101, 51), pixel_size=0.2)
     assert np.allclose(mesh.vertices[0], [0.2 * (10 - 50), 0.2 * (25 - 20), 0.0])
     assert np.allclose(mesh.vertices[-1], [0.2 * (13 - 50), 0.2 * (25 - 22), 0.2 * 1.5])
 
 
-def test_perspective_projects_pixels_back():
+def test_perspective_projects_pixels_back() -> None:
     camera = np.array([[400.0, 0.0, 30.0], [0.0, 410.0, 25.0], [0.0, 0.0, 1.0]])
     depth = np.full((6, 8), 200.0, np.float32)
     normals = np.broadcast_to([0.0, 0.0, 1.0], (6, 8, 3))
@@ -49,7 +50,7 @@ def test_perspective_projects_pixels_back():
     assert (face_normals(mesh)[:, 2] > 0).all()
 
 
-def test_a_step_is_cut_and_a_steep_slope_is_not():
+def test_a_step_is_cut_and_a_steep_slope_is_not() -> None:
     depth, mask, normals = plane(10, 20, p=8.0)
     assert len(mesh_from_depth(depth, mask, normals).triangles) == 2 * 9 * 19
     depth[:, 10:] += 30.0
@@ -59,14 +60,14 @@ def test_a_step_is_cut_and_a_steep_slope_is_not():
     assert len(mesh_from_depth(depth, mask, normals, max_step=100.0, max_slope=100.0).triangles) == 2 * 9 * 19
 
 
-def test_a_slope_too_steep_to_be_observed_is_cut():
+def test_a_slope_too_steep_to_be_observed_is_cut() -> None:
     depth, mask, normals = plane(6, 6, p=20.0)
     with pytest.raises(UnusableCapture):
         mesh_from_depth(depth, mask, normals)
     assert len(mesh_from_depth(depth, mask, normals, max_slope=25.0).triangles) == 50
 
 
-def test_no_two_triangles_overlap_at_broken_squares():
+def test_no_two_triangles_overlap_at_broken_squares() -> None:
     rng = np.random.default_rng(4)
     depth = rng.choice([0.0, 0.4, 3.0], size=(40, 40)).astype(np.float32)
     normals = np.broadcast_to([0.0, 0.0, 1.0], (40, 40, 3))
@@ -78,7 +79,7 @@ def test_no_two_triangles_overlap_at_broken_squares():
     assert len(np.unique(directed, axis=0)) == len(directed)
 
 
-def test_holes_and_missing_depth_have_no_triangles_and_lone_pixels_no_vertices():
+def test_holes_and_missing_depth_have_no_triangles_and_lone_pixels_no_vertices() -> None:
     depth, mask, normals = plane(9, 9)
     mask[4, 4] = False
     depth[0, 0] = np.nan
@@ -88,7 +89,7 @@ def test_holes_and_missing_depth_have_no_triangles_and_lone_pixels_no_vertices()
     assert np.isfinite(mesh.vertices).all() and mesh.triangles.max() < len(mesh.vertices)
 
 
-def test_missing_normals_are_those_of_the_triangles():
+def test_missing_normals_are_those_of_the_triangles() -> None:
     depth, mask, normals = plane()
     normals = normals.copy()
     expected = normals[5, 5].copy()
@@ -97,7 +98,7 @@ def test_missing_normals_are_those_of_the_triangles():
     assert np.allclose(mesh.normals[5 * 17 + 5], expected, atol=1e-5)
 
 
-def test_files_open_again_with_normals_to_the_camera_and_their_confidence():
+def test_files_open_again_with_normals_to_the_camera_and_their_confidence() -> None:
     depth, mask, normals = plane()
     confidence = np.linspace(0, 1, mask.size, dtype=np.float32).reshape(mask.shape)
     mesh = mesh_from_depth(depth, mask, normals, confidence=confidence)
@@ -114,7 +115,7 @@ def test_files_open_again_with_normals_to_the_camera_and_their_confidence():
 
 
 @pytest.mark.parametrize(("unit", "written", "scale"), [("mm", "m", "known"), ("pixels", "pixels", "unknown")])
-def test_a_glb_has_two_sides_and_says_its_unit(unit, written, scale):
+def test_a_glb_has_two_sides_and_says_its_unit(unit: str, written: str, scale: str) -> None:
     data = glb_bytes(mesh_from_depth(*plane()), unit)
     tree = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
     assert tree["asset"]["extras"] == {"unit": written, "scale": scale}
@@ -122,7 +123,7 @@ def test_a_glb_has_two_sides_and_says_its_unit(unit, written, scale):
     assert {view["target"] for view in tree["bufferViews"]} == {34962, 34963}
 
 
-def test_open3d_reads_the_ply(tmp_path):
+def test_open3d_reads_the_ply(tmp_path: Path) -> None:
     open3d = pytest.importorskip("open3d")
     mesh = mesh_from_depth(*plane())
     (tmp_path / "surface.ply").write_bytes(ply_bytes(mesh))
@@ -131,7 +132,7 @@ def test_open3d_reads_the_ply(tmp_path):
     assert (np.asarray(read.vertex_normals)[:, 2] > 0).all()
 
 
-def test_bad_input_is_refused():
+def test_bad_input_is_refused() -> None:
     depth, mask, normals = plane()
     with pytest.raises(ValueError, match="agree"):
         mesh_from_depth(depth[:-1], mask, normals)

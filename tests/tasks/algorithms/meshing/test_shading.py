@@ -19,7 +19,7 @@ def meshed() -> Surface:
     return mesh_from_depth(depth, mask, normals)
 
 
-def test_relit_pictures_are_brightest_where_the_normal_is_the_light():
+def test_relit_pictures_are_brightest_where_the_normal_is_the_light() -> None:
     normals, mask, _ = sphere()
     pictures = relit_pictures(normals, mask)
     assert pictures.keys() == RELIGHT_DIRECTIONS.keys()
@@ -32,12 +32,12 @@ def test_relit_pictures_are_brightest_where_the_normal_is_the_light():
     assert (pictures["relit_left"][:, :12].sum()) > pictures["relit_left"][:, -12:].sum()
 
 
-def test_normals_turned_from_the_light_and_missing_ones_are_black():
+def test_normals_turned_from_the_light_and_missing_ones_are_black() -> None:
     normals = np.array([[[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [np.nan, np.nan, np.nan]]])
     assert relit(normals, np.ones((1, 3), bool), (0.0, 0.0, 1.0)).tolist() == [[255, 0, 0]]
 
 
-def test_the_drawn_surface_covers_its_silhouette():
+def test_the_drawn_surface_covers_its_silhouette() -> None:
     picture = draw_surface(meshed(), size=101)
     assert picture.dtype == np.uint8 and picture.shape == (101, 101)
     drawn = picture < 255
@@ -47,7 +47,7 @@ def test_the_drawn_surface_covers_its_silhouette():
     assert left > right
 
 
-def test_turning_the_viewer_shows_the_side_and_the_back():
+def test_turning_the_viewer_shows_the_side_and_the_back() -> None:
     mesh = meshed()
     front, side, back = (draw_surface(mesh, azimuth=angle, size=101) for angle in (0, 90, 180))
     assert (side < 255).sum() < 0.75 * (front < 255).sum()

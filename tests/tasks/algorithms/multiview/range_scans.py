@@ -23,12 +23,12 @@ def read_scan(path: Path) -> tuple[np.ndarray, np.ndarray]:
     sizes |= {line.split()[1]: int(line.split()[2]) for line in lines[:head] if line.startswith("element")}
     count = sizes["vertex"]
     vertices = 1000.0 * np.array([line.split()[:3] for line in lines[head + 1 : head + 1 + count]], float)
-    grid = np.full(sizes["range_grid"], -1)
-    for cell, line in enumerate(lines[head + 1 + count : head + 1 + count + len(grid)]):
+    cells = np.full(sizes["range_grid"], -1)
+    for cell, line in enumerate(lines[head + 1 + count : head + 1 + count + len(cells)]):
         said = line.split()
         if said[0] == "1":
-            grid[cell] = int(said[1])
-    grid = grid.reshape(sizes["num_rows"], sizes["num_cols"])
+            cells[cell] = int(said[1])
+    grid = cells.reshape(sizes["num_rows"], sizes["num_cols"])
     here, right, below, across = grid[:-1, :-1], grid[:-1, 1:], grid[1:, :-1], grid[1:, 1:]
     both = np.concatenate(
         [np.stack(each, axis=-1).reshape(-1, 3) for each in ((here, across, below), (here, right, across))]

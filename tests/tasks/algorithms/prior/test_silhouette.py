@@ -10,6 +10,7 @@ from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.evaluation.metrics import normal_errors
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.prior.silhouette import initial_normals
+from tests.pictures import read_picture
 
 
 def disc(size: int, radius: float, hole: float = 0.0) -> np.ndarray:
@@ -72,6 +73,6 @@ def test_false_marks_are_no_constraints() -> None:
 @pytest.mark.parametrize(("name", "whole"), [("hemisphere", 0.019), ("cylinder", 0.125), ("duck", 0.117)])
 def test_silhouettes_alone_are_as_good_as_plain_inflation(shared_data: Path, name: str, whole: float) -> None:
     folder = shared_data / "captures" / name / "front"
-    mask = cv2.imread(str(folder / "mask.png"), cv2.IMREAD_GRAYSCALE) > 0
+    mask = read_picture(folder / "mask.png", cv2.IMREAD_GRAYSCALE) > 0
     error = normal_errors(initial_normals(mask).normals, np.load(folder / "truth" / "normals.npy"), mask)
     assert error.squared < 1.15 * whole and error.missing == 0

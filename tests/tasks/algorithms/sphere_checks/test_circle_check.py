@@ -21,14 +21,14 @@ def beside(right: float, down: float, ratio: float) -> Sphere:
     return replace(TRUTH, x=TRUTH.x + right, y=TRUTH.y + down, radius=ratio * TRUTH.radius)
 
 
-def test_a_right_circle_stays_as_it_is(frames):
+def test_a_right_circle_stays_as_it_is(frames: np.ndarray) -> None:
     check = check_circle(frames, TRUTH)
     assert not check.is_contradicted
     assert check.sphere == TRUTH
 
 
 @pytest.mark.parametrize("wrong", [beside(2.4, -0.5, 0.92), beside(-4.5, 1.0, 1.17), beside(0.5, 0.0, 1.5)])
-def test_a_wrong_circle_is_replaced_by_the_contour(frames, wrong):
+def test_a_wrong_circle_is_replaced_by_the_contour(frames: np.ndarray, wrong: Sphere) -> None:
     check = check_circle(frames, wrong)
     assert check.is_contradicted and check.is_replaced
     assert check.sphere.distance(TRUTH) < 0.02 * TRUTH.radius
@@ -45,13 +45,13 @@ def covered_beyond(frames: np.ndarray, ratio: float) -> np.ndarray:
     return covered
 
 
-def test_an_edge_about_the_right_centre_is_doubted(frames):
+def test_an_edge_about_the_right_centre_is_doubted(frames: np.ndarray) -> None:
     check = check_circle(covered_beyond(frames, 0.85), beside(3.0, 0.0, 0.95))
     assert check.is_contradicted
     assert max(check.sphere.centre_sd, check.sphere.radius_sd) > 0.05 * TRUTH.radius
 
 
-def test_a_stronger_image_of_the_horizon_is_not_taken_for_the_contour(frames):
+def test_a_stronger_image_of_the_horizon_is_not_taken_for_the_contour(frames: np.ndarray) -> None:
     rows, columns = np.mgrid[: frames.shape[1], : frames.shape[2]]
     inside = np.hypot(columns - TRUTH.x, rows - TRUTH.y) < 0.75 * TRUTH.radius
     brighter = np.minimum(frames + np.where(inside, 60, 0), 255).astype(np.uint8)
@@ -60,7 +60,7 @@ def test_a_stronger_image_of_the_horizon_is_not_taken_for_the_contour(frames):
     assert abs(check.sphere.radius - TRUTH.radius) < 0.03 * TRUTH.radius
 
 
-def test_without_a_contour_the_circle_is_kept_and_doubted(frames):
+def test_without_a_contour_the_circle_is_kept_and_doubted(frames: np.ndarray) -> None:
     wrong = beside(3.0, 0.0, 0.95)
     check = check_circle(covered_beyond(frames, 0.65), wrong)
     assert check.is_contradicted and not check.is_replaced
@@ -68,7 +68,7 @@ def test_without_a_contour_the_circle_is_kept_and_doubted(frames):
     assert check.sphere.centre_sd > 0.05 * TRUTH.radius
 
 
-def test_a_contradiction_is_told_with_values_and_remedy(frames):
+def test_a_contradiction_is_told_with_values_and_remedy(frames: np.ndarray) -> None:
     wrong = beside(2.4, -0.5, 0.92)
     (used,), (warning,) = confirm_found(frames, [wrong], None)
     assert warning.cause == "sphere"
@@ -77,13 +77,13 @@ def test_a_contradiction_is_told_with_values_and_remedy(frames):
     assert confirm_found(frames, [TRUTH], None)[1] == []
 
 
-def test_what_is_hardly_known_contradicts_nothing():
+def test_what_is_hardly_known_contradicts_nothing() -> None:
     far = ShapeCircle(TRUTH.x + 6.0, TRUTH.y, 3.0, 31.0, 0.02)
     assert not contradicts(far, TRUTH)
     assert contradicts(replace(far, sd=0.5), TRUTH)
 
 
-def test_shapes_bound_the_radius_from_above_alone():
+def test_shapes_bound_the_radius_from_above_alone() -> None:
     shapes = ShapeCircle(TRUTH.x, TRUTH.y, 0.3, 0.9 * TRUTH.radius, 0.01)
     assert contradicts(shapes, TRUTH)
     assert not contradicts(replace(shapes, max_radius=1.5 * TRUTH.radius), TRUTH)

@@ -21,9 +21,12 @@ def frames() -> np.ndarray:
 
 
 @pytest.mark.parametrize("right, down, ratio", [(0.0, 0.0, 1.0), (2.4, -0.9, 0.92), (-3.6, 2.7, 1.15)])
-def test_a_circle_beside_the_sphere_does_not_mislead(frames, right, down, ratio):
+def test_a_circle_beside_the_sphere_does_not_mislead(
+    frames: np.ndarray, right: float, down: float, ratio: float
+) -> None:
     wrong = Sphere(TRUTH.x + right, TRUTH.y + down, ratio * TRUTH.radius)
     shapes = circle_of_highlights(frames, wrong)
+    assert shapes is not None
     error = np.hypot(shapes.x - TRUTH.x, shapes.y - TRUTH.y)
     assert error < 0.02 * TRUTH.radius
     assert shapes.sd < 0.02 * TRUTH.radius
@@ -31,7 +34,7 @@ def test_a_circle_beside_the_sphere_does_not_mislead(frames, right, down, ratio)
     assert 0.97 * TRUTH.radius < shapes.max_radius < 1.1 * TRUTH.radius
 
 
-def test_blur_widens_the_bound_of_the_radius_and_leaves_the_centre():
+def test_blur_widens_the_bound_of_the_radius_and_leaves_the_centre() -> None:
     directions = lamps(120)
     normals = directions + np.array([0.0, 0.0, 1.0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -40,39 +43,43 @@ def test_blur_widens_the_bound_of_the_radius_and_leaves_the_centre():
     moments = expected_moments(x, y, TRUTH, size)
     sharp = circle_of_shapes(HighlightShapes(x, y, moments), TRUTH)
     blurred = circle_of_shapes(HighlightShapes(x, y, moments + size * np.array([1.0, 0.0, 1.0])), TRUTH)
+    assert sharp is not None and blurred is not None
     assert sharp.max_radius == pytest.approx(TRUTH.radius, rel=0.01)
     assert blurred.max_radius > 1.15 * TRUTH.radius
     for shapes in (sharp, blurred):
         assert np.hypot(shapes.x - TRUTH.x, shapes.y - TRUTH.y) < 0.01 * TRUTH.radius
 
 
-def test_an_upright_lamp_that_is_not_round_moves_the_centre_no_farther_than_it_says():
+def test_an_upright_lamp_that_is_not_round_moves_the_centre_no_farther_than_it_says() -> None:
     shapes = circle_of_highlights(mirrored_lamp(TRUTH, lamps(120), width_ratio=1.3), TRUTH)
+    assert shapes is not None
     assert np.hypot(shapes.x - TRUTH.x, shapes.y - TRUTH.y) < 3.0 * np.hypot(shapes.sd, 0.01 * TRUTH.radius)
 
 
-def test_half_a_sweep_says_how_little_it_knows(frames):
+def test_half_a_sweep_says_how_little_it_knows(frames: np.ndarray) -> None:
     few = frames[lamps(120)[:, 0] > 0.4]
     shapes = circle_of_highlights(few, TRUTH)
     whole = circle_of_highlights(frames, TRUTH)
+    assert whole is not None
     assert shapes is None or shapes.sd > 1.5 * whole.sd
 
 
-def test_highlights_on_one_side_alone_say_nothing():
+def test_highlights_on_one_side_alone_say_nothing() -> None:
     turns, distances = np.random.default_rng(0).uniform((0.1, 5.0), (0.9, 17.0), (40, 2)).T
     x, y = TRUTH.x + distances * np.cos(turns), TRUTH.y + distances * np.sin(turns)
     assert circle_of_shapes(HighlightShapes(x, y, expected_moments(x, y, TRUTH, 4.0)), TRUTH) is None
 
 
-def test_few_frames_say_nothing(frames):
+def test_few_frames_say_nothing(frames: np.ndarray) -> None:
     assert circle_of_highlights(frames[:20], TRUTH) is None
 
 
-def test_a_sphere_without_light_says_nothing(frames):
+def test_a_sphere_without_light_says_nothing(frames: np.ndarray) -> None:
     assert circle_of_highlights(np.full_like(frames, 60), TRUTH) is None
 
 
-def test_a_camera_sees_the_centre_likewise(frames):
+def test_a_camera_sees_the_centre_likewise(frames: np.ndarray) -> None:
     camera = np.array([[4000.0, 0.0, 60.0], [0.0, 4000.0, 60.0], [0.0, 0.0, 1.0]])
     shapes = circle_of_highlights(frames, replace(TRUTH, x=TRUTH.x + 2.0), camera=camera)
+    assert shapes is not None
     assert np.hypot(shapes.x - TRUTH.x, shapes.y - TRUTH.y) < 0.03 * TRUTH.radius
