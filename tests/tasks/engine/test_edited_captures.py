@@ -105,7 +105,7 @@ def test_only_edited_captures_and_fields_change(simulated: Path, tmp_path: Path,
     changed = {name for name, key in stage_keys(marked, STAGES).items() if key != before[name]}
     assert changed == {"markup", "silhouette", "labels", "depth", "surface"}
     assert marked.capture.model_copy(update={"markup": context.capture.markup}) == context.capture
-    edits.save("front", Changes(marks=[]), "Ann", 3)
+    edits.save("front", Changes(marks=()), "Ann", 3)
     (unmarked,) = with_edits([context])
     assert unmarked.capture.markup is None, "no marks, also none of the catalogue's"
     edits.undo(4, "Ann")

@@ -2,9 +2,7 @@
 
 import base64
 import re
-from typing import cast
 
-import cv2
 import numpy as np
 import pytest
 
@@ -12,6 +10,7 @@ from glint.tasks.engine.stage import StageRecord
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.figures.capture_page import MAX_PAGE_CHARS, picture_page
 from glint.tasks.figures.markdown import plain
+from tests.pictures import decode_picture
 
 RECORDS = (
     StageRecord("frames", "k", False, 12.345, {"frames": 8000}, ()),
@@ -24,7 +23,7 @@ RECORDS = (
 
 def pictures_of(page: str) -> list[np.ndarray]:
     found = re.findall(r"data:image/png;base64,([A-Za-z0-9+/=]+)\)", page)
-    return [cast(np.ndarray, cv2.imdecode(np.frombuffer(base64.b64decode(encoded), np.uint8), -1)) for encoded in found]
+    return [decode_picture(base64.b64decode(encoded)) for encoded in found]
 
 
 def test_a_page_shows_pictures_stages_and_warnings() -> None:

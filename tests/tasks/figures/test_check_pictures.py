@@ -8,6 +8,7 @@ import numpy as np
 from glint.storage.catalogue.loading import Region
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.figures.check_pictures import DOUBT_RGB, MASK_RGB, draw_overview, write_check_pictures
+from tests.pictures import read_picture
 
 REGION = Region(x=10, y=20, width=40, height=30)
 
@@ -23,7 +24,7 @@ def test_layers_of_the_mask_have_the_size_of_the_frame(tmp_path: Path) -> None:
     )
     assert {path.name for path in paths} >= {"frame.png", "brightest.png", "mask.png", "overview.png"}
     first, brightest, painted = (
-        cv2.imread(str(tmp_path / f"{name}.png"), cv2.IMREAD_GRAYSCALE) for name in ("frame", "brightest", "mask")
+        read_picture(tmp_path / f"{name}.png", cv2.IMREAD_GRAYSCALE) for name in ("frame", "brightest", "mask")
     )
     assert (first == 43).all() and first.shape == (60, 80)
     assert (brightest[REGION.rows, REGION.columns] == 255).all() and (brightest == 255).sum() == 30 * 40

@@ -24,5 +24,5 @@ def test_stored_labels_are_those_of_the_same_marks(simulated: Path, performed: P
     assert stored is not None and np.array_equal(stored.labels, work.load("labels").read("labels"))
     assert held.stored_labels(None) is None
     # The same pixels, marked in frames with other lights.
-    in_other_frames = replace(marks, half_vectors=unit(marks.half_vectors + np.float32([0.1, 0.0, 0.0])))
+    in_other_frames = replace(marks, half_vectors=unit(marks.half_vectors + np.array([0.1, 0.0, 0.0], np.float32)))
     assert held.stored_labels(in_other_frames) is None

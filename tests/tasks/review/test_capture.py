@@ -4,7 +4,6 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -24,6 +23,7 @@ from glint.tasks.review.questions import prepare, questions
 from glint.tasks.review.sphere_fit import fit_sphere
 from glint.tasks.review.stored import has_object
 from glint.tasks.stages.capture_geometry import load_geometry
+from tests.pictures import decode_picture
 from tests.tasks.make_context import make_context, perform_all
 
 pytestmark = pytest.mark.long
@@ -41,10 +41,6 @@ def context(tmp_path_factory: pytest.TempPathFactory, simulated: object, perform
     return context_in(str(store), simulated)
 
 
-def decoded(data: bytes) -> np.ndarray:
-    return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-
-
 def test_a_frame_is_that_of_the_video_where_it_is_used(context: CaptureContext) -> None:
     from glint.storage.footage.source import open_footage
 
@@ -52,7 +48,7 @@ def test_a_frame_is_that_of_the_video_where_it_is_used(context: CaptureContext) 
     assert address is not None
     with open_footage(address) as footage:
         wanted = next(iter(footage.frames(start=150)))
-    shown, geometry = decoded(frame_picture(context, 150)), load_geometry(context)
+    shown, geometry = decode_picture(frame_picture(context, 150)), load_geometry(context)
     assert shown.shape == wanted.shape
     for crop in geometry.crops.values():
         assert np.array_equal(shown[crop.rows, crop.columns], wanted[crop.rows, crop.columns])
@@ -64,17 +60,17 @@ def test_levels_mask_and_thumbnail(context: CaptureContext) -> None:
     region = load_geometry(context).region
     for level in ("background", "peak"):
         stored = context.load("frames").read(level)
-        assert np.array_equal(decoded(level_picture(context, level))[region.rows, region.columns], stored)
+        assert np.array_equal(decode_picture(level_picture(context, level))[region.rows, region.columns], stored)
     mask = context.load("mask").read("mask")
-    shown = decoded(mask_picture(context))
+    shown = decode_picture(mask_picture(context))
     assert np.array_equal(shown[region.rows, region.columns] > 0, mask) and shown.sum() == 255 * mask.sum()
     painted = np.zeros(shown.shape, bool)
     painted[3:9, 4:8] = True
-    assert np.array_equal(decoded(mask_picture(context, painted)) > 0, painted)
+    assert np.array_equal(decode_picture(mask_picture(context, painted)) > 0, painted)
     check_mask(painted, first_frame(context).shape)
     with pytest.raises(InputError, match="must have the frame's"):
         check_mask(painted[1:], first_frame(context).shape)
-    assert max(decoded(thumbnail(context)).shape) == THUMBNAIL_SIZE
+    assert max(decode_picture(thumbnail(context)).shape) == THUMBNAIL_SIZE
 
 
 def test_inputs_are_given_used_and_seen(context: CaptureContext) -> None:
@@ -114,8 +110,8 @@ def test_a_drawn_sphere_is_measured(context: CaptureContext, shift: float, corre
 def test_looking_at_a_capture_that_never_ran_stores_nothing(tmp_path: object, simulated: object) -> None:
     new = context_in(str(tmp_path), simulated)
     assert capture_inputs(new)["used"] is None
-    assert decoded(mask_picture(new)).shape == first_frame(new).shape
-    assert decoded(level_picture(new, "peak")).max() > decoded(level_picture(new, "background")).mean()
+    assert decode_picture(mask_picture(new)).shape == first_frame(new).shape
+    assert decode_picture(level_picture(new, "peak")).max() > decode_picture(level_picture(new, "background")).mean()
     assert thumbnail(new) and frame_picture(new, 0)
     for refused in (lambda: frame_picture(new, 1), lambda: pixel_history(new, 5, 5)):
         with pytest.raises(InputError, match="before the first run"):

@@ -9,12 +9,13 @@ import pytest
 from scipy import ndimage
 
 from glint.tasks.engine.capture_context import CaptureContext
+from tests.pictures import read_picture
 from tests.tasks.make_context import make_context, perform_all
 
 
 def true_mask(work: CaptureContext) -> tuple[np.ndarray, np.ndarray]:
     """The given mask, of the region's size and in the full frame."""
-    pixels = cv2.imread(str(work.capture.mask), cv2.IMREAD_GRAYSCALE) > 0
+    pixels = read_picture(Path(str(work.capture.mask)), cv2.IMREAD_GRAYSCALE) > 0
     region = work.capture.region
     assert region is not None
     frame = np.zeros((region.y + region.height + 200, region.x + region.width + 400), bool)

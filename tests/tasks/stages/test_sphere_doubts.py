@@ -21,18 +21,18 @@ def doubts(sphere: Sphere) -> list[str]:
     return [warning.message for warning in sphere_doubts([sphere], LIGHTS, is_near=False)]
 
 
-def test_a_small_sphere_is_doubted_unless_it_was_given():
+def test_a_small_sphere_is_doubted_unless_it_was_given() -> None:
     assert any("radius of 17.0 pixels" in message for message in doubts(Sphere(0.0, 0.0, 17.0, 0.3)))
     assert doubts(Sphere(0.0, 0.0, 17.0, 1.0)) == []
     assert doubts(Sphere(0.0, 0.0, 40.0, 0.3)) == []
 
 
-def test_a_badly_known_contour_is_doubted_with_a_remedy_that_helps():
+def test_a_badly_known_contour_is_doubted_with_a_remedy_that_helps() -> None:
     assert "or give `spheres`" in doubts(Sphere(0.0, 0.0, 40.0, 0.3, 0.8, 0.8))[0]
     assert "or a larger sphere" in doubts(Sphere(0.0, 0.0, 40.0, 1.0, 0.8, 0.8))[0]
 
 
-def test_the_error_grows_towards_the_rim_and_falls_with_a_second_sphere():
+def test_the_error_grows_towards_the_rim_and_falls_with_a_second_sphere() -> None:
     sphere = Sphere(0.0, 0.0, 50.0, 0.3, 0.5, 0.5)
     single, pair = (spheres_error([sphere] * count, HALF_VECTORS[:, 2]) for count in (1, 2))
     assert single[0] == pytest.approx(0.01) and single[1] > 1.1 * single[0]
@@ -40,7 +40,7 @@ def test_the_error_grows_towards_the_rim_and_falls_with_a_second_sphere():
     assert sweep_error([], LIGHTS) == 0.0
 
 
-def mislead_fits(monkeypatch, centre_sd: float) -> None:
+def mislead_fits(monkeypatch: pytest.MonkeyPatch, centre_sd: float) -> None:
     """Let fits of given circles all end at an edge inside the sphere."""
     edge = Sphere(55.0, 60.8, 28.0, 0.4, centre_sd, 0.2)
     confirmed = ConfirmedSphere(edge, edge, is_clear=True, is_corrected=True)
@@ -48,14 +48,14 @@ def mislead_fits(monkeypatch, centre_sd: float) -> None:
 
 
 @pytest.fixture
-def misled_fit(monkeypatch) -> None:
+def misled_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     mislead_fits(monkeypatch, 0.2)
 
 
 @pytest.mark.parametrize(("centre_sd", "stands"), [(1.2, True), (2.5, False)])
 def test_a_given_circle_stands_against_a_fit_that_the_highlights_nearly_contradict(
-    monkeypatch, centre_sd: float, stands: bool
-):
+    monkeypatch: pytest.MonkeyPatch, centre_sd: float, stands: bool
+) -> None:
     mislead_fits(monkeypatch, centre_sd)
     truth = Sphere(58.3, 60.8, 30.4)
     (used,), _ = confirm_given(mirrored_lamp(truth, lamps(120)), [truth], None)
@@ -63,7 +63,7 @@ def test_a_given_circle_stands_against_a_fit_that_the_highlights_nearly_contradi
 
 
 @pytest.mark.usefixtures("misled_fit")
-def test_a_given_circle_stands_against_a_fit_that_the_highlights_contradict():
+def test_a_given_circle_stands_against_a_fit_that_the_highlights_contradict() -> None:
     truth = Sphere(58.3, 60.8, 30.4)
     (used,), (warning,) = confirm_given(mirrored_lamp(truth, lamps(120)), [truth], None)
     assert (used.x, used.y, used.radius) == (truth.x, truth.y, truth.radius)
@@ -71,7 +71,7 @@ def test_a_given_circle_stands_against_a_fit_that_the_highlights_contradict():
 
 
 @pytest.mark.usefixtures("misled_fit")
-def test_where_the_highlights_contradict_both_neither_passes_as_right():
+def test_where_the_highlights_contradict_both_neither_passes_as_right() -> None:
     truth, given = Sphere(58.3, 60.8, 30.4), Sphere(66.3, 60.8, 30.4)
     (used,), (warning,) = confirm_given(mirrored_lamp(truth, lamps(120)), [given], None)
     assert used.distance(truth) < max(2.0 * used.centre_sd, 0.03 * truth.radius)
@@ -79,7 +79,7 @@ def test_where_the_highlights_contradict_both_neither_passes_as_right():
 
 
 @pytest.mark.usefixtures("misled_fit")
-def test_a_given_circle_without_an_edge_of_its_own_gives_way_to_one_that_the_highlights_allow():
+def test_a_given_circle_without_an_edge_of_its_own_gives_way_to_one_that_the_highlights_allow() -> None:
     """It is too small about the true centre: the highlights, whose radius is an upper bound, do not contradict it."""
     truth, given = Sphere(58.3, 60.8, 30.4), Sphere(58.3, 60.8, 27.9)
     frames = mirrored_lamp(truth, lamps(120))
@@ -88,7 +88,7 @@ def test_a_given_circle_without_an_edge_of_its_own_gives_way_to_one_that_the_hig
     assert "which is used: correct `spheres`" in warning.message
 
 
-def test_what_a_radius_lacks_of_the_largest_one_is_doubt():
+def test_what_a_radius_lacks_of_the_largest_one_is_doubt() -> None:
     shapes = ShapeCircle(50.0, 50.0, 0.3, 40.0, 0.02)
     assert radius_lacking(Sphere(50.0, 50.0, 36.0), shapes) == 0.0
     assert radius_lacking(Sphere(50.0, 50.0, 30.0), shapes) == pytest.approx(7.6)

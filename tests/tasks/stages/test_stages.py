@@ -20,6 +20,7 @@ from glint.tasks.evaluation.captures import evaluate
 from glint.tasks.pipeline import STAGES
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
 from glint.tasks.stages import labels
+from tests.pictures import read_picture
 from tests.tasks.make_context import make_context, perform_all
 
 NAMES = tuple(stage.name for stage in STAGES)
@@ -97,7 +98,7 @@ def test_a_changed_parameter_redoes_what_follows_from_it(simulated: Path, store:
 def test_a_changed_mask_is_noticed(simulated: Path, tmp_path: Path) -> None:
     work = make_context(simulated, tmp_path / "store")
     before = stage_keys(work, STAGES)
-    mask = cv2.imread(str(work.capture.mask), cv2.IMREAD_GRAYSCALE)
+    mask = read_picture(Path(str(work.capture.mask)), cv2.IMREAD_GRAYSCALE)
     mask[:20] = 0
     cv2.imwrite(str(tmp_path / "mask.png"), mask)
     after = stage_keys(make_context(simulated, tmp_path / "store", mask=str(tmp_path / "mask.png")), STAGES)
@@ -128,7 +129,7 @@ def test_export_writes_everything(simulated: Path, store: Path, tmp_path: Path) 
     shape = (region.height, region.width)
     assert np.load(folder / "normals.npy").shape == (*shape, 3)
     assert np.load(folder / "depth.npy").shape == np.load(folder / "confidence.npy").shape == shape
-    assert cv2.imread(str(folder / "normals.png"), cv2.IMREAD_UNCHANGED).dtype == np.uint16
+    assert read_picture(folder / "normals.png").dtype == np.uint16
     report = json.loads((folder / "report.json").read_text())
     assert report["depth"]["unit"] == "mm" and report["region"] == region.model_dump()
     rows = (folder / "frames.csv").read_text().splitlines()
@@ -164,7 +165,8 @@ def test_sphere_region_and_mask_are_found(tmp_path: Path) -> None:
     assert given.region is not None
     whole = np.zeros(work.load("survey").record["frame_size"][::-1], bool)
     expected = whole.copy()
-    expected[given.region.rows, given.region.columns] = cv2.imread(str(given.mask), cv2.IMREAD_GRAYSCALE) > 0
+    true_mask = read_picture(Path(str(given.mask)), cv2.IMREAD_GRAYSCALE) > 0
+    expected[given.region.rows, given.region.columns] = true_mask
     region = work.load("survey").record["region"]
     mask = work.load("mask").read("mask")
     whole[region["y"] : region["y"] + region["height"], region["x"] : region["x"] + region["width"]] = mask
