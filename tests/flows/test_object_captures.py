@@ -39,6 +39,10 @@ def captures_of(catalogue: Path, store: Path) -> ObjectCaptures:
     return ObjectCaptures.of(load(catalogue), str(catalogue), "hemisphere", [], str(store), "", False)
 
 
+def refuse(result: ObjectResult) -> None:
+    pytest.fail(f"{result} is reported as unchanged")
+
+
 def test_unchanged_objects_are_found_and_the_others_counted_by_the_workers_they_need(
     simulated: Path, tmp_path: Path
 ) -> None:
@@ -46,10 +50,10 @@ def test_unchanged_objects_are_found_and_the_others_counted_by_the_workers_they_
     assert pending_stages(captures.chosen[0]) == NAMES
     prepared = list[bool]()
     prepare = partial(prepared.append, True)
-    assert unchanged_objects([captures], 4, pytest.fail, prepare) == ({}, 4), "tiles of a new capture go to all workers"
+    assert unchanged_objects([captures], 4, refuse, prepare) == ({}, 4), "tiles of a new capture go to all workers"
     perform_all(captures.chosen[0])
     assert pending_stages(captures.chosen[0]) == ()
-    assert unchanged_objects([captures], 4, pytest.fail, prepare) == ({}, 1), "it is stored, but no version holds it"
+    assert unchanged_objects([captures], 4, refuse, prepare) == ({}, 1), "it is stored, but no version holds it"
     publish(captures.chosen, "run", str(simulated))
     reported = list[ObjectResult]()
     assert len(prepared) == 2
@@ -59,7 +63,7 @@ def test_unchanged_objects_are_found_and_the_others_counted_by_the_workers_they_
     write(changed, tmp_path / "changed.yaml")
     captures = captures_of(tmp_path / "changed.yaml", tmp_path / "store")
     assert pending_stages(captures.chosen[0]) == ("depth", "surface")
-    assert unchanged_objects([captures, captures], 4, pytest.fail, prepare) == ({}, 2), (
+    assert unchanged_objects([captures, captures], 4, refuse, prepare) == ({}, 2), (
         "the last stages need one worker each"
     )
 

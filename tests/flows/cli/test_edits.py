@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -110,7 +111,7 @@ def test_a_run_takes_the_edits_and_says_so(simulated: Path, tmp_path: Path) -> N
 
     store, home = tmp_path / "store", tmp_path / "home"
 
-    def run() -> list[dict[str, object]]:
+    def run() -> list[dict[str, Any]]:
         words = "run", str(simulated), "--store", str(store), "--workers", "1", "--json"
         printed = glint_process(*words, folder=tmp_path, home=home).stdout
         return [json.loads(line) for line in printed.splitlines()]

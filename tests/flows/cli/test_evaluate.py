@@ -43,7 +43,7 @@ def test_each_shape_is_simulated_once_for_each_defect(tmp_path: Path, monkeypatc
     monkeypatch.setattr(tasks_simulate, "DEGRADED", few)
     events: list[Event] = []
     display = SimpleNamespace(emit=events.append)
-    catalogue = load(simulate_degraded(tmp_path, True, display))  # type: ignore[arg-type]
+    catalogue = load(simulate_degraded(tmp_path, True, display))
     assert [item.id for item in catalogue.objects] == [
         "hemisphere-no-defect",
         "hemisphere-perspective",
@@ -55,7 +55,7 @@ def test_each_shape_is_simulated_once_for_each_defect(tmp_path: Path, monkeypatc
     events.clear()
     video = Path(str(catalogue.objects[0].captures[0].frames))
     written = video.stat().st_mtime_ns
-    simulate_degraded(tmp_path, True, display)  # type: ignore[arg-type]
+    simulate_degraded(tmp_path, True, display)
     assert not events and video.stat().st_mtime_ns == written
 
 

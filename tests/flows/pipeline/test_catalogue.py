@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from uuid import UUID
 
 import pytest
 from prefect.client.orchestration import get_client
@@ -79,13 +80,13 @@ def result_of(state: Any) -> RunResult:
 def children(parent: str) -> dict[str, FlowRun]:
     """Flow runs below another by their names."""
     with get_client(sync_client=True) as client:
-        chosen = FlowRunFilter(parent_flow_run_id=FlowRunFilterParentFlowRunId(any_=[parent]))  # type: ignore[list-item]
+        chosen = FlowRunFilter(parent_flow_run_id=FlowRunFilterParentFlowRunId(any_=[UUID(parent)]))
         return {each.name: each for each in client.read_flow_runs(flow_run_filter=chosen)}
 
 
 def task_runs(flow_run: str, count: int) -> set[str]:
     """Return the names of a flow run's task runs, captures and stages, once the server has recorded so many."""
-    chosen = FlowRunFilter(id=FlowRunFilterId(any_=[flow_run]))  # type: ignore[list-item]
+    chosen = FlowRunFilter(id=FlowRunFilterId(any_=[UUID(flow_run)]))
     with get_client(sync_client=True) as client:
         until(lambda: len(client.read_task_runs(flow_run_filter=chosen)) >= count)
         return {run.name for run in client.read_task_runs(flow_run_filter=chosen)}

@@ -39,8 +39,8 @@ def captures(simulated: Path, tmp_path: Path) -> ObjectCaptures:
         shown = np.roll(frames, SHIFT_PX, axis=2) if name == "odd" else frames * np.uint8(name != "dark")
         for number, frame in enumerate(shown):
             cv2.imwrite(str(folder / f"{number:03d}.png"), frame)
-        entry = {"id": name, "frames": str(folder / "*.png"), "spheres": [], "markup": None}
-        contexts.append(make_context(simulated, tmp_path / "store", **entry))
+        pattern = str(folder / "*.png")
+        contexts.append(make_context(simulated, tmp_path / "store", id=name, frames=pattern, spheres=[], markup=None))
     return ObjectCaptures(tuple(contexts), tuple(contexts), "catalogue.yaml", len(contexts))
 
 

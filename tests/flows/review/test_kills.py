@@ -9,12 +9,11 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 import requests
@@ -24,7 +23,9 @@ from glint.flows.runtime.prefect_server import Server
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import mask_png
 from glint.storage.locations.location import Location
+from tests.flows.review.conftest import Tab
 from tests.flows.review.test_views import INPUTS, READY, drag
+from tests.pictures import decode_picture
 from tests.polling import PATIENCE, until
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
@@ -65,6 +66,12 @@ class KilledServer:
         assert session.post(f"{self.origin}/api/session", data=PASSWORD, timeout=60).ok
         return session
 
+    def save(self, session: requests.Session, changes: Mapping[str, str | float], base: int) -> requests.Response:
+        """The answer to changes by Ada that follow a revision."""
+        return session.post(
+            self.path("edits"), json={"changes": changes, "author": "Ada", "base_revision": base}, timeout=60
+        )
+
     def path(self, path: str) -> str:
         return f"{self.origin}/api/captures/hemisphere/front/{path}"
 
@@ -95,12 +102,10 @@ def test_every_acknowledged_stroke_is_there_after_kills(killed: KilledServer) ->
             for stroke in range(first, first + 100):
                 mask[stroke % height, : 20 + stroke] = True
                 text = base64.b64encode(mask_png(mask)).decode()
-                base = max(acknowledged, default=0)
-                body = {"changes": {"mask": text}, "author": "Ada", "base_revision": base}
-                answer = session.post(killed.path("edits"), json=body, timeout=60)
+                answer = killed.save(session, {"mask": text}, max(acknowledged, default=0))
                 if not answer.ok:  # what was saved before the kill without an answer came before this
                     base = session.get(killed.path("edits"), timeout=60).json()["revision"]
-                    answer = session.post(killed.path("edits"), json=body | {"base_revision": base}, timeout=60)
+                    answer = killed.save(session, {"mask": text}, base)
                 acknowledged[answer.json()["revision"]["number"]] = mask.copy()
                 if len(acknowledged) >= first + n_saves:
                     enough.set()
@@ -118,7 +123,7 @@ def test_every_acknowledged_stroke_is_there_after_kills(killed: KilledServer) ->
         np.testing.assert_array_equal(edits.current("front", number).mask, mask)
     shown = killed.client().get(killed.path("mask"), timeout=60).content
     newest = edits.current("front").mask
-    np.testing.assert_array_equal(cv2.imdecode(np.frombuffer(shown, np.uint8), cv2.IMREAD_UNCHANGED) > 0, newest)
+    np.testing.assert_array_equal(decode_picture(shown) > 0, newest)
 
 
 def test_a_page_whose_server_was_killed_in_a_stroke_saves_it_to_the_next_one(
@@ -126,10 +131,10 @@ def test_a_page_whose_server_was_killed_in_a_stroke_saves_it_to_the_next_one(
 ) -> None:
     page = opened(killed, chromium)
     page.keyboard.press("b")
-    tab = type("Tab", (), {"page": page})
-    drag(tab, (10, 10), (30, 12))  # type: ignore[arg-type]
+    tab = Tab(page, [])
+    drag(tab, (10, 10), (30, 12))
     killed.kill()
-    drag(tab, (30, 12), (34, 40))  # type: ignore[arg-type]
+    drag(tab, (30, 12), (34, 40))
     painted = page.get_attribute("section[data-pixels]", "data-pixels")
     page.fill("aside input[autocomplete=name]", "Ada")
     page.click("aside .save button:has-text('Save')")
@@ -150,8 +155,7 @@ def test_a_run_goes_on_where_its_server_was_killed_and_the_page_finds_it_again(
     server: Server, killed: KilledServer, chromium: Any
 ) -> None:
     session = killed.client()
-    body = {"changes": {"pixel_size": 0.5}, "author": "Ada", "base_revision": 0}
-    assert session.post(killed.path("edits"), json=body, timeout=60).ok
+    assert killed.save(session, {"pixel_size": 0.5}, 0).ok
     page = opened(killed, chromium)
     page.click("text=Run from here")
     until(lambda: bool((session.get(killed.path("run"), timeout=60).json() or {}).get("stage")), RUN_SECONDS)

@@ -30,9 +30,8 @@ def listing(store: Path, catalogue: Path | None) -> Listing:
     return made
 
 
-def states(made: Listing, **choice: Any) -> dict[str, str]:
-    wanted = {"search": "", "states": (), "sort": "attention", "offset": 0, "limit": 100} | choice
-    return {row.name: row.state for row in made.view(**wanted).rows}
+def states(made: Listing, search: str = "", sort: str = "attention") -> dict[str, str]:
+    return {row.name: row.state for row in made.view(search, (), sort, 0, 100).rows}
 
 
 @pytest.mark.long

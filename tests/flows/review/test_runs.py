@@ -20,6 +20,7 @@ from glint.storage.edits.edits import Edits
 from glint.storage.locations.location import Location
 from tests.flows.review.conftest import ServedPage, Tab, let_in, serve
 from tests.flows.review.test_views import INPUTS, READY, drag, saved
+from tests.pictures import read_picture
 
 pytestmark = [pytest.mark.server, pytest.mark.slow]
 
@@ -115,7 +116,7 @@ def leaking(tmp_path: Path, shared_data: Path) -> Iterator[tuple[ServedPage, Pat
     capture = entry.captures[0].model_dump(mode="json", exclude_none=True)
     region = entry.captures[0].region
     assert region is not None
-    mask = cv2.imread(capture["mask"], cv2.IMREAD_GRAYSCALE)
+    mask = read_picture(Path(capture["mask"]), cv2.IMREAD_GRAYSCALE)
     mask[150:185, : mask.shape[1] // 3] = 255
     cv2.imwrite(str(tmp_path / "leaking.png"), mask)
     capture["mask"] = str(tmp_path / "leaking.png")
@@ -147,8 +148,8 @@ def test_a_person_repairs_a_leaking_mask_of_the_shared_hemisphere_until_the_run_
         saved(tab)
         run_from_here(tab, "v2")
         errors.append(mean_error(served, truth))
-        if folder := os.environ.get("GLINT_SCREENSHOTS"):  # type: ignore[assignment]
-            page.screenshot(path=f"{folder}/repaired.png")
+        if screenshots := os.environ.get("GLINT_SCREENSHOTS"):
+            page.screenshot(path=f"{screenshots}/repaired.png")
     assert errors[1] < 0.6 * errors[0]
     assert errors[1] < 1.5
 

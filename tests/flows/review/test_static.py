@@ -2,6 +2,7 @@
 
 import json
 import re
+from pathlib import Path
 
 import pytest
 
@@ -12,8 +13,8 @@ VENDOR = STATIC / "vendor"
 
 
 @pytest.mark.parametrize("path", OWN, ids=[path.name for path in OWN])
-def test_own_files_name_no_other_host_and_make_no_markup_of_text(path: object) -> None:
-    text = path.read_text(encoding="utf-8")  # type: ignore[attr-defined]
+def test_own_files_name_no_other_host_and_make_no_markup_of_text(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
     addresses = set(re.findall(r"(?:https?:)?//[a-z0-9-]+(?:\.[a-z0-9-]+)+", text))
     assert addresses <= {"http://www.w3.org"}
     assert not re.search(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\(|new Function", text)

@@ -125,13 +125,14 @@ def test_a_server_that_ends_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyP
 @pytest.mark.usefixtures("free_environment", "sleeper")
 def test_a_dead_server_is_replaced(tmp_path: Path) -> None:
     first = start_server(tmp_path)
-    assert first.process is not None
-    os.kill(first.process[0], 9)
-    until(lambda: not is_alive(*first.process))
+    process = first.process
+    assert process is not None
+    os.kill(process[0], 9)
+    until(lambda: not is_alive(*process))
     os.environ.pop("PREFECT_API_URL")
     second = start_server(tmp_path)
     assert second.started
-    assert second.process != first.process
+    assert second.process != process
     stop_server(tmp_path)
 
 

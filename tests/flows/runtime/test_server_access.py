@@ -54,7 +54,7 @@ def password(server: Server) -> dict[str, str]:
 def test_without_the_password_nothing_is_read_or_started(server: Server) -> None:
     assert status(f"{server.api_url}/health") == 200
     for path in ("admin/version", "admin/settings", "flows/filter", "block_documents/filter", "work_pools/filter"):
-        body = {} if path.endswith("filter") else None
+        body = dict[str, object]() if path.endswith("filter") else None
         assert status(f"{server.api_url}/{path}", body) == 401
         assert status(f"{server.api_url}/{path}", body, Authorization="Basic Z2xpbnQ6d3Jvbmc=") == 401
         assert status(f"{server.api_url}/{path}", body, **password(server)) == 200
@@ -81,11 +81,14 @@ def test_other_origins_and_host_names_are_refused_even_with_the_password(server:
 
 
 @pytest.mark.server
-@pytest.mark.parametrize("headers", [{"origin": Origin(FOREIGN)}, {"additional_headers": {"Host": "pages.example"}}])
-def test_channels_of_other_origins_are_refused(server: Server, headers: dict[str, object]) -> None:
+@pytest.mark.parametrize(("origin", "headers"), [(Origin(FOREIGN), {}), (None, {"Host": "pages.example"})])
+def test_channels_of_other_origins_are_refused(server: Server, origin: Origin | None, headers: dict[str, str]) -> None:
     for path in ("events/in", "events/out", "logs/out"):
         address = f"{server.api_url}/{path}".replace("http", "ws", 1)
-        with pytest.raises((InvalidStatus, OSError)), connect(address, proxy=None, **headers):  # type: ignore[arg-type]
+        with (
+            pytest.raises((InvalidStatus, OSError)),
+            connect(address, proxy=None, origin=origin, additional_headers=headers),
+        ):
             pass
 
 
