@@ -27,7 +27,7 @@ ORDER = {
         " questions pipeline model sphere_agreement stages figures engine version_diff code_provenance"
     ),
     "glint.tasks.algorithms": (
-        "simulation evaluation registration multiview questions published labelling faces prisms frames masks"
+        "simulation evaluation registration multiview questions published labelling facets faces prisms frames masks"
         " revolution silhouettes prior sheets meshing candidates integration near_light sphere_checks lighting geometry"
         " errors"
     ),

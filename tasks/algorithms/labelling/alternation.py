@@ -8,6 +8,7 @@ from scipy import sparse
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
 from glint.tasks.algorithms.candidates.shading import shading_log_ratio
 from glint.tasks.algorithms.faces.flat_faces import FlatFaces
+from glint.tasks.algorithms.facets.faceted_normals import FacetSearch
 from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.labelling.answers import MARKED_SHEET_NATS, mark_influence, marked_confidence
 from glint.tasks.algorithms.labelling.confidence import (
@@ -74,6 +75,7 @@ class Alternation:
     graph: GraphCut = field(init=False)
     symmetry: RotationalSymmetry = field(init=False)
     prism: PrismSearch = field(init=False)
+    facets: FacetSearch = field(init=False)
     own_evidence: np.ndarray = field(init=False)
     sheets: tuple[np.ndarray, sparse.csr_matrix] = field(init=False)
     unmarked_labels: np.ndarray = field(init=False)
@@ -105,6 +107,7 @@ class Alternation:
         self.graph = GraphCut(self.normals, weights.strength, weights.contrast)
         self.symmetry = RotationalSymmetry(self.mask, self.camera)
         self.prism = PrismSearch(self.normals, self.mask, self.camera)
+        self.facets = FacetSearch(self.normals, self.mask, self.camera)
         self.own_evidence = weights.shape_weight * shape_log_ratio(self.normals, self.scale)
         self.own_evidence += weights.shading_weight * shading_log_ratio(self.shading)
         self.sheets = sheet_graph(self.normals)

@@ -4,6 +4,7 @@ Each explanation that is adopted changes the expected field or the evidence, and
 """
 
 from copy import copy
+from operator import itemgetter
 
 from glint.tasks.algorithms.faces.flat_faces import APPARENT_DEG, flat_faces, has_other_faces
 from glint.tasks.algorithms.faces.proven_faces import face_evidence
@@ -12,17 +13,17 @@ from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.final_confidence import final_confidence
 from glint.tasks.algorithms.labelling.readmission import plausible_sheets
 from glint.tasks.algorithms.labelling.results import CONFIDENT, accepted_weights, blended_normals
-from glint.tasks.algorithms.prisms.prismatic_normals import PrismaticNormals
+from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals
 
 MIN_KNOWN_SHARE = 0.05
 """Share of the mask that enters the field from which labels have a start of their own."""
 MAX_READMISSIONS = 3
 """Rounds in which rejected sheets are readmitted: each may show the field of the next."""
-MIN_PRISM_NATS, CONTRADICTED_NATS = 10.0, 50.0
-"""Evidence for a prism from which it is adopted, and how much more it takes if all accepted normals of a full mask
-contradict it; what is seen through a prism's faces does."""
+MIN_PRISM_NATS, MIN_FACETED_NATS, CONTRADICTED_NATS = 10.0, 25.0, 50.0
+"""Evidence for a prism and for a faceted body from which either is adopted, and how much more it takes if all accepted
+normals of a full mask contradict it; what is seen through its faces does."""
 CONTRADICTED_DEG = 6.0
-"""Angle from which an accepted normal contradicts a prism."""
+"""Angle from which an accepted normal contradicts a solid."""
 MAX_CONTRADICTED_SHARE, MIN_REFUTED_SHARE = 0.4, 0.05
 """Share of one of its faces that confident normals may contradict, if that face has this share of the mask."""
 MAX_REFUTATIONS = 3
@@ -63,15 +64,16 @@ def _with_surface(state: Alternation) -> Alternation:
 
 
 def _with_faces(state: Alternation) -> Alternation:
-    """Return the state with a right prism, else with single flat faces, if there are any."""
-    start, prism = copy(state), _likely_prism(state)
+    """Return the state with a right prism or faceted body, else with single flat faces, if there are any."""
+    start, solids = copy(state), _likely_solids(state)
     if not state.face_evidence.any():
         state.face_evidence = face_evidence(state.normals, state.mask, state.scale, state.camera)
         if state.face_evidence.any():
             state.iterate()
     if _adopts_faces(state):
         state.iterate()
-    return state if prism is None or _is_refuted(prism, state) else _with_prism(start, prism)
+    solid = next((solid for solid in solids if not _is_refuted(solid, state)), None)
+    return state if solid is None else _with_solid(start, solid)
 
 
 def _with_symmetry(state: Alternation) -> Alternation | None:
@@ -105,39 +107,44 @@ def _adopts_symmetry(state: Alternation) -> bool:
     return True
 
 
-def _likely_prism(state: Alternation) -> PrismaticNormals | None:
-    """Return the right prism that candidates show, None unless they outweigh accepted normals that contradict it."""
+def _likely_solids(state: Alternation) -> list[PolyhedralNormals]:
+    """Return the solids that candidates show, likeliest first, if they outweigh accepted normals that contradict it."""
     prism = state.prism.best
-    if prism is None:
-        return None
-    contradicted = state.known & (angles(state.values, prism.normals) > CONTRADICTED_DEG)
-    needed = MIN_PRISM_NATS + CONTRADICTED_NATS * contradicted.sum() / state.mask.sum()
-    return prism if prism.log_ratio >= needed else None
+    candidates = [(solid, MIN_FACETED_NATS) for solid in state.facets.likeliest]
+    if prism is not None:
+        candidates.append((prism, MIN_PRISM_NATS))
+    margins = []
+    for solid, needed in candidates:
+        contradicted = state.known & (angles(state.values, solid.normals) > CONTRADICTED_DEG)
+        margin = solid.log_ratio - needed - CONTRADICTED_NATS * contradicted.sum() / state.mask.sum()
+        if margin >= 0.0:
+            margins.append((float(margin), solid))
+    return [solid for _, solid in sorted(margins, key=itemgetter(0), reverse=True)]
 
 
-def _is_refuted(prism: PrismaticNormals, state: Alternation) -> bool:
-    """Return whether confident normals contradict much of one of a prism's faces, as if it had another end.
+def _is_refuted(solid: PolyhedralNormals, state: Alternation) -> bool:
+    """Return whether confident normals contradict much of one of a solid's faces, as if it had another end.
 
     state: explained by flat faces, if there are any.
     """
     normals = blended_normals(state.values, state.smooth)
     is_confident = final_confidence(state, normals) >= CONFIDENT
-    contradicted = is_confident & (angles(normals, prism.normals) > CONTRADICTED_DEG)
-    for face in range(prism.faces.max() + 1):
-        pixels = state.mask & (prism.faces == face)
+    contradicted = is_confident & (angles(normals, solid.normals) > CONTRADICTED_DEG)
+    for face in range(solid.faces.max() + 1):
+        pixels = state.mask & (solid.faces == face)
         is_large = pixels.sum() >= MIN_REFUTED_SHARE * state.mask.sum()
         if is_large and contradicted[pixels].mean() > MAX_CONTRADICTED_SHARE:
             return True
     return False
 
 
-def _with_prism(state: Alternation, prism: PrismaticNormals) -> Alternation:
-    """Return the state whose expected field is a right prism.
+def _with_solid(state: Alternation, solid: PolyhedralNormals) -> Alternation:
+    """Return the state whose expected field is a solid of flat faces.
 
     Labels start again from it: what was accepted before may be no more than what is seen through its faces.
     """
     state.forget_labels()
-    state.expect(prism.normals, prism.depths)
+    state.expect(solid.normals, solid.depths)
     state.iterate()
     return state
 

@@ -90,7 +90,7 @@ def _face_log_ratio(number: int, prism: RightPrism, faces: np.ndarray, shown: Sh
         return 0.0
     normal = prism.normals[number]
     flashing = shown.where(shown.normals @ normal > np.cos(np.radians(FLASHED_DEG)))
-    ratio = _share_log_ratio(float(flashing[inside].mean()), FALSE_FACE_SHARE)
+    ratio = share_log_ratio(float(flashing[inside].mean()), FALSE_FACE_SHARE)
     if ratio < 0.0 and not shown.flashing(normal[None], prism.corners[number].mean(axis=0)).all():
         return 0.0
     return float(ratio * np.sqrt(inside.sum()) / (PIECE_INRADII * shown.scale))
@@ -113,13 +113,13 @@ def _crease_log_ratio(crease: Crease, prism: RightPrism, shown: ShownNormals) ->
     near = cv2.dilate(shown.where(shows).astype(np.uint8), disc)
     stray = float(np.clip(near[shown.mask].mean(), *STRAY_SHARE))
     length = float(np.linalg.norm(crease.end - crease.start))
-    return float(_share_log_ratio(float(near[line].mean()), stray) * length / (PIECE_INRADII * shown.scale))
+    return float(share_log_ratio(float(near[line].mean()), stray) * length / (PIECE_INRADII * shown.scale))
 
 
-def _share_log_ratio(share: float, false_share: float) -> float:
+def share_log_ratio[Share: (float, np.ndarray)](share: Share, false_share: float) -> Share:
     """Return what a share of places with highlights says, per place; false_share: that of a false face or crease."""
-    dark = np.log((1.0 - TRUE_SHARE) / (1.0 - false_share))
-    return float(share * np.log(TRUE_SHARE / false_share) + (1.0 - share) * dark)
+    bright, dark = np.log(TRUE_SHARE / false_share), np.log((1.0 - TRUE_SHARE) / (1.0 - false_share))
+    return share * float(bright) + (1.0 - share) * float(dark)
 
 
 def _pixels_along(crease: Crease, shown: ShownNormals) -> np.ndarray:

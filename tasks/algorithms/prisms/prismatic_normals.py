@@ -9,15 +9,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import itemgetter
-from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage
 
-from glint.tasks.algorithms.geometry.distance import inradius, with_nearest
-from glint.tasks.algorithms.geometry.perspective import rotate_to_view, to_camera_directions
-from glint.tasks.algorithms.geometry.vectors import to_camera, unit
+from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.prisms.contour_polygon import contour_polygons
+from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals, polyhedral_normals
 from glint.tasks.algorithms.prisms.prism_evidence import ShownNormals, prism_log_ratio
 from glint.tasks.algorithms.prisms.right_prism import RightPrism, swept_contours
 from glint.tasks.algorithms.silhouettes.aimed_view import AimedView
@@ -28,22 +25,6 @@ SLOPE_STEPS_DEG, REFINED = (4.0, 2.0, 1.0), 4
 """Steps by which the slopes of the best prisms are refined in turn, and how many prisms."""
 SCORED_INRADIUS_PX = 60.0
 """Inradius in pixels to which an object is sampled down to compare prisms."""
-BEND_INRADII = 0.05
-"""Half the width in inradii over which normals are averaged, since edges are rounded."""
-
-
-class PrismaticNormals(NamedTuple):
-    """Normals and depths of a right prism.
-
-    normals: (H, W, 3) float32, relative to the view rays, NaN outside the object. depths: (H, W) float32, z of its
-    faces in pixels towards the camera, up to a constant; under perspective heights, as of `RotationalNormals`. faces:
-    (H, W) int, numbers of the visible faces, -1 beside them. log_ratio: how much candidates speak for it, nats.
-    """
-
-    normals: np.ndarray
-    depths: np.ndarray
-    faces: np.ndarray
-    log_ratio: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,19 +40,17 @@ class PrismSearch:
     camera: np.ndarray | None
 
     @cached_property
-    def best(self) -> PrismaticNormals | None:
+    def best(self) -> PolyhedralNormals | None:
         """The prism for which candidates speak most; None if they speak for none."""
         if self.camera is None:
             prism = likeliest_prism(possible_prisms(self.mask), self.candidates, self.mask)
-            return None if prism is None else _rendered(*prism, self.mask)
+            return None if prism is None else polyhedral_normals(*prism, self.mask)
         aimed = AimedView.at(self.mask, self.camera)
         prisms = possible_prisms(aimed.silhouette, 1.0 / aimed.focal)
         prism = likeliest_prism(prisms, aimed.candidates(self.candidates), aimed.silhouette) if prisms else None
         if prism is None:
             return None
-        normals, depths, faces, log_ratio = _rendered(*prism, aimed.silhouette)
-        shown_back = aimed.normals_back(normals), aimed.heights_back(depths), aimed.numbers_back(faces)
-        return PrismaticNormals(*shown_back, log_ratio)
+        return polyhedral_normals(*prism, aimed.silhouette).seen_back(aimed)
 
 
 def possible_prisms(mask: np.ndarray, inverse_focal: float = 0.0) -> list[RightPrism]:
@@ -123,20 +102,3 @@ def _beside(prism: RightPrism, step: float) -> Iterator[RightPrism]:
     """Yield the prisms with slopes a step in degrees to either side."""
     for slope in (prism.slope - np.radians(step), prism.slope + np.radians(step)):
         yield replace(prism, slope=float(slope))
-
-
-def _rendered(prism: RightPrism, log_ratio: float, mask: np.ndarray) -> PrismaticNormals:
-    """Return what a mask (H, W) bool shows of a prism."""
-    faces = prism.faces(mask.shape)
-    rows, columns = np.indices(mask.shape, dtype=float)
-    x, y = to_camera(columns, rows, mask.shape[1], mask.shape[0])
-    is_seen = faces >= 0
-    normals, depths = np.full((*mask.shape, 3), np.nan), np.full(mask.shape, np.nan, np.float32)
-    normals[is_seen] = prism.normals[faces[is_seen]]
-    depths[is_seen] = prism.depths(x[is_seen], y[is_seen], faces[is_seen])
-    side = 2 * round(BEND_INRADII * inradius(mask)) + 1
-    flat = np.where(mask[..., None], with_nearest(normals, mask), 0.0)
-    rounded = np.full(flat.shape, np.nan)
-    rounded[mask] = unit(ndimage.uniform_filter(flat, (side, side, 0))[mask])
-    view = unit(to_camera_directions(x, y, prism.inverse_focal))
-    return PrismaticNormals(rotate_to_view(rounded, view), depths, faces, log_ratio)

@@ -51,17 +51,23 @@ def to_pixels(points: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     return points * np.array([1.0, -1.0]) + (np.array(shape[::-1]) - 1.0) / 2.0
 
 
-def swept_contours(corners: np.ndarray, inverse_focal: float = 0.0) -> list[SweptContour]:
+def swept_contours(
+    corners: np.ndarray,
+    inverse_focal: float = 0.0,
+    max_angle_deg: float = MAX_PARALLEL_DEG,
+    min_length_ratio: float = MIN_LENGTH_RATIO,
+) -> list[SweptContour]:
     """Return the ways in which a polygon (N, 2), counter-clockwise, can be the contour of a prism.
 
-    inverse_focal: 1 over the focal length in pixels; under perspective edges along the axis may converge.
+    inverse_focal: 1 over the focal length in pixels; under perspective edges along the axis may converge. The others:
+    angle between the images of two edges along the axis under parallel rays, and ratio of their lengths.
     """
     count = len(corners)
     edges = np.roll(corners, -1, axis=0) - corners
     lengths = np.linalg.norm(edges, axis=1)
     size = float(np.linalg.norm(np.ptp(corners, axis=0)))
-    max_angle = np.radians(MAX_PARALLEL_DEG) + inverse_focal * size / 2.0
-    min_ratio = MIN_LENGTH_RATIO - inverse_focal * size / 2.0
+    max_angle = np.radians(max_angle_deg) + inverse_focal * size / 2.0
+    min_ratio = min_length_ratio - inverse_focal * size / 2.0
     result = []
     for first in range(count):
         for second in range(first + 2, count):

@@ -16,19 +16,43 @@ def inscribed_circles(contour: AxisRays, step: float) -> tuple[np.ndarray, np.nd
 
     contour: rays through its points, in order, dense against the circles.
     """
-    # Where the rays meet the plane through the axis that is parallel to the image's horizontal.
-    approach = np.maximum(contour.directions[:, 1], MIN_COS_TILT)
-    sides, _, ups = contour.at(-contour.origins[:, 1] / approach).T
-    heights = np.arange(ups.min(), ups.max() + step, step)
+    heights, starts, slopes = lines_across_planes(contour, step)
     # A circle inside the contour is smaller than the distance from the axis at which each ray meets its plane.
+    squared = _least_squared_distances(heights, starts, slopes)
+    # A circle that is seen nearly edge-on passes between two points of the contour.
+    heights_met, sides_met = contour_crossings(contour, heights, step)
+    np.minimum.at(squared, heights_met, sides_met**2)
+    return heights, np.sqrt(squared)
+
+
+def lines_across_planes(contour: AxisRays, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return heights (N,), equidistant by `step`, and where the rays of a closed contour meet the planes at these.
+
+    Positions (M, 2) at the height 0, and their change (M, 2) with the height, across and forward.
+    """
+    _, ups = _middle_crossings(contour)
+    heights = np.arange(ups.min(), ups.max() + step, step)
     rise = contour.directions[:, 2]
     rise = np.where(rise < 0.0, np.minimum(rise, -MIN_SIN_TILT), np.maximum(rise, MIN_SIN_TILT))
     slopes = contour.directions[:, :2] / rise[:, None]
-    squared = _least_squared_distances(heights, contour.origins[:, :2] - contour.origins[:, 2:] * slopes, slopes)
-    # A circle that is seen nearly edge-on passes between two points of the contour.
-    heights_met, sides_met = _crossings((ups - heights[0]) / step, sides, len(heights))
-    np.minimum.at(squared, heights_met, sides_met**2)
-    return heights, np.sqrt(squared)
+    return heights, contour.origins[:, :2] - contour.origins[:, 2:] * slopes, slopes
+
+
+def contour_crossings(contour: AxisRays, heights: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the numbers (L,) of the heights that a closed contour crosses, and its sides (L,) there, in pixels.
+
+    contour: rays through its points, which cross the heights where they meet the plane through the axis that is
+    parallel to the image's horizontal. heights: (N,), equidistant by `step`.
+    """
+    sides, ups = _middle_crossings(contour)
+    return _crossings((ups - heights[0]) / step, sides, len(heights))
+
+
+def _middle_crossings(contour: AxisRays) -> tuple[np.ndarray, np.ndarray]:
+    """Return side and height (M,) where rays meet the plane through the axis parallel to the image's horizontal."""
+    approach = np.maximum(contour.directions[:, 1], MIN_COS_TILT)
+    sides, _, ups = contour.at(-contour.origins[:, 1] / approach).T
+    return sides, ups
 
 
 @njit(cache=True, nogil=True, fastmath={"nnan", "ninf", "nsz", "reassoc", "contract"})

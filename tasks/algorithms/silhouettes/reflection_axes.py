@@ -45,8 +45,11 @@ class ReflectionAxis:
         return np.array([-self.normal[1], self.normal[0]])
 
 
-def reflection_axes(mask: np.ndarray) -> list[ReflectionAxis]:
-    """Return at most MAX_AXES axes of a silhouette (H, W) bool that is symmetric about them, best first."""
+def reflection_axes(mask: np.ndarray, min_iou: float = MIN_SYMMETRY_IOU) -> list[ReflectionAxis]:
+    """Return at most MAX_AXES axes of a silhouette (H, W) bool that is symmetric about them, best first.
+
+    min_iou: overlap with its mirror image from which it is.
+    """
     if inradius(mask) < MIN_INRADIUS_PX:
         return []
     height, width = mask.shape
@@ -64,14 +67,14 @@ def reflection_axes(mask: np.ndarray) -> list[ReflectionAxis]:
     seeds = np.radians(np.arange(0.0, 180.0, SEED_STEP_DEG))
     scores = np.array([iou(angle, 0.0) for angle in seeds])
     is_peak = (scores >= np.roll(scores, 1)) & (scores >= np.roll(scores, -1))
-    is_peak &= scores >= MIN_SYMMETRY_IOU - SEED_IOU_MARGIN
+    is_peak &= scores >= min_iou - SEED_IOU_MARGIN
     axes = []
     for seed in seeds[is_peak]:
         steps = (float(np.radians(SEED_STEP_DEG / 2)), 1.0)
         (angle, offset), _ = refined_place(iou, (float(seed), 0.0), steps, float(np.radians(FINAL_STEP_DEG)))
         normal = np.array([np.cos(angle), np.sin(angle)])
         axes.append(ReflectionAxis(centre + offset * normal, normal, iou(angle, offset)))
-    return sorted((axis for axis in axes if axis.iou >= MIN_SYMMETRY_IOU), key=lambda axis: -axis.iou)[:MAX_AXES]
+    return sorted((axis for axis in axes if axis.iou >= min_iou), key=lambda axis: -axis.iou)[:MAX_AXES]
 
 
 def refined_place(

@@ -6,12 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from glint.tasks.algorithms.facets.faceted_normals import FacetSearch
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.explanations import MIN_PRISM_NATS, explain
 from glint.tasks.algorithms.labelling.reconstruction import conclude, settle
 from glint.tasks.algorithms.labelling.weights import LabellingOptions
-from glint.tasks.algorithms.prisms.prismatic_normals import PrismaticNormals, PrismSearch
+from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals
+from glint.tasks.algorithms.prisms.prismatic_normals import PrismSearch
 from tests.tasks.algorithms.faces.polyhedron import PYRAMID, face_numbers, polyhedron_normals
 from tests.tasks.algorithms.labelling.test_reconstruction import clusters_of
 from tests.tasks.algorithms.prisms.block import Block
@@ -19,6 +21,7 @@ from tests.tasks.algorithms.prisms.test_prismatic_normals import shown
 from tests.tasks.algorithms.revolution.beaker import observable
 
 ALONE = LabellingOptions(symmetry=False, readmission=False)
+NO_BODY: FacetSearch = SimpleNamespace(likeliest=[])  # type: ignore[assignment]
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +36,7 @@ def settled(truth: np.ndarray) -> Alternation:
 
 def prism_of(normals: np.ndarray, faces: np.ndarray, log_ratio: float) -> PrismSearch:
     depths = np.zeros(normals.shape[:2], np.float32)
-    return SimpleNamespace(best=PrismaticNormals(normals, depths, faces, log_ratio))  # type: ignore[return-value]
+    return SimpleNamespace(best=PolyhedralNormals(normals, depths, faces, log_ratio))  # type: ignore[return-value]
 
 
 def test_the_faces_that_never_showed_the_light_follow_from_a_prism(settled: Alternation, truth: np.ndarray) -> None:
@@ -61,6 +64,7 @@ def test_accepted_normals_that_contradict_a_prism_take_more_evidence(settled: Al
     def adopts(state: Alternation, log_ratio: float) -> bool:
         state = copy(state)
         state.prism = prism_of(truth, np.zeros(truth.shape[:2], int), log_ratio)
+        state.facets = NO_BODY
         return explain(state).expected is not None
 
     assert adopts(settled, 5.0 * MIN_PRISM_NATS)
@@ -78,6 +82,7 @@ def test_confident_normals_refute_a_prism_with_another_end() -> None:
         state, normals = copy(settled), pyramid.copy()
         normals[mask & (numbers == wrong)] = [0.0, 0.0, 1.0]
         state.prism = prism_of(normals, np.where(mask, numbers, -1), 100.0)
+        state.facets = NO_BODY
         assert (explain(state).expected is not None) is expected
 
 

@@ -1,0 +1,142 @@
+"""Faceted bodies: every cross-section is the same regular polygon about an axis, larger or smaller.
+
+Octagonal bottles, square decanters, cut tumblers, truncated pyramids: what a surface of revolution is with polygons in
+place of its circles. The largest body inside a silhouette follows as it does there, if the size of a point's polygon,
+the apothem, takes the place of its distance from the axis.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from glint.tasks.algorithms.facets.inscribed_polygons import RegularPolygon, inscribed_polygons, straight_profile
+from glint.tasks.algorithms.geometry.perspective import to_camera_directions
+from glint.tasks.algorithms.geometry.vectors import unit
+from glint.tasks.algorithms.prisms.right_prism import SUBPIXEL_BITS, Crease, to_pixels
+from glint.tasks.algorithms.revolution.view_rays import AxisFrame
+
+MIN_FACING = 0.02
+"""Cosine of the angle to the view vector from which a face is visible."""
+MIN_CREASE_DEG = 6.0
+"""Angle between two faces from which their common edge is a crease."""
+
+
+@dataclass(frozen=True, eq=False)
+class FacetedBody:
+    """Faceted body before a camera, bounded by planes; lengths in pixels.
+
+    polygon: its cross-section. frame: of its axis. heights, apothems: (M,), of the rings of corners between which it is
+    straight, upward along the axis.
+    """
+
+    polygon: RegularPolygon
+    frame: AxisFrame
+    heights: np.ndarray
+    apothems: np.ndarray
+
+    @classmethod
+    def inside(cls, contour: np.ndarray, frame: AxisFrame, polygon: RegularPolygon, step: float) -> "FacetedBody":
+        """Return the largest body about an axis, with that cross-section, inside the contour of a silhouette.
+
+        contour: (N, 2), x and y in the camera frame, pixels. step: distance of samples along the axis in pixels.
+        """
+        heights, apothems = inscribed_polygons(frame.rays(*contour.T), polygon, step)
+        tilts = polygon.edge_on_tilts(frame.tilts(heights))
+        heights, apothems = straight_profile(heights, apothems, tilts)
+        return cls(polygon, frame, heights, apothems)
+
+    @property
+    def inverse_focal(self) -> float:
+        """1 over the focal length in pixels, 0 for parallel rays."""
+        return self.frame.inverse_focal
+
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """Unit normals (F, 3) of the visible faces, camera frame; later ones hide earlier ones."""
+        return np.asarray(self._normals[self._parts, self._sides])
+
+    @cached_property
+    def corners(self) -> list[np.ndarray]:
+        """Images (4, 2) of the visible faces' corners, as `normals`."""
+        before = self._sides - 1
+        corners = [(self._parts, before), (self._parts, self._sides), (self._parts + 1, self._sides)]
+        return list(np.stack([self._images[corner] for corner in [*corners, (self._parts + 1, before)]], axis=1))
+
+    @cached_property
+    def creases(self) -> list[Crease]:
+        """Edges between visible faces."""
+        numbers = np.full(self._normals.shape[:2], -1)
+        numbers[self._parts, self._sides] = np.arange(len(self._parts))
+        result = []
+        for number, (part, side) in enumerate(zip(self._parts.tolist(), self._sides.tolist(), strict=True)):
+            following = (side + 1) % self.polygon.sides
+            # The edge to the next side of the same part, and that to the same side of the next part.
+            edges = [((part, following), self._images[part, side])]
+            if part + 1 < len(numbers):
+                edges.append(((part + 1, side), self._images[part + 1, side - 1]))
+            for beside, start in edges:
+                direction = np.cross(self.normals[number], self._normals[beside])
+                turn = float(np.linalg.norm(direction))
+                if numbers[beside] >= 0 and turn > np.sin(np.radians(MIN_CREASE_DEG)):
+                    faces = number, int(numbers[beside])
+                    result.append(Crease(start, self._images[part + 1, side], direction / turn, faces))
+        return result
+
+    def faces(self, shape: tuple[int, ...]) -> np.ndarray:
+        """Return the number (H, W) of the visible face at each pixel of an image of this shape, -1 beside the body."""
+        result = np.full(shape, -1, np.int16)
+        for number, corners in enumerate(self.corners):
+            pixels = to_pixels(corners, shape) * 2**SUBPIXEL_BITS
+            cv2.fillPoly(result, [np.round(pixels).astype(np.int32)], number, shift=SUBPIXEL_BITS)
+        return result
+
+    def depths(self, x: np.ndarray, y: np.ndarray, faces: np.ndarray) -> np.ndarray:
+        """Return z (N,) in pixels of the faces (N,) at image positions x, y (N,), up to a constant for all."""
+        points = np.column_stack([x, y, np.zeros(len(x))])
+        rays = to_camera_directions(x, y, self.inverse_focal)
+        # The end of a part on the axis has no corners apart.
+        wider = self._parts + (self.apothems[self._parts + 1] > self.apothems[self._parts])
+        anchors, normals = self._points[wider, self._sides][faces], self.normals[faces]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(((anchors - points) * normals).sum(axis=1) / (rays * normals).sum(axis=1))
+
+    @cached_property
+    def _points(self) -> np.ndarray:
+        """Corners (M, S, 3) of the rings in the camera frame; side k lies between the corners k - 1 and k."""
+        rings = self.apothems[:, None, None] * self.polygon.corners
+        heights = np.broadcast_to(self.heights[:, None, None], (*rings.shape[:2], 1))
+        return np.concatenate([rings, heights], axis=-1) @ self.frame.vectors + np.append(self.frame.point, 0.0)
+
+    @cached_property
+    def _images(self) -> np.ndarray:
+        """Images (M, S, 2) of the corners."""
+        return np.asarray(self._points[..., :2] / (1.0 - self.inverse_focal * self._points[..., 2:]))
+
+    @cached_property
+    def _normals(self) -> np.ndarray:
+        """Unit normals (M - 1, S, 3) of all faces, camera frame."""
+        rise, widening = np.diff(self.heights), np.diff(self.apothems)
+        across = rise[:, None, None] * self.polygon.outward
+        along = np.broadcast_to(-widening[:, None, None], (*across.shape[:2], 1))
+        return np.asarray(unit(np.concatenate([across, along], axis=-1)) @ self.frame.vectors)
+
+    @cached_property
+    def _visible(self) -> tuple[np.ndarray, np.ndarray]:
+        """Parts (F,) and sides (F,) of the visible faces, those first that others may hide."""
+        images = (self._images[:-1] + self._images[1:]) / 2.0
+        images = (images + np.roll(images, 1, axis=1)) / 2.0
+        view = unit(to_camera_directions(images[..., 0], images[..., 1], self.inverse_focal))
+        parts, sides = np.nonzero((self._normals * view).sum(axis=-1) > MIN_FACING)
+        # What is nearer to the end that faces the camera hides what is behind it.
+        order = np.arange(len(parts)) if self.frame.tilts(self.heights).mean() >= 0.0 else np.arange(len(parts))[::-1]
+        return parts[order], sides[order]
+
+    @property
+    def _parts(self) -> np.ndarray:
+        return self._visible[0]
+
+    @property
+    def _sides(self) -> np.ndarray:
+        return self._visible[1]

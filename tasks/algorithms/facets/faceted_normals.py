@@ -1,0 +1,110 @@
+"""Normals of a faceted body, found by its silhouette and the candidates, under either camera.
+
+Most facets never show the light, and through those that do the others are seen, so that few candidates are true and no
+smooth field is near. But few bodies fill the silhouette; facets that flash as a whole and the highlights of their
+rounded creases choose among these.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from operator import itemgetter
+
+import numpy as np
+
+from glint.tasks.algorithms.facets.facet_evidence import FacetView, facet_log_ratio
+from glint.tasks.algorithms.facets.placements import Placement, placements_about_axis, placements_of_ends
+from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals, polyhedral_normals
+from glint.tasks.algorithms.silhouettes.aimed_view import AimedView
+
+COARSE_INRADIUS_PX, FINE_INRADIUS_PX = 30.0, 60.0
+"""Inradii in pixels to which an object is sampled down to find bodies and to refine them."""
+STARTS, STARTS_PER_POLYGON, REFINED = 16, 3, 4
+"""Placements that are refined, those of one number of sides among them, and how many of these are refined further."""
+COARSE_STEPS, FINE_STEPS = (3.0, 0.04, 4.0, 0.12), (1.0, 0.02, 1.0, 0.05)
+"""Steps at which a refinement begins: of angle in degrees, offset in inradii, tilt in degrees, and part of a side."""
+COARSE_HALVINGS, FINE_HALVINGS = 2, 2
+"""How often they are halved."""
+HOPELESS_NATS = -120.0
+"""Log-likelihood ratio of a placement that is tried from which it is not refined."""
+
+
+@dataclass(frozen=True, eq=False)
+class FacetSearch:
+    """Search for faceted bodies in a view, on demand.
+
+    candidates: (K, H, W, 3), relative to the view rays, NaN where there is none. mask: (H, W) bool, the silhouette.
+    camera: (3, 3), the perspective camera's matrix in pixels of the mask; None for parallel rays.
+    """
+
+    candidates: np.ndarray
+    mask: np.ndarray
+    camera: np.ndarray | None
+
+    @cached_property
+    def likeliest(self) -> list[PolyhedralNormals]:
+        """The bodies for which candidates speak most, best first; none if they speak for none."""
+        aimed = None if self.camera is None else AimedView.at(self.mask, self.camera)
+        mask = self.mask if aimed is None else aimed.silhouette
+        candidates = self.candidates if aimed is None else aimed.candidates(self.candidates)
+        inverse_focal = 0.0 if aimed is None else 1.0 / aimed.focal
+        views = [
+            FacetView.of(candidates, mask, inverse_focal, max(1, round(inradius(mask) / pixels)))
+            for pixels in (COARSE_INRADIUS_PX, FINE_INRADIUS_PX)
+        ]
+        whole = FacetView.of(candidates, mask, inverse_focal, 1)
+        if views[0] is None or views[1] is None or whole is None:
+            return []
+        placements = likeliest_placements(mask, inverse_focal, views[0], views[1])
+        results = [polyhedral_normals(whole.body(placement), log_ratio, mask) for log_ratio, placement in placements]
+        return results if aimed is None else [result.seen_back(aimed) for result in results]
+
+
+def likeliest_placements(
+    mask: np.ndarray, inverse_focal: float, coarse: FacetView, fine: FacetView
+) -> list[tuple[float, Placement]]:
+    """Return the placements for which a view speaks, and how much, nats, best first.
+
+    mask: (H, W) bool. inverse_focal: 1 over the focal length in pixels of a camera aimed at the middle of the image, 0
+    for parallel rays. coarse, fine: the view, in which placements are tried and refined.
+    """
+
+    def scored(placements: list[Placement], view: FacetView) -> list[tuple[float, Placement]]:
+        values = ((facet_log_ratio(view.body(placement), view), placement) for placement in placements)
+        return sorted((value for value in values if value[0] > HOPELESS_NATS), key=itemgetter(0), reverse=True)
+
+    of_ends = scored(placements_of_ends(mask, inverse_focal), coarse)
+    starts: list[Placement] = []
+    for _, placement in [*of_ends, *scored(placements_about_axis(mask), coarse)]:
+        alike = sum(start.polygon.sides == placement.polygon.sides for start in starts)
+        if alike < STARTS_PER_POLYGON and not any(start.is_near(placement) for start in starts):
+            starts.append(placement)
+    refined = [_refined(start, coarse, COARSE_STEPS, COARSE_HALVINGS) for start in starts[:STARTS]]
+    best = sorted(refined, key=itemgetter(0), reverse=True)[:REFINED]
+    result = [_refined(placement, fine, FINE_STEPS, FINE_HALVINGS) for _, placement in best]
+    return sorted((value for value in result if value[0] > 0.0), key=itemgetter(0), reverse=True)
+
+
+def _refined(
+    start: Placement, view: FacetView, steps: tuple[float, float, float, float], halvings: int
+) -> tuple[float, Placement]:
+    """Return the best placement near a start, and how much the view speaks for it, nats.
+
+    Steps are halved where no neighbour is better.
+    """
+
+    def log_ratio(placement: Placement) -> float:
+        return facet_log_ratio(view.body(placement), view)
+
+    turn, shift, tilt, share = steps
+    best, placement = log_ratio(start), start
+    for halving in range(halvings + 1):
+        factor = 0.5**halving
+        beside = np.radians(turn), shift * view.scale * view.stride, np.radians(tilt), share
+        while True:
+            neighbours = [(log_ratio(near), near) for near in placement.beside(*(factor * step for step in beside))]
+            ratio, neighbour = max(neighbours, key=itemgetter(0))
+            if ratio <= best:
+                break
+            best, placement = ratio, neighbour
+    return best, placement

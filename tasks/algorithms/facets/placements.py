@@ -1,0 +1,168 @@
+"""Placements of faceted bodies before a camera: those that a silhouette suggests, and their neighbours.
+
+If a body has two ends and nothing between them, the corners of its contour give its placement in closed form: what they
+show of the hidden end, shrunk towards the apex, completes the polygon of the visible one, and the ellipse about that is
+the image of a circle. Otherwise the axis may be one of reflection symmetry, and the rest is tried.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from glint.tasks.algorithms.facets.inscribed_polygons import RegularPolygon
+from glint.tasks.algorithms.prisms.contour_polygon import contour_polygons
+from glint.tasks.algorithms.prisms.right_prism import SweptContour, swept_contours
+from glint.tasks.algorithms.revolution.view_rays import AxisFrame
+from glint.tasks.algorithms.silhouettes.reflection_axes import ReflectionAxis, reflection_axes
+
+MAX_CONVERGENCE_DEG, MIN_WAY_RATIO = 60.0, 0.2
+"""Angle between the images of two edges that lead from end to end, and ratio of their lengths."""
+PARALLEL_DEG = 3.0
+"""Angle between two such edges up to which they are parallel."""
+MAX_APEX_RATIO = 1.4
+"""Ratio of the sizes of the ends by one such edge to that by the other."""
+MAX_IRREGULARITY = 0.12
+"""RMS distance of an end's corners from those of the image of a regular polygon, relative to its RMS radius."""
+MIN_TILT_DEG = 4.0
+"""Least angle at which an end is seen."""
+MIN_TRIED_IOU = 0.91
+"""Overlap of a silhouette with its mirror image from which the axis is tried: polygons are not seen symmetric."""
+TRIED_TILTS_DEG = (5, 12, 20, 28, 36, 44, 52, 64)
+"""Tilts that are tried, to either side, degrees."""
+TRIED_TURNS = {3: 6, 4: 6, 5: 5, 6: 4, 8: 4, 10: 3, 12: 3}
+"""Sides of the polygons that are tried, and how many of their turns."""
+
+NEAR_ANGLE_DEG, NEAR_TILT_DEG, NEAR_PERIODS = 1.0, 10.0, 0.3
+"""Differences of two placements up to which they are near."""
+
+
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """Axis and cross-section of a faceted body before a camera.
+
+    angle: of the image of a direction across the axis, radians. offset: distance of the axis' image from the centre of
+    the image in that direction, pixels. tilt: of the axis' upper end towards the camera, radians. polygon: the section.
+    """
+
+    angle: float
+    offset: float
+    tilt: float
+    polygon: RegularPolygon
+
+    def frame(self, inverse_focal: float, middle: np.ndarray, stride: int) -> AxisFrame:
+        """Return the frame of the axis in the image of every `stride`-th pixel, centred at `middle` (2,) of this one.
+
+        inverse_focal: 1 over the focal length in pixels of that image.
+        """
+        normal = np.array([np.cos(self.angle), np.sin(self.angle)])
+        point = (self.offset * normal - middle) / stride
+        return AxisFrame.of(ReflectionAxis((point @ normal) * normal, normal, 1.0), self.tilt, inverse_focal)
+
+    def beside(self, turn: float, shift: float, tilt: float, share: float) -> Iterator["Placement"]:
+        """Yield the neighbours to either side: by angle and tilt in radians, offset in pixels, and part of a side."""
+        around = share * 2.0 * np.pi / self.polygon.sides
+        for sign in (-1.0, 1.0):
+            yield replace(self, angle=self.angle + sign * turn)
+            yield replace(self, offset=self.offset + sign * shift)
+            yield replace(self, tilt=self.tilt + sign * tilt)
+            yield replace(self, polygon=replace(self.polygon, turn=self.polygon.turn + sign * around))
+
+    def is_near(self, other: "Placement") -> bool:
+        """Return whether both would lead to the same body when they are refined."""
+        period = 2.0 * np.pi / self.polygon.sides
+        around = (self.polygon.turn - other.polygon.turn + period / 2.0) % period - period / 2.0
+        return (
+            self.polygon.sides == other.polygon.sides
+            and abs(self.angle - other.angle) < np.radians(NEAR_ANGLE_DEG)
+            and abs(self.tilt - other.tilt) < np.radians(NEAR_TILT_DEG)
+            and abs(around) < NEAR_PERIODS * period
+        )
+
+
+def placements_of_ends(mask: np.ndarray, inverse_focal: float = 0.0) -> list[Placement]:
+    """Return the placements of bodies of two ends that have the contour of a mask (H, W) bool.
+
+    inverse_focal: 1 over the focal length in pixels of a camera aimed at the middle of the image, 0 for parallel rays.
+    """
+    swept = (
+        contour
+        for corners in contour_polygons(mask)
+        for contour in swept_contours(corners, inverse_focal, MAX_CONVERGENCE_DEG, MIN_WAY_RATIO)
+    )
+    placements = (_placement(contour) for contour in swept)
+    return [placement for placement in placements if placement is not None]
+
+
+def placements_about_axis(mask: np.ndarray) -> list[Placement]:
+    """Return the placements that are tried about the best symmetry axis of a mask (H, W) bool, if it has any."""
+    return [
+        Placement(
+            float(np.arctan2(axis.normal[1], axis.normal[0])),
+            float(axis.point @ axis.normal),
+            float(np.radians(sign * tilt)),
+            RegularPolygon(sides, 2.0 * np.pi * number / (turns * sides)),
+        )
+        for axis in reflection_axes(mask, MIN_TRIED_IOU)[:1]
+        for sign, tilt, (sides, turns) in product((1, -1), TRIED_TILTS_DEG, TRIED_TURNS.items())
+        for number in range(turns)
+    ]
+
+
+def _placement(contour: SweptContour) -> Placement | None:
+    """Return the placement of a body of two regular ends with this contour, None if there is none."""
+    end = _completed_end(contour)
+    if end is None:
+        return None
+    corners, way = end
+    sides, centre = len(corners), corners.mean(axis=0)
+    edges = np.roll(corners, -1, axis=0) - corners
+    if (edges[:, 0] * np.roll(edges, -1, axis=0)[:, 1] <= edges[:, 1] * np.roll(edges, -1, axis=0)[:, 0]).any():
+        return None
+    azimuths = 2.0 * np.pi * np.arange(sides) / sides
+    circle = np.column_stack([np.cos(azimuths), np.sin(azimuths)])
+    image = np.linalg.lstsq(circle, corners - centre)[0]
+    if np.linalg.norm(corners - centre - circle @ image) > MAX_IRREGULARITY * np.linalg.norm(corners - centre):
+        return None
+    # The circle about the end is foreshortened along the image of the axis.
+    _, (longest, shortest), directions = np.linalg.svd(image)
+    along = directions[1] * (np.sign(directions[1] @ way) or 1.0)
+    across = np.array([along[1], -along[0]])
+    tilt = float(np.arcsin(shortest / longest))
+    if tilt < np.radians(MIN_TILT_DEG):
+        return None
+    sideways, forward = (corners - centre) @ across, -((corners - centre) @ along) / np.sin(tilt)
+    # The mean azimuth of the corners, up to whole sides, is half a side beside that of the sides.
+    phase = np.exp(1j * sides * np.arctan2(sideways, forward)).sum()
+    polygon = RegularPolygon(sides, float((np.angle(phase) + np.pi) / sides))
+    return Placement(float(np.arctan2(across[1], across[0])), float(centre @ across), tilt, polygon)
+
+
+def _completed_end(contour: SweptContour) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return all corners (N, 2) of the visible end, counter-clockwise, and the way (2,) to it from the hidden one.
+
+    None if the edges between the ends contradict each other.
+    """
+    visible, hidden = contour.visible, contour.hidden
+    starts, ends = hidden[[-1, 0]], visible[[0, -1]]
+    ways = ends - starts
+    lengths = np.linalg.norm(ways, axis=1)
+    crossing = np.column_stack([ways[0], -ways[1]])
+    if abs(np.linalg.det(crossing)) < np.sin(np.radians(PARALLEL_DEG)) * lengths.prod():
+        if lengths.max() > MAX_APEX_RATIO * lengths.min():
+            return None
+        way = ways.mean(axis=0)
+        return np.vstack([visible, hidden[1:-1] + way]), way
+    shares = np.linalg.solve(crossing, starts[1] - starts[0])
+    apex = starts[0] + shares[0] * ways[0]
+    ratios = np.abs(1.0 - 1.0 / shares)
+    if (shares < 0.0).any() != (shares < 0.0).all() or ((shares > 0.0) & (shares < 1.0)).any():
+        return None
+    if ratios.max() > MAX_APEX_RATIO * ratios.min():
+        return None
+    ratio = float(np.sqrt(ratios.prod()))
+    corners = np.vstack([visible, apex + ratio * (hidden[1:-1] - apex)])
+    # The apex lies beyond the smaller end.
+    way = (apex - corners.mean(axis=0)) * (1.0 if ratio < 1.0 else -1.0)
+    return corners, way

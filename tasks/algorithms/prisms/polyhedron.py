@@ -1,0 +1,68 @@
+"""Solids of flat faces as a view shows them: normals, depths and faces of its pixels."""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from scipy import ndimage
+
+from glint.tasks.algorithms.geometry.distance import inradius, with_nearest
+from glint.tasks.algorithms.geometry.perspective import rotate_to_view, to_camera_directions
+from glint.tasks.algorithms.geometry.vectors import to_camera, unit
+from glint.tasks.algorithms.silhouettes.aimed_view import AimedView
+
+BEND_INRADII = 0.05
+"""Half the width in inradii over which normals are averaged, since edges are rounded."""
+
+
+class Polyhedron(Protocol):
+    """Solid of flat faces before a camera, in pixels."""
+
+    @property
+    def normals(self) -> np.ndarray:
+        """Unit normals (F, 3) of the visible faces, camera frame."""
+
+    @property
+    def inverse_focal(self) -> float:
+        """1 over the focal length in pixels, 0 for parallel rays."""
+
+    def faces(self, shape: tuple[int, ...]) -> np.ndarray:
+        """Return the number (H, W) of the visible face at each pixel of an image of this shape, -1 beside the solid."""
+
+    def depths(self, x: np.ndarray, y: np.ndarray, faces: np.ndarray) -> np.ndarray:
+        """Return z (N,) in pixels of the faces (N,) at image positions x, y (N,), up to a constant for all."""
+
+
+class PolyhedralNormals(NamedTuple):
+    """Normals and depths of a solid of flat faces.
+
+    normals: (H, W, 3) float32, relative to the view rays, NaN outside the object. depths: (H, W) float32, z of its
+    faces in pixels towards the camera, up to a constant; under perspective heights, as of `RotationalNormals`. faces:
+    (H, W) int, numbers of the visible faces, -1 beside them. log_ratio: how much candidates speak for it, nats.
+    """
+
+    normals: np.ndarray
+    depths: np.ndarray
+    faces: np.ndarray
+    log_ratio: float
+
+    def seen_back(self, aimed: AimedView) -> "PolyhedralNormals":
+        """Return what the camera's own image shows of a solid found in an aimed view."""
+        shown = aimed.normals_back(self.normals), aimed.heights_back(self.depths), aimed.numbers_back(self.faces)
+        return PolyhedralNormals(*shown, self.log_ratio)
+
+
+def polyhedral_normals(solid: Polyhedron, log_ratio: float, mask: np.ndarray) -> PolyhedralNormals:
+    """Return what a mask (H, W) bool shows of a solid; log_ratio: how much candidates speak for it, nats."""
+    faces = solid.faces(mask.shape)
+    rows, columns = np.indices(mask.shape, dtype=float)
+    x, y = to_camera(columns, rows, mask.shape[1], mask.shape[0])
+    is_seen = faces >= 0
+    normals, depths = np.full((*mask.shape, 3), np.nan), np.full(mask.shape, np.nan, np.float32)
+    normals[is_seen] = solid.normals[faces[is_seen]]
+    depths[is_seen] = solid.depths(x[is_seen], y[is_seen], faces[is_seen])
+    side = 2 * round(BEND_INRADII * inradius(mask)) + 1
+    flat = np.where(mask[..., None], with_nearest(normals, mask), 0.0)
+    rounded = np.full(flat.shape, np.nan)
+    rounded[mask] = unit(ndimage.uniform_filter(flat, (side, side, 0))[mask])
+    view = unit(to_camera_directions(x, y, solid.inverse_focal))
+    return PolyhedralNormals(rotate_to_view(rounded, view), depths, faces, log_ratio)
