@@ -4,12 +4,14 @@ What flashes and creases say of a solid of flat faces is that of right prisms (`
 that are compared, a facet also must end where its flashes do, and the silhouette must be filled.
 """
 
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 from numba import njit
 
 from glint.tasks.algorithms.facets.facet_view import FacetView
-from glint.tasks.algorithms.facets.faceted_body import FacetedBody
+from glint.tasks.algorithms.facets.faceted_body import Creases, FacetedBody
 from glint.tasks.algorithms.geometry.vectors import unit
 from glint.tasks.algorithms.prisms.prism_evidence import (
     ADDED_EDGE_PX,
@@ -25,10 +27,17 @@ from glint.tasks.algorithms.prisms.prism_evidence import (
     STRAY_SHARE,
     share_log_ratio,
 )
-from glint.tasks.algorithms.prisms.right_prism import Crease, to_pixels
+from glint.tasks.algorithms.prisms.right_prism import to_pixels
 
 UNFILLED_NATS = 4.0
 """What a piece of the silhouette that the body does not fill speaks against it."""
+BESIDE_WIDTHS = 0.3
+"""Distance from a crease, in widths of the face there, at which nothing may turn as it does: a round wall in place of
+the faces would turn as far as half of that."""
+MIN_CREASE_PX = 1.5
+"""Length in pixels of the shortest crease that is looked at."""
+MIN_FLASH_SHARE = 0.5
+"""Share of the places inside along a crease that flash from which a face must not flash beyond it."""
 
 
 def facet_log_ratio(body: FacetedBody, view: FacetView) -> float:
@@ -56,9 +65,9 @@ def _faces_log_ratio(body: FacetedBody, faces: np.ndarray, view: FacetView) -> f
     flashes[pixels[belongs & (numbers >= 0)]] = True
     areas = np.bincount(inside[inside >= 0], minlength=count)
     shares = np.bincount(inside.ravel()[flashes], minlength=count) / np.maximum(areas, 1)
-    ratios = share_log_ratio(shares, FALSE_FACE_SHARE)
-    middles = np.array([corners.mean(axis=0) for corners in body.corners])
-    ratios = np.where((ratios < 0.0) & ~view.flashing(body.normals, middles), 0.0, ratios)
+    ratios = share_log_ratio(shares, np.full(count, FALSE_FACE_SHARE))
+    is_dark = ~view.flashing(body.normals, body.corners.mean(axis=1))
+    ratios = np.where((ratios < 0.0) & is_dark, 0.0, ratios)
     return float((ratios * np.sqrt(areas)).sum() / (PIECE_INRADII * view.scale))
 
 
@@ -71,62 +80,123 @@ def _near_edges(faces: np.ndarray, reach: int) -> np.ndarray:
 
 def _creases_log_ratio(body: FacetedBody, view: FacetView) -> float:
     """Return what the highlights of the rounded creases say, and flashes of their faces beyond them."""
-    creases = body.creases
-    if not creases:
+    creases, reach = body.creases, round(EDGE_INRADII * view.scale + ADDED_EDGE_PX)
+    along = creases.ends - creases.starts
+    lengths = np.linalg.norm(along, axis=1)
+    used = lengths > MIN_CREASE_PX
+    if not used.any():
         return 0.0
-    first, second = (body.normals[[crease.faces[end] for crease in creases]] for end in (0, 1))
-    shares = np.linspace(0.0, 1.0, ARC_NORMALS)[:, None, None]
-    arcs = unit((1.0 - shares) * first + shares * second)
-    middles = np.array([(crease.start + crease.end) / 2.0 for crease in creases])
-    places = np.broadcast_to(middles, (ARC_NORMALS, *middles.shape))
-    flashing = view.flashing(arcs.reshape(-1, 3), places.reshape(-1, 2)).reshape(ARC_NORMALS, -1)
-    reach = round(EDGE_INRADII * view.scale + ADDED_EDGE_PX)
-    total = 0.0
-    for number in range(len(creases)):
-        crease, pair = creases[number], (first[number], second[number])
-        length = float(np.linalg.norm(crease.end - crease.start)) / (PIECE_INRADII * view.scale)
-        points, beside = _places_along(crease, body, view.mask.shape, reach + 1.0)
-        if not len(points):
-            continue
-        # A face ends at its crease, and so do its flashes.
-        for normal, side in zip(pair, (1.0, -1.0), strict=True):
-            inner, outer = (
-                _flash_share(view.normals, points - sign * side * beside, normal, _COS_FLASHED) for sign in (1.0, -1.0)
-            )
-            if inner > 0.5:
-                total += length * min(0.0, share_log_ratio(1.0 - outer, FALSE_FACE_SHARE))
-        if flashing[:, number].mean() >= MIN_ARC_SHARE:
-            bounds = float(pair[0] @ pair[1]), _COS_TURNED, _SIN_PERPENDICULAR
-            shown, stray = (
-                _arc_share(view.normals, where.astype(np.int64), *pair, crease.direction, bounds, reach)
-                for where in (np.rint(points), view.strays)
-            )
-            total += length * share_log_ratio(shown, float(np.clip(stray, *STRAY_SHARE)))
-    return total
+    creases = Creases(*(values[used] for values in creases))
+    across = np.stack([-along[used, 1], along[used, 0]], axis=1) / lengths[used, None]
+    # Each of the two faces lies on one side of the crease, as far as its width.
+    offsets = (body.corners[creases.faces] - creases.starts[:, None, None]) @ across[:, None, :, None]
+    widths = np.abs(offsets[..., 0]).max(axis=2)
+    across *= np.sign(offsets[:, 1].mean(axis=(1, 2)))[:, None]
+    first, second = body.normals[creases.faces[:, 0]], body.normals[creases.faces[:, 1]]
+    arcs = unit(first + np.linspace(0.0, 1.0, ARC_NORMALS)[:, None, None] * (second - first))
+    middles = np.broadcast_to((creases.starts + creases.ends) / 2.0, (ARC_NORMALS, len(first), 2))
+    reached = view.flashing(arcs.reshape(-1, 3), middles.reshape(-1, 2)).reshape(ARC_NORMALS, -1).mean(axis=0)
+    ends = [to_pixels(creases.starts + share * along[used], view.mask.shape) for share in MIDDLE_SHARES[:, 0]]
+    shares = _crease_shares(
+        view.normals,
+        np.stack(ends, axis=1),
+        across * [1.0, -1.0],
+        np.stack([first, second, creases.directions], axis=1),
+        np.where(BESIDE_WIDTHS * widths > reach, np.minimum(BESIDE_WIDTHS * widths, 2 * reach + 1), 0.0),
+        view.strays,
+        reach,
+    )
+    # A face ends at its crease, and so do its flashes.
+    beyond = share_log_ratio(1.0 - shares.beyond, np.full(shares.beyond.shape, FALSE_FACE_SHARE))
+    beyond = np.where(shares.inside > MIN_FLASH_SHARE, np.minimum(beyond, 0.0), 0.0).sum(axis=1)
+    # A round wall turns everywhere, not only at a crease.
+    turning = share_log_ratio(shares.near, np.clip(np.maximum(shares.stray, shares.beside), *STRAY_SHARE))
+    turning = np.where((reached >= MIN_ARC_SHARE) & np.isfinite(shares.beside), turning, 0.0)
+    return float((lengths[used] * (beyond + turning)).sum() / (PIECE_INRADII * view.scale))
 
 
-_COS_FLASHED = float(np.cos(np.radians(FLASHED_DEG)))
-_COS_TURNED, _SIN_PERPENDICULAR = (
+class _CreaseShares(NamedTuple):
+    """Shares of places with highlights, for each crease.
+
+    inside, beyond: (C, 2), of its faces' normals, on the face's side of the crease and on the other. near, stray,
+    beside: (C,), of normals between the two, along it, all over the silhouette, and beside it; the last NaN where its
+    faces are too narrow.
+    """
+
+    inside: np.ndarray
+    beyond: np.ndarray
+    near: np.ndarray
+    stray: np.ndarray
+    beside: np.ndarray
+
+
+def _crease_shares(
+    normals: np.ndarray,
+    ends: np.ndarray,
+    across: np.ndarray,
+    directions: np.ndarray,
+    distances: np.ndarray,
+    strays: np.ndarray,
+    reach: int,
+) -> _CreaseShares:
+    """Return what candidates (H, W, K, 3) show at creases.
+
+    Args:
+        normals: (H, W, K, 3), candidates.
+        ends: (C, 2, 2), columns and rows of the creases' ends.
+        across: (C, 2), unit, from each of them to its second face, likewise.
+        directions: (C, 3, 3), normals of its faces, and its own direction.
+        distances: (C, 2), pixels from the crease at which its first and second face are looked at; 0 if not.
+        strays: (M, 2), columns and rows to compare with.
+        reach: distance in pixels within which a highlight is near.
+    """
+    shares = _shares_at_creases(normals, ends, across, directions, distances, strays.astype(np.int64), reach, _COSINES)
+    return _CreaseShares(shares[:, :2], shares[:, 2:4], *shares[:, 4:].T)
+
+
+_COSINES = (
+    float(np.cos(np.radians(FLASHED_DEG))),
     float(np.cos(np.radians(LEAST_TURN_DEG))),
     float(np.sin(np.radians(PERPENDICULAR_DEG))),
 )
 
 
-def _places_along(
-    crease: Crease, body: FacetedBody, shape: tuple[int, ...], distance: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return columns and rows (N, 2) a pixel apart along a crease without its ends, which are rounded corners.
-
-    Also the way (2,) from there, so many pixels long, into the second of its faces.
-    """
-    start, end = to_pixels(crease.start + MIDDLE_SHARES * (crease.end - crease.start), shape)
-    length = float(np.linalg.norm(end - start))
-    if length < 1.0:
-        return np.zeros((0, 2)), np.zeros(2)
-    points = start + np.linspace(0.0, 1.0, int(length) + 1)[:, None] * (end - start)
-    across = np.array([start[1] - end[1], end[0] - start[0]]) / length
-    inward = to_pixels(body.corners[crease.faces[1]], shape).mean(axis=0) - (start + end) / 2.0
-    return points, across * distance * (np.sign(across @ inward) or 1.0)
+@njit(cache=True, nogil=True)
+def _shares_at_creases(
+    normals: np.ndarray,
+    ends: np.ndarray,
+    across: np.ndarray,
+    directions: np.ndarray,
+    distances: np.ndarray,
+    strays: np.ndarray,
+    reach: int,
+    cosines: tuple[float, float, float],
+) -> np.ndarray:
+    """Return the shares (C, 7) of `_CreaseShares`; cosines: to a face that flashes, at most between two, and along."""
+    result = np.empty((len(ends), 7))
+    for crease in range(len(ends)):
+        start, end, way = ends[crease, 0], ends[crease, 1], across[crease]
+        count = int(np.sqrt(((end - start) ** 2).sum())) + 1
+        points = np.empty((count, 2))
+        for point in range(count):
+            points[point] = start + (end - start) * (point / max(count - 1, 1))
+        first, second, direction = directions[crease]
+        for face in range(2):
+            sign = 2.0 * face - 1.0
+            normal = directions[crease, face]
+            result[crease, face] = _flash_share(normals, points + sign * (reach + 1) * way, normal, cosines[0])
+            result[crease, 2 + face] = _flash_share(normals, points - sign * (reach + 1) * way, normal, cosines[0])
+        bounds = float((first * second).sum()), cosines[1], cosines[2]
+        result[crease, 4] = _arc_share(normals, points, first, second, direction, bounds, reach)
+        result[crease, 5] = _arc_share(normals, strays * 1.0, first, second, direction, bounds, reach)
+        beside, faces = 0.0, 0
+        for face in range(2):
+            if distances[crease, face] > 0.0:
+                strip = points + (2.0 * face - 1.0) * distances[crease, face] * way
+                beside += _arc_share(normals, strip, first, second, direction, bounds, 1)
+                faces += 1
+        result[crease, 6] = beside / faces if faces else np.nan
+    return result
 
 
 @njit(cache=True, nogil=True)
@@ -155,7 +225,7 @@ def _arc_share(
     bounds: tuple[float, float, float],
     reach: int,
 ) -> float:
-    """Return the share of places (N, 2) int, columns and rows, near a candidate that turns from one face to the other.
+    """Return the share of places (N, 2), columns and rows, near a candidate that turns from one face to the other.
 
     normals: (H, W, K, 3), candidates. first, second: (3,), normals of the faces. direction: (3,), of the crease.
     bounds: of the cosines to the faces' normals, and of that to the direction. reach: radius of a place in pixels.
@@ -166,11 +236,11 @@ def _arc_share(
     for place in range(len(places)):
         is_near = False
         for down in range(-reach, reach + 1):
-            row = places[place, 1] + down
+            row = int(np.rint(places[place, 1])) + down
             if is_near or not 0 <= row < height:
                 continue
             for right in range(-reach, reach + 1):
-                column = places[place, 0] + right
+                column = int(np.rint(places[place, 0])) + right
                 if is_near or right * right + down * down > reach * reach or not 0 <= column < width:
                     continue
                 for layer in range(layers):

@@ -1,4 +1,4 @@
-"""Views in which faceted bodies are compared: silhouette, candidates in the camera frame, normals the lights reached."""
+"""Views in which faceted bodies are compared: silhouette, candidates in the camera frame, normals lights reached."""
 
 from dataclasses import dataclass
 from functools import cached_property

@@ -7,6 +7,7 @@ the apothem, takes the place of its distance from the axis.
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -14,13 +15,22 @@ import numpy as np
 from glint.tasks.algorithms.facets.inscribed_polygons import RegularPolygon, inscribed_polygons, straight_profile
 from glint.tasks.algorithms.geometry.perspective import to_camera_directions
 from glint.tasks.algorithms.geometry.vectors import unit
-from glint.tasks.algorithms.prisms.right_prism import SUBPIXEL_BITS, Crease, to_pixels
+from glint.tasks.algorithms.prisms.right_prism import SUBPIXEL_BITS, to_pixels
 from glint.tasks.algorithms.revolution.view_rays import AxisFrame
 
 MIN_FACING = 0.02
 """Cosine of the angle to the view vector from which a face is visible."""
 MIN_CREASE_DEG = 6.0
 """Angle between two faces from which their common edge is a crease."""
+
+
+class Creases(NamedTuple):
+    """Straight edges between visible faces: images (C, 2) of their ends, directions (C, 3), and the faces (C, 2)."""
+
+    starts: np.ndarray
+    ends: np.ndarray
+    directions: np.ndarray
+    faces: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,38 +68,35 @@ class FacetedBody:
         return np.asarray(self._normals[self._parts, self._sides])
 
     @cached_property
-    def corners(self) -> list[np.ndarray]:
-        """Images (4, 2) of the visible faces' corners, as `normals`."""
+    def corners(self) -> np.ndarray:
+        """Images (F, 4, 2) of the visible faces' corners, as `normals`."""
         before = self._sides - 1
         corners = [(self._parts, before), (self._parts, self._sides), (self._parts + 1, self._sides)]
-        return list(np.stack([self._images[corner] for corner in [*corners, (self._parts + 1, before)]], axis=1))
+        return np.stack([self._images[corner] for corner in [*corners, (self._parts + 1, before)]], axis=1)
 
     @cached_property
-    def creases(self) -> list[Crease]:
-        """Edges between visible faces."""
+    def creases(self) -> Creases:
+        """Edges between visible faces that turn from one another."""
         numbers = np.full(self._normals.shape[:2], -1)
         numbers[self._parts, self._sides] = np.arange(len(self._parts))
-        result = []
-        for number, (part, side) in enumerate(zip(self._parts.tolist(), self._sides.tolist(), strict=True)):
-            following = (side + 1) % self.polygon.sides
-            # The edge to the next side of the same part, and that to the same side of the next part.
-            edges = [((part, following), self._images[part, side])]
-            if part + 1 < len(numbers):
-                edges.append(((part + 1, side), self._images[part + 1, side - 1]))
-            for beside, start in edges:
-                direction = np.cross(self.normals[number], self._normals[beside])
-                turn = float(np.linalg.norm(direction))
-                if numbers[beside] >= 0 and turn > np.sin(np.radians(MIN_CREASE_DEG)):
-                    faces = number, int(numbers[beside])
-                    result.append(Crease(start, self._images[part + 1, side], direction / turn, faces))
-        return result
+        images, before = self._images, np.roll(self._images, 1, axis=1)
+        # Edges to the next side of the same part, and to the same side of the next part.
+        first = np.concatenate([numbers.ravel(), numbers[:-1].ravel()])
+        second = np.concatenate([np.roll(numbers, -1, axis=1).ravel(), numbers[1:].ravel()])
+        starts = np.concatenate([images[:-1].reshape(-1, 2), before[1:-1].reshape(-1, 2)])
+        ends = np.concatenate([images[1:].reshape(-1, 2), images[1:-1].reshape(-1, 2)])
+        faces = np.stack([first, second], axis=1)
+        directions = np.cross(self.normals[faces[:, 0]], self.normals[faces[:, 1]])
+        turns = np.linalg.norm(directions, axis=1)
+        used = (faces >= 0).all(axis=1) & (turns > np.sin(np.radians(MIN_CREASE_DEG)))
+        return Creases(starts[used], ends[used], directions[used] / turns[used, None], faces[used])
 
     def faces(self, shape: tuple[int, ...]) -> np.ndarray:
         """Return the number (H, W) of the visible face at each pixel of an image of this shape, -1 beside the body."""
         result = np.full(shape, -1, np.int16)
-        for number, corners in enumerate(self.corners):
-            pixels = to_pixels(corners, shape) * 2**SUBPIXEL_BITS
-            cv2.fillPoly(result, [np.round(pixels).astype(np.int32)], number, shift=SUBPIXEL_BITS)
+        pixels = np.round(to_pixels(self.corners, shape) * 2**SUBPIXEL_BITS).astype(np.int32)
+        for number, outline in enumerate(pixels):
+            cv2.fillPoly(result, [outline], number, shift=SUBPIXEL_BITS)
         return result
 
     def depths(self, x: np.ndarray, y: np.ndarray, faces: np.ndarray) -> np.ndarray:
