@@ -64,7 +64,7 @@ def proven_faces(candidates: np.ndarray, mask: np.ndarray, scale: float) -> list
     """Return the flat faces that candidates (K, H, W, 3), camera frame, prove, largest first; see `face_evidence`."""
     proven: list[Face] = []
     taken = np.zeros_like(mask)
-    for face in sorted(_apparent_faces(candidates, mask), key=lambda face: -int(face.pixels.sum())):
+    for face in sorted(apparent_faces(candidates, mask), key=lambda face: -int(face.pixels.sum())):
         is_slanted = face.normal[2] < np.cos(np.radians(MAX_PROVEN_SLANT_DEG))
         if is_slanted or (face.pixels & taken).sum() > MAX_COVERED_SHARE * face.pixels.sum():
             continue
@@ -81,7 +81,7 @@ def proven_faces(candidates: np.ndarray, mask: np.ndarray, scale: float) -> list
     return proven
 
 
-def _apparent_faces(candidates: np.ndarray, mask: np.ndarray) -> Iterator[Face]:
+def apparent_faces(candidates: np.ndarray, mask: np.ndarray) -> Iterator[Face]:
     """Yield the connected regions of candidates (K, H, W, 3) that share one normal, at the peaks of its histogram."""
     is_known = np.isfinite(candidates[..., 0]) & mask
     _, rows, columns = np.nonzero(is_known)

@@ -11,6 +11,7 @@ from operator import itemgetter
 
 import numpy as np
 
+from glint.tasks.algorithms.faces.proven_faces import apparent_faces
 from glint.tasks.algorithms.facets.facet_evidence import FacetView, facet_log_ratio
 from glint.tasks.algorithms.facets.placements import Placement, placements_about_axis, placements_of_ends
 from glint.tasks.algorithms.geometry.distance import inradius
@@ -75,7 +76,8 @@ def likeliest_placements(
 
     of_ends = scored(placements_of_ends(mask, inverse_focal), coarse)
     starts: list[Placement] = []
-    for _, placement in [*of_ends, *scored(placements_about_axis(mask), coarse)]:
+    faces = [face.normal for face in apparent_faces(np.moveaxis(coarse.normals, 2, 0), coarse.mask)]
+    for _, placement in [*of_ends, *scored(placements_about_axis(mask, faces, inverse_focal), coarse)]:
         alike = sum(start.polygon.sides == placement.polygon.sides for start in starts)
         if alike < STARTS_PER_POLYGON and not any(start.is_near(placement) for start in starts):
             starts.append(placement)

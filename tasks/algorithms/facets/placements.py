@@ -29,8 +29,10 @@ MIN_TILT_DEG = 4.0
 """Least angle at which an end is seen."""
 MIN_TRIED_IOU = 0.91
 """Overlap of a silhouette with its mirror image from which the axis is tried: polygons are not seen symmetric."""
-TRIED_TILTS_DEG = (5, 12, 20, 28, 36, 44, 52, 64)
-"""Tilts that are tried, to either side, degrees."""
+TRIED_TILTS = np.radians([-64, -52, -44, -36, -28, -20, -12, -5, 5, 12, 16, 20, 24, 28, 32, 36, 40, 44, 52, 64])
+"""Tilts that are tried, in radians: cameras look down on most objects."""
+MAX_FACET_RISE = 0.9
+"""Cosine of the angle between the axis and a normal from which it belongs to an end."""
 TRIED_TURNS = {3: 6, 4: 6, 5: 5, 6: 4, 8: 4, 10: 3, 12: 3}
 """Sides of the polygons that are tried, and how many of their turns."""
 
@@ -95,19 +97,22 @@ def placements_of_ends(mask: np.ndarray, inverse_focal: float = 0.0) -> list[Pla
     return [placement for placement in placements if placement is not None]
 
 
-def placements_about_axis(mask: np.ndarray) -> list[Placement]:
-    """Return the placements that are tried about the best symmetry axis of a mask (H, W) bool, if it has any."""
-    return [
-        Placement(
-            float(np.arctan2(axis.normal[1], axis.normal[0])),
-            float(axis.point @ axis.normal),
-            float(np.radians(sign * tilt)),
-            RegularPolygon(sides, 2.0 * np.pi * number / (turns * sides)),
-        )
-        for axis in reflection_axes(mask, MIN_TRIED_IOU)[:1]
-        for sign, tilt, (sides, turns) in product((1, -1), TRIED_TILTS_DEG, TRIED_TURNS.items())
-        for number in range(turns)
-    ]
+def placements_about_axis(mask: np.ndarray, faces: list[np.ndarray], inverse_focal: float = 0.0) -> list[Placement]:
+    """Return the placements that are tried about the best symmetry axis of a mask (H, W) bool, if it has any.
+
+    faces: unit normals (3,) in the camera frame of flat faces that may be facets: they give the turn of a polygon.
+    inverse_focal: as of `placements_of_ends`.
+    """
+    result = []
+    for axis in reflection_axes(mask, MIN_TRIED_IOU)[:1]:
+        place = float(np.arctan2(axis.normal[1], axis.normal[0])), float(axis.point @ axis.normal)
+        for tilt, (sides, turns) in product(TRIED_TILTS, TRIED_TURNS.items()):
+            vectors = AxisFrame.of(axis, float(tilt), inverse_focal).vectors
+            shown = [vectors @ normal for normal in faces]
+            azimuths = [float(np.arctan2(across, forward)) for across, forward, up in shown if abs(up) < MAX_FACET_RISE]
+            azimuths += [2.0 * np.pi * number / (turns * sides) for number in range(turns)]
+            result += [Placement(*place, float(tilt), RegularPolygon(sides, azimuth)) for azimuth in azimuths]
+    return result
 
 
 def _placement(contour: SweptContour) -> Placement | None:

@@ -19,9 +19,12 @@ MIN_KNOWN_SHARE = 0.05
 """Share of the mask that enters the field from which labels have a start of their own."""
 MAX_READMISSIONS = 3
 """Rounds in which rejected sheets are readmitted: each may show the field of the next."""
-MIN_PRISM_NATS, MIN_FACETED_NATS, CONTRADICTED_NATS = 10.0, 25.0, 50.0
+MIN_PRISM_NATS, MIN_FACETED_NATS, CONTRADICTED_NATS = 10.0, 18.0, 50.0
 """Evidence for a prism and for a faceted body from which either is adopted, and how much more it takes if all accepted
 normals of a full mask contradict it; what is seen through its faces does."""
+MAX_ROUND_ERROR_DEG, MIN_RELIEF_NATS = 5.0, 40.0
+"""Mean angle between accepted normals and a surface of revolution without its relief from which facets may be what that
+explains, and evidence for a faceted body from which they are."""
 CONTRADICTED_DEG = 6.0
 """Angle from which an accepted normal contradicts a solid."""
 MAX_CONTRADICTED_SHARE, MIN_REFUTED_SHARE = 0.4, 0.05
@@ -102,9 +105,17 @@ def _adopts_symmetry(state: Alternation) -> bool:
     lights = accepted_weights(state.weights, state.labels)
     if has_other_faces(rotational.normals, accepted, lights, state.mask, state.scale):
         return False  # A prism seen from its front has the silhouette of a cylinder, which has no flat faces.
+    if rotational.relief_fit > 0.0 and rotational.round_error > MAX_ROUND_ERROR_DEG and _is_faceted(state):
+        return False
     state.relief_fit = rotational.relief_fit
     state.expect(rotational.normals, rotational.depths)
     return True
+
+
+def _is_faceted(state: Alternation) -> bool:
+    """Return whether candidates show facets so well that a relief, whose periods they are, does not explain them."""
+    solids = state.facets.likeliest if state.options.flat_faces else []
+    return bool(solids) and solids[0].log_ratio >= MIN_RELIEF_NATS
 
 
 def _likely_solids(state: Alternation) -> list[PolyhedralNormals]:

@@ -68,7 +68,7 @@ class RotationalSymmetry:
         if aimed is None or result is None:
             return result
         normals, heights = aimed.normals_back(result.normals), aimed.heights_back(result.depths)
-        return RotationalNormals(normals, heights, result.relief_fit)
+        return result._replace(normals=normals, depths=heights)
 
     def supposed_normals(self, candidates: np.ndarray) -> np.ndarray | None:
         """Return the normals (H, W, 3) of the surface of revolution inside the silhouette that most candidates show.
@@ -163,4 +163,4 @@ def _imperfect_normals(
     part_mask, fitted = best
     normals = with_handles(fitted.normals, handles_beside(mask, part_mask), mask, accepted, candidates)
     is_body = (normals == fitted.normals).all(axis=-1)
-    return RotationalNormals(normals, np.where(is_body, fitted.depths, np.nan), fitted.relief_fit)
+    return fitted._replace(normals=normals, depths=np.where(is_body, fitted.depths, np.nan))

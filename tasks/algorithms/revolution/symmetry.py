@@ -99,12 +99,14 @@ class RotationalNormals(NamedTuple):
 
     normals: (H, W, 3) float32, relative to the view rays, NaN outside the object. depths: (H, W) float32, z of what is
     seen of its body in pixels towards the camera, up to a constant; NaN outside the body, on handles, and where rays
-    miss it. relief_fit: how well its relief fits, or 0.
+    miss it. relief_fit: how well its relief fits, or 0. round_error: mean angle in degrees between the accepted normals
+    and the surface of revolution without relief.
     """
 
     normals: np.ndarray
     depths: np.ndarray
     relief_fit: float
+    round_error: float
 
 
 def surface_of_revolution_normals(
@@ -161,7 +163,7 @@ def surface_of_revolution_normals(
     result, body = np.full((*mask.shape, 3), np.nan, np.float32), np.full(mask.shape, np.nan, np.float32)
     result[rows, columns], body[rows, columns] = normals, depths
     # Rays at the contour may miss the surface.
-    return RotationalNormals(with_nearest(result, mask), body, relief.fit if relief else 0.0)
+    return RotationalNormals(with_nearest(result, mask), body, relief.fit if relief else 0.0, error)
 
 
 def _fitted_surface(
