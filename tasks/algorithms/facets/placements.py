@@ -8,6 +8,8 @@ the image of a circle. Otherwise the axis may be one of reflection symmetry, and
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
+from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,8 +25,9 @@ PARALLEL_DEG = 3.0
 """Angle between two such edges up to which they are parallel."""
 MAX_APEX_RATIO = 1.4
 """Ratio of the sizes of the ends by one such edge to that by the other."""
-MAX_IRREGULARITY = 0.12
-"""RMS distance of an end's corners from those of the image of a regular polygon, relative to its RMS radius."""
+MAX_IRREGULARITY, MAX_INCOMPLETE_IRREGULARITY = 0.12, 0.03
+"""RMS distance of an end's corners from those of the image of a regular polygon, relative to its RMS radius, for whole
+ends and for those of which one corner is missing."""
 MIN_TILT_DEG = 4.0
 """Least angle at which an end is seen."""
 MIN_TRIED_IOU = 0.91
@@ -117,37 +120,67 @@ def placements_about_axis(mask: np.ndarray, faces: list[np.ndarray], inverse_foc
 
 def _placement(contour: SweptContour) -> Placement | None:
     """Return the placement of a body of two regular ends with this contour, None if there is none."""
-    end = _completed_end(contour)
-    if end is None:
-        return None
-    corners, way = end
-    sides, centre = len(corners), corners.mean(axis=0)
-    edges = np.roll(corners, -1, axis=0) - corners
-    if (edges[:, 0] * np.roll(edges, -1, axis=0)[:, 1] <= edges[:, 1] * np.roll(edges, -1, axis=0)[:, 0]).any():
-        return None
-    azimuths = 2.0 * np.pi * np.arange(sides) / sides
-    circle = np.column_stack([np.cos(azimuths), np.sin(azimuths)])
-    image = np.linalg.lstsq(circle, corners - centre)[0]
-    if np.linalg.norm(corners - centre - circle @ image) > MAX_IRREGULARITY * np.linalg.norm(corners - centre):
-        return None
-    # The circle about the end is foreshortened along the image of the axis.
-    _, (longest, shortest), directions = np.linalg.svd(image)
-    along = directions[1] * (np.sign(directions[1] @ way) or 1.0)
-    across = np.array([along[1], -along[0]])
-    tilt = float(np.arcsin(shortest / longest))
-    if tilt < np.radians(MIN_TILT_DEG):
-        return None
-    sideways, forward = (corners - centre) @ across, -((corners - centre) @ along) / np.sin(tilt)
-    # The mean azimuth of the corners, up to whole sides, is half a side beside that of the sides.
-    phase = np.exp(1j * sides * np.arctan2(sideways, forward)).sum()
-    polygon = RegularPolygon(sides, float((np.angle(phase) + np.pi) / sides))
-    return Placement(float(np.arctan2(across[1], across[0])), float(centre @ across), tilt, polygon)
+    best, best_error, towards = None, 1.0, np.zeros(2)
+    for corners, way, is_whole in _completed_ends(contour):
+        edges = np.roll(corners, -1, axis=0) - corners
+        if (edges[:, 0] * np.roll(edges, -1, axis=0)[:, 1] <= edges[:, 1] * np.roll(edges, -1, axis=0)[:, 0]).any():
+            continue
+        numbers = np.arange(len(corners))
+        if is_whole:
+            fits, limit = [_fitted_end(corners, numbers, len(corners))], MAX_IRREGULARITY
+        else:
+            fits = [_fitted_end(corners, numbers + (numbers > gap), len(corners) + 1) for gap in numbers]
+            limit = MAX_INCOMPLETE_IRREGULARITY
+        fit = min(fits, key=attrgetter("error"))
+        if fit.error / limit < best_error:
+            best, best_error, towards = fit, fit.error / limit, way
+    return None if best is None else best.placement(towards)
 
 
-def _completed_end(contour: SweptContour) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return all corners (N, 2) of the visible end, counter-clockwise, and the way (2,) to it from the hidden one.
+class _End(NamedTuple):
+    """Image of a regular polygon as an end of a body, fitted to its corners.
 
-    None if the edges between the ends contradict each other.
+    corners: (N, 2). sides: their number, with missing ones. centre: (2,). radii: (2, 2), images of two perpendicular
+    radii of the circle about it. error: RMS distance of the corners, relative to their RMS distance from their mean.
+    """
+
+    corners: np.ndarray
+    sides: int
+    centre: np.ndarray
+    radii: np.ndarray
+    error: float
+
+    def placement(self, way: np.ndarray) -> Placement | None:
+        """Return the placement of the body; way (2,): to this end from the other one. None if it is seen edge-on."""
+        # The circle about the end is foreshortened along the image of the axis.
+        _, (longest, shortest), directions = np.linalg.svd(self.radii)
+        along = directions[1] * (np.sign(directions[1] @ way) or 1.0)
+        across = np.array([along[1], -along[0]])
+        tilt = float(np.arcsin(shortest / longest))
+        if tilt < np.radians(MIN_TILT_DEG):
+            return None
+        from_centre = self.corners - self.centre
+        azimuths = np.arctan2(from_centre @ across, -(from_centre @ along) / np.sin(tilt))
+        # The mean azimuth of the corners, up to whole sides, is half a side beside that of the sides.
+        phase = np.exp(1j * self.sides * azimuths).sum()
+        polygon = RegularPolygon(self.sides, float((np.angle(phase) + np.pi) / self.sides))
+        return Placement(float(np.arctan2(across[1], across[0])), float(self.centre @ across), tilt, polygon)
+
+
+def _fitted_end(corners: np.ndarray, numbers: np.ndarray, sides: int) -> _End:
+    """Fit the image of a regular polygon to its corners (N, 2) of these numbers (N,), counter-clockwise."""
+    azimuths = 2.0 * np.pi * numbers / sides
+    design = np.column_stack([np.cos(azimuths), np.sin(azimuths), np.ones(len(numbers))])
+    fit = np.linalg.lstsq(design, corners)[0]
+    spread = float(np.linalg.norm(corners - corners.mean(axis=0)))
+    return _End(corners, sides, fit[2], fit[:2], float(np.linalg.norm(corners - design @ fit)) / spread)
+
+
+def _completed_ends(contour: SweptContour) -> Iterator[tuple[np.ndarray, np.ndarray, bool]]:
+    """Yield the corners (N, 2) of the visible end, counter-clockwise, and the way (2,) to it from the hidden one.
+
+    Also whether they are all: of two edges between the ends one may lead from a corner to the next, of which the
+    contour then shows one at either end. Nothing if the edges contradict each other.
     """
     visible, hidden = contour.visible, contour.hidden
     starts, ends = hidden[[-1, 0]], visible[[0, -1]]
@@ -155,19 +188,18 @@ def _completed_end(contour: SweptContour) -> tuple[np.ndarray, np.ndarray] | Non
     lengths = np.linalg.norm(ways, axis=1)
     crossing = np.column_stack([ways[0], -ways[1]])
     if abs(np.linalg.det(crossing)) < np.sin(np.radians(PARALLEL_DEG)) * lengths.prod():
-        if lengths.max() > MAX_APEX_RATIO * lengths.min():
-            return None
-        way = ways.mean(axis=0)
-        return np.vstack([visible, hidden[1:-1] + way]), way
+        if lengths.max() <= MAX_APEX_RATIO * lengths.min():
+            yield np.vstack([visible, hidden[1:-1] + ways.mean(axis=0)]), ways.mean(axis=0), True
+        return
     shares = np.linalg.solve(crossing, starts[1] - starts[0])
+    if (shares < 0.0).any() != (shares < 0.0).all() or ((shares > 0.0) & (shares < 1.0)).any():
+        return
     apex = starts[0] + shares[0] * ways[0]
     ratios = np.abs(1.0 - 1.0 / shares)
-    if (shares < 0.0).any() != (shares < 0.0).all() or ((shares > 0.0) & (shares < 1.0)).any():
-        return None
-    if ratios.max() > MAX_APEX_RATIO * ratios.min():
-        return None
-    ratio = float(np.sqrt(ratios.prod()))
-    corners = np.vstack([visible, apex + ratio * (hidden[1:-1] - apex)])
-    # The apex lies beyond the smaller end.
-    way = (apex - corners.mean(axis=0)) * (1.0 if ratio < 1.0 else -1.0)
-    return corners, way
+    sizes = [(float(ratio), False) for ratio in ratios]
+    if ratios.max() <= MAX_APEX_RATIO * ratios.min():
+        sizes.append((float(np.sqrt(ratios.prod())), True))
+    for size, is_whole in sizes:
+        corners = np.vstack([visible, apex + size * (hidden[1:-1] - apex)])
+        # The apex lies beyond the smaller end.
+        yield corners, (apex - corners.mean(axis=0)) * (1.0 if size < 1.0 else -1.0), is_whole

@@ -14,7 +14,10 @@ TURNS_DEG = (20.0, 80.0, 140.0, 200.0, 260.0, 320.0)
 
 @dataclass(frozen=True)
 class Block:
-    """A block about the origin: its axis leans towards the camera by `slope` degrees, its sides face `turns`."""
+    """A block about the origin: its axis leans towards the camera by `slope` degrees, its sides face `turns`.
+
+    lean: degrees by which the sides face its visible end, so that the other one is the larger.
+    """
 
     slope: float = 35.0
     turns: tuple[float, ...] = TURNS_DEG
@@ -22,12 +25,14 @@ class Block:
     half_height: float = 48.0
     inverse_focal: float = 0.0
     shape: tuple[int, int] = SHAPE
+    lean: float = 0.0
 
     @property
     def normals(self) -> np.ndarray:
         """Unit normals (N, 3) of its faces: the visible end, the other one, and the sides."""
         turns = np.radians(self.turns)
-        sides = np.column_stack([np.sin(turns), np.zeros(len(turns)), np.cos(turns)])
+        out, up = np.cos(np.radians(self.lean)), np.sin(np.radians(self.lean))
+        sides = np.column_stack([out * np.sin(turns), np.full(len(turns), up), out * np.cos(turns)])
         lean, upward = np.radians(self.slope), np.array([[0.0, 1.0, 0.0]])
         c, s = np.cos(lean), np.sin(lean)
         rotation = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
@@ -57,7 +62,7 @@ class Block:
         return np.where(mask[..., None], normals, np.nan), np.where(mask, front.min(axis=0), np.nan), numbers
 
     def contour(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the corners of the visible end on the contour, and those of the hidden one, counter-clockwise."""
+        """Return corners on the contour, of the visible end of a prism and of the hidden one, counter-clockwise."""
         turns = np.radians(self.turns)
         # Two neighbouring sides meet half-way between their directions.
         half = (np.roll(turns, -1) - turns) % (2.0 * np.pi) / 2.0
