@@ -4,40 +4,23 @@ What flashes and creases say of a solid of flat faces is that of right prisms (`
 that are compared, a facet also must end where its flashes do, and the silhouette must be filled.
 """
 
-from typing import NamedTuple
-
 import cv2
 import numpy as np
-from numba import njit
 
+from glint.tasks.algorithms.facets.crease_evidence import creases_log_ratio
 from glint.tasks.algorithms.facets.facet_view import FacetView
-from glint.tasks.algorithms.facets.faceted_body import Creases, FacetedBody
-from glint.tasks.algorithms.geometry.vectors import unit
+from glint.tasks.algorithms.facets.faceted_body import FacetedBody
 from glint.tasks.algorithms.prisms.prism_evidence import (
     ADDED_EDGE_PX,
-    ARC_NORMALS,
     EDGE_INRADII,
     FALSE_FACE_SHARE,
     FLASHED_DEG,
-    LEAST_TURN_DEG,
-    MIDDLE_SHARES,
-    MIN_ARC_SHARE,
-    PERPENDICULAR_DEG,
     PIECE_INRADII,
-    STRAY_SHARE,
     share_log_ratio,
 )
-from glint.tasks.algorithms.prisms.right_prism import to_pixels
 
 UNFILLED_NATS = 4.0
 """What a piece of the silhouette that the body does not fill speaks against it."""
-BESIDE_WIDTHS = 0.3
-"""Distance from a crease, in widths of the face there, at which nothing may turn as it does: a round wall in place of
-the faces would turn as far as half of that."""
-MIN_CREASE_PX = 1.5
-"""Length in pixels of the shortest crease that is looked at."""
-MIN_FLASH_SHARE = 0.5
-"""Share of the places inside along a crease that flash from which a face must not flash beyond it."""
 
 
 def facet_log_ratio(body: FacetedBody, view: FacetView) -> float:
@@ -48,7 +31,7 @@ def facet_log_ratio(body: FacetedBody, view: FacetView) -> float:
     piece = PIECE_INRADII * view.scale
     unfilled = int((view.inner & (faces < 0)).sum())
     return float(
-        _faces_log_ratio(body, faces, view) + _creases_log_ratio(body, view) - UNFILLED_NATS * unfilled / piece**2
+        _faces_log_ratio(body, faces, view) + creases_log_ratio(body, view) - UNFILLED_NATS * unfilled / piece**2
     )
 
 
@@ -76,181 +59,3 @@ def _near_edges(faces: np.ndarray, reach: int) -> np.ndarray:
     high, low = (morph(faces, np.ones((3, 3), np.uint8)) for morph in (cv2.dilate, cv2.erode))
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach - 1, 2 * reach - 1))
     return np.asarray(cv2.dilate((high != low).astype(np.uint8), disc) > 0)
-
-
-def _creases_log_ratio(body: FacetedBody, view: FacetView) -> float:
-    """Return what the highlights of the rounded creases say, and flashes of their faces beyond them."""
-    creases, reach = body.creases, round(EDGE_INRADII * view.scale + ADDED_EDGE_PX)
-    along = creases.ends - creases.starts
-    lengths = np.linalg.norm(along, axis=1)
-    used = lengths > MIN_CREASE_PX
-    if not used.any():
-        return 0.0
-    creases = Creases(*(values[used] for values in creases))
-    across = np.stack([-along[used, 1], along[used, 0]], axis=1) / lengths[used, None]
-    # Each of the two faces lies on one side of the crease, as far as its width.
-    offsets = (body.corners[creases.faces] - creases.starts[:, None, None]) @ across[:, None, :, None]
-    widths = np.abs(offsets[..., 0]).max(axis=2)
-    across *= np.sign(offsets[:, 1].mean(axis=(1, 2)))[:, None]
-    first, second = body.normals[creases.faces[:, 0]], body.normals[creases.faces[:, 1]]
-    arcs = unit(first + np.linspace(0.0, 1.0, ARC_NORMALS)[:, None, None] * (second - first))
-    middles = np.broadcast_to((creases.starts + creases.ends) / 2.0, (ARC_NORMALS, len(first), 2))
-    reached = view.flashing(arcs.reshape(-1, 3), middles.reshape(-1, 2)).reshape(ARC_NORMALS, -1).mean(axis=0)
-    ends = [to_pixels(creases.starts + share * along[used], view.mask.shape) for share in MIDDLE_SHARES[:, 0]]
-    shares = _crease_shares(
-        view.normals,
-        np.stack(ends, axis=1),
-        across * [1.0, -1.0],
-        np.stack([first, second, creases.directions], axis=1),
-        np.where(BESIDE_WIDTHS * widths > reach, np.minimum(BESIDE_WIDTHS * widths, 2 * reach + 1), 0.0),
-        view.strays,
-        reach,
-    )
-    # A face ends at its crease, and so do its flashes.
-    beyond = share_log_ratio(1.0 - shares.beyond, np.full(shares.beyond.shape, FALSE_FACE_SHARE))
-    beyond = np.where(shares.inside > MIN_FLASH_SHARE, np.minimum(beyond, 0.0), 0.0).sum(axis=1)
-    # A round wall turns everywhere, not only at a crease.
-    turning = share_log_ratio(shares.near, np.clip(np.maximum(shares.stray, shares.beside), *STRAY_SHARE))
-    turning = np.where((reached >= MIN_ARC_SHARE) & np.isfinite(shares.beside), turning, 0.0)
-    return float((lengths[used] * (beyond + turning)).sum() / (PIECE_INRADII * view.scale))
-
-
-class _CreaseShares(NamedTuple):
-    """Shares of places with highlights, for each crease.
-
-    inside, beyond: (C, 2), of its faces' normals, on the face's side of the crease and on the other. near, stray,
-    beside: (C,), of normals between the two, along it, all over the silhouette, and beside it; the last NaN where its
-    faces are too narrow.
-    """
-
-    inside: np.ndarray
-    beyond: np.ndarray
-    near: np.ndarray
-    stray: np.ndarray
-    beside: np.ndarray
-
-
-def _crease_shares(
-    normals: np.ndarray,
-    ends: np.ndarray,
-    across: np.ndarray,
-    directions: np.ndarray,
-    distances: np.ndarray,
-    strays: np.ndarray,
-    reach: int,
-) -> _CreaseShares:
-    """Return what candidates (H, W, K, 3) show at creases.
-
-    Args:
-        normals: (H, W, K, 3), candidates.
-        ends: (C, 2, 2), columns and rows of the creases' ends.
-        across: (C, 2), unit, from each of them to its second face, likewise.
-        directions: (C, 3, 3), normals of its faces, and its own direction.
-        distances: (C, 2), pixels from the crease at which its first and second face are looked at; 0 if not.
-        strays: (M, 2), columns and rows to compare with.
-        reach: distance in pixels within which a highlight is near.
-    """
-    shares = _shares_at_creases(normals, ends, across, directions, distances, strays.astype(np.int64), reach, _COSINES)
-    return _CreaseShares(shares[:, :2], shares[:, 2:4], *shares[:, 4:].T)
-
-
-_COSINES = (
-    float(np.cos(np.radians(FLASHED_DEG))),
-    float(np.cos(np.radians(LEAST_TURN_DEG))),
-    float(np.sin(np.radians(PERPENDICULAR_DEG))),
-)
-
-
-@njit(cache=True, nogil=True)
-def _shares_at_creases(
-    normals: np.ndarray,
-    ends: np.ndarray,
-    across: np.ndarray,
-    directions: np.ndarray,
-    distances: np.ndarray,
-    strays: np.ndarray,
-    reach: int,
-    cosines: tuple[float, float, float],
-) -> np.ndarray:
-    """Return the shares (C, 7) of `_CreaseShares`; cosines: to a face that flashes, at most between two, and along."""
-    result = np.empty((len(ends), 7))
-    for crease in range(len(ends)):
-        start, end, way = ends[crease, 0], ends[crease, 1], across[crease]
-        count = int(np.sqrt(((end - start) ** 2).sum())) + 1
-        points = np.empty((count, 2))
-        for point in range(count):
-            points[point] = start + (end - start) * (point / max(count - 1, 1))
-        first, second, direction = directions[crease]
-        for face in range(2):
-            sign = 2.0 * face - 1.0
-            normal = directions[crease, face]
-            result[crease, face] = _flash_share(normals, points + sign * (reach + 1) * way, normal, cosines[0])
-            result[crease, 2 + face] = _flash_share(normals, points - sign * (reach + 1) * way, normal, cosines[0])
-        bounds = float((first * second).sum()), cosines[1], cosines[2]
-        result[crease, 4] = _arc_share(normals, points, first, second, direction, bounds, reach)
-        result[crease, 5] = _arc_share(normals, strays * 1.0, first, second, direction, bounds, reach)
-        beside, faces = 0.0, 0
-        for face in range(2):
-            if distances[crease, face] > 0.0:
-                strip = points + (2.0 * face - 1.0) * distances[crease, face] * way
-                beside += _arc_share(normals, strip, first, second, direction, bounds, 1)
-                faces += 1
-        result[crease, 6] = beside / faces if faces else np.nan
-    return result
-
-
-@njit(cache=True, nogil=True)
-def _flash_share(normals: np.ndarray, places: np.ndarray, normal: np.ndarray, min_cosine: float) -> float:
-    """Return the share of places (N, 2), columns and rows, with a candidate (H, W, K, 3) that is this normal (3,)."""
-    height, width, layers, _ = normals.shape
-    flashes = 0
-    for place in range(len(places)):
-        column, row = int(np.rint(places[place, 0])), int(np.rint(places[place, 1]))
-        if 0 <= row < height and 0 <= column < width:
-            for layer in range(layers):
-                x, y, z = normals[row, column, layer]
-                if x * normal[0] + y * normal[1] + z * normal[2] > min_cosine:
-                    flashes += 1
-                    break
-    return flashes / len(places)
-
-
-@njit(cache=True, nogil=True)
-def _arc_share(
-    normals: np.ndarray,
-    places: np.ndarray,
-    first: np.ndarray,
-    second: np.ndarray,
-    direction: np.ndarray,
-    bounds: tuple[float, float, float],
-    reach: int,
-) -> float:
-    """Return the share of places (N, 2), columns and rows, near a candidate that turns from one face to the other.
-
-    normals: (H, W, K, 3), candidates. first, second: (3,), normals of the faces. direction: (3,), of the crease.
-    bounds: of the cosines to the faces' normals, and of that to the direction. reach: radius of a place in pixels.
-    """
-    height, width, layers, _ = normals.shape
-    least, most, across = bounds
-    near = 0
-    for place in range(len(places)):
-        is_near = False
-        for down in range(-reach, reach + 1):
-            row = int(np.rint(places[place, 1])) + down
-            if is_near or not 0 <= row < height:
-                continue
-            for right in range(-reach, reach + 1):
-                column = int(np.rint(places[place, 0])) + right
-                if is_near or right * right + down * down > reach * reach or not 0 <= column < width:
-                    continue
-                for layer in range(layers):
-                    x, y, z = normals[row, column, layer]
-                    if not abs(x * direction[0] + y * direction[1] + z * direction[2]) < across:
-                        continue
-                    to_first = x * first[0] + y * first[1] + z * first[2]
-                    to_second = x * second[0] + y * second[1] + z * second[2]
-                    if least < to_first < most and least < to_second < most:
-                        is_near = True
-                        break
-        near += is_near
-    return near / len(places)

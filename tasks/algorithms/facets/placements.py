@@ -120,7 +120,7 @@ def placements_about_axis(mask: np.ndarray, faces: list[np.ndarray], inverse_foc
 
 def _placement(contour: SweptContour) -> Placement | None:
     """Return the placement of a body of two regular ends with this contour, None if there is none."""
-    best, best_error, towards = None, 1.0, np.zeros(2)
+    best, best_error, best_way = None, 1.0, np.zeros(2)
     for corners, way, is_whole in _completed_ends(contour):
         edges = np.roll(corners, -1, axis=0) - corners
         if (edges[:, 0] * np.roll(edges, -1, axis=0)[:, 1] <= edges[:, 1] * np.roll(edges, -1, axis=0)[:, 0]).any():
@@ -133,8 +133,8 @@ def _placement(contour: SweptContour) -> Placement | None:
             limit = MAX_INCOMPLETE_IRREGULARITY
         fit = min(fits, key=attrgetter("error"))
         if fit.error / limit < best_error:
-            best, best_error, towards = fit, fit.error / limit, way
-    return None if best is None else best.placement(towards)
+            best, best_error, best_way = fit, fit.error / limit, way
+    return None if best is None else best.placement(best_way)
 
 
 class _End(NamedTuple):
