@@ -1,4 +1,4 @@
-"""Right prisms of random polygons: errors of their normals without the hypothesis of a right prism, and with it.
+"""Right prisms of random polygons: errors of their normals without the hypothesis of a solid of flat faces, and with it.
 
     python -m tests.benchmarks.right_prisms [--seed 77000] [--count 24] [--lean 0] [--folder DIR]
 
@@ -19,6 +19,7 @@ from unittest.mock import patch
 
 import numpy as np
 
+from glint.tasks.algorithms.facets.faceted_normals import FacetSearch
 from glint.tasks.algorithms.meshing.implicit import polyhedron
 from glint.tasks.algorithms.prisms.prismatic_normals import PrismSearch
 from glint.tasks.algorithms.simulation import shapes
@@ -62,7 +63,7 @@ def compare(seed: int, lean_deg: float, folder: Path) -> tuple[Measured, Measure
     """Return the results of a capture without the hypothesis and with it."""
     with replaced_shape(*random_solid(seed, lean_deg)):
         capture = random_capture(SHAPE, seed, folder, is_given=True)
-    with patch.object(PrismSearch, "best", None):
+    with patch.object(PrismSearch, "best", None), patch.object(FacetSearch, "likeliest", []):
         without = measure(capture, folder / "without")
     return without, measure(capture, folder / "with")
 

@@ -19,14 +19,16 @@ MIN_KNOWN_SHARE = 0.05
 """Share of the mask that enters the field from which labels have a start of their own."""
 MAX_READMISSIONS = 3
 """Rounds in which rejected sheets are readmitted: each may show the field of the next."""
-MIN_PRISM_NATS, MIN_FACETED_NATS, CONTRADICTED_NATS = 10.0, 18.0, 50.0
-"""Evidence for a prism and for a faceted body from which either is adopted, and how much more it takes if all accepted
-normals of a full mask contradict it; what is seen through its faces does."""
-MAX_ROUND_ERROR_DEG, MIN_RELIEF_NATS = 5.0, 40.0
+MIN_SOLID_NATS, CONTRADICTED_NATS = 10.0, 50.0
+"""Evidence for a prism or a faceted body from which it is adopted, and how much more it takes if all accepted normals
+of a full mask contradict it; what is seen through its faces does."""
+MAX_ROUND_ERROR_DEG, MIN_RELIEF_NATS = 6.0, 40.0
 """Mean angle between accepted normals and a surface of revolution without its relief from which facets may be what that
 explains, and evidence for a faceted body from which they are."""
 CONTRADICTED_DEG = 6.0
 """Angle from which an accepted normal contradicts a solid."""
+SAME_SOLID_DEG = 8.0
+"""Mean angle between two solids up to which they are the same."""
 MAX_CONTRADICTED_SHARE, MIN_REFUTED_SHARE = 0.4, 0.05
 """Share of one of its faces that confident normals may contradict, if that face has this share of the mask."""
 MAX_REFUTATIONS = 3
@@ -120,17 +122,18 @@ def _is_faceted(state: Alternation) -> bool:
 
 def _likely_solids(state: Alternation) -> list[PolyhedralNormals]:
     """Return the solids that candidates show, likeliest first, if they outweigh accepted normals that contradict it."""
-    prism = state.prism.best
-    candidates = [(solid, MIN_FACETED_NATS) for solid in state.facets.likeliest]
-    if prism is not None:
-        candidates.append((prism, MIN_PRISM_NATS))
     margins = []
-    for solid, needed in candidates:
+    for solid in [*state.facets.likeliest, *([] if state.prism.best is None else [state.prism.best])]:
         contradicted = state.known & (angles(state.values, solid.normals) > CONTRADICTED_DEG)
-        margin = solid.log_ratio - needed - CONTRADICTED_NATS * contradicted.sum() / state.mask.sum()
+        margin = solid.log_ratio - MIN_SOLID_NATS - CONTRADICTED_NATS * contradicted.sum() / state.mask.sum()
         if margin >= 0.0:
             margins.append((float(margin), solid))
-    return [solid for _, solid in sorted(margins, key=itemgetter(0), reverse=True)]
+    solids = [solid for _, solid in sorted(margins, key=itemgetter(0), reverse=True)]
+    prism = next((solid for solid in solids if solid is state.prism.best), None)
+    # Of the same solid, the lines of its contour place a prism more exactly.
+    if prism is not None and angles(prism.normals, solids[0].normals)[state.mask].mean() < SAME_SOLID_DEG:
+        solids.insert(0, prism)
+    return solids
 
 
 def _is_refuted(solid: PolyhedralNormals, state: Alternation) -> bool:

@@ -9,7 +9,7 @@ import pytest
 from glint.tasks.algorithms.facets.faceted_normals import FacetSearch
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.alternation import Alternation
-from glint.tasks.algorithms.labelling.explanations import MIN_PRISM_NATS, explain
+from glint.tasks.algorithms.labelling.explanations import MIN_SOLID_NATS, explain
 from glint.tasks.algorithms.labelling.reconstruction import conclude, settle
 from glint.tasks.algorithms.labelling.weights import LabellingOptions
 from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals
@@ -67,10 +67,10 @@ def test_accepted_normals_that_contradict_a_prism_take_more_evidence(settled: Al
         state.facets = NO_BODY
         return explain(state).expected is not None
 
-    assert adopts(settled, 5.0 * MIN_PRISM_NATS)
-    assert not adopts(settled, 0.5 * MIN_PRISM_NATS)
-    assert not adopts(contradicting, 4.0 * MIN_PRISM_NATS)
-    assert adopts(contradicting, 8.0 * MIN_PRISM_NATS)
+    assert adopts(settled, 5.0 * MIN_SOLID_NATS)
+    assert not adopts(settled, 0.5 * MIN_SOLID_NATS)
+    assert not adopts(contradicting, 4.0 * MIN_SOLID_NATS)
+    assert adopts(contradicting, 8.0 * MIN_SOLID_NATS)
 
 
 def test_confident_normals_refute_a_prism_with_another_end() -> None:
