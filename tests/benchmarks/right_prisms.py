@@ -1,4 +1,4 @@
-"""Right prisms of random polygons: errors of their normals without the hypothesis of a solid of flat faces, and with it.
+"""Right prisms of random polygons: errors of their normals without the hypotheses of solids of flat faces, and with.
 
     python -m tests.benchmarks.right_prisms [--seed 77000] [--count 24] [--lean 0] [--folder DIR]
 

@@ -1,4 +1,4 @@
-"""What explains settled labels: a right prism, unless accepted normals contradict it."""
+"""What explains settled labels: a prism or a faceted body, unless accepted normals contradict it."""
 
 from copy import copy
 from types import SimpleNamespace
@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.facets.faceted_normals import FacetSearch
-from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.explanations import MIN_SOLID_NATS, explain
 from glint.tasks.algorithms.labelling.reconstruction import conclude, settle
 from glint.tasks.algorithms.labelling.weights import LabellingOptions
 from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals
 from glint.tasks.algorithms.prisms.prismatic_normals import PrismSearch
+from glint.tasks.algorithms.revolution.symmetry import RotationalNormals
 from tests.tasks.algorithms.faces.polyhedron import PYRAMID, face_numbers, polyhedron_normals
 from tests.tasks.algorithms.labelling.test_reconstruction import clusters_of
 from tests.tasks.algorithms.prisms.block import Block
@@ -21,7 +22,6 @@ from tests.tasks.algorithms.prisms.test_prismatic_normals import shown
 from tests.tasks.algorithms.revolution.beaker import observable
 
 ALONE = LabellingOptions(symmetry=False, readmission=False)
-NO_BODY: FacetSearch = SimpleNamespace(likeliest=[])  # type: ignore[assignment]
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +37,10 @@ def settled(truth: np.ndarray) -> Alternation:
 def prism_of(normals: np.ndarray, faces: np.ndarray, log_ratio: float) -> PrismSearch:
     depths = np.zeros(normals.shape[:2], np.float32)
     return SimpleNamespace(best=PolyhedralNormals(normals, depths, faces, log_ratio))  # type: ignore[return-value]
+
+
+def bodies_of(*solids: PolyhedralNormals) -> FacetSearch:
+    return SimpleNamespace(likeliest=list(solids))  # type: ignore[return-value]
 
 
 def test_the_faces_that_never_showed_the_light_follow_from_a_prism(settled: Alternation, truth: np.ndarray) -> None:
@@ -64,7 +68,7 @@ def test_accepted_normals_that_contradict_a_prism_take_more_evidence(settled: Al
     def adopts(state: Alternation, log_ratio: float) -> bool:
         state = copy(state)
         state.prism = prism_of(truth, np.zeros(truth.shape[:2], int), log_ratio)
-        state.facets = NO_BODY
+        state.facets = bodies_of()
         return explain(state).expected is not None
 
     assert adopts(settled, 5.0 * MIN_SOLID_NATS)
@@ -82,7 +86,7 @@ def test_confident_normals_refute_a_prism_with_another_end() -> None:
         state, normals = copy(settled), pyramid.copy()
         normals[mask & (numbers == wrong)] = [0.0, 0.0, 1.0]
         state.prism = prism_of(normals, np.where(mask, numbers, -1), 100.0)
-        state.facets = NO_BODY
+        state.facets = bodies_of()
         assert (explain(state).expected is not None) is expected
 
 
@@ -90,3 +94,57 @@ def test_a_prism_is_explained_once(settled: Alternation) -> None:
     explained = explain(settled)
     assert settled.expected is None
     assert explain(explained).expected is explained.expected
+
+
+@pytest.fixture(scope="module")
+def frustum() -> np.ndarray:
+    return Block(lean=12.0).render()[0]
+
+
+@pytest.fixture(scope="module")
+def settled_frustum(frustum: np.ndarray) -> Alternation:
+    return settle(clusters_of(shown(frustum).astype(np.float32)), np.isfinite(frustum[..., 0]), ALONE)
+
+
+def test_the_faces_that_never_showed_the_light_follow_from_a_faceted_body(
+    settled_frustum: Alternation, frustum: np.ndarray
+) -> None:
+    mask, without = settled_frustum.mask, copy(settled_frustum)
+    without.options = LabellingOptions(symmetry=False, readmission=False, flat_faces=False)
+    before, after = (
+        angles(conclude(explain(state)).normals, frustum)[mask].mean() for state in (without, settled_frustum)
+    )
+    assert before > 15.0
+    assert after < 5.0
+
+
+def test_of_the_same_solid_a_prism_is_preferred(settled: Alternation, truth: np.ndarray) -> None:
+    faces, depths = np.zeros(truth.shape[:2], int), np.zeros(truth.shape[:2], np.float32)
+    turned = unit(truth + np.array([0.05, 0.0, 0.0]))
+    for other, preferred in ((turned, truth), (unit(truth + np.array([0.5, 0.0, 0.0])), None)):
+        state = copy(settled)
+        state.prism = prism_of(truth, faces, 60.0)
+        state.facets = bodies_of(PolyhedralNormals(other, depths, faces, 90.0))
+        expected = explain(state).expected
+        assert expected is not None
+        assert np.array_equal(expected, other if preferred is None else preferred, equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("relief_fit", "round_error", "log_ratio", "is_faceted"),
+    [(0.3, 9.0, 60.0, True), (0.3, 9.0, 30.0, False), (0.3, 4.0, 60.0, False), (0.0, 9.0, 60.0, False)],
+)
+def test_facets_take_the_place_of_a_relief_that_hardly_fits(
+    settled: Alternation, truth: np.ndarray, relief_fit: float, round_error: float, log_ratio: float, is_faceted: bool
+) -> None:
+    faces, depths = np.zeros(truth.shape[:2], int), np.zeros(truth.shape[:2], np.float32)
+    rotational = RotationalNormals(truth.astype(np.float32), depths, relief_fit, round_error)
+    state = copy(settled)
+    state.options = LabellingOptions(readmission=False)
+    search = SimpleNamespace(normals=lambda *_: rotational, supposed_normals=lambda _: None, best=None)
+    state.symmetry, state.prism = search, search  # type: ignore[assignment]
+    turned = unit(truth + np.array([0.3, 0.0, 0.0]))
+    state.facets = bodies_of(PolyhedralNormals(turned, depths, faces, log_ratio))
+    expected = explain(state).expected
+    assert expected is not None
+    assert np.array_equal(expected, turned if is_faceted else rotational.normals, equal_nan=True)
