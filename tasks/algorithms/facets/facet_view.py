@@ -18,10 +18,15 @@ UNFILLED_PX = 1
 """Distance in pixels from the contour within which pixels need not be filled."""
 CONTOUR_POINTS = 250
 """Points of the contour in which a body is inscribed."""
-POLYGON_STEP_PX = 1.0
-"""Distance of the polygons that are inscribed in it, along the axis."""
 STRAYS = 60
 """Places of the silhouette at which the highlights of a crease are looked for, to compare."""
+
+
+def silhouette_contour(mask: np.ndarray) -> np.ndarray:
+    """Return points (N, 2) of the contour of a mask (H, W) bool, x and y in the camera frame, pixels."""
+    outline = smooth_contour(mask)
+    columns, rows = outline[:: max(1, len(outline) // CONTOUR_POINTS)].T
+    return np.stack(to_camera(columns, rows, mask.shape[1], mask.shape[0]), axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,19 +61,17 @@ class FacetView:
         # The middle of the sampled pixels lies beside that of all.
         lost = np.array(mask.shape) - 1 - stride * (np.array(sampled.shape) - 1)
         middle = np.array([-lost[1], lost[0]]) / 2.0
-        outline = smooth_contour(mask)
-        outline = outline[:: max(1, len(outline) // CONTOUR_POINTS)]
-        contour = np.stack(to_camera(outline[:, 0], outline[:, 1], mask.shape[1], mask.shape[0]), axis=-1)
+        contour = (silhouette_contour(mask) - middle) / stride
         rows, columns = np.indices(sampled.shape, dtype=float)
         x, y = to_camera(columns, rows, sampled.shape[1], sampled.shape[0])
         view = unit(to_camera_directions(x, y, inverse_focal * stride))
         normals = np.ascontiguousarray(np.moveaxis(rotate_from_view(candidates, view), 0, 2), np.float32)
-        return cls(normals, sampled, (contour - middle) / stride, inverse_focal * stride, swept, stride, middle)
+        return cls(normals, sampled, contour, inverse_focal * stride, swept, stride, middle)
 
     def body(self, placement: Placement) -> FacetedBody:
         """Return the largest body of a placement inside the silhouette."""
         frame = placement.frame(self.inverse_focal, self.middle, self.stride)
-        return FacetedBody.inside(self.contour, frame, placement.polygon, POLYGON_STEP_PX)
+        return FacetedBody.inside(self.contour, frame, placement.polygon)
 
     @cached_property
     def scale(self) -> float:

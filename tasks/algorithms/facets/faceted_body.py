@@ -18,6 +18,8 @@ from glint.tasks.algorithms.geometry.vectors import unit
 from glint.tasks.algorithms.prisms.right_prism import SUBPIXEL_BITS, to_pixels
 from glint.tasks.algorithms.revolution.view_rays import AxisFrame
 
+POLYGON_STEP_PX = 1.0
+"""Distance along the axis of the polygons that are inscribed in a contour."""
 MIN_FACING = 0.02
 """Cosine of the angle to the view vector from which a face is visible."""
 MIN_CREASE_DEG = 6.0
@@ -47,12 +49,12 @@ class FacetedBody:
     apothems: np.ndarray
 
     @classmethod
-    def inside(cls, contour: np.ndarray, frame: AxisFrame, polygon: RegularPolygon, step: float) -> "FacetedBody":
+    def inside(cls, contour: np.ndarray, frame: AxisFrame, polygon: RegularPolygon) -> "FacetedBody":
         """Return the largest body about an axis, with that cross-section, inside the contour of a silhouette.
 
-        contour: (N, 2), x and y in the camera frame, pixels. step: distance of samples along the axis in pixels.
+        contour: (N, 2), x and y in the camera frame, pixels.
         """
-        heights, apothems = inscribed_polygons(frame.rays(*contour.T), polygon, step)
+        heights, apothems = inscribed_polygons(frame.rays(*contour.T), polygon, POLYGON_STEP_PX)
         tilts = polygon.edge_on_tilts(frame.tilts(heights))
         heights, apothems = straight_profile(heights, apothems, tilts)
         return cls(polygon, frame, heights, apothems)

@@ -12,7 +12,9 @@ from operator import itemgetter
 import numpy as np
 
 from glint.tasks.algorithms.faces.proven_faces import apparent_faces
-from glint.tasks.algorithms.facets.facet_evidence import FacetView, facet_log_ratio
+from glint.tasks.algorithms.facets.facet_evidence import facet_log_ratio
+from glint.tasks.algorithms.facets.facet_view import FacetView, silhouette_contour
+from glint.tasks.algorithms.facets.faceted_body import FacetedBody
 from glint.tasks.algorithms.facets.placements import Placement, placements_about_axis, placements_of_ends
 from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals, polyhedral_normals
@@ -49,15 +51,17 @@ class FacetSearch:
         mask = self.mask if aimed is None else aimed.silhouette
         candidates = self.candidates if aimed is None else aimed.candidates(self.candidates)
         inverse_focal = 0.0 if aimed is None else 1.0 / aimed.focal
-        views = [
+        coarse, fine = (
             FacetView.of(candidates, mask, inverse_focal, max(1, round(inradius(mask) / pixels)))
             for pixels in (COARSE_INRADIUS_PX, FINE_INRADIUS_PX)
-        ]
-        whole = FacetView.of(candidates, mask, inverse_focal, 1)
-        if views[0] is None or views[1] is None or whole is None:
+        )
+        if coarse is None or fine is None:
             return []
-        placements = likeliest_placements(mask, inverse_focal, views[0], views[1])
-        results = [polyhedral_normals(whole.body(placement), log_ratio, mask) for log_ratio, placement in placements]
+        results, contour = [], silhouette_contour(mask)
+        for log_ratio, placement in likeliest_placements(mask, inverse_focal, coarse, fine):
+            frame = placement.frame(inverse_focal, np.zeros(2), 1)
+            body = FacetedBody.inside(contour, frame, placement.polygon)
+            results.append(polyhedral_normals(body, log_ratio, mask))
         return results if aimed is None else [result.seen_back(aimed) for result in results]
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from glint.tasks.algorithms.facets.facet_view import silhouette_contour
 from glint.tasks.algorithms.facets.faceted_body import FacetedBody
 from glint.tasks.algorithms.facets.inscribed_polygons import RegularPolygon
 from glint.tasks.algorithms.facets.placements import Placement
-from glint.tasks.algorithms.geometry.contours import smooth_contour
 from glint.tasks.algorithms.geometry.perspective import to_camera_directions
 from glint.tasks.algorithms.geometry.vectors import angles, to_camera
 from tests.tasks.algorithms.facets.bottle import BODY, render_bottle
@@ -16,11 +16,9 @@ FRUSTUM = Block(lean=12.0)
 
 
 def body_of(mask: np.ndarray, slope: float, inverse_focal: float = 0.0) -> FacetedBody:
-    columns, rows = smooth_contour(mask).T
-    contour = np.stack(to_camera(columns, rows, mask.shape[1], mask.shape[0]), axis=-1)
     placement = Placement(0.0, 0.0, float(np.radians(slope)), RegularPolygon(6, float(np.radians(20.0))))
     frame = placement.frame(inverse_focal, np.zeros(2), 1)
-    return FacetedBody.inside(contour, frame, placement.polygon, 1.0)
+    return FacetedBody.inside(silhouette_contour(mask), frame, placement.polygon)
 
 
 def normals_shown(body: FacetedBody) -> np.ndarray:

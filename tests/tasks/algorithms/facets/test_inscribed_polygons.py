@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
+from glint.tasks.algorithms.facets.facet_view import silhouette_contour
 from glint.tasks.algorithms.facets.inscribed_polygons import RegularPolygon, inscribed_polygons, straight_profile
 from glint.tasks.algorithms.facets.placements import Placement
-from glint.tasks.algorithms.geometry.contours import smooth_contour
-from glint.tasks.algorithms.geometry.vectors import to_camera
 from tests.tasks.algorithms.prisms.block import INVERSE_FOCAL, Block
 
 HEXAGON = RegularPolygon(6, np.radians(20.0))
@@ -26,8 +25,7 @@ def test_polygons_inside_the_contour_of_a_block_are_its_sections(slope: float, i
     block = Block(slope=slope, inverse_focal=inverse_focal)
     _, depths, _ = block.render()
     mask = np.isfinite(depths)
-    columns, rows = smooth_contour(mask).T
-    contour = np.stack(to_camera(columns, rows, mask.shape[1], mask.shape[0]), axis=-1)
+    contour = silhouette_contour(mask)
     frame = Placement(0.0, 0.0, np.radians(slope), HEXAGON).frame(inverse_focal, np.zeros(2), 1)
     heights, apothems = inscribed_polygons(frame.rays(*contour.T), HEXAGON, 1.0)
     inside = np.abs(heights) < 0.8 * block.half_height
