@@ -15,6 +15,7 @@ from glint.tasks.algorithms.faces.proven_faces import apparent_faces
 from glint.tasks.algorithms.facets.facet_evidence import facet_log_ratio
 from glint.tasks.algorithms.facets.facet_view import FacetView, silhouette_contour
 from glint.tasks.algorithms.facets.faceted_body import FacetedBody
+from glint.tasks.algorithms.facets.hollows import with_hollow
 from glint.tasks.algorithms.facets.placements import Placement, placements_about_axis, placements_of_ends
 from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals, polyhedral_normals
@@ -61,7 +62,8 @@ class FacetSearch:
         for log_ratio, placement in likeliest_placements(mask, inverse_focal, coarse, fine):
             frame = placement.frame(inverse_focal, np.zeros(2), 1)
             body = FacetedBody.inside(contour, frame, placement.polygon)
-            results.append(polyhedral_normals(body, log_ratio, mask))
+            solid = polyhedral_normals(body, log_ratio, mask)
+            results.append(with_hollow(solid, body, placement, mask, candidates))
         return results if aimed is None else [result.seen_back(aimed) for result in results]
 
 

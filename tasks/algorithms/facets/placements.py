@@ -56,14 +56,20 @@ class Placement:
     tilt: float
     polygon: RegularPolygon
 
+    @property
+    def axis(self) -> ReflectionAxis:
+        """Image of the axis."""
+        normal = np.array([np.cos(self.angle), np.sin(self.angle)])
+        return ReflectionAxis(self.offset * normal, normal, 1.0)
+
     def frame(self, inverse_focal: float, middle: np.ndarray, stride: int) -> AxisFrame:
         """Return the frame of the axis in the image of every `stride`-th pixel, centred at `middle` (2,) of this one.
 
         inverse_focal: 1 over the focal length in pixels of that image.
         """
-        normal = np.array([np.cos(self.angle), np.sin(self.angle)])
-        point = (self.offset * normal - middle) / stride
-        return AxisFrame.of(ReflectionAxis((point @ normal) * normal, normal, 1.0), self.tilt, inverse_focal)
+        normal = self.axis.normal
+        offset = float(self.axis.point @ normal - middle @ normal) / stride
+        return AxisFrame.of(ReflectionAxis(offset * normal, normal, 1.0), self.tilt, inverse_focal)
 
     def beside(self, turn: float, shift: float, tilt: float, share: float) -> Iterator["Placement"]:
         """Yield the neighbours to either side: by angle and tilt in radians, offset in pixels, and part of a side."""

@@ -62,7 +62,9 @@ class Opening:
         return normals, depths, is_far
 
 
-def find_opening(surface: SurfaceOfRevolution, mask: np.ndarray, candidates: np.ndarray) -> Opening | None:
+def find_opening(
+    surface: SurfaceOfRevolution, mask: np.ndarray, candidates: np.ndarray, turns_deg: tuple[float, ...] = TILTS_DEG
+) -> Opening | None:
     """Return the opening of the end that faces the camera, None if that is closed.
 
     The tilt is changed for the end alone: a foot far from it holds the tilt that fits the whole silhouette.
@@ -71,6 +73,7 @@ def find_opening(surface: SurfaceOfRevolution, mask: np.ndarray, candidates: np.
         surface: fitted inside the silhouette.
         mask: (H, W) bool, the silhouette.
         candidates: (K, H, W, 3), NaN where there is none.
+        turns_deg: changes of the tilt that are tried.
     """
     rows, columns = np.nonzero(mask)
     x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
@@ -82,7 +85,7 @@ def find_opening(surface: SurfaceOfRevolution, mask: np.ndarray, candidates: np.
     least = MIN_OPENING_SHARE * len(rows)
     if _fit(surface, x, y, observed, least) is None:
         return None
-    surfaces = [surface.tilted(mask, surface.tilt + np.radians(turn)) if turn else surface for turn in TILTS_DEG]
+    surfaces = [surface.tilted(mask, surface.tilt + np.radians(turn)) if turn else surface for turn in turns_deg]
     fits = [_fit(tilted, x, y, observed, least) for tilted in surfaces]
     best = _peak(np.array([np.nan if fit is None else fit.score for fit in fits]))
     fit = fits[best]
