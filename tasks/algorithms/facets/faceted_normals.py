@@ -80,16 +80,20 @@ def likeliest_placements(
         values = ((facet_log_ratio(view.body(placement), view), placement) for placement in placements)
         return sorted((value for value in values if value[0] > HOPELESS_NATS), key=itemgetter(0), reverse=True)
 
-    of_ends = scored(placements_of_ends(mask, inverse_focal), coarse)
-    starts: list[Placement] = []
     faces = [face.normal for face in apparent_faces(np.moveaxis(coarse.normals, 2, 0), coarse.mask)]
-    for _, placement in [*of_ends, *scored(placements_about_axis(mask, faces, inverse_focal), coarse)]:
-        alike = sum(start.polygon.sides == placement.polygon.sides for start in starts)
-        if alike < STARTS_PER_POLYGON and not any(start.is_near(placement) for start in starts):
-            starts.append(placement)
-    refined = [_refined(start, coarse, COARSE_STEPS, COARSE_HALVINGS) for start in starts[:STARTS]]
-    best = sorted(refined, key=itemgetter(0), reverse=True)[:REFINED]
-    result = [_refined(placement, fine, FINE_STEPS, FINE_HALVINGS) for _, placement in best]
+    starts: list[tuple[Placement, float]] = []
+    for placements in (placements_of_ends(mask, inverse_focal), placements_about_axis(mask, faces, inverse_focal)):
+        # Of many that are tried, one fits by chance: each is as likely beforehand as they are few.
+        chance = float(np.log(max(len(placements), 1)))
+        for _, placement in scored(placements, coarse):
+            alike = sum(start.polygon.sides == placement.polygon.sides for start, _ in starts)
+            if alike < STARTS_PER_POLYGON and not any(start.is_near(placement) for start, _ in starts):
+                starts.append((placement, chance))
+    refined = [(*_refined(start, coarse, COARSE_STEPS, COARSE_HALVINGS), chance) for start, chance in starts[:STARTS]]
+    result = []
+    for _, placement, chance in sorted(refined, key=itemgetter(0), reverse=True)[:REFINED]:
+        ratio, best = _refined(placement, fine, FINE_STEPS, FINE_HALVINGS)
+        result.append((ratio - chance, best))
     return sorted((value for value in result if value[0] > 0.0), key=itemgetter(0), reverse=True)
 
 
