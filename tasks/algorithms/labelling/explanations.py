@@ -29,7 +29,7 @@ CONTRADICTED_DEG = 6.0
 """Angle from which an accepted normal contradicts a solid."""
 SAME_SOLID_DEG = 8.0
 """Mean angle between two solids up to which they are the same."""
-MAX_CONTRADICTED_SHARE, MIN_REFUTED_SHARE = 0.4, 0.05
+MAX_CONTRADICTED_SHARE, MIN_REFUTED_SHARE = 0.3, 0.05
 """Share of one of its faces that confident normals may contradict, if that face has this share of the mask."""
 MAX_REFUTATIONS = 3
 """Rounds in which flat faces are looked for, and false ones refuted."""

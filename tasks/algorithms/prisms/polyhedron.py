@@ -13,6 +13,9 @@ from glint.tasks.algorithms.silhouettes.aimed_view import AimedView
 BEND_INRADII = 0.05
 """Half the width in inradii over which normals are averaged, since edges are rounded."""
 
+PLANE_DECIMALS = 5
+"""Decimals of their normals to which faces of the same plane agree."""
+
 
 class Polyhedron(Protocol):
     """Solid of flat faces before a camera, in pixels."""
@@ -37,7 +40,8 @@ class PolyhedralNormals(NamedTuple):
 
     normals: (H, W, 3) float32, relative to the view rays, NaN outside the object. depths: (H, W) float32, z of its
     faces in pixels towards the camera, up to a constant; under perspective heights, as of `RotationalNormals`. faces:
-    (H, W) int, numbers of the visible faces, -1 beside them. log_ratio: how much candidates speak for it, nats.
+    (H, W) int, numbers of the visible faces, those of one plane the same, -1 beside them. log_ratio: how much
+    candidates speak for it, nats.
     """
 
     normals: np.ndarray
@@ -65,4 +69,6 @@ def polyhedral_normals(solid: Polyhedron, log_ratio: float, mask: np.ndarray) ->
     rounded = np.full(flat.shape, np.nan)
     rounded[mask] = unit(ndimage.uniform_filter(flat, (side, side, 0))[mask])
     view = unit(to_camera_directions(x, y, solid.inverse_focal))
-    return PolyhedralNormals(rotate_to_view(rounded, view), depths, faces, log_ratio)
+    # An end is one face, even if its sides are drawn one by one.
+    _, planes = np.unique(solid.normals.round(PLANE_DECIMALS), axis=0, return_inverse=True)
+    return PolyhedralNormals(rotate_to_view(rounded, view), depths, np.where(is_seen, planes[faces], -1), log_ratio)
