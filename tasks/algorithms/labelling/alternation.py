@@ -45,7 +45,7 @@ class Alternation:
     """Working state of the alternation: constants of the view, then what each iteration replaces.
 
     No array is changed in place, so that copies can go on independently. What depends on candidates and mask alone, the
-    graph, symmetry and prism among them, is shared by copies.
+    graph, symmetry, prism and facets among them, is shared by copies.
 
     observations (H, W): frames in which a pixel is lit. weights (K, H, W): of the clusters. is_draft: whether the field
     is that of a draft. camera: of the view. coarse: the field that predicts what is held out. sheets: the nodes' graph.
@@ -54,7 +54,7 @@ class Alternation:
     unmarked_labels: those that marks met. readmitted (K, H, W): probability of nodes that were rejected and then
     readmitted, 0 elsewhere. values (H, W, 3): accepted normals, else NaN; confidence (H, W): theirs, else NaN. known
     (H, W) bool: where they enter the field. initial, smooth (H, W, 3): first and present field. body_depth (H, W): of
-    an expected surface of revolution or prism. unreached (H, W, 3): normals of dark pixels, else NaN.
+    an expected surface of revolution or solid. unreached (H, W, 3): normals of dark pixels, else NaN.
     """
 
     normals: np.ndarray

@@ -1,4 +1,4 @@
-"""Explanations of settled labels: a surface of revolution, a right prism or flat faces; plausible sheets readmitted.
+"""Explanations of settled labels: a surface of revolution, a solid of flat faces, single faces; sheets readmitted.
 
 Each explanation that is adopted changes the expected field or the evidence, and the alternation goes on from there.
 """

@@ -64,9 +64,10 @@ class LabellingOptions:
     """What a reconstruction weighs, which hypotheses it may adopt, and when it ends.
 
     graph_cut, field, field_error: its weights. symmetry: whether a surface of revolution may be detected and become the
-    expected field; flat_faces: whether a right prism or flat faces may be detected, where there is none; readmission:
-    whether rejected sheets may be readmitted. min_confidence: accepted normals of lower confidence do not enter the
-    field. max_iterations: at most so many each time: at first, and again after all that is detected or marked.
+    expected field; flat_faces: whether a right prism, a faceted body or flat faces may be, where there is none;
+    readmission: whether rejected sheets may be readmitted. min_confidence: accepted normals of lower confidence do not
+    enter the field. max_iterations: at most so many each time: at first, and again after all that is detected or
+    marked.
     """
 
     graph_cut: GraphCutWeights = GraphCutWeights()
