@@ -8,20 +8,13 @@ seed, like all else (see `random_captures`); mask and spheres are given. Of each
 the share of the mask at confidence 0.95, and of these the share within 5 degrees; at last the geometric means.
 """
 
-import argparse
 import random
-import tempfile
-from pathlib import Path
-from unittest.mock import patch
 
 import numpy as np
 
-from glint.tasks.algorithms.facets.faceted_normals import FacetSearch
 from glint.tasks.algorithms.meshing.implicit import ImplicitFunction, capsule, polyhedron, union
-from glint.tasks.algorithms.prisms.prismatic_normals import PrismSearch
 from glint.tasks.algorithms.simulation.solids import Solid, from_implicit
-from tests.benchmarks.random_captures import Measured, measure, random_capture
-from tests.benchmarks.right_prisms import SHAPE, replaced_shape
+from tests.benchmarks.right_prisms import comparison_parser, print_comparisons
 
 KINDS = ("block", "bottle", "tumbler")
 HALF_WIDTH, CELL = 125.0, 1.8
@@ -68,32 +61,14 @@ def _difference(outside: ImplicitFunction, hollow: ImplicitFunction) -> Implicit
     return function
 
 
-def compare(kind: str, seed: int, folder: Path) -> tuple[Measured, Measured]:
-    """Return the results of a capture without solids of flat faces, and with them."""
-    with replaced_shape(*random_solid(kind, seed)):
-        capture = random_capture(SHAPE, seed, folder, is_given=True)
-    with patch.object(PrismSearch, "best", None), patch.object(FacetSearch, "likeliest", []):
-        without = measure(capture, folder / "without")
-    return without, measure(capture, folder / "with")
-
-
 def main() -> None:
-    """Print a line per capture as it is measured."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seed", type=int, default=93000)
-    parser.add_argument("--count", type=int, default=24)
-    parser.add_argument("--folder", type=Path, help="folder for captures and stores; a temporary one by default")
-    arguments = parser.parse_args()
-    errors = []
-    with tempfile.TemporaryDirectory() as temporary:
-        for seed in range(arguments.seed, arguments.seed + arguments.count):
-            kind = KINDS[seed % len(KINDS)]
-            results = compare(kind, seed, (arguments.folder or Path(temporary)) / str(seed))
-            errors.append([measured.mean_error for measured in results])
-            texts = [f"{m.mean_error:.1f} deg, {m.share:.0%}, {m.right:.1%} right" for m in results]
-            print(f"{kind}, seed {seed}: without {texts[0]}; with {texts[1]}", flush=True)
-    before, after = np.exp(np.log(errors).mean(axis=0))
-    print(f"geometric mean of {len(errors)}: without {before:.1f}, with {after:.1f} degrees")
+    """Compare blocks, bottles and tumblers in turns."""
+
+    def solid_of(seed: int) -> tuple[str, list[Solid], float]:
+        kind = KINDS[seed % len(KINDS)]
+        return kind, *random_solid(kind, seed)
+
+    print_comparisons(solid_of, comparison_parser(__doc__, seed=93000).parse_args())
 
 
 if __name__ == "__main__":

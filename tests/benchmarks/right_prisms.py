@@ -12,7 +12,7 @@ degrees; at last the geometric means of the errors.
 import argparse
 import random
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from unittest.mock import patch
@@ -59,32 +59,48 @@ def replaced_shape(solids: list[Solid], tilt: float) -> Iterator[None]:
     shapes.untransformed_solids.cache_clear()
 
 
-def compare(seed: int, lean_deg: float, folder: Path) -> tuple[Measured, Measured]:
-    """Return the results of a capture without the hypothesis and with it."""
-    with replaced_shape(*random_solid(seed, lean_deg)):
+def compare(solids: list[Solid], tilt: float, seed: int, folder: Path) -> tuple[Measured, Measured]:
+    """Return the results of a capture without the hypotheses of solids of flat faces, and with them."""
+    with replaced_shape(solids, tilt):
         capture = random_capture(SHAPE, seed, folder, is_given=True)
     with patch.object(PrismSearch, "best", None), patch.object(FacetSearch, "likeliest", []):
         without = measure(capture, folder / "without")
     return without, measure(capture, folder / "with")
 
 
-def main() -> None:
-    """Print a line per capture as it is measured."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seed", type=int, default=77000)
-    parser.add_argument("--count", type=int, default=24)
-    parser.add_argument("--lean", type=float, default=0.0)
-    parser.add_argument("--folder", type=Path, help="folder for captures and stores; a temporary one by default")
-    arguments = parser.parse_args()
+def print_comparisons(solid_of: Callable[[int], tuple[str, list[Solid], float]], arguments: argparse.Namespace) -> None:
+    """Print a line per capture as it is measured, and the geometric means of the errors.
+
+    solid_of: returns the name, the solids and the tilt of a seed. arguments: first seed, count and folder.
+    """
     errors = []
     with tempfile.TemporaryDirectory() as temporary:
         for seed in range(arguments.seed, arguments.seed + arguments.count):
-            results = compare(seed, arguments.lean, (arguments.folder or Path(temporary)) / str(seed))
+            name, solids, tilt = solid_of(seed)
+            results = compare(solids, tilt, seed, (arguments.folder or Path(temporary)) / str(seed))
             errors.append([measured.mean_error for measured in results])
             texts = [f"{m.mean_error:.1f} deg, {m.share:.0%}, {m.right:.1%} right" for m in results]
-            print(f"seed {seed}: without {texts[0]}; with {texts[1]}", flush=True)
-    without, with_prism = np.exp(np.log(errors).mean(axis=0))
-    print(f"geometric mean of {len(errors)}: without {without:.1f}, with {with_prism:.1f} degrees")
+            print(f"{name}, seed {seed}: without {texts[0]}; with {texts[1]}", flush=True)
+    before, after = np.exp(np.log(errors).mean(axis=0))
+    print(f"geometric mean of {len(errors)}: without {before:.1f}, with {after:.1f} degrees")
+
+
+def comparison_parser(description: str | None, seed: int) -> argparse.ArgumentParser:
+    """Return a parser of the first seed, with this default, of how many captures, and of their folder."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seed", type=int, default=seed)
+    parser.add_argument("--count", type=int, default=24)
+    parser.add_argument("--folder", type=Path, help="folder for captures and stores; a temporary one by default")
+    return parser
+
+
+def main() -> None:
+    """Compare prisms, or frusta."""
+    parser = comparison_parser(__doc__, seed=77000)
+    parser.add_argument("--lean", type=float, default=0.0)
+    arguments = parser.parse_args()
+    name = "frustum" if arguments.lean else "prism"
+    print_comparisons(lambda seed: (name, *random_solid(seed, arguments.lean)), arguments)
 
 
 if __name__ == "__main__":

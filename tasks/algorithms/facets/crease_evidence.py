@@ -55,7 +55,7 @@ def creases_log_ratio(body: FacetedBody, view: FacetView) -> float:
     middles = np.broadcast_to((creases.starts + creases.ends) / 2.0, (ARC_NORMALS, len(first), 2))
     reached = view.flashing(arcs.reshape(-1, 3), middles.reshape(-1, 2)).reshape(ARC_NORMALS, -1).mean(axis=0)
     ends = [to_pixels(creases.starts + share * along[used], view.mask.shape) for share in MIDDLE_SHARES[:, 0]]
-    shares = _crease_shares(
+    places = _shares_at_creases(
         view.normals,
         np.stack(ends, axis=1),
         across * [1.0, -1.0],
@@ -63,9 +63,11 @@ def creases_log_ratio(body: FacetedBody, view: FacetView) -> float:
         np.where(BESIDE_WIDTHS * widths > reach, np.minimum(BESIDE_WIDTHS * widths, 2 * reach + 1), 0.0),
         view.strays,
         reach,
+        _COSINES,
     )
+    shares = _CreaseShares(places[:, :2], places[:, 2:4], *places[:, 4:].T)
     # A face ends at its crease, and so do its flashes.
-    beyond = share_log_ratio(1.0 - shares.beyond, np.full(shares.beyond.shape, FALSE_FACE_SHARE))
+    beyond = share_log_ratio(1.0 - shares.beyond, FALSE_FACE_SHARE)
     beyond = np.where(shares.inside > MIN_FLASH_SHARE, np.minimum(beyond, 0.0), 0.0).sum(axis=1)
     # A round wall turns everywhere, not only at a crease.
     turning = share_log_ratio(shares.near, np.clip(np.maximum(shares.stray, shares.beside), *STRAY_SHARE))
@@ -88,30 +90,6 @@ class _CreaseShares(NamedTuple):
     beside: np.ndarray
 
 
-def _crease_shares(
-    normals: np.ndarray,
-    ends: np.ndarray,
-    across: np.ndarray,
-    directions: np.ndarray,
-    distances: np.ndarray,
-    strays: np.ndarray,
-    reach: int,
-) -> _CreaseShares:
-    """Return what candidates (H, W, K, 3) show at creases.
-
-    Args:
-        normals: (H, W, K, 3), candidates.
-        ends: (C, 2, 2), columns and rows of the creases' ends.
-        across: (C, 2), unit, from each of them to its second face, likewise.
-        directions: (C, 3, 3), normals of its faces, and its own direction.
-        distances: (C, 2), pixels from the crease at which its first and second face are looked at; 0 if not.
-        strays: (M, 2), columns and rows to compare with.
-        reach: distance in pixels within which a highlight is near.
-    """
-    shares = _shares_at_creases(normals, ends, across, directions, distances, strays.astype(np.int64), reach, _COSINES)
-    return _CreaseShares(shares[:, :2], shares[:, 2:4], *shares[:, 4:].T)
-
-
 _COSINES = (
     float(np.cos(np.radians(FLASHED_DEG))),
     float(np.cos(np.radians(LEAST_TURN_DEG))),
@@ -130,7 +108,18 @@ def _shares_at_creases(
     reach: int,
     cosines: tuple[float, float, float],
 ) -> np.ndarray:
-    """Return the shares (C, 7) of `_CreaseShares`; cosines: to a face that flashes, at most between two, and along."""
+    """Return what candidates show at creases: the shares (C, 7) of `_CreaseShares`.
+
+    Args:
+        normals: (H, W, K, 3), candidates.
+        ends: (C, 2, 2), columns and rows of the creases' ends.
+        across: (C, 2), unit, from each of them to its second face, likewise.
+        directions: (C, 3, 3), normals of its faces, and its own direction.
+        distances: (C, 2), pixels from the crease at which its first and second face are looked at; 0 if not.
+        strays: (M, 2), columns and rows to compare with.
+        reach: distance in pixels within which a highlight is near.
+        cosines: to a face that flashes, at most between two, and along.
+    """
     result = np.empty((len(ends), 7))
     for crease in range(len(ends)):
         start, end, way = ends[crease, 0], ends[crease, 1], across[crease]
@@ -146,7 +135,7 @@ def _shares_at_creases(
             result[crease, 2 + face] = _flash_share(normals, points - sign * (reach + 1) * way, normal, cosines[0])
         bounds = float((first * second).sum()), cosines[1], cosines[2]
         result[crease, 4] = _arc_share(normals, points, first, second, direction, bounds, reach)
-        result[crease, 5] = _arc_share(normals, strays * 1.0, first, second, direction, bounds, reach)
+        result[crease, 5] = _arc_share(normals, strays, first, second, direction, bounds, reach)
         beside, faces = 0.0, 0
         for face in range(2):
             if distances[crease, face] > 0.0:

@@ -48,7 +48,7 @@ def _faces_log_ratio(body: FacetedBody, faces: np.ndarray, view: FacetView) -> f
     flashes[pixels[belongs & (numbers >= 0)]] = True
     areas = np.bincount(inside[inside >= 0], minlength=count)
     shares = np.bincount(inside.ravel()[flashes], minlength=count) / np.maximum(areas, 1)
-    ratios = share_log_ratio(shares, np.full(count, FALSE_FACE_SHARE))
+    ratios = share_log_ratio(shares, FALSE_FACE_SHARE)
     is_dark = ~view.flashing(body.normals, body.corners.mean(axis=1))
     ratios = np.where((ratios < 0.0) & is_dark, 0.0, ratios)
     return float((ratios * np.sqrt(areas)).sum() / (PIECE_INRADII * view.scale))

@@ -13,6 +13,7 @@ from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view, to_camera_directions
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
 from glint.tasks.algorithms.prior.unreached import SweptNormals
+from glint.tasks.algorithms.prisms.polyhedron import sampled_middle
 
 UNFILLED_PX = 1
 """Distance in pixels from the contour within which pixels need not be filled."""
@@ -58,9 +59,7 @@ class FacetView:
         swept = SweptNormals.of(np.where(sampled[..., None], candidates, np.nan))
         if swept is None:
             return None
-        # The middle of the sampled pixels lies beside that of all.
-        lost = np.array(mask.shape) - 1 - stride * (np.array(sampled.shape) - 1)
-        middle = np.array([-lost[1], lost[0]]) / 2.0
+        middle = sampled_middle(mask.shape, stride)
         contour = (silhouette_contour(mask) - middle) / stride
         rows, columns = np.indices(sampled.shape, dtype=float)
         x, y = to_camera(columns, rows, sampled.shape[1], sampled.shape[0])
@@ -88,7 +87,7 @@ class FacetView:
     def strays(self) -> np.ndarray:
         """Columns and rows (M, 2) of pixels all over the silhouette."""
         rows, columns = np.nonzero(self.mask)
-        return np.column_stack([columns, rows])[:: max(1, len(rows) // STRAYS)]
+        return np.column_stack([columns, rows])[:: max(1, len(rows) // STRAYS)].astype(float)
 
     @cached_property
     def shown(self) -> tuple[np.ndarray, np.ndarray]:

@@ -5,7 +5,6 @@ smooth field is near. But few bodies fill the silhouette; facets that flash as a
 rounded creases choose among these.
 """
 
-from dataclasses import dataclass
 from functools import cached_property
 from operator import itemgetter
 
@@ -18,8 +17,7 @@ from glint.tasks.algorithms.facets.faceted_body import FacetedBody
 from glint.tasks.algorithms.facets.hollows import with_hollow
 from glint.tasks.algorithms.facets.placements import Placement, placements_about_axis, placements_of_ends
 from glint.tasks.algorithms.geometry.distance import inradius
-from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals, polyhedral_normals
-from glint.tasks.algorithms.silhouettes.aimed_view import AimedView
+from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals, PolyhedronSearch, polyhedral_normals
 
 COARSE_INRADIUS_PX, FINE_INRADIUS_PX = 30.0, 60.0
 """Inradii in pixels to which an object is sampled down to find bodies and to refine them."""
@@ -33,29 +31,16 @@ HOPELESS_NATS = -120.0
 """Log-likelihood ratio of a placement that is tried from which it is not refined."""
 
 
-@dataclass(frozen=True, eq=False)
-class FacetSearch:
-    """Search for faceted bodies in a view, on demand.
-
-    candidates: (K, H, W, 3), relative to the view rays, NaN where there is none. mask: (H, W) bool, the silhouette.
-    camera: (3, 3), the perspective camera's matrix in pixels of the mask; None for parallel rays.
-    """
-
-    candidates: np.ndarray
-    mask: np.ndarray
-    camera: np.ndarray | None
+class FacetSearch(PolyhedronSearch):
+    """Search for faceted bodies in a view, on demand."""
 
     @cached_property
     def likeliest(self) -> list[PolyhedralNormals]:
         """The bodies for which candidates speak most, best first; none if they speak for none."""
-        aimed = None if self.camera is None else AimedView.at(self.mask, self.camera)
-        mask = self.mask if aimed is None else aimed.silhouette
-        candidates = self.candidates if aimed is None else aimed.candidates(self.candidates)
-        inverse_focal = 0.0 if aimed is None else 1.0 / aimed.focal
-        coarse, fine = (
-            FacetView.of(candidates, mask, inverse_focal, max(1, round(inradius(mask) / pixels)))
-            for pixels in (COARSE_INRADIUS_PX, FINE_INRADIUS_PX)
-        )
+        mask, shown, inverse_focal = self._silhouette, self._shown, self._inverse_focal
+        strides = [max(1, round(inradius(mask) / pixels)) for pixels in (COARSE_INRADIUS_PX, FINE_INRADIUS_PX)]
+        views = {stride: FacetView.of(shown, mask, inverse_focal, stride) for stride in strides}
+        coarse, fine = (views[stride] for stride in strides)
         if coarse is None or fine is None:
             return []
         results, contour = [], silhouette_contour(mask)
@@ -63,8 +48,8 @@ class FacetSearch:
             frame = placement.frame(inverse_focal, np.zeros(2), 1)
             body = FacetedBody.inside(contour, frame, placement.polygon)
             solid = polyhedral_normals(body, log_ratio, mask)
-            results.append(with_hollow(solid, body, placement, mask, candidates))
-        return results if aimed is None else [result.seen_back(aimed) for result in results]
+            results.append(self._seen_back(with_hollow(solid, body, placement, mask, shown)))
+        return results
 
 
 def likeliest_placements(
@@ -76,8 +61,8 @@ def likeliest_placements(
     for parallel rays. coarse, fine: the view, in which placements are tried and refined.
     """
 
-    def scored(placements: list[Placement], view: FacetView) -> list[tuple[float, Placement]]:
-        values = ((facet_log_ratio(view.body(placement), view), placement) for placement in placements)
+    def scored(placements: list[Placement]) -> list[tuple[float, Placement]]:
+        values = ((facet_log_ratio(coarse.body(placement), coarse), placement) for placement in placements)
         return sorted((value for value in values if value[0] > HOPELESS_NATS), key=itemgetter(0), reverse=True)
 
     faces = [face.normal for face in apparent_faces(np.moveaxis(coarse.normals, 2, 0), coarse.mask)]
@@ -85,7 +70,7 @@ def likeliest_placements(
     for placements in (placements_of_ends(mask, inverse_focal), placements_about_axis(mask, faces, inverse_focal)):
         # Of many that are tried, one fits by chance: each is as likely beforehand as they are few.
         chance = float(np.log(max(len(placements), 1)))
-        for _, placement in scored(placements, coarse):
+        for _, placement in scored(placements):
             alike = sum(start.polygon.sides == placement.polygon.sides for start, _ in starts)
             if alike < STARTS_PER_POLYGON and not any(start.is_near(placement) for start, _ in starts):
                 starts.append((placement, chance))

@@ -8,10 +8,7 @@ import numpy as np
 from numba import njit
 from scipy import ndimage
 
-from glint.tasks.algorithms.revolution.inscribed_circles import (
-    contour_crossings,
-    lines_across_planes,
-)
+from glint.tasks.algorithms.revolution.inscribed_circles import contour_crossings, lines_across_planes
 from glint.tasks.algorithms.revolution.profile import CONE_SLOPE_RATIO, MIN_TAN_TILT
 from glint.tasks.algorithms.revolution.view_rays import AxisRays
 
@@ -105,12 +102,14 @@ def straight_profile(heights: np.ndarray, apothems: np.ndarray, tilts: np.ndarra
     steepest = CONE_SLOPE_RATIO / np.maximum(np.abs(np.tan(np.interp(middles, heights, tilts))), MIN_TAN_TILT)
     kinds = np.where(slopes < -steepest, FALLING, np.where(slopes > steepest, RISING, 0))
     points = [(0.0, 0.0)]
-    for kind, parts in groupby(range(len(kinds)), lambda part: int(kinds[part])):
-        start, *_, end = (*(group := list(parts)), group[-1] + 1)
-        # The wider end of a pyramid is where the flat face lies.
-        ends = {0: range(start, end + 1), FALLING: (start, start), RISING: (end, end)}[kind]
-        sizes = range(start, end + 1) if kind == 0 else (start, end)
-        points += [(float(corners[at, 0]), float(corners[size, 1])) for at, size in zip(ends, sizes, strict=True)]
+    for kind, group in groupby(range(len(kinds)), lambda part: int(kinds[part])):
+        start, *following = group
+        run = corners[start : start + len(following) + 2]
+        if kind in (FALLING, RISING):
+            # A flat face lies where the pyramid is wider.
+            run = run[[0, -1]]
+            run[:, 0] = run[0 if kind == FALLING else -1, 0]
+        points += [(float(height), float(apothem)) for height, apothem in run]
     points[0] = (points[1][0], 0.0)
     result = np.array([point for number, point in enumerate(points) if number == 0 or point != points[number - 1]])
     result = np.vstack([result, [result[-1, 0], 0.0]])

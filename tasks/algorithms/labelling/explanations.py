@@ -77,7 +77,7 @@ def _with_faces(state: Alternation) -> Alternation:
             state.iterate()
     if _adopts_faces(state):
         state.iterate()
-    solid = next((solid for solid in solids if not _is_refuted(solid, state)), None)
+    solid = _first_unrefuted(solids, state)
     return state if solid is None else _with_solid(start, solid)
 
 
@@ -132,24 +132,30 @@ def _likely_solids(state: Alternation) -> list[PolyhedralNormals]:
     prism = next((solid for solid in solids if solid is state.prism.best), None)
     # Of the same solid, the lines of its contour place a prism more exactly.
     if prism is not None and angles(prism.normals, solids[0].normals)[state.mask].mean() < SAME_SOLID_DEG:
-        solids.insert(0, prism)
+        return [prism, *(solid for solid in solids if solid is not prism)]
     return solids
 
 
-def _is_refuted(solid: PolyhedralNormals, state: Alternation) -> bool:
-    """Return whether confident normals contradict much of one of a solid's faces, as if it had another end.
+def _first_unrefuted(solids: list[PolyhedralNormals], state: Alternation) -> PolyhedralNormals | None:
+    """Return the first solid of which confident normals do not contradict much of one face, as if it had another end.
 
     state: explained by flat faces, if there are any.
     """
+    if not solids:
+        return None
     normals = blended_normals(state.values, state.smooth)
     is_confident = final_confidence(state, normals) >= CONFIDENT
-    contradicted = is_confident & (angles(normals, solid.normals) > CONTRADICTED_DEG)
-    for face in range(solid.faces.max() + 1):
-        pixels = state.mask & (solid.faces == face)
-        is_large = pixels.sum() >= MIN_REFUTED_SHARE * state.mask.sum()
-        if is_large and contradicted[pixels].mean() > MAX_CONTRADICTED_SHARE:
-            return True
-    return False
+
+    def is_refuted(solid: PolyhedralNormals) -> bool:
+        contradicted = is_confident & (angles(normals, solid.normals) > CONTRADICTED_DEG)
+        for face in range(solid.faces.max() + 1):
+            pixels = state.mask & (solid.faces == face)
+            is_large = pixels.sum() >= MIN_REFUTED_SHARE * state.mask.sum()
+            if is_large and contradicted[pixels].mean() > MAX_CONTRADICTED_SHARE:
+                return True
+        return False
+
+    return next((solid for solid in solids if not is_refuted(solid)), None)
 
 
 def _with_solid(state: Alternation, solid: PolyhedralNormals) -> Alternation:

@@ -1,5 +1,7 @@
 """Solids of flat faces as a view shows them: normals, depths and faces of its pixels."""
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -49,10 +51,50 @@ class PolyhedralNormals(NamedTuple):
     faces: np.ndarray
     log_ratio: float
 
-    def seen_back(self, aimed: AimedView) -> "PolyhedralNormals":
-        """Return what the camera's own image shows of a solid found in an aimed view."""
-        shown = aimed.normals_back(self.normals), aimed.heights_back(self.depths), aimed.numbers_back(self.faces)
-        return PolyhedralNormals(*shown, self.log_ratio)
+
+@dataclass(frozen=True, eq=False)
+class PolyhedronSearch:
+    """Search for a solid of flat faces in a view: under perspective, in that of a camera aimed at the object.
+
+    candidates: (K, H, W, 3), relative to the view rays, NaN where there is none. mask: (H, W) bool, the silhouette.
+    camera: (3, 3), the perspective camera's matrix in pixels of the mask; None for parallel rays.
+    """
+
+    candidates: np.ndarray
+    mask: np.ndarray
+    camera: np.ndarray | None
+
+    @cached_property
+    def _aimed(self) -> AimedView | None:
+        return None if self.camera is None else AimedView.at(self.mask, self.camera)
+
+    @property
+    def _silhouette(self) -> np.ndarray:
+        """Mask (H', W') bool of the view in which solids are looked for."""
+        return self.mask if self._aimed is None else self._aimed.silhouette
+
+    @property
+    def _shown(self) -> np.ndarray:
+        """Candidates (K, H', W', 3) of that view."""
+        return self.candidates if self._aimed is None else self._aimed.candidates(self.candidates)
+
+    @property
+    def _inverse_focal(self) -> float:
+        """1 over the focal length in pixels of that view, 0 for parallel rays."""
+        return 0.0 if self._aimed is None else 1.0 / self._aimed.focal
+
+    def _seen_back(self, solid: PolyhedralNormals) -> PolyhedralNormals:
+        """Return what the camera's own image shows of a solid in that view."""
+        if self._aimed is None:
+            return solid
+        normals, depths = self._aimed.normals_back(solid.normals), self._aimed.heights_back(solid.depths)
+        return PolyhedralNormals(normals, depths, self._aimed.numbers_back(solid.faces), solid.log_ratio)
+
+
+def sampled_middle(shape: tuple[int, ...], stride: int) -> np.ndarray:
+    """Return where the centre of every `stride`-th pixel lies, x and y (2,) from that of all, in an image (H, W)."""
+    lost = (np.array(shape) - 1) % stride
+    return np.array([-lost[1], lost[0]]) / 2.0
 
 
 def polyhedral_normals(solid: Polyhedron, log_ratio: float, mask: np.ndarray) -> PolyhedralNormals:

@@ -116,10 +116,10 @@ def _crease_log_ratio(crease: Crease, prism: RightPrism, shown: ShownNormals) ->
     return float(share_log_ratio(float(near[line].mean()), stray) * length / (PIECE_INRADII * shown.scale))
 
 
-def share_log_ratio[Share: (float, np.ndarray)](share: Share, false_share: Share) -> Share:
-    """Return what a share of places with highlights says, per place; false_share: that of a false face or crease."""
+def share_log_ratio(share: float | np.ndarray, false_share: float | np.ndarray) -> np.ndarray:
+    """Return what shares (...) of places with highlights say, per place; false_share: of a false face or crease."""
     bright, dark = np.log(TRUE_SHARE / false_share), np.log((1.0 - TRUE_SHARE) / (1.0 - false_share))
-    return share * bright + (1.0 - share) * dark
+    return np.asarray(share * bright + (1.0 - share) * dark)
 
 
 def _pixels_along(crease: Crease, shown: ShownNormals) -> np.ndarray:

@@ -6,7 +6,7 @@ slope of the axis, for each; the highlights of its edges choose among them.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from operator import itemgetter
 
@@ -14,10 +14,14 @@ import numpy as np
 
 from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.prisms.contour_polygon import contour_polygons
-from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals, polyhedral_normals
+from glint.tasks.algorithms.prisms.polyhedron import (
+    PolyhedralNormals,
+    PolyhedronSearch,
+    polyhedral_normals,
+    sampled_middle,
+)
 from glint.tasks.algorithms.prisms.prism_evidence import ShownNormals, prism_log_ratio
 from glint.tasks.algorithms.prisms.right_prism import RightPrism, swept_contours
-from glint.tasks.algorithms.silhouettes.aimed_view import AimedView
 
 SLOPES_DEG = range(10, 79, 8)
 """Slopes of the axis in degrees that are tried first; an end seen at a smaller or larger angle hides what it bounds."""
@@ -27,30 +31,15 @@ SCORED_INRADIUS_PX = 60.0
 """Inradius in pixels to which an object is sampled down to compare prisms."""
 
 
-@dataclass(frozen=True, eq=False)
-class PrismSearch:
-    """Search for a right prism in a view, on demand.
-
-    candidates: (K, H, W, 3), relative to the view rays, NaN where there is none. mask: (H, W) bool, the silhouette.
-    camera: (3, 3), the perspective camera's matrix in pixels of the mask; None for parallel rays.
-    """
-
-    candidates: np.ndarray
-    mask: np.ndarray
-    camera: np.ndarray | None
+class PrismSearch(PolyhedronSearch):
+    """Search for a right prism in a view, on demand."""
 
     @cached_property
     def best(self) -> PolyhedralNormals | None:
         """The prism for which candidates speak most; None if they speak for none."""
-        if self.camera is None:
-            prism = likeliest_prism(possible_prisms(self.mask), self.candidates, self.mask)
-            return None if prism is None else polyhedral_normals(*prism, self.mask)
-        aimed = AimedView.at(self.mask, self.camera)
-        prisms = possible_prisms(aimed.silhouette, 1.0 / aimed.focal)
-        prism = likeliest_prism(prisms, aimed.candidates(self.candidates), aimed.silhouette) if prisms else None
-        if prism is None:
-            return None
-        return polyhedral_normals(*prism, aimed.silhouette).seen_back(aimed)
+        prisms = possible_prisms(self._silhouette, self._inverse_focal)
+        prism = likeliest_prism(prisms, self._shown, self._silhouette) if prisms else None
+        return None if prism is None else self._seen_back(polyhedral_normals(*prism, self._silhouette))
 
 
 def possible_prisms(mask: np.ndarray, inverse_focal: float = 0.0) -> list[RightPrism]:
@@ -80,8 +69,7 @@ def likeliest_prism(
     shown = ShownNormals.of(candidates[:, ::stride, ::stride], sampled, prisms[0].inverse_focal * stride)
     if shown is None:
         return None
-    lost = np.array(mask.shape) - 1 - stride * (np.array(sampled.shape) - 1)
-    middle = np.array([-lost[1], lost[0]]) / 2.0
+    middle = sampled_middle(mask.shape, stride)
 
     def log_ratio(prism: RightPrism) -> float:
         return prism_log_ratio(prism.seen_from(middle, stride), shown)
