@@ -7,7 +7,8 @@ Size, frames, camera, spheres, light, compression, noise and exposure of each ca
 seed, the next, and so on, shapes taking turns. A third of the captures has no mask, half has no spheres; with `--given
 1` masks and spheres are given, with `--bare 1` no mask is. Of each it prints the mean error, the share of the mask at
 confidence 0.95 and of these the share within 5 degrees, the causes that warnings name, and BROKEN where fewer than 95%
-of more than half a percent are right and no warning comes with less than 5%; at last the geometric mean of the errors.
+of more than half a percent are right and no warning comes with less than 5%, or why it is refused; at last the
+geometric mean of the errors.
 """
 
 import argparse
@@ -21,6 +22,7 @@ import numpy as np
 
 from glint.storage.catalogue.loading import Capture, load
 from glint.storage.inputs.masks_and_truth import read_truth
+from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.results import CONFIDENT
 from glint.tasks.engine.capture_context import CaptureContext
@@ -138,7 +140,11 @@ def main() -> None:
     errors = []
     for name, given, store in random_captures(arguments, is_given=bool(arguments.given)):
         capture = given.model_copy(update={"mask": None}) if arguments.bare else given
-        measured = measure(capture, store)
+        try:
+            measured = measure(capture, store)
+        except UnusableCapture as error:
+            print(f"{name}: refused, {error}", flush=True)
+            continue
         errors.append(measured.mean_error)
         print(f"{name}: {outcome(measured)}", flush=True)
     print(f"geometric mean of the errors: {np.exp(np.log(errors).mean()):.2f} degrees")

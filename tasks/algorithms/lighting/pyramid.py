@@ -13,6 +13,10 @@ MIN_LEVEL_RADIUS_PX, MAX_LEVEL_RADIUS_PX = 18.0, 44.0
 """Radii searched on a pyramid level, in its pixels; larger spheres are found on coarser levels."""
 MAX_LEVEL_PIXELS = 2_600_000
 """Pixels of the finest level at most: in a larger frame a sphere has a larger radius."""
+DISC_RADIUS_RATIO, CLOSING_PX = 0.45, 9
+"""Least radius of a disc of highlights in radii of the sphere; gaps between highlights that are closed, in pixels."""
+LIT_SHARE, BRIGHTEST_PERCENTILE = 0.5, 99.8
+"""Share of the level of the brightest pixels above which the passing light lit a pixel, and their percentile."""
 USUAL_PERCENTILE = 75.0
 """Percentile of a pixel's levels that a passing light exceeds, but not the table under a light that stays high."""
 DEVIATION_LEVELS = 200.0
@@ -46,6 +50,16 @@ class PyramidLevel:
         """Return a circle (x, y, radius) of the full frame in this level's pixels."""
         shift = 0.5 * (self.scale - 1.0)
         return (x - shift) / self.scale, (y - shift) / self.scale, radius / self.scale
+
+    def lit_discs(self) -> list[tuple[float, float, float]]:
+        """Return the smallest circles (x, y, radius) around what the light lit: discs of highlights on spheres."""
+        lit = self.residual > LIT_SHARE * np.percentile(self.residual, BRIGHTEST_PERCENTILE)
+        closing = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (CLOSING_PX, CLOSING_PX))
+        closed = cv2.morphologyEx(lit.astype(np.uint8), cv2.MORPH_CLOSE, closing)
+        contours, _ = cv2.findContours(closed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        circles = [cv2.minEnclosingCircle(contour) for contour in contours]
+        least = DISC_RADIUS_RATIO * MIN_LEVEL_RADIUS_PX
+        return [(x, y, radius) for (x, y), radius in circles if least <= radius <= MAX_LEVEL_RADIUS_PX]
 
 
 def pyramid(frames: Sequence[np.ndarray] | np.ndarray, maximum: np.ndarray) -> Iterator[PyramidLevel]:

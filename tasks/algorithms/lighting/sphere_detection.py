@@ -9,7 +9,6 @@ stays as it was; glass lights up to its contour and beyond.
 
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from glint.tasks.algorithms.errors import UnusableSphere
@@ -42,8 +41,6 @@ SEED_CENTRE_RATIO = 0.12
 """Distance of a sphere's centre from that of a seed along x and y, in radii: seen obliquely, what ends inside the
 contour is not concentric."""
 SEED_RAYS = 32
-DISC_RADIUS_RATIO, CLOSING_PX = 0.45, 9
-"""Least radius of a disc of highlights in radii of the sphere; gaps between highlights that are closed, in pixels."""
 MIN_HIGHLIGHT_EVIDENCE = 0.1
 """Highlight evidence below which a circle is no sphere."""
 MIN_CONTOUR_CONTRAST = 0.08
@@ -54,6 +51,9 @@ MIN_TOUCHED_RATIO, MAX_TOUCHING_REACH = 0.8, 1.03
 """A circle around a better one is the contour if the better one may be the edge of what the sphere mirrors: by its
 radius, in radii of the outer circle, and if the outer circle's score is at least a share of the better one's, where
 that one reaches so far. The shadow's edge too may touch the contour, from outside; its score is far below."""
+MAX_HIDDEN_RATIO = 0.5
+"""Radius relative to that of a circle which is no chrome sphere up to which circles in it are examined nevertheless:
+such a circle may go round a sphere and the glass beside it, but what is larger may be a part of that glass."""
 MAX_REFINED = 12
 """Best candidates that are measured at full resolution."""
 MIN_SPHERE_SCORE = 0.06
@@ -101,13 +101,7 @@ def find_spheres(
     if frames.ndim != 3 or frames.shape[1:] != maximum.shape:
         raise ValueError(f"images have shapes {frames.shape} and {maximum.shape}, expected (T, H, W) and (H, W)")
     refined = clear_circles(frames, maximum, min_radius, camera)
-    accepted, rejected = list[Sphere](), list[str]()
-    for sphere in outermost([sphere for sphere in refined if sphere.score >= min_score]):
-        reason = is_chrome(frames, sphere, camera)
-        if reason is None:
-            accepted.append(sphere)
-        else:
-            rejected.append(f"the circle at ({sphere.x:.0f}, {sphere.y:.0f}) is no chrome sphere: {reason}")
+    accepted, rejected = _chrome_spheres(frames, [sphere for sphere in refined if sphere.score >= min_score], camera)
     accepted, contradicting = consistent_spheres(spread(frames, CANDIDATE_FRAMES), accepted[:MAX_SPHERES], camera)
     if not accepted:
         best = max((sphere.score for sphere in refined), default=None)
@@ -148,7 +142,8 @@ def _candidates(level: PyramidLevel, min_radius: float) -> list[Sphere]:
         Sphere(*circle, score=1.0 / (1 + order))
         for edges in level.edges
         for order, circle in enumerate(strongest_circles(edges, radii, SEEDS_PER_IMAGE))
-    ] + _highlight_discs(level)
+    ]
+    seeds += [Sphere(*disc) for disc in level.lit_discs()]
     spheres: list[Sphere] = []
     for seed in distinct(seeds, 0.08):
         largest = min(SEED_RADIUS_RATIOS[1] * seed.radius, 1.1 * MAX_LEVEL_RADIUS_PX)
@@ -163,20 +158,6 @@ def _candidates(level: PyramidLevel, min_radius: float) -> list[Sphere]:
             score = contrast * highlight_evidence(level.residual, fit.x, fit.y, fit.radius)
             spheres.append(Sphere(*level.to_full_frame(fit.x, fit.y, fit.radius), score))
     return [sphere for sphere in spheres if sphere.score > 0.0]
-
-
-def _highlight_discs(level: PyramidLevel) -> list[Sphere]:
-    """Return seeds from the smallest circles around what the passing light lit: the discs of highlights of spheres."""
-    lit = (level.residual > 0.5 * np.percentile(level.residual, 99.8)).astype(np.uint8)
-    closing = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (CLOSING_PX, CLOSING_PX))
-    closed = cv2.morphologyEx(lit, cv2.MORPH_CLOSE, closing)
-    contours, _ = cv2.findContours(closed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    seeds = []
-    for contour in contours:
-        (x, y), radius = cv2.minEnclosingCircle(contour)
-        if DISC_RADIUS_RATIO * MIN_LEVEL_RADIUS_PX <= radius <= MAX_LEVEL_RADIUS_PX:
-            seeds.append(Sphere(x, y, radius))
-    return seeds
 
 
 def _contours(level: PyramidLevel, seed: Sphere, radii: np.ndarray) -> list[tuple[float, float, float, float]]:
@@ -218,6 +199,30 @@ def _refined(
     return replace(measured, score=measured.score * highlight_evidence(level.residual, x, y, radius))
 
 
+def _chrome_spheres(
+    frames: np.ndarray, circles: list[Sphere], camera: np.ndarray | None
+) -> tuple[list[Sphere], list[str]]:
+    """Return the circles that are chrome spheres, and of the others a sentence on why they are none."""
+    accepted, rejected = list[Sphere](), list[str]()
+    while circles:
+        refused = []
+        for circle in outermost(circles):
+            reason = is_chrome(frames, circle, camera)
+            if reason is None:
+                accepted.append(circle)
+            else:
+                refused.append(circle)
+                rejected.append(f"the circle at ({circle.x:.0f}, {circle.y:.0f}) is no chrome sphere: {reason}")
+        circles = [circle for circle in circles if _is_hidden(circle, refused) and not _overlaps(circle, accepted)]
+    return accepted, rejected
+
+
+def _is_hidden(circle: Sphere, refused: list[Sphere]) -> bool:
+    """Return whether a circle overlaps some that are refused, and all of these are far larger."""
+    around = [other for other in refused if _overlaps(circle, [other])]
+    return bool(around) and all(circle.radius < MAX_HIDDEN_RATIO * other.radius for other in around)
+
+
 def outermost(spheres: list[Sphere]) -> list[Sphere]:
     """Keep of overlapping circles the best, or a larger one around it that is not much weaker; best first."""
     kept: list[Sphere] = []
@@ -226,12 +231,13 @@ def outermost(spheres: list[Sphere]) -> list[Sphere]:
         best = remaining[0]
         around = [sphere for sphere in remaining if _is_contour_around(sphere, best)]
         kept.append(max(around, key=lambda sphere: sphere.score, default=best))
-        remaining = [
-            sphere
-            for sphere in remaining
-            if sphere.distance(kept[-1]) > max(0.9 * kept[-1].radius, 0.5 * (sphere.radius + kept[-1].radius))
-        ]
+        remaining = [sphere for sphere in remaining if not _overlaps(sphere, kept[-1:])]
     return kept
+
+
+def _overlaps(sphere: Sphere, kept: list[Sphere]) -> bool:
+    """Return whether a circle shares so much with one of those kept that both cannot be spheres."""
+    return any(sphere.distance(other) <= max(0.9 * other.radius, (sphere.radius + other.radius) / 2) for other in kept)
 
 
 def _is_contour_around(outer: Sphere, better: Sphere) -> bool:

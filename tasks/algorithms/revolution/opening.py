@@ -12,14 +12,20 @@ from scipy import ndimage
 from glint.tasks.algorithms.geometry.vectors import angles, to_camera
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 
-AGREES_DEG, OPEN_END_SHARE = 8.0, 0.5
-"""An end is an opening if this share of its pixels has a candidate within this angle of the far wall."""
+AGREES_DEG, OPEN_END_SHARE = 8.0, 0.3
+"""An end is an opening if this share of its pixels has a candidate within this angle of the far wall: 0.33 to 0.95 on
+27 open vessels, up to 0.22 on 12 closed ones."""
 MIN_OPENING_SHARE = 0.005
 """Share of the object's pixels through which the far wall must be visible."""
 MIN_OBSERVED_NZ = float(np.cos(np.radians(40.0)))
 """n_z from which a normal is well within the data capture range of 45 degrees."""
 MAX_LIP, LIP_STEP = 0.3, 0.005
 """Largest thickness of a lip, and the step at which it is looked for, in radii of the end."""
+LEAST_SHARE_RATIO, MAX_LEAST_SHARE = 0.75, 0.5
+"""Share of the pixels that agree below which they do not show a wall: relative to that of the whole wall, and at
+most."""
+SHARE_ROUNDS = 3
+"""Rounds in which the lip and the share of the far wall's pixels that agree with it follow from one another."""
 FOOTPRINT_PX = 0.5
 """Distance from the lip beyond which a pixel shows a wall alone."""
 TILTS_DEG = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
@@ -138,7 +144,8 @@ def _fit(
     sign = agreement(surface.normals(x[~is_end], y[~is_end]), candidates[:, ~is_end])
     # Pixels of the near wall that show the lip too agree with neither.
     edge = FOOTPRINT_PX * surface.axis.direction * surface.facing
-    beside = float(sign[~surface.is_end(x[~is_end] + edge[0], y[~is_end] + edge[1])].sum())
+    sign = sign[~surface.is_end(x[~is_end] + edge[0], y[~is_end] + edge[1])]
+    beside = float(_worth(sign, _agreeing_share(sign)).sum())
     x, y = x[is_end], y[is_end]
     sign = agreement(surface.normals(x, y, far=True), candidates[:, is_end])
     if not np.count_nonzero(sign) > least:
@@ -149,14 +156,28 @@ def _fit(
     along = np.abs(hits.forward) / np.sin(abs(surface.end_tilt))
     depth = surface.end_radius - distance - FOOTPRINT_PX * np.hypot(across, along) / np.maximum(distance, 1e-9)
     order = np.argsort(-depth)
-    total = np.concatenate([[0.0], np.cumsum(sign[order])])
     thickness = np.arange(0.0, MAX_LIP, LIP_STEP) * surface.end_radius
     count = np.searchsorted(-depth[order], -thickness, side="right")
-    best = int(np.argmax(total[count]))
-    inside = sign[order][: count[best]]
-    if not (inside > 0).sum() > OPEN_END_SHARE * np.count_nonzero(inside):
+    inside = sign[order]
+    for _ in range(SHARE_ROUNDS):
+        worth = _worth(sign[order], _agreeing_share(inside))
+        total = np.concatenate([[0.0], np.cumsum(worth)])[count]
+        best = int(np.argmax(total))
+        inside = sign[order][: count[best]]
+    if _agreeing_share(inside) <= OPEN_END_SHARE:
         return None
-    return _Fit(float(thickness[best]), beside + float(total[count[best]]))
+    return _Fit(float(thickness[best]), beside + float(total[best]))
+
+
+def _agreeing_share(sign: np.ndarray) -> float:
+    """Return which share of the pixels that expect a candidate has one that agrees; sign: see `agreement`."""
+    return float((sign > 0).sum() / max(np.count_nonzero(sign), 1))
+
+
+def _worth(sign: np.ndarray, share: float) -> np.ndarray:
+    """Return what pixels (N,) say for a wall of which a share agrees; one that does not says less if few do."""
+    least_share = min(MAX_LEAST_SHARE, LEAST_SHARE_RATIO * share)
+    return np.asarray(np.where(sign < 0.0, least_share / (1.0 - least_share), 1.0) * sign)
 
 
 def _depth(surface: SurfaceOfRevolution, x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -61,6 +61,21 @@ def test_a_glossy_sphere_alone_is_refused_with_a_reason() -> None:
         find_spheres(frames, frames.max(axis=0))
 
 
+@pytest.mark.long
+def test_a_sphere_is_found_that_lies_with_glass_on_a_round_mat() -> None:
+    sphere, mat = Sphere(110.3, 110.8, 30.4), Sphere(150.0, 110.0, 95.0)
+    frames, generator = render(Scene([sphere], texture=0.2)).astype(float), np.random.default_rng(0)
+    rows, columns = np.mgrid[: frames.shape[1], : frames.shape[2]]
+    beside = np.hypot(columns - sphere.x, rows - sphere.y) > sphere.radius
+    frames[:, beside & (np.hypot(columns - mat.x, rows - mat.y) < mat.radius)] *= 0.45
+    for frame in frames:
+        for x, y in generator.uniform((168, 70), (212, 150), (2, 2)).astype(int):
+            cv2.circle(frame, (int(x), int(y)), 3, 255.0, -1)
+    found = find_spheres(frames.clip(0, 255).astype(np.uint8), frames.max(axis=0).clip(0, 255).astype(np.uint8)).spheres
+    assert len(found) == 1
+    assert_near(found[0], sphere, 0.015)
+
+
 def test_the_deviation_of_a_fit_covers_its_error() -> None:
     truths = [Sphere(150.3, 110.8, 30.0 + 4.0 * number) for number in range(6)]
     ratios = []

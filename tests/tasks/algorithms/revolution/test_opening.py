@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.geometry.vectors import angles, to_camera
+from glint.tasks.algorithms.geometry.vectors import angles, to_camera, unit
 from glint.tasks.algorithms.revolution.opening import find_opening
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 from tests.tasks.algorithms.revolution.beaker import tumbler
@@ -45,6 +45,21 @@ def test_the_lip_and_the_far_wall_are_found_although_the_tilt_is_wrong(turn: flo
     rows, columns = np.nonzero(lip)
     x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
     assert np.mean(angles(opening.entries(x, y)[0], vessel().frame.upward[None]) < 20.0) > 0.7
+
+
+def test_highlights_on_a_third_of_the_far_wall_show_an_opening() -> None:
+    mask, candidates, _ = capture(is_open=True)
+    is_seen = np.random.default_rng(0).random(mask.shape) < 1 / 3
+    opening = find_opening(vessel(), mask, np.where(is_seen[..., None], candidates, np.nan))
+    assert opening is not None
+    assert opening.lip == pytest.approx(LIP_PX, abs=1.5)
+    assert np.degrees(opening.surface.tilt) == pytest.approx(TILT_DEG, abs=0.5)
+
+
+def test_light_from_anywhere_shows_no_opening() -> None:
+    mask, candidates, _ = capture(is_open=False)
+    false = np.random.default_rng(0).normal((0.0, 0.0, 2.0), 1.0, (3, *mask.shape, 3))
+    assert find_opening(vessel(), mask, np.concatenate([candidates, unit(false)])) is None
 
 
 def test_a_closed_end_is_no_opening() -> None:
