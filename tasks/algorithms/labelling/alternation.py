@@ -29,6 +29,7 @@ from glint.tasks.algorithms.prior.smooth_normals import (
     thickness,
 )
 from glint.tasks.algorithms.prior.unreached import with_unreached
+from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals
 from glint.tasks.algorithms.prisms.prismatic_normals import PrismSearch
 from glint.tasks.algorithms.revolution.rotational_normals import RotationalSymmetry
 from glint.tasks.algorithms.sheets.integrability import shape_log_ratio
@@ -54,7 +55,8 @@ class Alternation:
     unmarked_labels: those that marks met. readmitted (K, H, W): probability of nodes that were rejected and then
     readmitted, 0 elsewhere. values (H, W, 3): accepted normals, else NaN; confidence (H, W): theirs, else NaN. known
     (H, W) bool: where they enter the field. initial, smooth (H, W, 3): first and present field. body_depth (H, W): of
-    an expected surface of revolution or solid. unreached (H, W, 3): normals of dark pixels, else NaN.
+    an expected surface of revolution or solid. solid: of flat faces, if expected. unreached (H, W, 3): normals of dark
+    pixels, else NaN.
     """
 
     normals: np.ndarray
@@ -94,6 +96,7 @@ class Alternation:
     faces: FlatFaces | None = field(init=False)
     relief_fit: float = field(init=False)
     body_depth: np.ndarray | None = field(init=False)
+    solid: PolyhedralNormals | None = field(init=False)
     unreached: np.ndarray | None = field(init=False)
     history: list[Iteration] = field(init=False)
 
@@ -115,7 +118,7 @@ class Alternation:
         self.face_evidence, self.readmitted = np.zeros((2, *self.normals.shape[:3]))
         self.take_marks(None)
         self.forget_labels()
-        self.faces, self.relief_fit, self.body_depth, self.unreached = None, 0.0, None, None
+        self.faces, self.relief_fit, self.body_depth, self.solid, self.unreached = None, 0.0, None, None, None
         self.history = []
         self.smooth = self.initial = self.solve_field(self.known, self.values)
 

@@ -6,8 +6,11 @@ Each explanation that is adopted changes the expected field or the evidence, and
 from copy import copy
 from operator import itemgetter
 
+import numpy as np
+
 from glint.tasks.algorithms.faces.flat_faces import APPARENT_DEG, flat_faces, has_other_faces
 from glint.tasks.algorithms.faces.proven_faces import face_evidence
+from glint.tasks.algorithms.geometry.distance import distance_inside
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.final_confidence import final_confidence
@@ -31,6 +34,9 @@ SAME_SOLID_DEG = 8.0
 """Mean angle between two solids up to which they are the same."""
 MAX_CONTRADICTED_SHARE, MIN_REFUTED_SHARE = 0.3, 0.05
 """Share of one of its faces that confident normals may contradict, if that face has this share of the mask."""
+MIN_SEEN_SHARE, MAX_SEEN_THROUGH, ROUNDED_INRADII = 0.05, 0.5, 0.1
+"""Share of a face of a solid that accepted normals must show, and share of these that may contradict it, so that the
+others are what is seen through it; distance from its edges, which are rounded, in inradii of the mask."""
 MAX_REFUTATIONS = 3
 """Rounds in which flat faces are looked for, and false ones refuted."""
 REFUTED_NATS = 10.0
@@ -164,9 +170,25 @@ def _with_solid(state: Alternation, solid: PolyhedralNormals) -> Alternation:
     Labels start again from it: what was accepted before may be no more than what is seen through its faces.
     """
     state.forget_labels()
+    state.solid = solid
     state.expect(solid.normals, solid.depths)
     state.iterate()
+    false = _seen_through(state, solid)
+    if false.any():
+        state.own_evidence = state.own_evidence - REFUTED_NATS * false
+        state.iterate()
     return state
+
+
+def _seen_through(state: Alternation, solid: PolyhedralNormals) -> np.ndarray:
+    """Return the candidates (K, H, W) bool that are not of a face of which most accepted normals are: it is flat."""
+    contradicted, is_flat = angles(state.values, solid.normals) > CONTRADICTED_DEG, np.zeros(state.mask.shape, bool)
+    for face in range(solid.faces.max() + 1):
+        pixels = state.mask & (solid.faces == face)
+        seen = pixels & state.known
+        if seen.sum() >= MIN_SEEN_SHARE * pixels.sum() and contradicted[seen].mean() < MAX_SEEN_THROUGH:
+            is_flat |= distance_inside(pixels) > ROUNDED_INRADII * state.scale
+    return is_flat & (angles(state.normals, solid.normals[None]) > CONTRADICTED_DEG)
 
 
 def _adopts_faces(state: Alternation) -> bool:

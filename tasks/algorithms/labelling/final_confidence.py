@@ -18,6 +18,7 @@ from glint.tasks.algorithms.labelling.confidence import (
     face_confidence,
     place_confidence,
     sheet_confidence,
+    solid_confidence,
 )
 from glint.tasks.algorithms.labelling.weights import FieldError
 from glint.tasks.algorithms.prior.smooth_normals import field_spread
@@ -43,6 +44,8 @@ def final_confidence(state: Alternation, normals: np.ndarray) -> np.ndarray:
     residual = held_out_residual(sheets, state.values, state.known, state.rim, state.mask, state.scale, error, predict)
     odds = accepted_log_odds(np.isfinite(state.confidence), np.isfinite(state.normals[..., 0]).any(axis=0))
     observed = sheet_confidence(state.values, sheet_means(sheets, evidence), residual, state.scale, odds)
+    if state.solid is not None:
+        observed = observed * solid_confidence(state.values, state.solid.normals)
     observed = state.with_marks(observed * place_confidence(normals))
     between = state.field_confidence(state.known & (observed >= state.options.min_confidence))
     if state.faces is not None:

@@ -8,6 +8,7 @@ import pytest
 
 from glint.tasks.algorithms.facets.faceted_normals import FacetSearch
 from glint.tasks.algorithms.geometry.vectors import angles, unit
+from glint.tasks.algorithms.labelling import explanations
 from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.explanations import MIN_SOLID_NATS, explain
 from glint.tasks.algorithms.labelling.reconstruction import conclude, settle
@@ -88,6 +89,42 @@ def test_confident_normals_refute_a_prism_with_another_end() -> None:
         state.prism = prism_of(normals, np.where(mask, numbers, -1), 100.0)
         state.facets = bodies_of()
         assert (explain(state).expected is not None) is expected
+
+
+@pytest.fixture(scope="module")
+def pyramid() -> np.ndarray:
+    return polyhedron_normals(PYRAMID, rounding=1.5)
+
+
+def with_pyramid(settled: Alternation, normals: np.ndarray) -> Alternation:
+    """Explain by a pyramid of these normals (H, W, 3)."""
+    state = copy(settled)
+    state.prism = prism_of(normals, np.where(state.mask, face_numbers(PYRAMID), -1), 200.0)
+    state.facets = bodies_of()
+    return explain(state)
+
+
+def test_what_is_seen_through_a_face_that_flashed_is_rejected(
+    pyramid: np.ndarray, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mask, numbers, shown = np.isfinite(pyramid[..., 0]), face_numbers(PYRAMID), observable(pyramid)
+    rows, columns = np.nonzero(mask & (numbers == 0))
+    middle = np.hypot(*(np.indices(mask.shape) - np.array([rows.mean(), columns.mean()])[:, None, None])) < 12.0
+    shown[middle] = unit(pyramid[middle] + np.array([0.0, 0.14, 0.0]))
+    settled = settle(clusters_of(shown[None]), mask, ALONE)
+    error = angles(conclude(with_pyramid(settled, pyramid)).normals, pyramid)[middle]
+    assert error.max() < 3.0
+    monkeypatch.setattr(explanations, "MIN_SEEN_SHARE", 2.0)
+    assert angles(conclude(with_pyramid(settled, pyramid)).normals, pyramid)[middle].mean() > 5.0
+
+
+def test_normals_beside_a_solid_that_they_contradict_are_not_confident(pyramid: np.ndarray) -> None:
+    mask = np.isfinite(pyramid[..., 0])
+    settled = settle(clusters_of(observable(pyramid)[None]), mask, ALONE)
+    turned = unit(pyramid + np.array([0.0, 0.1, 0.0]))
+    right, wrong = (conclude(with_pyramid(settled, normals)).confidence[mask] for normals in (pyramid, turned))
+    assert (right > 0.95).mean() > 0.4
+    assert (wrong > 0.95).mean() < 0.02
 
 
 def test_a_prism_is_explained_once(settled: Alternation) -> None:
