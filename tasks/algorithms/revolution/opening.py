@@ -24,6 +24,9 @@ MAX_LIP, LIP_STEP = 0.3, 0.005
 LEAST_SHARE_RATIO, MAX_LEAST_SHARE = 0.75, 0.5
 """Share of the pixels that agree below which they do not show a wall: relative to that of the whole wall, and at
 most."""
+SECTORS, SECTOR_PRIOR = 12, 10.0
+"""Sectors of the far wall, each of which shows as much as the lights reach, and pixels at which the share that agrees in
+one counts as much as that in all."""
 SHARE_ROUNDS = 3
 """Rounds in which the lip and the share of the far wall's pixels that agree with it follow from one another."""
 FOOTPRINT_PX = 0.5
@@ -145,7 +148,7 @@ def _fit(
     # Pixels of the near wall that show the lip too agree with neither.
     edge = FOOTPRINT_PX * surface.axis.direction * surface.facing
     sign = sign[~surface.is_end(x[~is_end] + edge[0], y[~is_end] + edge[1])]
-    beside = float(_worth(sign, _agreeing_share(sign)).sum())
+    beside = float(_worth(sign, np.full(len(sign), _agreeing_share(sign))).sum())
     x, y = x[is_end], y[is_end]
     sign = agreement(surface.normals(x, y, far=True), candidates[:, is_end])
     if not np.count_nonzero(sign) > least:
@@ -158,12 +161,16 @@ def _fit(
     order = np.argsort(-depth)
     thickness = np.arange(0.0, MAX_LIP, LIP_STEP) * surface.end_radius
     count = np.searchsorted(-depth[order], -thickness, side="right")
-    inside = sign[order]
+    sign = sign[order]
+    # Behind the opening a ray goes on to the far wall without moving to the side.
+    azimuth = np.arcsin(np.clip(across[order] / surface.end_radius, -1.0, 1.0))
+    sector = np.minimum(((azimuth / np.pi + 0.5) * SECTORS).astype(int), SECTORS - 1)
+    inside = sign
     for _ in range(SHARE_ROUNDS):
-        worth = _worth(sign[order], _agreeing_share(inside))
+        worth = _worth(sign, _sector_shares(inside, sector[: len(inside)])[sector])
         total = np.concatenate([[0.0], np.cumsum(worth)])[count]
         best = int(np.argmax(total))
-        inside = sign[order][: count[best]]
+        inside = sign[: count[best]]
     if _agreeing_share(inside) <= OPEN_END_SHARE:
         return None
     return _Fit(float(thickness[best]), beside + float(total[best]))
@@ -174,9 +181,15 @@ def _agreeing_share(sign: np.ndarray) -> float:
     return float((sign > 0).sum() / max(np.count_nonzero(sign), 1))
 
 
-def _worth(sign: np.ndarray, share: float) -> np.ndarray:
-    """Return what pixels (N,) say for a wall of which a share agrees; one that does not says less if few do."""
-    least_share = min(MAX_LEAST_SHARE, LEAST_SHARE_RATIO * share)
+def _sector_shares(sign: np.ndarray, sector: np.ndarray) -> np.ndarray:
+    """Return the agreeing share (SECTORS,) of the pixels in each sector; in those of few pixels, near that of all."""
+    agreeing, expected = (np.bincount(sector[chosen], minlength=SECTORS) for chosen in (sign > 0, sign != 0))
+    return np.asarray((agreeing + SECTOR_PRIOR * _agreeing_share(sign)) / (expected + SECTOR_PRIOR))
+
+
+def _worth(sign: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Return what pixels (N,) say for a wall of which shares (N,) agree; one that does not says less where few do."""
+    least_share = np.minimum(MAX_LEAST_SHARE, LEAST_SHARE_RATIO * share)
     return np.asarray(np.where(sign < 0.0, least_share / (1.0 - least_share), 1.0) * sign)
 
 

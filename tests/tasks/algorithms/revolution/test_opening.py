@@ -56,6 +56,16 @@ def test_highlights_on_a_third_of_the_far_wall_show_an_opening() -> None:
     assert np.degrees(opening.surface.tilt) == pytest.approx(TILT_DEG, abs=0.5)
 
 
+def test_the_lip_is_found_where_the_lights_reach_a_part_of_the_far_wall() -> None:
+    mask, candidates, _ = capture(is_open=True)
+    x, _ = to_camera(np.arange(mask.shape[1], dtype=float), 0.0, mask.shape[1], mask.shape[0])
+    opening = find_opening(
+        vessel(), mask, np.where(np.abs(x)[:, None] < 0.35 * vessel().end_radius, candidates, np.nan)
+    )
+    assert opening is not None
+    assert opening.lip == pytest.approx(LIP_PX, abs=1.5)
+
+
 def test_light_from_anywhere_shows_no_opening() -> None:
     mask, candidates, _ = capture(is_open=False)
     false = np.random.default_rng(0).normal((0.0, 0.0, 2.0), 1.0, (3, *mask.shape, 3))
