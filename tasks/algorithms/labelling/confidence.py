@@ -34,9 +34,9 @@ fitted to what share of confident normals is wrong, by the turn of the surface, 
 FACE_CONFIDENCE, MAX_FACE_RESIDUAL = 0.99, 4.0
 """Confidence in a flat face whose creases agree with all its neighbours, and the residual that scales its decrease: at
 a residual of 1 it is 0.96."""
-SOLID_ANGLES_DEG, RIGHT_SHARES = (4.0, 5.0, 7.0, 10.0), (1.0, 0.915, 0.86, 0.81)
+SOLID_ANGLES_DEG, RIGHT_SHARES = (5.0, 7.0, 10.0), (1.0, 0.86, 0.81)
 """Angles between a solid of flat faces and confident normals, and the share of these that is right on 28 simulated
-captures; up to the first it is what confidence promises."""
+captures; smaller angles are as often those of a solid that is a little off."""
 OCCLUDING_CONTOUR_SHARE = 0.7
 """Share of silhouettes that are occluding contours and not creases or cuts; bounds confidence in extrapolation."""
 DEFAULT_SLOPE_DEG = 150.0

@@ -185,8 +185,9 @@ def _seen_through(state: Alternation, solid: PolyhedralNormals) -> np.ndarray:
     contradicted, is_flat = angles(state.values, solid.normals) > CONTRADICTED_DEG, np.zeros(state.mask.shape, bool)
     for face in range(solid.faces.max() + 1):
         pixels = state.mask & (solid.faces == face)
-        seen = pixels & state.known
-        if seen.sum() >= MIN_SEEN_SHARE * pixels.sum() and contradicted[seen].mean() < MAX_SEEN_THROUGH:
+        known = pixels & state.known
+        is_shown = known.sum() >= max(MIN_SEEN_SHARE * pixels.sum(), 1.0)
+        if is_shown and contradicted[known].mean() < MAX_SEEN_THROUGH:
             is_flat |= distance_inside(pixels) > ROUNDED_INRADII * state.scale
     return is_flat & (angles(state.normals, solid.normals[None]) > CONTRADICTED_DEG)
 

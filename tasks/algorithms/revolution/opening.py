@@ -24,9 +24,9 @@ MAX_LIP, LIP_STEP = 0.3, 0.005
 LEAST_SHARE_RATIO, MAX_LEAST_SHARE = 0.75, 0.5
 """Share of the pixels that agree below which they do not show a wall: relative to that of the whole wall, and at
 most."""
-SECTORS, SECTOR_PRIOR = 12, 10.0
-"""Sectors of the far wall, each of which shows as much as the lights reach, and pixels at which the share that agrees in
-one counts as much as that in all."""
+WALL_SECTORS, SECTOR_PRIOR = 12, 10.0
+"""Sectors of the far wall, of each of which the lights reach another share, and pixels at which the share that agrees
+in one counts as much as that in all."""
 SHARE_ROUNDS = 3
 """Rounds in which the lip and the share of the far wall's pixels that agree with it follow from one another."""
 FOOTPRINT_PX = 0.5
@@ -164,7 +164,7 @@ def _fit(
     sign = sign[order]
     # Behind the opening a ray goes on to the far wall without moving to the side.
     azimuth = np.arcsin(np.clip(across[order] / surface.end_radius, -1.0, 1.0))
-    sector = np.minimum(((azimuth / np.pi + 0.5) * SECTORS).astype(int), SECTORS - 1)
+    sector = np.minimum(((azimuth / np.pi + 0.5) * WALL_SECTORS).astype(int), WALL_SECTORS - 1)
     inside = sign
     for _ in range(SHARE_ROUNDS):
         worth = _worth(sign, _sector_shares(inside, sector[: len(inside)])[sector])
@@ -178,18 +178,19 @@ def _fit(
 
 def _agreeing_share(sign: np.ndarray) -> float:
     """Return which share of the pixels that expect a candidate has one that agrees; sign: see `agreement`."""
-    return float((sign > 0).sum() / max(np.count_nonzero(sign), 1))
+    return int((sign > 0.0).sum()) / max(int((sign != 0.0).sum()), 1)
 
 
 def _sector_shares(sign: np.ndarray, sector: np.ndarray) -> np.ndarray:
-    """Return the agreeing share (SECTORS,) of the pixels in each sector; in those of few pixels, near that of all."""
-    agreeing, expected = (np.bincount(sector[chosen], minlength=SECTORS) for chosen in (sign > 0, sign != 0))
+    """Return the agreeing share (WALL_SECTORS,) of pixels in each sector; in those of few pixels, near that of all."""
+    agreeing = np.bincount(sector[sign > 0.0], minlength=WALL_SECTORS)
+    expected = np.bincount(sector[sign != 0.0], minlength=WALL_SECTORS)
     return np.asarray((agreeing + SECTOR_PRIOR * _agreeing_share(sign)) / (expected + SECTOR_PRIOR))
 
 
 def _worth(sign: np.ndarray, share: np.ndarray) -> np.ndarray:
     """Return what pixels (N,) say for a wall of which shares (N,) agree; one that does not says less where few do."""
-    least_share = np.minimum(MAX_LEAST_SHARE, LEAST_SHARE_RATIO * share)
+    least_share = np.minimum(LEAST_SHARE_RATIO * share, MAX_LEAST_SHARE)
     return np.asarray(np.where(sign < 0.0, least_share / (1.0 - least_share), 1.0) * sign)
 
 

@@ -121,10 +121,11 @@ def test_what_is_seen_through_a_face_that_flashed_is_rejected(
 def test_normals_beside_a_solid_that_they_contradict_are_not_confident(pyramid: np.ndarray) -> None:
     mask = np.isfinite(pyramid[..., 0])
     settled = settle(clusters_of(observable(pyramid)[None]), mask, ALONE)
-    turned = unit(pyramid + np.array([0.0, 0.1, 0.0]))
+    # By nearly the 6 degrees from which they refute it.
+    turned = unit(pyramid + np.array([0.0, 0.118, 0.0]))
     right, wrong = (conclude(with_pyramid(settled, normals)).confidence[mask] for normals in (pyramid, turned))
     assert (right > 0.95).mean() > 0.4
-    assert (wrong > 0.95).mean() < 0.02
+    assert (wrong > 0.95).mean() < 0.1
 
 
 def test_a_prism_is_explained_once(settled: Alternation) -> None:

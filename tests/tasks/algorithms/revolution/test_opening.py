@@ -58,10 +58,9 @@ def test_highlights_on_a_third_of_the_far_wall_show_an_opening() -> None:
 
 def test_the_lip_is_found_where_the_lights_reach_a_part_of_the_far_wall() -> None:
     mask, candidates, _ = capture(is_open=True)
-    x, _ = to_camera(np.arange(mask.shape[1], dtype=float), 0.0, mask.shape[1], mask.shape[0])
-    opening = find_opening(
-        vessel(), mask, np.where(np.abs(x)[:, None] < 0.35 * vessel().end_radius, candidates, np.nan)
-    )
+    x, _ = to_camera(np.arange(mask.shape[1], dtype=float), np.zeros(mask.shape[1]), mask.shape[1], mask.shape[0])
+    is_reached = np.abs(x) < 0.25 * vessel().end_radius
+    opening = find_opening(vessel(), mask, np.where(is_reached[:, None], candidates, np.nan))
     assert opening is not None
     assert opening.lip == pytest.approx(LIP_PX, abs=1.5)
 
