@@ -8,7 +8,7 @@ from glint.tasks.algorithms.geometry.vectors import unit
 from glint.tasks.algorithms.labelling.answers import contradictions, mark_influence
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
-from tests.tasks.algorithms.labelling.test_reconstruction import Scene, pebble
+from tests.tasks.algorithms.labelling.test_reconstruction import SHEETS_ALONE, Scene, pebble
 
 
 def two_sheets(size: int = 40) -> np.ndarray:
@@ -79,7 +79,7 @@ def test_one_mark_labels_the_middle_of_its_sheet(kind: int) -> None:
     marks = Marks(centre, vector[None].astype(np.float32), np.array([kind], np.int8))
     around = np.s_[27:34, 27:34]
     right = (clusters.normals * truth[None]).sum(axis=-1) > np.cos(np.radians(6.0))
-    before = reconstruct_normals(clusters, mask).labels > 0
-    after = reconstruct_normals(clusters, mask, marks=marks).labels > 0
+    before = reconstruct_normals(clusters, mask, SHEETS_ALONE).labels > 0
+    after = reconstruct_normals(clusters, mask, SHEETS_ALONE, marks=marks).labels > 0
     assert (before & right).any(axis=0)[around].mean() > 0.6
     assert (after & right).any(axis=0)[around].mean() < (0.45 if kind == 1 else 0.2)

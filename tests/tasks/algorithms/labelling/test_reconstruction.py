@@ -16,6 +16,8 @@ from tests.tasks.algorithms.revolution.beaker import bowl_on_stem, false_sheets,
 from tests.tasks.algorithms.revolution.cylinder import CAMERA, SHAPE, seen_cylinder
 
 Scene = tuple[Clusters, np.ndarray, np.ndarray]
+SHEETS_ALONE = LabellingOptions(symmetry=False, flat_faces=False)
+"""Without the search for surfaces of revolution and solids, which takes most of the time and finds none."""
 
 
 def pebble(size: int = 90, seed: int = 0) -> Scene:
@@ -75,7 +77,7 @@ def scene() -> Scene:
 
 @pytest.fixture(scope="module")
 def result(scene: Scene) -> Reconstruction:
-    return reconstruct_normals(scene[0], scene[1])
+    return reconstruct_normals(scene[0], scene[1], SHEETS_ALONE)
 
 
 def test_a_sheet_is_doubted_where_the_rest_of_the_object_shows_false_highlights_alone() -> None:
@@ -85,7 +87,7 @@ def test_a_sheet_is_doubted_where_the_rest_of_the_object_shows_false_highlights_
     alone = np.where((right & patch)[..., None], clusters.normals, np.nan)
     scattered = unit(np.random.default_rng(1).normal(0.0, 0.5, truth.shape) + np.array([0.0, 0.0, 1.0]))
     beside = np.where((mask & ~patch)[None, ..., None], scattered.astype(np.float32), alone)
-    results = [reconstruct_normals(clusters_of(nodes), mask) for nodes in (alone, beside)]
+    results = [reconstruct_normals(clusters_of(nodes), mask, SHEETS_ALONE) for nodes in (alone, beside)]
     for result in results:
         accepted = (result.labels > 0).any(axis=0)
         assert (accepted & patch).sum() > 0.7 * accepted.sum()
@@ -141,7 +143,7 @@ def test_marks_pin_their_nodes(scene: Scene) -> None:
         half_vectors=clusters.normals[[1 - exterior, exterior], row, column],
         kind=np.array([1, 0]),
     )
-    result = reconstruct_normals(clusters, mask, marks=wrong)
+    result = reconstruct_normals(clusters, mask, SHEETS_ALONE, marks=wrong)
     assert result.labels[:, row, column].tolist() == [exterior, 1 - exterior]
     assert result.provenance[row, column] == PROVENANCE.index("marked")
     # The mark speaks for its sheet too, so that the field comes near and the normal is denoised.
@@ -157,7 +159,7 @@ def test_marks_that_confirm_labels_change_no_normal(scene: Scene, result: Recons
     noise = np.random.default_rng(0).normal(0.0, 0.03, (len(pixels), 3))
     half_vectors = unit(exterior_normals(clusters.normals, result.labels)[tuple(pixels.T)] + noise).astype(np.float32)
     marks = Marks(pixels, half_vectors, np.ones(len(pixels), np.int8))
-    marked = reconstruct_normals(clusters, mask, marks=marks)
+    marked = reconstruct_normals(clusters, mask, SHEETS_ALONE, marks=marks)
     assert np.array_equal(marked.labels, result.labels)
     np.testing.assert_allclose(marked.normals, result.normals, atol=1e-6)
     assert (marked.confidence >= result.confidence - 1e-6)[mask].all()
@@ -236,8 +238,8 @@ def test_flat_faces_come_right_where_no_light_was_seen() -> None:
     noise = np.random.default_rng(1).normal(0.0, 0.002, truth.shape)
     clusters = clusters_of(unit(observable(truth) + noise)[None].astype(np.float32))
     clusters = replace(clusters, weight=2.0 * clusters.weight)
-    with_faces = reconstruct_normals(clusters, mask)
-    without = reconstruct_normals(clusters, mask, LabellingOptions(flat_faces=False))
+    with_faces = reconstruct_normals(clusters, mask, LabellingOptions(symmetry=False))
+    without = reconstruct_normals(clusters, mask, SHEETS_ALONE)
     unseen = mask & (face_numbers(PYRAMID) == 2)
     error, former = (angles(result.normals, truth)[unseen].mean() for result in (with_faces, without))
     assert error < 0.7 * former
@@ -249,18 +251,18 @@ def test_flat_faces_come_right_where_no_light_was_seen() -> None:
 def test_faces_that_candidates_prove_count_once() -> None:
     truth = polyhedron_normals(PYRAMID, rounding=1.5)
     mask = np.isfinite(truth[..., 0])
-    settled = settle(clusters_of(observable(truth)[None].astype(np.float32)), mask)
+    settled = settle(clusters_of(observable(truth)[None].astype(np.float32)), mask, LabellingOptions(symmetry=False))
     explained = explain(settled)
     evidence = explained.face_evidence
     assert (evidence > 0.0).sum() > 1000 and not settled.face_evidence.any()
     assert np.array_equal(explain(explained).face_evidence, evidence)
-    settled.options = LabellingOptions(flat_faces=False)
+    settled.options = SHEETS_ALONE
     assert not explain(settled).face_evidence.any()
 
 
 def test_a_sheet_before_the_body_is_accepted_though_the_silhouette_says_nothing_of_it() -> None:
     (clusters, mask, truth), ear = head_with_ear()
-    result = reconstruct_normals(clusters, mask, LabellingOptions(symmetry=False, flat_faces=False))
+    result = reconstruct_normals(clusters, mask, SHEETS_ALONE)
     assert result.labels.any(axis=0)[ear].mean() > 0.8
     assert np.median(angles(result.normals, truth)[ear]) < 3.0
     assert np.median(angles(result.initial, truth)[ear]) > 30.0
@@ -272,5 +274,5 @@ def test_a_false_sheet_of_that_size_is_not_accepted() -> None:
     p, q = -truth[..., 0] / truth[..., 2], -truth[..., 1] / truth[..., 2]
     false = unit(np.stack([p + 0.5 * q, q - 0.5 * p, np.ones_like(p)], axis=-1))
     clusters.normals[0][ear] = false[ear]
-    result = reconstruct_normals(clusters, mask, LabellingOptions(symmetry=False, flat_faces=False))
+    result = reconstruct_normals(clusters, mask, SHEETS_ALONE)
     assert result.labels.any(axis=0)[ear].mean() < 0.1

@@ -9,7 +9,7 @@ from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.labelling.results import FILLED, Reconstruction
 from glint.tasks.algorithms.questions.proposals import Question, propose
-from tests.tasks.algorithms.labelling.test_reconstruction import Scene, clusters_of, pebble
+from tests.tasks.algorithms.labelling.test_reconstruction import SHEETS_ALONE, Scene, clusters_of, pebble
 
 PATCH = np.s_[25:37, 20:32]
 
@@ -23,7 +23,7 @@ def scene() -> Scene:
 def doubtful(scene: Scene) -> Reconstruction:
     """The labelling with a patch of the true sheet rejected, filled 20 degrees beside the truth, and doubted."""
     clusters, mask, _ = scene
-    result = reconstruct_normals(clusters, mask)
+    result = reconstruct_normals(clusters, mask, SHEETS_ALONE)
     labels, normals = result.labels.copy(), result.normals.copy()
     provenance, confidence = result.provenance.copy(), np.where(mask, np.float32(0.99), np.nan)
     labels[:, PATCH[0], PATCH[1]] = 0
