@@ -55,8 +55,8 @@ class Alternation:
     unmarked_labels: those that marks met. readmitted (K, H, W): probability of nodes that were rejected and then
     readmitted, 0 elsewhere. values (H, W, 3): accepted normals, else NaN; confidence (H, W): theirs, else NaN. known
     (H, W) bool: where they enter the field. initial, smooth (H, W, 3): first and present field. body_depth (H, W): of
-    an expected surface of revolution or solid. solid: of flat faces, if expected. unreached (H, W, 3): normals of dark
-    pixels, else NaN.
+    an expected surface of revolution or solid. solid: of flat faces, if expected. seen_through (K, H, W) bool:
+    candidates that are seen through its faces. unreached (H, W, 3): normals of dark pixels, else NaN.
     """
 
     normals: np.ndarray
@@ -97,6 +97,7 @@ class Alternation:
     relief_fit: float = field(init=False)
     body_depth: np.ndarray | None = field(init=False)
     solid: PolyhedralNormals | None = field(init=False)
+    seen_through: np.ndarray = field(init=False)
     unreached: np.ndarray | None = field(init=False)
     history: list[Iteration] = field(init=False)
 
@@ -116,6 +117,7 @@ class Alternation:
         self.sheets = sheet_graph(self.normals)
         self.labels = np.zeros(self.normals.shape[:3], dtype=bool)
         self.face_evidence, self.readmitted = np.zeros((2, *self.normals.shape[:3]))
+        self.seen_through = np.zeros(self.normals.shape[:3], dtype=bool)
         self.take_marks(None)
         self.forget_labels()
         self.faces, self.relief_fit, self.body_depth, self.solid, self.unreached = None, 0.0, None, None, None

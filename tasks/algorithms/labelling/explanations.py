@@ -173,9 +173,9 @@ def _with_solid(state: Alternation, solid: PolyhedralNormals) -> Alternation:
     state.solid = solid
     state.expect(solid.normals, solid.depths)
     state.iterate()
-    false = _seen_through(state, solid)
-    if false.any():
-        state.own_evidence = state.own_evidence - REFUTED_NATS * false
+    state.seen_through = _seen_through(state, solid)
+    if state.seen_through.any():
+        state.own_evidence = state.own_evidence - REFUTED_NATS * state.seen_through
         state.iterate()
     return state
 

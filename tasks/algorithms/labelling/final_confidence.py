@@ -42,7 +42,9 @@ def final_confidence(state: Alternation, normals: np.ndarray) -> np.ndarray:
 
     error = replace(state.options.field_error, ceiling=np.inf)
     residual = held_out_residual(sheets, state.values, state.known, state.rim, state.mask, state.scale, error, predict)
-    odds = accepted_log_odds(np.isfinite(state.confidence), np.isfinite(state.normals[..., 0]).any(axis=0))
+    # What is seen through a face that flashed does not show how often false candidates are accepted.
+    shown = np.isfinite(state.normals[..., 0]) & ~state.seen_through
+    odds = accepted_log_odds(np.isfinite(state.confidence), shown.any(axis=0))
     observed = sheet_confidence(state.values, sheet_means(sheets, evidence), residual, state.scale, odds)
     if state.solid is not None:
         observed = observed * solid_confidence(state.values, state.solid.normals)
