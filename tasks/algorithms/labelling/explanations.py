@@ -154,8 +154,7 @@ def _first_unrefuted(solids: list[PolyhedralNormals], state: Alternation) -> Pol
 
     def is_refuted(solid: PolyhedralNormals) -> bool:
         contradicted = is_confident & (angles(normals, solid.normals) > CONTRADICTED_DEG)
-        for face in range(solid.faces.max() + 1):
-            pixels = state.mask & (solid.faces == face)
+        for pixels in solid.faces_in(state.mask):
             is_large = pixels.sum() >= MIN_REFUTED_SHARE * state.mask.sum()
             if is_large and contradicted[pixels].mean() > MAX_CONTRADICTED_SHARE:
                 return True
@@ -183,8 +182,7 @@ def _with_solid(state: Alternation, solid: PolyhedralNormals) -> Alternation:
 def _seen_through(state: Alternation, solid: PolyhedralNormals) -> np.ndarray:
     """Return the candidates (K, H, W) bool that are not of a face of which most accepted normals are: it is flat."""
     contradicted, is_flat = angles(state.values, solid.normals) > CONTRADICTED_DEG, np.zeros(state.mask.shape, bool)
-    for face in range(solid.faces.max() + 1):
-        pixels = state.mask & (solid.faces == face)
+    for pixels in solid.faces_in(state.mask):
         known = pixels & state.known
         is_shown = known.sum() >= max(MIN_SEEN_SHARE * pixels.sum(), 1.0)
         if is_shown and contradicted[known].mean() < MAX_SEEN_THROUGH:

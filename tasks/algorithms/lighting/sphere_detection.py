@@ -213,14 +213,14 @@ def _chrome_spheres(
             else:
                 refused.append(circle)
                 rejected.append(f"the circle at ({circle.x:.0f}, {circle.y:.0f}) is no chrome sphere: {reason}")
-        circles = [circle for circle in circles if _is_hidden(circle, refused) and not _overlaps(circle, accepted)]
+        circles = [circle for circle in circles if _is_hidden(circle, accepted, refused)]
     return accepted, rejected
 
 
-def _is_hidden(circle: Sphere, refused: list[Sphere]) -> bool:
-    """Return whether a circle overlaps some that are refused, and all of these are far larger."""
-    around = [other for other in refused if _overlaps(circle, [other])]
-    return bool(around) and all(circle.radius < MAX_HIDDEN_RATIO * other.radius for other in around)
+def _is_hidden(circle: Sphere, accepted: list[Sphere], refused: list[Sphere]) -> bool:
+    """Return whether a circle overlaps none that is accepted, and of those refused only far larger ones."""
+    is_smaller = all(circle.radius < MAX_HIDDEN_RATIO * other.radius for other in refused if _overlap(circle, other))
+    return is_smaller and not any(_overlap(circle, other) for other in accepted)
 
 
 def outermost(spheres: list[Sphere]) -> list[Sphere]:
@@ -231,13 +231,13 @@ def outermost(spheres: list[Sphere]) -> list[Sphere]:
         best = remaining[0]
         around = [sphere for sphere in remaining if _is_contour_around(sphere, best)]
         kept.append(max(around, key=lambda sphere: sphere.score, default=best))
-        remaining = [sphere for sphere in remaining if not _overlaps(sphere, kept[-1:])]
+        remaining = [sphere for sphere in remaining if not _overlap(sphere, kept[-1])]
     return kept
 
 
-def _overlaps(sphere: Sphere, kept: list[Sphere]) -> bool:
-    """Return whether a circle shares so much with one of those kept that both cannot be spheres."""
-    return any(sphere.distance(other) <= max(0.9 * other.radius, (sphere.radius + other.radius) / 2) for other in kept)
+def _overlap(sphere: Sphere, kept: Sphere) -> bool:
+    """Return whether a circle shares so much with one that is kept that both cannot be spheres."""
+    return sphere.distance(kept) <= max(0.9 * kept.radius, 0.5 * (sphere.radius + kept.radius))
 
 
 def _is_contour_around(outer: Sphere, better: Sphere) -> bool:

@@ -1,5 +1,6 @@
 """Solids of flat faces as a view shows them: normals, depths and faces of its pixels."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, Protocol
@@ -14,7 +15,6 @@ from glint.tasks.algorithms.silhouettes.aimed_view import AimedView
 
 BEND_INRADII = 0.05
 """Half the width in inradii over which normals are averaged, since edges are rounded."""
-
 PLANE_DECIMALS = 5
 """Decimals of their normals to which faces of the same plane agree."""
 
@@ -50,6 +50,10 @@ class PolyhedralNormals(NamedTuple):
     depths: np.ndarray
     faces: np.ndarray
     log_ratio: float
+
+    def faces_in(self, mask: np.ndarray) -> Iterator[np.ndarray]:
+        """Yield the pixels (H, W) bool of each visible face in a mask (H, W) bool."""
+        return (mask & (self.faces == face) for face in range(self.faces.max() + 1))
 
 
 @dataclass(frozen=True, eq=False)

@@ -148,7 +148,7 @@ def _fit(
     # Pixels of the near wall that show the lip too agree with neither.
     edge = FOOTPRINT_PX * surface.axis.direction * surface.facing
     sign = sign[~surface.is_end(x[~is_end] + edge[0], y[~is_end] + edge[1])]
-    beside = float(_worth(sign, np.full(len(sign), _agreeing_share(sign))).sum())
+    beside = float(_worth(sign, _agreeing_share(sign)).sum())
     x, y = x[is_end], y[is_end]
     sign = agreement(surface.normals(x, y, far=True), candidates[:, is_end])
     if not np.count_nonzero(sign) > least:
@@ -188,9 +188,9 @@ def _sector_shares(sign: np.ndarray, sector: np.ndarray) -> np.ndarray:
     return np.asarray((agreeing + SECTOR_PRIOR * _agreeing_share(sign)) / (expected + SECTOR_PRIOR))
 
 
-def _worth(sign: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Return what pixels (N,) say for a wall of which shares (N,) agree; one that does not says less where few do."""
-    least_share = np.minimum(LEAST_SHARE_RATIO * share, MAX_LEAST_SHARE)
+def _worth(sign: np.ndarray, share: float | np.ndarray) -> np.ndarray:
+    """Return what pixels (N,) say for a wall of which a share, or shares (N,), agree; others say less where few do."""
+    least_share = np.minimum(LEAST_SHARE_RATIO * np.asarray(share), MAX_LEAST_SHARE)
     return np.asarray(np.where(sign < 0.0, least_share / (1.0 - least_share), 1.0) * sign)
 
 
