@@ -25,7 +25,7 @@ def with_hollow(
         mask: (H, W) bool, the silhouette.
         candidates: (K, H, W, 3), relative to the view rays, NaN where there is none.
     """
-    opening = find_opening(_inscribed(body, placement), mask, candidates, turns_deg=(0.0,))
+    opening = find_opening(_inscribed(body, placement), mask, candidates, turns_deg=(0.0,), cuts=(0.0,))
     if opening is None:
         return solid
     rows, columns = np.nonzero(opening.around)

@@ -33,6 +33,7 @@ from glint.tasks.algorithms.masks.mask_regions import (
     without_specks,
 )
 from glint.tasks.algorithms.masks.round_foot import round_foot
+from glint.tasks.algorithms.masks.symmetric_walls import with_symmetric_walls
 from glint.tasks.algorithms.masks.table_model import TableModel, fit_table
 from glint.tasks.algorithms.masks.table_response import TableResponse, table_response
 
@@ -233,7 +234,9 @@ def _at_edges(classes: _Classes, background: np.ndarray, free: np.ndarray) -> np
     for _ in range(WALL_ROUNDS):
         outer = mask | cut(mask, mask, MAX_WALL_SHARE, OUTWARD_BONUS, walls)
         mask = mask | stronger_pieces(mask, outer, lines, is_wall=True)
-    return mask
+    # Clear glass is like the table: only what differs from it says where the object is.
+    difference = RESPONSE_WEIGHT * (classes.ratios + DISTANCE_THRESHOLD / 2.0)
+    return with_symmetric_walls(mask, [lines, *responses], difference, classes.is_table, free, EDGE_FLOOR)
 
 
 def _saturated_responses(classes: _Classes) -> list[np.ndarray]:

@@ -29,6 +29,12 @@ WALL_SECTORS, SECTOR_PRIOR = 12, 10.0
 in one counts as much as that in all."""
 SHARE_ROUNDS = 3
 """Rounds in which the lip and the share of the far wall's pixels that agree with it follow from one another."""
+CUTS = tuple(np.arange(0.0, 0.61, 0.05))
+"""Lengths that are cut off to look for the opening below, in radii of the vessel: a mask that is a little too large or
+too small at the lip closes the vessel with a dome."""
+CUT_OPEN_SHARE, MIN_CUT_GAIN = 0.5, 1.1
+"""Share of the far wall that agrees from which the vessel ends there, and how much more candidates must agree than
+without a cut, and with a closed vessel."""
 FOOTPRINT_PX = 0.5
 """Distance from the lip beyond which a pixel shows a wall alone."""
 TILTS_DEG = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
@@ -72,7 +78,11 @@ class Opening:
 
 
 def find_opening(
-    surface: SurfaceOfRevolution, mask: np.ndarray, candidates: np.ndarray, turns_deg: tuple[float, ...] = TILTS_DEG
+    surface: SurfaceOfRevolution,
+    mask: np.ndarray,
+    candidates: np.ndarray,
+    turns_deg: tuple[float, ...] = TILTS_DEG,
+    cuts: tuple[float, ...] = CUTS,
 ) -> Opening | None:
     """Return the opening of the end that faces the camera, None if that is closed.
 
@@ -83,23 +93,60 @@ def find_opening(
         mask: (H, W) bool, the silhouette.
         candidates: (K, H, W, 3), NaN where there is none.
         turns_deg: changes of the tilt that are tried.
+        cuts: lengths that are cut off, 0 first, in radii of the vessel.
     """
     rows, columns = np.nonzero(mask)
     x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
+    length = _end_cut_off(surface, mask, candidates, cuts)
+    if length is None:
+        return None
+    ended = surface.cut_off(length)
     around = np.zeros(mask.shape, bool)
-    around[rows, columns] = surface.is_end(x, y)
+    around[rows, columns] = surface.is_end(x, y) | ended.is_end(x, y)
     around = mask & ndimage.binary_dilation(around, iterations=AROUND_PX)
     chosen = around[rows, columns]
     x, y, observed = x[chosen], y[chosen], candidates[:, around]
     least = MIN_OPENING_SHARE * len(rows)
-    if _fit(surface, x, y, observed, least) is None:
-        return None
-    surfaces = [surface.tilted(mask, surface.tilt + np.radians(turn)) if turn else surface for turn in turns_deg]
+    surfaces = [
+        surface.tilted(mask, surface.tilt + np.radians(turn)).cut_off(length) if turn else ended for turn in turns_deg
+    ]
     fits = [_fit(tilted, x, y, observed, least) for tilted in surfaces]
-    best = _peak(np.array([np.nan if fit is None else fit.score for fit in fits]))
-    fit = fits[best]
-    assert fit is not None
-    return Opening(surfaces[best], fit.lip, around)
+    scores = np.array([np.nan if fit is None else fit.score for fit in fits])
+    fit = fits[best := _peak(scores)] if np.isfinite(scores).any() else None
+    return None if fit is None else Opening(surfaces[best], fit.lip, around)
+
+
+def _end_cut_off(
+    surface: SurfaceOfRevolution, mask: np.ndarray, candidates: np.ndarray, cuts: tuple[float, ...]
+) -> float | None:
+    """Return the length in pixels beyond the lip of an open vessel; None if it is closed; see `find_opening`."""
+    rows, columns = np.nonzero(mask)
+    x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
+    if not surface.facing:
+        return None
+    lengths = np.array(cuts) * float(np.sqrt(surface.squared_radii.max()))
+    ended = [surface.cut_off(float(length)) for length in lengths]
+    # A ray that meets the end of what remains enters the whole body beyond it.
+    beyond = surface.facing * (surface.intersect(x, y).heights - surface.end_height) > -lengths.max()
+    around = np.zeros(mask.shape, bool)
+    around[rows, columns] = beyond | surface.is_end(x, y)
+    around = mask & ndimage.binary_dilation(around, iterations=AROUND_PX)
+    chosen = around[rows, columns]
+    x, y, observed = x[chosen], y[chosen], candidates[:, around]
+    least = MIN_OPENING_SHARE * len(rows)
+    fits = [_fit(end, x, y, observed, least) for end in ended]
+    sign = agreement(surface.normals(x, y), observed)
+    # Pixels of the mask that a shorter vessel does not cover contradict it.
+    missed = [np.count_nonzero(np.isnan(end.intersect(x, y).heights)) for end in ended]
+    scores = np.array(
+        [-np.inf if fit is None else fit.score - count + missed[0] for fit, count in zip(fits, missed, strict=True)]
+    )
+    uncut = max(float(scores[0]), float(_worth(sign, _agreeing_share(sign)).sum()))
+    scores[[fit is None or fit.share < CUT_OPEN_SHARE for fit in fits]] = -np.inf
+    best = int(np.argmax(scores))
+    if scores[best] > MIN_CUT_GAIN * max(uncut, 0.0):
+        return float(lengths[best])
+    return None if fits[0] is None else 0.0
 
 
 def agreement(normals: np.ndarray, candidates: np.ndarray) -> np.ndarray:
@@ -113,10 +160,12 @@ def agreement(normals: np.ndarray, candidates: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True)
 class _Fit:
-    """Thickness of a lip, and how many pixels agree with the wall that is seen there, less those that do not."""
+    """Thickness of a lip, how many pixels agree with the wall that is seen there, less those that do not, and the share
+    of the far wall's that do."""
 
     lip: float
     score: float
+    share: float
 
 
 def _peak(scores: np.ndarray) -> int:
@@ -171,9 +220,10 @@ def _fit(
         total = np.concatenate([[0.0], np.cumsum(worth)])[count]
         best = int(np.argmax(total))
         inside = sign[: count[best]]
-    if _agreeing_share(inside) <= OPEN_END_SHARE:
+    share = _agreeing_share(inside)
+    if share <= OPEN_END_SHARE:
         return None
-    return _Fit(float(thickness[best]), beside + float(total[best]))
+    return _Fit(float(thickness[best]), beside + float(total[best]), share)
 
 
 def _agreeing_share(sign: np.ndarray) -> float:

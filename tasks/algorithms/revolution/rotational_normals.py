@@ -39,9 +39,9 @@ COMPLETED_LIMITS = IMPERFECT_LIMITS._replace(relief_excuses=False)
 MEASURED_LIMITS = COMPLETED_LIMITS._replace(error_deg=4.2, simpler_error_ratio=SYMMETRIC_LIMITS.simpler_error_ratio)
 """Limits for a silhouette that normals measure: it follows those of other smooth shapes to 4.5 degrees, but where a
 surface of revolution is seen, to less than 4."""
-MEASURED_ERROR_RATIO = 0.75
+MEASURED_ERROR_RATIO = 0.96
 """Error of a silhouette that normals measure, relative to that of another one, up to which it is preferred: it follows
-the normals by which both are judged."""
+some of the normals by which both are judged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +144,7 @@ def _imperfect_normals(
 
     For the arguments see `surface_of_revolution_normals`.
     """
-    mask, is_accepted = silhouette.mask, np.isfinite(accepted[..., 0])
+    mask, observed = silhouette.mask, _observed(accepted, candidates)
     measured = [SilhouetteSymmetry(part, silhouette.inverse_focal) for part in measured_silhouettes(mask, accepted)]
     parts = [(body, IMPERFECT_LIMITS, 1.0) for body in silhouette.bodies]
     parts += [(whole, COMPLETED_LIMITS, 1.0) for whole in silhouette.completions]
@@ -155,7 +155,7 @@ def _imperfect_normals(
         within = np.where(part.mask[..., None], accepted, np.nan)
         fitted = surface_of_revolution_normals(part, within, candidates, field, limits)
         if fitted is not None:
-            error = capped_angles(fitted.normals, accepted)[is_accepted].mean() / error_ratio
+            error = _observed_error(fitted.normals, *observed) / error_ratio
             if error < least_error:
                 least_error, best = error, (part.mask, fitted)
     if best is None:
@@ -164,3 +164,19 @@ def _imperfect_normals(
     normals = with_handles(fitted.normals, handles_beside(mask, part_mask), mask, accepted, candidates)
     is_body = (normals == fitted.normals).all(axis=-1)
     return fitted._replace(normals=normals, depths=np.where(is_body, fitted.depths, np.nan))
+
+
+def _observed(accepted: np.ndarray, candidates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the pixels (H, W) bool with candidates, and the normals (K, N, 3) that they show.
+
+    Where a normal is accepted it is the only one. What no normal was accepted of, as the far wall seen through an
+    opening, tells surfaces apart that fit a wall alike.
+    """
+    shown = np.where(np.isfinite(accepted[..., :1]), accepted[None], candidates)
+    is_observed = np.isfinite(shown[..., 0]).any(axis=0)
+    return is_observed, shown[:, is_observed]
+
+
+def _observed_error(normals: np.ndarray, is_observed: np.ndarray, shown: np.ndarray) -> float:
+    """Return the mean capped angle in degrees of normals (H, W, 3) to the nearest of those shown; see `_observed`."""
+    return float(np.fmin.reduce(capped_angles(normals[is_observed][None], shown)).mean())

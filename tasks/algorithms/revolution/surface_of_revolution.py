@@ -101,7 +101,7 @@ class SurfaceOfRevolution:
     @property
     def end_tilt(self) -> float:
         """Tilt of the axis as the camera sees it at the end that faces it, radians."""
-        return float(self.frame.tilts(self.heights[self._end]))
+        return float(self.frame.tilts(np.array(self.end_height)))
 
     def normals(self, x: np.ndarray, y: np.ndarray, far: bool = False) -> np.ndarray:
         """Return the unit normals (N, 3) where the rays of x, y (N,) enter the body, NaN for rays that miss it.
@@ -115,6 +115,11 @@ class SurfaceOfRevolution:
         """Radius of the end that faces the camera."""
         return float(np.sqrt(self.squared_radii[self._end]))
 
+    @property
+    def end_height(self) -> float:
+        """Height along the axis of the end that faces the camera."""
+        return float(self.heights[self._end])
+
     def is_end(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return whether rays at x, y (N,), camera frame, enter the body through the flat end that faces the camera."""
         return self.is_end_at(self.intersect(x, y))
@@ -123,7 +128,7 @@ class SurfaceOfRevolution:
         """Return whether N rays enter the body through the flat end that faces the camera."""
         axial = (self.normals_at(hits) * hits.upward).sum(axis=1) * self.facing
         is_flat = axial > np.cos(np.radians(END_CONE_DEG))
-        return np.asarray(is_flat & (np.abs(hits.heights - self.heights[self._end]) < END_PX))
+        return np.asarray(is_flat & (np.abs(hits.heights - self.end_height) < END_PX))
 
     def shrunk(self, thickness: float) -> "SurfaceOfRevolution":
         """Return the surface with its radii smaller by a thickness in pixels: the inner side of the wall."""
@@ -131,6 +136,25 @@ class SurfaceOfRevolution:
         inner = np.maximum(radii - thickness, 0.0)
         share = inner / np.where(radii > 0.0, radii, 1.0)
         return replace(self, squared_radii=inner**2, half_slopes=self.half_slopes * share)
+
+    def cut_off(self, length: float) -> "SurfaceOfRevolution":
+        """Return the surface without so many pixels of its length at the end that faces the camera, which is flat then.
+
+        Raises:
+            ValueError: neither end faces the camera.
+        """
+        if not self.facing:
+            raise ValueError("no end faces the camera: nothing can be cut off")
+        body = np.flatnonzero(self.squared_radii > 0.0)
+        count = min(round(length / (self.heights[1] - self.heights[0])), len(body) - 1)
+        if count == 0:
+            return self
+        squared, half_slopes = self.squared_radii.copy(), self.half_slopes.copy()
+        beyond = slice(int(body[-count]), None) if self.facing > 0 else slice(None, int(body[count - 1]) + 1)
+        end = slice(beyond.start - 1, None) if self.facing > 0 else slice(None, beyond.stop + 1)
+        squared[beyond] = 0.0
+        half_slopes[end] = np.gradient(squared, self.heights)[end] / 2.0
+        return replace(self, squared_radii=squared, half_slopes=half_slopes)
 
     def intersect(self, x: np.ndarray, y: np.ndarray, far: bool = False) -> RayHits:
         """Intersect the rays of x, y (N,), camera frame, where they enter the body; far: where they leave it."""

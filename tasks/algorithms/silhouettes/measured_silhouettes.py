@@ -14,7 +14,7 @@ import numpy as np
 from glint.tasks.algorithms.geometry.connected_parts import largest_part
 from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.geometry.robust import robust_deviation
-from glint.tasks.algorithms.silhouettes.mirror_images import mirror_image
+from glint.tasks.algorithms.silhouettes.mirror_images import MirrorAxis, mirror_image
 from glint.tasks.algorithms.silhouettes.reflection_axes import refined_place
 
 AXIS_STEP_DEG, AXIS_TILT_STEP_DEG, LARGEST_TILT_DEG = 6.0, 15.0, 45.0
@@ -113,7 +113,7 @@ def measured_silhouettes(mask: np.ndarray, normals: np.ndarray) -> list[np.ndarr
     circles = sample.circles(angle, tilt, FINE_ROUNDS)
     if circles is None or (circles.weights >= MIN_CIRCLE_WEIGHT).sum() < MIN_CIRCLES:
         return []
-    image = mirror_image(mask, centre, angle, circles.offset)
+    image = mirror_image(mask, MirrorAxis(centre, angle, circles.offset))
     measured = [_with_circles(base, mask, circles, centre, angle) for base in (mask & image, mask | image)]
     return [silhouette for silhouette in measured if silhouette.any()]
 
@@ -178,7 +178,7 @@ def _with_circles(
 ) -> np.ndarray:
     """Return a silhouette (H, W) bool that is as wide as the circles whose radii are known, and `base` elsewhere.
 
-    It ends where the mask does. For centre and angle see `mirror_image`.
+    It ends where the mask does. For centre and angle see `MirrorAxis`.
     """
     rows, columns = np.indices(mask.shape).astype(float)
     across, along = _turned(columns - centre[0], rows - centre[1], angle)

@@ -6,6 +6,7 @@ whole of which the mask shows a part.
 """
 
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -28,8 +29,34 @@ CONTOUR_PX = 1.5
 """Distance up to which a pixel is one of the contour."""
 
 
+class MirrorAxis(NamedTuple):
+    """An axis in the image.
+
+    centre: (2,), column and row of a point. angle: of the axis' normal from the columns to the rows, radians. offset:
+    of the axis from that point along the normal, in pixels.
+    """
+
+    centre: np.ndarray
+    angle: float
+    offset: float
+
+    @property
+    def normal(self) -> np.ndarray:
+        """Unit normal (2,) of the axis: columns, rows."""
+        return np.array([np.cos(self.angle), np.sin(self.angle)])
+
+    def mirrored(self, points: np.ndarray) -> np.ndarray:
+        """Return the mirror images of points (N, 2), column and row."""
+        return np.asarray(points - 2.0 * np.outer((points - self.centre) @ self.normal - self.offset, self.normal))
+
+
 def mirror_images(mask: np.ndarray) -> list[np.ndarray]:
     """Return at most MAX_IMAGES mirror images (H, W) bool of a silhouette (H, W) bool, best first."""
+    return [mirror_image(mask, axis) for axis in mirror_axes(mask)]
+
+
+def mirror_axes(mask: np.ndarray) -> list[MirrorAxis]:
+    """Return the axes of at most MAX_IMAGES mirror images of a silhouette (H, W) bool, best first."""
     depth = depth_inside(mask)
     contour = _contour(mask)
     to_contour = distance_inside(~contour)
@@ -38,7 +65,7 @@ def mirror_images(mask: np.ndarray) -> list[np.ndarray]:
     points = points[:: max(1, len(points) // MAX_SCORED_PIXELS)]
 
     def matched(angle: float, offset: float, sigma: float, stride: int = 1) -> float:
-        return _mean_match(_mirrored(points[::stride], centre, angle, offset), to_contour, sigma)
+        return _mean_match(MirrorAxis(centre, angle, offset).mirrored(points[::stride]), to_contour, sigma)
 
     # The best offset for each angle, then local maxima over the angle.
     coarse = MATCH_SIGMAS_PX[0]
@@ -48,25 +75,21 @@ def mirror_images(mask: np.ndarray) -> list[np.ndarray]:
     scores = np.array([[matched(angle, offset, coarse, stride=4) for offset in offsets] for angle in angles])
     best = scores.max(axis=1)
     peaks = np.flatnonzero((best >= np.roll(best, 1)) & (best >= np.roll(best, -1)))
-    images = []
+    axes = []
     for peak in peaks[np.argsort(-best[peaks])][:MAX_IMAGES]:
         place = (float(angles[peak]), float(offsets[scores[peak].argmax()]))
         steps = (float(np.radians(SEED_STEP_DEG / 2)), coarse / 4)
         for sigma in MATCH_SIGMAS_PX:
             place, steps = refined_place(partial(matched, sigma=sigma), place, steps, sigma / 8 / float(depth.max()))
-        images.append(mirror_image(mask, centre, *place))
-    return images
+        axes.append(MirrorAxis(centre, *place))
+    return axes
 
 
-def mirror_image(mask: np.ndarray, centre: np.ndarray, angle: float, offset: float) -> np.ndarray:
-    """Return the mirror image (H, W) bool of a mask (H, W) bool.
-
-    centre: (2,), column and row. angle: of the axis' normal from the columns to the rows, radians. offset: of the axis
-    from the centre along its normal, in pixels.
-    """
+def mirror_image(mask: np.ndarray, axis: MirrorAxis) -> np.ndarray:
+    """Return the mirror image (H, W) bool of a mask (H, W) bool."""
     height, width = mask.shape
     pixels = np.argwhere(np.ones_like(mask))[:, ::-1]
-    column, row = np.rint(_mirrored(pixels, centre, angle, offset)).astype(int).T
+    column, row = np.rint(axis.mirrored(pixels)).astype(int).T
     is_inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
     image = is_inside & mask[row.clip(0, height - 1), column.clip(0, width - 1)]
     return np.asarray(image.reshape(mask.shape))
@@ -94,12 +117,6 @@ def completed_silhouette(mask: np.ndarray, image: np.ndarray) -> np.ndarray | No
 def _contour(mask: np.ndarray) -> np.ndarray:
     """Return the pixels (H, W) bool along the contour of a silhouette (H, W) bool."""
     return np.asarray(mask & (depth_inside(mask) < CONTOUR_PX))
-
-
-def _mirrored(points: np.ndarray, centre: np.ndarray, angle: float, offset: float) -> np.ndarray:
-    """Return the mirror images of points (N, 2), column and row."""
-    normal = np.array([np.cos(angle), np.sin(angle)])
-    return np.asarray(points - 2.0 * np.outer((points - centre) @ normal - offset, normal))
 
 
 @njit(cache=True, nogil=True)

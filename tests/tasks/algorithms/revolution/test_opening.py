@@ -79,3 +79,24 @@ def test_a_closed_end_is_no_opening() -> None:
 def test_an_end_that_faces_away_is_no_opening() -> None:
     mask, candidates, _ = capture(is_open=True)
     assert find_opening(vessel(0.0), mask, candidates) is None
+
+
+@pytest.mark.parametrize("is_open", [True, False])
+def test_a_mask_that_reaches_beyond_the_lip_hides_no_opening(is_open: bool) -> None:
+    mask, candidates, _ = capture(is_open)
+    # A dome on the vessel, of pixels that are no object.
+    bump = mask.copy()
+    rows, columns = np.indices(mask.shape)
+    bump |= np.hypot((columns - mask.shape[1] / 2 + 0.5) / 25.0, (rows - np.argmax(mask.any(axis=1))) / 7.0) < 1.0
+    fitted = SurfaceOfRevolution.from_silhouette(bump, vessel().axis, np.radians(TILT_DEG))
+    assert fitted.end_radius < 0.8 * vessel().end_radius
+    opening = find_opening(fitted, bump, candidates)
+    if not is_open:
+        assert opening is None
+        return
+    assert opening is not None
+    assert opening.surface.end_radius == pytest.approx(vessel().end_radius, abs=3.0)
+    is_inside = np.isfinite(candidates[0, ..., 0]) & opening.around
+    rows, columns = np.nonzero(is_inside)
+    x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
+    assert np.mean(angles(opening.entries(x, y)[0], candidates[0, rows, columns]) < 8.0) > 0.8
