@@ -77,7 +77,7 @@ STAGES = (
         files=("mask",),
         arrays={"mask": ArraySchema("HW", "b"), "doubt": ArraySchema("HW", "f", "all")},
         peak_bytes=_per_pixel(300),
-        version=5,
+        version=6,
     ),
     Stage(
         "thresholds",

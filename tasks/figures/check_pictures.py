@@ -15,8 +15,8 @@ from glint.tasks.figures.coverage_map import draw_coverage
 from glint.tasks.figures.keyframe_picture import draw_keyframe
 
 REGION_RGB, MASK_RGB, SPHERE_RGB, DOUBT_RGB = (255, 190, 60), (80, 220, 120), (90, 160, 255), (255, 60, 60)
-DOUBTFUL = 0.25
-"""Doubt of a silhouette from which it is drawn as doubtful."""
+DOUBTFUL = 0.05
+"""Doubt of a silhouette from which it is drawn as doubtful: half of the least that a piece of contour has."""
 
 
 def write_check_pictures(

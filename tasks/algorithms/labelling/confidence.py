@@ -204,7 +204,7 @@ def with_input_doubt(confidence: np.ndarray, half_vector_sd: np.ndarray, silhoue
     Args:
         confidence: (H, W), by the evidence of labels and field.
         half_vector_sd: (H, W) radians, standard deviation per axis of the error that the half vectors share.
-        silhouette_doubt: (H, W), probability that the silhouette on which a pixel depends is wrong.
+        silhouette_doubt: (H, W), probability that a normal is wrong because the silhouette is.
     """
     return np.asarray(confidence * probability_within_tolerance(half_vector_sd) * (1.0 - silhouette_doubt), np.float32)
 
