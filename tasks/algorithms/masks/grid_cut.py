@@ -7,6 +7,8 @@ import numpy as np
 
 HARD_CAPACITY = 1e4
 """Capacity, in nats, of a pixel whose label is given: above any sum of the other terms at a pixel."""
+EDGE_FLOOR = 0.03
+"""Capacity of a link across the strongest edge, relative to that without an edge: it shortens contours."""
 NEIGHBOURS = ((0, 1, 1.0), (1, 0, 1.0), (1, 1, 0.707), (1, -1, 0.707))
 """Rows and columns to the neighbours that follow a pixel, and the weight of the link to them."""
 
@@ -14,13 +16,12 @@ Links = Mapping[tuple[int, int], np.ndarray]
 """Capacities (H, W) of the links from each pixel to the neighbour at (rows, columns) from it."""
 
 
-def links(images: Sequence[np.ndarray], strength: float, floor: float, gaussian: bool = False) -> Links:
+def links(images: Sequence[np.ndarray], strength: float, gaussian: bool = False) -> Links:
     """Return the capacities of the links between neighbours, small across edges.
 
     Args:
         images: (H, W) each; a difference of 1 between neighbours is an edge.
         strength: capacity where there is no edge, nats.
-        floor: share of it that remains across the strongest edge; it shortens contours.
         gaussian: whether capacities fall as exp(-d^2), else as 1 / (1 + d^2), which keeps faint edges in play.
     """
     height, width = images[0].shape
@@ -32,7 +33,7 @@ def links(images: Sequence[np.ndarray], strength: float, floor: float, gaussian:
         square = sum((weight * (image[first] - image[second])) ** 2 for image in images)
         likeness = np.exp(-square) if gaussian else 1.0 / (1.0 + square)
         capacity = np.zeros((height, width))
-        capacity[first] = strength * weight * (likeness + floor)
+        capacity[first] = strength * weight * (likeness + EDGE_FLOOR)
         capacities[down, right] = capacity
     return capacities
 

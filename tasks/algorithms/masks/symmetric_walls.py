@@ -9,6 +9,7 @@ it, as on the table, is symmetric in any case.
 """
 
 from collections.abc import Sequence
+from operator import itemgetter
 
 import cv2
 import numpy as np
@@ -45,7 +46,6 @@ def with_symmetric_walls(
     difference: np.ndarray,
     is_table: np.ndarray,
     free: np.ndarray,
-    floor: float,
 ) -> np.ndarray:
     """Return a mask (H, W) bool with the walls that it lacks.
 
@@ -55,19 +55,32 @@ def with_symmetric_walls(
         difference: (H, W), by how much pixels differ from the table, nats, 0 where they are like it.
         is_table: (H, W) bool, pixels of the table.
         free: (H, W) bool, where the object may be.
-        floor: see `links`.
     """
-    axes = mirror_axes(mask)
-    if not axes:
+    axis = evident_axis(mask, images)
+    if axis is None:
         return mask
-    down, right = (np.stack(slopes) for slopes in zip(*(np.gradient(image) for image in images), strict=True))
-    edges = _evidence(np.concatenate([down, right]))
-    axis = max((_nearby_axis(edges, mask, axis) for axis in axes), key=lambda scored: scored[1])[0]
+    down, right = _slopes(images)
     on_table = float(np.mean([_evidence(slopes)[is_table] for slopes in (down, right)])) if is_table.any() else 0.0
-    body = _symmetric_body(mask, axis, images, difference, free, floor)
+    body = _symmetric_body(mask, axis, images, difference, free)
     for larger in (body, mirror_image(mask, axis)):
         mask = _with_evident_pieces(mask, larger & free, axis, images, on_table)
     return mask
+
+
+def evident_axis(mask: np.ndarray, images: Sequence[np.ndarray]) -> MirrorAxis | None:
+    """Return the axis about which edges in and beside a mask (H, W) bool are most like their mirror images.
+
+    images: as for `with_symmetric_walls`. None: no part of the mask's contour is the mirror image of another.
+    """
+    edges = _evidence(np.concatenate(_slopes(images)))
+    scored = [_nearby_axis(edges, mask, axis) for axis in mirror_axes(mask)]
+    return max(scored, key=itemgetter(1))[0] if scored else None
+
+
+def _slopes(images: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the slopes (N, H, W) of images (H, W) down and to the right."""
+    down, right = zip(*(np.gradient(image) for image in images), strict=True)
+    return np.stack(down), np.stack(right)
 
 
 def _nearby_axis(edges: np.ndarray, mask: np.ndarray, axis: MirrorAxis) -> tuple[MirrorAxis, float]:
@@ -98,7 +111,6 @@ def _symmetric_body(
     images: Sequence[np.ndarray],
     difference: np.ndarray,
     free: np.ndarray,
-    floor: float,
 ) -> np.ndarray:
     """Return the body (H, W) bool, symmetric about an axis, of minimum energy; see `with_symmetric_walls`."""
     edge = float(np.sqrt(mask.sum()))
@@ -107,7 +119,7 @@ def _symmetric_body(
     def turned(image: np.ndarray, border: int = cv2.BORDER_CONSTANT) -> np.ndarray:
         return np.asarray(cv2.warpAffine(image.astype(np.float32), upright, size, borderMode=border))
 
-    capacities = _folded(links([turned(image, cv2.BORDER_REPLICATE) for image in images], 1.0, floor))
+    capacities = _folded(links([turned(image, cv2.BORDER_REPLICATE) for image in images], 1.0))
     difference, mask_there, free_there = turned(difference), turned(mask) > 0.5, turned(free) > 0.5
     difference = np.minimum(difference, difference[:, ::-1])
     possible = free_there & free_there[:, ::-1]

@@ -9,7 +9,6 @@ from glint.tasks.algorithms.masks.symmetric_walls import with_symmetric_walls
 from tests.tasks.algorithms.overlap import overlap
 from tests.tasks.algorithms.revolution.beaker import camera_positions
 
-FLOOR = 0.03
 DIFFERENCE = 0.1
 
 
@@ -41,7 +40,7 @@ def contour_line(mask: np.ndarray) -> np.ndarray:
 
 def completed(mask: np.ndarray, line: np.ndarray, differing: np.ndarray) -> np.ndarray:
     everywhere = np.ones(mask.shape, bool)
-    return with_symmetric_walls(mask, [line], DIFFERENCE * differing, table(), everywhere, FLOOR)
+    return with_symmetric_walls(mask, [line], DIFFERENCE * differing, table(), everywhere)
 
 
 @pytest.mark.parametrize("handled", [False, True])
@@ -74,7 +73,7 @@ def test_nothing_is_added_where_the_object_may_not_be() -> None:
     x, y = camera_positions()
     core = vessel() & ((x > -30) | (y > 30))
     free = x > -30
-    mask = with_symmetric_walls(core, [contour_line(vessel())], DIFFERENCE * core, table(), free, FLOOR)
+    mask = with_symmetric_walls(core, [contour_line(vessel())], DIFFERENCE * core, table(), free)
     assert np.array_equal(mask & ~free, core & ~free)
 
 
