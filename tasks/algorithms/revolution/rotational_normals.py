@@ -39,9 +39,12 @@ COMPLETED_LIMITS = IMPERFECT_LIMITS._replace(relief_excuses=False)
 MEASURED_LIMITS = COMPLETED_LIMITS._replace(error_deg=4.2, simpler_error_ratio=SYMMETRIC_LIMITS.simpler_error_ratio)
 """Limits for a silhouette that normals measure: it follows those of other smooth shapes to 4.5 degrees, but where a
 surface of revolution is seen, to less than 4."""
-MEASURED_ERROR_RATIO = 0.96
-"""Error of a silhouette that normals measure, relative to that of another one, up to which it is preferred: it follows
-some of the normals by which both are judged."""
+MEASURED_ERROR_RATIO, DOUBTED_ERROR_RATIO = 0.96, 0.9
+"""Error of a silhouette that normals measure, relative to that of a part of the mask, and of the mask itself, up to
+which it is preferred: it follows some of the normals by which both are judged."""
+DOUBTED_ERROR_DEG = 4.0
+"""Mean angle of accepted normals from the surface in the mask's own silhouette from which the mask is doubted: right
+masks have 1.6 to 4.6 degrees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +67,7 @@ class RotationalSymmetry:
         aimed, fit = self._aimed, (accepted, candidates, field)
         if aimed is not None:
             fit = aimed.normals(accepted), self._shown(candidates), aimed.normals(field)
-        result = surface_of_revolution_normals(self._symmetry, *fit) or _imperfect_normals(self._symmetry, *fit)
+        result = _best_normals(self._symmetry, *fit)
         if aimed is None or result is None:
             return result
         normals, heights = aimed.normals_back(result.normals), aimed.heights_back(result.depths)
@@ -134,22 +137,30 @@ def _best_surface(silhouette: SilhouetteSymmetry, candidates: np.ndarray) -> tup
     return best
 
 
-def _imperfect_normals(
+def _best_normals(
     silhouette: SilhouetteSymmetry,
     accepted: np.ndarray,
     candidates: np.ndarray,
     field: np.ndarray,
 ) -> RotationalNormals | None:
-    """Return the normals of a surface of revolution that has handles, or whose silhouette lacks a part; None: neither.
+    """Return the normals of the surface of revolution in a silhouette, or in another one if that may be imperfect.
 
-    For the arguments see `surface_of_revolution_normals`.
+    It may have handles, or lack a part. None: there is no such surface. For the arguments see
+    `surface_of_revolution_normals`.
     """
+    own = surface_of_revolution_normals(silhouette, accepted, candidates, field)
+    if own is not None and (own.relief_fit > 0.0 or own.round_error < DOUBTED_ERROR_DEG):
+        return own
     mask, observed = silhouette.mask, _observed(accepted, candidates)
     measured = [SilhouetteSymmetry(part, silhouette.inverse_focal) for part in measured_silhouettes(mask, accepted)]
-    parts = [(body, IMPERFECT_LIMITS, 1.0) for body in silhouette.bodies]
-    parts += [(whole, COMPLETED_LIMITS, 1.0) for whole in silhouette.completions]
-    parts += [(whole, MEASURED_LIMITS, MEASURED_ERROR_RATIO) for whole in measured]
-    least_error: float = np.inf
+    if own is None:
+        parts = [(body, IMPERFECT_LIMITS, 1.0) for body in silhouette.bodies]
+        parts += [(whole, COMPLETED_LIMITS, 1.0) for whole in silhouette.completions]
+        parts += [(whole, MEASURED_LIMITS, MEASURED_ERROR_RATIO) for whole in measured]
+        least_error: float = np.inf
+    else:
+        parts = [(whole, MEASURED_LIMITS, DOUBTED_ERROR_RATIO) for whole in measured]
+        least_error = _observed_error(own.normals, *observed)
     best: tuple[np.ndarray, RotationalNormals] | None = None
     for part, limits, error_ratio in parts:
         within = np.where(part.mask[..., None], accepted, np.nan)
@@ -159,7 +170,7 @@ def _imperfect_normals(
             if error < least_error:
                 least_error, best = error, (part.mask, fitted)
     if best is None:
-        return None
+        return own
     part_mask, fitted = best
     normals = with_handles(fitted.normals, handles_beside(mask, part_mask), mask, accepted, candidates)
     is_body = (normals == fitted.normals).all(axis=-1)

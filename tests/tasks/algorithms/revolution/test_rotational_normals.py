@@ -55,6 +55,19 @@ def test_a_surface_of_revolution_is_found_where_the_mask_lacks_a_part_of_one_sid
     assert np.median(angles(result.normals, truth)[mask]) < 2.0
 
 
+def test_normals_contradict_a_mask_that_lacks_the_same_on_both_sides() -> None:
+    truth = beaker_normals(14.0)
+    x, y = camera_positions()
+    mask = np.isfinite(truth[..., 0]) & ~((np.abs(x) > 35.0) & (y > 0.0))
+    accepted = np.where(mask[..., None], observable(truth), np.nan)
+    flat = np.where(mask[..., None], (0.0, 0.0, 1.0), np.nan)
+    narrow = surface_of_revolution_normals(SilhouetteSymmetry(mask), accepted, accepted[None], flat)
+    result = RotationalSymmetry(mask, None).normals(accepted, accepted[None], flat)
+    assert narrow is not None and result is not None
+    wrong, right = (angles(fit.normals, truth)[mask & (y > 10.0)].mean() for fit in (narrow, result))
+    assert right < 0.6 * wrong
+
+
 def test_a_relief_does_not_excuse_a_completed_silhouette() -> None:
     azimuth, _ = cylindrical(14.0)
     ribs = turned(np.stack([np.radians(25.0) * np.sin(16.0 * azimuth), 0.0 * azimuth], axis=-1), 14.0)
