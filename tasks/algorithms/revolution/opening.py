@@ -141,12 +141,12 @@ def _end_cut_off(
     scores = np.array(
         [-np.inf if fit is None else fit.score - count + missed[0] for fit, count in zip(fits, missed, strict=True)]
     )
-    uncut = max(float(scores[0]), float(_worth(sign, _agreeing_share(sign)).sum()))
+    closed, uncut = float(_worth(sign, _agreeing_share(sign)).sum()), float(scores[0])
     scores[[fit is None or fit.share < CUT_OPEN_SHARE for fit in fits]] = -np.inf
     best = int(np.argmax(scores))
-    if scores[best] > MIN_CUT_GAIN * max(uncut, 0.0):
+    if scores[best] > MIN_CUT_GAIN * max(closed, uncut, 0.0):
         return float(lengths[best])
-    return None if fits[0] is None else 0.0
+    return 0.0 if uncut > closed else None
 
 
 def agreement(normals: np.ndarray, candidates: np.ndarray) -> np.ndarray:
