@@ -2,7 +2,7 @@
 
 The normal of a circle of radius r about the axis, at the distance u from the axis in the image, has the component u/r
 across the view, relative to its length in the circle's plane. So normals well inside the contour measure axis, tilt and
-radii.
+radii. Those of a sphere do not show an axis, but its centre and radius.
 """
 
 from collections.abc import Callable
@@ -37,6 +37,9 @@ MIN_DEVIATION_SHARE, MAX_DEVIATION_SHARE = 0.025, 0.15
 """Deviation of a normal's place up to which it counts in full, and beyond which it is as bad as any, in inradii."""
 MIN_CIRCLE_WEIGHT = 2.0
 """Normals, as if all of them pointed across, without which the radius of a circle is unknown."""
+MAX_SPHERE_RATIO = 2.0
+"""Misfit of a sphere, relative to that of circles about the best axis, up to which it is one: 1.5 on hemispheres, since
+it lies in two directions rather than one, and 3 and more on glasses, mugs and jugs."""
 MIN_CIRCLES = 3
 """Circles without which there is no silhouette."""
 
@@ -100,7 +103,8 @@ def measured_silhouettes(mask: np.ndarray, normals: np.ndarray) -> list[np.ndarr
     """Return silhouettes (H, W) bool of the surface of revolution that normals (H, W, 3), else NaN, show best.
 
     Where they give its radius, it is as wide as that. Elsewhere it is where the mask (H, W) bool and its mirror image
-    about the axis overlap, or, in a second silhouette, both together. None if the normals are too few.
+    about the axis overlap, or, in a second silhouette, both together. Of a sphere it is the disc. None if the normals
+    are too few.
     """
     rows, columns = np.nonzero(mask & np.isfinite(normals[..., 0]))
     if len(rows) < LEAST_NORMALS:
@@ -113,6 +117,10 @@ def measured_silhouettes(mask: np.ndarray, normals: np.ndarray) -> list[np.ndarr
     circles = sample.circles(angle, tilt, FINE_ROUNDS)
     if circles is None or (circles.weights >= MIN_CIRCLE_WEIGHT).sum() < MIN_CIRCLES:
         return []
+    misfit, middle, radius = _fitted_sphere(sample)
+    if misfit < MAX_SPHERE_RATIO * circles.misfit:
+        x, y = centre + middle
+        return [np.hypot(*(np.indices(mask.shape) - np.array([y, x])[:, None, None])) <= radius]
     image = mirror_image(mask, MirrorAxis(centre, angle, circles.offset))
     measured = [_with_circles(base, mask, circles, centre, angle) for base in (mask & image, mask | image)]
     return [silhouette for silhouette in measured if silhouette.any()]
@@ -138,6 +146,27 @@ def _best_axis(sample: _Sample) -> tuple[float, float]:
     steps = float(np.radians(AXIS_STEP_DEG / 2)), float(np.radians(AXIS_TILT_STEP_DEG / 2))
     refined = [refined_place(fine, seed, steps, float(np.radians(LAST_AXIS_STEP_DEG)))[0] for seed in seeds]
     return max(refined, key=lambda place: fine(*place))
+
+
+def _fitted_sphere(sample: _Sample) -> tuple[float, np.ndarray, float]:
+    """Fit a sphere to the places of normals by robust least squares (Cauchy weights).
+
+    Returns the mean distance from where they would be on it, bounded, its centre (2,) in the frame of the places, and
+    its radius.
+    """
+    # Rows run downwards, y upwards.
+    outward, weights = sample.normals[:, :2] * (1.0, -1.0), np.ones(len(sample.normals))
+    deviation, middle, radius = weights, np.zeros(2), 0.0
+    for _ in range(FINE_ROUNDS):
+        place, direction = (np.average(values, axis=0, weights=weights) for values in (sample.places, outward))
+        spread_out = outward - direction
+        total = float((weights[:, None] * spread_out**2).sum())
+        radius = float((weights[:, None] * spread_out * (sample.places - place)).sum()) / max(total, 1e-9)
+        middle = place - radius * direction
+        deviation = np.linalg.norm(sample.places - middle - radius * outward, axis=1)
+        spread = max(MIN_DEVIATION_SHARE * sample.scale, robust_deviation(deviation))
+        weights = 1.0 / (1.0 + (deviation / spread) ** 2)
+    return float(np.minimum(deviation, MAX_DEVIATION_SHARE * sample.scale).mean()), middle, radius
 
 
 def _fitted_circles(

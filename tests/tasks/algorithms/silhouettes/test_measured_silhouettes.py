@@ -39,6 +39,16 @@ def test_a_fifth_of_false_normals_does_not_change_the_silhouette() -> None:
     assert max(overlap(silhouette, whole) for silhouette in measured_silhouettes(whole, mixed)) > 0.93
 
 
+def test_the_normals_of_a_sphere_show_its_disc() -> None:
+    x, y = camera_positions()
+    ratio = np.hypot(x - 6.0, y + 4.0) / 50.0
+    disc = ratio < 1.0
+    normals = np.stack([(x - 6.0) / 50.0, (y + 4.0) / 50.0, np.sqrt(np.clip(1.0 - ratio**2, 0.0, None))], axis=-1)
+    mask = disc & (x < 40.0) | (np.hypot(x + 30.0, y - 20.0) < 30.0)
+    (measured,) = measured_silhouettes(mask, np.where((mask & disc)[..., None], observable(normals), np.nan))
+    assert overlap(mask, disc) < 0.9 and overlap(measured, disc) > 0.98
+
+
 def test_too_few_normals_measure_nothing() -> None:
     truth = beaker_normals(14.0)
     few = np.full_like(truth, np.nan)
