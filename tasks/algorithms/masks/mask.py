@@ -6,7 +6,7 @@ Walls of glasses refract the table without any highlight: the contour moves out 
 stronger than the one that it leaves, then farther to a clear line of it, as the outer face of a thin wall is, and to
 that which both sides of a vessel show (`symmetric_walls`); and in from the blur of highlights at the rim. A round foot
 is added, of which only the rim differs from the table (`round_foot`), and the opening of a handle taken away
-(`handle_openings`).
+(`mask_regions`).
 """
 
 from collections.abc import Sequence
@@ -18,8 +18,14 @@ from scipy import ndimage
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.masks.contour_edges import edge_image, stronger_pieces, without_blur
 from glint.tasks.algorithms.masks.grid_cut import Links, grid_cut, links
-from glint.tasks.algorithms.masks.handle_openings import handle_openings
-from glint.tasks.algorithms.masks.mask_regions import CLOSE_SHARE, closed, filled, large_components, thick_components
+from glint.tasks.algorithms.masks.mask_regions import (
+    CLOSE_SHARE,
+    closed,
+    filled,
+    handle_openings,
+    large_components,
+    thick_components,
+)
 from glint.tasks.algorithms.masks.round_foot import round_foot
 from glint.tasks.algorithms.masks.symmetric_walls import evident_axis, with_symmetric_walls
 from glint.tasks.algorithms.masks.table_response import TableResponse, table_response

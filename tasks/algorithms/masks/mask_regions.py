@@ -1,10 +1,12 @@
-"""Regions of an estimated mask: components that belong together, gaps that close, holes that are glass."""
+"""Regions of an estimated mask: components that belong together, gaps that close, holes that are glass or openings."""
 
 import cv2
 import numpy as np
 from scipy import ndimage
 
+from glint.tasks.algorithms.geometry.connected_parts import largest_part
 from glint.tasks.algorithms.geometry.distance import depth_inside
+from glint.tasks.algorithms.silhouettes.mirror_images import MirrorAxis, mirror_image, symmetric_body
 
 JOIN_SHARE, CLOSE_SHARE, BRIDGE_SHARE = 0.1, 0.07, 0.12
 """Gaps that are closed, as shares of the edge of a square of the object's area: between components of one object,
@@ -25,6 +27,14 @@ MAX_ALONG_EDGE_RATIO = 0.3
 """Pixels of a component on the frame's edge, relative to the root of its area, from which it lies along that edge."""
 EDGE_PENALTY = 0.1
 """Weight of the flashing pixels of a component along the frame's edge: a light or an arm in the picture."""
+MIN_OPENING_RATIO, MIN_OPENING_PX = 0.002, 12
+"""Area of the smallest opening, relative to the object's and in pixels."""
+MIN_HANDLE_RATIO = 0.02
+"""Area of the smallest handle with its opening, relative to the object's."""
+MIN_THICKNESS_PX = 2
+"""Least thickness of a handle."""
+SPECK = np.ones((3, 3))
+"""What is narrower than this is noise, or the contour's."""
 
 
 def main_components(differing: np.ndarray, flashing: np.ndarray, moment: np.ndarray) -> np.ndarray:
@@ -105,6 +115,29 @@ def bridged(differing: np.ndarray, mask: np.ndarray) -> np.ndarray:
         if is_large and is_enclosed and np.isin(around[grown][region], open_labels).mean() > 0.5:
             result[grown] |= region
     return result
+
+
+def handle_openings(mask: np.ndarray, is_like_table: np.ndarray, axis: MirrorAxis) -> np.ndarray:
+    """Return the pixels (H, W) bool of a mask (H, W) bool that are openings of a handle, which show the table.
+
+    The clear wall of a vessel does so too. But an opening lies in what stands off on one side of the body, which is
+    symmetric about its axis, and the handle encloses it.
+
+    is_like_table: (H, W) bool, pixels that follow the light as the table does. axis: of the body.
+    """
+    is_like_table = ndimage.binary_opening(mask & is_like_table, SPECK)
+    min_area = max(MIN_OPENING_PX, MIN_OPENING_RATIO * float(mask.sum()))
+    if not without_specks(is_like_table, min_area, diagonal=False).any():
+        return np.zeros_like(mask)
+    body = symmetric_body(mask, mirror_image(mask, axis))
+    if body is None:
+        return np.zeros_like(mask)
+    handle = largest_part(ndimage.binary_opening(mask & ~body, SPECK))
+    if handle.sum() < MIN_HANDLE_RATIO * mask.sum():
+        return np.zeros_like(mask)
+    components, _ = ndimage.label(without_specks(is_like_table & handle, min_area, diagonal=False))
+    at_rim = components[~ndimage.binary_erosion(mask, SPECK, iterations=MIN_THICKNESS_PX)]
+    return np.asarray((components > 0) & ~np.isin(components, at_rim))
 
 
 def closed(mask: np.ndarray, radius: float) -> np.ndarray:

@@ -29,8 +29,6 @@ AXIS_STEPS, LAST_MIRROR_STEP_DEG = (float(np.radians(1.0)), 1.0), 0.05
 WALL_REACH_SHARE, INWARD_SHARE = 0.18, 0.03
 """Farthest that the cut moves the contour of the mask and its mirror image out, and that of what both share in, as
 shares of that edge."""
-CUT_ROUNDS = 2
-"""Times that the contour is moved."""
 MIN_SHIFT_PX = 2
 """Distance that it may be moved in any case."""
 MIN_WALL_EXCESS, MIN_WALL_EXCESS_RATIO = 0.12, 0.4
@@ -114,7 +112,7 @@ def _symmetric_body(
 ) -> np.ndarray:
     """Return the body (H, W) bool, symmetric about an axis, of minimum energy; see `with_symmetric_walls`."""
     edge = float(np.sqrt(mask.sum()))
-    upright, size = _upright(mask, axis, WALL_REACH_SHARE * edge * (1 + CUT_ROUNDS))
+    upright, size = _upright(mask, axis, WALL_REACH_SHARE * edge + 2 * MIN_SHIFT_PX)
 
     def turned(image: np.ndarray, border: int = cv2.BORDER_CONSTANT) -> np.ndarray:
         return np.asarray(cv2.warpAffine(image.astype(np.float32), upright, size, borderMode=border))
@@ -125,12 +123,15 @@ def _symmetric_body(
     possible = free_there & free_there[:, ::-1]
     shared, reach = mask_there & mask_there[:, ::-1], mask_there | mask_there[:, ::-1]
     inside = ndimage.distance_transform_edt(shared) > max(MIN_SHIFT_PX, round(INWARD_SHARE * edge))
-    body = shared
-    for _ in range(CUT_ROUNDS):
-        outside = ndimage.distance_transform_edt(~reach) > max(MIN_SHIFT_PX, round(WALL_REACH_SHARE * edge))
-        body = grid_cut(difference, capacities, inside, outside | ~possible)
-        reach = reach | body
-    body = (body & body[:, ::-1]).astype(np.float32)
+    outside = ndimage.distance_transform_edt(~reach) > max(MIN_SHIFT_PX, round(WALL_REACH_SHARE * edge))
+    # Both sides are one: the cut is that of one side, of which the pixels on the axis count half.
+    half = slice(size[0] // 2, None)
+    sides = {neighbour: capacity[:, half].copy() for neighbour, capacity in capacities.items()}
+    sides[1, 0][:, 0] *= 0.5
+    difference = difference[:, half].copy()
+    difference[:, 0] *= 0.5
+    side = grid_cut(difference, sides, inside[:, half], (outside | ~possible)[:, half])
+    body = np.hstack([side[:, :0:-1], side]).astype(np.float32)
     turned_back = cv2.warpAffine(body, upright, mask.shape[::-1], flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
     return np.asarray(turned_back > 0.5)
 

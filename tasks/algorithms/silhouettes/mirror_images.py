@@ -57,6 +57,8 @@ def mirror_images(mask: np.ndarray) -> list[np.ndarray]:
 
 def mirror_axes(mask: np.ndarray) -> list[MirrorAxis]:
     """Return the axes of at most MAX_IMAGES mirror images of a silhouette (H, W) bool, best first."""
+    if not mask.any():
+        return []
     depth = depth_inside(mask)
     contour = _contour(mask)
     to_contour = distance_inside(~contour)

@@ -1,6 +1,6 @@
 import numpy as np
 
-from glint.tasks.algorithms.masks.handle_openings import handle_openings
+from glint.tasks.algorithms.masks.mask_regions import handle_openings
 from glint.tasks.algorithms.silhouettes.mirror_images import MirrorAxis, mirror_axes
 
 ROWS, COLUMNS = np.indices((160, 160))
