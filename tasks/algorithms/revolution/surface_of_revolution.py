@@ -140,14 +140,11 @@ class SurfaceOfRevolution:
     def cut_off(self, length: float) -> "SurfaceOfRevolution":
         """Return the surface without so many pixels of its length at the end that faces the camera, which is flat then.
 
-        Raises:
-            ValueError: neither end faces the camera.
+        Where neither end faces the camera nothing is cut off.
         """
-        if not self.facing:
-            raise ValueError("no end faces the camera: nothing can be cut off")
         body = np.flatnonzero(self.squared_radii > 0.0)
         count = min(round(length / (self.heights[1] - self.heights[0])), len(body) - 1)
-        if count == 0:
+        if not self.facing or count == 0:
             return self
         squared, half_slopes = self.squared_radii.copy(), self.half_slopes.copy()
         beyond = slice(int(body[-count]), None) if self.facing > 0 else slice(None, int(body[count - 1]) + 1)

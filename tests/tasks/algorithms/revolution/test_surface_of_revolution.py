@@ -6,6 +6,7 @@ import pytest
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 from glint.tasks.algorithms.silhouettes.reflection_axes import ReflectionAxis
+from tests.tasks.algorithms.revolution.beaker import tumbler
 
 UPRIGHT = ReflectionAxis(np.zeros(2), np.array([1.0, 0.0]), 1.0)
 
@@ -96,3 +97,19 @@ def test_more_normals_correct_slopes_further_and_normals_of_another_wall_do_not(
 
     assert correction(5.0, 15) > 1.5 * correction(5.0, 3) > 0.0
     assert correction(50.0, 15) == 0.0
+
+
+@pytest.mark.parametrize("tilt", [20.0, -20.0])
+def test_the_end_that_faces_the_camera_is_cut_off(tilt: float) -> None:
+    whole = tumbler(tilt, 60.0, 45.0)
+    shorter = whole.cut_off(10.0)
+    assert shorter.end_height == pytest.approx(whole.end_height - 10.0 * np.sign(tilt), abs=0.6)
+    assert shorter.end_radius == pytest.approx(whole.end_radius - 1.25 * np.sign(tilt), abs=0.2)
+    # At its middle the camera looks on the flat end.
+    x, y = np.zeros(1), np.array([shorter.end_height * np.cos(np.radians(tilt))])
+    assert shorter.is_end(x, y).all() and whole.cut_off(0.0) is whole
+
+
+def test_nothing_is_cut_off_where_no_end_faces_the_camera() -> None:
+    level = tumbler(0.0, 60.0, 45.0)
+    assert level.cut_off(10.0) is level
