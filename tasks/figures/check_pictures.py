@@ -15,8 +15,9 @@ from glint.tasks.figures.coverage_map import draw_coverage
 from glint.tasks.figures.keyframe_picture import draw_keyframe
 
 REGION_RGB, MASK_RGB, SPHERE_RGB, DOUBT_RGB = (255, 190, 60), (80, 220, 120), (90, 160, 255), (255, 60, 60)
-DOUBTFUL = 0.05
-"""Doubt of a silhouette from which it is drawn as doubtful: half of the least that a piece of contour has."""
+DOUBTFUL, DOUBTFUL_SHARE = 0.05, 0.5
+"""Doubt of a silhouette from which it is drawn as doubtful, and its share of the largest: doubt falls with the distance
+from the piece that is to be corrected."""
 
 
 def write_check_pictures(
@@ -71,7 +72,7 @@ def draw_overview(
 ) -> np.ndarray:
     """Draw region, silhouette and spheres into a frame (H, W) uint8 or uint16; the picture (H, W, 3) uint8.
 
-    The silhouette is red where its doubt (H, W) of the region is at least DOUBTFUL.
+    The silhouette is red where its doubt (H, W) of the region is at least DOUBTFUL, and half of the largest.
     """
     picture = cv2.cvtColor(eight_bits(frame), cv2.COLOR_GRAY2RGB)
     corner = (region.x + region.width - 1, region.y + region.height - 1)
@@ -90,7 +91,7 @@ def _draw_silhouette(picture: np.ndarray, region: Region, mask: np.ndarray, doub
     cv2.drawContours(picture, contours, -1, MASK_RGB, 1, offset=(region.x, region.y))
     inside = picture[region.rows, region.columns]
     rim = (cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)) > 0) & mask
-    inside[rim & (doubt >= DOUBTFUL)] = DOUBT_RGB
+    inside[rim & (doubt >= max(DOUBTFUL, DOUBTFUL_SHARE * float(doubt.max())))] = DOUBT_RGB
 
 
 def _placed(image: np.ndarray, region: Region, frame: np.ndarray) -> np.ndarray:

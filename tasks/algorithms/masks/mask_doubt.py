@@ -1,4 +1,4 @@
-"""Doubt of a mask: where its contour contradicts the video, and the probability that normals are wrong by it.
+"""Doubt of a mask: where its contour contradicts the video, and the probability that normals are wrong because of it.
 
 A right contour is where background and highlights change most: farther in and farther out their edges are weaker.
 Glass shows highlights up to its contour; where there are none, an estimated contour rests on refraction alone.
@@ -34,7 +34,7 @@ RAGGED_RATIO = 1.25
 SHIFT_DOUBT, SHAPE_DOUBT, UNSUPPORTED_DOUBT = 0.8, 0.5, 0.1
 """Probability that normals are wrong because the silhouette is: where the data contradict it, where it is cut off, has
 a neck or is ragged, and where nothing supports it. Along the clear walls of glasses normals are right nevertheless: of
-the confident ones of 42 captures 99.3% are, with any value from 0 to 0.5."""
+the confident ones of 42 captures 99% are, with any value from 0 to 0.5."""
 OVERALL_SHARE = 0.1
 """Doubt that a doubtful contour casts on the whole object, relative to the doubt at the contour."""
 TABLE_SHARES, MAX_TABLE_SHARE = (0.08, 0.03, 0.0), 0.5
@@ -54,7 +54,7 @@ class Objection:
 
     kind: `too large`, `too small`, `cut`, `neck`, `ragged` or `unsupported`. share: of the contour. offset: of the
     stronger edge, pixels outward. x, y: centre of the piece in pixels of the mask. doubt: probability that normals
-    there are wrong by it. piece: (H, W) bool, its pixels.
+    there are wrong because of it. piece: (H, W) bool, its pixels.
     """
 
     kind: str

@@ -27,8 +27,8 @@ standard deviation of their smoothing."""
 AXIS_STEPS, LAST_MIRROR_STEP_DEG = (float(np.radians(1.0)), 1.0), 0.05
 """First steps of the axis' angle and offset, radians and pixels, and the step of the angle at which its search ends."""
 WALL_REACH_SHARE, INWARD_SHARE = 0.18, 0.03
-"""Farthest that the cut moves the contour of the mask and its mirror image out, and that of what both share in, as
-shares of that edge."""
+"""Farthest that the cut moves the contour of mask and mirror image together outward, and that of their overlap inward,
+as shares of the edge of such a square."""
 MIN_SHIFT_PX = 2
 """Distance that it may be moved in any case."""
 MIN_WALL_EXCESS, MIN_WALL_EXCESS_RATIO = 0.12, 0.4
@@ -50,7 +50,7 @@ def with_symmetric_walls(
     Args:
         mask: (H, W) bool.
         images: (H, W) each; a difference of 1 between neighbours is an edge.
-        difference: (H, W), by how much pixels differ from the table, nats, 0 where they are like it.
+        difference: (H, W), by how much pixels differ from the table, nats, small where they are like it.
         is_table: (H, W) bool, pixels of the table.
         free: (H, W) bool, where the object may be.
     """
@@ -84,7 +84,8 @@ def _slopes(images: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
 def _nearby_axis(edges: np.ndarray, mask: np.ndarray, axis: MirrorAxis) -> tuple[MirrorAxis, float]:
     """Return the axis near another about which edges (H, W) are most like their mirror images, and how like they are.
 
-    Both are compared by their correlation near the mask, 1 where they are alike.
+    Likeness is the sum of their products near the mask, without the edges' mean there, relative to that of the edges'
+    squares.
     """
     near = ndimage.distance_transform_edt(~mask) <= AXIS_REACH_SHARE * np.sqrt(mask.sum())
     smooth = cv2.GaussianBlur(edges.astype(np.float32), (0, 0), AXIS_SIGMA_PX)
@@ -201,5 +202,5 @@ def _crosses(axis: MirrorAxis, piece: np.ndarray) -> bool:
 
 
 def _evidence(slopes: np.ndarray) -> np.ndarray:
-    """Return the evidence (H, W) of an edge, 0 to 1, of slopes (N, H, W): what a link across it costs less."""
+    """Return the evidence (H, W) of an edge, 0 to 1, of slopes (N, H, W): by how much less a link across it costs."""
     return np.asarray(1.0 - 1.0 / (1.0 + np.square(slopes).sum(axis=0)))

@@ -63,7 +63,7 @@ class Separation:
 
     @property
     def difference(self) -> np.ndarray:
-        """How much pixels (H, W) differ from the table, nats; 0 where they are like it, as clear glass is too."""
+        """How much pixels (H, W) differ from the table, nats; small where they are like it, as clear glass is too."""
         return np.asarray(self.ratios + DISTANCE_THRESHOLD / 2.0)
 
     @property

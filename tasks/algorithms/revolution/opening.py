@@ -13,8 +13,8 @@ from glint.tasks.algorithms.geometry.vectors import angles, to_camera
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 
 AGREES_DEG, OPEN_END_SHARE = 8.0, 0.3
-"""An end is an opening if this share of its pixels has a candidate within this angle of the far wall: 0.33 to 0.95 on
-27 open vessels, up to 0.22 on 12 closed ones."""
+"""An end may be an opening if this share of its pixels has a candidate within this angle of the far wall: 0.33 to 0.95
+on 27 open vessels, up to 0.22 on 12 closed ones."""
 MIN_OPENING_SHARE = 0.005
 """Share of the object's pixels through which the far wall must be visible."""
 MIN_OBSERVED_NZ = float(np.cos(np.radians(40.0)))

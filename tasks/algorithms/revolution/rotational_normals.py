@@ -15,7 +15,7 @@ from glint.tasks.algorithms.geometry.vectors import to_camera
 from glint.tasks.algorithms.revolution.fit_limits import SYMMETRIC_LIMITS, FitLimits
 from glint.tasks.algorithms.revolution.handles import handles_beside, with_handles
 from glint.tasks.algorithms.revolution.opening import agreement
-from glint.tasks.algorithms.revolution.relief import capped_angles
+from glint.tasks.algorithms.revolution.relief import ERROR_CAP_DEG, capped_angles
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 from glint.tasks.algorithms.revolution.symmetry import (
     COARSE_STEP_PX,
@@ -183,11 +183,13 @@ def _observed(accepted: np.ndarray, candidates: np.ndarray) -> tuple[np.ndarray,
     Where a normal is accepted it is the only one. What no normal was accepted of, as the far wall seen through an
     opening, tells surfaces apart that fit a wall alike.
     """
-    shown = np.where(np.isfinite(accepted[..., :1]), accepted[None], candidates)
-    is_observed = np.isfinite(shown[..., 0]).any(axis=0)
-    return is_observed, shown[:, is_observed]
+    is_accepted = np.isfinite(accepted[..., 0])
+    is_observed = is_accepted | np.isfinite(candidates[..., 0]).any(axis=0)
+    shown = np.array(candidates[:, is_observed])
+    shown[:, is_accepted[is_observed]] = accepted[is_accepted]
+    return is_observed, shown
 
 
 def _observed_error(normals: np.ndarray, is_observed: np.ndarray, shown: np.ndarray) -> float:
     """Return the mean capped angle in degrees of normals (H, W, 3) to the nearest of those shown; see `_observed`."""
-    return float(np.fmin.reduce(capped_angles(normals[is_observed][None], shown)).mean())
+    return float(capped_angles(normals[is_observed][None], shown).min(axis=0, initial=ERROR_CAP_DEG).mean())

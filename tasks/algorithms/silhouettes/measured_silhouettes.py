@@ -37,9 +37,10 @@ MIN_DEVIATION_SHARE, MAX_DEVIATION_SHARE = 0.025, 0.15
 """Deviation of a normal's place up to which it counts in full, and beyond which it is as bad as any, in inradii."""
 MIN_CIRCLE_WEIGHT = 2.0
 """Normals, as if all of them pointed across, without which the radius of a circle is unknown."""
-MAX_SPHERE_RATIO = 2.0
+MAX_SPHERE_RATIO, MAX_SPHERE_MISFIT, MIN_SPHERE_RADIUS = 2.0, 0.3, 0.5
 """Misfit of a sphere, relative to that of circles about the best axis, up to which it is one: 1.5 on hemispheres, since
-it lies in two directions rather than one, and 3 and more on glasses, mugs and jugs."""
+it lies in two directions rather than one, and 3 and more on glasses, mugs and jugs; its misfit relative to the bound,
+0.2 on hemispheres; and its radius in inradii."""
 MIN_CIRCLES = 3
 """Circles without which there is no silhouette."""
 
@@ -103,8 +104,8 @@ def measured_silhouettes(mask: np.ndarray, normals: np.ndarray) -> list[np.ndarr
     """Return silhouettes (H, W) bool of the surface of revolution that normals (H, W, 3), else NaN, show best.
 
     Where they give its radius, it is as wide as that. Elsewhere it is where the mask (H, W) bool and its mirror image
-    about the axis overlap, or, in a second silhouette, both together. Of a sphere it is the disc. None if the normals
-    are too few.
+    about the axis overlap, or, in a second silhouette, both together. Of a sphere it is the disc. There
+    are none if the normals are too few.
     """
     rows, columns = np.nonzero(mask & np.isfinite(normals[..., 0]))
     if len(rows) < LEAST_NORMALS:
@@ -118,7 +119,9 @@ def measured_silhouettes(mask: np.ndarray, normals: np.ndarray) -> list[np.ndarr
     if circles is None or (circles.weights >= MIN_CIRCLE_WEIGHT).sum() < MIN_CIRCLES:
         return []
     misfit, middle, radius = _fitted_sphere(sample)
-    if misfit < MAX_SPHERE_RATIO * circles.misfit:
+    # What fits neither has the bound as its misfit.
+    limit = min(MAX_SPHERE_RATIO * circles.misfit, MAX_SPHERE_MISFIT * MAX_DEVIATION_SHARE * scale)
+    if misfit < limit and radius > MIN_SPHERE_RADIUS * scale:
         x, y = centre + middle
         return [np.hypot(*(np.indices(mask.shape) - np.array([y, x])[:, None, None])) <= radius]
     image = mirror_image(mask, MirrorAxis(centre, angle, circles.offset))

@@ -3,7 +3,7 @@ import pytest
 
 from glint.tasks.algorithms.silhouettes.measured_silhouettes import measured_silhouettes
 from tests.tasks.algorithms.overlap import overlap
-from tests.tasks.algorithms.revolution.beaker import SHAPE, beaker_normals, camera_positions, observable
+from tests.tasks.algorithms.revolution.beaker import SHAPE, beaker_normals, camera_positions, observable, tumbler
 
 
 @pytest.mark.parametrize("tilt", [0.0, 14.0, -20.0])
@@ -47,6 +47,18 @@ def test_the_normals_of_a_sphere_show_its_disc() -> None:
     mask = disc & (x < 40.0) | (np.hypot(x + 30.0, y - 20.0) < 30.0)
     (measured,) = measured_silhouettes(mask, np.where((mask & disc)[..., None], observable(normals), np.nan))
     assert overlap(mask, disc) < 0.9 and overlap(measured, disc) > 0.98
+
+
+@pytest.mark.parametrize("tilt", [30.0, 40.0])
+def test_the_far_wall_of_an_open_vessel_is_no_sphere(tilt: float) -> None:
+    vessel = tumbler(tilt, 60.0 if tilt == 30.0 else 30.0, 45.0)
+    x, y = (places.ravel() for places in camera_positions())
+    normals, is_end = vessel.normals(x, y), vessel.is_end(x, y)
+    normals[is_end] = vessel.normals(x[is_end], y[is_end], far=True)
+    shown = normals.reshape(*SHAPE, 3)
+    whole = np.isfinite(shown[..., 0])
+    # Of circles there are two silhouettes.
+    assert len(measured_silhouettes(whole, observable(shown))) == 2
 
 
 def test_too_few_normals_measure_nothing() -> None:
