@@ -32,14 +32,15 @@ UNREACHABLE_HINTS = (
     "connect",
     "timed out",
     "timeout",
-    "dns",
+    "dns error",
+    "failed to lookup address",
     "error sending request",
     "500 internal",
     "502 bad",
     "503 s",
     "504 gateway",
 )
-"""Parts of an error's text, in lower case, if the store does not answer."""
+"""Parts of an error's text, in lower case, if the store does not answer; longer than a part of a random name may be."""
 
 UNKNOWN_CAUSE_REMEDY = "check that the store is reachable and undamaged"
 """The remedy for an error whose text says neither what is in the way nor that the store does not answer."""

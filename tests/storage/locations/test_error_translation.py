@@ -3,7 +3,7 @@
 import icechunk
 import pytest
 
-from glint.storage.errors import DamagedError
+from glint.storage.errors import DamagedError, StoreUnreachable
 from glint.storage.locations.error_translation import UNKNOWN_CAUSE_REMEDY, translate
 from glint.storage.versions.snapshots import index_errors
 
@@ -16,6 +16,13 @@ def test_numbers_are_no_status() -> None:
     assert translate("memory", "reading", OSError(DAMAGE)).remedy == UNKNOWN_CAUSE_REMEDY
     for text in ("403 Forbidden", "service error: StatusCode(403)", "AccessDenied"):
         assert "credentials" in translate("memory", "reading", OSError(text)).remedy
+
+
+def test_a_random_name_is_no_cause() -> None:
+    missing = OSError('object not found, path="chunks/HPXWP3NDNSAGZT5X8FCG"')
+    assert translate("the store", "reading", missing).remedy == UNKNOWN_CAUSE_REMEDY
+    unknown_host = OSError("error: dns error: failed to lookup address information: Name or service not known")
+    assert isinstance(translate("s3://here", "reading", unknown_host), StoreUnreachable)
 
 
 @pytest.mark.parametrize("detail", ["", " (connect, quota)"])
