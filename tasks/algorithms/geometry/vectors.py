@@ -62,3 +62,9 @@ def to_camera(columns: np.ndarray, rows: np.ndarray, width: int, height: int) ->
     Columns and rows count from 0 at the centre of the top-left pixel; the origin is the centre of the frame.
     """
     return columns - (width - 1) / 2, (height - 1) / 2 - rows
+
+
+def pixel_positions(pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return x and y (N,), pixels, camera frame, of the N pixels of a mask (H, W) bool, row by row."""
+    rows, columns = np.nonzero(pixels)
+    return to_camera(columns.astype(float), rows.astype(float), pixels.shape[1], pixels.shape[0])

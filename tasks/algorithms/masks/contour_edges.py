@@ -1,6 +1,8 @@
 """Edges of an image along a contour: its slope across the contour, in units of the slopes of the table's texture, and
 where its level is halfway between both sides'."""
 
+from collections.abc import Iterator
+
 import cv2
 import numpy as np
 from scipy import ndimage
@@ -67,21 +69,31 @@ def stronger_pieces(mask: np.ndarray, outer: np.ndarray, image: np.ndarray, is_w
     """
     limit = MAX_WALL_EDGE if is_wall else np.inf
     outer_slope, inner_slope = (np.minimum(slope_across(image, area), limit) for area in (outer, mask))
-    outer_contour, inner_contour = contour_pixels(outer) & ~ndimage.binary_dilation(mask), contour_pixels(mask)
-    pieces, _ = ndimage.label(outer & ~mask)
     result = np.zeros_like(mask)
-    for number, window in enumerate(ndimage.find_objects(pieces), 1):
-        grown = tuple(slice(max(0, side.start - 2), side.stop + 2) for side in window)
-        piece = pieces[grown] == number
-        near = ndimage.binary_dilation(piece)
-        new, old = outer_contour[grown] & near, inner_contour[grown] & near
-        if piece.sum() < MIN_PIECE_PX or not new.any() or not old.any():
-            continue
+    for grown, piece, new, old in pieces_beside(mask, outer, outer & ~mask):
         strength, replaced = float(outer_slope[grown][new].mean()), float(inner_slope[grown][old].mean())
         is_stronger = strength > MIN_OUTER_EDGE and strength > MIN_EDGE_RATIO * replaced
         if is_stronger or (is_wall and strength > CLEAR_OUTER_EDGE and strength > MIN_CLEAR_RATIO * replaced):
             result[grown] |= piece
     return result
+
+
+def pieces_beside(
+    mask: np.ndarray, outer: np.ndarray, added: np.ndarray
+) -> Iterator[tuple[tuple[slice, ...], np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield the connected pieces of MIN_PIECE_PX and more of what `outer` adds to a mask; all three (H, W) bool.
+
+    Of each the window around it, its pixels (h, w) bool there, and those of its new contour and of the old one.
+    """
+    outer_contour, inner_contour = contour_pixels(outer) & ~ndimage.binary_dilation(mask), contour_pixels(mask)
+    pieces, _ = ndimage.label(added)
+    for number, window in enumerate(ndimage.find_objects(pieces), 1):
+        grown = tuple(slice(max(0, side.start - 2), side.stop + 2) for side in window)
+        piece = pieces[grown] == number
+        near = ndimage.binary_dilation(piece)
+        new, old = outer_contour[grown] & near, inner_contour[grown] & near
+        if piece.sum() >= MIN_PIECE_PX and new.any() and old.any():
+            yield grown, piece, new, old
 
 
 def rim_offset(levels: np.ndarray, distance: np.ndarray, smooth: np.ndarray, used: np.ndarray) -> float | None:

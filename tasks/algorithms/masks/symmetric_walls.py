@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from glint.tasks.algorithms.masks.contour_edges import contour_pixels, slope_across
+from glint.tasks.algorithms.masks.contour_edges import pieces_beside, slope_across
 from glint.tasks.algorithms.masks.grid_cut import Links, grid_cut, links
 from glint.tasks.algorithms.masks.mask_regions import thick_components
 from glint.tasks.algorithms.silhouettes.mirror_images import MirrorAxis, mirror_axes, mirror_image
@@ -34,8 +34,8 @@ MIN_SHIFT_PX = 2
 MIN_WALL_EXCESS, MIN_WALL_EXCESS_RATIO = 0.12, 0.4
 """Mean evidence of an edge, 0 to 1, along the contour of a piece that is added, in excess of that on the table, and
 relative to that along the contour that it replaces."""
-MIN_PIECE_PX, MIN_DEPTH_PX = 8, 1.5
-"""Area and depth of the smallest piece: thinner ones are blur."""
+MIN_DEPTH_PX = 1.5
+"""Depth of the smallest piece: thinner ones are blur."""
 
 
 def with_symmetric_walls(
@@ -71,7 +71,12 @@ def evident_axis(mask: np.ndarray, images: Sequence[np.ndarray]) -> MirrorAxis |
     images: as for `with_symmetric_walls`. None: no part of the mask's contour is the mirror image of another.
     """
     edges = _evidence(np.concatenate(_slopes(images)))
-    scored = [_nearby_axis(edges, mask, axis) for axis in mirror_axes(mask)]
+    near = ndimage.distance_transform_edt(~mask) <= AXIS_REACH_SHARE * np.sqrt(mask.sum())
+    smooth = cv2.GaussianBlur(edges.astype(np.float32), (0, 0), AXIS_SIGMA_PX)
+    smooth -= smooth[near].mean() if near.any() else 0.0
+    points = np.argwhere(near)[:, ::-1]
+    points = points[:: max(1, len(points) // MAX_SCORED_PIXELS)].astype(float)
+    scored = [_nearby_axis(smooth, points, axis) for axis in mirror_axes(mask)]
     return max(scored, key=itemgetter(1))[0] if scored else None
 
 
@@ -81,23 +86,17 @@ def _slopes(images: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     return np.stack(down), np.stack(right)
 
 
-def _nearby_axis(edges: np.ndarray, mask: np.ndarray, axis: MirrorAxis) -> tuple[MirrorAxis, float]:
+def _nearby_axis(edges: np.ndarray, points: np.ndarray, axis: MirrorAxis) -> tuple[MirrorAxis, float]:
     """Return the axis near another about which edges (H, W) are most like their mirror images, and how like they are.
 
-    Likeness is the sum of their products near the mask, without the edges' mean there, relative to that of the edges'
-    squares.
+    Likeness is the sum of their products at points (N, 2), column and row, relative to that of the edges' squares.
     """
-    near = ndimage.distance_transform_edt(~mask) <= AXIS_REACH_SHARE * np.sqrt(mask.sum())
-    smooth = cv2.GaussianBlur(edges.astype(np.float32), (0, 0), AXIS_SIGMA_PX)
-    smooth -= smooth[near].mean()
-    points = np.argwhere(near)[:, ::-1]
-    points = points[:: max(1, len(points) // MAX_SCORED_PIXELS)].astype(float)
-    values = smooth[points[:, 1].astype(int), points[:, 0].astype(int)]
+    values = edges[points[:, 1].astype(int), points[:, 0].astype(int)]
     total = float(values @ values) + 1e-9
 
     def likeness(angle: float, offset: float) -> float:
         column, row = MirrorAxis(axis.centre, angle, offset).mirrored(points).astype(np.float32).T[:, :, None]
-        opposite = cv2.remap(smooth, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+        opposite = cv2.remap(edges, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
         return float(opposite[:, 0] @ values) / total
 
     place, _ = refined_place(likeness, (axis.angle, axis.offset), AXIS_STEPS, float(np.radians(LAST_MIRROR_STEP_DEG)))
@@ -177,15 +176,9 @@ def _with_evident_pieces(
     outer_excess, inner_excess = (
         _evidence(np.stack([slope_across(image, area) for image in images])) - on_table for area in (whole, mask)
     )
-    outer_contour, inner_contour = contour_pixels(whole) & ~ndimage.binary_dilation(mask), contour_pixels(mask)
-    pieces, _ = ndimage.label(thick_components(whole & ~mask, MIN_DEPTH_PX))
     result = mask.copy()
-    for number, window in enumerate(ndimage.find_objects(pieces), 1):
-        grown = tuple(slice(max(0, side.start - 2), side.stop + 2) for side in window)
-        piece = pieces[grown] == number
-        near = ndimage.binary_dilation(piece)
-        new, old = outer_contour[grown] & near, inner_contour[grown] & near
-        if piece.sum() < MIN_PIECE_PX or not new.any() or not old.any() or _crosses(axis, pieces == number):
+    for grown, piece, new, old in pieces_beside(mask, whole, thick_components(whole & ~mask, MIN_DEPTH_PX)):
+        if _crosses(axis, piece, grown):
             continue
         # A wall is as long as the contour that it replaces, a line that touches the contour longer.
         shortness = min(1.0, float(old.sum() / new.sum()))
@@ -195,9 +188,10 @@ def _with_evident_pieces(
     return result
 
 
-def _crosses(axis: MirrorAxis, piece: np.ndarray) -> bool:
-    """Return whether a piece (H, W) bool has pixels on both sides of an axis."""
-    across = (np.argwhere(piece)[:, ::-1] - axis.centre) @ axis.normal - axis.offset
+def _crosses(axis: MirrorAxis, piece: np.ndarray, window: tuple[slice, ...]) -> bool:
+    """Return whether a piece (h, w) bool in a window of the image has pixels on both sides of an axis."""
+    places = np.argwhere(piece) + [side.start for side in window]
+    across = (places[:, ::-1] - axis.centre) @ axis.normal - axis.offset
     return bool(across.min() < -1.0 and across.max() > 1.0)
 
 

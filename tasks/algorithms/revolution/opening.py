@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from glint.tasks.algorithms.geometry.vectors import angles, to_camera
+from glint.tasks.algorithms.geometry.vectors import angles, pixel_positions
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 
 AGREES_DEG, OPEN_END_SHARE = 8.0, 0.3
@@ -95,18 +95,13 @@ def find_opening(
         turns_deg: changes of the tilt that are tried.
         cuts: lengths that are cut off, 0 first, in radii of the vessel.
     """
-    rows, columns = np.nonzero(mask)
-    x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
     length = _end_cut_off(surface, mask, candidates, cuts)
     if length is None:
         return None
-    ended = surface.cut_off(length)
-    around = np.zeros(mask.shape, bool)
-    around[rows, columns] = surface.is_end(x, y) | ended.is_end(x, y)
-    around = mask & ndimage.binary_dilation(around, iterations=AROUND_PX)
-    chosen = around[rows, columns]
-    x, y, observed = x[chosen], y[chosen], candidates[:, around]
-    least = MIN_OPENING_SHARE * len(rows)
+    ended, (x, y) = surface.cut_off(length), pixel_positions(mask)
+    around = _around(mask, surface.is_end(x, y) | ended.is_end(x, y))
+    x, y = pixel_positions(around)
+    observed, least = candidates[:, around], MIN_OPENING_SHARE * float(mask.sum())
     surfaces = [
         surface.tilted(mask, surface.tilt + np.radians(turn)).cut_off(length) if turn else ended for turn in turns_deg
     ]
@@ -120,20 +115,16 @@ def _end_cut_off(
     surface: SurfaceOfRevolution, mask: np.ndarray, candidates: np.ndarray, cuts: tuple[float, ...]
 ) -> float | None:
     """Return the length in pixels beyond the lip of an open vessel; None if it is closed; see `find_opening`."""
-    rows, columns = np.nonzero(mask)
-    x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
     if not surface.facing:
         return None
+    x, y = pixel_positions(mask)
     lengths = np.array(cuts) * float(np.sqrt(surface.squared_radii.max()))
     ended = [surface.cut_off(float(length)) for length in lengths]
     # A ray that meets the end of what remains enters the whole body beyond it.
     beyond = surface.facing * (surface.intersect(x, y).heights - surface.end_height) > -lengths.max()
-    around = np.zeros(mask.shape, bool)
-    around[rows, columns] = beyond | surface.is_end(x, y)
-    around = mask & ndimage.binary_dilation(around, iterations=AROUND_PX)
-    chosen = around[rows, columns]
-    x, y, observed = x[chosen], y[chosen], candidates[:, around]
-    least = MIN_OPENING_SHARE * len(rows)
+    around = _around(mask, beyond | surface.is_end(x, y))
+    x, y = pixel_positions(around)
+    observed, least = candidates[:, around], MIN_OPENING_SHARE * float(mask.sum())
     fits = [_fit(end, x, y, observed, least) for end in ended]
     sign = agreement(surface.normals(x, y), observed)
     # Pixels of the mask that a shorter vessel does not cover contradict it.
@@ -147,6 +138,13 @@ def _end_cut_off(
     if scores[best] > MIN_CUT_GAIN * max(closed, uncut, 0.0):
         return float(lengths[best])
     return 0.0 if uncut > closed else None
+
+
+def _around(mask: np.ndarray, is_end: np.ndarray) -> np.ndarray:
+    """Return the pixels (H, W) bool of a mask, of N pixels, that belong to an end (N,) bool, and those beside it."""
+    around = np.zeros(mask.shape, bool)
+    around[mask] = is_end
+    return np.asarray(mask & ndimage.binary_dilation(around, iterations=AROUND_PX))
 
 
 def agreement(normals: np.ndarray, candidates: np.ndarray) -> np.ndarray:

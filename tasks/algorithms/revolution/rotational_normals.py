@@ -11,7 +11,7 @@ from operator import itemgetter
 import numpy as np
 
 from glint.tasks.algorithms.geometry.distance import with_nearest
-from glint.tasks.algorithms.geometry.vectors import to_camera
+from glint.tasks.algorithms.geometry.vectors import pixel_positions, to_camera
 from glint.tasks.algorithms.revolution.fit_limits import SYMMETRIC_LIMITS, FitLimits
 from glint.tasks.algorithms.revolution.handles import handles_beside, with_handles
 from glint.tasks.algorithms.revolution.opening import agreement
@@ -87,9 +87,8 @@ class RotationalSymmetry:
         if surface is None:
             return None
         mask = self._symmetry.mask
-        rows, columns = np.nonzero(mask)
         normals = np.full((*mask.shape, 3), np.nan, np.float32)
-        normals[rows, columns] = surface.normals(*to_camera(columns, rows, mask.shape[1], mask.shape[0]))
+        normals[mask] = surface.normals(*pixel_positions(mask))
         normals = with_nearest(normals, mask)
         return normals if aimed is None else aimed.normals_back(normals)
 

@@ -104,8 +104,8 @@ def measured_silhouettes(mask: np.ndarray, normals: np.ndarray) -> list[np.ndarr
     """Return silhouettes (H, W) bool of the surface of revolution that normals (H, W, 3), else NaN, show best.
 
     Where they give its radius, it is as wide as that. Elsewhere it is where the mask (H, W) bool and its mirror image
-    about the axis overlap, or, in a second silhouette, both together. Of a sphere it is the disc. There
-    are none if the normals are too few.
+    about the axis overlap, or, in a second silhouette, both together. Of a sphere it is the disc. There are none if the
+    normals are too few.
     """
     rows, columns = np.nonzero(mask & np.isfinite(normals[..., 0]))
     if len(rows) < LEAST_NORMALS:

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from glint.tasks.algorithms.geometry.distance import inradius
-from glint.tasks.algorithms.geometry.vectors import to_camera
+from glint.tasks.algorithms.geometry.vectors import pixel_positions
 
 MIN_SYMMETRY_IOU = 0.96
 """Intersection over union of a silhouette with its mirror image from which it counts as symmetric."""
@@ -52,9 +52,7 @@ def reflection_axes(mask: np.ndarray, min_iou: float = MIN_SYMMETRY_IOU) -> list
     """
     if inradius(mask) < MIN_INRADIUS_PX:
         return []
-    height, width = mask.shape
-    rows, columns = np.nonzero(mask)
-    points = np.stack(to_camera(columns.astype(float), rows.astype(float), width, height), axis=-1)
+    points = np.stack(pixel_positions(mask), axis=-1)
     centre = points.mean(axis=0)
     points = points[:: max(1, len(points) // MAX_SCORED_PIXELS)]
 
