@@ -35,7 +35,7 @@ STAGES = (
         catalogue_keys=("spheres", "region", "pixel_size", "camera"),
         files=("frames", "mask", "lights"),
         progress_unit="frames",
-        version=26,
+        version=27,
     ),
     Stage(
         "frames",
@@ -77,7 +77,7 @@ STAGES = (
         files=("mask",),
         arrays={"mask": ArraySchema("HW", "b"), "doubt": ArraySchema("HW", "f", "all")},
         peak_bytes=_per_pixel(300),
-        version=6,
+        version=7,
     ),
     Stage(
         "thresholds",

@@ -33,6 +33,9 @@ MIN_RIM_RATIO = 3.0
 """Level of the rim, relative to the table's beside it, without which a halfway level says nothing."""
 MIN_RIM_SHARE = 2.0 / 3.0
 """Share of the contour that must have a halfway level: elsewhere the rim is too much like the table."""
+MAX_BLUR_PX = 1.5
+"""Distance inside the contour up to which a halfway level is blur, which is found up to 0.8 pixels inside whatever its
+width. Farther in lies the inner face of a clear wall, which no highlight crosses."""
 
 
 def edge_image(levels: np.ndarray, is_table: np.ndarray, is_sharp: bool = False) -> np.ndarray:
@@ -151,7 +154,7 @@ def without_blur(mask: np.ndarray, levels: np.ndarray, used: np.ndarray) -> np.n
     distance = signed_distance(mask)
     smooth = cv2.GaussianBlur(distance, (0, 0), RIM_SIGMA_PX)
     offset = rim_offset(levels, distance, smooth, used)
-    return mask if offset is None or offset >= 0.0 else mask & (smooth <= offset)
+    return mask if offset is None or not -MAX_BLUR_PX <= offset < 0.0 else mask & (smooth <= offset)
 
 
 def signed_distance(mask: np.ndarray) -> np.ndarray:

@@ -78,10 +78,15 @@ def _edge_profile(distance: np.ndarray, images: Sequence[np.ndarray], reach: int
     for image in images:
         image_down, image_right = np.gradient(image)
         strength += np.minimum(np.abs(image_down * down + image_right * right) / length, MAX_EDGE_STRENGTH)
-    steps = np.rint(distance).astype(int) + reach
-    used = (steps >= 0) & (steps <= 2 * reach) & free
-    count = np.bincount(steps[used], minlength=2 * reach + 1)
-    mean = np.bincount(steps[used], strength[used], minlength=2 * reach + 1) / np.maximum(count, 1)
+    used = (np.abs(distance) < reach) & free
+    # Distances from a straight contour are all halfway between two steps, and count for both.
+    step = np.floor(distance[used]).astype(int) + reach
+    beyond = distance[used] + reach - step
+    count, total = (
+        np.bincount(step, (1.0 - beyond) * value, 2 * reach + 1) + np.bincount(step + 1, beyond * value, 2 * reach + 1)
+        for value in (1.0, strength[used])
+    )
+    mean = total / np.maximum(count, 1e-6)
     return np.convolve(np.pad(mean, 1, mode="edge"), [0.25, 0.5, 0.25], "valid")
 
 

@@ -67,7 +67,7 @@ def test_the_blur_of_highlights_does_not_widen_the_mask(inner: float, expected: 
     assert overlap(estimate_mask(scene.frames, spheres=[Sphere(*scene.sphere)]), scene.mask) > expected
 
 
-@pytest.mark.parametrize("wall", [5.0, 8.0])
+@pytest.mark.parametrize("wall", [3.0, 5.0, 8.0])
 def test_the_clear_wall_of_a_glass_is_a_part_of_it(wall: float) -> None:
     scene = draw_glass(inner=0.0, wall=wall, seed=4)
     assert overlap(estimate_mask(scene.frames, spheres=[Sphere(*scene.sphere)]), scene.mask) > 0.95
@@ -80,7 +80,7 @@ def test_a_line_on_the_table_beside_the_object_is_no_wall_of_it(gap: int, depth:
     columns = np.arange(scene.frames.shape[2])
     line = 1.0 - depth * np.exp(-0.5 * (columns - CENTRE[0] - OUTER - gap) ** 2)
     mask = estimate_mask((scene.frames * line).astype(np.uint8), spheres=[Sphere(*scene.sphere)])
-    assert overlap(mask, scene.mask) > 0.93
+    assert overlap(mask, scene.mask) > 0.92
 
 
 def offset_of(levels: np.ndarray, mask: np.ndarray, used: np.ndarray) -> float | None:

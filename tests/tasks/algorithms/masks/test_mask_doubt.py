@@ -1,9 +1,11 @@
 """Doubt of masks that are right, too large, too small, cut, ragged, or joined by a neck."""
 
+import cv2
 import numpy as np
 import pytest
 from scipy import ndimage
 
+from glint.tasks.algorithms.masks.contour_edges import signed_distance
 from glint.tasks.algorithms.masks.mask_doubt import Objection, doubt_of, mask_objections
 from tests.tasks.algorithms.masks.glass_on_table import GlassScene, draw_glass
 
@@ -41,6 +43,22 @@ def test_a_mask_three_pixels_off_is_noticed(disc: GlassScene, pixels: int, kind:
     assert doubt[mask].max() == pytest.approx(0.8) and not doubt[~mask].any()
     # The doubt falls from the contour to the centre, and does not vanish there.
     assert doubt[90, 31 - pixels] > 4 * doubt[90, 90] > 0.1
+
+
+@pytest.mark.parametrize("turn", [0.0, 45.0])
+@pytest.mark.parametrize("pixels", [-4, 4])
+def test_the_offset_of_a_block_does_not_depend_on_its_turn(pixels: int, turn: float) -> None:
+    size = 160
+    corners = cv2.boxPoints(((2.0 * size, 2.0 * size), (320.0, 320.0), turn))
+    fine = cv2.fillPoly(np.zeros((4 * size, 4 * size), np.float32), [np.int32(np.round(corners))], 1.0)
+    cover = cv2.resize(fine, (size, size), interpolation=cv2.INTER_AREA)
+    noise = np.random.default_rng(0).normal(0.0, 1.0, (2, size, size))
+    levels = cv2.GaussianBlur(90.0 + 40.0 * cover, (0, 0), 0.8) + noise
+    mask, nowhere = signed_distance(cover > 0.5) <= pixels, np.zeros((size, size), bool)
+    (objection,) = mask_objections(
+        mask, levels[0], levels[1] + 20.0, free=~nowhere, estimated=False, frame_edges=nowhere
+    )
+    assert objection.offset == -pixels
 
 
 def test_a_piece_without_highlights_is_doubtful_if_the_mask_is_estimated(disc: GlassScene) -> None:
