@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from glint.tasks.algorithms.lighting.lights import ACCEPTED, BEHIND, Lights, inter_sphere_angles
-from glint.tasks.algorithms.lighting.sphere_detection import FIT_FRAMES, spread
+from glint.tasks.algorithms.lighting.sphere_detection import CANDIDATE_FRAMES, FIT_FRAMES, spread
+from glint.tasks.algorithms.lighting.sphere_tests import consistent_spheres
 from glint.tasks.algorithms.lighting.spheres import (
     UNKNOWN_DEVIATION_RATIO,
     ConfirmedSphere,
@@ -126,12 +127,22 @@ def _correction(given: Sphere, fit: Sphere, used: Sphere) -> StageWarning:
 def confirm_found(
     frames: np.ndarray, spheres: Sequence[Sphere], camera: np.ndarray | None
 ) -> tuple[list[Sphere], list[StageWarning]]:
-    """Compare found spheres with the shapes of their highlights; return those to be used, and a warning where the
-    highlights contradict a circle."""
-    frames = spread(frames, FIT_FRAMES)
-    checked = [check_circle(frames, sphere, camera=camera) for sphere in spheres]
-    warnings = [_contradiction(check) for check in checked if check.is_contradicted]
-    return [check.sphere for check in checked], warnings
+    """Compare found spheres with the shapes of their highlights, and with one another; return those to be used.
+
+    Also returned are a warning where the highlights contradict a circle, and one of each sphere that is left out since
+    its lights contradict the others'. Of two, the one stays that its own highlights do not contradict, else the better.
+
+    Args:
+        frames: (T, H, W) uint8, spread over the capture.
+        spheres: best first, in the frames' pixels.
+        camera: perspective camera's matrix (3, 3).
+    """
+    many = spread(frames, FIT_FRAMES)
+    checked = [check_circle(many, sphere, camera=camera) for sphere in spheres]
+    checked.sort(key=lambda check: check.is_contradicted and not check.is_replaced)
+    used, sentences = consistent_spheres(spread(frames, CANDIDATE_FRAMES), [check.sphere for check in checked], camera)
+    warnings = [_contradiction(check) for check in checked if check.is_contradicted and check.sphere in used]
+    return used, warnings + [StageWarning(sentence, "sphere") for sentence in sentences]
 
 
 def _contradiction(check: CheckedCircle) -> StageWarning:

@@ -96,9 +96,8 @@ class _Search:
         """
         spheres, mask, warnings = self.given, None, list[StageWarning]()
         if self.seeks_spheres:
-            detection = find_spheres(sample.frames, sample.peak, camera=self.camera)
-            spheres, warnings = confirm_found(sample.frames, detection.spheres, self.camera)
-            warnings += [StageWarning(sentence, "sphere") for sentence in detection.contradicting]
+            circles = find_spheres(sample.frames, sample.peak, camera=self.camera)
+            spheres, warnings = confirm_found(sample.frames, circles, self.camera)
         elif not self.has_lights:
             spheres, warnings = confirm_given(sample.frames, self.given, self.camera)
         region = self.region

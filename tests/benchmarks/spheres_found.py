@@ -75,7 +75,7 @@ def sample_of(video: str) -> Sample:
 def compare(name: str, frames: np.ndarray, peak: np.ndarray, truth: Sphere) -> Outcome | None:
     """Find the sphere nearest to the true one, check its circle and print a line; None: there is none."""
     try:
-        nearest = min(find_spheres(frames, peak).spheres, key=truth.distance)
+        nearest = min(find_spheres(frames, peak), key=truth.distance)
     except UnusableCapture as error:
         print(f"{name}: refused: {error}"[:150], flush=True)
         return None

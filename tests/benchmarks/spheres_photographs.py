@@ -23,7 +23,7 @@ def report(name: str, frames: np.ndarray, truth: Sphere, lights: np.ndarray, *, 
     """Print the errors of the sphere that is found, in percent of the radius, and of the lights with each circle."""
     sample = frames[np.linspace(0, len(frames) - 1, min(len(frames), 100)).astype(int)]
     start = time.process_time()
-    measured = find_spheres(sample, frames.max(axis=0)).spheres[0]
+    measured = find_spheres(sample, frames.max(axis=0))[0]
     seconds = time.process_time() - start
     error = np.array([measured.x - truth.x, measured.y - truth.y, measured.radius - truth.radius]) / truth.radius * 100
     circle = np.array2string(error, precision=2)

@@ -24,7 +24,7 @@ from glint.tasks.algorithms.lighting.sphere_detection import find_spheres
 from glint.tasks.algorithms.lighting.spheres import Sphere, crop_around
 from glint.tasks.stages.capture_geometry import SPHERE_MARGIN_PX
 from glint.tasks.stages.first_pass import Sample, SampleRecorder
-from glint.tasks.stages.sphere_doubts import confirm_given, sphere_doubts
+from glint.tasks.stages.sphere_doubts import confirm_found, confirm_given, sphere_doubts
 
 SAMPLE_FRAMES = 200
 MAX_CONTOUR_PERCENT = 5.0
@@ -98,9 +98,9 @@ def evaluate_scene(folder: Path, perturbation: float) -> Result:
             generator = np.random.default_rng(int(folder.name[-3:]))
             given = [perturbed(ball, perturbation, generator) for ball in balls]
             spheres, warnings = confirm_given(sample.frames, given, None)
-            result.warnings += [str(warning) for warning in warnings]
         else:
-            spheres = find_spheres(sample.frames, sample.peak).spheres
+            spheres, warnings = confirm_found(sample.frames, find_spheres(sample.frames, sample.peak), None)
+        result.warnings += [str(warning) for warning in warnings]
         result.seconds = time.process_time() - start
         lights = merge_spheres([lights_of_sphere(frames, sphere) for sphere in spheres])
     except UnusableCapture as error:

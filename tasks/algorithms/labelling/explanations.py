@@ -61,13 +61,18 @@ def explain(settled: Alternation) -> Alternation:
 
 
 def _with_surface(state: Alternation) -> Alternation:
-    """Return the state with a surface of revolution, else with flat faces, if there are any and none is known yet."""
+    """Return the state with a surface of revolution, else with flat faces, if there are any and none is known yet.
+
+    What shows neither may still be likelier to be a surface of revolution than smooth.
+    """
     symmetric = _with_symmetry(state) if state.expected is None and state.options.symmetry else None
     if symmetric is not None:
         state = symmetric
         state.iterate()
     elif state.expected is None and state.options.flat_faces:
         state = _with_faces(state)
+    if state.expected is None and state.options.symmetry and state.faces is None and not state.face_evidence.any():
+        state = _with_unproven_symmetry(state)
     if state.relief_fit > 0.0 and _adopts_symmetry(state):
         # Highlights that a relief explains show more of it.
         state.iterate()
@@ -102,6 +107,21 @@ def _with_symmetry(state: Alternation) -> Alternation | None:
         if _adopts_symmetry(supposed):
             return supposed
     return state if _adopts_symmetry(state) else None
+
+
+def _with_unproven_symmetry(state: Alternation) -> Alternation:
+    """Return the state whose expected field is a surface of revolution, if that fits what was observed better.
+
+    What the smooth field accepts of a fine relief shows neither that nor the surface below it. Labels that follow the
+    surface may.
+    """
+    normals = state.symmetry.unproven_normals(state.known_values, state.normals, state.initial)
+    if normals is not None:
+        state.expect(normals, None)
+        state.iterate()
+        if _adopts_symmetry(state):
+            state.iterate()
+    return state
 
 
 def _adopts_symmetry(state: Alternation) -> bool:

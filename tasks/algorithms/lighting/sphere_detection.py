@@ -7,7 +7,7 @@ shows one moving highlight within r sin 45 of its centre (lights before the obje
 stays as it was; glass lights up to its contour and beyond.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from glint.tasks.algorithms.lighting.pyramid import (
     pyramid,
     pyramid_level,
 )
-from glint.tasks.algorithms.lighting.sphere_tests import consistent_spheres, highlight_evidence, is_chrome
+from glint.tasks.algorithms.lighting.sphere_tests import highlight_evidence, is_chrome
 from glint.tasks.algorithms.lighting.spheres import Sphere, distinct, measure_sphere
 
 MAX_SPHERES = 8
@@ -69,14 +69,6 @@ SPHERE_REMEDY = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Detection:
-    """Chrome spheres, best first; contradicting: sentences on those left out, since they contradict the others."""
-
-    spheres: list[Sphere]
-    contradicting: list[str]
-
-
 def find_spheres(
     frames: np.ndarray,
     maximum: np.ndarray,
@@ -84,8 +76,8 @@ def find_spheres(
     min_radius: float = 20.0,
     min_score: float = MIN_SPHERE_SCORE,
     camera: np.ndarray | None = None,
-) -> Detection:
-    """Find chrome spheres and measure them.
+) -> list[Sphere]:
+    """Find chrome spheres and measure them; return them best first, whether their lights agree or not.
 
     Args:
         frames: (T, H, W) in levels of 8 bits, spread evenly over the capture.
@@ -102,7 +94,6 @@ def find_spheres(
         raise ValueError(f"images have shapes {frames.shape} and {maximum.shape}, expected (T, H, W) and (H, W)")
     refined = clear_circles(frames, maximum, min_radius, camera)
     accepted, rejected = _chrome_spheres(frames, [sphere for sphere in refined if sphere.score >= min_score], camera)
-    accepted, contradicting = consistent_spheres(spread(frames, CANDIDATE_FRAMES), accepted[:MAX_SPHERES], camera)
     if not accepted:
         best = max((sphere.score for sphere in refined), default=None)
         reasons = "".join(f"; {reason}" for reason in rejected) or (
@@ -111,10 +102,9 @@ def find_spheres(
         raise UnusableSphere(
             f"no chrome sphere found in a frame of {maximum.shape[1]} x {maximum.shape[0]}{reasons}", SPHERE_REMEDY
         )
-    all_frames = spread(frames, FIT_FRAMES)
+    accepted, all_frames = accepted[:MAX_SPHERES], spread(frames, FIT_FRAMES)
     measured = [measure_sphere(all_frames, sphere, camera=camera, refined=True) for sphere in accepted]
-    spheres = [replace(after, score=before.score) for before, after in zip(accepted, measured, strict=True)]
-    return Detection(spheres, contradicting)
+    return [replace(after, score=before.score) for before, after in zip(accepted, measured, strict=True)]
 
 
 def clear_circles(

@@ -39,6 +39,12 @@ COMPLETED_LIMITS = IMPERFECT_LIMITS._replace(relief_excuses=False)
 MEASURED_LIMITS = COMPLETED_LIMITS._replace(error_deg=4.2, simpler_error_ratio=SYMMETRIC_LIMITS.simpler_error_ratio)
 """Limits for a silhouette that normals measure: it follows those of other smooth shapes to 4.5 degrees, but where a
 surface of revolution is seen, to less than 4."""
+UNPROVEN_LIMITS = SYMMETRIC_LIMITS._replace(is_of_slopes=True, relief_excuses=False)
+"""Limits for a symmetric silhouette whose accepted normals are not compared with the smooth field: they agree with it
+because it accepted them."""
+UNPROVEN_ERROR_RATIO = 0.95
+"""Error of such a surface on all that was observed, relative to the smooth field's, up to which it is preferred: 0.93
+on vases whose relief is too fine for most highlights, 0.96 and more on domes and cut stones."""
 MEASURED_ERROR_RATIO, DOUBTED_ERROR_RATIO = 0.96, 0.9
 """Error of a silhouette that normals measure, relative to that of a part of the mask, and of the mask itself, up to
 which it is preferred: it follows some of the normals by which both are judged."""
@@ -72,6 +78,24 @@ class RotationalSymmetry:
             return result
         normals, heights = aimed.normals_back(result.normals), aimed.heights_back(result.depths)
         return result._replace(normals=normals, depths=heights)
+
+    def unproven_normals(self, accepted: np.ndarray, candidates: np.ndarray, field: np.ndarray) -> np.ndarray | None:
+        """Return the normals (H, W, 3) of a surface of revolution that fits what was observed better than the field.
+
+        Accepted normals do not contradict it, though they may show none, as where the smooth field accepts little of a
+        fine relief. None: there is no such surface, or the silhouette is not symmetric. For the arguments see
+        `surface_of_revolution_normals`.
+        """
+        aimed, shown = self._aimed, self._shown(candidates)
+        if aimed is not None:
+            accepted, field = aimed.normals(accepted), aimed.normals(field)
+        fitted = surface_of_revolution_normals(self._symmetry, accepted, shown, limits=UNPROVEN_LIMITS)
+        if fitted is None:
+            return None
+        observed = _observed(accepted, shown)
+        if _observed_error(fitted.normals, *observed) > UNPROVEN_ERROR_RATIO * _observed_error(field, *observed):
+            return None
+        return fitted.normals if aimed is None else aimed.normals_back(fitted.normals)
 
     def supposed_normals(self, candidates: np.ndarray) -> np.ndarray | None:
         """Return the normals (H, W, 3) of the surface of revolution inside the silhouette that most candidates show.

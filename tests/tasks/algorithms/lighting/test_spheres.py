@@ -21,7 +21,7 @@ def assert_near(found: Sphere, truth: Sphere, share: float = 0.01) -> None:
 
 def find(scene: Scene) -> list[Sphere]:
     frames = render(scene)
-    return find_spheres(frames, frames.max(axis=0)).spheres
+    return find_spheres(frames, frames.max(axis=0))
 
 
 @pytest.mark.long
@@ -50,7 +50,7 @@ def test_two_spheres_are_found() -> None:
 def test_a_glossy_sphere_is_not_taken_for_chrome() -> None:
     chrome, glossy = Sphere(70.2, 70.6, 36.3), Sphere(220.7, 150.1, 40.5)
     frames = glossy_sphere(render(Scene([chrome])), glossy)
-    found = find_spheres(frames, frames.max(axis=0)).spheres
+    found = find_spheres(frames, frames.max(axis=0))
     assert len(found) == 1
     assert_near(found[0], chrome, 0.015)
 
@@ -71,7 +71,7 @@ def test_a_sphere_is_found_that_lies_with_glass_on_a_round_mat() -> None:
     for frame in frames:
         for x, y in generator.uniform((168, 70), (212, 150), (2, 2)).astype(int):
             cv2.circle(frame, (int(x), int(y)), 3, 255.0, -1)
-    found = find_spheres(frames.clip(0, 255).astype(np.uint8), frames.max(axis=0).clip(0, 255).astype(np.uint8)).spheres
+    found = find_spheres(frames.clip(0, 255).astype(np.uint8), frames.max(axis=0).clip(0, 255).astype(np.uint8))
     assert len(found) == 1
     assert_near(found[0], sphere, 0.015)
 
@@ -208,7 +208,7 @@ def test_the_spheres_of_psbox(shared_data: Path, probe: str) -> None:
     folder = shared_data / "real" / "psbox" / probe
     frames = photographs(folder, "Image_*.JPG")
     x, y, radius = np.loadtxt(folder / "circle_data.txt")
-    assert_near(find_spheres(frames, frames.max(axis=0)).spheres[0], Sphere(x - 1.0, frames.shape[1] - y, radius))
+    assert_near(find_spheres(frames, frames.max(axis=0))[0], Sphere(x - 1.0, frames.shape[1] - y, radius))
 
 
 @pytest.mark.shared
@@ -217,7 +217,7 @@ def test_the_chrome_sphere_of_uw(shared_data: Path) -> None:
     frames = photographs(shared_data / "real" / "uw_chrome" / "chrome", "chrome.[0-9]*.png")
     # The circle through the edges of the upper half. The set's mask, a pixel lower, has its lower half where sphere and
     # table are both black; the set's lights are read 1.8 degrees off (median) with this circle, 2.3 with the mask's.
-    assert_near(find_spheres(frames, frames.max(axis=0)).spheres[0], Sphere(253.8, 146.9, 118.6), 0.01)
+    assert_near(find_spheres(frames, frames.max(axis=0))[0], Sphere(253.8, 146.9, 118.6), 0.01)
 
 
 @pytest.mark.long
@@ -233,7 +233,7 @@ def test_a_near_camera_finds_a_sphere_by_its_ellipse() -> None:
     circular = render(Scene([Sphere(200.0, 200.0, truth.radius)], shape=(size, size)))
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     frames = np.stack([cv2.warpPerspective(image, homography, (360, 260), flags=flags) for image in circular])
-    found = find_spheres(frames, frames.max(axis=0), camera=camera).spheres[0]
+    found = find_spheres(frames, frames.max(axis=0), camera=camera)[0]
     assert_near(found, truth, 0.02)
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view, view_vectors
-from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.revolution.rotational_normals import COMPLETED_LIMITS, IMPERFECT_LIMITS, RotationalSymmetry
 from glint.tasks.algorithms.revolution.symmetry import SilhouetteSymmetry, surface_of_revolution_normals
 from tests.tasks.algorithms.revolution.beaker import (
@@ -66,6 +66,19 @@ def test_normals_contradict_a_mask_that_lacks_the_same_on_both_sides() -> None:
     assert narrow is not None and result is not None
     wrong, right = (angles(fit.normals, truth)[mask & (y > 10.0)].mean() for fit in (narrow, result))
     assert right < 0.6 * wrong
+
+
+def test_what_was_observed_decides_where_accepted_normals_fit_smooth_field_and_surface_alike() -> None:
+    truth = beaker_normals(14.0)
+    mask, turn = np.isfinite(truth[..., 0]), np.radians(8.0)
+    sideways = np.array([[np.cos(turn), 0.0, np.sin(turn)], [0.0, 1.0, 0.0], [-np.sin(turn), 0.0, np.cos(turn)]])
+    field = truth @ sideways.T
+    accepted = np.where(camera_positions()[0][..., None] < 0.0, unit(truth + field), np.nan)
+    symmetry = RotationalSymmetry(mask, None)
+    assert symmetry.normals(accepted, truth[None], field) is None
+    normals = symmetry.unproven_normals(accepted, truth[None], field)
+    assert normals is not None and np.nanmedian(angles(normals, truth)) < 4.0
+    assert symmetry.unproven_normals(accepted, field[None], field) is None
 
 
 def test_a_relief_does_not_excuse_a_completed_silhouette() -> None:

@@ -77,6 +77,15 @@ def test_a_contradiction_is_told_with_values_and_remedy(frames: np.ndarray) -> N
     assert confirm_found(frames, [TRUTH], None)[1] == []
 
 
+def test_of_two_spheres_that_disagree_the_one_stays_that_its_highlights_do_not_contradict(frames: np.ndarray) -> None:
+    width = frames.shape[2]
+    wrong, right = replace(beside(6.0, 0.0, 0.95), score=0.9), beside(width, 0.0, 1.0)
+    both = np.concatenate([covered_beyond(frames, 0.65), frames], axis=2)
+    used, (warning,) = confirm_found(both, [wrong, right], None)
+    assert used == [right]
+    assert f"({wrong.x:.0f}, {wrong.y:.0f}) is left out" in str(warning)
+
+
 def test_what_is_hardly_known_contradicts_nothing() -> None:
     far = ShapeCircle(TRUTH.x + 6.0, TRUTH.y, 3.0, 31.0, 0.02)
     assert not contradicts(far, TRUTH)
