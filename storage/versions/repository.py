@@ -5,7 +5,7 @@ snapshot with a tag v1, v2, ..; branch `main` is the newest version, which reade
 results of all its captures itself, so any zarr reader opens it by its tag alone.
 
 A rollback is a new version with the content of an older one, and stands until the results change: publishing the very
-results that were rolled back creates no version.
+results that this rollback or those before it left creates no version.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence

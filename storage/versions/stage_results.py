@@ -24,6 +24,9 @@ WHOLE_OBJECT = "_object"
 Keys = dict[str, dict[str, str]]
 """Stage keys by capture and stage."""
 
+EarlierKeys = dict[str, list[dict[str, str]]]
+"""By capture the stage keys of several results."""
+
 LAYOUT_NUMBER = 3
 """Number of this layout, stored in the root group's attribute `layout`; the first layout had no number."""
 
@@ -163,11 +166,7 @@ def read_stage(store: Any, object_id: str, capture: str, stage: str) -> StageRes
 
 
 def read_capture(
-    store: Any,
-    object_id: str,
-    capture: str,
-    version: str = "work",
-    seals: Mapping[str, str] | None = None,
+    store: Any, object_id: str, capture: str, version: str = "work", seals: Mapping[str, str] | None = None
 ) -> dict[str, StageResult]:
     """Return the results of a capture by stage; seals: of the stages that it must have, by default it has any.
 
