@@ -123,7 +123,7 @@ def with_edits(contexts: Sequence[CaptureContext]) -> tuple[CaptureContext, ...]
     """Return the contexts of an object's captures with the edits of the store over their entries in the catalogue.
 
     Raises:
-        DamagedError: edits are not what was written; InputError: they contradict the catalogue.
+        DamagedError: edits are not what was written.
     """
     entries = edited_entries(contexts[0].repository, [context.capture for context in contexts])
     return tuple(
