@@ -118,8 +118,9 @@ def check_name(name: str, kind: str) -> str:
     Raises:
         StoreError: it cannot.
     """
-    if not is_name(name):
-        raise StoreError(f"{kind} {name!r} cannot be a name in the store", "use [a-z0-9][a-z0-9._-]{0,63}")
+    # Objects have folders of their own, all else lies in a group beside the group's metadata.
+    if not is_name(name) or (kind != "object" and f"/{name}" == _METADATA):
+        raise StoreError(f"{kind} {name!r} cannot be a name in the store", f"use {_NAME.pattern}, not zarr.json")
     return name
 
 

@@ -110,6 +110,13 @@ def test_names_cannot_leave_their_folder(repository: ObjectRepository, location:
     ]
 
 
+def test_no_capture_has_the_name_of_a_groups_metadata(repository: ObjectRepository, location: Location) -> None:
+    for capture, stage in (("zarr.json", "mask"), ("front", "zarr.json")):
+        with pytest.raises(StoreError, match=r"'zarr.json' cannot be a name in the store: .*, not zarr.json"):
+            repository.save(capture, stage, "k", {}, {})
+    assert ObjectRepository.open(location, "zarr.json").contents() == {}
+
+
 def test_publishing_tags_and_moves_main(repository: ObjectRepository, location: Location) -> None:
     arrays = save_capture(repository, "front", "k1")
     assert repository.captures("main") == []
