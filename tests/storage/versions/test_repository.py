@@ -76,6 +76,17 @@ def test_a_saved_stage_is_read_back_as_it_was(repository: ObjectRepository, loca
         result.read_file("other.ply")
 
 
+def test_a_new_repository_is_on_the_disk_with_the_folders_that_lead_to_it(
+    location: Location, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flushed: list[Path] = []
+    monkeypatch.setattr("glint.storage.fsync.flush", flushed.append)
+    ObjectRepository.open(location, "duck")
+    store = folder_of(location)
+    repository = store / "objects" / "duck" / "repo"
+    assert {store, store / "objects", store / "objects" / "duck", repository, *repository.rglob("*")} <= set(flushed)
+
+
 def test_saving_again_replaces_the_whole_stage(repository: ObjectRepository) -> None:
     repository.save("front", "mask", "k1", {"old": np.ones(3)}, {"a": 1})
     repository.save("front", "mask", "k2", {"new": np.zeros(2)}, {})
