@@ -56,7 +56,7 @@ class ObjectCaptures:
         """Return them with the edits of the store over their entries in the catalogue.
 
         Raises:
-            StoreError, InputError: the edits cannot be read, or contradict the catalogue.
+            StoreError: the edits cannot be read.
         """
         edited, names = with_edits(self.all), {context.capture.id for context in self.chosen}
         return replace(self, chosen=tuple(item for item in edited if item.capture.id in names), all=edited)

@@ -16,6 +16,15 @@ def flush(path: Path) -> None:
         os.close(handle)
 
 
+def flush_new_tree(root: Path, top: Path) -> None:
+    """Force all below `root` onto the disk, and the entries of the folders from `top` down to it."""
+    flush_tree(root, 0.0)
+    for folder in root.parents:
+        flush(folder)
+        if folder == top:
+            break
+
+
 def flush_tree(root: Path, since: float) -> None:
     """Force files and folders below `root` onto the disk that were written at or after `since` (seconds, Unix time)."""
     since -= CLOCK_LAG_SECONDS

@@ -7,7 +7,7 @@ from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.storage.versions.verification import verify_capture
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import StageRecord, cached_records, stage_keys
-from glint.tasks.model.model_key import STAGE, model_key, wants_model
+from glint.tasks.model.model_key import STAGE, model_key, wants_model, with_rollbacks
 from glint.tasks.pipeline import NAMES, STAGES
 
 
@@ -31,10 +31,7 @@ def up_to_date_records(contexts: Sequence[CaptureContext]) -> tuple[Version, dic
         if not records[context.capture.id]:
             return None
     if wants_model(contexts):
-        key = model_key(contexts)
-        if repository.stage_key(WHOLE_OBJECT, STAGE) != key:
-            return None
-        keys[WHOLE_OBJECT] = {STAGE: key}
+        keys[WHOLE_OBJECT] = {STAGE: model_key(with_rollbacks(contexts))}
     version = repository.published(keys)
     if version is None:
         return None

@@ -14,7 +14,7 @@ from glint.storage.catalogue.models import MODEL
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.stage import StageRecord
 from glint.tasks.figures.model_page import model_page
-from glint.tasks.model.model_key import model_key
+from glint.tasks.model.model_key import model_key, with_rollbacks
 
 
 @task(name="model", task_run_name="{name}", cache_policy=NO_CACHE, persist_result=False)
@@ -26,7 +26,8 @@ def process_model(captures: Sequence[CaptureContext], name: str) -> list[StageRe
     context = run_context()
     with context.cancellable(), context.prefect.attach(name) as reporter:
         key = task_key(name, MODEL)
-        arguments = list(captures), model_key(captures), name, MODEL
+        views = with_rollbacks(captures)
+        arguments = views, model_key(views), name, MODEL
         future = context.client.submit(run_model_stage, *arguments, pure=False, key=key)
         record: StageRecord = wait_for(future, name, reporter)
     page = model_page(captures[0].repository, name, [record])

@@ -14,7 +14,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from glint.storage.catalogue.models import MODEL, Catalogue, Object
+from glint.storage.catalogue.models import RESERVED_IDS, Catalogue, Object
 from glint.storage.errors import InputError, one_line, printable
 from glint.storage.footage.images import SUFFIXES
 from glint.storage.locations.input_files import Address, list_folder, locate
@@ -75,7 +75,7 @@ def object_from_folder(folder: Location, taken: set[str]) -> Object | None:
 
 def _captures(folder: Location) -> list[dict[str, Any]]:
     """Return the captures in an object's folder itself, else those of its sub-folders."""
-    taken = {MODEL}
+    taken = set(RESERVED_IDS)
     footage = _footage(folder)
     if footage:
         return [_capture(folder, name, frames, len(footage) > 1, taken) for name, frames in footage]

@@ -12,7 +12,17 @@ from pydantic import BaseModel, ValidationError
 from glint.storage.catalogue.diagnostics import Diagnostic
 from glint.storage.catalogue.from_folder import from_folder
 from glint.storage.catalogue.messages import diagnostics_of
-from glint.storage.catalogue.models import ADDRESS_KEYS, MODEL, Camera, Capture, Catalogue, Object, Pose, Region, Sphere
+from glint.storage.catalogue.models import (
+    ADDRESS_KEYS,
+    RESERVED_IDS,
+    Camera,
+    Capture,
+    Catalogue,
+    Object,
+    Pose,
+    Region,
+    Sphere,
+)
 from glint.storage.catalogue.writing import write
 from glint.storage.catalogue.yaml_lines import MAX_BYTES, Kind, LinedDict, LinedList, parse
 from glint.storage.errors import GlintError, InputError, printable
@@ -164,8 +174,9 @@ def _check_keys_together(root: LinedDict, file: str) -> list[Diagnostic]:
         captures = _mappings(item.get("captures"))
         diagnostics += _check_distinct("capture", captures, file)
         for capture in captures:
-            if capture.get("id") == MODEL:
-                message = f"the id {MODEL!r} is that of the object's merged model"
+            capture_id = capture.get("id")
+            if isinstance(capture_id, str) and capture_id in RESERVED_IDS:
+                message = f"the id {capture_id!r} is that of {RESERVED_IDS[capture_id]}"
                 diagnostics.append(Diagnostic(file, capture.lines["id"], message, "choose another id"))
             if capture.get("spheres") and capture.get("lights"):
                 message = "a capture has either spheres or lights, not both"

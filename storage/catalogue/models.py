@@ -11,7 +11,9 @@ from pydantic_core import PydanticCustomError
 ID = re.compile(r"[a-z0-9][a-z0-9._-]{0,63}")
 
 MODEL = "model"
-"""Name of the merged model among an object's results; no capture may have this id."""
+"""Name of the merged model among an object's results."""
+RESERVED_IDS = {MODEL: "the object's merged model", "zarr.json": "a file in the store"}
+"""Ids that no capture may have, and what has them."""
 
 Id = Annotated[str, Field(pattern=rf"^{ID.pattern}$")]
 Address = Annotated[str, Field(min_length=1, max_length=4096, pattern=r"^[^\x00]+$")]

@@ -56,8 +56,10 @@ class EditedEntry:
 def edited_entries(repository: ObjectRepository, captures: Iterable[Capture]) -> list[EditedEntry]:
     """Return the entries of an object's captures with the edits of the store over them.
 
+    What contradicts the catalogue is an error of that capture's survey alone.
+
     Raises:
-        DamagedError: edits are not what was written; InputError: they contradict the catalogue.
+        DamagedError: edits are not what was written.
     """
     index, location, object_id = repository.index, repository.location, repository.object_id
     with index_errors(location.uri, "reading the edits", object_id):
@@ -75,12 +77,6 @@ def _edited(repository: ObjectRepository, newest: RevisionCommit, entry: Capture
         values["mask"] = _written(repository.location, group, MASK_FILE)
     if edits.marks is not None:
         values["markup"] = _written(repository.location, group, MARKUP_FILE) if edits.marks else None
-    if values.get("spheres") and entry.lights:
-        author = edits.changes["spheres"].author
-        raise InputError(
-            f"{repository.object_id}/{entry.id} has spheres drawn by {author}, and known lights in the catalogue",
-            "take the edit of the spheres back, or remove `lights` from the catalogue",
-        )
     changes = {name: edits.changes[name] for name in edits.edited if name != "verdict"}
     return EditedEntry(entry.model_copy(update=values), EditsUsed(newest.number, changes) if changes else None)
 

@@ -4,7 +4,7 @@ import errno
 import json
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -64,15 +64,10 @@ def replaced_folder(out: Path, facts: Mapping[str, str]) -> Iterator[Path]:
     with temporary_folder_beside(out) as content:
         yield content
         (content / MARKER).write_text(json.dumps(dict(facts), indent=2) + "\n", encoding="utf-8")
-        old = content.with_name("old")
-        if out.exists():
-            out.rename(old)
-        try:
-            content.rename(out)
-        except OSError:
-            if old.exists():
-                old.rename(out)
-            raise
+        with _revocable_renames() as rename:
+            if out.exists():
+                rename(out, content.with_name("old"))
+            rename(content, out)
 
 
 @contextmanager
@@ -92,6 +87,7 @@ def merge_into(content: Path, out: Path, object_id: str, report: str) -> None:
     """Move the entries of `content` (see `temporary_folder_beside`) to `out`: at once where `out` is new.
 
     Folders of an earlier export of the object are replaced or removed. They are recognized by their file `report`.
+    Where an error ends this, `out` is as it was.
 
     Raises:
         StoreError: `out` has another folder of the same name.
@@ -101,18 +97,40 @@ def merge_into(content: Path, out: Path, object_id: str, report: str) -> None:
         return
     for entry in content.iterdir():
         target = out / entry.name
-        if entry.is_dir() and target.exists() and _exported_object(target / report) != object_id:
+        is_replaceable = target.is_file() if entry.is_file() else _exported_object(target / report) == object_id
+        if target.exists() and not is_replaceable:
             raise StoreError(f"{target} is not an export of {object_id}", "name another folder with --out")
+    earlier = [
+        path
+        for path in out.iterdir()
+        if (content / path.name).exists() or (path.is_dir() and _exported_object(path / report) == object_id)
+    ]
     replaced = content.with_name("old")
     replaced.mkdir()
-    for folder in [path for path in out.iterdir() if path.is_dir()]:
-        if not (content / folder.name).exists() and _exported_object(folder / report) == object_id:
-            folder.rename(replaced / folder.name)
-    for entry in sorted(content.iterdir()):
-        target = out / entry.name
-        if target.is_dir():
-            target.rename(replaced / entry.name)
-        entry.replace(target)
+    with _revocable_renames() as rename:
+        for path in earlier:
+            rename(path, replaced / path.name)
+        for entry in sorted(content.iterdir()):
+            rename(entry, out / entry.name)
+
+
+@contextmanager
+def _revocable_renames() -> Iterator[Callable[[Path, Path], None]]:
+    """Yield a function that renames; where anything ends the block, all that it renamed get their names back."""
+    renames = list[tuple[Path, Path]]()
+
+    def rename(source: Path, target: Path) -> None:
+        # Noted first: an interrupt may come between the two.
+        renames.append((source, target))
+        source.rename(target)
+
+    try:
+        yield rename
+    except BaseException:
+        for source, target in reversed(renames):
+            if not source.exists(follow_symlinks=False):
+                target.rename(source)
+        raise
 
 
 def _exported_object(report: Path) -> str | None:

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import posixpath
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextvars import ContextVar
@@ -31,7 +32,8 @@ file systems record times."""
 def content_digest(address: Address, store: Location, rehash: bool = False, key: str = "") -> str:
     """Return the SHA-256 (hex) of a file's bytes, or of names and bytes of a folder's or pattern's files.
 
-    Only a folder's images count. A file whose path, size and time of change (in an object store: entity tag) are those
+    Names count from the files' common folder: they give the order in which the files are read. Only a folder's images
+    count. A file whose path, size and time of change (in an object store: entity tag) are those
     of an earlier call is not read again, unless `rehash`. Digests are cached under STORE/digests/.
 
     key: the catalogue's key that names the files; before they are read, their heads are checked, see `check_head`.
@@ -52,8 +54,7 @@ def content_digest(address: Address, store: Location, rehash: bool = False, key:
     if key:
         within_time(lambda step: check_head(key, chosen, sizes, files is not None), location.uri)
     digests = within_time(lambda step: _sha256_of_all(chosen, location.uri, sum(sizes), step), location.uri)
-    names = (file.name for file in chosen)
-    digest = digests[0] if files is None else digest_of(sorted(zip(names, digests, strict=True)))
+    digest = digests[0] if files is None else digest_of(sorted(zip(_names(files), digests, strict=True)))
     if within_time(lambda step: _stamps(chosen, step), location.uri) != stamps:
         raise InputError(f"{location.uri} changed while it was read", "run again once it is written completely")
     if any(_is_recently_modified(stamp) for stamp in stamps):
@@ -77,6 +78,12 @@ def _files_of(location: Location) -> tuple[list[Location] | None, list[Location]
     """Return the files of a folder or pattern (None: it is a single file), and the files in any case."""
     files = expand(location, SUFFIXES)
     return files, [location] if files is None else files
+
+
+def _names(files: Sequence[Location]) -> list[str]:
+    """Return the files' paths from the folder that contains all of them, which may be moved."""
+    folder = posixpath.commonpath([file.parent.path for file in files])
+    return [file.path.removeprefix(folder).lstrip("/") for file in files]
 
 
 def file_stamp(file: Location) -> list[Any]:

@@ -14,13 +14,16 @@ from glint.storage.edits import overlay
 from glint.storage.errors import StoreError
 from glint.storage.frames.eviction import cached_frames, over_budget, remove_frames
 from glint.storage.locations.location import Location
-from glint.storage.locking.locks import run_owner
+from glint.storage.locking.locks import run_lock, run_owner
+from glint.storage.locking.owner import ObjectBusy
 from glint.storage.maintenance.disk_space import disk_space
 from glint.storage.versions.garbage import Garbage, remove_old_files
 from glint.storage.versions.repository import ObjectRepository, object_ids
 
 UNITS = {"": 1, "B": 1, "KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12}
 MAX_SIZE = 1e18
+CACHES = (overlay.FOLDER, kept_values.KEPT_FOLDER)
+"""Folders of an object whose files are made again when they are gone."""
 MIN_SHARED_AGE = timedelta(hours=1)
 """Least age of what is removed from an object store, where nothing keeps a run from beginning beside a cleaning: longer
 than any save takes."""
@@ -118,14 +121,14 @@ def parse_size(text: str) -> int:
 
 def _clean_object(location: Location, object_id: str, dry_run: bool, keep: int | None, age: timedelta) -> Cleaning:
     try:
-        # A store is cleaned for hours, in which runs begin.
-        if run_owner(location, object_id) is not None:
-            return Cleaning(object_id, 0, 0, "being run: left alone")
+        # A store is cleaned for hours, in which runs begin: one relies on a cached file that it found whole.
+        with run_lock(location, object_id, "glint maintain"):
+            garbages = [remove_old_files(location, object_id, folder, age, dry_run) for folder in CACHES]
         repository = ObjectRepository.open(location, object_id, create=False)
         removed = [] if keep is None else repository.prune(keep, dry_run)
-        garbages = [repository.garbage_collect(dry_run, age)]
-        for folder in (overlay.FOLDER, kept_values.KEPT_FOLDER):
-            garbages.append(remove_old_files(location, object_id, folder, age, dry_run))
+        garbages.append(repository.garbage_collect(dry_run, age))
+    except ObjectBusy:
+        return Cleaning(object_id, 0, 0, "being run: left alone")
     except StoreError as error:
         return Cleaning(object_id, 0, 0, str(error), failed=True)
     note = f"{'would remove' if dry_run else 'removed'} {', '.join(removed)}" if removed else ""

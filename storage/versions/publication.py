@@ -27,6 +27,7 @@ from glint.storage.versions.snapshots import (
 from glint.storage.versions.stage_results import (
     LAYOUT_NUMBER,
     WHOLE_OBJECT,
+    EarlierKeys,
     Keys,
     StoredFile,
     contents,
@@ -62,7 +63,7 @@ def publish(
     new = {
         capture: stages
         for capture, stages in keys.items()
-        if stages != published.get(capture) and stages != rolled_back.get(capture)
+        if stages != published.get(capture) and stages not in rolled_back.get(capture, ())
     }
     if current:
         new |= _replacements(repository, object_id, current, {name: keys[name] for name in keys.keys() - new.keys()})
@@ -98,9 +99,7 @@ def rollback(repository: icechunk.Repository, object_id: str, target: Version, m
     version = next_version(
         current,
         stages=target.stages,
-        rolled_back={
-            capture: stages for capture, stages in current.stages.items() if stages != target.stages.get(capture)
-        },
+        rolled_back=_rolled_back(current, target),
         metadata=target.metadata | {"rolled_back_to": target.name, "replaces": current.name},
         message=message or f"roll back from {current.name} to {target.name}",
     )
@@ -122,7 +121,7 @@ def published(repository: icechunk.Repository, object_id: str, keys: Keys) -> Ve
     if newest is None or repository.lookup_branch("main") != newest.snapshot:
         return None
     is_same = all(
-        stages in (newest.stages.get(capture), newest.rolled_back.get(capture)) for capture, stages in keys.items()
+        stages in (newest.stages.get(capture), *newest.rolled_back.get(capture, ())) for capture, stages in keys.items()
     )
     return replace(newest, created=False) if is_same else None
 
@@ -142,7 +141,7 @@ def repair_main(repository: icechunk.Repository, object_id: str) -> Version | No
 
 
 def next_version(
-    current: Version | None, stages: Keys, rolled_back: Keys, metadata: Mapping[str, Any], message: str
+    current: Version | None, stages: Keys, rolled_back: EarlierKeys, metadata: Mapping[str, Any], message: str
 ) -> Version:
     """Return the version that follows `current`, without a snapshot yet."""
     name = f"v{int(current.name[1:]) + 1 if current else 1}"
@@ -196,6 +195,15 @@ def commit_version(
     # From the tag on the version exists; if this process dies here, the next publisher moves `main`.
     repair_main(repository, object_id)
     return read_version(repository, object_id, version.name)
+
+
+def _rolled_back(current: Version, target: Version) -> EarlierKeys:
+    """Return the results from which this rollback and those before it lead to `target`; `work` may hold any of them."""
+    rolled_back = {}
+    for capture in current.stages | current.rolled_back:
+        earlier = [*current.rolled_back.get(capture, ()), current.stages.get(capture)]
+        rolled_back[capture] = [keys for keys in earlier if keys and keys != target.stages.get(capture)]
+    return {capture: earlier for capture, earlier in rolled_back.items() if earlier}
 
 
 def _replacements(repository: icechunk.Repository, object_id: str, current: Version, keys: Keys) -> Keys:

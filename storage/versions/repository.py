@@ -5,7 +5,7 @@ snapshot with a tag v1, v2, ..; branch `main` is the newest version, which reade
 results of all its captures itself, so any zarr reader opens it by its tag alone.
 
 A rollback is a new version with the content of an older one, and stands until the results change: publishing the very
-results that were rolled back creates no version.
+results that this rollback or those before it left creates no version.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -20,7 +20,6 @@ import obstore
 from glint.storage.errors import StoreError
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
-from glint.storage.locking.locks import mutation_lock
 from glint.storage.versions import publication, snapshots
 from glint.storage.versions.array_schema import Schemas
 from glint.storage.versions.garbage import Garbage, collect, prune
@@ -40,7 +39,7 @@ from glint.storage.versions.stage_results import (
     stage_attributes,
 )
 from glint.storage.versions.stage_writer import write_stage
-from glint.storage.versions.transaction import repository_folder, transaction
+from glint.storage.versions.transaction import create_repository, repository_folder, transaction
 
 icechunk.set_logs_filter("off")  # what it logs it also raises
 
@@ -81,8 +80,7 @@ class ObjectRepository:
                     f"no object {object_id} in {location.uri}", "see `glint status` for the objects it has"
                 )
             if repository is None or (create and "work" not in repository.list_branches()):
-                with mutation_lock(location, object_id):
-                    return cls(location, object_id, snapshots.open_or_create(folder, object_id))
+                return cls(location, object_id, create_repository(location, object_id))
             check_layout(read_session(repository, object_id, "work").store, object_id, location.uri)
             return cls(location, object_id, repository)
 

@@ -18,7 +18,7 @@ from glint.storage.locations.error_translation import UNKNOWN_CAUSE_REMEDY, stor
 from glint.storage.locations.location import Location
 from glint.storage.seals import is_sealed
 from glint.storage.versions.icechunk_config import CONFIG
-from glint.storage.versions.stage_results import WHOLE_OBJECT, Keys, StageResult, read_capture
+from glint.storage.versions.stage_results import WHOLE_OBJECT, EarlierKeys, Keys, StageResult, read_capture
 
 PANICS = "PanicException", "RustPanic"  # where the library stops in a call and in a coroutine; not to be imported
 
@@ -32,7 +32,7 @@ class Version:
 
     metadata: as given by the publisher
     stages: keys of its content by capture and stage
-    rolled_back: keys of the results from which a rollback led to this content; publishing these again has no effect
+    rolled_back: keys of the results from which rollbacks led to this content; publishing these again has no effect
     seals: checksums of its content by capture and stage
     created: False if publishing found nothing new
     """
@@ -43,7 +43,7 @@ class Version:
     message: str
     metadata: dict[str, Any] = field(default_factory=dict)
     stages: Keys = field(default_factory=dict)
-    rolled_back: Keys = field(default_factory=dict)
+    rolled_back: EarlierKeys = field(default_factory=dict)
     seals: Keys = field(default_factory=dict)
     created: bool = True
 
@@ -179,9 +179,10 @@ def version_of(repository: icechunk.Repository, object_id: str, snapshot_id: str
     if not is_sealed(record) or record["object"] != object_id or snapshot.id != snapshot_id:
         name = record["version"] if is_sealed(record) else "a version"
         raise damaged(f"the record of {name} of {object_id}", "it is not what was written", object_id)
-    moment = datetime.fromisoformat(record["time"])
-    facts = record["metadata"], record["stages"], record["rolled_back"], record["seals"]
-    return Version(record["version"], snapshot.id, moment, record["message"], *facts)
+    # Earlier records have those of the last rollback alone, not in a list.
+    rolled_back = {name: keys if isinstance(keys, list) else [keys] for name, keys in record["rolled_back"].items()}
+    facts = record["metadata"], record["stages"], rolled_back, record["seals"]
+    return Version(record["version"], snapshot.id, datetime.fromisoformat(record["time"]), record["message"], *facts)
 
 
 def version_results(
@@ -198,9 +199,8 @@ def version_results(
     """
     seals = version.seals.get(capture, {})
     chosen = {stage: seal for stage, seal in seals.items() if stages is None or stage in stages}
-    return read_capture(
-        read_session(repository, object_id, version.snapshot).store, object_id, capture, version.name, chosen
-    )
+    store = read_session(repository, object_id, version.snapshot).store
+    return read_capture(store, object_id, capture, version.name, chosen)
 
 
 @contextmanager

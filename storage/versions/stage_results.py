@@ -24,6 +24,9 @@ WHOLE_OBJECT = "_object"
 Keys = dict[str, dict[str, str]]
 """Stage keys by capture and stage."""
 
+EarlierKeys = dict[str, list[dict[str, str]]]
+"""By capture the stage keys of several results."""
+
 LAYOUT_NUMBER = 3
 """Number of this layout, stored in the root group's attribute `layout`; the first layout had no number."""
 
@@ -115,8 +118,9 @@ def check_name(name: str, kind: str) -> str:
     Raises:
         StoreError: it cannot.
     """
-    if not is_name(name):
-        raise StoreError(f"{kind} {name!r} cannot be a name in the store", "use [a-z0-9][a-z0-9._-]{0,63}")
+    # Objects have folders of their own, all else lies in a group beside the group's metadata.
+    if not is_name(name) or (kind != "object" and f"/{name}" == _METADATA):
+        raise StoreError(f"{kind} {name!r} cannot be a name in the store", f"use {_NAME.pattern}, not zarr.json")
     return name
 
 
@@ -163,11 +167,7 @@ def read_stage(store: Any, object_id: str, capture: str, stage: str) -> StageRes
 
 
 def read_capture(
-    store: Any,
-    object_id: str,
-    capture: str,
-    version: str = "work",
-    seals: Mapping[str, str] | None = None,
+    store: Any, object_id: str, capture: str, version: str = "work", seals: Mapping[str, str] | None = None
 ) -> dict[str, StageResult]:
     """Return the results of a capture by stage; seals: of the stages that it must have, by default it has any.
 

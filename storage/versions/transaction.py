@@ -7,10 +7,10 @@ from random import uniform
 import icechunk
 
 from glint.storage.errors import StoreError
-from glint.storage.fsync import flush_tree
+from glint.storage.fsync import flush_new_tree, flush_tree
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import mutation_lock
-from glint.storage.versions.snapshots import index_errors
+from glint.storage.versions.snapshots import index_errors, open_or_create
 
 MAX_COMMIT_ATTEMPTS = 30
 """Conflicts with other writers after which a change is given up, within a minute of waiting."""
@@ -21,6 +21,21 @@ FIRST_BACKOFF_SECONDS, MAX_BACKOFF_SECONDS = 0.05, 2.0
 def repository_folder(location: Location, object_id: str) -> Location:
     """Return the folder of an object's repository in a store."""
     return location.child("objects", object_id, "repo")
+
+
+def create_repository(location: Location, object_id: str) -> icechunk.Repository:
+    """Open an object's repository, created durably where it is absent.
+
+    Raises:
+        DamagedError: there are results but no index of them.
+    """
+    folder = repository_folder(location, object_id)
+    with mutation_lock(location, object_id):
+        repository = open_or_create(folder, object_id)
+        # Later changes flush what they write, in folders whose own entries must be on the disk.
+        if folder.local is not None and location.local is not None:
+            flush_new_tree(folder.local, location.local)
+    return repository
 
 
 def transaction[T](location: Location, object_id: str, action: str, change: Callable[[], T]) -> T:

@@ -26,7 +26,8 @@ OPEN_REPOSITORIES = 8
 class CaptureContext:
     """A capture in a store. `store` is an address; `run` names the run; `rehash`: trust no remembered digest.
 
-    edits: what of the entry a person has edited in the store, see `with_edits`.
+    edits: what of the entry a person has edited in the store, see `with_edits`; ref: the version that its results are
+    loaded from, `work` for the newest ones.
     """
 
     store: str
@@ -36,6 +37,7 @@ class CaptureContext:
     run: str = ""
     rehash: bool = False
     edits: EditsUsed | None = None
+    ref: str = "work"
 
     @classmethod
     def of(
@@ -67,7 +69,7 @@ class CaptureContext:
         Raises:
             StoreError: it has saved nothing.
         """
-        return self.repository.load(self.capture.id, stage)
+        return self.repository.load(self.capture.id, stage, self.ref)
 
     def file(self, key: str) -> str | None:
         """Return the address that the catalogue gives under a key (`frames`, `mask`, ..), None where it gives none."""
@@ -123,7 +125,7 @@ def with_edits(contexts: Sequence[CaptureContext]) -> tuple[CaptureContext, ...]
     """Return the contexts of an object's captures with the edits of the store over their entries in the catalogue.
 
     Raises:
-        DamagedError: edits are not what was written; InputError: they contradict the catalogue.
+        DamagedError: edits are not what was written.
     """
     entries = edited_entries(contexts[0].repository, [context.capture for context in contexts])
     return tuple(

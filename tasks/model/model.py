@@ -24,7 +24,7 @@ from glint.tasks.sphere_agreement import deviating_spheres, surveyed_spheres
 
 def labelled(works: Sequence[CaptureContext]) -> list[CaptureContext]:
     """Return the captures whose labels are stored."""
-    return [work for work in works if work.repository.stage_key(work.capture.id, "labels") is not None]
+    return [work for work in works if work.repository.stage_key(work.capture.id, "labels", work.ref) is not None]
 
 
 def perform_model(works: Sequence[CaptureContext], key: str, progress: Progress | None = None) -> StageRecord:

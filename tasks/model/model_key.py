@@ -1,6 +1,7 @@
-"""The key of an object's model, and whether it has one; apart from the model, whose libraries are slow to import."""
+"""The key of an object's model, the results that it is made of, and whether there is one; without slow imports."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from glint.storage.seals import digest_of
 from glint.tasks.engine.capture_context import CaptureContext
@@ -13,6 +14,21 @@ def wants_model(works: Sequence[CaptureContext]) -> bool:
     return len(works) > 1 and any(work.capture.pose is not None for work in works)
 
 
+def with_rollbacks(works: Sequence[CaptureContext]) -> list[CaptureContext]:
+    """Return the captures of an object with the results that its next version has of them.
+
+    Where the newest results are those of a rolled-back version, publishing leaves what the rollback put in their place.
+    """
+    repository = works[0].repository
+    names = repository.version_names()
+    rolled_back = repository.version(names[-1]).rolled_back if names else {}
+    newest = repository.contents() if rolled_back else {}
+    return [
+        replace(work, ref=names[-1]) if newest.get(work.capture.id) in rolled_back.get(work.capture.id, ()) else work
+        for work in works
+    ]
+
+
 def model_key(works: Sequence[CaptureContext]) -> str:
     """Return the digest of all that determines the model: the captures' labels, poses and cameras, its parameters."""
     first = works[0]
@@ -23,7 +39,7 @@ def model_key(works: Sequence[CaptureContext]) -> str:
             "parameters": first.parameters.model.model_dump(mode="json"),
             "views": {
                 work.capture.id: [
-                    work.repository.stage_key(work.capture.id, "labels"),
+                    work.repository.stage_key(work.capture.id, "labels", work.ref),
                     work.entry_digest(("pose", "camera", "pixel_size")),
                 ]
                 for work in works

@@ -14,7 +14,7 @@ from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.review.pictures import first_frame, stored_geometry
 from glint.tasks.review.stored import mask_region, saved_records
 from glint.tasks.review.summary import Records, summary_of
-from glint.tasks.stages.frame_parts import check_region, check_spheres
+from glint.tasks.stages.frame_parts import check_light_source, check_region, check_spheres
 
 
 def capture_inputs(context: CaptureContext) -> dict[str, Any]:
@@ -85,12 +85,13 @@ def mask_in_use(context: CaptureContext, edited: np.ndarray | None = None) -> np
 
 
 def check_changes(changes: Changes, context: CaptureContext) -> None:
-    """Check that what a person drew lies in the capture's frames.
+    """Check that what a person drew lies in the capture's frames, and does not contradict the catalogue.
 
     Raises:
-        InputError: a mask of another size than the full frame's, or a sphere, region or mark beyond the frames; or the
-            video cannot be read.
+        InputError: a mask of another size than the full frame's; a sphere, region or mark beyond the frames; spheres
+            beside known lights; or the video cannot be read.
     """
+    check_light_source(changes.spheres or (), context.file("lights"))
     size = first_frame(context).shape
     if changes.mask is not None:
         check_mask(changes.mask, size)

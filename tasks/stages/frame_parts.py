@@ -59,6 +59,19 @@ def check_spheres(spheres: list[Sphere], size: tuple[int, int]) -> None:
             )
 
 
+def check_light_source(spheres: Sequence[object], lights: str | None) -> None:
+    """Check that a capture has no edited spheres beside known lights (their address): a catalogue cannot give both.
+
+    Raises:
+        InputError: it has.
+    """
+    if spheres and lights is not None:
+        raise InputError(
+            "a person drew spheres, and the catalogue names known lights",
+            "take the edit of the spheres back, or remove `lights` from the catalogue",
+        )
+
+
 def check_region(region: Region, size: tuple[int, int]) -> None:
     """Check that a given region, in pixels, lies inside a frame of `size` (rows, columns).
 

@@ -127,9 +127,9 @@ def test_names_become_ids(tmp_path: Path) -> None:
     _kept(tmp_path, catalogue)
 
 
-def test_no_capture_takes_the_models_id(tmp_path: Path) -> None:
-    _touch(tmp_path, "duck/model/video.mp4", "duck/front/video.mp4")
-    assert set(_captures(from_folder(tmp_path))["duck"]) == {"model-2", "front"}
+def test_no_capture_takes_a_reserved_id(tmp_path: Path) -> None:
+    _touch(tmp_path, "duck/model/video.mp4", "duck/front/video.mp4", "duck/zarr.json/video.mp4")
+    assert set(_captures(from_folder(tmp_path))["duck"]) == {"model-2", "front", "zarr.json-2"}
 
 
 def test_of_several_masks_none_is_taken(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from glint.storage.catalogue import loading
 from glint.storage.catalogue.diagnostics import Diagnostic
 from glint.storage.catalogue.loading import Catalogue, CatalogueError, load, parameters_for, write
+from glint.storage.catalogue.models import RESERVED_IDS
 from glint.storage.errors import InputError
 
 HEAD = "schema: 1\nname: test\nobjects:\n"
@@ -216,9 +217,10 @@ def test_duplicate_ids_name_both_lines(tmp_path: Path) -> None:
     assert (diagnostic.line, diagnostic.message) == (8, "capture id 'front' is taken by line 6")
 
 
-def test_no_capture_has_the_models_id(tmp_path: Path) -> None:
-    diagnostic = _only(tmp_path, HEAD + ONE.replace("id: front", "id: model"))
-    assert (diagnostic.line, diagnostic.message) == (6, "the id 'model' is that of the object's merged model")
+@pytest.mark.parametrize(("reserved", "owner"), RESERVED_IDS.items())
+def test_no_capture_has_a_reserved_id(tmp_path: Path, reserved: str, owner: str) -> None:
+    diagnostic = _only(tmp_path, HEAD + ONE.replace("id: front", f"id: {reserved}"))
+    assert (diagnostic.line, diagnostic.message) == (6, f"the id '{reserved}' is that of {owner}")
 
 
 def test_the_same_capture_id_in_two_objects_is_fine(tmp_path: Path) -> None:

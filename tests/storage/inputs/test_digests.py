@@ -150,6 +150,26 @@ def test_a_folder_is_known_by_names_and_bytes(tmp_path: Path, store: Location, r
     assert len({digest, renamed, changed, fewer}) == 4
 
 
+def test_the_order_of_frames_in_several_folders_counts(tmp_path: Path, store: Location, read: list[str]) -> None:
+    shots = tmp_path / "captures/shots"
+    for number in (1, 2, 10):
+        _file(shots / f"{number}/img.png", bytes([number]))
+    digest = content_digest(shots / "*/img.png", store)
+    moved = (tmp_path / "captures").rename(tmp_path / "moved") / "shots"
+    assert content_digest(moved / "*/img.png", store) == digest
+    (moved / "1").rename(moved / "3")
+    assert content_digest(moved / "*/img.png", store) != digest
+
+
+def test_the_digest_of_a_folder_is_that_of_sorted_names(tmp_path: Path, store: Location) -> None:
+    """Results of earlier runs are found by it."""
+    for name in ("img_2.png", "img_10.png"):
+        _file(tmp_path / name, b"a")
+    digest = hashlib.sha256(b"a").hexdigest()
+    expected = digest_of([["img_10.png", digest], ["img_2.png", digest]])
+    assert content_digest(tmp_path, store) == content_digest(tmp_path / "img_*.png", store) == expected
+
+
 def test_a_folder_of_one_file_is_not_that_file(tmp_path: Path, store: Location, read: list[str]) -> None:
     path = _file(tmp_path / "images/img_1.png", b"a")
     assert content_digest(path, store) == hashlib.sha256(b"a").hexdigest()

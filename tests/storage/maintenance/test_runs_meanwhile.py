@@ -2,14 +2,25 @@
 
 import os
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from datetime import timedelta
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+import pytest
+
+from glint.storage.catalogue.models import Capture
+from glint.storage.edits.edits import Edits
+from glint.storage.edits.models import Changes
+from glint.storage.edits.overlay import edited_entries
 from glint.storage.kept_values import keep, read_kept
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import mutation_lock, run_lock
+from glint.storage.locking.owner import ObjectBusy
+from glint.storage.maintenance import maintain as maintenance
 from glint.storage.maintenance.maintain import maintain
 from glint.storage.versions.repository import ObjectRepository
 from tests.storage.maintenance.test_maintain import NOW, frames, mesh, part, save, versions
@@ -31,6 +42,43 @@ def test_data_of_an_object_whose_run_began_meanwhile_are_left_alone(tmp_path: Pa
             done = cleaning.result()
     assert repository.version_names() == ["v1", "v2"] and "being run" in part(done, "glass").note
     assert (tmp_path / "frames" / ("a" * 64) / "zarr.json").exists()
+
+
+def test_a_run_that_begins_during_the_cleaning_keeps_its_edited_inputs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    location = Location.parse(tmp_path)
+    versions(location, 1)
+    Edits.open(location, "glass").save("front", Changes(mask=np.ones((80, 90), bool)), "Ann", 0)
+    repository, masks = ObjectRepository.open(location, "glass"), list[Path]()
+
+    def begin_run() -> None:
+        with run_lock(location, "glass", "night"):
+            (entry,) = edited_entries(repository, [Capture(id="front", frames="/a.mp4")])
+            masks.append(Path(str(entry.capture.mask)))
+
+    def begin_run_and(method: Callable[..., Any]) -> Callable[..., Any]:
+        def run_first(*arguments: Any) -> Any:
+            begin_run()
+            return method(*arguments)
+
+        return run_first
+
+    def refuse_run_and(function: Callable[..., Any]) -> Callable[..., Any]:
+        def run_first(*arguments: Any) -> Any:
+            with pytest.raises(ObjectBusy, match="run glint maintain"):
+                begin_run()
+            return function(*arguments)
+
+        return run_first
+
+    begin_run()
+    os.utime(masks[0], (0, 0))
+    monkeypatch.setattr(ObjectRepository, "garbage_collect", begin_run_and(ObjectRepository.garbage_collect))
+    monkeypatch.setattr(ObjectRepository, "prune", begin_run_and(ObjectRepository.prune))
+    monkeypatch.setattr(maintenance, "remove_old_files", refuse_run_and(maintenance.remove_old_files))
+    assert part(maintain(location, False, 1, timedelta(days=1), None), "glass").objects > 0
+    assert len(masks) == 3 and masks[0].exists()
 
 
 class FolderAsObjectStore(Location):

@@ -20,6 +20,7 @@ import zarr
 from glint.storage.errors import StoreError
 from glint.storage.json_values import json_value
 from glint.storage.locations.location import Location
+from glint.storage.versions import publication
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import (
     LAYOUT_NUMBER,
@@ -75,6 +76,17 @@ def test_a_saved_stage_is_read_back_as_it_was(repository: ObjectRepository, loca
         result.read_file("other.ply")
 
 
+def test_a_new_repository_is_on_the_disk_with_the_folders_that_lead_to_it(
+    location: Location, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flushed: list[Path] = []
+    monkeypatch.setattr("glint.storage.fsync.flush", flushed.append)
+    ObjectRepository.open(location, "duck")
+    store = folder_of(location)
+    repository = store / "objects" / "duck" / "repo"
+    assert {store, store / "objects", store / "objects" / "duck", repository, *repository.rglob("*")} <= set(flushed)
+
+
 def test_saving_again_replaces_the_whole_stage(repository: ObjectRepository) -> None:
     repository.save("front", "mask", "k1", {"old": np.ones(3)}, {"a": 1})
     repository.save("front", "mask", "k2", {"new": np.zeros(2)}, {})
@@ -107,6 +119,13 @@ def test_names_cannot_leave_their_folder(repository: ObjectRepository, location:
     assert [path for path in sorted(folder_of(location).parent.rglob("*")) if path.name != "repo.lock"] == [
         path for path in before if path.name != "repo.lock"
     ]
+
+
+def test_no_capture_has_the_name_of_a_groups_metadata(repository: ObjectRepository, location: Location) -> None:
+    for capture, stage in (("zarr.json", "mask"), ("front", "zarr.json")):
+        with pytest.raises(StoreError, match=r"'zarr.json' cannot be a name in the store: .*, not zarr.json"):
+            repository.save(capture, stage, "k", {}, {})
+    assert ObjectRepository.open(location, "zarr.json").contents() == {}
 
 
 def test_publishing_tags_and_moves_main(repository: ObjectRepository, location: Location) -> None:
@@ -216,6 +235,36 @@ def test_a_rollback_is_a_version_and_stands_until_something_changes(repository: 
     assert repository.load("front", "depth", "v2").key == "k2", "what was replaced can still be read"
     with pytest.raises(StoreError, match="no version 'v9'"):
         repository.rollback("v9")
+
+
+def test_rollbacks_add_up_until_something_changes(repository: ObjectRepository) -> None:
+    for key in ("k1", "k2", "k3"):
+        repository.save("front", "labels", key, {}, {})
+        repository.save("back", "labels", "k1", {}, {})
+        repository.publish(["front", "back"], {})
+    repository.rollback("v2")
+    assert repository.rollback("v1").rolled_back == {"front": [{"labels": "k3"}, {"labels": "k2"}]}
+    repository.save("back", "labels", "k2", {}, {})
+    assert repository.publish(["front", "back"], {}).name == "v6"
+    back = repository.rollback("v5")
+    assert back.stages == {"front": {"labels": "k1"}, "back": {"labels": "k1"}}
+    for key in ("k3", "k2"):
+        repository.save("front", "labels", key, {}, {})
+        assert not repository.publish(["front", "back"], {}).created, "work holds what was rolled back"
+    repository.save("front", "labels", "k4", {}, {})
+    version = repository.publish(["front", "back"], {})
+    assert version.stages["front"] == {"labels": "k4"} and version.rolled_back == {"back": [{"labels": "k2"}]}
+
+
+def test_a_rollback_that_is_not_recorded_as_a_list_stands(
+    repository: ObjectRepository, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for key in ("k1", "k2"):
+        repository.save("front", "labels", key, {}, {})
+        repository.publish(["front"], {})
+    monkeypatch.setattr(publication, "_rolled_back", lambda current, target: current.stages)
+    assert repository.rollback("v1").rolled_back == {"front": [{"labels": "k2"}]}
+    assert not repository.publish(["front"], {}).created
 
 
 def test_a_rollback_replaces_a_damaged_version_of_the_same_content(

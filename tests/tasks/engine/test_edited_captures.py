@@ -179,9 +179,16 @@ def test_damaged_edits_stop_the_object(simulated: Path, tmp_path: Path) -> None:
         with_edits([context_of(simulated, tmp_path / "store")])
 
 
-def test_spheres_drawn_where_lights_are_known_are_refused(simulated: Path, tmp_path: Path, values: Changes) -> None:
+def test_spheres_drawn_where_lights_are_known_stop_their_capture_alone(
+    simulated: Path, tmp_path: Path, values: Changes
+) -> None:
     Edits.open(Location.parse(tmp_path / "store"), "hemisphere").save("front", values, "Ann", 0)
     context = context_of(simulated, tmp_path / "store")
-    lit = replace(context, capture=context.capture.model_copy(update={"spheres": (), "lights": "/nowhere/a.lp"}))
-    with pytest.raises(InputError, match="hemisphere/front has spheres drawn by Ann, and known lights"):
-        with_edits([lit])
+    (tmp_path / "a.lp").write_text("1\nframe 0 0 1\n")
+    update = {"spheres": (), "lights": str(tmp_path / "a.lp")}
+    lit = replace(context, capture=context.capture.model_copy(update=update))
+    other = replace(context, capture=context.capture.model_copy(update={"id": "back"}))
+    edited, unedited = with_edits([lit, other])
+    assert unedited == other
+    with pytest.raises(InputError, match=r"a person drew spheres, .* known lights: take the edit .* back"):
+        perform_until(edited, "survey")

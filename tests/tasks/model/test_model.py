@@ -11,6 +11,7 @@ import trimesh
 from glint.storage.catalogue.loading import Pose
 from glint.storage.export.export import export
 from glint.storage.locations.location import Location
+from glint.storage.versions.repository import Version
 from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.engine.capture_context import CaptureContext
@@ -20,7 +21,7 @@ from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.evaluation.models import evaluate_model
 from glint.tasks.model.base_plane import BasePlane, base_plane
 from glint.tasks.model.model import model, perform_model
-from glint.tasks.model.model_key import model_key, wants_model
+from glint.tasks.model.model_key import STAGE, model_key, wants_model, with_rollbacks
 from glint.tasks.model.view_registration import register_views
 from glint.tasks.pipeline import STAGES
 from glint.tasks.publish import publish
@@ -115,6 +116,30 @@ def test_a_model_that_is_there_is_not_made_again(modelled: list[CaptureContext])
 def test_another_pose_makes_another_model(modelled: list[CaptureContext]) -> None:
     moved = replace(modelled[2], capture=modelled[2].capture.model_copy(update={"pose": Pose(turntable=121.0)}))
     assert model_key([*modelled[:2], moved, *modelled[3:]]) != model_key(modelled)
+
+
+def test_a_model_is_made_of_what_a_rollback_put_in_place(
+    posed: list[CaptureContext], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    works = [replace(work, store=str(tmp_path / "store")) for work in posed[:2]]
+    repository, names = works[0].repository, [work.capture.id for work in works]
+    monkeypatch.setattr("glint.tasks.up_to_date.cached_records", lambda saved, keys: ("the records of all stages",))
+
+    def publish_labels(*keys: str) -> Version:
+        for name, key in zip(names, keys, strict=True):
+            repository.save(name, "labels", key, {}, {})
+        views = with_rollbacks(works)
+        repository.save(WHOLE_OBJECT, STAGE, model_key(views), {}, {})
+        return repository.publish([*names, WHOLE_OBJECT], {})
+
+    first, other = publish_labels("a1", "b1"), publish_labels("a1", "b2")
+    publish_labels("a2", "b1")
+    assert with_rollbacks(works) == works
+    repository.rollback("v1")
+    assert up_to_date_records(works) is not None
+    assert [work.load("labels").key for work in with_rollbacks(works)] == ["a1", "b1"]
+    assert publish_labels("a2", "b1").stages == first.stages
+    assert publish_labels("a2", "b2").stages == other.stages
 
 
 def without_pose(work: CaptureContext) -> CaptureContext:

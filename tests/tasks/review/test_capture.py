@@ -160,6 +160,13 @@ def test_what_a_run_with_another_region_left_is_shown_where_it_was(
     assert {level: level_picture(after, level) for level in shown} == shown
 
 
+def test_spheres_drawn_where_lights_are_known_are_refused(context: CaptureContext) -> None:
+    lit = replace(context, capture=context.capture.model_copy(update={"spheres": (), "lights": "/nowhere/a.lp"}))
+    with pytest.raises(InputError, match="known lights"):
+        check_changes(Changes.model_validate({"spheres": [{"x": 20.0, "y": 20.0, "radius": 5.0}]}), lit)
+    check_changes(Changes(spheres=()), lit)
+
+
 @pytest.mark.parametrize(
     "changes",
     [
