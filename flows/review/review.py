@@ -13,6 +13,7 @@ from glint.storage.versions.repository import ObjectRepository
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.engine.references import load_catalogue
+from glint.tasks.publish import unedited_entry
 from glint.tasks.review.stored import has_object
 
 
@@ -83,11 +84,11 @@ class Review:
         self._check_stored(object_id)
         latest = self.stored(object_id).latest
         recorded = latest.metadata.get("captures", {}).get(capture_id, {})
-        if "entry" not in recorded:
+        entry, parameters = unedited_entry(recorded), recorded.get("parameters", {})
+        if entry is None:
             raise reading.NotFoundError(f"no capture {capture_id!r} of {object_id}", "see the catalogue view")
-        capture, parameters = recorded["entry"], recorded.get("parameters", {})
         return CaptureContext(
-            self.store, object_id, Capture.model_validate(capture), Parameters.model_validate(parameters)
+            self.store, object_id, Capture.model_validate(entry), Parameters.model_validate(parameters)
         )
 
     def repository(self, object_id: str) -> ObjectRepository | None:
