@@ -14,7 +14,7 @@ from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.review.pictures import first_frame, stored_geometry
 from glint.tasks.review.stored import mask_region, saved_records
 from glint.tasks.review.summary import Records, summary_of
-from glint.tasks.stages.frame_parts import check_region, check_spheres
+from glint.tasks.stages.frame_parts import check_camera, check_region, check_spheres
 
 
 def capture_inputs(context: CaptureContext) -> dict[str, Any]:
@@ -88,13 +88,14 @@ def check_changes(changes: Changes, context: CaptureContext) -> None:
     """Check that what a person drew lies in the capture's frames.
 
     Raises:
-        InputError: a mask of another size than the full frame's, or a sphere, region or mark beyond the frames; or the
-            video cannot be read.
+        InputError: a mask of another size than the full frame's, a camera's matrix that is not in pixels, or a sphere,
+            region or mark beyond the frames; or the video cannot be read.
     """
     size = first_frame(context).shape
     if changes.mask is not None:
         check_mask(changes.mask, size)
     check_spheres([Sphere(item.x, item.y, item.radius) for item in changes.spheres or ()], size)
+    check_camera(changes.camera, size)
     if changes.region is not None:
         check_region(changes.region, size)
     count = _frame_count(saved_records(context))

@@ -167,9 +167,16 @@ def test_what_a_run_with_another_region_left_is_shown_where_it_was(
         {"marks": [{"frame": 50_000_000, "x": 1.0, "y": 1.0, "kind": "true"}]},
         {"spheres": [{"x": 100_000.0, "y": 10.0, "radius": 5.0}]},
         {"region": {"x": 100_000, "y": 0, "width": 5, "height": 5}},
+        {"camera": {"matrix": [[35, 0, 18], [0, 35, 12], [0, 0, 1]]}},
     ],
 )
 def test_what_a_person_draws_beyond_the_frames_is_refused(context: CaptureContext, changes: dict[str, object]) -> None:
     with pytest.raises(InputError, match=r"frame"):
         check_changes(Changes.model_validate(changes), context)
     check_changes(Changes.model_validate({"marks": [{"frame": 0, "x": 1.0, "y": 1.0, "kind": "true"}]}), context)
+
+
+def test_a_sphere_is_not_fitted_under_a_camera_matrix_in_millimetres(simulated: Path, tmp_path: Path) -> None:
+    camera = {"matrix": [[35, 0, 18], [0, 35, 12], [0, 0, 1]]}
+    with pytest.raises(InputError, match="focal length of 35"):
+        fit_sphere(make_context(simulated, tmp_path / "store", camera=camera), 92.4, 44.2, 22.0)
