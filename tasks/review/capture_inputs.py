@@ -11,7 +11,7 @@ from glint.storage.inputs.markup import position_error
 from glint.storage.inputs.masks_and_truth import read_mask
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.capture_context import CaptureContext
-from glint.tasks.review.pictures import first_frame, stored_geometry
+from glint.tasks.review.pictures import first_frame, stored_geometry, surveyed_frame
 from glint.tasks.review.stored import mask_region, saved_records
 from glint.tasks.review.summary import Records, summary_of
 from glint.tasks.stages.frame_parts import check_camera, check_region, check_spheres
@@ -67,11 +67,14 @@ def mask_in_use(context: CaptureContext, edited: np.ndarray | None = None) -> np
     edited: the mask (H, W) bool that a person painted, None: the one that the last run used, else the catalogue's.
 
     Raises:
-        InputError: the given mask cannot be read; StoreError: the store cannot be read.
+        InputError: the given mask cannot be read; the frames have another size than the painted mask or than at the
+            last run; StoreError: the store cannot be read.
     """
     if edited is not None:
+        check_mask(edited, first_frame(context).shape)
         return edited
-    shape, saved = first_frame(context).shape, saved_records(context)
+    saved = saved_records(context)
+    shape = (surveyed_frame if "mask" in saved else first_frame)(context).shape
     whole = np.zeros(shape, bool)
     address, region = context.file("mask"), context.capture.region
     if "mask" in saved:

@@ -24,6 +24,7 @@ from glint.tasks.review.sphere_fit import fit_sphere
 from glint.tasks.review.stored import has_object
 from glint.tasks.stages.capture_geometry import load_geometry
 from tests.pictures import decode_picture
+from tests.storage.footage.videos import ramp, write_video
 from tests.tasks.make_context import make_context, perform_all
 
 pytestmark = pytest.mark.long
@@ -180,3 +181,21 @@ def test_a_sphere_is_not_fitted_under_a_camera_matrix_in_millimetres(simulated: 
     camera = {"matrix": [[35, 0, 18], [0, 35, 12], [0, 0, 1]]}
     with pytest.raises(InputError, match="focal length of 35"):
         fit_sphere(make_context(simulated, tmp_path / "store", camera=camera), 92.4, 44.2, 22.0)
+
+
+def test_a_video_of_another_size_than_at_the_last_run_is_named(context: CaptureContext, tmp_path: Path) -> None:
+    write_video(tmp_path / "again.mp4", [ramp(index, 24, 40) for index in range(3)])
+    capture = context.capture.model_copy(update={"frames": str(tmp_path / "again.mp4")})
+    replaced = replace(context, capture=capture)
+    width, height = load_geometry(context).frame_size
+    for refused in (
+        lambda: frame_picture(replaced, 3),
+        lambda: level_picture(replaced, "peak"),
+        lambda: mask_in_use(replaced),
+    ):
+        with pytest.raises(InputError, match=f"is 40 x 24 pixels, and was {width} x {height} at the last run"):
+            refused()
+    with pytest.raises(InputError, match="painted mask"):
+        mask_in_use(replaced, np.ones((height, width), bool))
+    assert decode_picture(frame_picture(replaced, 0)).shape == (24, 40)
+    assert capture_inputs(replaced)["frame_size"] == [40, 24], "the page opens, and its capture can be run"
