@@ -12,6 +12,7 @@ from obstore.store import LocalStore
 from glint.storage.catalogue.loading import load
 from glint.storage.errors import InputError
 from glint.storage.inbox import Inbox, InboxScan
+from glint.storage.locations.input_files import expand
 from glint.storage.locations.location import Location
 from glint.storage.submissions import list_submissions
 
@@ -227,6 +228,16 @@ def test_names_that_are_no_text_leave_the_others_alone(inbox: Inbox) -> None:
     assert objects(scan) == {"duck", "b-owl"}
     assert set(scan.problems) == {name.partition("/")[0] for name in odd}
     assert all("rename the folder or the files in it" in problem for problem in scan.problems.values())
+
+
+def test_brackets_in_the_names_of_folders_of_images_are_no_pattern(inbox: Inbox) -> None:
+    put(inbox, "vase [2]/img_1.png", "vase [2]/img_2.png", "s*[x]?/a1.png", "s*[x]?/a2.png")
+    scan = inbox.scan(AT_ONCE)
+    assert objects(scan) == {"vase-2", "s-x"} and not scan.problems
+    (batch,) = scan.batches
+    for object_id, name in (("vase-2", "vase [2]/img_1.png"), ("s-x", "s*[x]?/a1.png")):
+        files = expand(Location.parse(load(batch.catalogue).object(object_id).captures[0].frames), [".png"])
+        assert files is not None and len(files) == 2 and files[0].uri == f"{inbox.location.path}/{name}"
 
 
 def test_links_that_lead_in_circles_or_nowhere_leave_the_others_alone(inbox: Inbox) -> None:
