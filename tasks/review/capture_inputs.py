@@ -1,5 +1,7 @@
 """Collect what the inputs view shows of a capture besides pictures: geometry, lights, warnings, the estimated mask."""
 
+import base64
+import binascii
 from typing import Any
 
 import numpy as np
@@ -7,6 +9,7 @@ import numpy as np
 from glint.storage.edits.models import Changes
 from glint.storage.errors import InputError
 from glint.storage.export.image_files import encode_png
+from glint.storage.footage.images import image_size
 from glint.storage.inputs.markup import position_error
 from glint.storage.inputs.masks_and_truth import read_mask
 from glint.tasks.algorithms.lighting.spheres import Sphere
@@ -71,7 +74,7 @@ def mask_in_use(context: CaptureContext, edited: np.ndarray | None = None) -> np
             last run; StoreError: the store cannot be read.
     """
     if edited is not None:
-        check_mask(edited, first_frame(context).shape)
+        check_mask(edited.shape, first_frame(context).shape)
         return edited
     saved = saved_records(context)
     shape = (surveyed_frame if "mask" in saved else first_frame)(context).shape
@@ -96,7 +99,7 @@ def check_changes(changes: Changes, context: CaptureContext) -> None:
     """
     size = first_frame(context).shape
     if changes.mask is not None:
-        check_mask(changes.mask, size)
+        check_mask(changes.mask.shape, size)
     check_spheres([Sphere(item.x, item.y, item.radius) for item in changes.spheres or ()], size)
     check_camera(changes.camera, size)
     if changes.region is not None:
@@ -109,17 +112,31 @@ def check_changes(changes: Changes, context: CaptureContext) -> None:
             )
 
 
-def check_mask(mask: np.ndarray, size: tuple[int, int]) -> None:
-    """Check that a mask (H, W) bool that a person painted has the size (rows, columns) of the full frame.
+def check_mask(shape: tuple[int, ...], size: tuple[int, int]) -> None:
+    """Check that the shape of a mask that a person painted is the size (rows, columns) of the full frame.
 
     Raises:
-        InputError: it has another.
+        InputError: it is another.
     """
-    height, width = size
-    if mask.shape != (height, width):
+    if shape != size:
         raise InputError(
-            f"the painted mask is {mask.shape[1]} x {mask.shape[0]}", f"it must have the frame's {width} x {height}"
+            f"the painted mask is {shape[1]} x {shape[0]}", f"it must have the frame's {size[1]} x {size[0]}"
         )
+
+
+def check_mask_head(mask: str, context: CaptureContext) -> None:
+    """Check the size that the head of a painted mask states, before decoding takes memory for it.
+
+    mask: the base64 of a PNG.
+
+    Raises:
+        InputError: it is none, or has another size than the full frame; or the video cannot be read.
+    """
+    try:
+        data = base64.b64decode(mask, validate=True)
+    except binascii.Error as error:
+        raise InputError(f"the mask is not base64 ({error})", "send the base64 of a PNG") from error
+    check_mask(image_size(data, "the mask"), first_frame(context).shape)
 
 
 def _frame_count(saved: Records) -> int | None:

@@ -68,9 +68,9 @@ def test_levels_mask_and_thumbnail(context: CaptureContext) -> None:
     painted = np.zeros(shown.shape, bool)
     painted[3:9, 4:8] = True
     assert np.array_equal(decode_picture(mask_picture(context, painted)) > 0, painted)
-    check_mask(painted, first_frame(context).shape)
+    check_mask(painted.shape, first_frame(context).shape)
     with pytest.raises(InputError, match="must have the frame's"):
-        check_mask(painted[1:], first_frame(context).shape)
+        check_mask(painted[1:].shape, first_frame(context).shape)
     assert max(decode_picture(thumbnail(context)).shape) == THUMBNAIL_SIZE
 
 
