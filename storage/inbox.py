@@ -10,7 +10,6 @@ of them changes. A sub-folder that failed is tried again.
 """
 
 import json
-from collections import defaultdict
 from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -26,22 +25,11 @@ from glint.storage.errors import GlintError, InputError, printable
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 from glint.storage.seals import digest_of
+from glint.storage.submissions import CATALOGUE, Submission, list_submissions
 
-CATALOGUE = "catalogue.yaml"
 FINISHED = "finished.json"
 MAX_KEPT = 10_000
 """Objects of finished sub-folders that the common catalogue keeps: so many are read within seconds."""
-
-
-@dataclass(frozen=True, slots=True)
-class Submission:
-    """A sub-folder: the digest of its files' names, sizes and entity tags, the time of its last change, and whether it
-    has a catalogue of its own."""
-
-    name: str
-    digest: str
-    changed: datetime
-    has_catalogue: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,29 +82,14 @@ class Inbox:
         self._records = Location.parse(store).child("inbox", digest_of(self.location.uri)[:16])
         self._parameters_model = parameters_model
 
-    def submissions(self) -> list[Submission]:
-        """List all sub-folders that hold files, by name.
+    def submissions(self) -> tuple[list[Submission], dict[str, str]]:
+        """List the sub-folders that hold files, by name, and the problems of those that cannot be listed.
 
         Raises:
             InputError: there is no such folder; StoreError: the inbox cannot be listed.
         """
         check_folder(self.location)
-        files: dict[str, list[tuple[str, int, str, datetime]]] = defaultdict(list)
-        with store_errors(self.location.uri, "listing the inbox"):
-            for meta in (meta for page in obstore.list(self.location.obstore()) for meta in page):
-                name, _, path = meta["path"].partition("/")
-                if path and not name.startswith("."):
-                    tag = meta["e_tag"] or meta["last_modified"].isoformat()
-                    files[name].append((path, meta["size"], tag, meta["last_modified"]))
-        return [
-            Submission(
-                name,
-                digest_of(sorted([path, size, tag] for path, size, tag, _ in entries)),
-                max(changed for *_, changed in entries),
-                any(path == CATALOGUE for path, *_ in entries),
-            )
-            for name, entries in sorted(files.items())
-        ]
+        return list_submissions(self.location, self._allowed)
 
     def scan(self, quiet_period: timedelta, now: datetime | None = None) -> InboxScan:
         """Collect the objects to run; sub-folders that changed within `quiet_period` wait for the next scan.
@@ -125,7 +98,7 @@ class Inbox:
             InputError: there is no such folder; StoreError: inbox or store cannot be read.
         """
         latest = (now or datetime.now(UTC)) - quiet_period
-        submissions, finished = self.submissions(), self._finished()
+        (submissions, problems), finished = self.submissions(), self._finished()
         changed, unchanged = list[Submission](), list[Submission]()
         for submission in submissions:
             is_finished = finished.get(submission.name) == submission.digest
@@ -134,7 +107,7 @@ class Inbox:
         kept = self._finished_objects(unchanged) if changed else []
         owners = {item.id: submission for item, submission in kept}
         loose, batches = list[Object](), list[Batch]()
-        problems, empty = dict[str, str](), list[str]()
+        empty = list[str]()
         for submission in (submission for submission in changed if submission.changed <= latest):
             try:
                 catalogue = self._catalogue(submission)
@@ -181,7 +154,8 @@ class Inbox:
         Raises:
             StoreError: the store cannot be written.
         """
-        names = {submission.name for submission in self.submissions()}
+        submissions, problems = self.submissions()
+        names = {submission.name for submission in submissions} | problems.keys()
         finished = self._finished() | {submission.name: submission.digest for submission in done}
         kept = {name: digest for name, digest in sorted(finished.items()) if name in names}
         with store_errors(self._records.uri, "recording finished sub-folders"):
@@ -201,7 +175,7 @@ class Inbox:
         """Return the catalogue of a sub-folder, or the objects of one that has none."""
         folder = self.location.child(submission.name)
         folders = [folder, *self._allowed]
-        # A sub-folder that is itself a link leads out of the inbox.
+        # It may have become a link that leads out of the inbox since it was listed.
         check_inside(folder, [self.location, *self._allowed], "the sub-folder")
         if not submission.has_catalogue:
             item = object_from_folder(folder, set())

@@ -5,6 +5,7 @@ from contextlib import suppress
 from typing import Any
 
 from glint.storage.catalogue.confinement import resolved
+from glint.storage.catalogue.models import Capture
 from glint.storage.errors import InputError, StoreError
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository, Version
@@ -12,6 +13,9 @@ from glint.storage.versions.stage_results import WHOLE_OBJECT
 from glint.tasks.code_provenance import code_provenance
 from glint.tasks.engine.capture_context import INPUTS, CaptureContext
 from glint.tasks.pipeline import NAMES, SCHEMAS
+
+EDITED_FIELDS = {"markup": "marks"}
+"""Keys of an entry whose edited field has another name."""
 
 
 def publish(works: Sequence[CaptureContext], run: str, catalogue: str, model: bool | None = None) -> Version:
@@ -91,8 +95,29 @@ def catalogues_of(store: Location, object_ids: Sequence[str]) -> dict[str, list[
 def capture_provenance(work: CaptureContext) -> dict[str, Any]:
     """Return a capture's entry, all its parameters, the digests of its inputs, and what of it a person has edited."""
     edits = {} if work.edits is None else {"edits": work.edits.to_json()}
+    if work.catalogue_entry is not None:
+        edits["catalogue_entry"] = _entry_json(work.catalogue_entry)
     return edits | {
-        "entry": work.capture.model_dump(mode="json", exclude_none=True, exclude_defaults=True),
+        "entry": _entry_json(work.capture),
         "parameters": work.parameters.model_dump(mode="json"),
         "inputs": {name: digest for name in INPUTS if (digest := work.digest(name))},
     }
+
+
+def unedited_entry(recorded: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return a capture's entry as the catalogue gave it, as JSON values; None where a version records no entry.
+
+    Older versions record the entry with its edits alone: of these, edited keys are left out, since nobody knows what
+    the catalogue gave, and edited masks and marks lie in a cache that maintenance empties.
+
+    recorded: what a version holds of a capture, see `capture_provenance`.
+    """
+    entry: dict[str, Any] | None = recorded.get("catalogue_entry") or recorded.get("entry")
+    if entry is None or "catalogue_entry" in recorded:
+        return entry
+    changes = recorded.get("edits", {}).get("changes", {})
+    return {key: value for key, value in entry.items() if EDITED_FIELDS.get(key, key) not in changes}
+
+
+def _entry_json(capture: Capture) -> dict[str, Any]:
+    return capture.model_dump(mode="json", exclude_none=True, exclude_defaults=True)

@@ -1,5 +1,6 @@
 """`glint check`: examine captures in this process, before the long stages."""
 
+import logging
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from glint.tasks.check import Check
     from glint.tasks.engine.capture_context import CaptureContext
 
+LOG = logging.getLogger(__name__)
+
 
 def check(
     file: CatalogueFile,
@@ -33,7 +36,7 @@ def check(
     as_json: Json = False,
 ) -> None:
     """Check captures before the long stages: spheres, lights, coverage, and what to record again."""
-    from glint.flows.errors import USER_ERRORS
+    from glint.flows.errors import USER_ERRORS, message_and_remedy
     from glint.flows.pipeline.preflight import report_input_errors
     from glint.flows.reporting.console import open_console
     from glint.flows.reporting.events import CaptureEnded, CaptureFailed
@@ -58,8 +61,12 @@ def check(
                 try:
                     context = reference.context()
                     result = check_capture(context, out / object_id / capture_id, _progress(console, name))
-                except USER_ERRORS as error:
-                    console.emit(CaptureFailed(name, str(error)))
+                except OSError:
+                    raise  # a folder of pictures that cannot be written fails for all captures
+                except Exception as error:
+                    if not isinstance(error, USER_ERRORS):
+                        LOG.exception("%s", name)
+                    console.emit(CaptureFailed(name, ": ".join(message_and_remedy(error))))
                     failed = True
                     continue
                 of_object.append((context, result))

@@ -9,11 +9,10 @@ import asyncio
 import hmac
 import secrets
 from dataclasses import dataclass, field
-from http.cookies import CookieError, SimpleCookie
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.requests import ClientDisconnect, Request
+from starlette.requests import ClientDisconnect, Request, cookie_parser
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -81,12 +80,9 @@ class Access:
         return site in (None, "same-origin", "none") or headers.get("sec-fetch-mode") == "navigate"
 
     def has_session(self, headers: Headers) -> bool:
-        """Return whether a request carries the cookie."""
-        try:
-            cookie = SimpleCookie(headers.get("cookie", "")).get(self.cookie)
-        except CookieError:
-            return False
-        return cookie is not None and hmac.compare_digest(cookie.value.encode(), self.session.encode())
+        """Return whether a request carries the cookie, among others of any form that programs of this machine set."""
+        session = cookie_parser(headers.get("cookie", "")).get(self.cookie, "")
+        return hmac.compare_digest(session.encode(), self.session.encode())
 
 
 class Guard:

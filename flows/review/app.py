@@ -29,8 +29,9 @@ from glint.flows.review import (
 )
 from glint.flows.review.access import ENTRY_PATH, Access, Guard, refusal
 from glint.flows.review.review import Review
-from glint.storage.errors import InputError, NotFoundError, StoreError
+from glint.storage.errors import GlintError, NotFoundError
 from glint.storage.export.page.bundle import VIEWER
+from glint.tasks.engine.errors import UnusableCapture
 
 STATIC = Path(__file__).parent / "static"
 
@@ -111,8 +112,8 @@ def _answer_errors(app: FastAPI) -> None:
     def absent(_: Request, error: Exception) -> Response:
         return refusal(404, *message_and_remedy(error))
 
-    @app.exception_handler(StoreError)
-    @app.exception_handler(InputError)
+    @app.exception_handler(GlintError)
+    @app.exception_handler(UnusableCapture)
     def unusable(_: Request, error: Exception) -> Response:
         return refusal(422, *message_and_remedy(error))
 

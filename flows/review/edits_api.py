@@ -3,25 +3,46 @@
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Response
+from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from glint.flows.review.dependencies import CaptureId, ObjectId, ReviewState
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.merging import ConflictError
-from glint.storage.edits.models import Changes, Line, Number, Revision
+from glint.storage.edits.models import Changes, EncodedMask, Line, Number, Revision
 from glint.storage.errors import NotFoundError
-from glint.tasks.review.capture_inputs import check_changes, mask_picture
+from glint.tasks.engine.capture_context import CaptureContext
+from glint.tasks.review.capture_inputs import check_changes, check_mask_head, mask_picture
 from glint.tasks.review.stored import edited_mask
 
 router = APIRouter(prefix="/captures/{object_id}/{capture_id}")
+
+
+class SentChanges(Changes):
+    """Changes as they are sent, with a mask that is not decoded yet."""
+
+    mask: EncodedMask | None = None  # type: ignore[assignment]
+
+    def decoded(self, context: CaptureContext) -> Changes:
+        """Return the changes with the mask decoded, once its head states the size of the capture's frames.
+
+        Raises:
+            InputError: as `check_mask_head`; RequestValidationError: the mask is no mask.
+        """
+        if isinstance(self.mask, str):
+            check_mask_head(self.mask, context)
+        try:
+            return Changes(**{name: getattr(self, name) for name in self.model_fields_set})
+        except ValidationError as error:
+            raise RequestValidationError(error.errors()) from error
 
 
 class Save(BaseModel):
     """Changes of an author who has seen the edits of `base_revision`."""
 
     model_config = ConfigDict(extra="forbid")
-    changes: Changes
+    changes: SentChanges
     author: Line
     base_revision: Number
 
@@ -59,11 +80,12 @@ def mask(review: ReviewState, object_id: ObjectId, capture_id: CaptureId) -> Res
 def save(review: ReviewState, object_id: ObjectId, capture_id: CaptureId, request: Save) -> Any:
     """Save changes as a revision; null: nothing would change."""
     context = review.context(object_id, capture_id)
-    if request.changes.changed:
-        check_changes(request.changes, context)
+    changes = request.changes.decoded(context)
+    if changes.changed:
+        check_changes(changes, context)
     edits = Edits.open(review.location, object_id)
     try:
-        return _saved(edits.save(capture_id, request.changes, request.author, request.base_revision))
+        return _saved(edits.save(capture_id, changes, request.author, request.base_revision))
     except ConflictError as conflict:
         return _conflict(conflict)
 

@@ -5,6 +5,7 @@ filtered and sorted in memory.
 """
 
 import logging
+import math
 import threading
 import time
 from collections.abc import Sequence
@@ -23,6 +24,8 @@ from glint.tasks.engine.references import load_catalogue
 LOG = logging.getLogger(__name__)
 LISTING_SECONDS = 2.0
 """Seconds from the end of one look at the store to the next."""
+RETRY_SECONDS = 30.0
+"""Seconds after which an object that could not be read is read again, also where it has not changed."""
 REST_SHARE = 1.0
 """Time of rest by time of reading: a server that fills its rows leaves half a processor to the views."""
 MAX_PAGE = 500
@@ -58,6 +61,7 @@ class Listing:
         self._listed: dict[str, list[str]] = {}
         self._rows: dict[str, dict[str, Row]] = {}
         self._stamps: dict[str, Any] = {}
+        self._retries: dict[str, float] = {}
         self._views: dict[tuple[str, tuple[str, ...], str], tuple[int, list[Row], dict[str, int]]] = {}
         self._revision, self._is_complete, self._problem = 0, False, ""
         self._ended = threading.Event()
@@ -175,12 +179,14 @@ class Listing:
             if self._ended.is_set():
                 return
             started, stamp = time.monotonic(), object_stamp(self._location, object_id)
-            if self._stamps.get(object_id) == stamp:
+            if self._stamps.get(object_id) == stamp and started < self._retries.get(object_id, math.inf):
                 continue
+            self._retries.pop(object_id, None)
             try:
                 rows = object_rows(self._location, object_id)
             except Exception as error:
-                # Whatever is wrong with one object must not hide the others.
+                # Whatever is wrong with one object must not hide the others; it may pass without a change of the store.
+                self._retries[object_id] = started + RETRY_SECONDS
                 rows = [failed_row(object_id, capture, error) for capture in self._rows.get(object_id) or ("-",)]
             self._rows[object_id] = {
                 capture: Row(object_id, capture, "new") for capture in self._listed.get(object_id, ())

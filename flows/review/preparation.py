@@ -3,7 +3,7 @@
 import threading
 from contextlib import suppress
 
-from glint.storage.errors import InputError, StoreError
+from glint.flows.errors import USER_ERRORS
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.review.questions import prepare
 
@@ -32,7 +32,7 @@ class Preparation:
     def _work(self) -> None:
         while (context := self._next()) is not None:
             # It has not run yet, or cannot be read: the view says so when it is opened.
-            with suppress(InputError, StoreError):
+            with suppress(*USER_ERRORS):
                 prepare(context)
 
     def _next(self) -> CaptureContext | None:

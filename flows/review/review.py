@@ -1,7 +1,5 @@
 """State of the page's server: the store, the catalogue, the rows of its captures, and the runs it has started."""
 
-from functools import lru_cache
-
 from glint import reading
 from glint.flows.review.listing import Listing
 from glint.flows.review.preparation import Preparation
@@ -13,7 +11,8 @@ from glint.storage.versions.repository import ObjectRepository
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.engine.references import load_catalogue
-from glint.tasks.review.stored import has_object
+from glint.tasks.publish import unedited_entry
+from glint.tasks.review.stored import VersionReference, has_object
 
 
 class Review:
@@ -36,12 +35,23 @@ class Review:
         self.listing.stop()
 
     def stored(self, object_id: str) -> reading.StoredObject:
-        """Return an object of the store.
+        """Return an object of the store, read anew: it may have been removed and filled again.
 
         Raises:
             NotFoundError: it has none of this id.
         """
-        return _opened(self.store)[object_id]
+        return reading.StoredObject(object_id, self._existing(object_id))
+
+    def version(self, object_id: str, name: str) -> VersionReference:
+        """Return a version of an object.
+
+        Raises:
+            NotFoundError: there is none of this name, or no such object.
+        """
+        repository = self._existing(object_id)
+        if name not in repository.version_names():
+            raise reading.NotFoundError(f"{object_id} has no version {name!r}", "see the list of its versions")
+        return VersionReference(self.store, object_id, name, repository.version(name).snapshot)
 
     def catalogue_of(self, object_id: str) -> str:
         """Return the address of the catalogue that has an object: the one given, else that of its newest version.
@@ -66,7 +76,6 @@ class Review:
             for item in load_catalogue(self.catalogue).objects:
                 if item.id == object_id:
                     return [capture.id for capture in item.captures]
-        self._check_stored(object_id)
         return sorted(self.stored(object_id).latest)
 
     def context(self, object_id: str, capture_id: str) -> CaptureContext:
@@ -80,14 +89,13 @@ class Review:
             for item in catalogue.objects:
                 if item.id == object_id and any(capture.id == capture_id for capture in item.captures):
                     return CaptureContext.of(catalogue, object_id, capture_id, self.store)
-        self._check_stored(object_id)
         latest = self.stored(object_id).latest
         recorded = latest.metadata.get("captures", {}).get(capture_id, {})
-        if "entry" not in recorded:
+        entry, parameters = unedited_entry(recorded), recorded.get("parameters", {})
+        if entry is None:
             raise reading.NotFoundError(f"no capture {capture_id!r} of {object_id}", "see the catalogue view")
-        capture, parameters = recorded["entry"], recorded.get("parameters", {})
         return CaptureContext(
-            self.store, object_id, Capture.model_validate(capture), Parameters.model_validate(parameters)
+            self.store, object_id, Capture.model_validate(entry), Parameters.model_validate(parameters)
         )
 
     def repository(self, object_id: str) -> ObjectRepository | None:
@@ -100,11 +108,8 @@ class Review:
         """Open the edits of an object, None where the store does not have it yet."""
         return None if self.repository(object_id) is None else Edits.open(self.location, object_id, create=False)
 
-    def _check_stored(self, object_id: str) -> None:
-        if not has_object(self.location, object_id):
+    def _existing(self, object_id: str) -> ObjectRepository:
+        repository = self.repository(object_id)
+        if repository is None:
             raise reading.NotFoundError(f"no object {object_id!r} in {self.store}", "see the catalogue view")
-
-
-@lru_cache(maxsize=2)
-def _opened(store: str) -> reading.Store:
-    return reading.open(store)
+        return repository

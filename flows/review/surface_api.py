@@ -20,8 +20,7 @@ BYTES: dict[int | str, dict[str, Any]] = {
 @router.get("/captures/{capture_id}/surface")
 def surface(review: ReviewState, object_id: ObjectId, version: VersionName, capture_id: CaptureId) -> dict[str, Any]:
     """Return what there is to show of a capture, and how its parts are packed."""
-    review.stored(object_id).version(version)
-    return surface_data(review.store, object_id, version, capture_id).facts
+    return surface_data(review.version(object_id, version), capture_id).facts
 
 
 @router.get("/captures/{capture_id}/surface/{part}", response_class=Response, responses=BYTES)
@@ -29,8 +28,7 @@ def part(
     review: ReviewState, object_id: ObjectId, version: VersionName, capture_id: CaptureId, part: PartName
 ) -> Response:
     """Return a part: an array, packed, or a photograph."""
-    review.stored(object_id).version(version)
-    content = surface_part(review.store, object_id, version, capture_id, part)
+    content = surface_part(review.version(object_id, version), capture_id, part)
     media_type = content.kind if "/" in content.kind else "application/octet-stream"
     return Response(content.data, media_type=media_type)
 
@@ -38,16 +36,14 @@ def part(
 @router.get("/model")
 def model(review: ReviewState, object_id: ObjectId, version: VersionName) -> dict[str, Any] | None:
     """Return what there is to show of the object's model; null without one."""
-    review.stored(object_id).version(version)
-    data = model_data(review.store, object_id, version)
+    data = model_data(review.version(object_id, version))
     return None if data is None else data.facts
 
 
 @router.get("/model/{part}", response_class=Response, responses=BYTES)
 def model_part(review: ReviewState, object_id: ObjectId, version: VersionName, part: PartName) -> Response:
     """Return a part of the model's mesh, packed."""
-    review.stored(object_id).version(version)
-    data = model_data(review.store, object_id, version)
+    data = model_data(review.version(object_id, version))
     if data is None or part not in data.parts:
         raise NotFoundError(f"{object_id} {version} has no model with {part!r}", "see its facts for the names of parts")
     return Response(data.parts[part].data, media_type="application/octet-stream")

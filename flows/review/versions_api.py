@@ -42,8 +42,7 @@ def difference(
     review: ReviewState, object_id: ObjectId, before: VersionName, after: VersionName, capture_id: CaptureId
 ) -> dict[str, Any]:
     """Return what differs between two versions of a capture, in figures and words."""
-    _check(review, object_id, before, after)
-    return version_pair(review.store, object_id, capture_id, before, after).facts
+    return version_pair(capture_id, review.version(object_id, before), review.version(object_id, after)).facts
 
 
 @router.get("/differences/{before}/{after}/{capture_id}/{part}", response_class=Response, responses=BYTES)
@@ -56,8 +55,7 @@ def difference_part(
     part: PartName,
 ) -> Response:
     """Return a part of the comparison, packed: normals of both on a common region, the angles between."""
-    _check(review, object_id, before, after)
-    data = version_pair(review.store, object_id, capture_id, before, after)
+    data = version_pair(capture_id, review.version(object_id, before), review.version(object_id, after))
     if part not in data.parts:
         raise NotFoundError(
             f"the comparison of {before} and {after} has no {part!r}", "see its facts for the names of parts"
@@ -68,11 +66,6 @@ def difference_part(
 @router.post("/rollback")
 def rollback(review: ReviewState, object_id: ObjectId, request: Rollback) -> dict[str, Any]:
     """Publish the content of an old version as the newest one; all versions are kept."""
-    review.stored(object_id).version(request.version)
+    review.version(object_id, request.version)
     newest = ObjectRepository.open(review.location, object_id, create=False).rollback(request.version)
     return {"version": newest.name, "created": newest.created}
-
-
-def _check(review: ReviewState, object_id: str, *names: str) -> None:
-    for name in names:
-        review.stored(object_id).version(name)

@@ -1,14 +1,18 @@
 """Confine what a catalogue names to folders: an inbox is filled by other people than those whose rights read it."""
 
 import posixpath
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from glint.storage.catalogue.models import ADDRESS_KEYS, Object
 from glint.storage.errors import InputError
 from glint.storage.footage.images import SUFFIXES
-from glint.storage.locations.input_files import expand, list_folder
+from glint.storage.locations.input_files import expand, is_pattern, list_folder
 from glint.storage.locations.location import Location
+
+_ESCAPED = re.compile(r"\[([*?[])\]")
+"""A wildcard that stands for itself in a pattern."""
 
 
 def confined(objects: Iterable[Object], folders: Sequence[Location]) -> tuple[Object, ...]:
@@ -80,12 +84,12 @@ def _confined_address(location: Location, name: str, folders: Sequence[Location]
 
 
 def _constant_part(path: Path) -> Path:
-    """Return the deepest folder of a pattern that holds no wildcard."""
+    """Return the deepest folder of a pattern whose path holds no wildcard; escaped ones stand for themselves."""
     constant = Path(path.anchor)
     for part in path.parts[1:-1]:
-        if set(part) & set("*?["):
+        if is_pattern(_ESCAPED.sub("", part)):
             break
-        constant /= part
+        constant /= _ESCAPED.sub(r"\1", part)
     return constant
 
 

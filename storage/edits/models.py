@@ -74,12 +74,15 @@ def _printed(text: str) -> str:
     return stripped
 
 
+_MASK_SCHEMA = WithJsonSchema({"type": "string", "format": "byte", "description": "PNG of the frame's size, in base64"})
 Mask = Annotated[
     np.ndarray,
     PlainValidator(_decoded_mask),
     PlainSerializer(_base64_png, when_used="json-unless-none"),
-    WithJsonSchema({"type": "string", "format": "byte", "description": "PNG of the frame's size, in base64"}),
+    _MASK_SCHEMA,
 ]
+EncodedMask = Annotated[str, Field(max_length=MAX_MASK_BYTES * 4 // 3), _MASK_SCHEMA]
+"""A mask before it is decoded."""
 Marks = Annotated[tuple[AnnotationEntry, ...], Field(strict=False, max_length=MAX_MARKS)]
 Spheres = Annotated[tuple[Sphere, ...], Field(strict=False, max_length=MAX_DRAWN_SPHERES)]
 Verdict = Literal["good", "usable", "record again"]

@@ -36,7 +36,7 @@ def decode_image(data: bytes, name: str, colour: bool = False) -> np.ndarray:
     Raises:
         InputError: no image, too large, or of another depth.
     """
-    _check_size(data, name)
+    image_size(data, name)
     flags = (cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE) | cv2.IMREAD_ANYDEPTH
     try:
         pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
@@ -86,11 +86,15 @@ def check_image_head(file: Location) -> None:
         InputError: no image, or too large.
     """
     if file.local is not None:
-        _check_size(file.local, file.uri)
+        image_size(file.local, file.uri)
 
 
-def _check_size(source: bytes | Path, name: str) -> None:
-    """Check the size that an image's head states; source: its bytes, or its path, of which the head alone is read."""
+def image_size(source: bytes | Path, name: str) -> tuple[int, int]:
+    """Return the size (rows, columns) that an image's head states; source: its bytes, or its path.
+
+    Raises:
+        InputError: no image, or too large.
+    """
     try:
         with Image.open(source if isinstance(source, Path) else io.BytesIO(source)) as image:
             width, height = image.size
@@ -100,6 +104,7 @@ def _check_size(source: bytes | Path, name: str) -> None:
         raise InputError(f"{name} is no image that can be read", "replace the image") from error
     if width * height > MAX_PIXELS:
         raise InputError(f"{name} states {width} x {height} pixels", f"at most {MAX_PIXELS:,} pixels are read")
+    return height, width
 
 
 class ImageSet:

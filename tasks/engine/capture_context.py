@@ -27,7 +27,8 @@ class CaptureContext:
     """A capture in a store. `store` is an address; `run` names the run; `rehash`: trust no remembered digest.
 
     edits: what of the entry a person has edited in the store, see `with_edits`; ref: the version that its results are
-    loaded from, `work` for the newest ones.
+    loaded from, `work` for the newest ones; catalogue_entry: the capture without these edits, None where there are
+    none.
     """
 
     store: str
@@ -38,6 +39,7 @@ class CaptureContext:
     rehash: bool = False
     edits: EditsUsed | None = None
     ref: str = "work"
+    catalogue_entry: Capture | None = None
 
     @classmethod
     def of(
@@ -129,7 +131,9 @@ def with_edits(contexts: Sequence[CaptureContext]) -> tuple[CaptureContext, ...]
     """
     entries = edited_entries(contexts[0].repository, [context.capture for context in contexts])
     return tuple(
-        context if entry.edits is None else replace(context, capture=entry.capture, edits=entry.edits)
+        context
+        if entry.edits is None
+        else replace(context, capture=entry.capture, edits=entry.edits, catalogue_entry=context.capture)
         for context, entry in zip(contexts, entries, strict=True)
     )
 

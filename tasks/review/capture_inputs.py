@@ -1,5 +1,7 @@
 """Collect what the inputs view shows of a capture besides pictures: geometry, lights, warnings, the estimated mask."""
 
+import base64
+import binascii
 from typing import Any
 
 import numpy as np
@@ -7,14 +9,15 @@ import numpy as np
 from glint.storage.edits.models import Changes
 from glint.storage.errors import InputError
 from glint.storage.export.image_files import encode_png
+from glint.storage.footage.images import image_size
 from glint.storage.inputs.markup import position_error
 from glint.storage.inputs.masks_and_truth import read_mask
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.capture_context import CaptureContext
-from glint.tasks.review.pictures import first_frame, stored_geometry
+from glint.tasks.review.pictures import first_frame, stored_geometry, surveyed_frame
 from glint.tasks.review.stored import mask_region, saved_records
 from glint.tasks.review.summary import Records, summary_of
-from glint.tasks.stages.frame_parts import check_light_source, check_region, check_spheres
+from glint.tasks.stages.frame_parts import check_camera, check_light_source, check_region, check_spheres
 
 
 def capture_inputs(context: CaptureContext) -> dict[str, Any]:
@@ -67,11 +70,14 @@ def mask_in_use(context: CaptureContext, edited: np.ndarray | None = None) -> np
     edited: the mask (H, W) bool that a person painted, None: the one that the last run used, else the catalogue's.
 
     Raises:
-        InputError: the given mask cannot be read; StoreError: the store cannot be read.
+        InputError: the given mask cannot be read; the frames have another size than the painted mask or than at the
+            last run; StoreError: the store cannot be read.
     """
     if edited is not None:
+        check_mask(edited.shape, first_frame(context).shape)
         return edited
-    shape, saved = first_frame(context).shape, saved_records(context)
+    saved = saved_records(context)
+    shape = (surveyed_frame if "mask" in saved else first_frame)(context).shape
     whole = np.zeros(shape, bool)
     address, region = context.file("mask"), context.capture.region
     if "mask" in saved:
@@ -88,14 +94,15 @@ def check_changes(changes: Changes, context: CaptureContext) -> None:
     """Check that what a person drew lies in the capture's frames, and does not contradict the catalogue.
 
     Raises:
-        InputError: a mask of another size than the full frame's; a sphere, region or mark beyond the frames; spheres
-            beside known lights; or the video cannot be read.
+        InputError: a mask of another size than the full frame's, a camera's matrix that is not in pixels, or a sphere,
+            region or mark beyond the frames; spheres beside known lights; or the video cannot be read.
     """
     check_light_source(changes.spheres or (), context.file("lights"))
     size = first_frame(context).shape
     if changes.mask is not None:
-        check_mask(changes.mask, size)
+        check_mask(changes.mask.shape, size)
     check_spheres([Sphere(item.x, item.y, item.radius) for item in changes.spheres or ()], size)
+    check_camera(changes.camera, size)
     if changes.region is not None:
         check_region(changes.region, size)
     count = _frame_count(saved_records(context))
@@ -106,17 +113,31 @@ def check_changes(changes: Changes, context: CaptureContext) -> None:
             )
 
 
-def check_mask(mask: np.ndarray, size: tuple[int, int]) -> None:
-    """Check that a mask (H, W) bool that a person painted has the size (rows, columns) of the full frame.
+def check_mask(shape: tuple[int, ...], size: tuple[int, int]) -> None:
+    """Check that the shape of a mask that a person painted is the size (rows, columns) of the full frame.
 
     Raises:
-        InputError: it has another.
+        InputError: it is another.
     """
-    height, width = size
-    if mask.shape != (height, width):
+    if shape != size:
         raise InputError(
-            f"the painted mask is {mask.shape[1]} x {mask.shape[0]}", f"it must have the frame's {width} x {height}"
+            f"the painted mask is {shape[1]} x {shape[0]}", f"it must have the frame's {size[1]} x {size[0]}"
         )
+
+
+def check_mask_head(mask: str, context: CaptureContext) -> None:
+    """Check the size that the head of a painted mask states, before decoding takes memory for it.
+
+    mask: the base64 of a PNG.
+
+    Raises:
+        InputError: it is none, or has another size than the full frame; or the video cannot be read.
+    """
+    try:
+        data = base64.b64decode(mask, validate=True)
+    except binascii.Error as error:
+        raise InputError(f"the mask is not base64 ({error})", "send the base64 of a PNG") from error
+    check_mask(image_size(data, "the mask"), first_frame(context).shape)
 
 
 def _frame_count(saved: Records) -> int | None:

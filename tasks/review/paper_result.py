@@ -4,10 +4,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from glint.storage.locations.location import Location
-from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import StageResult
 from glint.tasks.engine.parameters import LabelsParameters, SilhouetteParameters
+from glint.tasks.review.stored import VersionReference
 from glint.tasks.stages.capture_geometry import CaptureGeometry
 from glint.tasks.stages.clusters import read_clusters
 from glint.tasks.stages.labels import reconstruct
@@ -18,15 +17,14 @@ PAPER_NEEDS = ("survey", "mask", "markup", "silhouette", "clusters")
 
 
 @lru_cache(maxsize=2)
-def paper_normals(store: str, object_id: str, version: str, capture: str) -> np.ndarray:
+def paper_normals(version: VersionReference, capture: str) -> np.ndarray:
     """Return the normals (H, W, 3) that the literal paper's method gives a capture of a version; it takes seconds.
 
     Raises:
         StoreError: no such object, version or capture, or a result is damaged.
     """
-    repository = ObjectRepository.open(Location.parse(store), object_id, create=False)
-    snapshot = repository.version(version).snapshot
-    stages: dict[str, StageResult] = {stage: repository.load(capture, stage, snapshot) for stage in PAPER_NEEDS}
+    repository = version.repository
+    stages: dict[str, StageResult] = {stage: repository.load(capture, stage, version.snapshot) for stage in PAPER_NEEDS}
     return reconstruct(
         read_clusters(stages["clusters"]),
         stages["mask"].read("mask"),

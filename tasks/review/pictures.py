@@ -52,12 +52,11 @@ def frame_image(context: CaptureContext, number: int) -> np.ndarray:
         InputError: the video cannot be read, or has no such frame.
         StoreError: the store cannot be read.
     """
-    whole = eight_bits(first_frame(context)).copy()
     if number == 0:
-        return whole
+        return eight_bits(first_frame(context))
     if "frames" not in saved_records(context):
         raise InputError("only the first frame is known before the first run", "run the capture")
-    cache = open_frames(context)
+    whole, cache = eight_bits(surveyed_frame(context)).copy(), open_frames(context)
     if number >= cache.frames:
         raise InputError(f"there is no frame {number:,}", f"the last one is {cache.frames - 1:,}")
     for name, crop in cache.crops.items():
@@ -78,7 +77,7 @@ def level_image(context: CaptureContext, level: str) -> np.ndarray:
     if "frames" not in saved_records(context):
         sample = frame_sample(context)
         return np.asarray(sample.max(axis=0) if level == "peak" else np.median(sample, axis=0), np.uint8)
-    whole, cache = eight_bits(first_frame(context)).copy(), open_frames(context)
+    whole, cache = eight_bits(surveyed_frame(context)).copy(), open_frames(context)
     for name, crop in cache.crops.items():
         pictures = load_levels(context) if name == OBJECT else levels(cache, name)
         whole[crop.rows, crop.columns] = eight_bits(pictures[LEVELS.index(level)])
@@ -115,6 +114,22 @@ def first_frame(context: CaptureContext) -> np.ndarray:
         InputError: the video cannot be read.
     """
     return _first_frame(_address(context), str(context.stamps(("frames",))))
+
+
+def surveyed_frame(context: CaptureContext) -> np.ndarray:
+    """Return the first frame, luma (H, W), in which the places that the last run stored are the same.
+
+    Raises:
+        InputError: the video cannot be read, or has another size than at the last run; StoreError: the store cannot.
+    """
+    frame, geometry = first_frame(context), stored_geometry(context)
+    height, width = frame.shape
+    if geometry is not None and geometry.frame_size != (width, height):
+        earlier = f"{geometry.frame_size[0]} x {geometry.frame_size[1]}"
+        raise InputError(
+            f"the video is {width} x {height} pixels, and was {earlier} at the last run", "run the capture"
+        )
+    return frame
 
 
 def frame_sample(context: CaptureContext) -> np.ndarray:

@@ -6,7 +6,7 @@ from glint.storage.inputs.masks_and_truth import camera_matrix
 from glint.tasks.algorithms.lighting.spheres import Sphere, confirm_sphere
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.review.pictures import first_frame, frame_sample
-from glint.tasks.stages.frame_parts import check_spheres
+from glint.tasks.stages.frame_parts import check_camera, check_spheres
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,10 +34,12 @@ def fit_sphere(context: CaptureContext, x: float, y: float, radius: float) -> Sp
     The survey measures a given one likewise, before it compares it with the highlights' shapes.
 
     Raises:
-        InputError: the circle leaves the frame, as that of no capture that is run may, or the video cannot be read.
+        InputError: the circle leaves the frame, as that of no capture that is run may; the camera's matrix is not in
+            pixels; or the video cannot be read.
     """
-    drawn = Sphere(x, y, radius)
-    check_spheres([drawn], first_frame(context).shape)
+    drawn, size = Sphere(x, y, radius), first_frame(context).shape
+    check_spheres([drawn], size)
+    check_camera(context.capture.camera, size)
     confirmed = confirm_sphere(frame_sample(context), drawn, camera=camera_matrix(context.capture.camera))
     fit = confirmed.fit
     return SphereFit(

@@ -1,5 +1,6 @@
-"""Read what the store holds of a capture; nothing is stored for one that never ran."""
+"""Read what the store holds of a capture or version; nothing is stored for one that never ran."""
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -14,6 +15,21 @@ from glint.storage.versions.stage_results import check_name
 from glint.storage.versions.transaction import repository_folder
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.review.summary import Records
+
+
+@dataclass(frozen=True, slots=True)
+class VersionReference:
+    """A version of an object in a store, by its name and its snapshot: a store that is filled again has another v1."""
+
+    store: str
+    object_id: str
+    name: str
+    snapshot: str
+
+    @property
+    def repository(self) -> ObjectRepository:
+        """The object's results, opened anew."""
+        return ObjectRepository.open(Location.parse(self.store), self.object_id, create=False)
 
 
 def has_object(location: Location, object_id: str) -> bool:

@@ -1,6 +1,6 @@
 """Collect what the surface view shows of a version: an exported page's parts, and more that needs a server.
 
-Whatever is read was verified by the store. A version never changes, so its data are kept.
+Whatever is read was verified by the store. A version never changes, so its data are kept by its snapshot.
 """
 
 from functools import lru_cache
@@ -14,10 +14,9 @@ from glint.storage.export.page.model_data import model_data as packed_model
 from glint.storage.export.page.packing import Part, octahedral, pack
 from glint.storage.export.page.photographs import frame_photograph, spread_frames
 from glint.storage.export.stored_capture import entry_of, ordered_stages
-from glint.storage.locations.location import Location
-from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import WHOLE_OBJECT, StageResult
 from glint.tasks.review.paper_result import PAPER_NEEDS, paper_normals
+from glint.tasks.review.stored import VersionReference
 
 SERVED = Detail(scale=1.0, frames=0, triangles=1_000_000)
 """Detail of what a server on the same machine sends: everything, a mesh within what a browser turns smoothly."""
@@ -35,20 +34,21 @@ OTHER_NORMALS = {
 
 
 @lru_cache(maxsize=6)
-def surface_data(store: str, object_id: str, version: str, capture: str) -> CaptureData:
+def surface_data(version: VersionReference, capture: str) -> CaptureData:
     """Return facts and parts of a capture of a version.
 
     Raises:
         StoreError: no such object, version or capture, or a result is damaged.
     """
-    location = Location.parse(store)
-    repository = ObjectRepository.open(location, object_id, create=False)
-    chosen = repository.version(version)
+    repository = version.repository
+    chosen = repository.version(version.name)
     if capture not in chosen.stages or capture == WHOLE_OBJECT:
-        raise NotFoundError(f"{object_id} {chosen.name} has no capture {capture!r}", f"see `glint history {object_id}`")
+        raise NotFoundError(
+            f"{version.object_id} {version.name} has no capture {capture!r}", f"see `glint history {version.object_id}`"
+        )
     results = repository.load_capture(capture, chosen.snapshot)
     stages = {stage: results[stage] for stage in ordered_stages(results, chosen)}
-    data = capture_data(location, capture, stages, entry_of(chosen, capture), SERVED)
+    data = capture_data(repository.location, capture, stages, entry_of(chosen, capture), SERVED)
     facts, parts = dict(data.facts), dict(data.parts)
     facts["fields"] = list(_fields(stages, parts))
     later = _later_fields(stages, parts)
@@ -62,48 +62,42 @@ def surface_data(store: str, object_id: str, version: str, capture: str) -> Capt
     return CaptureData(facts, parts)
 
 
-def surface_part(store: str, object_id: str, version: str, capture: str, name: str) -> Part:
+def surface_part(version: VersionReference, capture: str, name: str) -> Part:
     """Return a part by its name in the facts.
 
     Raises:
         NotFoundError: there is none; StoreError: as `surface_data`, or the frame is not in the cache.
     """
-    data = surface_data(store, object_id, version, capture)
+    data = surface_data(version, capture)
     if name in data.parts:
         return data.parts[name]
     if name.startswith(f"{PAPER}_") and name in data.facts["parts"]:
-        mask = _stored_mask(store, object_id, version, capture)
+        mask = np.asarray(version.repository.load(capture, "mask", version.snapshot).read("mask"))
         made = dict[str, Part]()
-        _add_field(PAPER, paper_normals(store, object_id, version, capture), mask, "", made)
+        _add_field(PAPER, paper_normals(version, capture), mask, "", made)
         return made[name]
     if name not in data.facts["parts"]:
         raise NotFoundError(
-            f"{object_id}/{capture} has no {name!r} to show in {version}", "see its facts for the names of parts"
+            f"{version.object_id}/{capture} has no {name!r} to show in {version.name}",
+            "see its facts for the names of parts",
         )
-    location = Location.parse(store)
-    repository = ObjectRepository.open(location, object_id, create=False)
-    frames = repository.load(capture, "frames", repository.version(version).snapshot)
-    return frame_photograph(location, frames, int(name.removeprefix("frame_")))
+    repository = version.repository
+    frames = repository.load(capture, "frames", version.snapshot)
+    return frame_photograph(repository.location, frames, int(name.removeprefix("frame_")))
 
 
 @lru_cache(maxsize=2)
-def model_data(store: str, object_id: str, version: str) -> CaptureData | None:
+def model_data(version: VersionReference) -> CaptureData | None:
     """Return facts and parts of a version's model, None where it has none.
 
     Raises:
         StoreError: no such object or version, or the model is damaged.
     """
-    repository = ObjectRepository.open(Location.parse(store), object_id, create=False)
-    chosen = repository.version(version)
-    if WHOLE_OBJECT not in chosen.stages:
+    repository = version.repository
+    if WHOLE_OBJECT not in repository.version(version.name).stages:
         return None
-    merged = repository.load(WHOLE_OBJECT, "model", chosen.snapshot)
+    merged = repository.load(WHOLE_OBJECT, "model", version.snapshot)
     return packed_model(merged, SERVED.triangles)
-
-
-def _stored_mask(store: str, object_id: str, version: str, capture: str) -> np.ndarray:
-    repository = ObjectRepository.open(Location.parse(store), object_id, create=False)
-    return np.asarray(repository.load(capture, "mask", repository.version(version).snapshot).read("mask"))
 
 
 def _later_fields(stages: dict[str, StageResult], parts: dict[str, Part]) -> dict[str, dict[str, Any]]:

@@ -8,27 +8,27 @@ import numpy as np
 from glint.storage.errors import NotFoundError
 from glint.storage.export.page.capture_data import CaptureData
 from glint.storage.export.page.packing import NO_CONFIDENCE, Part, octahedral, pack
-from glint.storage.locations.location import Location
-from glint.storage.versions.repository import ObjectRepository
 from glint.tasks.figures.diff_maps import MAX_ANGLE_DEG
+from glint.tasks.review.stored import VersionReference
 from glint.tasks.version_diff import captures_of_both, compare, on_common_region
 
 
 @lru_cache(maxsize=4)
-def version_pair(store: str, object_id: str, capture: str, before: str, after: str) -> CaptureData:
-    """Return facts and parts: `before_normals`, `after_normals`, their masks, and `difference` (0 to 254).
+def version_pair(capture: str, before: VersionReference, after: VersionReference) -> CaptureData:
+    """Return facts and parts of two versions of an object: `before_normals`, `after_normals`, their masks, `difference`
+    (0 to 254).
 
     Raises:
         NotFoundError: a version has no such capture; StoreError: no such object or version, or a result is damaged.
     """
-    repository = ObjectRepository.open(Location.parse(store), object_id, create=False)
-    if capture not in captures_of_both(repository, before, after)[0]:
+    repository, names = before.repository, (before.name, after.name)
+    if capture not in captures_of_both(repository, *names)[0]:
         raise NotFoundError(
-            f"{before} and {after} of {object_id} do not both have a capture {capture!r}",
-            f"see `glint history {object_id}`",
+            f"{' and '.join(names)} of {before.object_id} do not both have a capture {capture!r}",
+            f"see `glint history {before.object_id}`",
         )
-    difference = compare(repository, capture, before, after)
-    pair = on_common_region(repository, capture, (before, after))
+    difference = compare(repository, capture, *names)
+    pair = on_common_region(repository, capture, names)
     parts: dict[str, Part] = {}
     for name, (normals, _) in zip(("before", "after"), pair, strict=True):
         parts[f"{name}_normals"] = pack(octahedral(normals))

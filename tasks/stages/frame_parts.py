@@ -1,16 +1,19 @@
-"""Parts of a frame: the rectangles of object and spheres, and whether the frame holds what is given."""
+"""Parts of a frame: the rectangles of object and spheres, and whether what is given fits the frame."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from glint.storage.catalogue.loading import Region
+from glint.storage.catalogue.models import Camera
 from glint.storage.errors import InputError
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.errors import MisplacedSphere
 
 SHADED_REACH = 1.1
 """Half the side of the square around a sphere in which nothing counts as standing still, in radii."""
+MIN_FOCAL_SHARE = 0.25
+"""Least focal length by the frame's longer side: that of the widest lenses that keep lines straight."""
 
 
 def around(mask: np.ndarray, margin: int) -> Region:
@@ -83,4 +86,21 @@ def check_region(region: Region, size: tuple[int, int]) -> None:
             f"the region x {region.x} to {region.x + region.width - 1}, y {region.y} to"
             f" {region.y + region.height - 1} leaves the frame of {size[1]} x {size[0]} pixels",
             "correct it in the catalogue (pixels of the full frame), or leave it out to have it found",
+        )
+
+
+def check_camera(camera: Camera | None, size: tuple[int, int]) -> None:
+    """Check that the matrix of a camera, where one is given, is in pixels of a frame of `size` (rows, columns).
+
+    Raises:
+        InputError: it is in millimetres, or in units of the frame's size.
+    """
+    if camera is None:
+        return
+    focal = min(camera.matrix[0][0], camera.matrix[1][1])
+    if focal < MIN_FOCAL_SHARE * max(size):
+        raise InputError(
+            f"the camera's matrix has a focal length of {focal:g}, too little for a frame of {size[1]} x {size[0]}"
+            " pixels",
+            "the matrix is in pixels: divide a focal length in mm by the sensor's width and multiply it by the frame's",
         )

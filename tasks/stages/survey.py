@@ -19,7 +19,15 @@ from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.stages.capture_geometry import crops_of
 from glint.tasks.stages.first_pass import Sample, SampleRecorder, discard_stored, sampled_and_stored
-from glint.tasks.stages.frame_parts import around, check_light_source, check_region, check_spheres, moving_parts, within
+from glint.tasks.stages.frame_parts import (
+    around,
+    check_camera,
+    check_light_source,
+    check_region,
+    check_spheres,
+    moving_parts,
+    within,
+)
 from glint.tasks.stages.levels import BACKGROUND, CLIPPED, PEAK
 from glint.tasks.stages.sphere_doubts import confirm_found, confirm_given
 from glint.tasks.stages.stabilization import Shake, measure_shake, stabilized
@@ -125,7 +133,8 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
     """Find frame size and count, the camera's shake, spheres and region, where the catalogue does not give them.
 
     Raises:
-        InputError: the video or the mask cannot be used; a sphere or region lies outside the frame; spheres and lights.
+        InputError: the video or the mask cannot be used; a sphere or region lies outside the frame; spheres and lights
+            are both given; the camera's matrix is not in the frame's pixels.
         UnusableCapture: no sphere or no object can be found.
     """
     frames = inputs.file("frames")
@@ -177,6 +186,7 @@ def _search(inputs: StageInputs, footage: Footage, progress: Progress) -> _Searc
     given = [Sphere(sphere.x, sphere.y, sphere.radius) for sphere in inputs.field("spheres")]
     check_light_source(given, inputs.file("lights"))
     check_spheres(given, size)
+    check_camera(inputs.field("camera"), size)
     if region is not None:
         check_region(region, size)
     return _Search(inputs, footage, progress, given, region, camera_matrix(inputs.field("camera")))

@@ -1,14 +1,20 @@
 """Scans of an inbox: new, changed, unfinished and unusable sub-folders."""
 
 import json
+import os
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from time import sleep
 
 import pytest
+from obstore.store import LocalStore
 
 from glint.storage.catalogue.loading import load
 from glint.storage.errors import InputError
 from glint.storage.inbox import Inbox, InboxScan
+from glint.storage.locations.input_files import expand
+from glint.storage.locations.location import Location
+from glint.storage.submissions import list_submissions
 
 AT_ONCE = timedelta(0)
 
@@ -59,6 +65,26 @@ def test_a_recently_changed_sub_folder_waits(inbox: Inbox) -> None:
     early = inbox.scan(timedelta(minutes=10), now)
     assert (early.batches, early.waiting) == ((), ("duck",))
     assert objects(inbox.scan(timedelta(minutes=10), now + timedelta(minutes=11))) == {"duck"}
+
+
+def test_a_copy_that_preserves_times_waits_and_a_wrong_clock_does_not(inbox: Inbox) -> None:
+    put(inbox, "duck/video.mp4", "fish/video.mp4")
+    now = datetime.now(UTC)
+    for name, days in (("duck", -7), ("fish", 3650)):
+        time = (now + timedelta(days=days)).timestamp()
+        os.utime(Path(inbox.location.path) / name / "video.mp4", (time, time))
+    assert inbox.scan(timedelta(minutes=10), now).waiting == ("duck", "fish")
+    assert objects(inbox.scan(timedelta(minutes=10), now + timedelta(minutes=11))) == {"duck", "fish"}
+
+
+def test_a_sub_folder_from_which_a_file_was_moved_waits(inbox: Inbox) -> None:
+    """A folder's own change counts: a file that is left in it need not have changed."""
+    put(inbox, "duck/a/video.mp4", "duck/a/video.part")
+    before = max(path.stat().st_ctime for path in (Path(inbox.location.path) / "duck").rglob("*"))
+    sleep(0.05)
+    (Path(inbox.location.path) / "duck" / "a" / "video.part").unlink()
+    (submission,) = inbox.submissions()[0]
+    assert submission.changed.timestamp() > before
 
 
 def test_a_sub_folder_with_a_catalogue_is_run_by_it(inbox: Inbox) -> None:
@@ -193,3 +219,64 @@ def test_a_sub_folder_of_any_name_leaves_the_others_alone(inbox: Inbox) -> None:
     assert objects(scan) == {"bowl", "jug", "duck"} and set(scan.problems) == {long}
     for batch in scan.batches:
         assert {item.id for item in load(batch.catalogue).objects} == set(batch.submissions)
+
+
+def test_names_that_are_no_text_leave_the_others_alone(inbox: Inbox) -> None:
+    odd = [os.fsdecode(name) for name in (b"gr\xfcn/video.mp4", b"vase/gr\xfcn.mp4")]
+    put(inbox, "duck/video.mp4", "b\x07owl/\x1b[31mvideo.mp4", *odd)
+    scan = inbox.scan(AT_ONCE)
+    assert objects(scan) == {"duck", "b-owl"}
+    assert set(scan.problems) == {name.partition("/")[0] for name in odd}
+    assert all("rename the folder or the files in it" in problem for problem in scan.problems.values())
+
+
+def test_brackets_in_the_names_of_folders_of_images_are_no_pattern(inbox: Inbox) -> None:
+    put(inbox, "vase [2]/img_1.png", "vase [2]/img_2.png", "s*[x]?/a1.png", "s*[x]?/a2.png")
+    scan = inbox.scan(AT_ONCE)
+    assert objects(scan) == {"vase-2", "s-x"} and not scan.problems
+    (batch,) = scan.batches
+    for object_id, name in (("vase-2", "vase [2]/img_1.png"), ("s-x", "s*[x]?/a1.png")):
+        files = expand(Location.parse(load(batch.catalogue).object(object_id).captures[0].frames), [".png"])
+        assert files is not None and len(files) == 2 and files[0].uri == f"{inbox.location.path}/{name}"
+
+
+def test_links_that_lead_in_circles_or_nowhere_leave_the_others_alone(inbox: Inbox) -> None:
+    put(inbox, "duck/video.mp4", "vase/video.mp4")
+    vase = Path(inbox.location.path) / "vase"
+    for name, target in (("loop", ".."), ("itself", "itself"), ("nowhere.mp4", "gone.mp4")):
+        (vase / name).symlink_to(target)
+    os.mkfifo(vase / "pipe.mp4")
+    scan = inbox.scan(AT_ONCE)
+    assert objects(scan) == {"duck", "vase"} and not scan.problems
+
+
+def test_a_sub_folder_that_cannot_be_listed_is_a_problem_and_stays_finished(
+    inbox: Inbox, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(inbox, "duck/video.mp4", "vase/video.mp4")
+    finish(inbox, inbox.scan(AT_ONCE))
+    put(inbox, "fish/video.mp4")
+    real = os.scandir
+
+    def refused(path: str) -> object:
+        if str(path).endswith("/vase"):
+            raise PermissionError(13, "Permission denied", path)
+        return real(path)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "scandir", refused)
+        scan = inbox.scan(AT_ONCE)
+        finish(inbox, scan)
+    assert objects(scan) == {"fish"} and set(scan.problems) == {"vase"}
+    assert "vase cannot be read (Permission denied): check its permissions" in scan.problems["vase"]
+    assert inbox.scan(AT_ONCE).unchanged == 3
+
+
+def test_the_sub_folders_of_a_prefix_are_listed_each_by_itself(
+    inbox: Inbox, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    put(inbox, "duck/video.mp4", "a\\b/video.mp4", ".hidden/video.mp4", "notes.txt")
+    monkeypatch.setattr(Location, "obstore", lambda self: LocalStore(tmp_path / self.path))
+    (submission,), problems = list_submissions(Location.parse("s3://bucket/inbox"))
+    assert submission.name == "duck" and datetime.now(UTC) - submission.changed < timedelta(minutes=1)
+    assert set(problems) == {"a\\b"} and "use a plain name" in problems["a\\b"]

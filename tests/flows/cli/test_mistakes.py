@@ -92,6 +92,17 @@ def test_a_check_that_finds_nothing_usable_does_not_suggest_a_run(
     assert "then glint check catalogue.yaml" in done.output and "glint run" not in done.output
 
 
+def test_a_check_reports_what_nobody_expected_of_one_capture(catalogue: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object) -> None:
+        raise ValueError("arange")
+
+    monkeypatch.chdir(catalogue.parent)
+    monkeypatch.setattr("glint.tasks.check.check", fails)
+    done = CliRunner().invoke(app, ["check", "catalogue.yaml"])
+    assert done.exit_code == 1 and isinstance(done.exception, SystemExit)
+    assert "duck/front" in done.output and "ValueError: arange: internal error" in done.output
+
+
 def test_a_port_that_is_taken_is_named() -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))

@@ -10,8 +10,9 @@ from types import MappingProxyType
 from urllib.parse import urlsplit
 
 import pytest
+from starlette.datastructures import Headers
 
-from glint.flows.review.access import REFUSAL_SECONDS
+from glint.flows.review.access import REFUSAL_SECONDS, Access
 from tests.flows.review.conftest import ServedPage
 
 FOREIGN = "http://pages.example"
@@ -56,6 +57,13 @@ def test_without_the_cookie_nothing_is_read_or_started(served: ServedPage) -> No
     assert ask(served, f"{ROW}/run", "POST").status == 401
     assert ask(served, "/").status == 303
     assert ask(served, "/static/main.js").status == 200
+
+
+@pytest.mark.parametrize("foreign", ['theme={"mode":"dark"}', "cart[0]=5", "q=a b", 'x="unclosed', "flag", "k=v\\w"])
+def test_cookies_of_other_programs_keep_nobody_out(foreign: str) -> None:
+    access = Access(("http://127.0.0.1:4300",))
+    assert access.has_session(Headers({"Cookie": f"{foreign}; {access.cookie}={access.session}; {foreign}"}))
+    assert not access.has_session(Headers({"Cookie": foreign}))
 
 
 def test_the_token_is_exchanged_for_a_cookie_that_scripts_and_other_sites_cannot_use(served: ServedPage) -> None:

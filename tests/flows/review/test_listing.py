@@ -18,8 +18,10 @@ from glint.flows.review.runs import Run, Runs, note
 from glint.storage.catalogue.loading import load, write
 from glint.storage.errors import InputError
 from glint.storage.locations.location import Location
+from glint.storage.versions.repository import ObjectRepository
 from tests.flows.review.conftest import let_in, serve
 from tests.polling import until
+from tests.storage.stores import local_store, save_capture
 
 
 def listing(store: Path, catalogue: Path | None) -> Listing:
@@ -116,6 +118,23 @@ def test_an_unexpected_error_is_logged_and_the_list_goes_on(
 
 
 @pytest.mark.slow
+def test_an_object_that_could_not_be_read_is_read_again_later(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object) -> list[Row]:
+        raise OSError(24, "Too many open files")
+
+    save_capture(ObjectRepository.open(local_store(tmp_path), "glass"), "front", "k1")
+    with monkeypatch.context() as broken:
+        broken.setattr(listing_module, "object_rows", fails)
+        made = listing(tmp_path, None)
+    assert set(states(made).values()) == {"failed"}
+    made.read_changed(made.refresh_names())
+    assert set(states(made).values()) == {"failed"}, "not at once"
+    now = time.monotonic()
+    monkeypatch.setattr(listing_module.time, "monotonic", lambda: now + listing_module.RETRY_SECONDS)
+    made.read_changed(made.refresh_names())
+    assert states(made) == {"glass/front": "waiting"}
+
+
 def test_the_page_shows_what_is_wrong_with_the_catalogue_until_it_is_right(
     tmp_path: Path, simulated: Path, chromium: Any
 ) -> None:

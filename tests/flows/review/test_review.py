@@ -6,8 +6,12 @@ import numpy as np
 
 from glint.flows.review.review import Review
 from glint.storage.catalogue.models import Capture
-from glint.tasks.engine.capture_context import CaptureContext
+from glint.storage.edits.edits import Edits
+from glint.storage.edits.models import Changes, mask_png
+from glint.storage.inputs.markup import AnnotationEntry
+from glint.tasks.engine.capture_context import CaptureContext, with_edits
 from glint.tasks.engine.parameters import Parameters
+from glint.tasks.publish import capture_provenance, unedited_entry
 
 
 def test_without_a_catalogue_a_capture_has_the_parameters_of_its_version(tmp_path: Path) -> None:
@@ -19,3 +23,20 @@ def test_without_a_catalogue_a_capture_has_the_parameters_of_its_version(tmp_pat
     work.repository.publish(["front"], {"captures": {"front": provenance}}, ("mask",))
     context = Review(work.store, None).context("vase", "front")
     assert (context.capture, context.parameters) == (capture, parameters)
+
+
+def test_without_a_catalogue_edits_are_not_taken_for_what_the_catalogue_gives(tmp_path: Path) -> None:
+    capture = Capture(id="front", frames=str(tmp_path / "frames"), pixel_size=0.5)
+    (tmp_path / "frames").mkdir()
+    (tmp_path / "frames" / "1.png").write_bytes(mask_png(np.ones((2, 2), bool)))
+    work = CaptureContext(str(tmp_path / "store"), "vase", capture, Parameters())
+    mark = AnnotationEntry(frame=3, x=1.0, y=1.0, kind="true")
+    Edits.open(work.location, "vase").save("front", Changes(marks=(mark,), pixel_size=0.25), "Ann", 0)
+    (edited,) = with_edits([work])
+    work.repository.save("front", "mask", "key", {"mask": np.ones((2, 2), bool)}, {})
+    recorded = capture_provenance(edited)
+    work.repository.publish(["front"], {"captures": {"front": recorded}}, ("mask",))
+    assert recorded["entry"]["pixel_size"] == 0.25 and "markup" in recorded["entry"]
+    assert Review(work.store, None).context("vase", "front").capture == capture
+    del recorded["catalogue_entry"]
+    assert unedited_entry(recorded) == {"id": "front", "frames": capture.frames}, "as older versions record it"

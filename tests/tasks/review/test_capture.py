@@ -24,6 +24,7 @@ from glint.tasks.review.sphere_fit import fit_sphere
 from glint.tasks.review.stored import has_object
 from glint.tasks.stages.capture_geometry import load_geometry
 from tests.pictures import decode_picture
+from tests.storage.footage.videos import ramp, write_video
 from tests.tasks.make_context import make_context, perform_all
 
 pytestmark = pytest.mark.long
@@ -67,9 +68,9 @@ def test_levels_mask_and_thumbnail(context: CaptureContext) -> None:
     painted = np.zeros(shown.shape, bool)
     painted[3:9, 4:8] = True
     assert np.array_equal(decode_picture(mask_picture(context, painted)) > 0, painted)
-    check_mask(painted, first_frame(context).shape)
+    check_mask(painted.shape, first_frame(context).shape)
     with pytest.raises(InputError, match="must have the frame's"):
-        check_mask(painted[1:], first_frame(context).shape)
+        check_mask(painted[1:].shape, first_frame(context).shape)
     assert max(decode_picture(thumbnail(context)).shape) == THUMBNAIL_SIZE
 
 
@@ -174,9 +175,34 @@ def test_spheres_drawn_where_lights_are_known_are_refused(context: CaptureContex
         {"marks": [{"frame": 50_000_000, "x": 1.0, "y": 1.0, "kind": "true"}]},
         {"spheres": [{"x": 100_000.0, "y": 10.0, "radius": 5.0}]},
         {"region": {"x": 100_000, "y": 0, "width": 5, "height": 5}},
+        {"camera": {"matrix": [[35, 0, 18], [0, 35, 12], [0, 0, 1]]}},
     ],
 )
 def test_what_a_person_draws_beyond_the_frames_is_refused(context: CaptureContext, changes: dict[str, object]) -> None:
     with pytest.raises(InputError, match=r"frame"):
         check_changes(Changes.model_validate(changes), context)
     check_changes(Changes.model_validate({"marks": [{"frame": 0, "x": 1.0, "y": 1.0, "kind": "true"}]}), context)
+
+
+def test_a_sphere_is_not_fitted_under_a_camera_matrix_in_millimetres(simulated: Path, tmp_path: Path) -> None:
+    camera = {"matrix": [[35, 0, 18], [0, 35, 12], [0, 0, 1]]}
+    with pytest.raises(InputError, match="focal length of 35"):
+        fit_sphere(make_context(simulated, tmp_path / "store", camera=camera), 92.4, 44.2, 22.0)
+
+
+def test_a_video_of_another_size_than_at_the_last_run_is_named(context: CaptureContext, tmp_path: Path) -> None:
+    write_video(tmp_path / "again.mp4", [ramp(index, 24, 40) for index in range(3)])
+    capture = context.capture.model_copy(update={"frames": str(tmp_path / "again.mp4")})
+    replaced = replace(context, capture=capture)
+    width, height = load_geometry(context).frame_size
+    for refused in (
+        lambda: frame_picture(replaced, 3),
+        lambda: level_picture(replaced, "peak"),
+        lambda: mask_in_use(replaced),
+    ):
+        with pytest.raises(InputError, match=f"is 40 x 24 pixels, and was {width} x {height} at the last run"):
+            refused()
+    with pytest.raises(InputError, match="painted mask"):
+        mask_in_use(replaced, np.ones((height, width), bool))
+    assert decode_picture(frame_picture(replaced, 0)).shape == (24, 40)
+    assert capture_inputs(replaced)["frame_size"] == [40, 24], "the page opens, and its capture can be run"

@@ -65,6 +65,12 @@ def test_mask_of_the_wrong_size(refused: Refused, tmp_path: Path) -> None:
     assert "44 x 33" in str(refused(mask=str(tmp_path / "mask.png")))
 
 
+@pytest.mark.parametrize("focal", [35.0, 1.2])
+def test_a_camera_matrix_that_is_not_in_pixels(refused: Refused, focal: float) -> None:
+    error = refused(camera={"matrix": [[focal, 0.0, 12.0], [0.0, focal, 8.0], [0.0, 0.0, 1.0]]})
+    assert f"focal length of {focal:g}" in str(error) and "the matrix is in pixels" in str(error)
+
+
 def test_sphere_out_of_frame(refused: Refused) -> None:
     error = refused(spheres=[{"x": 400.0, "y": 20.0, "radius": 22.0}])
     assert "400.0" in str(error) and "leaves the frame" in str(error)

@@ -1,0 +1,80 @@
+"""The server's answers to requests that cannot be met: what is wrong, and what to do about it."""
+
+import base64
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fastapi.testclient import TestClient
+
+from glint.flows.review.access import Access
+from glint.flows.review.app import create_app
+from glint.storage.edits.models import mask_png
+from glint.storage.locations.location import Location
+from glint.storage.versions.repository import ObjectRepository
+from tests.glint.sample_store import Sphere, save_sphere
+
+CATALOGUE = "schema: 1\nname: x\nobjects:\n- {id: vase, captures: [{id: front, frames: %s}]}\n"
+INPUTS = "/api/captures/vase/front/inputs"
+
+
+def client(store: Path, catalogue: Path | None = None) -> TestClient:
+    """A browser that was let in, without a server in between; what the server does not expect is raised."""
+    access = Access(("http://127.0.0.1:4300",))
+    app = create_app(str(store), None if catalogue is None else str(catalogue), access)
+    headers = {"Cookie": f"{access.cookie}={access.session}"}
+    return TestClient(app, base_url=access.origins[0], headers=headers)
+
+
+@pytest.mark.parametrize(
+    ("text", "error"),
+    [
+        (CATALOGUE % "a.mp4" + "nonsense: [\n", "not YAML"),
+        (CATALOGUE % "'http://host/a.mp4'", "addresses of http:// are not supported"),
+    ],
+)
+def test_a_catalogue_that_cannot_be_used_is_answered_with_its_error(tmp_path: Path, text: str, error: str) -> None:
+    (tmp_path / "catalogue.yaml").write_text(text)
+    answer = client(tmp_path / "store", tmp_path / "catalogue.yaml").get(INPUTS)
+    assert answer.status_code == 422
+    assert error in answer.json()["error"] and answer.json()["remedy"]
+
+
+def test_a_store_that_was_removed_and_filled_again_is_shown_as_it_is_now(tmp_path: Path) -> None:
+    browser, shown = client(tmp_path / "store"), []
+    for radius, run in ((5.0, "run a"), (6.0, "run b")):
+        shutil.rmtree(tmp_path / "store", ignore_errors=True)
+        repository = ObjectRepository.open(Location.parse(tmp_path / "store"), "vase")
+        save_sphere(repository, "front", Sphere((0.0, 0.0, 0.0), radius))
+        repository.publish(["front"], {"run": run})
+        (version,) = browser.get("/api/objects/vase/versions").json()
+        assert version["run"] == run
+        shown.append(browser.get("/api/objects/vase/versions/v1/captures/front/surface/normals").content)
+    assert shown[0] != shown[1]
+    assert browser.get("/api/objects/vase/versions/v2/captures/front/surface").status_code == 404
+    assert browser.get("/api/objects/vase/differences/v1/v1/front").status_code == 200
+
+
+def test_a_mask_is_decoded_only_if_its_head_states_the_size_of_the_frames(tmp_path: Path) -> None:
+    (tmp_path / "frames").mkdir()
+    (tmp_path / "frames" / "1.png").write_bytes(mask_png(np.ones((4, 6), bool)))
+    (tmp_path / "catalogue.yaml").write_text(CATALOGUE % "frames")
+    browser = client(tmp_path / "store", tmp_path / "catalogue.yaml")
+
+    def saved(data: bytes) -> tuple[int, str]:
+        changes = {"mask": base64.b64encode(data).decode()}
+        body = {"changes": changes, "author": "Ann", "base_revision": 0}
+        answer = browser.post("/api/captures/vase/front/edits", json=body)
+        return answer.status_code, answer.text
+
+    whole = mask_png(np.ones((4, 6), bool))
+    head = mask_png(np.ones((4, 12_000), bool))[:60]
+    for data, error in (
+        (head, "the painted mask is 12000 x 4"),
+        (b"no image", "no image that can be read"),
+        (mask_png(np.zeros((4, 6), bool)), "the mask is empty"),
+    ):
+        status, text = saved(data)
+        assert status == 422 and error in text
+    assert saved(whole)[0] == 200
