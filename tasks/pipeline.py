@@ -67,7 +67,7 @@ STAGES = (
         },
         peak_bytes=_per_pixel(400),
         progress_unit="spheres",
-        version=11,
+        version=12,
     ),
     Stage(
         "mask",
@@ -142,7 +142,7 @@ STAGES = (
             "body_depth": ArraySchema("HW", "f", required=False),
         },
         peak_bytes=_per_pixel(900),
-        version=50,
+        version=51,
     ),
     Stage(
         "depth",
