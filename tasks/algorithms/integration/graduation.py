@@ -75,14 +75,14 @@ def graduated(
     """
     pull = None
     for completed in range(1, max_rounds + 1):
-        weights = robust_weights(rises, height, softness, scale, MIN_EDGE_WEIGHT)
-        previous = height
+        robust = robust_weights(rises, height, softness, scale)
+        weights, previous, is_final = normalized(robust), height, scale <= MISFIT_SCALE
         source = poisson_source(weights, rises.mean)
         if body is not None:
-            pull = body_pull(body, height) / rises.precision.max()
+            pull = body_pull(body, height) / robust.max()
             source += pull * body.depth
         height, _, solved = solve_poisson(weights, source, height, pull=pull, tolerance=REWEIGHTED_TOLERANCE)
-        if scale <= MISFIT_SCALE and change(height, previous, mask) <= tolerance:
+        if is_final and change(height, previous, mask) <= tolerance:
             return Solution(height, completed, solved)
         scale = max(scale * SHRINKING, MISFIT_SCALE)
     return Solution(height, max_rounds, False)
