@@ -76,7 +76,7 @@ def grid_edges(
             backward[axis] = np.roll(slope, -1, axis)
         return GridEdges(inside, forward, backward, cos_incidence, weight, _tilt(forward, backward, cos_incidence))
 
-    # Minus the products of the normal and the change of the ray (x right, y up, z = -1) by columns, by rows, and at 0, 0.
+    # Minus the normal times what the ray (right, up, -1) changes by from column to column and row to row, and at 0, 0.
     across, down, first = np.moveaxis(-normals @ (CAMERA_FLIP[:, None] * np.linalg.inv(camera)), -1, 0)
     cos_incidence = across * np.arange(width) + down * np.arange(height)[:, None] + first
     focal, steps = focal_length(camera), (down, across)

@@ -96,8 +96,8 @@ def measure_falloff(levels: np.ndarray, x: np.ndarray, y: np.ndarray, site: Sphe
         """Return the inverse distance that explains the pattern of frames (T,), from an approximate one."""
         for _ in range(iterations):
             near = np.full(np.count_nonzero(kept), max(inverse, start))
-            towards = SphereLights(site.lights[kept], site.positions[kept]).at_reference(near)
-            model = response * _log_irradiance(towards, max(inverse, start), points)
+            directions = SphereLights(site.lights[kept], site.positions[kept]).at_reference(near)
+            model = response * _log_irradiance(directions, max(inverse, start), points)
             model = _without_medians(model, used[kept])
             inside = np.isfinite(model) & np.isfinite(pattern[kept])
             scale = float((model[inside] @ pattern[kept][inside]) / (model[inside] @ model[inside]))

@@ -91,7 +91,7 @@ def test_rejected_frames_are_left_out() -> None:
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_the_distance_is_that_from_the_reference_point(side: float) -> None:
-    spread = spiral(128, 20.0) + [0.9 * side, 0.0, 0.0]
+    spread = spiral(128, 20.0) + np.array([0.9 * side, 0.0, 0.0])
     found = measure_falloff(*background(500.0, shadows=False, room=0.0, directions=unit(spread)))
     assert found is not None
     assert abs(found.inverse_distance * 500.0 - 1) < 0.15
