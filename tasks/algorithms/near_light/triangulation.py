@@ -194,9 +194,9 @@ def _robust_solution(matrix: np.ndarray, residuals: np.ndarray, used: np.ndarray
 
 
 def _smooth_change(residuals: np.ndarray, by_inverse: np.ndarray) -> np.ndarray | None:
-    """Return how much each frame's inverse distance (T,) exceeds the mean; None if a single distance predicts better.
+    """Return by how much each frame's inverse distance (T,) changes; None if one change of all predicts about as well.
 
-    residuals, by_inverse: (S, T, 3), at the mean inverse distance.
+    residuals, by_inverse: (S, T, 3), at the present inverse distances.
     """
     weight = (by_inverse**2).sum(axis=(0, 2))
     estimate = (by_inverse * residuals).sum(axis=(0, 2)) / np.maximum(weight, 1e-12)
