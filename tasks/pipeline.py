@@ -67,7 +67,7 @@ STAGES = (
         },
         peak_bytes=_per_pixel(400),
         progress_unit="spheres",
-        version=11,
+        version=12,
     ),
     Stage(
         "mask",
@@ -151,7 +151,7 @@ STAGES = (
         reads=("survey", "mask", "labels"),
         arrays={"depth": ArraySchema("HW", "f", "mask"), "provenance": ArraySchema("HW", "u")},
         peak_bytes=_per_pixel(400),
-        version=9,
+        version=10,
     ),
     Stage(
         "surface",
@@ -159,7 +159,7 @@ STAGES = (
         parameters.SurfaceParameters,
         reads=("survey", "lights", "mask", "labels", "depth"),
         peak_bytes=_per_pixel(450),
-        version=3,
+        version=4,
     ),
 )
 """Survey comes first because everything is cropped by it; the object is published after its last capture."""

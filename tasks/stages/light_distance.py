@@ -178,10 +178,8 @@ def _falloff(
     for sphere in geometry.spheres:
         background &= np.hypot(columns - sphere.x, rows - sphere.y) > SPHERE_REACH * sphere.radius + margin
     x, y = reference_point(geometry)
-    sphere = geometry.spheres[number]
-    place = np.array([sphere.x - x, y - sphere.y, 0.0])
-    lights = sites[number].lights[frames]
-    return measure_falloff(pictures[:, background], columns[background] - x, y - rows[background], lights, place)
+    site = SphereLights(sites[number].lights[frames], sites[number].positions[frames])
+    return measure_falloff(pictures[:, background], columns[background] - x, y - rows[background], site)
 
 
 def load_near_light(results: CaptureResults) -> NearLight | None:

@@ -3,7 +3,7 @@
 A pixel shows a highlight in those frames whose half vector is a normal of one of its light paths. The light is not a
 point, so each direct path lights a small disc of half vectors; false paths light discs too, or arcs. The paper uses
 k-means, with K by minimum description length. Here the size of the disc is known, and each cluster is the densest disc
-of the highlights that the heavier clusters left, centred by mean shift (Cheng 1995) where it is brightest: an arc
+of the highlights that the clusters before it left, centred by mean shift (Cheng 1995) where it is brightest: an arc
 beside a disc cannot pull its centre, and a disc that only one frame shows is kept.
 """
 
@@ -25,7 +25,7 @@ MEAN_SHIFT_STEPS, POWER_ITERATIONS = 6, 30
 
 @dataclass(frozen=True, slots=True)
 class Clusters:
-    """Candidate normals of each pixel, heaviest first.
+    """Candidate normals of each pixel in the order in which they are found: each the densest disc of what is left.
 
     normals: (K, H, W, 3) float32, unit, camera frame, NaN where there is no such cluster. weight: (K, H, W) float32,
     solid angle of half vectors that it covers, in units of the lights' spacing. spread: (K, H, W) float32, RMS angle in

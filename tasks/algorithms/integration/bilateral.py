@@ -41,7 +41,8 @@ class Depth:
         scale is free.
     components: (H, W) int32, 4-connected components counted from 1, 0 outside; offsets between them are unknowable.
     rounds: reweighted solutions, 0 for least squares.
-    converged: whether the height changed by less than the tolerance before the rounds reached their limit.
+    converged: whether the height changed by less than the tolerance in a round before these reached their limit. Parts
+        that only edges taken for steps tie together may have moved against one another less than they would.
     energy: mean squared misfit per pixel along the normals, square pixels.
     perspective: whether `depth` is a distance from the camera.
     follows_body: whether it has the steps of a body that was known beforehand.

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from glint.tasks.algorithms.geometry.perspective import focal_length
+from glint.tasks.algorithms.geometry.perspective import CAMERA_FLIP, focal_length
 
 MAX_SIGMOID_ARGUMENT = 40.0
 """Arguments of the sigmoid are clipped to this, so that the exponential stays finite and the weights positive."""
@@ -76,12 +76,10 @@ def grid_edges(
             backward[axis] = np.roll(slope, -1, axis)
         return GridEdges(inside, forward, backward, cos_incidence, weight, _tilt(forward, backward, cos_incidence))
 
-    right = (np.arange(width) - camera[0, 2]) / camera[0, 0]
-    below = ((np.arange(height) - camera[1, 2]) / camera[1, 1])[:, None]
-    focal = focal_length(camera)
-    # Minus the product of normal and ray (right, -below, -1).
-    cos_incidence = normals[..., 2] - normals[..., 0] * right + normals[..., 1] * below
-    steps = (normals[..., 1] / camera[1, 1], -normals[..., 0] / camera[0, 0])
+    # Minus the normal times what the ray (right, up, -1) changes by from column to column and row to row, and at 0, 0.
+    across, down, first = np.moveaxis(-normals @ (CAMERA_FLIP[:, None] * np.linalg.inv(camera)), -1, 0)
+    cos_incidence = across * np.arange(width) + down * np.arange(height)[:, None] + first
+    focal, steps = focal_length(camera), (down, across)
     for axis, step in enumerate(steps):
         # A plane n.X = const has distance const / (n.ray), and n.ray changes linearly from pixel to pixel.
         forward[axis] = focal * _log_ratio(cos_incidence, cos_incidence + step, min_cosine)

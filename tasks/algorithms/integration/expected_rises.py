@@ -82,15 +82,13 @@ def _precision(edges: GridEdges, spread: np.ndarray, noise: float) -> np.ndarray
 
 
 @njit(cache=True, nogil=True)
-def robust_weights(
-    rises: ExpectedRises, height: np.ndarray, softness: np.ndarray, scale: float, least: float
-) -> np.ndarray:
+def robust_weights(rises: ExpectedRises, height: np.ndarray, softness: np.ndarray, scale: float) -> np.ndarray:
     """Return the weights (2, H, W) of the edges for a height (H, W) by a redescending loss.
 
     It is Barron's (A General and Adaptive Robust Loss Function, CVPR 2019) with the shape -4, whose weight falls with
     the sixth power of a large misfit. `scale` is in standard deviations of the expected rise, and its square is
     multiplied by an edge's `softness` (2, 2, H, W) > 0, for steps down and for steps up to the next pixel: the price of
-    a step is proportional to it. The largest weight is 1, and the least one `least`.
+    a step is proportional to it. The weight of an edge without misfit is its precision.
     """
     mean, precision, _ = rises
     weights = np.zeros(mean.shape)
@@ -104,12 +102,6 @@ def robust_weights(
                     side = 0 if misfit < 0.0 else 1
                     square = misfit * misfit * precision[axis, i, j] / (scale * scale * softness[side, axis, i, j])
                     weights[axis, i, j] = precision[axis, i, j] / (1.0 + square) ** 3
-    largest = weights.max()
-    for axis in range(2):
-        for i in range(rows):
-            for j in range(columns):
-                if precision[axis, i, j] > 0.0:
-                    weights[axis, i, j] = max(weights[axis, i, j] / largest, least)
     return weights
 
 

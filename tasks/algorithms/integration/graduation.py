@@ -23,8 +23,9 @@ TOLERANCE_PX = 5e-3
 """Root mean square change of the height in a round below which the rounds end."""
 MIN_EDGE_WEIGHT = 1e-10
 """Weight left to an edge that is a step, as a share of the largest: the two sides stay one component."""
-LEAST_SQUARES_TOLERANCE, REWEIGHTED_TOLERANCE = 1e-5, 1e-3
-"""Relative residuals at which the solver stops: for least squares, and for each round, which begins near its end."""
+LEAST_SQUARES_TOLERANCE, REWEIGHTED_TOLERANCE, SETTLING_TOLERANCE = 1e-5, 1e-3, 1e-4
+"""Relative residuals at which the solver stops: for least squares; for a round, which begins near its end; and for a
+round at the final scale, where a height that is still far from its end would otherwise be left as it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,14 +76,15 @@ def graduated(
     """
     pull = None
     for completed in range(1, max_rounds + 1):
-        weights = robust_weights(rises, height, softness, scale, MIN_EDGE_WEIGHT)
-        previous = height
+        robust = robust_weights(rises, height, softness, scale)
+        weights, previous, is_final = normalized(robust), height, scale <= MISFIT_SCALE
         source = poisson_source(weights, rises.mean)
         if body is not None:
-            pull = body_pull(body, height) / rises.precision.max()
+            pull = body_pull(body, height) / robust.max()
             source += pull * body.depth
-        height, _, solved = solve_poisson(weights, source, height, pull=pull, tolerance=REWEIGHTED_TOLERANCE)
-        if scale <= MISFIT_SCALE and change(height, previous, mask) <= tolerance:
+        residual = SETTLING_TOLERANCE if is_final else REWEIGHTED_TOLERANCE
+        height, _, solved = solve_poisson(weights, source, height, pull=pull, tolerance=residual)
+        if is_final and change(height, previous, mask) <= tolerance:
             return Solution(height, completed, solved)
         scale = max(scale * SHRINKING, MISFIT_SCALE)
     return Solution(height, max_rounds, False)

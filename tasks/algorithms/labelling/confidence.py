@@ -70,7 +70,8 @@ def sheet_quality(normals: np.ndarray, scale: float) -> tuple[np.ndarray, np.nda
 
     Returns:
         (H, W) each. Cover: share of the neighbourhood (COVER_INRADII) that is accepted. Roughness: angle to the local
-        mean normal, in tolerances. Curl: |p_y - q_x| over the norm of the gradients' Jacobian, 0 for a surface.
+        mean normal, in tolerances. Curl: |p_y - q_x| over the norm of the gradients' Jacobian, to which 1e-3 per
+        pixel is added, so that nearly flat sheets have none; 0 for a surface.
     """
     known = np.isfinite(normals[..., 0])
     cover = gaussian_blur(known, max(MIN_COVER_PX, COVER_INRADII * scale))

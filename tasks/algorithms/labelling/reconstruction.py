@@ -1,8 +1,8 @@
 """Alternating reconstruction of one view: label candidate normals, fit the smooth field, repeat until labels settle.
 
-Extends sections 4.1 and 4.2 of the paper, which initialises and labels once. A *sheet* is a maximal smooth patch of
-candidate normals across neighbouring pixels: one kind of light path (direct reflection, in and out, total reflection)
-maps the image smoothly to half vectors, so true and false candidates form different sheets. Each iteration labels whole
+Extends sections 4.1 and 4.2 of the paper, which initialises and labels once. A *sheet* is a smooth surface that
+candidates of neighbouring pixels form: one kind of light path (direct reflection, in and out, total reflection) maps
+the image smoothly to half vectors, so true and false candidates form different sheets. Each iteration labels whole
 sheets by a graph cut against the present field (`graph_cut`), then solves the field again from the accepted normals of
 sufficient confidence and the occluding contour (`smooth_normals`). The first field knows the contour alone. If the
 converged normals show a surface of revolution, it becomes the expected field and the iterations continue (`symmetry`);
@@ -175,7 +175,7 @@ def _bend_dark_pixels(state: Alternation) -> None:
 
 
 def _followed_depth(state: Alternation, normals: np.ndarray) -> np.ndarray | None:
-    """Return the depth (H, W) of the surface of revolution, NaN where normals (H, W, 3) contradict it."""
+    """Return the depth (H, W) of the body that explains the labels, NaN where normals (H, W, 3) contradict it."""
     if state.body_depth is None or state.expected is None:
         return None
     return np.where(angles(normals, state.expected) < DETAIL_DEG, state.body_depth, np.nan).astype(np.float32)

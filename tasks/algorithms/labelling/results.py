@@ -33,9 +33,9 @@ class Reconstruction:
     provenance: (H, W) uint8, codes of PROVENANCE.
     confidence: (H, W) float32, probability that the angular error is below 5 degrees, NaN outside the mask.
     iterations: what each iteration did, in order.
-    body_depth: (H, W) float32, height in pixels towards the camera up to a constant, of the surface of revolution where
-        the normals follow it, NaN elsewhere; None where there is no such surface. Under perspective a height is the
-        negative logarithm of the distance times the focal length.
+    body_depth: (H, W) float32, height in pixels towards the camera up to a constant, of the surface of revolution, the
+        prism or the faceted body where the normals follow it, NaN elsewhere; None where there is no such body. Under
+        perspective a height is the negative logarithm of the distance times the focal length.
     """
 
     labels: np.ndarray

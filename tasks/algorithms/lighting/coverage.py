@@ -32,9 +32,9 @@ BRIGHT_DEG, REACH_DEG = 2.2, 5.0
 """Angle to a half vector up to which a normal shows a bright highlight, and up to which it is within the sweep."""
 MIN_SWEEP_FRAMES = 100
 """Frames below which a capture is a set of photographs, each with a light of its own, and no sweep."""
-GAP_SPACINGS = 1.5
-"""Distance from the nearest half vector, relative to the spacing of as many evenly spread ones, from which a normal
-belongs to a gap: twelve photographs are not expected to cover what a sweep does."""
+GAP_RADII = 1.5
+"""Distance from the nearest half vector, in radii of the disc that each of as many evenly spread ones has to itself,
+from which a normal belongs to a gap: twelve photographs are not expected to cover what a sweep does."""
 EXTRAPOLATED_ERROR_DEG = 11.0
 """Usual error in degrees of normals that no light could show: root mean square beyond 42 degrees from the view vector
 on the six simulated captures of docs/evaluation.md."""
@@ -158,7 +158,7 @@ def coverage(
         size: edge of the density map in pixels.
         bandwidth: standard deviation in degrees of the Gaussian that smooths the density.
         gap_distance: degrees from the nearest half vector beyond which a normal belongs to a gap; more where there are
-            so few half vectors that even evenly spread ones would lie farther from each other (GAP_SPACINGS).
+            so few half vectors that even evenly spread ones would lie farther from each other (GAP_RADII).
         min_gap_share: share of the cap below which a gap is not reported.
     """
     directions = cap_directions(size)
@@ -166,8 +166,8 @@ def coverage(
     accepted = half_vectors[np.isfinite(half_vectors).all(axis=-1)].astype(np.float64)
     distance = nearest_half_vector_deg(directions, accepted)
     cap_deg2 = np.pi * np.degrees(CAP_MAP_RADIUS) ** 2
-    spacing = np.sqrt(cap_deg2 / (np.pi * max(len(accepted), 1)))
-    gap_distance = max(gap_distance, float(GAP_SPACINGS * spacing))
+    radius_deg = np.sqrt(cap_deg2 / (np.pi * max(len(accepted), 1)))
+    gap_distance = max(gap_distance, float(GAP_RADII * radius_deg))
     return Coverage(
         _density(directions, accepted, bandwidth),
         {limit: float((distance[inside] <= limit).mean()) for limit in degrees},

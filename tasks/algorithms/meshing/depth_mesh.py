@@ -16,7 +16,7 @@ from trimesh.visual.material import PBRMaterial
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.distance import inradius
-from glint.tasks.algorithms.geometry.perspective import camera_in_crop, focal_length
+from glint.tasks.algorithms.geometry.perspective import CAMERA_FLIP, camera_in_crop, focal_length
 from glint.tasks.algorithms.geometry.triangles import triangle_vectors
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
 from glint.tasks.algorithms.integration.edges import grid_edges
@@ -113,8 +113,8 @@ def mesh_from_depth(
         points = np.stack([x, y, distance], axis=-1) * pixel_size
     else:
         distance[boundary] *= np.exp(-closer / focal_length(local))
-        right, down = (columns - local[0, 2]) / local[0, 0], (rows - local[1, 2]) / local[1, 1]
-        points = distance[:, None] * np.stack([right, -down, -np.ones_like(right)], axis=-1)
+        rays = np.stack([columns, rows, np.ones_like(rows)], axis=-1) @ np.linalg.inv(local).T
+        points = distance[:, None] * rays * CAMERA_FLIP
     vertices = points.astype(np.float32)
     vertex_normals = _vertex_normals(normals.reshape(-1, 3)[kept], vertices, compact)
     vertex_confidence = np.ones(len(kept)) if confidence is None else np.nan_to_num(confidence.reshape(-1)[kept])

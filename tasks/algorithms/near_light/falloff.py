@@ -13,6 +13,7 @@ import numpy as np
 
 from glint.tasks.algorithms.geometry.robust import robust_deviation
 from glint.tasks.algorithms.geometry.vectors import unit
+from glint.tasks.algorithms.near_light.positions import SphereLights
 
 CAMERA_EXPONENT = 1.0 / 2.2
 """Exponent of a usual camera's levels over irradiance."""
@@ -20,6 +21,8 @@ MIN_LIT_FRAMES, MIN_PLACES = 40, 60
 """Frames and places of the background from which the pattern is trusted."""
 MIN_LIGHT_NZ = 0.25
 """Light's z below which the background is lit at a grazing angle, and shadows cover it."""
+MIN_LIGHT_DEVIATION = 0.03
+"""Standard deviation of the light's directions from their mean below which they change too little to show a pattern."""
 MIN_LEVEL, MAX_LEVEL = 8.0, 250.0
 """Levels, of 255, between which the background is neither noise nor clipped."""
 MAX_LEVEL_PERCENTILE = 95.0
@@ -57,21 +60,21 @@ class Falloff:
     standard_deviation: float
 
 
-def measure_falloff(
-    levels: np.ndarray, x: np.ndarray, y: np.ndarray, lights: np.ndarray, sphere: np.ndarray
-) -> Falloff | None:
+def measure_falloff(levels: np.ndarray, x: np.ndarray, y: np.ndarray, site: SphereLights) -> Falloff | None:
     """Measure a light's inverse distance by the background; None where that does not show it.
 
     Args:
         levels: (T, N) of N places of the background, 0 to 255.
         x, y: (N,) of the places relative to the reference point, pixels, y up.
-        lights: directions (T, 3) that the sphere shows, NaN where the frame was rejected.
-        sphere: (3,) the sphere's place, likewise.
+        site: of the sphere that shows the light's directions in these frames, relative to the same point.
     """
+    lights = site.lights
     middle = np.median(levels, axis=0)
     places = (middle > MIN_LEVEL) & (np.percentile(levels, MAX_LEVEL_PERCENTILE, axis=0) < MAX_LEVEL)
     frames = np.isfinite(lights[:, 0]) & (np.nan_to_num(lights[:, 2]) > MIN_LIGHT_NZ)
     if frames.sum() < MIN_LIT_FRAMES or places.sum() < MIN_PLACES:
+        return None
+    if np.linalg.norm(lights[frames].std(axis=0)) < MIN_LIGHT_DEVIATION:
         return None
     places = np.flatnonzero(places)[:: -(-int(places.sum()) // MAX_PLACES)]
     logarithms = np.log(np.maximum(levels[:, places], 1.0))
@@ -80,7 +83,7 @@ def measure_falloff(
         return None
     response = CAMERA_EXPONENT * light_share
     points = np.stack([x[places], y[places], np.zeros(len(places))], axis=-1)
-    observed, directions = logarithms[frames], lights[frames].astype(np.float64)
+    observed, site = logarithms[frames], SphereLights(lights[frames], site.positions[frames])
     pattern = _without_medians(observed, np.ones(observed.shape, bool))
     deviation = robust_deviation(pattern) + 1e-6
     used = np.abs(pattern) < OUTLIER_DEVIATIONS * deviation
@@ -92,7 +95,9 @@ def measure_falloff(
     def fit(kept: np.ndarray, inverse: float, iterations: int) -> float:
         """Return the inverse distance that explains the pattern of frames (T,), from an approximate one."""
         for _ in range(iterations):
-            model = response * _log_irradiance(directions[kept], max(inverse, start), sphere, points)
+            near = np.full(np.count_nonzero(kept), max(inverse, start))
+            directions = SphereLights(site.lights[kept], site.positions[kept]).at_reference(near)
+            model = response * _log_irradiance(directions, max(inverse, start), points)
             model = _without_medians(model, used[kept])
             inside = np.isfinite(model) & np.isfinite(pattern[kept])
             scale = float((model[inside] @ pattern[kept][inside]) / (model[inside] @ model[inside]))
@@ -100,8 +105,8 @@ def measure_falloff(
             inverse = float(np.clip(max(inverse, start) * scale, -1.0 / reach, 1.0 / reach))
         return inverse
 
-    all_frames = np.ones(len(directions), bool)
-    groups = np.arange(len(directions)) * FOLDS // len(directions)
+    all_frames = np.ones(len(observed), bool)
+    groups = np.arange(len(observed)) * FOLDS // len(observed)
     inverse = fit(all_frames, start, ITERATIONS)
     error = np.sqrt(FOLDS - 1.0) * float(np.std([fit(groups != fold, inverse, 1) for fold in range(FOLDS)]))
     if inverse < MIN_SIGNIFICANCE * error:
@@ -121,12 +126,12 @@ def _room_share(levels: np.ndarray, logarithms: np.ndarray, lights: np.ndarray, 
     return min(in_shadow, max(1.0 - slope / CAMERA_EXPONENT, 0.0))
 
 
-def _log_irradiance(lights: np.ndarray, inverse_distance: float, sphere: np.ndarray, points: np.ndarray) -> np.ndarray:
+def _log_irradiance(lights: np.ndarray, inverse_distance: float, points: np.ndarray) -> np.ndarray:
     """Return the logarithm (T, N) of the irradiance at points (N, 3) of the background, up to a term of each frame.
 
-    lights (T, 3): at the sphere; the light's distance is counted from there. The background faces the camera.
+    lights (T, 3): directions at the reference point. The background faces the camera.
     """
-    to_light = lights[:, None] + inverse_distance * (sphere - points)
+    to_light = lights[:, None] - inverse_distance * points
     length = np.linalg.norm(to_light, axis=-1)
     return np.asarray(np.log(np.maximum(unit(to_light)[..., 2], MIN_INCIDENCE)) - 2.0 * np.log(length))
 

@@ -5,7 +5,8 @@ optical axis, and so are those of all pixels. That turns all normals by half the
 bends them by half of each pixel's own. A surface with turned normals is the surface turned, but its pixels stay where
 they were: the gradients have a curl that grows with the inverse focal length. Least squares integration (Frankot and
 Chellappa 1988) leaves the part of the gradients that no surface has; the inverse focal length that makes it least is
-nearly linear in it. Normals that integrate under any camera, as those of a plane, give a large standard deviation.
+nearly linear in it. Normals that integrate under any camera, as those of a plane, show none: by how much what remains
+changes with it is then no more than what the noise of the normals gives.
 """
 
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from glint.tasks.algorithms.geometry.perspective import half_vectors_for_view, rotate_from_view, view_vectors
-from glint.tasks.algorithms.geometry.vectors import half_vectors_of, lights_of
+from glint.tasks.algorithms.geometry.vectors import half_vectors_of, lights_of, unit
 
 MAX_SAMPLES = 160
 """Pixels along the longer side of the region at most: for larger regions, every second or third pixel is taken."""
@@ -32,8 +33,14 @@ MAX_INVERSE_WIDTHS = 2.0
 """Bound of the inverse focal length, per frame width: no camera has a focal length of half a frame width."""
 BLOCKS = 6
 """Blocks along each side of the region between which the standard error is estimated."""
-REGULARIZATION = 1e-6
-"""Added to the diagonal of the normal equations: the depth of each piece is free."""
+REGULARIZATION = 1e-9
+"""Added to the diagonal of the normal equations: the depth of each piece is free. It must be far less than the square
+of the inverse number of samples, so that it leaves nothing of a plane."""
+LEAST_NORMAL_NOISE = 1e-3
+"""Least noise of the normals, radians per axis: what quantized half vectors and a smooth sheet leave of it."""
+MAX_NOISE_SHARE = 0.5
+"""Share of the noise in the squared change of the misfit from which the estimate shows nothing: that of planes is 1, of
+domes whose estimate is right within 0.3 per frame width 0.4 at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +80,8 @@ def focal_length_of_normals(normals: np.ndarray, camera: UnknownCamera) -> Inver
         camera: what is known.
 
     Returns:
-        The estimate; None if too few neighbours have normals.
+        The estimate, whose deviation is at least the bound where it lies beyond that; None if too few neighbours have
+        normals, or if they integrate under any camera.
     """
     step = max(1, -(-max(normals.shape[:2]) // MAX_SAMPLES))
     sampled = normals[::step, ::step].astype(np.float64)
@@ -82,17 +90,27 @@ def focal_length_of_normals(normals: np.ndarray, camera: UnknownCamera) -> Inver
         return None
     integration = _Integration(pairs)
 
-    def misfit(inverse_focal: float) -> np.ndarray:
-        """Return what no surface explains of the pairs' gradients (P,) at an inverse focal length."""
-        return integration.residual(pairs.differences(*log_depth_gradients(sampled, camera, inverse_focal, step)))
-
     change, bound, value = STEP_WIDTHS / camera.width, MAX_INVERSE_WIDTHS / camera.width, 0.0
+
+    def misfit(inverse_focal: float, normals: np.ndarray = sampled) -> np.ndarray:
+        """Return what no surface explains of the pairs' gradients (P,) at an inverse focal length."""
+        return integration.residual(pairs.differences(*log_depth_gradients(normals, camera, inverse_focal, step)))
+
+    def misfit_and_slope(inverse_focal: float, normals: np.ndarray = sampled) -> np.ndarray:
+        """Return the misfit and its derivative (2, P) by the inverse focal length."""
+        before, after = (misfit(inverse, normals) for inverse in (inverse_focal, inverse_focal + change))
+        return np.stack([before, (after - before) / change])
+
     for _ in range(STEPS):
-        before = misfit(value)
-        slope = (misfit(value + change) - before) / change
-        shift, deviation = _least_squares(pairs, before, slope)
-        value = float(np.clip(value + shift, -bound, bound))
-    return InverseFocal(value, deviation)
+        shift, deviation = _least_squares(pairs, *misfit_and_slope(value))
+        estimate = value + shift
+        value = float(np.clip(estimate, -bound, bound))
+    noise = np.random.default_rng(0).normal(0.0, LEAST_NORMAL_NOISE, sampled.shape)
+    measured = misfit_and_slope(value)
+    by_noise = misfit_and_slope(value, unit(sampled + noise)) - measured
+    if _noise_share(pairs.weight, measured, by_noise) > MAX_NOISE_SHARE:
+        return None
+    return InverseFocal(value, deviation if value == estimate else max(deviation, bound))
 
 
 def log_depth_gradients(
@@ -117,7 +135,7 @@ def log_depth_gradients(
 @dataclass(frozen=True, slots=True)
 class _Pairs:
     """Pairs of neighbours on one sheet: to_right (H, W - 1) and upwards (H - 1, W) bool; nodes (P, 2): numbers of the
-    two; weight (P,): inverse variance of a gradient; block (P,)."""
+    two; weight (P,): inverse variance of a gradient across the slope; block (P,)."""
 
     to_right: np.ndarray
     upwards: np.ndarray
@@ -138,7 +156,7 @@ class _Pairs:
         # Rows run downwards, y upwards.
         first = np.concatenate([numbers[:, :-1][to_right], numbers[1:][upwards]])
         second = np.concatenate([numbers[:, 1:][to_right], numbers[:-1][upwards]])
-        # The slope's error is that of the normal over n_z squared.
+        # A gradient's error is that of the normal over n_z across the slope, and over n_z squared along it.
         weight = np.where(known, normals[..., 2], 0.0).ravel() ** 2
         height, width = known.shape
         block = (first // width * BLOCKS // height) * BLOCKS + first % width * BLOCKS // width
@@ -167,6 +185,16 @@ class _Integration:
     def residual(self, differences: np.ndarray) -> np.ndarray:
         """Return the part (P,) of the pairs' differences (P,) that the best surface does not have."""
         return np.asarray(differences - self.differences @ self.factors.solve(self.weighted @ differences))
+
+
+def _noise_share(weight: np.ndarray, measured: np.ndarray, by_noise: np.ndarray) -> float:
+    """Return which share of the squared slope is noise, from misfit and slope (2, P) and what known noise adds to them.
+
+    weight: (P,). The noise is as large as the misfit shows it, but no less than the one that was added.
+    """
+    squares, noise_squares = ((weight * values**2).sum(axis=1) for values in (measured, by_noise))
+    ratio = max(float(squares[0] / noise_squares[0]), 1.0)
+    return float(ratio * noise_squares[1] / max(squares[1], 1e-300))
 
 
 def _least_squares(pairs: _Pairs, residual: np.ndarray, slope: np.ndarray) -> tuple[float, float]:

@@ -22,6 +22,8 @@ from glint.tasks.algorithms.near_light.positions import SphereLights
 
 MIN_SHARED_FRAMES = 20
 """Frames that two spheres must share."""
+MIN_SPAN_PX = 1.0
+"""Distance of the spheres' reflecting points below which they stand at one place and show no parallax."""
 MIN_SIGNIFICANCE = 5.0
 """Standard errors by which the inverse distance must exceed zero."""
 MIN_PARALLAX_DEG = 0.3
@@ -70,7 +72,10 @@ class Parallax:
 
 
 def fit_parallax(spheres: Sequence[SphereLights]) -> Parallax | None:
-    """Fit the inverse distance of a light and the spheres' rotations; None if no two spheres share enough frames."""
+    """Fit the inverse distance of a light and the spheres' rotations.
+
+    None if no two spheres share enough frames, or if all stand at one place.
+    """
     lights, positions, accepted = _stacked(spheres)
     shared = accepted.sum(axis=0) > 1
     if shared.sum() < MIN_SHARED_FRAMES:
@@ -79,6 +84,8 @@ def fit_parallax(spheres: Sequence[SphereLights]) -> Parallax | None:
     distances = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
     in_common = np.isfinite(distances).any(axis=-1)
     span = float(np.nanmean(distances[in_common], axis=-1).max())
+    if span < MIN_SPAN_PX:
+        return None
     inverse, rotations, error = 0.0, np.zeros((len(spheres), 2)), 0.0
     for _ in range(GAUSS_NEWTON_STEPS):
         everywhere = np.full(lights.shape[1], inverse)
@@ -91,7 +98,7 @@ def fit_parallax(spheres: Sequence[SphereLights]) -> Parallax | None:
 
 
 def triangulate(spheres: Sequence[SphereLights]) -> LightDistance | None:
-    """Estimate a light's inverse distance; None if it is distant, or if no two spheres share enough frames."""
+    """Estimate a light's inverse distance; None if it is distant, or if the spheres show no parallax."""
     fit = fit_parallax(spheres)
     if (
         fit is None
@@ -187,9 +194,9 @@ def _robust_solution(matrix: np.ndarray, residuals: np.ndarray, used: np.ndarray
 
 
 def _smooth_change(residuals: np.ndarray, by_inverse: np.ndarray) -> np.ndarray | None:
-    """Return how much each frame's inverse distance (T,) exceeds the mean; None if a single distance predicts better.
+    """Return by how much each frame's inverse distance (T,) changes; None if one change of all predicts about as well.
 
-    residuals, by_inverse: (S, T, 3), at the mean inverse distance.
+    residuals, by_inverse: (S, T, 3), at the present inverse distances.
     """
     weight = (by_inverse**2).sum(axis=(0, 2))
     estimate = (by_inverse * residuals).sum(axis=(0, 2)) / np.maximum(weight, 1e-12)

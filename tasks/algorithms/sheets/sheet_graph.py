@@ -1,6 +1,7 @@
 """Graph of sheets: candidates of neighbouring pixels are tied where they continue each other.
 
-A *sheet* is a maximal smooth patch of candidate normals across neighbouring pixels, whatever layers its nodes are in.
+A *sheet* is a smooth surface that candidates of neighbouring pixels form, as far as it reaches and whatever layers its
+nodes are in.
 """
 
 import numpy as np

@@ -103,25 +103,27 @@ def test_bilateral_steps_where_a_handle_stands_in_front_and_least_squares_does_n
     assert kept < 0.5 * bent
 
 
-def camera() -> np.ndarray:
-    return np.array([[300.0, 0.0, 31.0], [0.0, 320.0, 22.0], [0.0, 0.0, 1.0]])
+def camera(skew: float = 0.0) -> np.ndarray:
+    return np.array([[300.0, skew, 31.0], [0.0, 320.0, 22.0], [0.0, 0.0, 1.0]])
 
 
-def rays(height: int, width: int) -> np.ndarray:
+def rays(height: int, width: int, skew: float = 0.0) -> np.ndarray:
     """Directions (H, W, 3) of the pixels in the camera frame, z = -1."""
     rows, columns = np.indices((height, width))
-    k = camera()
-    right, up = (columns - k[0, 2]) / k[0, 0], -(rows - k[1, 2]) / k[1, 1]
+    k = camera(skew)
+    up = -(rows - k[1, 2]) / k[1, 1]
+    right = (columns - k[0, 2] + skew * up) / k[0, 0]
     return np.stack([right, up, -np.ones_like(right)], axis=-1)
 
 
+@pytest.mark.parametrize("skew", [0.0, 12.0])
 @pytest.mark.parametrize("method", METHODS)
-def test_a_plane_under_perspective_is_exact(method: Method) -> None:
+def test_a_plane_under_perspective_is_exact(method: Method, skew: float) -> None:
     normal = np.array([0.4, -0.3, 0.8]) / np.linalg.norm([0.4, -0.3, 0.8])
-    truth = -500.0 * normal[2] / (rays(50, 70) @ normal)
+    truth = -500.0 * normal[2] / (rays(50, 70, skew) @ normal)
     mask = np.ones((50, 70), bool)
     mask[:9, :9] = False
-    result = integrate(np.broadcast_to(normal, (50, 70, 3)), mask, method=method, camera=camera())
+    result = integrate(np.broadcast_to(normal, (50, 70, 3)), mask, method=method, camera=camera(skew))
     ratio = (result.depth / truth)[mask]
     assert result.perspective and np.ptp(ratio) < 1e-5 * ratio.mean()
     assert abs(np.log(result.depth[mask]).mean()) < 1e-5

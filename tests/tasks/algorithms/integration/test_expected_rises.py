@@ -58,11 +58,12 @@ def test_large_misfits_lose_their_weight_and_soft_edges_sooner() -> None:
     height = np.zeros((16, 16))
     height[:, 8:] = 10 / np.sqrt(rises.precision[1, 0, 0])
     soft = np.ones((2, *rises.mean.shape))
-    weights = robust_weights(rises, height, soft, 6.0, 1e-10)
-    assert weights.max() == 1.0 and 0.01 < weights[1, 5, 7] < 0.05
+    weights = robust_weights(rises, height, soft, 6.0)
+    share = weights[1, 5, 7] / rises.precision[1, 5, 7]
+    assert weights.max() == rises.precision.max() and 0.01 < share < 0.05
     # Down to the next pixel it is softer, which changes nothing for a step up.
     soft[0, 1, :, 7] = 0.01
-    assert np.array_equal(robust_weights(rises, height, soft, 6.0, 1e-10), weights)
-    assert robust_weights(rises, -height, soft, 6.0, 1e-10)[1, 5, 7] < 1e-6
+    assert np.array_equal(robust_weights(rises, height, soft, 6.0), weights)
+    assert robust_weights(rises, -height, soft, 6.0)[1, 5, 7] < 1e-4 * weights[1, 5, 7]
     soft[1, 1, :, 7] = 0.01
-    assert robust_weights(rises, height, soft, 6.0, 1e-10)[1, 5, 7] < 1e-6
+    assert robust_weights(rises, height, soft, 6.0)[1, 5, 7] < 1e-4 * weights[1, 5, 7]

@@ -40,13 +40,15 @@ def test_vertices_are_in_the_camera_frame_of_the_full_picture() -> None:
     assert np.allclose(mesh.vertices[-1], [0.2 * (13 - 50), 0.2 * (25 - 22), 0.2 * 1.5])
 
 
-def test_perspective_projects_pixels_back() -> None:
-    camera = np.array([[400.0, 0.0, 30.0], [0.0, 410.0, 25.0], [0.0, 0.0, 1.0]])
+@pytest.mark.parametrize("skew", [0.0, 15.0])
+def test_perspective_projects_pixels_back(skew: float) -> None:
+    camera = np.array([[400.0, skew, 30.0], [0.0, 410.0, 25.0], [0.0, 0.0, 1.0]])
     depth = np.full((6, 8), 200.0, np.float32)
     normals = np.broadcast_to([0.0, 0.0, 1.0], (6, 8, 3))
     mesh = mesh_from_depth(depth, np.ones((6, 8), bool), normals, origin=(27, 20), camera=camera)
     assert np.allclose(mesh.vertices[:, 2], -200.0)
-    assert np.allclose(mesh.vertices[0], [200 * (27 - 30) / 400, -200 * (20 - 25) / 410, -200.0])
+    down = (20 - 25) / 410
+    assert np.allclose(mesh.vertices[0], [200 * (27 - 30 - skew * down) / 400, -200 * down, -200.0])
     assert (face_normals(mesh)[:, 2] > 0).all()
 
 

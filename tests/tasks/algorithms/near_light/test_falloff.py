@@ -3,6 +3,7 @@ import pytest
 
 from glint.tasks.algorithms.geometry.vectors import unit
 from glint.tasks.algorithms.near_light.falloff import Falloff, measure_falloff
+from glint.tasks.algorithms.near_light.positions import SphereLights
 from tests.tasks.algorithms.near_light.two_spheres import spiral
 
 SPHERE = np.array([120.0, 10.0, 0.0])
@@ -11,15 +12,25 @@ SIZE = 100.0
 
 
 def background(
-    distance: float, *, room: float = 0.1, shadows: bool = True, drift: float = 0.2, gamma: float = 2.2, seed: int = 0
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return levels (T, N), x and y (N,) of a matte cloth, and the light's directions (T, 3) at the sphere."""
+    distance: float,
+    *,
+    room: float = 0.1,
+    shadows: bool = True,
+    drift: float = 0.2,
+    gamma: float = 2.2,
+    seed: int = 0,
+    directions: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, SphereLights]:
+    """Return levels (T, N), x and y (N,) of a matte cloth, and the light's directions at the sphere.
+
+    directions: (128, 3) of the light from the reference point; a spiral by default.
+    """
     generator = np.random.default_rng(seed)
     rows, columns = np.mgrid[-110:111:10.0, -200:201:10.0]
     x, y = columns.ravel(), rows.ravel()
     beside = np.hypot(x, y) > 60.0
     x, y = x[beside], y[beside]
-    positions = distance * spiral(128, 60.0)
+    positions = distance * (spiral(128, 60.0) if directions is None else directions)
     towards = positions[:, None] - np.stack([x, y, np.zeros(x.size)], axis=-1)
     length = np.linalg.norm(towards, axis=-1)
     irradiance = towards[..., 2] / length * (distance / length) ** 2
@@ -31,48 +42,63 @@ def background(
     levels = 70.0 * (exposure * albedo * (irradiance + room)) ** (1.0 / gamma) + generator.normal(
         0, 0.4, towards.shape[:2]
     )
-    return levels, x, y, unit(positions - SPHERE)
+    return levels, x, y, SphereLights(unit(positions - SPHERE), np.broadcast_to(SPHERE, positions.shape))
 
 
 @pytest.mark.parametrize(
     ("distance", "shadows"), [(500.0, True), (1000.0, True), (1000.0, False), (3000.0, True), (3000.0, False)]
 )
 def test_the_background_shows_a_near_light(distance: float, shadows: bool) -> None:
-    found = measure_falloff(*background(distance, shadows=shadows, drift=0.2 if shadows else 0.0), SPHERE)
+    found = measure_falloff(*background(distance, shadows=shadows, drift=0.2 if shadows else 0.0))
     assert found is not None
     assert abs(found.inverse_distance * distance - 1) < 0.3
     assert 0.2 < found.standard_deviation * distance < 0.5
 
 
 def test_a_distant_light_is_proven_distant() -> None:
-    found = measure_falloff(*background(1e6), SPHERE)
+    found = measure_falloff(*background(1e6))
     assert found is not None and found.inverse_distance == 0.0
     assert found.standard_deviation < 0.01 / SIZE
 
 
 def test_a_camera_without_gamma_is_within_the_error() -> None:
-    found = measure_falloff(*background(1000.0, gamma=1.6), SPHERE)
+    found = measure_falloff(*background(1000.0, gamma=1.6))
     assert found is not None
     assert abs(found.inverse_distance - 1e-3) < 2.0 * found.standard_deviation
 
 
 def test_a_bright_room_shows_nothing() -> None:
-    assert measure_falloff(*background(1000.0, room=5.0), SPHERE) is None
+    assert measure_falloff(*background(1000.0, room=5.0)) is None
 
 
 def test_a_black_cloth_shows_nothing() -> None:
-    levels, x, y, lights = background(1000.0)
-    assert measure_falloff(0.05 * levels, x, y, lights, SPHERE) is None
+    levels, x, y, site = background(1000.0)
+    assert measure_falloff(0.05 * levels, x, y, site) is None
 
 
 def test_a_dozen_photographs_show_nothing() -> None:
-    levels, x, y, lights = background(1000.0)
-    assert measure_falloff(levels[::10], x, y, lights[::10], SPHERE) is None
+    levels, x, y, site = background(1000.0)
+    assert measure_falloff(levels[::10], x, y, SphereLights(site.lights[::10], site.positions[::10])) is None
 
 
 def test_rejected_frames_are_left_out() -> None:
-    levels, x, y, lights = background(1000.0)
-    lights[::7], levels[::7] = np.nan, 200.0
-    found = measure_falloff(levels, x, y, lights, SPHERE)
+    levels, x, y, site = background(1000.0)
+    site.lights[::7], levels[::7] = np.nan, 200.0
+    found = measure_falloff(levels, x, y, site)
     assert isinstance(found, Falloff)
     assert abs(found.inverse_distance * 1000.0 - 1) < 0.3
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_distance_is_that_from_the_reference_point(side: float) -> None:
+    spread = spiral(128, 20.0) + np.array([0.9 * side, 0.0, 0.0])
+    found = measure_falloff(*background(500.0, shadows=False, room=0.0, directions=unit(spread)))
+    assert found is not None
+    assert abs(found.inverse_distance * 500.0 - 1) < 0.15
+
+
+@pytest.mark.parametrize("light", [(0.0, 0.0, 1.0), (0.3, 0.0, 0.9)])
+def test_a_light_that_stands_still_shows_nothing(light: tuple[float, float, float]) -> None:
+    levels, x, y, site = background(1000.0)
+    lights = np.broadcast_to(unit(np.array(light)), site.lights.shape)
+    assert measure_falloff(levels, x, y, SphereLights(lights, site.positions)) is None

@@ -60,12 +60,21 @@ def test_a_false_sheet_does_not_hide_a_near_camera() -> None:
     assert estimate.value == pytest.approx(inverse, rel=0.25)
 
 
-def test_normals_that_integrate_under_any_camera_show_none() -> None:
-    flat = np.zeros((*SHAPE, 3)) + np.array([0.0, 0.0, 1.0])
-    noise = np.random.default_rng(2).normal(0.0, np.radians(1.0), (*SHAPE, 3))
-    estimate = focal_length_of_normals(unit(flat + noise), CAMERA)
+@pytest.mark.parametrize("tilt_deg", [0.0, 20.0, 35.0])
+@pytest.mark.parametrize("noise", [0.0, 1e-4, 1e-3, 2e-2])
+def test_normals_that_integrate_under_any_camera_show_none(tilt_deg: float, noise: float) -> None:
+    tilt = np.radians(tilt_deg)
+    plane = np.zeros((*SHAPE, 3)) + np.array([np.sin(tilt), 0.0, np.cos(tilt)])
+    normals = unit(plane + np.random.default_rng(2).normal(0.0, noise, plane.shape))
+    assert focal_length_of_normals(normals, CAMERA) is None
+
+
+def test_an_estimate_beyond_the_bound_is_no_more_certain_than_the_bound() -> None:
+    inverse = 2.6 / CAMERA.width
+    estimate = focal_length_of_normals(normals_of(inverse), CAMERA)
     assert estimate is not None
-    assert estimate.deviation * CAMERA.width > 0.15
+    assert estimate.value == pytest.approx(2.0 / CAMERA.width)
+    assert estimate.deviation >= estimate.value
 
 
 def test_few_normals_show_nothing() -> None:

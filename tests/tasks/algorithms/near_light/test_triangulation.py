@@ -106,3 +106,7 @@ def test_one_sphere_or_few_shared_frames_give_no_distance() -> None:
     disjoint = sites(positions)
     disjoint[0].lights[::2], disjoint[1].lights[1::2] = np.nan, np.nan
     assert triangulate(disjoint) is None
+
+
+def test_two_spheres_at_one_place_give_no_distance() -> None:
+    assert triangulate(sites(light_positions(1200.0), noise=0.0, spheres=(LEFT, LEFT))) is None
