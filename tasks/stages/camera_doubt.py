@@ -1,6 +1,7 @@
-"""Doubt of the half vectors where the camera's matrix is not given and the camera is, or may be, near.
+"""Doubt of the half vectors by the camera: its matrix is not given and it is, or may be, near, or a wrong one is given.
 
-Two spheres measure the focal length before anything else is known. With one sphere, the object's own normals do.
+Two spheres measure the focal length before anything else is known. With one sphere, the object's own normals do. They
+also contradict a matrix that is given, as that of another lens or resolution.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,8 +11,19 @@ from typing import Any
 import numpy as np
 from scipy.special import log_ndtr
 
+from glint.tasks.algorithms.geometry.perspective import (
+    areal_focal_length,
+    half_vectors_on_axis,
+    rotate_to_view,
+    view_vectors,
+)
+from glint.tasks.algorithms.geometry.vectors import half_vectors_of, lights_of
 from glint.tasks.algorithms.lighting.lights import Lights
-from glint.tasks.algorithms.near_light.focal_length_of_normals import UnknownCamera, focal_length_of_normals
+from glint.tasks.algorithms.near_light.focal_length_of_normals import (
+    InverseFocal,
+    UnknownCamera,
+    focal_length_of_normals,
+)
 from glint.tasks.algorithms.near_light.focal_length_of_parallax import focal_length_of_parallax
 from glint.tasks.algorithms.near_light.half_vector_error import unknown_camera_error
 from glint.tasks.algorithms.near_light.positions import mean_distance
@@ -29,6 +41,11 @@ NORMALS_ERROR_WIDTHS, NORMALS_RELATIVE_ERROR = 0.1, 0.1
 estimate's own: that of simulated captures (`python -m tests.benchmarks.near_camera`)."""
 MIN_DEVIATIONS = 2.5
 """Standard deviations by which normals must speak for a near camera: they include what a misplaced sphere explains."""
+CONTRADICTED_DEVIATIONS = 3.0
+"""Standard deviations from which normals contradict the focal length of a given matrix: right ones differ by 2.3 at
+most on 20 captures."""
+MAX_CENTRE_OFFSET = 0.15
+"""Distance of a given principal point from the frame's middle, in frame widths, which only a crop explains."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,13 +100,8 @@ def doubt_camera(
     expected = 1.0 / float(record["least_focal"])
     square, is_seen = expected**2, False
     if estimate is not None:
-        deviation = float(
-            np.linalg.norm([estimate.deviation, NORMALS_ERROR_WIDTHS / width, NORMALS_RELATIVE_ERROR * estimate.value])
-        )
-        # A half vector turns by half the angle between the sphere and the optical axis.
-        centre_x, centre_y = _frame_centre(geometry)
-        offset = float(np.hypot(camera.sphere_x - centre_x, camera.sphere_y - centre_y))
-        is_seen = estimate.value > MIN_DEVIATIONS * float(np.hypot(deviation, 2.0 * spheres_sd / max(offset, 1.0)))
+        deviation = _estimate_sd(estimate, width)
+        is_seen = estimate.value > MIN_DEVIATIONS * float(np.hypot(deviation, _sphere_sd(camera, spheres_sd)))
         square = estimate.value**2 + deviation**2 if is_seen else _mean_square(estimate.value, deviation, expected)
     focal = 1.0 / float(np.sqrt(square))
     error = unknown_camera_error(region_pixels(geometry), geometry.spheres, _frame_centre(geometry), focal)
@@ -105,6 +117,75 @@ def doubt_camera(
         f" some {focal:.0f} pixels: give the camera's matrix (`camera`), also of a long lens, or use two spheres"
     )
     return CameraDoubt(error, [StageWarning(message, "camera", cost)])
+
+
+def doubt_given_camera(geometry: CaptureGeometry, normals: np.ndarray, spheres_sd: float) -> CameraDoubt:
+    """Return the doubt about a camera whose matrix is given: the object's normals contradict its focal length, or its
+    principal point lies where only a crop explains it, and they do not confirm the focal length.
+
+    For the arguments see `doubt_camera`; geometry: with the camera.
+    """
+    width, _ = geometry.frame_size
+    matrix = geometry.camera
+    assert matrix is not None
+    camera = replace(unknown_camera(geometry), principal_point=(float(matrix[0, 2]), float(matrix[1, 2])))
+    estimate = focal_length_of_normals(_orthographic_normals(normals, geometry, camera), camera)
+    given, is_confirmed = 1.0 / areal_focal_length(matrix), False
+    if estimate is not None:
+        limit = CONTRADICTED_DEVIATIONS * float(np.hypot(_estimate_sd(estimate, width), _sphere_sd(camera, spheres_sd)))
+        difference = abs(estimate.value - given)
+        if difference > limit:
+            pixels, centre = region_pixels(geometry), camera.centre
+            error = unknown_camera_error(pixels, geometry.spheres, centre, 1.0 / difference)
+            return CameraDoubt(error, [_contradicted(1.0 / given, estimate.value, limit, _cost_deg(error))])
+        is_confirmed = estimate.value > limit
+    centre_x, centre_y = _frame_centre(geometry)
+    offset = float(np.hypot(camera.centre[0] - centre_x, camera.centre[1] - centre_y))
+    if is_confirmed or offset <= MAX_CENTRE_OFFSET * width:
+        return CameraDoubt(np.zeros(normals.shape[:2], np.float32))
+    # With the principal point of another resolution, all that is measured turns about the camera.
+    turn = float(np.arctan(offset * given))
+    message = (
+        f"the camera's principal point ({camera.centre[0]:g}, {camera.centre[1]:g}) is {offset:.0f} pixels beside the"
+        f" middle of the frame, as after a crop, and the object's normals do not confirm the focal length of"
+        f" {1.0 / given:.0f} pixels: check that `camera` is the matrix of this resolution"
+    )
+    error = np.full(normals.shape[:2], turn / np.sqrt(2.0), np.float32)
+    return CameraDoubt(error, [StageWarning(message, "camera", float(np.degrees(turn)))])
+
+
+def _orthographic_normals(normals: np.ndarray, geometry: CaptureGeometry, camera: UnknownCamera) -> np.ndarray:
+    """Return what normals (H, W, 3) that were measured by the camera's matrix would be under an orthographic camera."""
+    matrix, region = geometry.camera, geometry.region
+    assert matrix is not None
+    lights = lights_of(half_vectors_on_axis(normals, view_vectors(matrix, normals.shape[:2], region.x, region.y)))
+    of_spheres = view_vectors(matrix, (1, 1), camera.sphere_x, camera.sphere_y)
+    return half_vectors_of(rotate_to_view(lights, np.broadcast_to(of_spheres, lights.shape)))
+
+
+def _contradicted(given: float, inverse: float, limit: float, cost_deg: float) -> StageWarning:
+    """Return the warning that normals contradict a given focal length in pixels; inverse: what they show, 1/pixels."""
+    shown = f"of some {1.0 / inverse:.0f} pixels" if inverse > limit else "of a distant camera"
+    message = (
+        f"under the given camera, with a focal length of {given:.0f} pixels, the object's normals are not those of a"
+        f" surface; they are with that {shown}: check that `camera` is the matrix of this lens and of this resolution"
+    )
+    return StageWarning(message, "camera", cost_deg)
+
+
+def _estimate_sd(estimate: InverseFocal, width: int) -> float:
+    """Return the standard deviation of an inverse focal length by the normals, 1/pixels."""
+    parts = [estimate.deviation, NORMALS_ERROR_WIDTHS / width, NORMALS_RELATIVE_ERROR * estimate.value]
+    return float(np.linalg.norm(parts))
+
+
+def _sphere_sd(camera: UnknownCamera, spheres_sd: float) -> float:
+    """Return what misplaced spheres add to it, 1/pixels.
+
+    A half vector turns by half the angle between the sphere and the optical axis.
+    """
+    offset = float(np.hypot(camera.sphere_x - camera.centre[0], camera.sphere_y - camera.centre[1]))
+    return 2.0 * spheres_sd / max(offset, 1.0)
 
 
 def _mean_square(value: float, deviation: float, expected: float) -> float:

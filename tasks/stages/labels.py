@@ -30,7 +30,7 @@ from glint.tasks.algorithms.published.winner_takes_all import reconstruct_winner
 from glint.tasks.engine.parameters import LabelsParameters, SilhouetteParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
-from glint.tasks.stages.camera_doubt import CameraDoubt, doubt_camera
+from glint.tasks.stages.camera_doubt import CameraDoubt, doubt_camera, doubt_given_camera
 from glint.tasks.stages.capture_geometry import load_geometry
 from glint.tasks.stages.clusters import faced, load_clusters
 from glint.tasks.stages.light_doubt import LightDoubt, doubt_lights
@@ -94,12 +94,14 @@ def _light_doubt(inputs: StageInputs, clusters: Clusters, labels: np.ndarray) ->
 
 
 def _camera_doubt(inputs: StageInputs, clusters: Clusters, labels: np.ndarray) -> CameraDoubt:
-    """Return the doubt about a camera without matrix that the spheres do not show."""
-    record, mask = inputs.load("lights").record, inputs.load("mask").read("mask")
+    """Return the doubt about a camera whose matrix is given, or that the spheres do not show."""
+    record, geometry = inputs.load("lights").record, load_geometry(inputs)
+    normals, spheres_sd = exterior_normals(clusters.normals, labels), float(record["spheres_error"])
+    if geometry.camera is not None and geometry.spheres:
+        return doubt_given_camera(geometry, normals, spheres_sd)
     if record["camera"] is None:
-        return CameraDoubt(np.zeros(mask.shape, np.float32))
-    normals = exterior_normals(clusters.normals, labels)
-    return doubt_camera(load_geometry(inputs), record["camera"], normals, float(record["spheres_error"]))
+        return CameraDoubt(np.zeros(normals.shape[:2], np.float32))
+    return doubt_camera(geometry, record["camera"], normals, spheres_sd)
 
 
 def reconstruct(

@@ -56,7 +56,7 @@ class UnknownCamera:
     """Knowledge of a camera without matrix.
 
     left, top: the region's first pixel in the full frame. sphere_x, sphere_y: mean position of the spheres, likewise.
-    width, height: of the full frame, whose centre is taken for the principal point.
+    width, height: of the full frame. principal_point: x and y in the full frame, None for its centre.
     """
 
     left: int
@@ -65,11 +65,18 @@ class UnknownCamera:
     sphere_y: float
     width: int
     height: int
+    principal_point: tuple[float, float] | None = None
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Principal point in the full frame, x and y."""
+        return self.principal_point or ((self.width - 1) / 2, (self.height - 1) / 2)
 
     def matrix(self, inverse_focal: float) -> np.ndarray:
         """Return the matrix (3, 3) of the camera with an inverse focal length in 1/pixels."""
         focal = 1.0 / np.copysign(max(abs(inverse_focal), 1e-9), inverse_focal)
-        return np.array([[focal, 0.0, (self.width - 1) / 2], [0.0, focal, (self.height - 1) / 2], [0.0, 0.0, 1.0]])
+        x, y = self.centre
+        return np.array([[focal, 0.0, x], [0.0, focal, y], [0.0, 0.0, 1.0]])
 
 
 def focal_length_of_normals(normals: np.ndarray, camera: UnknownCamera) -> InverseFocal | None:

@@ -1,15 +1,19 @@
 """A capture by a near camera, from the simulator to depth: with its matrix as good as any other, without it told."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from glint.storage.catalogue.loading import load
+from glint.storage.catalogue.models import Camera
 from glint.tasks.engine.stage import StageRecord
 from glint.tasks.evaluation.captures import Evaluation, evaluate
 from glint.tasks.pipeline import STAGES
 from glint.tasks.simulation.simulate import CaptureOptions, simulate
+from glint.tasks.stages.camera_doubt import doubt_given_camera
+from glint.tasks.stages.capture_geometry import load_geometry
 from tests.tasks.make_context import make_context, perform_all
 
 NAMES = tuple(stage.name for stage in STAGES)
@@ -39,6 +43,34 @@ def test_a_near_camera_needs_its_matrix_and_is_told_without(near: Path, tmp_path
     assert not any(warning.cause == "camera" for record in records for warning in record.warnings)
     assert any("camera: {matrix" in warning.message for record in told for warning in record.warnings)
     assert without.confident_share < 0.05
+
+
+@pytest.mark.parametrize("factor", [0.5, 3.0])
+def test_normals_contradict_the_matrix_of_another_lens(near: Path, tmp_path: Path, factor: float) -> None:
+    camera = load(near).objects[0].captures[0].camera
+    assert camera is not None
+    (focal, skew, x), (_, _, y), _ = camera.matrix
+    wrong = Camera(matrix=((factor * focal, skew, x), (0.0, factor * focal, y), (0.0, 0.0, 1.0)))
+    result, records = judged(near, tmp_path / "store", camera=wrong)
+    (warning,) = [warning for record in records for warning in record.warnings if warning.cause == "camera"]
+    assert f"a focal length of {factor * focal:.0f} pixels" in warning.message and "this resolution" in warning.message
+    assert result.confident_share < 0.05
+
+
+def test_a_principal_point_beside_the_frame_s_middle_is_doubted_unless_normals_confirm_the_matrix(
+    near: Path, tmp_path: Path
+) -> None:
+    work = make_context(near, tmp_path / "store")
+    perform_all(work, "labels")
+    geometry, normals = load_geometry(work), work.load("labels").read("normals")
+    assert geometry.camera is not None
+    cropped = replace(geometry, camera=geometry.camera - np.array([[0, 0, 60], [0, 0, 0], [0, 0, 0]]))
+    nothing = np.full_like(normals, np.nan)
+    assert not doubt_given_camera(geometry, nothing, 0.001).warnings
+    doubt = doubt_given_camera(cropped, nothing, 0.001)
+    (warning,) = doubt.warnings
+    assert "60 pixels beside" in warning.message and np.degrees(doubt.half_vector_sd).min() > 5.0
+    assert not doubt_given_camera(cropped, normals, 0.001).warnings
 
 
 def test_the_truth_is_seen_through_the_camera(near: Path) -> None:
