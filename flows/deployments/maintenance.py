@@ -39,7 +39,8 @@ def run_maintenance(
         verify: Read all versions, and fail if something is not as it was written.
     """
     done = maintain(Location.parse(store), dry_run, keep, timedelta(days=older_than), frames_budget)
-    create_table_artifact(done.rows(), key=artifact_key(f"maintenance {store}"), description=plain(store))
+    rows = [row | {name: plain(row[name]) for name in ("target", "note")} for row in done.rows()]
+    create_table_artifact(rows, key=artifact_key(f"maintenance {store}"), description=plain(store))
     if done.warning:
         create_markdown_artifact(
             f"{plain(done.warning)}\n\n{plain(DISK_SPACE_REMEDY)}", key=artifact_key(f"disk {store}")
@@ -51,8 +52,8 @@ def run_maintenance(
         )
     verified = verify_store(Location.parse(store)) if verify else None
     if verified is not None and verified.damages:
-        rows = [{"damaged": plain(item.message), "what to do": plain(item.remedy)} for item in verified.damages]
-        create_table_artifact(rows, key=artifact_key(f"damage {store}"), description=plain(verified.summary))
+        damages = [{"damaged": plain(item.message), "what to do": plain(item.remedy)} for item in verified.damages]
+        create_table_artifact(damages, key=artifact_key(f"damage {store}"), description=plain(verified.summary))
     if done.failed:
         first = done.failed[0]
         return Failed(message=f"{len(done.failed)} not maintained; {first.target}: {first.note}", data=done)

@@ -16,6 +16,7 @@ from glint.flows.deployments.environment import run_environment, tag_run
 from glint.flows.deployments.on_demand import request_objects
 from glint.flows.pipeline.catalogue import run_whole_catalogue
 from glint.flows.reporting.artifacts import artifact_key
+from glint.storage.errors import printable
 from glint.storage.inbox import Batch, Inbox, InboxScan
 from glint.storage.locations.location import Location
 from glint.tasks.engine.parameters import Parameters
@@ -60,7 +61,7 @@ def scan_inbox(
     _create_scan_artifact(inbox, scan, failed)
     if failed:
         name, error = next(iter(failed.items()))
-        return Failed(message=f"{len(failed)} sub-folders failed; {name}: {error}")
+        return Failed(message=f"{len(failed)} sub-folders failed; {printable(name)}: {error}")
     objects = sum(len(batch.submissions) for batch in scan.batches)
     return Completed(message=f"{objects} objects run, {scan.unchanged} up to date, {len(scan.waiting)} waiting")
 
@@ -114,11 +115,12 @@ def _run_batch(
 def _create_scan_artifact(inbox: str, scan: InboxScan, failed: dict[str, str]) -> None:
     """Put a table of all sub-folders on the dashboard, except those that were finished before."""
     rows = [
-        {"sub-folder": submission.name, "object": object_id, "result": failed.get(submission.name, "done")}
+        (submission.name, object_id, failed.get(submission.name, "done"))
         for batch in scan.batches
         for object_id, submission in batch.submissions.items()
     ]
-    rows += [{"sub-folder": name, "object": "", "result": failed[name]} for name in scan.problems]
-    rows += [{"sub-folder": name, "object": "", "result": "changed recently: next scan"} for name in scan.waiting]
-    rows += [{"sub-folder": name, "object": "", "result": "no footage"} for name in scan.empty]
-    create_table_artifact(rows, key=artifact_key(f"inbox {inbox}"), description=plain(inbox))
+    rows += [(name, "", failed[name]) for name in scan.problems]
+    rows += [(name, "", "changed recently: next scan") for name in scan.waiting]
+    rows += [(name, "", "no footage") for name in scan.empty]
+    table = [{"sub-folder": plain(name), "object": plain(item), "result": plain(result)} for name, item, result in rows]
+    create_table_artifact(table, key=artifact_key(f"inbox {inbox}"), description=plain(inbox))

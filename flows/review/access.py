@@ -138,10 +138,13 @@ class Guard:
         if request.method != "POST":
             return refusal(405, "only POST is answered here", "open the link that glint review printed")
         body = b""
-        async for part in request.stream():
-            body += part
-            if len(body) > MAX_TOKEN_BYTES:
-                return refusal(413, "the token is too long", "open the link that glint review printed")
+        try:
+            async for part in request.stream():
+                body += part
+                if len(body) > MAX_TOKEN_BYTES:
+                    return refusal(413, "the token is too long", "open the link that glint review printed")
+        except ClientDisconnect:
+            return refusal(400, "the request was cut short", "open the link that glint review printed")
         if not hmac.compare_digest(body, self._access.token.encode()):
             # Only refusals wait for each other: whoever has the password is let in while others are guessing.
             async with self._refusing:

@@ -2,6 +2,7 @@
 
 import http.client
 import json
+import socket
 import time
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -73,6 +74,19 @@ def test_the_token_is_exchanged_for_a_cookie_that_scripts_and_other_sites_cannot
     cookie = ask(served, "/api/session", "POST", served.access.token.encode()).header("Set-Cookie")
     assert cookie is not None and served.access.session in cookie and served.access.token not in cookie
     assert {"HttpOnly", "SameSite=strict", "Path=/"} <= {part.strip() for part in cookie.split(";")}
+
+
+def test_a_token_that_is_cut_short_is_no_error_of_the_server(
+    served: ServedPage, caplog: pytest.LogCaptureFixture
+) -> None:
+    place = urlsplit(served.origin)
+    head = f"POST /api/session HTTP/1.1\r\nHost: {place.netloc}\r\nContent-Length: 500\r\n\r\nabc"
+    with socket.create_connection((place.hostname, place.port)) as connection:
+        connection.sendall(head.encode())
+        time.sleep(0.2)
+    assert ask(served, "/api/session", "POST", served.access.token.encode()).status == 200
+    time.sleep(0.2)
+    assert not caplog.records
 
 
 def test_wrong_passwords_wait_for_each_other_and_right_ones_for_none(served: ServedPage) -> None:
