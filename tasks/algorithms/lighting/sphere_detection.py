@@ -213,12 +213,12 @@ def _chrome_spheres(
             else:
                 refused.append(circle)
                 rejected.append(f"the circle at ({circle.x:.0f}, {circle.y:.0f}) is no chrome sphere: {reason}")
-        circles = [circle for circle in circles if _is_hidden(circle, accepted, refused)]
+        circles = [circle for circle in circles if _is_left(circle, accepted, refused)]
     return accepted, rejected
 
 
-def _is_hidden(circle: Sphere, accepted: list[Sphere], refused: list[Sphere]) -> bool:
-    """Return whether a circle overlaps none that is accepted, and of those refused only far larger ones."""
+def _is_left(circle: Sphere, accepted: list[Sphere], refused: list[Sphere]) -> bool:
+    """Return whether a circle is left to be judged: it overlaps none accepted, and of those refused only far larger."""
     is_smaller = all(circle.radius < MAX_HIDDEN_RATIO * other.radius for other in refused if _overlap(circle, other))
     return is_smaller and not any(_overlap(circle, other) for other in accepted)
 
