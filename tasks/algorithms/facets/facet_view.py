@@ -61,7 +61,8 @@ class FacetView:
             return None
         middle = sampled_middle(mask.shape, stride)
         contour = (silhouette_contour(mask) - middle) / stride
-        x, y = positions_at(*np.indices(sampled.shape), sampled.shape)
+        rows, columns = np.indices(sampled.shape, dtype=float)
+        x, y = positions_at(rows, columns, sampled.shape)
         view = unit(to_camera_directions(x, y, inverse_focal * stride))
         normals = np.ascontiguousarray(np.moveaxis(rotate_from_view(candidates, view), 0, 2), np.float32)
         return cls(normals, sampled, contour, inverse_focal * stride, swept, stride, middle)

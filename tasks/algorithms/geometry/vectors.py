@@ -71,4 +71,5 @@ def positions_at(rows: np.ndarray, columns: np.ndarray, shape: tuple[int, ...]) 
 
 def pixel_positions(pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return x and y (N,), pixels, camera frame, of the N pixels of a mask (H, W) bool, row by row."""
-    return positions_at(*np.nonzero(pixels), pixels.shape)
+    rows, columns = np.nonzero(pixels)
+    return positions_at(rows, columns, pixels.shape)

@@ -104,7 +104,8 @@ def sampled_middle(shape: tuple[int, ...], stride: int) -> np.ndarray:
 def polyhedral_normals(solid: Polyhedron, log_ratio: float, mask: np.ndarray) -> PolyhedralNormals:
     """Return what a mask (H, W) bool shows of a solid; log_ratio: how much candidates speak for it, nats."""
     faces = solid.faces(mask.shape)
-    x, y = positions_at(*np.indices(mask.shape), mask.shape)
+    rows, columns = np.indices(mask.shape, dtype=float)
+    x, y = positions_at(rows, columns, mask.shape)
     is_seen = faces >= 0
     normals, depths = np.full((*mask.shape, 3), np.nan), np.full(mask.shape, np.nan, np.float32)
     normals[is_seen] = solid.normals[faces[is_seen]]
