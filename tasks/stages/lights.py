@@ -18,6 +18,7 @@ from glint.tasks.algorithms.lighting.lights import (
     ACCEPTED,
     BEFORE_OBJECT,
     BEHIND,
+    BLOCK_FRAMES,
     COVERED,
     REASONS,
     Lights,
@@ -41,8 +42,6 @@ from glint.tasks.stages.sphere_doubts import sphere_doubts, sweep_error
 
 SPHERES, FILE = "spheres", "file"
 """Where the lights of a capture come from, as its record names it."""
-BLOCK_FRAMES = 1024
-"""Frames whose highlights are measured at once."""
 MAX_BEFORE_OBJECT_SHARE = 0.2
 """Share of the frames beyond which a bright border is no light before the object but an overexposed background."""
 MIN_BEFORE_OBJECT_SHARE, BEFORE_OBJECT_COST_DEG = 0.01, 1.0

@@ -18,7 +18,6 @@ from glint.tasks.algorithms.lighting.sphere_detection import MIN_SPHERE_SCORE, c
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from tests.benchmarks.spheres_found import simulated
 
-MIN_RADIUS_PX = 20.0
 TRUE_SHARE, APART_SHARE = 0.06, 0.3
 """Differences in radii up to which a circle is the true one, and beyond whose distance it is another body's."""
 
@@ -40,7 +39,7 @@ def main() -> None:
     counts = Counter[str]()
     for number in range(first, last + 1):
         for name, sample, truth in simulated(number):
-            circles = clear_circles(sample.frames, sample.peak, MIN_RADIUS_PX, None)
+            circles = clear_circles(sample.frames, sample.peak, None)
             for circle in outermost([circle for circle in circles if circle.score >= MIN_SPHERE_SCORE]):
                 distance = circle.distance(truth) / truth.radius
                 difference = max(distance, abs(circle.radius / truth.radius - 1.0))

@@ -11,7 +11,7 @@ from glint.tasks.algorithms.facets.placements import Placement
 from glint.tasks.algorithms.geometry.contours import smooth_contour
 from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view, to_camera_directions
-from glint.tasks.algorithms.geometry.vectors import to_camera, unit
+from glint.tasks.algorithms.geometry.vectors import positions_at, to_camera, unit
 from glint.tasks.algorithms.prior.unreached import SweptNormals
 from glint.tasks.algorithms.prisms.polyhedron import sampled_middle
 
@@ -62,7 +62,7 @@ class FacetView:
         middle = sampled_middle(mask.shape, stride)
         contour = (silhouette_contour(mask) - middle) / stride
         rows, columns = np.indices(sampled.shape, dtype=float)
-        x, y = to_camera(columns, rows, sampled.shape[1], sampled.shape[0])
+        x, y = positions_at(rows, columns, sampled.shape)
         view = unit(to_camera_directions(x, y, inverse_focal * stride))
         normals = np.ascontiguousarray(np.moveaxis(rotate_from_view(candidates, view), 0, 2), np.float32)
         return cls(normals, sampled, contour, inverse_focal * stride, swept, stride, middle)

@@ -7,7 +7,7 @@ import numpy as np
 
 from glint.tasks.algorithms.facets.faceted_body import POLYGON_STEP_PX, FacetedBody
 from glint.tasks.algorithms.facets.placements import Placement
-from glint.tasks.algorithms.geometry.vectors import to_camera
+from glint.tasks.algorithms.geometry.vectors import positions_at
 from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals
 from glint.tasks.algorithms.revolution.opening import find_opening
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
@@ -29,7 +29,7 @@ def with_hollow(
     if opening is None:
         return solid
     rows, columns = np.nonzero(opening.around)
-    x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
+    x, y = positions_at(rows, columns, mask.shape)
     shown, depths, is_far = opening.entries(x, y)
     far = rows[is_far], columns[is_far]
     result = solid._replace(normals=solid.normals.copy(), depths=solid.depths.copy(), faces=solid.faces.copy())

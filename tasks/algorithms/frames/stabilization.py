@@ -31,6 +31,8 @@ MIN_AGREEMENT = 0.5
 """Share of the blocks with structure that must agree, in the whole image and in three of its quarters."""
 MIN_REGISTERED = 0.6
 """Share of the frames that must find a consensus."""
+MAX_REFERENCES = 3
+"""References to which all frames are registered, one after the other."""
 MIN_REFERENCE_FRAMES = 5
 """Registered frames from which on their median is a reference."""
 MAX_GAUSS_NEWTON_STEPS = 8
@@ -186,15 +188,12 @@ def translate(image: np.ndarray, translation: np.ndarray) -> np.ndarray:
     return cv2.warpAffine(image, matrix, (width, height), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
 
-def register(
-    frames: np.ndarray, excluded: np.ndarray | None = None, iterations: int = 3
-) -> tuple[np.ndarray, np.ndarray]:
+def register(frames: np.ndarray, excluded: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Register frames (T, H, W) to one another.
 
     Args:
         frames: in order.
         excluded: see `TranslationEstimator`.
-        iterations: at most.
 
     Returns:
         The temporal median (H, W) float32 of the registered frames, and each frame's translation (T, 2) against it:
@@ -207,7 +206,7 @@ def register(
     if _known(translations).mean() < MIN_REGISTERED:
         reference = frames[len(frames) // 2].astype(np.float32)
         translations, is_single = _translations(frames, reference, excluded), True
-    for _ in range(iterations - 1):
+    for _ in range(MAX_REFERENCES - 1):
         known = _known(translations)
         if known.sum() < MIN_REFERENCE_FRAMES:
             break

@@ -64,7 +64,12 @@ def to_camera(columns: np.ndarray, rows: np.ndarray, width: int, height: int) ->
     return columns - (width - 1) / 2, (height - 1) / 2 - rows
 
 
+def positions_at(rows: np.ndarray, columns: np.ndarray, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Return x and y (...), pixels, camera frame, of the pixels at rows and columns (...) of an image of a shape."""
+    return to_camera(columns.astype(float), rows.astype(float), shape[1], shape[0])
+
+
 def pixel_positions(pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return x and y (N,), pixels, camera frame, of the N pixels of a mask (H, W) bool, row by row."""
     rows, columns = np.nonzero(pixels)
-    return to_camera(columns.astype(float), rows.astype(float), pixels.shape[1], pixels.shape[0])
+    return positions_at(rows, columns, pixels.shape)

@@ -119,8 +119,9 @@ def largest_misfit(rises: ExpectedRises, height: np.ndarray) -> float:
 def poisson_source(weights: np.ndarray, rise: np.ndarray) -> np.ndarray:
     """Return the right-hand side (H, W) of the Poisson equations of edges with weights and rises (2, H, W)."""
     down, across = weights * rise
-    source = -down - across
+    source = -down
     source[1:] += down[:-1]
+    source -= across
     source[:, 1:] += across[:, :-1]
     return np.asarray(source)
 

@@ -32,9 +32,19 @@ BRIGHT_DEG, REACH_DEG = 2.2, 5.0
 """Angle to a half vector up to which a normal shows a bright highlight, and up to which it is within the sweep."""
 MIN_SWEEP_FRAMES = 100
 """Frames below which a capture is a set of photographs, each with a light of its own, and no sweep."""
+MAP_SIZE = 128
+"""Edge in pixels of maps of normals."""
+COVERED_DEG = (1.5, 3.0)
+"""Angles to the nearest half vector at which the covered share is given."""
+DENSITY_SIGMA_DEG = 3.0
+"""Standard deviation of the Gaussian that smooths the density."""
+MIN_GAP_SHARE = 0.02
+"""Share of the cap below which a gap is not reported."""
+MIN_GAP_DISTANCE_DEG = 6.0
+"""Least distance from the nearest half vector beyond which a normal belongs to a gap."""
 GAP_RADII = 1.5
-"""Distance from the nearest half vector, in radii of the disc that each of as many evenly spread ones has to itself,
-from which a normal belongs to a gap: twelve photographs are not expected to cover what a sweep does."""
+"""The same distance in radii of the disc that each of as many evenly spread half vectors has to itself: twelve
+photographs are not expected to cover what a sweep does."""
 EXTRAPOLATED_ERROR_DEG = 11.0
 """Usual error in degrees of normals that no light could show: root mean square beyond 42 degrees from the view vector
 on the six simulated captures of docs/evaluation.md."""
@@ -129,54 +139,38 @@ def nearest_half_vector_deg(directions: np.ndarray, half_vectors: np.ndarray) ->
     return result
 
 
-def share_between(half_vectors: np.ndarray, size: int = 128) -> float:
+def share_between(half_vectors: np.ndarray) -> float:
     """Return the share of the normals within a sweep that have no half vector near them.
 
-    half_vectors: (T, 3), NaN where the frame was rejected. size: edge of the map of normals in pixels. 0 if the sweep
-    surrounds no normal that can be observed.
+    half_vectors: (T, 3), NaN where the frame was rejected. 0 if the sweep surrounds no normal that can be observed.
     """
-    directions = cap_directions(size)
+    directions = cap_directions(MAP_SIZE)
     distance = nearest_half_vector_deg(directions, half_vectors)
     within = (distance <= REACH_DEG) & (directions[..., 2] > np.cos(np.radians(MAX_OBSERVABLE_ANGLE_DEG)))
     return float((distance[within] > BRIGHT_DEG).mean()) if within.any() else 0.0
 
 
-def coverage(
-    half_vectors: np.ndarray,
-    *,
-    degrees: tuple[float, ...] = (1.5, 3.0),
-    size: int = 128,
-    bandwidth: float = 3.0,
-    gap_distance: float = 6.0,
-    min_gap_share: float = 0.02,
-) -> Coverage:
-    """Compute the coverage by half vectors (T, 3), NaN where the frame was rejected; no frame at all is one large gap.
+def coverage(half_vectors: np.ndarray) -> Coverage:
+    """Compute the coverage by half vectors (T, 3), unit, camera frame, NaN where the frame was rejected.
 
-    Args:
-        half_vectors: unit, camera frame.
-        degrees: angles at which `Coverage.covered_shares` is given.
-        size: edge of the density map in pixels.
-        bandwidth: standard deviation in degrees of the Gaussian that smooths the density.
-        gap_distance: degrees from the nearest half vector beyond which a normal belongs to a gap; more where there are
-            so few half vectors that even evenly spread ones would lie farther from each other (GAP_RADII).
-        min_gap_share: share of the cap below which a gap is not reported.
+    No frame at all is one large gap.
     """
-    directions = cap_directions(size)
+    directions = cap_directions(MAP_SIZE)
     inside = np.isfinite(directions[..., 0])
     accepted = half_vectors[np.isfinite(half_vectors).all(axis=-1)].astype(np.float64)
     distance = nearest_half_vector_deg(directions, accepted)
     cap_deg2 = np.pi * np.degrees(CAP_MAP_RADIUS) ** 2
     radius_deg = np.sqrt(cap_deg2 / (np.pi * max(len(accepted), 1)))
-    gap_distance = max(gap_distance, float(GAP_RADII * radius_deg))
+    gap_distance = max(MIN_GAP_DISTANCE_DEG, float(GAP_RADII * radius_deg))
     return Coverage(
-        _density(directions, accepted, bandwidth),
-        {limit: float((distance[inside] <= limit).mean()) for limit in degrees},
-        _gaps(directions, distance > gap_distance, min_gap_share),
+        _density(directions, accepted),
+        {limit: float((distance[inside] <= limit).mean()) for limit in COVERED_DEG},
+        _gaps(directions, distance > gap_distance, MIN_GAP_SHARE),
         len(accepted),
     )
 
 
-def _density(directions: np.ndarray, accepted: np.ndarray, bandwidth: float) -> np.ndarray:
+def _density(directions: np.ndarray, accepted: np.ndarray) -> np.ndarray:
     """Return the density (N, N) float32 of half vectors (T, 3) per square degree, smoothed, NaN outside the cap."""
     size = len(directions)
     # Pixel of each half vector in the equal-area map.
@@ -189,7 +183,7 @@ def _density(directions: np.ndarray, accepted: np.ndarray, bandwidth: float) -> 
     # Normalized convolution: division by the smoothed cap, so that its edge loses nothing to the outside.
     inside = np.isfinite(directions[..., 0])
     pixel_deg = np.degrees(2.0 * CAP_MAP_RADIUS / size)
-    sigma = bandwidth / pixel_deg
+    sigma = DENSITY_SIGMA_DEG / pixel_deg
     share = cv2.GaussianBlur(inside.astype(np.float64), (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
     smooth = cv2.GaussianBlur(counts * inside, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
     return np.where(inside, smooth / np.maximum(share, 1e-9) / pixel_deg**2, np.nan).astype(np.float32)

@@ -37,6 +37,8 @@ REASONS = (
 """Names of the codes in `Lights.reason`."""
 ACCEPTED, NO_LIGHT, BEHIND, TWO_LIGHTS, AMBIGUOUS, OUTSIDE_SPHERE, COVERED, BEFORE_OBJECT = range(len(REASONS))
 
+BLOCK_FRAMES, BACKGROUND_FRAMES = 1024, 200
+"""Frames measured at once, and frames from which the static background is estimated."""
 MIN_HALF_VECTOR_NZ = float(np.cos(np.radians(45.0)))
 """n_z of the sphere's normal below which the light is more than 90 degrees from the view vector."""
 MIN_ON_SPHERE_NZ = 0.2
@@ -129,27 +131,23 @@ def without_frames(lights: Lights, rejected: np.ndarray, reason: int) -> Lights:
     )
 
 
-def find_lights(
-    frames: np.ndarray, sphere: Sphere, *, block: int = 1024, sample: int = 200, **parameters: Any
-) -> Lights:
+def find_lights(frames: np.ndarray, sphere: Sphere, **parameters: Any) -> Lights:
     """Find the lights of frames (T, h, w) uint8 or uint16, cropped around a sphere given in the crop's pixels.
 
     Args:
         frames: of one sphere.
         sphere: in the frames' pixels.
-        block: frames measured at once.
-        sample: frames from which the static background is estimated.
         **parameters: of `static_background`, `measure_highlights` and `classify_frames`, by name.
 
     Raises:
         UnusableCapture: no frame shows a light.
     """
-    steps = np.unique(np.linspace(0, len(frames) - 1, min(sample, len(frames))).round().astype(int))
+    steps = np.unique(np.linspace(0, len(frames) - 1, min(BACKGROUND_FRAMES, len(frames))).round().astype(int))
     static = static_background(frames[steps], sphere, **_subset(parameters, "percentile", "camera"))
     measuring = _subset(parameters, "peak_level", "edge_level", "full_level", "trim_ratio", "camera")
     blocks = [
-        measure_highlights(frames[start : start + block], sphere, static, **measuring)
-        for start in range(0, len(frames), block)
+        measure_highlights(frames[start : start + BLOCK_FRAMES], sphere, static, **measuring)
+        for start in range(0, len(frames), BLOCK_FRAMES)
     ]
     return classify_frames(blocks, static, sphere, **_subset(parameters, "second_light_ratio", "area_ratio"))
 

@@ -56,6 +56,8 @@ MAX_HIDDEN_RATIO = 0.5
 such a circle may go round a sphere and the glass beside it, but what is larger may be a part of that glass."""
 MAX_REFINED = 12
 """Best candidates that are measured at full resolution."""
+MIN_SPHERE_RADIUS_PX = 20.0
+"""Radius of the smallest sphere that is looked for."""
 MIN_SPHERE_SCORE = 0.06
 """Lower bound of the product of contour contrast and highlight evidence."""
 MAX_MOVES = 3
@@ -72,9 +74,6 @@ SPHERE_REMEDY = (
 def find_spheres(
     frames: np.ndarray,
     maximum: np.ndarray,
-    *,
-    min_radius: float = 20.0,
-    min_score: float = MIN_SPHERE_SCORE,
     camera: np.ndarray | None = None,
 ) -> list[Sphere]:
     """Find chrome spheres and measure them; return them best first, whether their lights agree or not.
@@ -82,8 +81,6 @@ def find_spheres(
     Args:
         frames: (T, H, W) in levels of 8 bits, spread evenly over the capture.
         maximum: temporal maximum (H, W) of the whole capture.
-        min_radius: smallest radius in pixels.
-        min_score: smallest product of contour contrast and highlight evidence.
         camera: perspective camera's matrix (3, 3); spheres are then measured by virtual cameras aimed at them.
 
     Raises:
@@ -92,12 +89,13 @@ def find_spheres(
     """
     if frames.ndim != 3 or frames.shape[1:] != maximum.shape:
         raise ValueError(f"images have shapes {frames.shape} and {maximum.shape}, expected (T, H, W) and (H, W)")
-    refined = clear_circles(frames, maximum, min_radius, camera)
-    accepted, rejected = _chrome_spheres(frames, [sphere for sphere in refined if sphere.score >= min_score], camera)
+    refined = clear_circles(frames, maximum, camera)
+    clear = [sphere for sphere in refined if sphere.score >= MIN_SPHERE_SCORE]
+    accepted, rejected = _chrome_spheres(frames, clear, camera)
     if not accepted:
         best = max((sphere.score for sphere in refined), default=None)
         reasons = "".join(f"; {reason}" for reason in rejected) or (
-            "" if best is None else f"; the best candidate scores {best:.2f} of {min_score:.2f}"
+            "" if best is None else f"; the best candidate scores {best:.2f} of {MIN_SPHERE_SCORE:.2f}"
         )
         raise UnusableSphere(
             f"no chrome sphere found in a frame of {maximum.shape[1]} x {maximum.shape[0]}{reasons}", SPHERE_REMEDY
@@ -107,14 +105,12 @@ def find_spheres(
     return [replace(after, score=before.score) for before, after in zip(accepted, measured, strict=True)]
 
 
-def clear_circles(
-    frames: np.ndarray, maximum: np.ndarray, min_radius: float, camera: np.ndarray | None
-) -> list[Sphere]:
+def clear_circles(frames: np.ndarray, maximum: np.ndarray, camera: np.ndarray | None) -> list[Sphere]:
     """Return the circles with contour and highlights of a sphere, chrome or glass, best first; see `find_spheres`."""
     candidates: list[Sphere] = []
     few = spread(frames, SEED_FRAMES)
     for level in pyramid(few, maximum):
-        candidates += _candidates(level, max(min_radius / level.scale, MIN_LEVEL_RADIUS_PX))
+        candidates += _candidates(level, max(MIN_SPHERE_RADIUS_PX / level.scale, MIN_LEVEL_RADIUS_PX))
     candidates = distinct(candidates, 0.04)[:MAX_REFINED]
     many = spread(frames, CANDIDATE_FRAMES)
     return distinct([_refined(many, few, maximum, sphere, camera) for sphere in candidates], 0.06)
@@ -203,12 +199,12 @@ def _chrome_spheres(
             else:
                 refused.append(circle)
                 rejected.append(f"the circle at ({circle.x:.0f}, {circle.y:.0f}) is no chrome sphere: {reason}")
-        circles = [circle for circle in circles if _is_hidden(circle, accepted, refused)]
+        circles = [circle for circle in circles if _is_left(circle, accepted, refused)]
     return accepted, rejected
 
 
-def _is_hidden(circle: Sphere, accepted: list[Sphere], refused: list[Sphere]) -> bool:
-    """Return whether a circle overlaps none that is accepted, and of those refused only far larger ones."""
+def _is_left(circle: Sphere, accepted: list[Sphere], refused: list[Sphere]) -> bool:
+    """Return whether a circle is left to be judged: it overlaps none accepted, and of those refused only far larger."""
     is_smaller = all(circle.radius < MAX_HIDDEN_RATIO * other.radius for other in refused if _overlap(circle, other))
     return is_smaller and not any(_overlap(circle, other) for other in accepted)
 

@@ -7,8 +7,8 @@ to import, for which processes that only name stages need not wait.
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import ndimage
 
+from glint.tasks.algorithms.geometry.distance import with_nearest
 from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.view import View
 
@@ -90,8 +90,4 @@ def expected_normals(model: Model, view: View) -> np.ndarray:
     the view's highlights takes them as its expected field.
     """
     normals = raycast(model, view)[1]
-    known = np.isfinite(normals[..., 0])
-    if not known.any():
-        return normals
-    nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
-    return np.where(view.mask[..., None], normals[tuple(nearest)], np.float32(np.nan))
+    return with_nearest(normals, view.mask) if np.isfinite(normals[..., 0]).any() else normals

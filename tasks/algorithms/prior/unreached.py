@@ -14,6 +14,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from glint.tasks.algorithms.geometry.vectors import gradients, unit
+from glint.tasks.algorithms.integration.expected_rises import poisson_source
 from glint.tasks.algorithms.integration.multigrid import solve_poisson
 
 CELLS = 200
@@ -165,16 +166,13 @@ def _integrable(field: np.ndarray, confidence: np.ndarray, mask: np.ndarray) -> 
     weight = np.where(confidence > 0.0, confidence * field[..., 2] ** 4, UNKNOWN_WEIGHT)
     slopes = np.where(mask, -q, 0.0), np.where(mask, p, 0.0)
     weights, rises = np.zeros((2, *mask.shape)), np.zeros((2, *mask.shape))
-    source, total, count = np.zeros(mask.shape), np.zeros((2, *mask.shape)), np.zeros((2, *mask.shape))
+    total, count = np.zeros((2, *mask.shape)), np.zeros((2, *mask.shape))
     for axis, slope in enumerate(slopes):
         first, second = _ends(axis)
         inside = mask[first] & mask[second]
         weights[axis][first] = np.where(inside, np.minimum(weight[first], weight[second]), 0.0)
         rises[axis][first] = (slope[first] + slope[second]) / 2.0
-        flow = weights[axis][first] * rises[axis][first]
-        source[first] -= flow
-        source[second] += flow
-    height, _, _ = solve_poisson(weights, source, np.zeros(mask.shape), tolerance=1e-4)
+    height, _, _ = solve_poisson(weights, poisson_source(weights, rises), np.zeros(mask.shape), tolerance=1e-4)
     for axis in (0, 1):
         first, second = _ends(axis)
         edge = (weights[axis][first] > 0.0) * 1.0

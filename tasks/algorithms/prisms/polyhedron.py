@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.distance import inradius, with_nearest
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view, to_camera_directions
-from glint.tasks.algorithms.geometry.vectors import to_camera, unit
+from glint.tasks.algorithms.geometry.vectors import positions_at, unit
 from glint.tasks.algorithms.silhouettes.aimed_view import AimedView
 
 BEND_INRADII = 0.05
@@ -105,7 +105,7 @@ def polyhedral_normals(solid: Polyhedron, log_ratio: float, mask: np.ndarray) ->
     """Return what a mask (H, W) bool shows of a solid; log_ratio: how much candidates speak for it, nats."""
     faces = solid.faces(mask.shape)
     rows, columns = np.indices(mask.shape, dtype=float)
-    x, y = to_camera(columns, rows, mask.shape[1], mask.shape[0])
+    x, y = positions_at(rows, columns, mask.shape)
     is_seen = faces >= 0
     normals, depths = np.full((*mask.shape, 3), np.nan), np.full(mask.shape, np.nan, np.float32)
     normals[is_seen] = solid.normals[faces[is_seen]]

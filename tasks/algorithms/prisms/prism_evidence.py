@@ -13,7 +13,7 @@ import numpy as np
 
 from glint.tasks.algorithms.geometry.distance import depth_inside, inradius
 from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view, to_camera_directions
-from glint.tasks.algorithms.geometry.vectors import to_camera, unit
+from glint.tasks.algorithms.geometry.vectors import positions_at, unit
 from glint.tasks.algorithms.prior.unreached import SweptNormals
 from glint.tasks.algorithms.prisms.right_prism import Crease, RightPrism, to_pixels
 
@@ -57,7 +57,7 @@ class ShownNormals:
         layers, rows, columns = np.nonzero(np.isfinite(candidates[..., 0]) & mask)
         if swept is None:
             return None
-        x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
+        x, y = positions_at(rows, columns, mask.shape)
         view = unit(to_camera_directions(x, y, inverse_focal))
         normals = rotate_from_view(candidates[layers, rows, columns].astype(np.float64), view)
         return cls(

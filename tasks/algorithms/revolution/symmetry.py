@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from glint.tasks.algorithms.geometry.distance import with_nearest
-from glint.tasks.algorithms.geometry.vectors import angles, to_camera
+from glint.tasks.algorithms.geometry.vectors import angles, positions_at
 from glint.tasks.algorithms.revolution.fit_limits import SYMMETRIC_LIMITS, FitLimits
 from glint.tasks.algorithms.revolution.opening import find_opening
 from glint.tasks.algorithms.revolution.relief import ERROR_CAP_DEG, capped_angles, find_relief
@@ -131,7 +131,7 @@ def surface_of_revolution_normals(
         return None
     error, surface = fitted
     rows, columns = np.nonzero(mask)
-    x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
+    x, y = positions_at(rows, columns, mask.shape)
     known = np.isfinite(accepted[rows, columns, 0])
     measured = (x[known], y[known], accepted[rows, columns][known])
     deviation = capped_angles(surface.with_fitted_slopes(*measured).normals(*measured[:2]), measured[2])
@@ -180,7 +180,7 @@ def _fitted_surface(
     # A random sample: every n-th pixel in order would be a few columns of the image.
     chosen = np.random.default_rng(0).permutation(len(rows))[:SAMPLED_NORMALS]
     rows, columns = rows[chosen], columns[chosen]
-    x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
+    x, y = positions_at(rows, columns, mask.shape)
     normals = accepted[rows, columns]
     enlarged = max(1.0, float(np.ptp(np.argwhere(mask), axis=0).max()) / FITTED_LENGTH_PX)
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from glint.tasks.algorithms.geometry.vectors import equal_area
 from glint.tasks.algorithms.simulation.environment import Environment
 from glint.tasks.algorithms.simulation.ray_tracing import Paths
 
@@ -144,8 +145,7 @@ def _quantise(image: np.ndarray, noise: np.ndarray, exposure: float, curve: np.n
 
 def _bins(directions: np.ndarray, size: int) -> np.ndarray:
     """Return the bin (N,) int64 of each direction (N, 3) with z > -1 in Lambert's azimuthal equal-area map."""
-    plane = directions[:, :2] / np.sqrt(np.maximum((1.0 + directions[:, 2:]) / 2.0, 1e-6))
-    index = np.floor(plane / np.radians(BIN_SIZE_DEG) + size / 2).astype(np.int64).clip(0, size - 1)
+    index = np.floor(equal_area(directions) / np.radians(BIN_SIZE_DEG) + size / 2).astype(np.int64).clip(0, size - 1)
     return index[:, 1] * size + index[:, 0]
 
 

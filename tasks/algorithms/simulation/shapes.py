@@ -92,7 +92,7 @@ def _revolve_rounded(profile: Sequence[tuple[float, float]], rounding: float = 2
     smooth = gaussian_filter1d(smooth, rounding / PROFILE_STEP, axis=0, mode="nearest")
     smooth[[0, -1]] = ends
     smooth[[0, -1], 0] = 0.0
-    return revolve(smooth, step=0.8)
+    return revolve(smooth)
 
 
 def _hemisphere() -> list[Solid]:

@@ -11,6 +11,8 @@ from glint.tasks.algorithms.meshing.implicit import ImplicitFunction, surface_ne
 
 GLASS, CHROME, MATTE = range(3)
 """Materials: refracting, mirroring, diffuse."""
+MESH_STEP = 0.8
+"""Spacing of a mesh along its profile."""
 SEGMENT_LENGTH = 1.2
 """Length of a mesh segment round the axis of a surface of revolution, at its largest radius."""
 MIN_SEGMENTS, MAX_SEGMENTS = 96, 720
@@ -81,14 +83,13 @@ class Solid:
         return normals if self.rotation is None else normals @ self.rotation.T
 
 
-def revolve(profile: np.ndarray, step: float = 1.0) -> Solid:
+def revolve(profile: np.ndarray) -> Solid:
     """Return the solid of revolution about the y axis of a profile.
 
-    profile (N, 2): (radius, height), from the axis at the bottom to the axis at the top, joined by straight lines;
-    step: spacing of the mesh along the profile.
+    profile (N, 2): (radius, height), from the axis at the bottom to the axis at the top, joined by straight lines.
     """
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(profile, axis=0).T))])
-    fine = np.linspace(0.0, length[-1], max(2, int(np.ceil(length[-1] / step)) + 1))
+    fine = np.linspace(0.0, length[-1], max(2, int(np.ceil(length[-1] / MESH_STEP)) + 1))
     points = np.column_stack([np.interp(fine, length, profile[:, axis]) for axis in (0, 1)])
     tangent = np.gradient(points, fine, axis=0)
     points[:, 0] = np.maximum(points[:, 0], 0.0)
