@@ -74,6 +74,7 @@ STAGES = (
         _function("mask"),
         parameters.MaskParameters,
         reads=("survey", "frames"),
+        catalogue_keys=("region",),
         files=("mask",),
         arrays={"mask": ArraySchema("HW", "b"), "doubt": ArraySchema("HW", "f", "all")},
         peak_bytes=_per_pixel(300),

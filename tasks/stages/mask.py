@@ -5,7 +5,7 @@ import numpy as np
 from glint.storage.inputs.masks_and_truth import read_mask
 from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.masks.mask import beside_spheres
-from glint.tasks.algorithms.masks.mask_doubt import Objection, doubt_of, mask_objections
+from glint.tasks.algorithms.masks.mask_doubt import Objection, covered_spheres, doubt_of, mask_objections
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.engine.stage_warning import StageWarning
@@ -15,7 +15,8 @@ from glint.tasks.stages.levels import load_levels
 UNSUPPORTED_COST_DEG = 5.0
 """Error of the normals beside a contour that nothing supports: that of a contour off by a tenth of the inradius."""
 CUT_COST_DEG = 15.0
-"""Error of the normals beside a contour that is the frame's edge: there the surface does not turn from the camera."""
+"""Error of the normals beside a contour that is the frame's edge, or beyond which the object goes on: there the surface
+does not turn from the camera; and of those of a sphere that the mask covers."""
 SHAPE_COST_DEG = 3.0
 """Error of the normals beside a neck or a ragged piece."""
 REMEDY = "correct it by hand: `glint check` writes mask.png, frame.png and brightest.png, and draws the doubt in red"
@@ -46,18 +47,21 @@ def _objections(inputs: StageInputs, geometry: CaptureGeometry, pixels: np.ndarr
     region, (width, height) = geometry.region, geometry.frame_size
     background, peak = load_levels(inputs)
     scale = np.float32(1.0 if background.dtype == np.uint8 else 1.0 / 257.0)
-    frame_edges = np.zeros(pixels.shape, bool)
-    frame_edges[0] |= region.y == 0
-    frame_edges[:, 0] |= region.x == 0
-    frame_edges[-1] |= region.y + region.height == height
-    frame_edges[:, -1] |= region.x + region.width == width
-    return mask_objections(
+    # Where a person cut a region out, an object may go on beyond it that no mask tells to end there.
+    is_cut_out = estimated and inputs.field("region") is not None
+    edges = np.zeros(pixels.shape, bool)
+    edges[0] |= is_cut_out or region.y == 0
+    edges[:, 0] |= is_cut_out or region.x == 0
+    edges[-1] |= is_cut_out or region.y + region.height == height
+    edges[:, -1] |= is_cut_out or region.x + region.width == width
+    spheres = [sphere.in_crop(region.x, region.y) for sphere in geometry.spheres]
+    return covered_spheres(pixels, spheres) + mask_objections(
         pixels,
         background * scale,
         peak * scale,
-        free=beside_spheres(pixels.shape, [sphere.in_crop(region.x, region.y) for sphere in geometry.spheres]),
+        free=beside_spheres(pixels.shape, spheres),
         estimated=estimated,
-        frame_edges=frame_edges,
+        edges=edges,
     )
 
 
@@ -74,7 +78,11 @@ def _warning(objection: Objection, pixels: np.ndarray, geometry: CaptureGeometry
         return StageWarning(f"{name} is {objection.kind}{amount}: {evidence}; {REMEDY}", "mask", round(cost, 1))
     share = f"{objection.share:.0%} of its contour"
     text, cost = {
-        "cut": (f"{share} lies along the edge of the frame {place}: the object goes on beyond it", CUT_COST_DEG),
+        "cut": (f"{share} lies along the edge of frame or region {place}: the object goes on beyond it", CUT_COST_DEG),
+        "continued": (
+            f"the highlights go on beyond {share} {place}, as if it lacked a part of the object",
+            CUT_COST_DEG,
+        ),
         "neck": (f"a neck joins its parts {place}", SHAPE_COST_DEG),
         "ragged": (f"its contour is ragged {place}", SHAPE_COST_DEG),
         "unsupported": (f"no highlight was recorded near {share}, most {place}", UNSUPPORTED_COST_DEG),

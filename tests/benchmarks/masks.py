@@ -89,7 +89,7 @@ def objections(work: CaptureContext, mask: np.ndarray) -> bool:
     spheres = [sphere.in_crop(region.x, region.y) for sphere in load_geometry(work).spheres]
     free = beside_spheres(mask.shape, spheres)
     edges = np.zeros(mask.shape, bool)
-    return bool(mask_objections(mask, background, peak, free=free, estimated=False, frame_edges=edges))
+    return bool(mask_objections(mask, background, peak, free=free, estimated=False, edges=edges))
 
 
 def catalogues(folder: Path, quick: bool, seed: int, given: list[Path]) -> Iterator[Path]:

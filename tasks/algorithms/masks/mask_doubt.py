@@ -13,19 +13,23 @@ from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.connected_parts import largest_part
 from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.masks.contour_edges import edge_image, signed_distance
-from glint.tasks.algorithms.masks.contour_offset import misplacement
+from glint.tasks.algorithms.masks.contour_offset import continued_beyond, misplacement
 from glint.tasks.algorithms.masks.mask_regions import large_components
 
 MIN_FLASH_LEVELS, FLASH_QUANTILE, FLASH_FACTOR = 12.0, 0.995, 1.5
 """A highlight rises above its surroundings by so many levels, and by a factor above this quantile of the table's."""
+TABLE_QUARTILES = 6.0
+"""Bound of that quantile where the mask lacks a part of the object, in distances of the table's third quartile from its
+median: half of it may be glass."""
 SUPPORT_SHARE, MIN_SUPPORT_PX = 0.025, 2.0
 """Distance from the contour within which a highlight supports it, as above."""
 MAX_WITHOUT_HIGHLIGHT = 0.07
 """Share of an estimated contour that may be without highlight: smooth glass shows them along all of it, and the masks
 of solid objects have at most 0.05."""
 MAX_CUT_SHARE = 0.01
-"""Share of the contour that may lie along the frame's edge."""
+"""Share of the contour that may lie along an edge of the picture."""
 NECK_SHARE, MIN_PART_RATIO = 0.06, 0.1
 """Half the width of a neck, as a share of the edge of a square of the object's area, and area of the part beyond it,
 relative to the object's."""
@@ -35,6 +39,8 @@ SHIFT_DOUBT, SHAPE_DOUBT, UNSUPPORTED_DOUBT = 0.8, 0.5, 0.1
 """Probability that normals are wrong because the silhouette is: where the data contradict it, where it is cut off, has
 a neck or is ragged, and where nothing supports it. Along the clear walls of glasses normals are right nevertheless: of
 the confident ones of 42 captures 99% are, with any value from 0 to 0.5."""
+MAX_SPHERE_SHARE, SPHERE_DOUBT = 0.05, 1.0
+"""Share of a chrome sphere that a mask drawn by hand may cover, and doubt of the normals of what it covers."""
 OVERALL_SHARE = 0.1
 """Doubt that a doubtful contour casts on the whole object, relative to the doubt at the contour."""
 TABLE_SHARES, MAX_TABLE_SHARE = (0.08, 0.03, 0.0), 0.5
@@ -52,9 +58,10 @@ REACH_INRADII = 0.3
 class Objection:
     """Evidence against a piece of a contour.
 
-    kind: `too large`, `too small`, `cut`, `neck`, `ragged` or `unsupported`. share: of the contour. offset: of the
-    stronger edge, pixels outward. x, y: centre of the piece in pixels of the mask. doubt: probability that normals
-    there are wrong because of it. piece: (H, W) bool, its pixels.
+    kind: `too large`, `too small`, `continued`, `sphere`, `cut`, `neck`, `ragged` or `unsupported`. share: of the
+    contour, or of the sphere that is covered. offset: of the stronger edge, pixels outward. x, y: centre of the piece
+    in pixels of the mask. doubt: probability that normals there are wrong because of it. piece: (H, W) bool, its
+    pixels.
     """
 
     kind: str
@@ -73,7 +80,7 @@ def mask_objections(
     *,
     free: np.ndarray,
     estimated: bool,
-    frame_edges: np.ndarray,
+    edges: np.ndarray,
 ) -> list[Objection]:
     """Compare a mask with the background and peak level, and return what speaks against it.
 
@@ -83,10 +90,10 @@ def mask_objections(
         peak: (H, W), temporal maximum, 0 to 255.
         free: (H, W) bool, pixels beside the spheres.
         estimated: whether the mask was estimated; a given one need not have highlights everywhere.
-        frame_edges: (H, W) bool, pixels along the edge of the frame.
+        edges: (H, W) bool, pixels along the edge of the frame, or of a region that was cut out of it.
     """
     contour = mask & ~ndimage.binary_erosion(mask, border_value=1)
-    contour |= mask & frame_edges
+    contour |= mask & edges
     if not contour.any():
         return []
     distance = signed_distance(mask)
@@ -94,14 +101,31 @@ def mask_objections(
     table = _table(distance, edge, free)
     rise = np.clip(peak.astype(np.float32) - background, 0.0, None)
     flash = _highlights(rise, table)
-    objections = _cut_off(mask, contour, frame_edges)
+    objections = _cut_off(mask, contour, edges)
     images = edge_image(background, table), edge_image(rise, table)
     shift = misplacement(contour, distance, images, flash, free, edge)
     if shift is not None:
         share = float(shift.piece.sum() / contour.sum())
         objections.append(_objection(shift.kind, shift.piece, share, SHIFT_DOUBT, shift.offset))
+    else:
+        objections += _continued(contour, distance, images, _highlights(rise, table, True), free, edge)
     if estimated:
-        objections += _unsupported(contour & ~frame_edges, edge, flash) + _misshapen(mask, contour, edge)
+        objections += _unsupported(contour & ~edges, edge, flash) + _misshapen(mask, contour, edge)
+    return objections
+
+
+def covered_spheres(mask: np.ndarray, spheres: Sequence[Sphere]) -> list[Objection]:
+    """Object to a mask (H, W) bool that covers chrome spheres, which are no part of the object.
+
+    spheres: in pixels of the mask.
+    """
+    rows, columns = np.mgrid[: mask.shape[0], : mask.shape[1]]
+    objections = []
+    for sphere in spheres:
+        covered = mask & (np.hypot(columns - sphere.x, rows - sphere.y) < sphere.radius)
+        share = float(covered.sum() / (np.pi * sphere.radius**2))
+        if share > MAX_SPHERE_SHARE:
+            objections.append(_objection("sphere", covered, min(share, 1.0), SPHERE_DOUBT))
     return objections
 
 
@@ -129,16 +153,34 @@ def _table(distance: np.ndarray, edge: float, free: np.ndarray) -> np.ndarray:
     return table
 
 
-def _highlights(rise: np.ndarray, table: np.ndarray) -> np.ndarray:
-    """Return the pixels (H, W) bool of highlights: those whose rise stands out of its surroundings."""
+def _highlights(rise: np.ndarray, table: np.ndarray, may_have_glass: bool = False) -> np.ndarray:
+    """Return the pixels (H, W) bool of highlights: those whose rise stands out of its surroundings.
+
+    may_have_glass: whether a part of what is taken for the table may be of the object.
+    """
     flash = rise - cv2.GaussianBlur(rise, (0, 0), SURROUNDINGS_SIGMA_PX)
-    of_table = float(np.quantile(flash[table], FLASH_QUANTILE)) if table.any() else 0.0
+    median, quartile, of_table = np.quantile(flash[table], [0.5, 0.75, FLASH_QUANTILE]) if table.any() else np.zeros(3)
+    if may_have_glass:
+        of_table = min(of_table, median + TABLE_QUARTILES * (quartile - median))
     return np.asarray(flash > max(FLASH_FACTOR * of_table, MIN_FLASH_LEVELS))
 
 
-def _cut_off(mask: np.ndarray, contour: np.ndarray, frame_edges: np.ndarray) -> list[Objection]:
-    """Object to a contour along the frame's edge, where the object goes on and its silhouette does not end."""
-    cut = mask & frame_edges
+def _continued(
+    contour: np.ndarray,
+    distance: np.ndarray,
+    images: Sequence[np.ndarray],
+    flash: np.ndarray,
+    free: np.ndarray,
+    edge: float,
+) -> list[Objection]:
+    """Object to a contour beyond which the object goes on; see `continued_beyond`."""
+    piece = continued_beyond(contour, distance, images, flash, free, edge)
+    return [] if piece is None else [_objection("continued", piece, float(piece.sum() / contour.sum()), SHIFT_DOUBT)]
+
+
+def _cut_off(mask: np.ndarray, contour: np.ndarray, edges: np.ndarray) -> list[Objection]:
+    """Object to a contour along an edge of the picture, where the object goes on and its silhouette does not end."""
+    cut = mask & edges
     share = float(cut.sum() / contour.sum())
     return [_objection("cut", cut, share, SHAPE_DOUBT)] if share > MAX_CUT_SHARE else []
 

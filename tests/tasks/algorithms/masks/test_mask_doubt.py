@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.masks.contour_edges import signed_distance
-from glint.tasks.algorithms.masks.mask_doubt import Objection, doubt_of, mask_objections
+from glint.tasks.algorithms.masks.mask_doubt import Objection, covered_spheres, doubt_of, mask_objections
 from tests.tasks.algorithms.masks.glass_on_table import GlassScene, draw_glass
 
 
@@ -23,7 +24,7 @@ def objections_to(scene: GlassScene, mask: np.ndarray, estimated: bool = False, 
     free = np.ones(mask.shape, bool)
     free[:, 195:] = False
     background = np.median(frames, axis=0)
-    return mask_objections(mask, background, frames.max(axis=0), free=free, estimated=estimated, frame_edges=edges)
+    return mask_objections(mask, background, frames.max(axis=0), free=free, estimated=estimated, edges=edges)
 
 
 def test_nothing_speaks_against_the_true_mask(disc: GlassScene) -> None:
@@ -55,10 +56,43 @@ def test_the_offset_of_a_block_does_not_depend_on_its_turn(pixels: int, turn: fl
     noise = np.random.default_rng(0).normal(0.0, 1.0, (2, size, size))
     levels = cv2.GaussianBlur(90.0 + 40.0 * cover, (0, 0), 0.8) + noise
     mask, nowhere = signed_distance(cover > 0.5) <= pixels, np.zeros((size, size), bool)
-    (objection,) = mask_objections(
-        mask, levels[0], levels[1] + 20.0, free=~nowhere, estimated=False, frame_edges=nowhere
-    )
+    (objection,) = mask_objections(mask, levels[0], levels[1] + 20.0, free=~nowhere, estimated=False, edges=nowhere)
     assert objection.offset == -pixels
+
+
+@pytest.mark.parametrize("rows", [slice(0, 90), slice(90, 180)])
+def test_highlights_go_on_beyond_a_mask_that_lacks_half_of_the_object(disc: GlassScene, rows: slice) -> None:
+    half = disc.mask.copy()
+    half[rows] = False
+    (objection,) = objections_to(disc, half)
+    assert objection.kind == "continued" and abs(objection.y - 90.0) < 12.0 and 0.1 < objection.share < 0.6
+
+
+def test_highlights_go_on_beyond_a_mask_that_is_moved(disc: GlassScene) -> None:
+    (objection,) = objections_to(disc, np.roll(disc.mask, 12, axis=1))
+    assert objection.kind in ("continued", "too small")
+
+
+def test_a_caustic_beside_the_object_does_not_continue_it(disc: GlassScene) -> None:
+    beside = ~disc.mask & (ndimage.distance_transform_edt(~disc.mask) < 8.0)
+    beside[90:], beside[:, 90:] = False, False
+    stripes = np.where(beside, 45.0 + 45.0 * np.sin(np.arange(beside.shape[1])), 0.0)
+    frames = disc.frames.astype(float)
+    frames[7] += stripes
+    frames = frames.clip(0.0, 255.0)
+    objections = objections_to(GlassScene(frames.astype(np.uint8), disc.mask, disc.sphere), disc.mask)
+    assert [objection.kind for objection in objections] == []
+
+
+def test_a_mask_covers_no_chrome_sphere() -> None:
+    mask, sphere = np.zeros((80, 120), bool), Sphere(90.0, 40.0, 20.0)
+    mask[20:60, 20:74] = True
+    assert covered_spheres(mask, [sphere]) == []
+    mask[20:60, 20:120] = True
+    (objection,) = covered_spheres(mask, [sphere])
+    assert objection.kind == "sphere" and objection.share > 0.95 and abs(objection.x - 90.0) < 1.0
+    doubt = doubt_of(mask, [objection])
+    assert doubt[40, 90] == 1.0 and doubt[40, 25] < 0.2
 
 
 def test_a_piece_without_highlights_is_doubtful_if_the_mask_is_estimated(disc: GlassScene) -> None:
@@ -98,6 +132,6 @@ def test_the_place_of_the_longest_piece_without_highlights_is_reported() -> None
     is_lit = mask & (np.hypot(right, down) > 90) & shows_highlights & ((right + down) % 4 == 0)
     peak = np.where(is_lit, 250, background)
     nothing = np.zeros(mask.shape, bool)
-    objections = mask_objections(mask, background, peak, free=~nothing, estimated=True, frame_edges=nothing)
+    objections = mask_objections(mask, background, peak, free=~nothing, estimated=True, edges=nothing)
     (unsupported,) = (objection for objection in objections if objection.kind == "unsupported")
     assert np.hypot(unsupported.x - 80, unsupported.y - 80) < 10
