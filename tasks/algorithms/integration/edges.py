@@ -30,7 +30,8 @@ class GridEdges(NamedTuple):
     inside: (2, H, W) bool, whether the pixel and its next one along the axis both lie in the mask.
     forward_rise: (2, H, W) float64, rise of height (pixels) from the pixel to its next one, by the pixel's normal.
     backward_rise: (2, H, W) float64, the same rise by the next pixel's normal.
-    cos_incidence: (H, W) float64, cosine between normal and line of sight, clamped from below.
+    normal_share: (H, W) float64, distance along the pixel's normal per rise of height: the cosine between normal and
+        line of sight, under perspective times the length of the ray to the distance 1; clamped from below.
     weight: (H, W) float64 in 0..1, weight of the pixel's normal.
     tilt: (2, 2, H, W) float64 in -1..1, component of the near side's normal towards the far side, if the edge were a
         step down to the next pixel, and if it were one up to it.
@@ -39,7 +40,7 @@ class GridEdges(NamedTuple):
     inside: np.ndarray
     forward_rise: np.ndarray
     backward_rise: np.ndarray
-    cos_incidence: np.ndarray
+    normal_share: np.ndarray
     weight: np.ndarray
     tilt: np.ndarray
 
@@ -61,7 +62,7 @@ def grid_edges(
         mask: (H, W) bool.
         weight: (H, W), weight of each normal.
         camera: (3, 3) intrinsic matrix in pixels of these arrays, None for an orthographic camera.
-        min_cosine: lower bound of the cosine of incidence, one for all or (H, W).
+        min_cosine: lower bound of the normal share, one for all or (H, W).
     """
     height, width = mask.shape
     inside = np.zeros((2, height, width), bool)
@@ -69,28 +70,28 @@ def grid_edges(
     inside[1, :, :-1] = mask[:, :-1] & mask[:, 1:]
     forward, backward = np.zeros(inside.shape), np.zeros(inside.shape)
     if camera is None:
-        cos_incidence = np.maximum(normals[..., 2], min_cosine)
+        normal_share = np.maximum(normals[..., 2], min_cosine)
         # Rows run downwards and y upwards: the slope along axis 0 has the sign of n_y.
-        for axis, slope in enumerate((normals[..., 1] / cos_incidence, -normals[..., 0] / cos_incidence)):
+        for axis, slope in enumerate((normals[..., 1] / normal_share, -normals[..., 0] / normal_share)):
             forward[axis] = slope
             backward[axis] = np.roll(slope, -1, axis)
-        return GridEdges(inside, forward, backward, cos_incidence, weight, _tilt(forward, backward, cos_incidence))
+        return GridEdges(inside, forward, backward, normal_share, weight, _tilt(forward, backward, normal_share))
 
     # Minus the normal times what the ray (right, up, -1) changes by from column to column and row to row, and at 0, 0.
     across, down, first = np.moveaxis(-normals @ (CAMERA_FLIP[:, None] * np.linalg.inv(camera)), -1, 0)
-    cos_incidence = across * np.arange(width) + down * np.arange(height)[:, None] + first
+    normal_share = across * np.arange(width) + down * np.arange(height)[:, None] + first
     focal, steps = focal_length(camera), (down, across)
     for axis, step in enumerate(steps):
         # A plane n.X = const has distance const / (n.ray), and n.ray changes linearly from pixel to pixel.
-        forward[axis] = focal * _log_ratio(cos_incidence, cos_incidence + step, min_cosine)
-        backward[axis] = np.roll(focal * _log_ratio(cos_incidence - step, cos_incidence, min_cosine), -1, axis)
-    cos_incidence = np.maximum(cos_incidence, min_cosine)
-    return GridEdges(inside, forward, backward, cos_incidence, weight, _tilt(forward, backward, cos_incidence))
+        forward[axis] = focal * _log_ratio(normal_share, normal_share + step, min_cosine)
+        backward[axis] = np.roll(focal * _log_ratio(normal_share - step, normal_share, min_cosine), -1, axis)
+    normal_share = np.maximum(normal_share, min_cosine)
+    return GridEdges(inside, forward, backward, normal_share, weight, _tilt(forward, backward, normal_share))
 
 
-def _tilt(forward_rise: np.ndarray, backward_rise: np.ndarray, cos_incidence: np.ndarray) -> np.ndarray:
-    beyond = np.stack([np.roll(cos_incidence, -1, axis) for axis in range(2)])
-    return np.clip(np.stack([-forward_rise * cos_incidence, backward_rise * beyond]), -1.0, 1.0)
+def _tilt(forward_rise: np.ndarray, backward_rise: np.ndarray, normal_share: np.ndarray) -> np.ndarray:
+    beyond = np.stack([np.roll(normal_share, -1, axis) for axis in range(2)])
+    return np.clip(np.stack([-forward_rise * normal_share, backward_rise * beyond]), -1.0, 1.0)
 
 
 def _log_ratio(first: np.ndarray, second: np.ndarray, minimum: float | np.ndarray) -> np.ndarray:
@@ -117,7 +118,7 @@ def compare_sides(
         pixel's weight (an uncertain normal is no evidence of a step); and the squared misfits to the next and to the
         previous neighbour, square pixels, 0 where there is none.
     """
-    inside, forward_rise, backward_rise, cos_incidence, weight, tilt = edges
+    inside, forward_rise, backward_rise, normal_share, weight, tilt = edges
     rows, columns = height.shape
     difference, following, preceding = (
         np.zeros(forward_rise.shape),
@@ -128,24 +129,24 @@ def compare_sides(
         di, dj = 1 - axis, axis
         for i in range(rows):
             for j in range(columns):
-                # cos_incidence turns a difference of heights into a distance along the normal.
+                # normal_share turns a difference of heights into a distance along the normal.
                 next_side, previous_side = 0.0, 0.0
                 if inside[axis, i, j]:
                     rise = height[i + di, j + dj] - height[i, j]
-                    misfit = ((rise - forward_rise[axis, i, j]) * cos_incidence[i, j]) ** 2
+                    misfit = ((rise - forward_rise[axis, i, j]) * normal_share[i, j]) ** 2
                     following[axis, i, j] = misfit
                     # A rise of less than expected is a step down, beyond which the next pixel is the far one.
                     expected = (forward_rise[axis, i, j] + backward_rise[axis, i, j]) / 2
                     side = 0 if rise < expected else 1
-                    next_side = (1.0 - rise_share) * misfit + rise_share * (rise * cos_incidence[i, j]) ** 2
+                    next_side = (1.0 - rise_share) * misfit + rise_share * (rise * normal_share[i, j]) ** 2
                     next_side *= np.exp(tilt_power * tilt[side, axis, i, j])
                 if i >= di and j >= dj and inside[axis, i - di, j - dj]:
                     rise = height[i, j] - height[i - di, j - dj]
-                    misfit = ((rise - backward_rise[axis, i - di, j - dj]) * cos_incidence[i, j]) ** 2
+                    misfit = ((rise - backward_rise[axis, i - di, j - dj]) * normal_share[i, j]) ** 2
                     preceding[axis, i, j] = misfit
                     expected = (forward_rise[axis, i - di, j - dj] + backward_rise[axis, i - di, j - dj]) / 2
                     side = 0 if rise < expected else 1
-                    previous_side = (1.0 - rise_share) * misfit + rise_share * (rise * cos_incidence[i, j]) ** 2
+                    previous_side = (1.0 - rise_share) * misfit + rise_share * (rise * normal_share[i, j]) ** 2
                     previous_side *= np.exp(tilt_power * tilt[side, axis, i - di, j - dj])
                 difference[axis, i, j] = weight[i, j] * (next_side - previous_side)
     return difference, following, preceding
@@ -163,7 +164,7 @@ def step_price(
     ends predict: a crease, with a rise between both, has none. One of less than STEP_PX counts in proportion. The less
     certain of the two normals weighs it, and it is the cheaper, the more the near side tilts towards the far one.
     """
-    inside, forward_rise, backward_rise, cos_incidence, weight, tilt = edges
+    inside, forward_rise, backward_rise, normal_share, weight, tilt = edges
     rows, columns = height.shape
     total = 0.0
     for axis in range(2):
@@ -175,7 +176,7 @@ def step_price(
                     low = min(forward_rise[axis, i, j], backward_rise[axis, i, j])
                     high = max(forward_rise[axis, i, j], backward_rise[axis, i, j])
                     step = max(low - rise, rise - high, 0.0)
-                    cosine = min(cos_incidence[i, j], cos_incidence[i + di, j + dj])
+                    cosine = min(normal_share[i, j], normal_share[i + di, j + dj])
                     side = 0 if rise < (low + high) / 2 else 1
                     price = min(weight[i, j], weight[i + di, j + dj]) * np.exp(-tilt_power * tilt[side, axis, i, j])
                     total += price * min(cosine * step / STEP_PX, 1.0)
@@ -202,17 +203,17 @@ def assemble(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Assemble the weighted Poisson equations of the grid for given bilateral weights (2, H, W).
 
-    Each end of an edge counts with bilateral weight x weight x a power of its cosine of incidence: `rise_power` when
+    Each end of an edge counts with bilateral weight x weight x a power of its normal share: `rise_power` when
     the two predicted rises are averaged, `weight_power` in the weight of the edge, which is at least `min_edge_weight`.
 
     Returns:
         Weights (2, H, W) float64 of the edges, 0 outside, and the right-hand side (H, W) float64 of their Laplacian,
         which sums to zero over each component.
     """
-    inside, forward_rise, backward_rise, cos_incidence, weight, _ = edges
-    rows, columns = cos_incidence.shape
+    inside, forward_rise, backward_rise, normal_share, weight, _ = edges
+    rows, columns = normal_share.shape
     weights = np.zeros(forward_rise.shape)
-    source = np.zeros(cos_incidence.shape)
+    source = np.zeros(normal_share.shape)
     for axis in range(2):
         di, dj = 1 - axis, axis
         for i in range(rows):
@@ -222,10 +223,10 @@ def assemble(
                 k, m = i + di, j + dj
                 first = bilateral[axis, i, j] * weight[i, j]
                 second = (1.0 - bilateral[axis, k, m]) * weight[k, m]
-                a, b = first * cos_incidence[i, j] ** rise_power, second * cos_incidence[k, m] ** rise_power
+                a, b = first * normal_share[i, j] ** rise_power, second * normal_share[k, m] ** rise_power
                 # Both ends may have given their weight to the opposite side: the tiny addend avoids 0 / 0.
                 rise = (a * forward_rise[axis, i, j] + b * backward_rise[axis, i, j]) / (a + b + 1e-300)
-                edge = first * cos_incidence[i, j] ** weight_power + second * cos_incidence[k, m] ** weight_power
+                edge = first * normal_share[i, j] ** weight_power + second * normal_share[k, m] ** weight_power
                 edge = max(edge, min_edge_weight)
                 weights[axis, i, j] = edge
                 # The gradient of weight / 2 * (height[k, m] - height[i, j] - rise)^2 at both ends.

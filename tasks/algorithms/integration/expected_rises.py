@@ -40,7 +40,7 @@ def expected_rises(edges: GridEdges) -> ExpectedRises:
     """Compute the expected rises of a region; the noise of the normals follows from the median of the curl."""
     mean = (edges.forward_rise + edges.backward_rise) / 2
     # A normal that is off by an angle changes the slope by that angle over the squared cosine, at worst.
-    spread = edges.cos_incidence**-4.0
+    spread = edges.normal_share**-4.0
     curl = loop_curl(edges, mean)
     known = np.isfinite(curl)
     noise = LEAST_NOISE
@@ -142,7 +142,7 @@ def curl_evidence(edges: GridEdges, rises: ExpectedRises, lengths: tuple[int, ..
     squares on each, straight on, and divided by what noise gives; the largest counts. At least the lesser of
     the two adjacent squares' own counts.
     """
-    deviation = rises.noise * np.sqrt(2 * _loop_mean(edges.cos_incidence**-4.0))
+    deviation = rises.noise * np.sqrt(2 * _loop_mean(edges.normal_share**-4.0))
     relative = np.nan_to_num(loop_curl(edges, rises.mean) / deviation * _loop_mean(edges.weight))
     return _line_sums(edges.inside, relative, np.array(lengths))
 
@@ -178,7 +178,7 @@ def normal_evidence(edges: GridEdges, rises: ExpectedRises) -> np.ndarray:
     """
     change = np.zeros(edges.forward_rise.shape)
     for axis in range(2):
-        cosine = np.minimum(edges.cos_incidence, np.roll(edges.cos_incidence, -1, axis))
+        cosine = np.minimum(edges.normal_share, np.roll(edges.normal_share, -1, axis))
         weight = np.minimum(edges.weight, np.roll(edges.weight, -1, axis))
         difference = np.abs(edges.forward_rise[axis] - edges.backward_rise[axis]) * cosine * weight
         difference[~edges.inside[axis]] = 0.0

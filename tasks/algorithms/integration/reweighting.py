@@ -74,7 +74,7 @@ contours; else long ones too, which see straight steps through noise, and change
 CONTOUR_POWER, LINE_POWER = 1.0, 2.0
 """Powers of the fall of the weight with that evidence."""
 WEIGHT_POWER, RISE_POWER = 2.0, 1.0
-"""Powers of the cosine of incidence with which a pixel weighs an edge in a bilateral start, and with which the rises of
+"""Powers of the normal share with which a pixel weighs an edge in a bilateral start, and with which the rises of
 the two ends are averaged: at 1 the average is the rise by the mean of the two normals, exact on circular arcs."""
 
 

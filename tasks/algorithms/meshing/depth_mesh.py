@@ -177,8 +177,8 @@ def _surface_edges(
     kept = np.zeros(edges.inside.shape, bool)
     for axis in range(2):
         rise = np.roll(height, -1, axis) - height
-        forward = np.abs(rise - edges.forward_rise[axis]) * edges.cos_incidence
-        backward = np.abs(rise - edges.backward_rise[axis]) * np.roll(edges.cos_incidence, -1, axis)
+        forward = np.abs(rise - edges.forward_rise[axis]) * edges.normal_share
+        backward = np.abs(rise - edges.backward_rise[axis]) * np.roll(edges.normal_share, -1, axis)
         # An edge without both normals, or at the rim, where heights are extrapolated, cannot be tested.
         untested = ~tested | ~np.roll(tested, -1, axis)
         explained = (np.minimum(forward, backward) <= max_step) | untested

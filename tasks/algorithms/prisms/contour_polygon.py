@@ -33,7 +33,9 @@ def contour_polygons(mask: np.ndarray) -> list[np.ndarray]:
     the other those of a polygon that follows it closely. None of them has too few or too many corners, and there is
     none round a silhouette that is not convex.
 
-    mask: (H, W) bool. Corners are counter-clockwise, x right and y up, pixels from the centre of the image.
+    mask: (H, W) bool. Corners are counter-clockwise, x right and y up, pixels from the centre of the image. Edges pass
+    through the centres of the outermost pixels, half a pixel inside the silhouette: with edges along their outer sides
+    prisms come out a little better, and frusta worse.
     """
     contour = max(cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0], key=len)
     hull = cv2.convexHull(contour)
