@@ -28,6 +28,7 @@ _REMEDIES = {
     "rigid": "invert it if it is world_to_camera, and give lengths in its last column only",
     "greater_than_equal": "check the number and its unit",
     "less_than_equal": "check the number and its unit",
+    "same_sphere": "remove one",
     "schema": "write `schema: 1`",
 }
 """Remedies by pydantic's name of the error."""
@@ -73,7 +74,7 @@ def _diagnostic(detail: ErrorDetails, root: Any, model: type[BaseModel], file: s
         remedy = "1 to 64 of a-z, 0-9, '.', '_' and '-', the first a letter or digit"
         return Diagnostic(file, line, f"{path} {truncate_repr(detail['input'])} is not a valid id", remedy)
     remedy = _REMEDIES.get(kind, _DEFAULT_REMEDY)
-    if kind in ("pose", "rigid", "camera", "schema"):
+    if kind in ("pose", "rigid", "camera", "same_sphere", "schema"):
         return Diagnostic(file, line, detail["msg"], remedy)
     cause = detail["msg"][:1].lower() + detail["msg"][1:]
     return Diagnostic(file, line, f"{path} is {truncate_repr(detail['input'])}: {cause}", remedy)

@@ -233,6 +233,15 @@ def test_spheres_and_lights_exclude_each_other(tmp_path: Path) -> None:
     assert (diagnostic.line, diagnostic.remedy) == (8, "remove one of the two")
 
 
+def test_the_same_sphere_listed_twice_is_told(tmp_path: Path) -> None:
+    spheres = (
+        "        spheres: [{x: 182.4, y: 79.4, radius: 30}, {x: 90, y: 70, radius: 9}, {x: 184, y: 79, radius: 24}]\n"
+    )
+    diagnostic = _only(tmp_path, HEAD + ONE + spheres)
+    assert diagnostic.message == "spheres 1 and 3 are the same circle (184.0, 79.0)"
+    assert (diagnostic.line, diagnostic.remedy) == (8, "remove one")
+
+
 @pytest.mark.parametrize("text", ["", "\n# nothing\n", "[]", "- 1", "hello", "3"])
 def test_no_catalogue(tmp_path: Path, text: str) -> None:
     assert "not a catalogue" in _only(tmp_path, text).message
