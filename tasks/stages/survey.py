@@ -24,6 +24,7 @@ from glint.tasks.stages.frame_parts import (
     check_region,
     check_spheres,
     moving_parts,
+    region_text,
     within,
 )
 from glint.tasks.stages.levels import BACKGROUND, CLIPPED, PEAK
@@ -109,9 +110,24 @@ class _Search:
             spheres, warnings = confirm_given(sample.frames, self.given, self.camera)
         region = self.region
         if self.seeks_mask:
-            mask = sample.reduced.estimate_mask(spheres, within(region, self.size))
+            mask = self._estimated_mask(sample, spheres)
             region = region or around(mask, 2 * self.inputs.parameters.margin)
         return _Located(spheres, region, mask, warnings)
+
+    def _estimated_mask(self, sample: Sample, spheres: Sequence[Sphere]) -> np.ndarray:
+        """Return the mask (H, W) bool of the full frame.
+
+        Raises:
+            UnusableCapture: no object can be found, in the region if one is given.
+        """
+        try:
+            return sample.reduced.estimate_mask(spheres, within(self.region, self.size))
+        except UnusableCapture as error:
+            if self.region is None:
+                raise
+            message = f"{region_text(self.region)} shows no object ({error.message})"
+            remedy = "correct or remove it, or paint a mask (white object on black) and name it as `mask: mask.png`"
+            raise UnusableCapture(message, remedy) from error
 
     def first_look(self) -> tuple[_Located, Shake | None]:
         """Look at the frames as they are; if nothing is found in them and the camera moved, at frames moved back.
