@@ -15,6 +15,8 @@ from glint.storage.locations.input_files import MAX_TEXT_BYTES, Address, locate,
 
 MIN_LENGTH = 1e-6
 """Length below which a vector has no direction."""
+MAX_BEHIND_SHARE = 0.8
+"""Share of lights behind the object beyond which z is negated: no sweep is mostly behind it."""
 
 
 def read_lights(address: Address, names: Sequence[str] = (), count: int | None = None) -> np.ndarray:
@@ -24,8 +26,8 @@ def read_lights(address: Address, names: Sequence[str] = (), count: int | None =
     count: number of frames, where frames have no names.
 
     Raises:
-        InputError: malformed, NaN or zero directions, names of which some match, or a number of rows other than that of
-            frames.
+        InputError: malformed, NaN or zero directions, z negated, names of which some match, or a number of rows other
+            than that of frames.
     """
     location = locate(address)
     lines = read_bytes(location, MAX_TEXT_BYTES).decode("utf-8-sig", "replace").splitlines()
@@ -69,6 +71,12 @@ def read_lights(address: Address, names: Sequence[str] = (), count: int | None =
             "give one row per frame, in order, or rows with the images' file names",
         )
     lights = np.array(directions, np.float32).reshape(-1, 3)
+    behind = int((lights[:, 2] < 0.0).sum())
+    if behind > MAX_BEHIND_SHARE * len(lights):
+        raise InputError(
+            f"{behind} of {len(lights)} lights of {location.uri} lie behind the object (z < 0): z is reversed",
+            "negate it: z points towards the camera",
+        )
     return lights if order is None else lights[order]
 
 

@@ -138,6 +138,12 @@ def test_names_of_which_only_some_match_are_refused(tmp_path: Path, rows: tuple[
     assert text in _refused(read_lights, path, ["a.png", "b.png", "c.png"]).message
 
 
+def test_lights_behind_the_object_are_refused(tmp_path: Path) -> None:
+    rows = ["100", *["a 0.6 0 0.8"] * 6, *["a 0.6 0 -0.8"] * 94]
+    error = _refused(read_lights, _lights(tmp_path, "\n".join(rows)))
+    assert "94 of 100 lights of" in error.message and "(z < 0)" in error.message and "negate it" in error.remedy
+
+
 def test_a_row_of_more_numbers_is_refused(tmp_path: Path) -> None:
     error = _refused(read_lights, _lights(tmp_path, "2\n0 0.1 0.2 0.9 1\nphoto 2.png 0 0 1\n"))
     assert error.message.endswith(":2: '0 0.1 0.2 0.9 1' has more than three numbers")
