@@ -276,6 +276,18 @@ def test_what_is_no_plain_yaml_names_its_line(tmp_path: Path, text: str, line: i
     assert line in {diagnostic.line for diagnostic in _diagnostics(tmp_path, text)}
 
 
+@pytest.mark.parametrize("text", ["objects:\n\t- id: a\n", "objects:\n  - id: a\n\t  captures: []\n"])
+def test_a_tab_is_named(tmp_path: Path, text: str) -> None:
+    diagnostic = _only(tmp_path, "schema: 1\nname: test\n" + text)
+    assert "a tab indents the line" in diagnostic.message and diagnostic.remedy == "indent with spaces"
+
+
+@pytest.mark.parametrize("text", [HEAD + "  []\n", HEAD + "  - id: a\n    captures: []\n"])
+def test_an_empty_list_is_named(tmp_path: Path, text: str) -> None:
+    diagnostic = _only(tmp_path, text)
+    assert diagnostic.message.endswith(" is empty") and diagnostic.remedy == "list at least one"
+
+
 def test_a_bomb_of_aliases_is_refused(tmp_path: Path) -> None:
     text = "schema: 1\na: &a [x, x, x, x, x, x, x, x, x]\n"
     for before, after in zip("abcdefghijklmnop", "bcdefghijklmnopq", strict=True):
