@@ -26,11 +26,13 @@ from glint.tasks.sphere_agreement import sphere_offer, sphere_warnings, surveyed
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.frames import open_frames
 from glint.tasks.stages.stabilization import SAMPLED_FRAMES
-from glint.tasks.verdict import NEEDS_SPHERE, OVERVIEW, Verdict, failure_verdict, verdict
+from glint.tasks.verdict import GOOD, NEEDS_SPHERE, OVERVIEW, USABLE, Verdict, failure_verdict, verdict
 
 LAST_STAGE = "thresholds"
 MAX_HIGHLIGHT_ANGLE_DEG = 3.0
 """Angle between a normal and the nearest half vector within which a highlight could be seen."""
+LIGHTS_NOTE = "only `glint run` compares the lights of the `.lp` file with the object"
+"""What the verdict on a capture with known lights does not include, since it takes the labels."""
 FRAMES_READ = 256
 """Frames that are compared with the thresholds at once."""
 
@@ -100,7 +102,7 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
     )
     warnings = by_cost(warning for record in records for warning in record.warnings)
     observable_share, observed_share = float(observable.mean()), float(observed[mask].mean())
-    judged = verdict(warnings, observable_share, observed_share, cache.frames, _given_spheres(context))
+    judged = _judged(context, warnings, observable_share, observed_share, cache.frames)
     return Check(
         name=context.name,
         verdict=judged,
@@ -137,9 +139,19 @@ def _with_warnings(context: CaptureContext, result: Check, warnings: Sequence[St
     if not warnings or result.observable is None or result.observed is None or result.frames is None:
         return result
     ordered = by_cost([*result.warnings, *warnings])
-    judged = verdict(ordered, result.observable, result.observed, result.frames, _given_spheres(context))
+    judged = _judged(context, ordered, result.observable, result.observed, result.frames)
     picture = next((path for path in result.pictures if path.stem == judged.picture), result.picture)
     return replace(result, verdict=judged, warnings=tuple(ordered), picture=picture)
+
+
+def _judged(
+    context: CaptureContext, warnings: Sequence[StageWarning], observable: float, observed: float, frames: int
+) -> Verdict:
+    """Return the verdict on a capture that can be processed, with what it says nothing of; see `verdict`."""
+    judged = verdict(warnings, observable, observed, frames, _given_spheres(context))
+    if context.capture.lights is None or judged.word not in (GOOD, USABLE):
+        return judged
+    return replace(judged, reason="; ".join(filter(None, (judged.reason, LIGHTS_NOTE))))
 
 
 def _failed(context: CaptureContext, records: Sequence[StageRecord], judged: Verdict, error: str, out: Path) -> Check:

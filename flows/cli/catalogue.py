@@ -1,5 +1,6 @@
 """`glint catalogue`: write the catalogue of a folder of captures."""
 
+from shlex import quote
 from typing import Annotated
 
 import typer
@@ -32,4 +33,4 @@ def catalogue(
     path = out or f"{folder.rstrip('/')}/catalogue.yaml"
     captures = sum(len(item.captures) for item in listed.objects)
     echo(f"{path}: {counted(len(listed.objects), 'object')}, {counted(captures, 'capture')}")
-    echo(f"next: glint check {path}")
+    echo(f"next: glint check {quote(path)}")

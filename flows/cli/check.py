@@ -4,6 +4,7 @@ import logging
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -79,9 +80,9 @@ def check(
     else:
         _print_checks(checks, out)
         if is_usable:
-            echo(f"next: glint run {file}{store_option(store)}")
+            echo(f"next: glint run {quote(file)}{store_option(store)}")
         else:
-            echo(f"next: correct what the verdicts name, then glint check {file}{store_option(store)}")
+            echo(f"next: correct what the verdicts name, then glint check {quote(file)}{store_option(store)}")
     sys.exit(1 if failed or any(result.error for result in checks) else 0)
 
 

@@ -3,6 +3,7 @@
 import json
 import sys
 from pathlib import Path
+from shlex import quote
 from typing import Annotated
 
 import typer
@@ -56,5 +57,5 @@ def demo(
         for report in reports:
             echo(f"  {report}")
         echo(f"dashboard: {summary.page} (`glint dashboard --stop` stops its server)")
-        echo(f"next: glint evaluate {captures / 'catalogue.yaml'} (errors against the ground truth)")
+        echo(f"next: glint evaluate {quote(str(captures / 'catalogue.yaml'))} (errors against the ground truth)")
     sys.exit(1 if summary.result.failed else 0)

@@ -1,5 +1,6 @@
 """`glint deploy`: put deployments and their schedules on the Prefect server."""
 
+from shlex import quote
 from typing import Annotated
 
 import typer
@@ -89,6 +90,6 @@ def deploy(
     for name in names:
         echo(name)
     echo(f"dashboard: {server.link('deployments')}")
-    echo(f"next: glint worker --pool {pool}")
+    echo(f"next: glint worker --pool {quote(pool)}")
     if inbox is not None:
         echo("then, to scan the inbox before its schedule: glint inbox --now")

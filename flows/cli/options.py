@@ -4,6 +4,7 @@ import json
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -25,7 +26,25 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON lines instead of 
 CatalogueFile = Annotated[
     str, typer.Argument(metavar="CATALOGUE", help="The catalogue's YAML file: a path, s3://.. or az://..")
 ]
-ObjectId = Annotated[str, typer.Argument(metavar="OBJECT", help="The object's id in the catalogue.")]
+
+
+def _object_id(name: str) -> str:
+    """Return the name of an object.
+
+    Raises:
+        InputError: it is that of a capture.
+    """
+    from glint.storage.errors import InputError
+
+    object_id, slash, _ = name.partition("/")
+    if slash:
+        raise InputError(f"{name} is a capture, and this command is of an object", f"name only the object: {object_id}")
+    return name
+
+
+ObjectId = Annotated[
+    str, typer.Argument(metavar="OBJECT", help="The object's id in the catalogue.", callback=_object_id)
+]
 Only = Annotated[
     list[str] | None,
     typer.Option(
@@ -52,8 +71,8 @@ def chosen_store(option: str | None) -> str:
 
 
 def store_option(option: str | None) -> str:
-    """Return --store as it was given, to be appended to the commands that are suggested next."""
-    return f" --store {option}" if option else ""
+    """Return --store as it was given, quoted, to be appended to the commands that are suggested next."""
+    return f" --store {quote(option)}" if option else ""
 
 
 def budget_bytes(text: str | None) -> int | None:

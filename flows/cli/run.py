@@ -2,6 +2,7 @@
 
 import json
 import sys
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -75,7 +76,7 @@ def _print_summary(summary: "Summary", file: str, store: str | None) -> None:
         echo(f"{drift}", colour="yellow")
         echo(f"  -> glint diff {drift.object_id} {drift.before} {drift.after}{store_option(store)}")
     echo(f"dashboard: {summary.page}")
-    echo(f"review: glint review {file}{store_option(store)}, then {review_address()}")
+    echo(f"review: glint review {quote(file)}{store_option(store)}, then {review_address()}")
     published = next((item.object_id for item in summary.result.objects if item.version is not None), None)
     if published is not None:
         echo(f"next: glint export {published} --out {published}{store_option(store)}")

@@ -4,6 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -71,7 +72,7 @@ def simulate(
     with open_console() as console:
         for name in PRESETS if shape == "all" else (shape,):
             _simulate(name, out, options, console)
-    echo(f"next: glint run {out / 'catalogue.yaml'}")
+    echo(f"next: glint run {quote(str(out / 'catalogue.yaml'))}")
 
 
 def simulate_presets(out: Path, shapes: Sequence[str], scale: float, frames: int | None, console: "Sink") -> Path:

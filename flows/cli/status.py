@@ -13,7 +13,8 @@ def status(store: Store = None, as_json: Json = False) -> None:
     from glint.flows.runtime.prefect_server import running_server, server_damage
     from glint.storage.locations.location import Location
 
-    place = Location.parse(chosen_store(store)).uri
+    location = Location.parse(chosen_store(store))
+    place = location.uri
     objects, damaged = status_rows(place)
     server = running_server()
     running, failed = list[dict[str, Any]](), list[dict[str, Any]]()
@@ -29,7 +30,8 @@ def status(store: Store = None, as_json: Json = False) -> None:
             for row in rows:
                 echo(json.dumps({"kind": kind, **row}, default=str))
         return
-    show(table_of(objects, f"no objects in the store {place}: `glint run CATALOGUE` adds them"))
+    absence = f"there is no store {place}" if location.is_absent else f"no objects in the store {place}"
+    show(table_of(objects, f"{absence}: `glint run CATALOGUE` adds objects"))
     for row in damaged:
         echo(f"{row['object']} cannot be read: {row['error']}", colour="red")
         echo(f"  -> {row['remedy']}")

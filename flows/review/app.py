@@ -29,6 +29,7 @@ from glint.flows.review import (
 )
 from glint.flows.review.access import ENTRY_PATH, Access, Guard, refusal
 from glint.flows.review.review import Review
+from glint.storage.catalogue.messages import fault_of
 from glint.storage.errors import GlintError, NotFoundError
 from glint.storage.export.page.bundle import VIEWER
 from glint.tasks.engine.errors import UnusableCapture
@@ -127,4 +128,5 @@ def _answer_errors(app: FastAPI) -> None:
     def malformed(_: Request, error: RequestValidationError) -> Response:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"])
-        return refusal(422, f"{place}: {first['msg']}", "send what /api/openapi.json describes")
+        fault = first["msg"] if first["type"] in ("missing", "json_invalid") else fault_of(first)
+        return refusal(422, f"{place}: {fault}", "send what /api/openapi.json describes")

@@ -28,6 +28,7 @@ _REMEDIES = {
     "rigid": "invert it if it is world_to_camera, and give lengths in its last column only",
     "greater_than_equal": "check the number and its unit",
     "less_than_equal": "check the number and its unit",
+    "same_sphere": "remove one",
     "schema": "write `schema: 1`",
 }
 """Remedies by pydantic's name of the error."""
@@ -72,11 +73,17 @@ def _diagnostic(detail: ErrorDetails, root: Any, model: type[BaseModel], file: s
     if kind == "string_pattern_mismatch" and location[-1] == "id":
         remedy = "1 to 64 of a-z, 0-9, '.', '_' and '-', the first a letter or digit"
         return Diagnostic(file, line, f"{path} {truncate_repr(detail['input'])} is not a valid id", remedy)
+    if kind == "too_short" and not detail["input"]:
+        return Diagnostic(file, line, f"{path} is empty", "list at least one")
     remedy = _REMEDIES.get(kind, _DEFAULT_REMEDY)
-    if kind in ("pose", "rigid", "camera", "schema"):
+    if kind in ("pose", "rigid", "camera", "same_sphere", "schema"):
         return Diagnostic(file, line, detail["msg"], remedy)
-    cause = detail["msg"][:1].lower() + detail["msg"][1:]
-    return Diagnostic(file, line, f"{path} is {truncate_repr(detail['input'])}: {cause}", remedy)
+    return Diagnostic(file, line, f"{path} is {fault_of(detail)}", remedy)
+
+
+def fault_of(detail: ErrorDetails) -> str:
+    """Return a value and what is wrong with it."""
+    return f"{truncate_repr(detail['input'])}: {detail['msg'][:1].lower()}{detail['msg'][1:]}"
 
 
 def _format_path(location: tuple[int | str, ...]) -> str:

@@ -1,11 +1,12 @@
 """The catalogue's models: objects, their captures, and the addresses of each capture's files."""
 
+import math
 import re
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 ID = re.compile(r"[a-z0-9][a-z0-9._-]{0,63}")
@@ -109,12 +110,34 @@ def _is_rotation(rows: Sequence[Sequence[float]]) -> bool:
     return max(errors) < ROTATION_TOLERANCE and abs(determinant - 1) < ROTATION_TOLERANCE
 
 
+MIN_DISTANCE_RATIO = 0.1
+"""Distance of two spheres' centres, in radii of the smaller one, below which they are one sphere listed twice."""
+
+
+def _distinct(spheres: tuple[Sphere, ...]) -> tuple[Sphere, ...]:
+    """Return spheres of which no two are the same.
+
+    Raises:
+        PydanticCustomError: two are.
+    """
+    for second, sphere in enumerate(spheres):
+        for first, earlier in enumerate(spheres[:second]):
+            distance = math.hypot(sphere.x - earlier.x, sphere.y - earlier.y)
+            if distance < MIN_DISTANCE_RATIO * min(sphere.radius, earlier.radius):
+                place = f"({sphere.x:.1f}, {sphere.y:.1f})"
+                numbers = {"first": first + 1, "second": second + 1, "place": place}
+                raise PydanticCustomError(
+                    "same_sphere", "spheres {first} and {second} are the same circle {place}", numbers
+                )
+    return spheres
+
+
 class Capture(_Strict):
     """One video or set of images of an object, and what is known about it; what is None or empty is estimated."""
 
     id: Id
     frames: Address
-    spheres: Annotated[tuple[Sphere, ...], Field(strict=False)] = ()
+    spheres: Annotated[tuple[Sphere, ...], Field(strict=False), AfterValidator(_distinct)] = ()
     lights: Address | None = None
     camera: Camera | None = None
     region: Region | None = None

@@ -29,6 +29,7 @@ MAX_VALUES = 2_000_000
 MAX_DEPTH = 32
 """Levels of nesting that are read."""
 _QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"")
+_TAB = re.compile(r"\s*\t")
 _INTEGER = re.compile(r"[-+]?[0-9]{1,18}")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _CONSTANTS = {
@@ -89,6 +90,8 @@ def parse(text: str, file: str, kind: Kind) -> tuple[Any, list[Diagnostic]]:
         mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
         cause = getattr(error, "problem", None) or str(error).splitlines()[0]
         remedy = "fix the line, and check its indentation"
+        if mark and _TAB.match(text[mark.index - mark.column : mark.index + 1]):
+            cause, remedy = "a tab indents the line", "indent with spaces"
         builder.report(mark.line + 1 if mark else 1, f"this is not YAML: {cause}", remedy)
     except ValueError as error:
         cause = str(error)

@@ -15,6 +15,7 @@ from glint.storage.footage.luma import LumaConverter
 from glint.storage.footage.parts import is_divisible
 from glint.storage.footage.remote_file import RemoteFile
 from glint.storage.footage.side_by_side import SideBySide
+from glint.storage.locations.input_files import plain_kind
 from glint.storage.locations.location import Location
 from glint.storage.locations.time_limit import items_within_time, within_time
 
@@ -192,6 +193,9 @@ def _open(location: Location) -> Iterator[Any]:
             "give a video (MP4, MKV, ..) or a folder of images",
         ) from error
     except (av.FFmpegError, OSError, ValueError) as error:
+        kind = plain_kind(location)
+        if kind:
+            raise InputError(f"{location.uri} is {kind}", "give a video or a folder of images") from error
         raise InputError(
             f"{location.uri} is no video that can be read ({getattr(error, 'strerror', None) or error})",
             "record or copy it again; a truncated copy has lost its index",

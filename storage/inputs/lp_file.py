@@ -3,6 +3,7 @@
 The first line holds the number of lights, each further line `name x y z`.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,16 +15,19 @@ from glint.storage.locations.input_files import MAX_TEXT_BYTES, Address, locate,
 
 MIN_LENGTH = 1e-6
 """Length below which a vector has no direction."""
+MAX_BEHIND_SHARE = 0.8
+"""Share of lights behind the object beyond which z is negated: no sweep is mostly behind it."""
 
 
 def read_lights(address: Address, names: Sequence[str] = (), count: int | None = None) -> np.ndarray:
     """Read directions to the light from an `.lp` file: float32 (T, 3), unit vectors, x right, y up, z to the camera.
 
-    names: the frames' file names; rows are matched by name if the file holds all of them, else taken in order.
+    names: the frames' file names; rows are matched by name, or taken in order if none matches.
     count: number of frames, where frames have no names.
 
     Raises:
-        InputError: malformed, NaN or zero directions, or a number of rows other than that of frames.
+        InputError: malformed, NaN or zero directions, z negated, names of which some match, or a number of rows other
+            than that of frames.
     """
     location = locate(address)
     lines = read_bytes(location, MAX_TEXT_BYTES).decode("utf-8-sig", "replace").splitlines()
@@ -48,6 +52,10 @@ def read_lights(address: Address, names: Sequence[str] = (), count: int | None =
             message = f"{truncate_repr(line)} has no direction"
             remedy = "write a direction with finite length, or remove the frame"
             diagnostics.append(Diagnostic(location.uri, number, message, remedy))
+        elif _ends_with_number(name):
+            message = f"{truncate_repr(line)} has more than three numbers"
+            remedy = "write `name x y z`, where no name of several words ends with a number"
+            diagnostics.append(Diagnostic(location.uri, number, message, remedy))
         else:
             row_names.append(name)
             directions.append(direction)
@@ -56,13 +64,19 @@ def read_lights(address: Address, names: Sequence[str] = (), count: int | None =
         diagnostics.append(Diagnostic(location.uri, first_line, message, "correct the number or add the missing rows"))
     raise_diagnostics(diagnostics)
     frame_count = len(names) if names else count
-    order = _rows_by_name(row_names, names)
+    order = _rows_by_name(location.uri, row_names, names)
     if order is None and frame_count is not None and frame_count != len(directions):
         raise InputError(
             f"{location.uri} has {len(directions)} lights for {frame_count} frames",
             "give one row per frame, in order, or rows with the images' file names",
         )
     lights = np.array(directions, np.float32).reshape(-1, 3)
+    behind = int((lights[:, 2] < 0.0).sum())
+    if behind > MAX_BEHIND_SHARE * len(lights):
+        raise InputError(
+            f"{behind} of {len(lights)} lights of {location.uri} lie behind the object (z < 0): z is reversed",
+            "negate it: z points towards the camera",
+        )
     return lights if order is None else lights[order]
 
 
@@ -91,13 +105,45 @@ def _parse_row(line: str) -> tuple[str, list[float] | None]:
     return name, [value / length for value in values]
 
 
-def _rows_by_name(row_names: Sequence[str], names: Sequence[str]) -> list[int] | None:
-    """Return the row of each frame by its file name or, failing that, its name without suffix; None: no match."""
-    for key in (lambda name: _base(name).lower(), lambda name: _base(name).lower().rpartition(".")[0]):
+def _ends_with_number(name: str) -> bool:
+    """Return whether a name of several words ends with a number, which may be that of a further column."""
+    *words, last = name.split()
+    try:
+        return bool(words) and np.isfinite(float(last))
+    except ValueError:
+        return False
+
+
+def _rows_by_name(uri: str, row_names: Sequence[str], names: Sequence[str]) -> list[int] | None:
+    """Return the row of each frame by its file name or, failing that, its name without suffix; None: no name matches.
+
+    Raises:
+        InputError: some match, but not all.
+    """
+    for key in (lambda name: _base(name).lower(), _stem):
         rows = {key(name): row for row, name in enumerate(row_names)}
         if names and len(rows) == len(row_names) and all(key(name) in rows for name in names):
             return [rows[key(name)] for name in names]
-    return None
+    counts, images = Counter(map(_stem, row_names)), set(map(_stem, names))
+    matches = sum(counts[_stem(name)] == 1 for name in names)
+    if not images & counts.keys():
+        return None
+    faults = {
+        "is no image": [name for name in row_names if _stem(name) not in images],
+        "has no row": [name for name in names if not counts[_stem(name)]],
+        "has several rows": [name for name in names if counts[_stem(name)] > 1],
+    }
+    first = "; ".join(
+        f"{truncate_repr(_base(unmatched[0]))} {fault}" for fault, unmatched in faults.items() if unmatched
+    )
+    raise InputError(
+        f"{uri}: {matches} of {len(names)} names match; {first}",
+        "correct the names, or replace all of them by names of no image to use the rows in order",
+    )
+
+
+def _stem(name: str) -> str:
+    return _base(name).lower().rpartition(".")[0]
 
 
 def _base(name: str) -> str:

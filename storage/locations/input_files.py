@@ -22,6 +22,8 @@ MISSING_REMEDY = "check the path; relative paths count from the catalogue's fold
 
 MAX_TEXT_BYTES = 32_000_000
 """Size of the largest text file that is read beside the frames."""
+HEAD_BYTES = 512
+"""Bytes of a file that show whether it is text."""
 
 
 def locate(address: Address) -> Location:
@@ -135,6 +137,20 @@ def check_plain_file(path: Path) -> None:
 def _system_devices() -> frozenset[int]:
     """Return the device numbers of the file systems that the kernel invents."""
     return frozenset(folder.stat().st_dev for folder in (Path("/proc"), Path("/sys")) if folder.is_dir())
+
+
+def plain_kind(location: Location) -> str:
+    """Return in words that a local file is empty or text; "": it is neither, or lies in an object store."""
+    if location.local is None:
+        return ""
+    with location.local.open("rb") as file:
+        head = file.read(HEAD_BYTES)
+    if not head:
+        return "empty (0 bytes)"
+    text = head.decode("utf-8", "ignore")
+    # A character may be cut at the end.
+    is_text = len(text.encode()) > len(head) - 4 and all(letter.isprintable() or letter.isspace() for letter in text)
+    return "a text file" if is_text else ""
 
 
 def _remote_bytes(location: Location, limit: int) -> tuple[int, bytes | None]:

@@ -87,6 +87,11 @@ class Location:
         return Path(self.path) if self.scheme == "file" else None
 
     @property
+    def is_absent(self) -> bool:
+        """Whether this is a local folder that does not exist; an object store has no folders that could be absent."""
+        return self.local is not None and not self.local.is_dir()
+
+    @property
     def name(self) -> str:
         """Last part of the path or key."""
         return self.path.rpartition("/")[2]

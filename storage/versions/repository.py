@@ -76,9 +76,9 @@ class ObjectRepository:
         with index_errors(location.uri, "opening it", object_id):
             repository = snapshots.open_existing(folder, object_id)
             if repository is None and not create:
-                raise StoreError(
-                    f"no object {object_id} in {location.uri}", "see `glint status` for the objects it has"
-                )
+                if location.is_absent:
+                    raise StoreError(f"there is no store {location.uri}", "check the path; `glint run` creates a store")
+                raise StoreError(f"no object {object_id} in {location.uri}", "see `glint status` for its objects")
             if repository is None or (create and "work" not in repository.list_branches()):
                 return cls(location, object_id, create_repository(location, object_id))
             check_layout(read_session(repository, object_id, "work").store, object_id, location.uri)

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-Cause = Literal["video", "camera", "sphere", "light", "mask", "highlights", "marks", "coverage", "views"]
+Cause = Literal["video", "camera", "sphere", "light", "mask", "highlights", "marks", "coverage", "views", "scale"]
 """Input of a capture that a warning is about."""
 
 

@@ -75,6 +75,12 @@ def check_light_source(spheres: Sequence[object], lights: str | None) -> None:
         )
 
 
+def region_text(region: Region) -> str:
+    """Return what messages call a given region."""
+    columns, rows = region.columns, region.rows
+    return f"the region x {columns.start} to {columns.stop - 1}, y {rows.start} to {rows.stop - 1}"
+
+
 def check_region(region: Region, size: tuple[int, int]) -> None:
     """Check that a given region, in pixels, lies inside a frame of `size` (rows, columns).
 
@@ -83,8 +89,7 @@ def check_region(region: Region, size: tuple[int, int]) -> None:
     """
     if region.x + region.width > size[1] or region.y + region.height > size[0]:
         raise InputError(
-            f"the region x {region.x} to {region.x + region.width - 1}, y {region.y} to"
-            f" {region.y + region.height - 1} leaves the frame of {size[1]} x {size[0]} pixels",
+            f"{region_text(region)} leaves the frame of {size[1]} x {size[0]} pixels",
             "correct it in the catalogue (pixels of the full frame), or leave it out to have it found",
         )
 

@@ -31,14 +31,15 @@ def doubt_lights(evidence: LightEvidence) -> LightDoubt:
     if evidence.has_other_axes:
         message = (
             f"the given lights contradict the object: {evidence.axes}, they would fit {evidence.axes_ratio:.1f} times"
-            " as well: correct the `.lp` file (x to the right, y up, z towards the camera)"
+            " as well: correct the axes of the `.lp` file (x to the right, y up, z towards the camera), or the order of"
+            " its rows"
         )
         warning = StageWarning(message, "light", OTHER_AXES_ERROR_DEG)
         return LightDoubt(share=1.0 / (1.0 + evidence.axes_ratio), warnings=[warning])
     if evidence.has_no_surface:
         message = (
-            "the given lights contradict the object: no surface has the normals that they give"
-            f" ({evidence.log_ratio:.1f} nats): compare the rows of the `.lp` file with the frames"
+            "the given lights contradict the object: no surface has the normals that they give: compare the rows of the"
+            " `.lp` file, and their order, with the frames"
         )
         # The probability that candidates of such a likelihood ratio are a surface.
         share = 1.0 / (1.0 + float(np.exp(-evidence.log_ratio)))
@@ -46,7 +47,8 @@ def doubt_lights(evidence: LightEvidence) -> LightDoubt:
     if evidence.is_turned:
         message = (
             f"the given lights contradict the object: its normals are turned by {evidence.turn_deg:.0f} degrees about"
-            " the camera axis: compare the rows of the `.lp` file with the frames, and its axes with the camera's"
+            " the camera axis: compare the rows of the `.lp` file, and their order, with the frames, and its axes with"
+            " the camera's"
         )
         cost = abs(evidence.turn_deg)
         return LightDoubt(

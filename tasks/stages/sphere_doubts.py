@@ -85,7 +85,7 @@ def _against_highlights(given: Sphere, confirmed: ConfirmedSphere, check: Checke
     unknown = UNKNOWN_DEVIATION_RATIO * given.radius
     stated = replace(given, centre_sd=unknown, radius_sd=unknown)
     if not confirmed.is_corrected or contradicts(shapes, stated):
-        return check.sphere, _contradiction(check)
+        return check.sphere, _contradiction(check, given)
     radius_sd = unknown
     # An edge inside the sphere about its centre is smaller than blur of the highlights explains.
     is_inside = radius_lacking(check.sphere, shapes) > 0.0 and radius_lacking(given, shapes) == 0.0
@@ -145,16 +145,18 @@ def confirm_found(
     return used, warnings + [StageWarning(sentence, "sphere") for sentence in sentences]
 
 
-def _contradiction(check: CheckedCircle) -> StageWarning:
-    """Return the warning of a circle that the highlights contradict."""
+def _contradiction(check: CheckedCircle, given: Sphere | None = None) -> StageWarning:
+    """Return the warning of a circle, found or given, that the highlights contradict."""
     circle, used, shapes = check.before, check.sphere, check.shapes
     assert shapes is not None
     replacement = f"the one at ({used.x:.1f}, {used.y:.1f}) with radius {used.radius:.1f} is used"
     outcome = replacement if check.is_replaced else "no other circle is clear"
+    clearest = f"the clearest circle, at ({circle.x:.1f}, {circle.y:.1f}) with radius {circle.radius:.1f},"
+    subject, remedy = (clearest, "give") if given is None else (_place(given), "correct")
     message = (
-        f"the clearest circle, at ({circle.x:.1f}, {circle.y:.1f}) with radius {circle.radius:.1f}, contradicts the"
-        f" shapes of the highlights, which are those on a sphere at ({shapes.x:.1f}, {shapes.y:.1f}) with a radius of"
-        f" at most {shapes.max_radius:.1f}; {outcome}: compare it with the frame, and give `spheres` in the catalogue"
+        f"{subject} contradicts the shapes of the highlights, which are those on a sphere at"
+        f" ({shapes.x:.1f}, {shapes.y:.1f}) with a radius of at most {shapes.max_radius:.1f}; {outcome}: compare it"
+        f" with the frame, and {remedy} `spheres` in the catalogue"
     )
     return _warning(message, used)
 

@@ -1,17 +1,15 @@
 """Survey: what the video is, whether its camera stood still, where the spheres and the object are."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from glint.storage.catalogue import models
 from glint.storage.catalogue.loading import Region
 from glint.storage.footage.source import Footage, open_footage
 from glint.storage.inputs.masks_and_truth import camera_matrix, read_mask
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.geometry.perspective import Cone, areal_focal_length
 from glint.tasks.algorithms.lighting.sphere_detection import find_spheres
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.engine.stage import Progress, StageOutput
@@ -26,9 +24,11 @@ from glint.tasks.stages.frame_parts import (
     check_region,
     check_spheres,
     moving_parts,
+    region_text,
     within,
 )
 from glint.tasks.stages.levels import BACKGROUND, CLIPPED, PEAK
+from glint.tasks.stages.scale import Scale, scale_of
 from glint.tasks.stages.sphere_doubts import confirm_found, confirm_given
 from glint.tasks.stages.stabilization import Shake, measure_shake, stabilized
 
@@ -110,9 +110,24 @@ class _Search:
             spheres, warnings = confirm_given(sample.frames, self.given, self.camera)
         region = self.region
         if self.seeks_mask:
-            mask = sample.reduced.estimate_mask(spheres, within(region, self.size))
+            mask = self._estimated_mask(sample, spheres)
             region = region or around(mask, 2 * self.inputs.parameters.margin)
         return _Located(spheres, region, mask, warnings)
+
+    def _estimated_mask(self, sample: Sample, spheres: Sequence[Sphere]) -> np.ndarray:
+        """Return the mask (H, W) bool of the full frame.
+
+        Raises:
+            UnusableCapture: no object can be found, in the region if one is given.
+        """
+        try:
+            return sample.reduced.estimate_mask(spheres, within(self.region, self.size))
+        except UnusableCapture as error:
+            if self.region is None:
+                raise
+            message = f"{region_text(self.region)} shows no object ({error.message})"
+            remedy = "correct or remove it, or paint a mask (white object on black) and name it as `mask: mask.png`"
+            raise UnusableCapture(message, remedy) from error
 
     def first_look(self) -> tuple[_Located, Shake | None]:
         """Look at the frames as they are; if nothing is found in them and the camera moved, at frames moved back.
@@ -166,11 +181,12 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
         if crops is not None and (shake.record["applied"] or crops != crops_of(region, spheres, search.size)):
             discard_stored(inputs, crops)
             arrays = {name: array for name, array in arrays.items() if name not in (BACKGROUND, PEAK, CLIPPED)}
+        scale = scale_of(inputs.field("pixel_size"), inputs.field("spheres"), spheres, search.camera)
         return StageOutput(
             arrays={**arrays, **shake.arrays},
-            record=_record(search, region, spheres, shake),
+            record=_record(search, region, spheres, shake, scale),
             counts={"spheres": len(spheres)},
-            warnings=[*places.warnings, *shake.warnings],
+            warnings=[*places.warnings, *shake.warnings, *scale.warnings],
         )
 
 
@@ -192,7 +208,7 @@ def _search(inputs: StageInputs, footage: Footage, progress: Progress) -> _Searc
     return _Search(inputs, footage, progress, given, region, camera_matrix(inputs.field("camera")))
 
 
-def _record(search: _Search, region: Region, spheres: Sequence[Sphere], shake: Shake) -> dict[str, Any]:
+def _record(search: _Search, region: Region, spheres: Sequence[Sphere], shake: Shake, scale: Scale) -> dict[str, Any]:
     """Return what is stored of a survey beside its arrays."""
     footage, inputs, camera = search.footage, search.inputs, search.camera
     return {
@@ -205,25 +221,9 @@ def _record(search: _Search, region: Region, spheres: Sequence[Sphere], shake: S
         "given_spheres": [sphere.model_dump() for sphere in inputs.field("spheres")],
         "camera": None if camera is None else camera.tolist(),
         "stabilization": shake.record,
-        **_scale(inputs, camera),
+        "pixel_size": scale.pixel_size,
+        "unit": scale.unit,
     }
-
-
-def _scale(inputs: StageInputs, camera: np.ndarray | None) -> Mapping[str, Any]:
-    """Return the millimetres of a pixel and the unit of depth: as given, or from the spheres' diameters."""
-    sizes = [_pixel_size(sphere, camera) for sphere in inputs.field("spheres") if sphere.diameter_mm]
-    pixel_size = inputs.field("pixel_size") or (float(np.mean(sizes)) if sizes else None)
-    return {"pixel_size": pixel_size, "unit": "pixels" if pixel_size is None else "mm"}
-
-
-def _pixel_size(sphere: models.Sphere, camera: np.ndarray | None) -> float:
-    """Return the millimetres of a pixel at a sphere's centre, from its diameter."""
-    assert sphere.diameter_mm is not None
-    if camera is None:
-        return sphere.diameter_mm / (2.0 * sphere.radius)
-    cone = Cone.from_ellipse(sphere.x, sphere.y, sphere.radius, camera)
-    distance = sphere.diameter_mm / (2.0 * cone.sine) * abs(float(cone.axis[2]))
-    return distance / areal_focal_length(camera)
 
 
 def _circles(spheres: Sequence[Sphere]) -> list[tuple[float, float, float]]:

@@ -3,8 +3,10 @@
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 
+from glint.storage.inputs.lp_file import write_lights
 from glint.tasks.check import check
 from tests.tasks.make_context import make_context
 
@@ -40,3 +42,13 @@ def test_a_wrong_file_is_found_before_anything_is_decoded(simulated: Path, tmp_p
     stages: list[str] = []
     result = check(work, tmp_path / "out", lambda stage, *_: stages.append(stage))
     assert result.verdict.word == "correct the catalogue" and stages == []
+
+
+def test_a_verdict_says_that_known_lights_are_not_compared(simulated: Path, tmp_path: Path) -> None:
+    given = np.load(Path(str(make_context(simulated, tmp_path / "store").capture.truth)) / "lights.npy")
+    lights = np.where(np.isfinite(given[:, :1]), given, (0.0, 0.0, -1.0))
+    write_lights(tmp_path / "a.lp", lights, [str(number) for number in range(len(lights))])
+    work = make_context(simulated, tmp_path / "store", spheres=[], lights=str(tmp_path / "a.lp"))
+    result = check(work, tmp_path / "out", lambda *_: None)
+    assert result.verdict.word in ("good", "usable")
+    assert result.verdict.reason.endswith("only `glint run` compares the lights of the `.lp` file with the object")

@@ -24,8 +24,8 @@ AXES: Mapping[str, tuple[tuple[float, float], tuple[float, float]]] = MappingPro
         "x and y negated": ((-1, 0), (0, -1)),
         "x and y exchanged": ((0, 1), (1, 0)),
         "x and y exchanged and negated": ((0, -1), (-1, 0)),
-        "a turn by 90 degrees counter-clockwise": ((0, -1), (1, 0)),
-        "a turn by 90 degrees clockwise": ((0, 1), (-1, 0)),
+        "turned by 90 degrees counter-clockwise": ((0, -1), (1, 0)),
+        "turned by 90 degrees clockwise": ((0, 1), (-1, 0)),
     }
 )
 """Changes of x and y of the given lights, by name: the conventions of other programs."""

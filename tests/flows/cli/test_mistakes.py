@@ -38,6 +38,7 @@ def catalogue(tmp_path: Path) -> Path:
         ("review --store x --origin http://glint.example:99999", "http://glint.example:99999 is not", "any port"),
         ("review --store x --host 0.0.0.0", "--host 0.0.0.0 listens on every address", "--origin http://"),
         ("review --store x --host ::", "--host :: listens on every address", "--origin http://"),
+        ("history duck/front", "duck/front is a capture", "name only the object: duck"),
         ("evaluate --only teapot --out out", "--only teapot is not a preset", "hemisphere, cylinder"),
         ("evaluate catalogue.yaml --out out", "names its ground truth", "truth: FOLDER"),
         ("evaluate catalogue.yaml --only dukc --out out", "the catalogue has no dukc", "did you mean duck?"),
@@ -78,9 +79,19 @@ def test_an_origin_is_written_as_browsers_send_it() -> None:
 
 
 def test_the_store_without_objects_is_named(tmp_path: Path, glint_home: Path) -> None:
-    assert f"no objects in the store {tmp_path / 'absent'}" in CliRunner().invoke(
-        app, ["status", "--store", str(tmp_path / "absent")]
-    ).output.replace("\n", "")
+    (tmp_path / "empty").mkdir()
+    for name, message in (("empty", "no objects in the store"), ("absent", "there is no store")):
+        done = CliRunner().invoke(app, ["status", "--store", str(tmp_path / name)])
+        assert f"{message} {tmp_path / name}" in done.output.replace("\n", "")
+    absent = CliRunner().invoke(app, ["history", "duck", "--store", str(tmp_path / "absent")])
+    assert isinstance(absent.exception, GlintError) and "there is no store" in absent.exception.message
+
+
+def test_commands_that_are_suggested_quote_their_paths(catalogue: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(catalogue.parent)
+    catalogue.rename("my glass.yaml")
+    done = CliRunner().invoke(app, ["check", "my glass.yaml", "--store", "a store"])
+    assert "then glint check 'my glass.yaml' --store 'a store'" in done.output
 
 
 def test_a_check_that_finds_nothing_usable_does_not_suggest_a_run(

@@ -280,7 +280,7 @@ ROWS = (
         "catalogue",
         "tabs",
         "schema: 1\n\tname: x\n",
-        "DIR/catalogue.yaml:2: this is not a catalogue (found a tab character that violates indentation)",
+        "DIR/catalogue.yaml:2: this is not a catalogue (a tab indents the line)",
     ),
     Hostile(
         "catalogue",
@@ -370,7 +370,7 @@ ROWS = (
         "catalogue",
         "no objects",
         "schema: 1\nname: x\nobjects: []\n",
-        "DIR/catalogue.yaml:3: objects is []: tuple should have at least 1 item after validation, not 0",
+        "DIR/catalogue.yaml:3: objects is empty: list at least one",
     ),
     Hostile(
         "catalogue",
@@ -425,7 +425,7 @@ ROWS = (
         "catalogue",
         "object without captures",
         "schema: 1\nname: x\nobjects:\n- {id: a, captures: []}\n",
-        "DIR/catalogue.yaml:4: objects[0].captures is []",
+        "DIR/catalogue.yaml:4: objects[0].captures is empty",
     ),
     Hostile(
         "catalogue",
@@ -905,17 +905,13 @@ ROWS = (
         lambda path: Image.new("RGBA", (30, 20), (255, 255, 255, 0)).save(path, "PNG"),
         "the mask DIR/mask.png is empty",
     ),
-    Hostile(
-        "frames", "empty", b"", "DIR/f.mp4 is no video that can be read (Invalid data found when processing input)"
-    ),
-    Hostile(
-        "frames", "text", SECRET, "DIR/f.mp4 is no video that can be read (Invalid data found when processing input)"
-    ),
+    Hostile("frames", "empty", b"", "DIR/f.mp4 is empty (0 bytes): give a video or a folder of images"),
+    Hostile("frames", "text", SECRET, "DIR/f.mp4 is a text file: give a video or a folder of images"),
     Hostile(
         "frames",
         "playlist",
         playlist,
-        "DIR/f.mp4 is no video that can be read (Invalid data found when processing input)",
+        "DIR/f.mp4 is a text file: give a video or a folder of images",
     ),
     Hostile(
         "frames",

@@ -233,6 +233,15 @@ def test_spheres_and_lights_exclude_each_other(tmp_path: Path) -> None:
     assert (diagnostic.line, diagnostic.remedy) == (8, "remove one of the two")
 
 
+def test_the_same_sphere_listed_twice_is_told(tmp_path: Path) -> None:
+    spheres = (
+        "        spheres: [{x: 182.4, y: 79.4, radius: 30}, {x: 90, y: 70, radius: 9}, {x: 184, y: 79, radius: 24}]\n"
+    )
+    diagnostic = _only(tmp_path, HEAD + ONE + spheres)
+    assert diagnostic.message == "spheres 1 and 3 are the same circle (184.0, 79.0)"
+    assert (diagnostic.line, diagnostic.remedy) == (8, "remove one")
+
+
 @pytest.mark.parametrize("text", ["", "\n# nothing\n", "[]", "- 1", "hello", "3"])
 def test_no_catalogue(tmp_path: Path, text: str) -> None:
     assert "not a catalogue" in _only(tmp_path, text).message
@@ -265,6 +274,18 @@ def test_wrong_schema(tmp_path: Path, schema: str) -> None:
 )
 def test_what_is_no_plain_yaml_names_its_line(tmp_path: Path, text: str, line: int) -> None:
     assert line in {diagnostic.line for diagnostic in _diagnostics(tmp_path, text)}
+
+
+@pytest.mark.parametrize("text", ["objects:\n\t- id: a\n", "objects:\n  - id: a\n\t  captures: []\n"])
+def test_a_tab_is_named(tmp_path: Path, text: str) -> None:
+    diagnostic = _only(tmp_path, "schema: 1\nname: test\n" + text)
+    assert "a tab indents the line" in diagnostic.message and diagnostic.remedy == "indent with spaces"
+
+
+@pytest.mark.parametrize("text", [HEAD + "  []\n", HEAD + "  - id: a\n    captures: []\n"])
+def test_an_empty_list_is_named(tmp_path: Path, text: str) -> None:
+    diagnostic = _only(tmp_path, text)
+    assert diagnostic.message.endswith(" is empty") and diagnostic.remedy == "list at least one"
 
 
 def test_a_bomb_of_aliases_is_refused(tmp_path: Path) -> None:

@@ -186,7 +186,14 @@ def test_a_video_without_its_index_is_refused(tmp_path: Path) -> None:
         open_footage(path)
 
 
-@pytest.mark.parametrize("data", [b"", b"hello", b"\0" * 100_000, bytes(range(256)) * 400])
+@pytest.mark.parametrize(("data", "kind"), [(b"", r"empty \(0 bytes\)"), (b"hello\n" * 200, "a text file")])
+def test_what_a_file_is_instead_of_a_video_is_named(tmp_path: Path, data: bytes, kind: str) -> None:
+    (tmp_path / "a.mp4").write_bytes(data)
+    with pytest.raises(InputError, match=f"a.mp4 is {kind}: give a video"):
+        open_footage(tmp_path / "a.mp4")
+
+
+@pytest.mark.parametrize("data", [b"\0" * 100_000, bytes(range(256)) * 400])
 @pytest.mark.parametrize("name", ["a.mp4", "a.avi", "a.mkv", "a"])
 def test_garbage_is_refused(tmp_path: Path, data: bytes, name: str) -> None:
     (tmp_path / name).write_bytes(data)

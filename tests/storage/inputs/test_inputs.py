@@ -125,9 +125,28 @@ def test_names_that_do_not_match_fall_back_to_the_order(tmp_path: Path) -> None:
     assert read_lights(path, ["a.png", "b.png"]).tolist() == [[1, 0, 0], [0, 1, 0]]
 
 
-def test_twice_the_same_name_falls_back_to_the_order(tmp_path: Path) -> None:
-    path = _lights(tmp_path, "2\nb.png 1 0 0\nb.png 0 1 0\n")
-    assert read_lights(path, ["a.png", "b.png"]).tolist() == [[1, 0, 0], [0, 1, 0]]
+@pytest.mark.parametrize(
+    ("rows", "text"),
+    [
+        (("b.png", "c.png", "d.png"), "2 of 3 names match; 'd.png' is no image; 'a.png' has no row"),
+        (("a.png", "a.png", "b.png"), "1 of 3 names match; 'c.png' has no row; 'a.png' has several rows"),
+        (("a.png", "b.png"), "2 of 3 names match; 'c.png' has no row"),
+    ],
+)
+def test_names_of_which_only_some_match_are_refused(tmp_path: Path, rows: tuple[str, ...], text: str) -> None:
+    path = _lights(tmp_path, "\n".join([str(len(rows)), *(f"{name} 1 0 0" for name in rows)]))
+    assert text in _refused(read_lights, path, ["a.png", "b.png", "c.png"]).message
+
+
+def test_lights_behind_the_object_are_refused(tmp_path: Path) -> None:
+    rows = ["100", *["a 0.6 0 0.8"] * 6, *["a 0.6 0 -0.8"] * 94]
+    error = _refused(read_lights, _lights(tmp_path, "\n".join(rows)))
+    assert "94 of 100 lights of" in error.message and "(z < 0)" in error.message and "negate it" in error.remedy
+
+
+def test_a_row_of_more_numbers_is_refused(tmp_path: Path) -> None:
+    error = _refused(read_lights, _lights(tmp_path, "2\n0 0.1 0.2 0.9 1\nphoto 2.png 0 0 1\n"))
+    assert error.message.endswith(":2: '0 0.1 0.2 0.9 1' has more than three numbers")
 
 
 @pytest.mark.parametrize("count", [1, 3])

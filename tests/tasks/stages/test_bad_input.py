@@ -91,6 +91,14 @@ def test_region_out_of_frame(refused: Refused) -> None:
     assert "5009" in str(error)
 
 
+def test_a_region_that_misses_the_object(refused: Refused, simulated: Path) -> None:
+    region = load(simulated).objects[0].captures[0].region
+    assert region is not None
+    beside = {"x": 0, "y": 0, "width": region.x, "height": 20}
+    error = refused(region=beside, mask=None)
+    assert f"the region x 0 to {region.x - 1}, y 0 to 19 shows no object (no highlight, 0 of" in str(error)
+
+
 def test_no_light_in_any_frame(refused: Refused, frames: list[np.ndarray], tmp_path: Path) -> None:
     still = [frames[0].clip(0, 60)] * 80
     path = write_video(tmp_path / "still.mp4", still)

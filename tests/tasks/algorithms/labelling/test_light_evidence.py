@@ -38,8 +38,8 @@ def test_right_lights_are_not_doubted() -> None:
     [
         (np.diag([-1, 1, 1]), "x negated"),
         (np.diag([1, -1, 1]), "y negated"),
-        (_turn(90), "a turn by 90 degrees clockwise"),
-        (_turn(-90), "a turn by 90 degrees counter-clockwise"),
+        (_turn(90), "turned by 90 degrees clockwise"),
+        (_turn(-90), "turned by 90 degrees counter-clockwise"),
         (np.array([[0, 1, 0], [1, 0, 0], [0, 0, 1]]), "x and y exchanged"),
     ],
 )

@@ -1,0 +1,88 @@
+"""Scale: the millimetres of a pixel, as given or from the spheres' diameters, and where these contradict each other."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from glint.storage.catalogue import models
+from glint.tasks.algorithms.geometry.perspective import Cone, areal_focal_length
+from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.engine.stage_warning import StageWarning
+
+MAX_SCALE_RATIO = 1.05
+"""Ratio of two scales beyond which they contradict each other."""
+MIN_DIAMETER_MM, MAX_DIAMETER_MM = 2.0, 500.0
+"""Diameters of the smallest and largest chrome spheres."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """pixel_size: millimetres of a pixel, None: unknown; warnings: what contradicts it."""
+
+    pixel_size: float | None
+    warnings: Sequence[StageWarning] = ()
+
+    @property
+    def unit(self) -> str:
+        """Unit of depth."""
+        return "pixels" if self.pixel_size is None else "mm"
+
+
+def scale_of(
+    pixel_size: float | None, given: Sequence[models.Sphere], used: Sequence[Sphere], camera: np.ndarray | None
+) -> Scale:
+    """Return the scale: as given, or the mean of those that the spheres' diameters give.
+
+    Args:
+        pixel_size: as given, millimetres.
+        given: spheres of the catalogue.
+        used: circle of each of them as it was measured, pixels; ignored if none is given.
+        camera: perspective camera's matrix (3, 3).
+    """
+    diameters, sizes = list[float](), list[float]()
+    for sphere, circle in zip(given, used, strict=False):
+        if sphere.diameter_mm is not None:
+            diameters.append(sphere.diameter_mm)
+            sizes.append(_pixel_size(sphere.diameter_mm, circle, camera))
+    warnings = [
+        _warning(f"`diameter_mm` {diameter:g} is {_comparison(diameter)}: give it in millimetres")
+        for diameter in diameters
+        if not MIN_DIAMETER_MM <= diameter <= MAX_DIAMETER_MM
+    ]
+    if not sizes:
+        return Scale(pixel_size)
+    texts = " and ".join(f"{size:.3g}" for size in sizes)
+    if max(sizes) > MAX_SCALE_RATIO * min(sizes):
+        warnings.append(
+            _warning(f"the spheres contradict each other: {texts} mm per pixel; correct a `diameter_mm` or a radius")
+        )
+    if pixel_size is None:
+        return Scale(float(np.mean(sizes)), warnings)
+    if max(pixel_size, *sizes) > MAX_SCALE_RATIO * min(pixel_size, *sizes):
+        owners = "sphere's" if len(sizes) == 1 else "spheres'"
+        warnings.append(
+            _warning(
+                f"`pixel_size` {pixel_size:.3g} contradicts the {owners} {texts} mm per pixel: it is used; correct or"
+                " remove it, or correct `diameter_mm`"
+            )
+        )
+    return Scale(pixel_size, warnings)
+
+
+def _warning(message: str) -> StageWarning:
+    """Return a warning that costs no normal anything: the scale is that of depth and mesh."""
+    return StageWarning(message, "scale")
+
+
+def _comparison(diameter: float) -> str:
+    return "that of a grain" if diameter < MIN_DIAMETER_MM else "more than any chrome sphere has"
+
+
+def _pixel_size(diameter: float, sphere: Sphere, camera: np.ndarray | None) -> float:
+    """Return the millimetres of a pixel at a sphere's centre, from its diameter in millimetres."""
+    if camera is None:
+        return diameter / (2.0 * sphere.radius)
+    cone = Cone.from_ellipse(sphere.x, sphere.y, sphere.radius, camera)
+    distance = diameter / (2.0 * cone.sine) * abs(float(cone.axis[2]))
+    return distance / areal_focal_length(camera)

@@ -1,0 +1,48 @@
+"""Scale of a capture: from the circle that is used, and warnings where what gives it contradicts itself."""
+
+from pathlib import Path
+
+import pytest
+
+from glint.storage.catalogue import models
+from glint.storage.catalogue.loading import load
+from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.stages.scale import scale_of
+from tests.tasks.make_context import make_context, perform_all
+
+
+def spheres(*pairs: tuple[float, float]) -> tuple[list[models.Sphere], list[Sphere]]:
+    """Return spheres, given and measured, of these radii in pixels and diameters in millimetres."""
+    given = [models.Sphere(x=50.0, y=50.0, radius=radius, diameter_mm=diameter) for radius, diameter in pairs]
+    return given, [Sphere(50.0, 50.0, radius) for radius, _ in pairs]
+
+
+def test_the_circle_that_is_used_gives_the_scale(simulated: Path, tmp_path: Path) -> None:
+    (sphere,) = load(simulated).objects[0].captures[0].spheres
+    given = sphere.model_dump() | {"radius": 1.25 * sphere.radius}
+    work = make_context(simulated, tmp_path / "store", spheres=[given])
+    (record,) = perform_all(work, "survey")
+    assert sphere.diameter_mm is not None and any("correct `spheres`" in str(warning) for warning in record.warnings)
+    expected = sphere.diameter_mm / (2.0 * sphere.radius)
+    assert work.load("survey").record["pixel_size"] == pytest.approx(expected, rel=0.03)
+
+
+def test_scales_that_agree_are_averaged_without_a_warning() -> None:
+    scale = scale_of(None, *spheres((30.0, 25.0), (20.0, 17.0)), None)
+    assert scale.pixel_size == pytest.approx((25 / 60 + 17 / 40) / 2) and not scale.warnings
+    assert scale_of(0.42, *spheres((30.0, 25.0)), None).warnings == []
+    assert scale_of(None, *spheres(), None).unit == "pixels"
+
+
+@pytest.mark.parametrize(
+    ("pixel_size", "pairs", "text"),
+    [
+        (None, [(30.0, 25.0), (30.0, 12.5)], "the spheres contradict each other: 0.417 and 0.208 mm per pixel"),
+        (1.7, [(30.0, 25.0)], "`pixel_size` 1.7 contradicts the sphere's 0.417 mm per pixel"),
+        (None, [(30.0, 0.025)], "`diameter_mm` 0.025 is that of a grain: give it in millimetres"),
+        (None, [(30.0, 2500.0)], "`diameter_mm` 2500 is more than any chrome sphere has"),
+    ],
+)
+def test_scales_that_contradict_are_told(pixel_size: float | None, pairs: list[tuple[float, float]], text: str) -> None:
+    (warning,) = scale_of(pixel_size, *spheres(*pairs), None).warnings
+    assert text in warning.message and warning.cause == "scale" and warning.cost_deg == 0.0
