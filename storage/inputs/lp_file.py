@@ -15,7 +15,7 @@ from glint.storage.locations.input_files import MAX_TEXT_BYTES, Address, locate,
 
 MIN_LENGTH = 1e-6
 """Length below which a vector has no direction."""
-MAX_BEHIND_SHARE = 0.8
+MAX_NEGATED_SHARE = 0.8
 """Share of lights behind the object beyond which z is negated: no sweep is mostly behind it."""
 
 
@@ -72,7 +72,7 @@ def read_lights(address: Address, names: Sequence[str] = (), count: int | None =
         )
     lights = np.array(directions, np.float32).reshape(-1, 3)
     behind = int((lights[:, 2] < 0.0).sum())
-    if behind > MAX_BEHIND_SHARE * len(lights):
+    if behind > MAX_NEGATED_SHARE * len(lights):
         raise InputError(
             f"{behind} of {len(lights)} lights of {location.uri} lie behind the object (z < 0): z is reversed",
             "negate it: z points towards the camera",

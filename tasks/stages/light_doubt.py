@@ -10,6 +10,8 @@ from glint.tasks.engine.stage_warning import StageWarning
 
 OTHER_AXES_ERROR_DEG = 25.0
 """Mean error of simulated objects whose lights have another axis negated: 22 to 27 degrees (docs/evaluation.md)."""
+HALF_VECTORS_ERROR_DEG = 13.0
+"""Mean error of simulated objects whose file holds half vectors: 11 to 14 degrees on hemisphere, bird and fish."""
 NO_SURFACE_ERROR_DEG = 15.0
 """Mean error of simulated objects whose lights are ten frames early: 10 to 24 degrees (docs/evaluation.md)."""
 
@@ -36,6 +38,13 @@ def doubt_lights(evidence: LightEvidence) -> LightDoubt:
         )
         warning = StageWarning(message, "light", OTHER_AXES_ERROR_DEG)
         return LightDoubt(share=1.0 / (1.0 + evidence.axes_ratio), warnings=[warning])
+    if evidence.has_half_vectors:
+        message = (
+            "the given lights contradict the object: they are half vectors, as which they would fit"
+            f" {evidence.half_ratio:.1f} times as well: write the directions to the light into the `.lp` file"
+        )
+        warning = StageWarning(message, "light", HALF_VECTORS_ERROR_DEG)
+        return LightDoubt(share=1.0 / (1.0 + evidence.half_ratio), warnings=[warning])
     if evidence.has_no_surface:
         message = (
             "the given lights contradict the object: no surface has the normals that they give: compare the rows of the"

@@ -36,9 +36,10 @@ def main(store: str, objects: list[str]) -> None:
             )
             print(
                 f"{object_id}/{name}: {evidence.axes} {evidence.axes_ratio:.2f}, turned {evidence.turn_deg:.1f} +-"
-                f" {evidence.turn_error_deg:.1f}, {evidence.log_ratio:+.2f} nats"
+                f" {evidence.turn_error_deg:.1f}, {evidence.log_ratio:+.2f} nats,"
+                f" half vectors {evidence.half_ratio:.2f}"
                 f" {'OTHER AXES ' * evidence.has_other_axes}{'TURNED ' * evidence.is_turned}"
-                f"{'NO SURFACE' * evidence.has_no_surface}",
+                f"{'HALF VECTORS ' * evidence.has_half_vectors}{'NO SURFACE' * evidence.has_no_surface}",
                 flush=True,
             )
 

@@ -15,6 +15,10 @@ def test_right_lights_cost_nothing() -> None:
     ("evidence", "text"),
     [
         (LightEvidence("y negated", 3.0, 0.0, 1.0, 1.0), "y negated, they would fit 3.0 times"),
+        (
+            LightEvidence("y negated", 0.5, 0.0, 1.0, 1.0, 1.8),
+            "they are half vectors, as which they would fit 1.8 times",
+        ),
         (LightEvidence("x negated", 3.0, 0.0, 1.0, 1.0), "or the order of its rows"),
         (LightEvidence("y negated", 0.5, 0.0, 1.0, -0.5), "no surface has the normals that they give: compare"),
     ],

@@ -30,6 +30,7 @@ def _turn(degrees: float) -> np.ndarray:
 def test_right_lights_are_not_doubted() -> None:
     evidence = _evidence()
     assert not (evidence.has_other_axes or evidence.is_turned or evidence.has_no_surface)
+    assert not evidence.has_half_vectors
     assert evidence.axes_ratio < 0.9 and abs(evidence.turn_deg) < 0.5
 
 
@@ -53,6 +54,15 @@ def test_opposite_axes_are_named_where_no_rear_wall_looks_like_them() -> None:
     assert _evidence(opposite, with_rear=False).has_other_axes
     assert _evidence(opposite, with_rear=False).axes == "x and y negated"
     assert not _evidence(opposite).has_other_axes
+
+
+def test_half_vectors_in_place_of_lights_are_told() -> None:
+    normals, _, mask = ellipsoid()
+    given = normals + np.array([0.0, 0.0, 1.0])
+    candidates = (given / np.linalg.norm(given, axis=-1, keepdims=True))[None].astype(np.float32)
+    candidates[normals[None, ..., 2] < np.cos(np.radians(45))] = np.nan
+    evidence = light_evidence(candidates, mask[None], normals, mask & np.isfinite(candidates[0, ..., 0]), SCALE)
+    assert evidence.has_half_vectors and not evidence.has_other_axes
 
 
 @pytest.mark.parametrize("degrees", [-20.0, 7.0, 12.0])
