@@ -1,4 +1,5 @@
-"""A camera that was shaken: measured on a few frames in the survey, undone while the frames are decoded."""
+"""A camera that was shaken: measured on a few frames in the survey, undone while the frames are decoded. And a scene
+that was changed."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,6 +11,7 @@ import numpy as np
 from glint.storage.catalogue.loading import Region
 from glint.storage.footage.source import Footage
 from glint.storage.footage.wrapper import FootageWrapper
+from glint.tasks.algorithms.frames.scene_change import scene_change
 from glint.tasks.algorithms.frames.shake import is_shown_throughout, knocked_places, shake_amplitude
 from glint.tasks.algorithms.frames.stabilization import (
     MIN_REFERENCE_FRAMES,
@@ -39,6 +41,9 @@ UNKNOWN_SHAKE_ERROR_DEG = 5.0
 """Error in degrees of normals that a shake of three pixels leaves on a sphere of 30 pixels."""
 CONTINUOUS_FRAMES = 25
 """Frames over which a camera stays about where it is: a second."""
+CHANGED_COST_DEG = 15.0
+"""Error of the normals of a capture of which a part shows another scene: that of an object moved by a tenth of its size
+and more."""
 REFERENCE = "stabilization_reference"
 
 
@@ -172,3 +177,21 @@ def stabilized(footage: Footage, about: Mapping[str, Any], arrays: Mapping[str, 
     about, arrays: record and arrays of a `Shake`, also as the survey has saved them.
     """
     return StabilizedFootage(footage, about, np.asarray(arrays[REFERENCE][...])) if about["applied"] else footage
+
+
+def changed_scene(frames: np.ndarray, count: int) -> tuple[float | None, list[StageWarning]]:
+    """Return the share of a capture after which another scene begins, None if there is one alone, and a warning of it.
+
+    frames: (T, H, W) uint8, spread over the capture, moved back if they are shaken. count: of all its frames, 0 if
+    unknown.
+    """
+    first = scene_change(frames)
+    if first is None:
+        return None, []
+    share = first / len(frames)
+    place = f"frame {share * count:.0f}" if count else f"{share:.0%} of its length"
+    message = (
+        f"from about {place} on the video shows something else, as if it held two recordings, or the object, a sphere"
+        " or the camera had been moved: cut it there, and use one of the parts"
+    )
+    return share, [StageWarning(message, "video", CHANGED_COST_DEG)]

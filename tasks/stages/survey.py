@@ -30,16 +30,20 @@ from glint.tasks.stages.frame_parts import (
 from glint.tasks.stages.levels import BACKGROUND, CLIPPED, PEAK
 from glint.tasks.stages.scale import Scale, scale_of
 from glint.tasks.stages.sphere_doubts import confirm_found, confirm_given
-from glint.tasks.stages.stabilization import Shake, measure_shake, stabilized
+from glint.tasks.stages.stabilization import Shake, changed_scene, measure_shake, stabilized
 
 
 @dataclass(frozen=True, slots=True)
 class _Located:
-    """What a sample of the frames shows: spheres, region, and mask (H, W) bool of the full frame where it is sought."""
+    """What a sample of the frames shows: spheres, region, and mask (H, W) bool of the full frame where it is sought.
+
+    scene_change: share of the capture after which another scene begins, if there is one.
+    """
 
     spheres: list[Sphere]
     region: Region | None
     mask: np.ndarray | None = None
+    scene_change: float | None = None
     warnings: Sequence[StageWarning] = ()
 
 
@@ -112,7 +116,8 @@ class _Search:
         if self.seeks_mask:
             mask = self._estimated_mask(sample, spheres)
             region = region or around(mask, 2 * self.inputs.parameters.margin)
-        return _Located(spheres, region, mask, warnings)
+        share, changes = changed_scene(sample.frames, self.footage.count)
+        return _Located(spheres, region, mask, share, [*warnings, *changes])
 
     def _estimated_mask(self, sample: Sample, spheres: Sequence[Sphere]) -> np.ndarray:
         """Return the mask (H, W) bool of the full frame.
@@ -184,7 +189,7 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
         scale = scale_of(inputs.field("pixel_size"), inputs.field("spheres"), spheres, search.camera)
         return StageOutput(
             arrays={**arrays, **shake.arrays},
-            record=_record(search, region, spheres, shake, scale),
+            record=_record(search, region, spheres, shake, scale) | {"scene_change": places.scene_change},
             counts={"spheres": len(spheres)},
             warnings=[*places.warnings, *shake.warnings, *scale.warnings],
         )
