@@ -78,7 +78,7 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
     accepted = int(result.accepted.sum())
     if accepted < 2:
         raise UnusableCapture(
-            f"only {accepted} of {cache.frames} frames {'has' if accepted == 1 else 'have'} a light before the object",
+            f"{accepted} of {cache.frames} frames {'has' if accepted == 1 else 'have'} a light before the object",
             "record for longer and move the light over the whole hemisphere before the object",
         )
     shape = (geometry.region.height, geometry.region.width)
