@@ -3,6 +3,7 @@ vectors, and where two disagree."""
 
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import attrgetter
 
 import numpy as np
 
@@ -130,7 +131,7 @@ def confirm_found(
     """Compare found spheres with the shapes of their highlights, and with one another; return those to be used.
 
     Also returned are a warning where the highlights contradict a circle, and one of each sphere that is left out since
-    its lights contradict the others'. Of two, the one stays that its own highlights do not contradict, else the better.
+    its lights contradict the others'. Of two, the one stays that agrees better with its own highlights.
 
     Args:
         frames: (T, H, W) uint8, spread over the capture.
@@ -139,7 +140,7 @@ def confirm_found(
     """
     many = spread(frames, FIT_FRAMES)
     checked = [check_circle(many, sphere, camera=camera) for sphere in spheres]
-    checked.sort(key=lambda check: check.is_contradicted and not check.is_replaced)
+    checked.sort(key=attrgetter("misfit"))
     used, sentences = consistent_spheres(spread(frames, CANDIDATE_FRAMES), [check.sphere for check in checked], camera)
     warnings = [_contradiction(check) for check in checked if check.is_contradicted and check.sphere in used]
     return used, warnings + [StageWarning(sentence, "sphere") for sentence in sentences]

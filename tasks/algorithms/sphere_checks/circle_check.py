@@ -61,6 +61,19 @@ class CheckedCircle:
     is_replaced: bool = False
     contrast: float = 0.0
 
+    @property
+    def misfit(self) -> float:
+        """Distance of its centre from that of the highlights, in standard deviations.
+
+        Infinite where they contradict it in vain, the usual one where they say nothing.
+        """
+        if self.shapes is None:
+            return USUAL_DEVIATIONS
+        if self.is_contradicted and not self.is_replaced:
+            return float("inf")
+        circle = self.sphere if self.is_replaced else self.before
+        return _distance(circle, self.shapes) / _centre_deviation(circle, self.shapes)
+
 
 def check_circle(
     frames: np.ndarray,

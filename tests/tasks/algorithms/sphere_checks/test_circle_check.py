@@ -77,9 +77,13 @@ def test_a_contradiction_is_told_with_values_and_remedy(frames: np.ndarray) -> N
     assert confirm_found(frames, [TRUTH], None)[1] == []
 
 
-def test_of_two_spheres_that_disagree_the_one_stays_that_its_highlights_do_not_contradict(frames: np.ndarray) -> None:
+@pytest.mark.parametrize("centre_sd", [0.2, 2.5])
+def test_of_two_spheres_that_disagree_the_one_stays_that_agrees_with_its_highlights(
+    frames: np.ndarray, centre_sd: float
+) -> None:
     width = frames.shape[2]
-    wrong, right = replace(beside(6.0, 0.0, 0.95), score=0.9), beside(width, 0.0, 1.0)
+    wrong, right = replace(beside(6.0, 0.0, 0.95), score=0.9, centre_sd=centre_sd), beside(width, 0.0, 1.0)
+    assert check_circle(frames, wrong).is_contradicted == (centre_sd < 1.0)
     both = np.concatenate([covered_beyond(frames, 0.65), frames], axis=2)
     used, (warning,) = confirm_found(both, [wrong, right], None)
     assert used == [right]
