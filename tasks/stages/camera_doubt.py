@@ -46,6 +46,8 @@ CONTRADICTED_DEVIATIONS = 3.0
 most on 20 captures."""
 MAX_CENTRE_OFFSET = 0.15
 """Distance of a given principal point from the frame's middle, in frame widths, which only a crop explains."""
+MAX_SHAPE_DIFFERENCE = 0.02
+"""Relative difference of two ratios of width to height up to which they are the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +71,7 @@ def with_camera_of_spheres(
     if geometry.camera is not None:
         return measured, None
     width, _ = geometry.frame_size
-    centre = _frame_centre(geometry)
+    centre = unknown_camera(geometry).centre
     focal = focal_length_of_parallax([lights.half_vectors for lights in by_sphere], geometry.spheres, centre)
     if focal == np.inf:
         return measured, None
@@ -104,7 +106,7 @@ def doubt_camera(
         is_seen = estimate.value > MIN_DEVIATIONS * float(np.hypot(deviation, _sphere_sd(camera, spheres_sd)))
         square = estimate.value**2 + deviation**2 if is_seen else _mean_square(estimate.value, deviation, expected)
     focal = 1.0 / float(np.sqrt(square))
-    error = unknown_camera_error(region_pixels(geometry), geometry.spheres, _frame_centre(geometry), focal)
+    error = unknown_camera_error(region_pixels(geometry), geometry.spheres, camera.centre, focal)
     cost = _cost_deg(error)
     if cost < (MIN_CAMERA_COST_DEG if is_seen else MIN_UNKNOWN_COST_DEG):
         return CameraDoubt(error)
@@ -139,7 +141,7 @@ def doubt_given_camera(geometry: CaptureGeometry, normals: np.ndarray, spheres_s
             error = unknown_camera_error(pixels, geometry.spheres, centre, 1.0 / difference)
             return CameraDoubt(error, [_contradicted(1.0 / given, estimate.value, limit, _cost_deg(error))])
         is_confirmed = estimate.value > limit
-    centre_x, centre_y = _frame_centre(geometry)
+    centre_x, centre_y = unknown_camera(geometry).centre
     offset = float(np.hypot(camera.centre[0] - centre_x, camera.centre[1] - centre_y))
     if is_confirmed or offset <= MAX_CENTRE_OFFSET * width:
         return CameraDoubt(np.zeros(normals.shape[:2], np.float32))
@@ -147,11 +149,19 @@ def doubt_given_camera(geometry: CaptureGeometry, normals: np.ndarray, spheres_s
     turn = float(np.arctan(offset * given))
     message = (
         f"the camera's principal point ({camera.centre[0]:g}, {camera.centre[1]:g}) is {offset:.0f} pixels beside the"
-        f" middle of the frame, as after a crop, and the object's normals do not confirm the focal length of"
-        f" {1.0 / given:.0f} pixels: check that `camera` is the matrix of this resolution"
+        f" middle of the frame, as after a crop{_other_resolution(camera)}, and the object's normals do not confirm the"
+        f" focal length of {1.0 / given:.0f} pixels: check that `camera` is the matrix of this resolution"
     )
     error = np.full(normals.shape[:2], turn / np.sqrt(2.0), np.float32)
     return CameraDoubt(error, [StageWarning(message, "camera", float(np.degrees(turn)))])
+
+
+def _other_resolution(camera: UnknownCamera) -> str:
+    """Return words on the picture whose middle the principal point is, if that has the shape of the frame."""
+    width, height = (2.0 * coordinate + 1.0 for coordinate in camera.centre)
+    if min(width, height) <= 0.0 or abs(width * camera.height / (height * camera.width) - 1.0) > MAX_SHAPE_DIFFERENCE:
+        return ""
+    return f" or in a picture of {width:.0f} x {height:.0f} pixels (times {camera.width / width:.4g})"
 
 
 def _orthographic_normals(normals: np.ndarray, geometry: CaptureGeometry, camera: UnknownCamera) -> np.ndarray:
@@ -212,18 +222,13 @@ def unknown_camera(geometry: CaptureGeometry) -> UnknownCamera:
 
 def _near_camera(evidence: str, geometry: CaptureGeometry, focal: float, cost_deg: float) -> StageWarning:
     """Return the warning of a near camera whose focal length in pixels was measured."""
-    x, y = _frame_centre(geometry)
+    x, y = unknown_camera(geometry).centre
     matrix = f"[[{focal:.0f}, 0, {x:g}], [0, {focal:.0f}, {y:g}], [0, 0, 1]]"
     message = (
         f"{evidence}, with a focal length of some {focal:.0f} pixels: give the camera's matrix, about"
         f" `camera: {{matrix: {matrix}}}`, or record from farther away with a longer lens"
     )
     return StageWarning(message, "camera", cost_deg)
-
-
-def _frame_centre(geometry: CaptureGeometry) -> tuple[float, float]:
-    width, height = geometry.frame_size
-    return (width - 1) / 2, (height - 1) / 2
 
 
 def _cost_deg(error: np.ndarray) -> float:

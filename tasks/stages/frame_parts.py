@@ -98,7 +98,7 @@ def check_camera(camera: Camera | None, size: tuple[int, int]) -> None:
     """Check that the matrix of a camera, where one is given, is in pixels of a frame of `size` (rows, columns).
 
     Raises:
-        InputError: it is in millimetres, in units of the frame's size, or of another resolution.
+        InputError: it is in millimetres, or in units of the frame's size.
     """
     if camera is None:
         return
@@ -108,12 +108,4 @@ def check_camera(camera: Camera | None, size: tuple[int, int]) -> None:
             f"the camera's matrix has a focal length of {focal:g}, too little for a frame of {size[1]} x {size[0]}"
             " pixels",
             "the matrix is in pixels: divide a focal length in mm by the sensor's width and multiply it by the frame's",
-        )
-    x, y = camera.matrix[0][2], camera.matrix[1][2]
-    if not (0.0 <= x <= size[1] - 1 and 0.0 <= y <= size[0] - 1):
-        raise InputError(
-            f"the camera's principal point ({x:g}, {y:g}) lies outside the frame of {size[1]} x {size[0]} pixels",
-            f"the matrix is that of another resolution: that of a picture of {2 * x + 1:g} x {2 * y + 1:g} pixels is"
-            f" right if its first two rows are multiplied by {size[1] / (2 * x + 1):.4g} and"
-            f" {size[0] / (2 * y + 1):.4g}; after a crop subtract the crop's left and top edge from the point",
         )

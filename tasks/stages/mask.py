@@ -79,10 +79,8 @@ def _warning(objection: Objection, pixels: np.ndarray, geometry: CaptureGeometry
     share = f"{objection.share:.0%} of its contour"
     text, cost = {
         "cut": (f"{share} lies along the edge of frame or region {place}: the object goes on beyond it", CUT_COST_DEG),
-        "continued": (
-            f"the highlights go on beyond {share} {place}, as if it lacked a part of the object",
-            CUT_COST_DEG,
-        ),
+        "continued": (f"highlights go on beyond {share} {place}, as if it lacked a part of the object", CUT_COST_DEG),
+        "sphere": (f"it covers {objection.share:.0%} of the chrome sphere {place}", CUT_COST_DEG),
         "neck": (f"a neck joins its parts {place}", SHAPE_COST_DEG),
         "ragged": (f"its contour is ragged {place}", SHAPE_COST_DEG),
         "unsupported": (f"no highlight was recorded near {share}, most {place}", UNSUPPORTED_COST_DEG),

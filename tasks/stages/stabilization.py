@@ -185,7 +185,8 @@ def changed_scene(frames: np.ndarray, count: int) -> tuple[float | None, list[St
     frames: (T, H, W) uint8, spread over the capture, moved back if they are shaken. count: of all its frames, 0 if
     unknown.
     """
-    first = scene_change(frames)
+    # The light of photographs jumps from one side to another.
+    first = None if 0 < count < MIN_FRAMES else scene_change(frames)
     if first is None:
         return None, []
     share = first / len(frames)

@@ -3,6 +3,7 @@ which the object goes on."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -36,11 +37,11 @@ PARTS = 24
 class Misplacement:
     """A contour beside its object's.
 
-    kind: `too large` or `too small`; offset: of the strongest edge, pixels outward, 0 if unknown; piece: (H, W) bool,
+    offset: of the strongest edge, pixels outward, 0 if unknown; piece: (H, W) bool,
     the pixels of the contour that are affected.
     """
 
-    kind: str
+    kind: Literal["too large", "too small"]
     offset: float
     piece: np.ndarray
 
@@ -63,7 +64,7 @@ def misplacement(
         free: (H, W) bool, pixels beside the spheres.
         edge: of a square of the mask's area, pixels.
     """
-    reach = max(MIN_SEARCH_PX, round(SEARCH_SHARE * edge))
+    reach = _reach(edge)
     profile = _edge_profile(distance, images, reach, free)
     at_contour = float(profile[reach])
     inward, outward = profile[: reach - MIN_OFFSET_PX + 1], profile[reach + MIN_OFFSET_PX :]
@@ -90,7 +91,7 @@ def continued_beyond(
     Highlights are as dense there as inside, and the contour is no stronger an edge than what lies beyond it, as that of
     a caustic beside the object is. flash: as many of the object's as possible; for the rest see `misplacement`.
     """
-    reach = max(MIN_SEARCH_PX, round(SEARCH_SHARE * edge))
+    reach = _reach(edge)
     parts = _parts(contour)
     outside, inside = (distance > 1.5) & (distance <= reach) & free, (distance < 0.0) & (distance >= -reach) & free
     usual = float(np.median(_density(parts, flash, inside)))
@@ -101,6 +102,11 @@ def continued_beyond(
     profile = _edge_profile(distance, images, reach, free & is_beside)
     own, beyond = profile[reach - 1 : reach + 2].max(), profile[reach + 2 :].max()
     return piece if own < MAX_OWN_EDGE_RATIO * beyond else None
+
+
+def _reach(edge: float) -> int:
+    """Return the distance in pixels in which a contour is looked for; edge: of a square of the mask's area."""
+    return max(MIN_SEARCH_PX, round(SEARCH_SHARE * edge))
 
 
 def _edge_profile(distance: np.ndarray, images: Sequence[np.ndarray], reach: int, free: np.ndarray) -> np.ndarray:

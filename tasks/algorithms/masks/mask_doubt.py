@@ -6,6 +6,7 @@ Glass shows highlights up to its contour; where there are none, an estimated con
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -53,18 +54,21 @@ SURROUNDINGS_SIGMA_PX = 3.0
 REACH_INRADII = 0.3
 """Distance from a doubtful piece of contour at which its doubt has fallen to 1/e, in inradii."""
 
+Kind = Literal["too large", "too small", "continued", "sphere", "cut", "neck", "ragged", "unsupported"]
+"""What speaks against a mask: edges and highlights inside its contour, outside, and as dense beyond it as inside; a
+chrome sphere that it covers; the picture's edge; a neck; a ragged outline; nothing that supports it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Objection:
     """Evidence against a piece of a contour.
 
-    kind: `too large`, `too small`, `continued`, `sphere`, `cut`, `neck`, `ragged` or `unsupported`. share: of the
-    contour, or of the sphere that is covered. offset: of the stronger edge, pixels outward. x, y: centre of the piece
-    in pixels of the mask. doubt: probability that normals there are wrong because of it. piece: (H, W) bool, its
-    pixels.
+    share: of the contour, or of the sphere that is covered. offset: of the stronger edge, pixels outward. x, y: centre
+    of the piece in pixels of the mask. doubt: probability that normals there are wrong because of it. piece: (H, W)
+    bool, its pixels.
     """
 
-    kind: str
+    kind: Kind
     share: float
     offset: float
     x: float
@@ -215,7 +219,7 @@ def _perimeter(mask: np.ndarray) -> float:
     return float(sum(cv2.arcLength(contour, True) for contour in contours))
 
 
-def _objection(kind: str, piece: np.ndarray, share: float, doubt: float, offset: float = 0.0) -> Objection:
+def _objection(kind: Kind, piece: np.ndarray, share: float, doubt: float, offset: float = 0.0) -> Objection:
     """Return an objection to the largest part of a piece, whose centre is reported."""
     rows, columns = np.nonzero(largest_part(piece, diagonal=True) if share < 1.0 else piece)
     return Objection(kind, share, offset, float(columns.mean()), float(rows.mean()), doubt, piece)

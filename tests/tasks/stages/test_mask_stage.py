@@ -23,6 +23,24 @@ def true_mask(work: CaptureContext) -> tuple[np.ndarray, np.ndarray]:
     return pixels, frame
 
 
+def test_a_mask_that_covers_the_chrome_sphere_is_told_and_what_it_covers_is_not_confident(
+    simulated: Path, tmp_path: Path
+) -> None:
+    given = make_context(simulated, tmp_path / "store")
+    (sphere,) = given.capture.spheres
+    _, frame = true_mask(given)
+    perform_all(given, "survey")
+    width, height = given.load("survey").record["frame_size"]
+    rows, columns = np.mgrid[:height, :width]
+    on_sphere = np.hypot(columns - sphere.x, rows - sphere.y) < sphere.radius
+    cv2.imwrite(str(tmp_path / "mask.png"), np.where(frame[:height, :width] | on_sphere, 255, 0).astype(np.uint8))
+    work = make_context(simulated, tmp_path / "store", mask=str(tmp_path / "mask.png"), region=None)
+    (record,) = [record for record in perform_all(work, "mask") if record.stage == "mask"]
+    assert any("of the chrome sphere" in warning.message for warning in record.warnings)
+    place, doubt = work.load("mask").record["region"], work.load("mask").read("doubt")
+    assert doubt[round(sphere.y) - place["y"], round(sphere.x) - place["x"]] == 1.0
+
+
 @pytest.mark.parametrize("region", [True, False], ids=["region", "bare"])
 def test_the_mask_of_a_video_without_one(simulated: Path, tmp_path: Path, region: bool) -> None:
     given = make_context(simulated, tmp_path / "store")
