@@ -130,7 +130,7 @@ class _Search:
         except UnusableCapture as error:
             if self.region is None:
                 raise
-            message = f"{region_text(self.region)} shows no object ({error.message})"
+            message = f"no object is found in {region_text(self.region)}: {error.message}"
             remedy = "correct or remove it, or paint a mask (white object on black) and name it as `mask: mask.png`"
             raise UnusableCapture(message, remedy) from error
 

@@ -41,10 +41,10 @@ MIN_OPPOSITE_RATIO = 1.6
 MAX_HALVED_TILT_DEG, TILT_QUANTILE = 24.0, 0.99
 """Tilt in degrees that the candidates' quantile exceeds, unless the lights are half vectors, or none of them was more
 than 45 degrees from the view axis."""
-MIN_HALF_RATIO = 1.5
+MIN_HALF_RATIO = 1.7
 """Score of the lights as half vectors, relative to that as given, from which they are half vectors. 316 simulated
-captures have 0.1 to 1.6 with right lights up to 45 degrees from the view axis, three of them 1.5 and more, and 68% of
-them have that with half vectors."""
+captures have 0.1 to 1.6 with right lights up to 45 degrees from the view axis; with half vectors, 68% of them have 1.5
+and more."""
 MIN_TURN_DEG, MIN_TURN_ERRORS = 3.0, 3.0
 """Turn of the normals that contradicts the lights, in degrees and in standard errors; right lights show up to 1.5."""
 TURN_BLOCKS = 6

@@ -91,7 +91,7 @@ def test_a_region_that_misses_the_object(refused: Refused, simulated: Path) -> N
     assert region is not None
     beside = {"x": 0, "y": 0, "width": region.x, "height": 20}
     error = refused(region=beside, mask=None)
-    assert f"the region x 0 to {region.x - 1}, y 0 to 19 shows no object (no highlight, 0 of" in str(error)
+    assert f"no object is found in the region x 0 to {region.x - 1}, y 0 to 19: no highlight, 0 of" in str(error)
 
 
 def test_no_light_in_any_frame(refused: Refused, frames: list[np.ndarray], tmp_path: Path) -> None:
