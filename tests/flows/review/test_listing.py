@@ -99,6 +99,7 @@ def test_captures_that_leave_the_catalogue_and_objects_that_leave_the_store_are_
     shutil.rmtree(folder.parent)
     made.read_changed(made.refresh_names())
     assert states(made) == {"hemisphere/back": "new"} and made.revision > revision
+    assert not made._retries
 
 
 def test_an_unexpected_error_is_logged_and_the_list_goes_on(
