@@ -166,6 +166,7 @@ class Listing:
                 }
             else:
                 self._stamps.pop(object_id, None)
+                self._retries.pop(object_id, None)
                 kept = {name: Row(object_id, name, "new") for name in listed}
             if kept != rows:
                 self._rows[object_id] = kept

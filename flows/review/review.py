@@ -1,7 +1,11 @@
 """State of the page's server: the store, the catalogue, the rows of its captures, and the runs it has started."""
 
+from functools import lru_cache
+from typing import Any
+
 from glint import reading
 from glint.flows.review.listing import Listing
+from glint.flows.review.object_rows import object_stamp
 from glint.flows.review.preparation import Preparation
 from glint.flows.review.runs import Runs
 from glint.storage.catalogue.loading import Capture
@@ -14,6 +18,9 @@ from glint.tasks.engine.references import load_catalogue
 from glint.tasks.publish import unedited_entry
 from glint.tasks.review.stored import VersionReference, has_object
 
+KEPT_VERSIONS = 8
+"""Versions that a server keeps open."""
+
 
 class Review:
     """The state of one server."""
@@ -25,6 +32,7 @@ class Review:
         self.runs = Runs(self.store, scheduler)
         self.listing = Listing(self.location, self.catalogue, self.runs)
         self.preparation = Preparation()
+        self._version = lru_cache(KEPT_VERSIONS)(self._found_version)
 
     def start(self) -> None:
         """Begin to read the store in the background."""
@@ -43,15 +51,12 @@ class Review:
         return reading.StoredObject(object_id, self._existing(object_id))
 
     def version(self, object_id: str, name: str) -> VersionReference:
-        """Return a version of an object.
+        """Return a version of an object, kept while the object has not changed: every part of a view asks for it.
 
         Raises:
             NotFoundError: there is none of this name, or no such object.
         """
-        repository = self._existing(object_id)
-        if name not in repository.version_names():
-            raise reading.NotFoundError(f"{object_id} has no version {name!r}", "see the list of its versions")
-        return VersionReference(self.store, object_id, name, repository.version(name).snapshot)
+        return self._version(object_id, name, object_stamp(self.location, object_id))
 
     def catalogue_of(self, object_id: str) -> str:
         """Return the address of the catalogue that has an object: the one given, else that of its newest version.
@@ -107,6 +112,12 @@ class Review:
     def edits(self, object_id: str) -> Edits | None:
         """Open the edits of an object, None where the store does not have it yet."""
         return None if self.repository(object_id) is None else Edits.open(self.location, object_id, create=False)
+
+    def _found_version(self, object_id: str, name: str, _stamp: Any) -> VersionReference:
+        repository = self._existing(object_id)
+        if name not in repository.version_names():
+            raise reading.NotFoundError(f"{object_id} has no version {name!r}", "see the list of its versions")
+        return VersionReference(self.store, object_id, name, repository.version(name).snapshot, repository)
 
     def _existing(self, object_id: str) -> ObjectRepository:
         repository = self.repository(object_id)

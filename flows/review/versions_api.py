@@ -8,7 +8,6 @@ from pydantic import BaseModel, ConfigDict, StringConstraints
 from glint.flows.review.dependencies import CaptureId, ObjectId, ReviewState
 from glint.flows.review.surface_api import BYTES, PartName, VersionName
 from glint.storage.errors import NotFoundError
-from glint.storage.versions.repository import ObjectRepository
 from glint.tasks.review.version_pair import version_pair
 
 router = APIRouter(prefix="/objects/{object_id}")
@@ -66,6 +65,5 @@ def difference_part(
 @router.post("/rollback")
 def rollback(review: ReviewState, object_id: ObjectId, request: Rollback) -> dict[str, Any]:
     """Publish the content of an old version as the newest one; all versions are kept."""
-    review.version(object_id, request.version)
-    newest = ObjectRepository.open(review.location, object_id, create=False).rollback(request.version)
+    newest = review.version(object_id, request.version).repository.rollback(request.version)
     return {"version": newest.name, "created": newest.created}

@@ -53,7 +53,7 @@ def frame_image(context: CaptureContext, number: int) -> np.ndarray:
         StoreError: the store cannot be read.
     """
     if number == 0:
-        return eight_bits(first_frame(context))
+        return eight_bits(first_frame(context)).copy()
     if "frames" not in saved_records(context):
         raise InputError("only the first frame is known before the first run", "run the capture")
     whole, cache = eight_bits(surveyed_frame(context)).copy(), open_frames(context)

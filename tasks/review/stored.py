@@ -1,6 +1,6 @@
 """Read what the store holds of a capture or version; nothing is stored for one that never ran."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -19,17 +19,16 @@ from glint.tasks.review.summary import Records
 
 @dataclass(frozen=True, slots=True)
 class VersionReference:
-    """A version of an object in a store, by its name and its snapshot: a store that is filled again has another v1."""
+    """A version of an object in a store, by its name and its snapshot: a store that is filled again has another v1.
+
+    repository: the object's results, open.
+    """
 
     store: str
     object_id: str
     name: str
     snapshot: str
-
-    @property
-    def repository(self) -> ObjectRepository:
-        """The object's results, opened anew."""
-        return ObjectRepository.open(Location.parse(self.store), self.object_id, create=False)
+    repository: ObjectRepository = field(compare=False, repr=False)
 
 
 def has_object(location: Location, object_id: str) -> bool:

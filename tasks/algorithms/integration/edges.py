@@ -50,7 +50,7 @@ def grid_edges(
     mask: np.ndarray,
     weight: np.ndarray,
     camera: np.ndarray | None,
-    min_cosine: float | np.ndarray,
+    min_share: float | np.ndarray,
 ) -> GridEdges:
     """Compute the edges of a mask (H, W) and the rises predicted by normals (H, W, 3; finite, camera frame).
 
@@ -62,7 +62,7 @@ def grid_edges(
         mask: (H, W) bool.
         weight: (H, W), weight of each normal.
         camera: (3, 3) intrinsic matrix in pixels of these arrays, None for an orthographic camera.
-        min_cosine: lower bound of the normal share, one for all or (H, W).
+        min_share: lower bound of the normal share, one for all or (H, W).
     """
     height, width = mask.shape
     inside = np.zeros((2, height, width), bool)
@@ -70,7 +70,7 @@ def grid_edges(
     inside[1, :, :-1] = mask[:, :-1] & mask[:, 1:]
     forward, backward = np.zeros(inside.shape), np.zeros(inside.shape)
     if camera is None:
-        normal_share = np.maximum(normals[..., 2], min_cosine)
+        normal_share = np.maximum(normals[..., 2], min_share)
         # Rows run downwards and y upwards: the slope along axis 0 has the sign of n_y.
         for axis, slope in enumerate((normals[..., 1] / normal_share, -normals[..., 0] / normal_share)):
             forward[axis] = slope
@@ -83,9 +83,9 @@ def grid_edges(
     focal, steps = focal_length(camera), (down, across)
     for axis, step in enumerate(steps):
         # A plane n.X = const has distance const / (n.ray), and n.ray changes linearly from pixel to pixel.
-        forward[axis] = focal * _log_ratio(normal_share, normal_share + step, min_cosine)
-        backward[axis] = np.roll(focal * _log_ratio(normal_share - step, normal_share, min_cosine), -1, axis)
-    normal_share = np.maximum(normal_share, min_cosine)
+        forward[axis] = focal * _log_ratio(normal_share, normal_share + step, min_share)
+        backward[axis] = np.roll(focal * _log_ratio(normal_share - step, normal_share, min_share), -1, axis)
+    normal_share = np.maximum(normal_share, min_share)
     return GridEdges(inside, forward, backward, normal_share, weight, _tilt(forward, backward, normal_share))
 
 
@@ -176,10 +176,10 @@ def step_price(
                     low = min(forward_rise[axis, i, j], backward_rise[axis, i, j])
                     high = max(forward_rise[axis, i, j], backward_rise[axis, i, j])
                     step = max(low - rise, rise - high, 0.0)
-                    cosine = min(normal_share[i, j], normal_share[i + di, j + dj])
+                    share = min(normal_share[i, j], normal_share[i + di, j + dj])
                     side = 0 if rise < (low + high) / 2 else 1
                     price = min(weight[i, j], weight[i + di, j + dj]) * np.exp(-tilt_power * tilt[side, axis, i, j])
-                    total += price * min(cosine * step / STEP_PX, 1.0)
+                    total += price * min(share * step / STEP_PX, 1.0)
     return total
 
 

@@ -178,9 +178,9 @@ def normal_evidence(edges: GridEdges, rises: ExpectedRises) -> np.ndarray:
     """
     change = np.zeros(edges.forward_rise.shape)
     for axis in range(2):
-        cosine = np.minimum(edges.normal_share, np.roll(edges.normal_share, -1, axis))
+        share = np.minimum(edges.normal_share, np.roll(edges.normal_share, -1, axis))
         weight = np.minimum(edges.weight, np.roll(edges.weight, -1, axis))
-        difference = np.abs(edges.forward_rise[axis] - edges.backward_rise[axis]) * cosine * weight
+        difference = np.abs(edges.forward_rise[axis] - edges.backward_rise[axis]) * share * weight
         difference[~edges.inside[axis]] = 0.0
         beside = np.maximum(np.roll(difference, 1, axis), np.roll(difference, -1, axis))
         change[axis] = np.maximum(difference - NORMAL_CHANGE_RATIO * beside, 0.0)

@@ -54,6 +54,8 @@ def test_a_store_that_was_removed_and_filled_again_is_shown_as_it_is_now(tmp_pat
     assert shown[0] != shown[1]
     assert browser.get("/api/objects/vase/versions/v2/captures/front/surface").status_code == 404
     assert browser.get("/api/objects/vase/differences/v1/v1/front").status_code == 200
+    rolled_back = browser.post("/api/objects/vase/rollback", json={"version": "v1"})
+    assert rolled_back.json() == {"version": "v1", "created": False}
 
 
 def test_a_mask_is_decoded_only_if_its_head_states_the_size_of_the_frames(tmp_path: Path) -> None:

@@ -99,6 +99,7 @@ def test_captures_that_leave_the_catalogue_and_objects_that_leave_the_store_are_
     shutil.rmtree(folder.parent)
     made.read_changed(made.refresh_names())
     assert states(made) == {"hemisphere/back": "new"} and made.revision > revision
+    assert not made._retries
 
 
 def test_an_unexpected_error_is_logged_and_the_list_goes_on(
@@ -117,7 +118,6 @@ def test_an_unexpected_error_is_logged_and_the_list_goes_on(
         made.stop()
 
 
-@pytest.mark.slow
 def test_an_object_that_could_not_be_read_is_read_again_later(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fails(*_: object) -> list[Row]:
         raise OSError(24, "Too many open files")
@@ -135,6 +135,7 @@ def test_an_object_that_could_not_be_read_is_read_again_later(tmp_path: Path, mo
     assert states(made) == {"glass/front": "waiting"}
 
 
+@pytest.mark.slow
 def test_the_page_shows_what_is_wrong_with_the_catalogue_until_it_is_right(
     tmp_path: Path, simulated: Path, chromium: Any
 ) -> None:

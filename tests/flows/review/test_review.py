@@ -1,14 +1,19 @@
 """The state of the page's server: captures as the catalogue lists them, or as the newest version records them."""
 
+import shutil
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
+import pytest
 
 from glint.flows.review.review import Review
 from glint.storage.catalogue.models import Capture
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import Changes, mask_png
+from glint.storage.errors import NotFoundError
 from glint.storage.inputs.markup import AnnotationEntry
+from glint.storage.versions.repository import ObjectRepository
 from glint.tasks.engine.capture_context import CaptureContext, with_edits
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.publish import capture_provenance, unedited_entry
@@ -23,6 +28,24 @@ def test_without_a_catalogue_a_capture_has_the_parameters_of_its_version(tmp_pat
     work.repository.publish(["front"], {"captures": {"front": provenance}}, ("mask",))
     context = Review(work.store, None).context("vase", "front")
     assert (context.capture, context.parameters) == (capture, parameters)
+
+
+def test_a_version_is_opened_once_until_its_object_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    work = CaptureContext(str(tmp_path / "store"), "vase", Capture(id="front", frames="front.mp4"), Parameters())
+    work.repository.save("front", "mask", "key", {"mask": np.ones((2, 2), bool)}, {})
+    work.repository.publish(["front"], {}, ("mask",))
+    opened, review = Mock(wraps=ObjectRepository.open), Review(work.store, None)
+    monkeypatch.setattr(ObjectRepository, "open", opened)
+    first = review.version("vase", "v1")
+    assert review.version("vase", "v1") is first and opened.call_count == 1
+    with pytest.raises(NotFoundError):
+        review.version("vase", "v2")
+    first.repository.save("front", "mask", "other", {"mask": np.ones((2, 2), bool)}, {})
+    first.repository.publish(["front"], {}, ("mask",))
+    assert review.version("vase", "v1") == first and review.version("vase", "v2").name == "v2"
+    shutil.rmtree(tmp_path / "store")
+    with pytest.raises(NotFoundError):
+        review.version("vase", "v1")
 
 
 def test_without_a_catalogue_edits_are_not_taken_for_what_the_catalogue_gives(tmp_path: Path) -> None:
