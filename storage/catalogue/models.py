@@ -132,12 +132,17 @@ def _distinct(spheres: tuple[Sphere, ...]) -> tuple[Sphere, ...]:
     return spheres
 
 
+MAX_GIVEN_SPHERES = 100
+"""Largest number of spheres of one capture."""
+Spheres = Annotated[tuple[Sphere, ...], Field(strict=False, max_length=MAX_GIVEN_SPHERES), AfterValidator(_distinct)]
+
+
 class Capture(_Strict):
     """One video or set of images of an object, and what is known about it; what is None or empty is estimated."""
 
     id: Id
     frames: Address
-    spheres: Annotated[tuple[Sphere, ...], Field(strict=False), AfterValidator(_distinct)] = ()
+    spheres: Spheres = ()
     lights: Address | None = None
     camera: Camera | None = None
     region: Region | None = None

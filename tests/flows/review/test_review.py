@@ -3,11 +3,13 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from glint.flows.review.review import Review
 from glint.storage.catalogue.models import Capture
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import Changes, mask_png
+from glint.storage.errors import StoreError
 from glint.storage.inputs.markup import AnnotationEntry
 from glint.tasks.engine.capture_context import CaptureContext, with_edits
 from glint.tasks.engine.parameters import Parameters
@@ -23,6 +25,17 @@ def test_without_a_catalogue_a_capture_has_the_parameters_of_its_version(tmp_pat
     work.repository.publish(["front"], {"captures": {"front": provenance}}, ("mask",))
     context = Review(work.store, None).context("vase", "front")
     assert (context.capture, context.parameters) == (capture, parameters)
+
+
+def test_a_recorded_capture_that_cannot_be_used_is_named(tmp_path: Path) -> None:
+    sphere = {"x": 50.0, "y": 50.0, "radius": 9.0}
+    entry = {"id": "front", "frames": str(tmp_path / "front.mp4"), "spheres": [sphere, sphere]}
+    work = CaptureContext(str(tmp_path / "store"), "vase", Capture(id="front", frames="/front.mp4"), Parameters())
+    work.repository.save("front", "mask", "key", {"mask": np.ones((2, 2), bool)}, {})
+    work.repository.publish(["front"], {"captures": {"front": {"entry": entry}}}, ("mask",))
+    with pytest.raises(StoreError, match=r"of front cannot be used \(spheres 1 and 2 are the same circle") as caught:
+        Review(work.store, None).context("vase", "front")
+    assert "start glint review with a CATALOGUE" in caught.value.remedy
 
 
 def test_without_a_catalogue_edits_are_not_taken_for_what_the_catalogue_gives(tmp_path: Path) -> None:
