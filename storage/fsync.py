@@ -1,6 +1,7 @@
 """Force files and folders onto the disk, so that acknowledged data survive a crash of the machine."""
 
 import os
+from contextlib import suppress
 from pathlib import Path
 
 CLOCK_LAG_SECONDS = 0.1
@@ -17,12 +18,14 @@ def flush(path: Path) -> None:
 
 
 def flush_new_tree(root: Path, top: Path) -> None:
-    """Force all below `root` onto the disk, and the entries of the folders from `top` down to it."""
+    """Force all below `root` onto the disk, and the entries of the folders from `top` down to it, its own too."""
     flush_tree(root, 0.0)
     for folder in root.parents:
         flush(folder)
         if folder == top:
             break
+    with suppress(PermissionError):  # a folder of another user may be entered, but not opened
+        flush(top.parent)
 
 
 def flush_tree(root: Path, since: float) -> None:

@@ -25,7 +25,7 @@ from glint.storage.errors import GlintError, InputError, printable
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 from glint.storage.seals import digest_of
-from glint.storage.submissions import CATALOGUE, Submission, list_submissions
+from glint.storage.submissions import CATALOGUE, Submission, folder_names, list_submissions
 
 FINISHED = "finished.json"
 MAX_KEPT = 10_000
@@ -152,10 +152,10 @@ class Inbox:
         """Record these sub-folders as finished, and drop the records of sub-folders that were removed.
 
         Raises:
-            StoreError: the store cannot be written.
+            InputError: there is no such folder; StoreError: inbox or store cannot be read, or the store not written.
         """
-        submissions, problems = self.submissions()
-        names = {submission.name for submission in submissions} | problems.keys()
+        check_folder(self.location)
+        names = folder_names(self.location)
         finished = self._finished() | {submission.name: submission.digest for submission in done}
         kept = {name: digest for name, digest in sorted(finished.items()) if name in names}
         with store_errors(self._records.uri, "recording finished sub-folders"):

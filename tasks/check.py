@@ -1,6 +1,7 @@
 """Check: whether a capture can be processed, how well the lights cover it, what to record again; before long stages."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -26,7 +27,7 @@ from glint.tasks.sphere_agreement import sphere_offer, sphere_warnings, surveyed
 from glint.tasks.stages.capture_geometry import OBJECT, load_geometry
 from glint.tasks.stages.frames import open_frames
 from glint.tasks.stages.stabilization import SAMPLED_FRAMES
-from glint.tasks.verdict import GOOD, NEEDS_SPHERE, OVERVIEW, USABLE, Verdict, failure_verdict, verdict
+from glint.tasks.verdict import GOOD, NEEDS_SPHERE, USABLE, Verdict, failure_verdict, verdict
 
 LAST_STAGE = "thresholds"
 MAX_HIGHLIGHT_ANGLE_DEG = 3.0
@@ -68,7 +69,7 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
     progress(stage, done, total).
 
     Raises:
-        StoreError: the store fails.
+        StoreError: the store fails; OutputError: `out` cannot be written.
     """
     records: list[StageRecord] = []
     stage = ""
@@ -160,13 +161,11 @@ def _failed(context: CaptureContext, records: Sequence[StageRecord], judged: Ver
     if records:
         geometry = load_geometry(context)
         spheres, region = geometry.spheres, geometry.region
-    picture: Path | None = out / f"{OVERVIEW}.png"
-    try:
-        write_failure_picture(_brightest_frame(context), region, spheres, out / f"{OVERVIEW}.png")
-    except InputError:
-        picture = None
+    pictures: tuple[Path, ...] = ()
+    with suppress(InputError):
+        pictures = (write_failure_picture(_brightest_frame(context), region, spheres, out),)
+    picture = next(iter(pictures), None)
     warnings = by_cost(warning for record in records for warning in record.warnings)
-    pictures = () if picture is None else (picture,)
     seconds = sum(record.seconds for record in records)
     return Check(
         context.name, judged, None, None, None, None, _texts(spheres), tuple(warnings), picture, pictures, seconds,

@@ -41,6 +41,7 @@ def check(
     from glint.flows.pipeline.preflight import report_input_errors
     from glint.flows.reporting.console import open_console
     from glint.flows.reporting.events import CaptureEnded, CaptureFailed
+    from glint.storage.errors import OutputError
     from glint.storage.locations.conditional_writes import check_conditional_writes
     from glint.storage.locations.location import Location
     from glint.tasks.check import check as check_capture
@@ -62,7 +63,7 @@ def check(
                 try:
                     context = reference.context()
                     result = check_capture(context, out / object_id / capture_id, _progress(console, name))
-                except OSError:
+                except OutputError:
                     raise  # a folder of pictures that cannot be written fails for all captures
                 except Exception as error:
                     if not isinstance(error, USER_ERRORS):

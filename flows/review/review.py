@@ -3,6 +3,8 @@
 from functools import lru_cache
 from typing import Any
 
+from pydantic import ValidationError
+
 from glint import reading
 from glint.flows.review.listing import Listing
 from glint.flows.review.object_rows import object_stamp
@@ -10,6 +12,7 @@ from glint.flows.review.preparation import Preparation
 from glint.flows.review.runs import Runs
 from glint.storage.catalogue.loading import Capture
 from glint.storage.edits.edits import Edits
+from glint.storage.errors import StoreError
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
 from glint.tasks.engine.capture_context import CaptureContext
@@ -87,7 +90,7 @@ class Review:
         """Return a capture's context, as a run of it has: from the catalogue, else as its newest version records it.
 
         Raises:
-            NotFoundError: there is no such capture.
+            NotFoundError: there is no such capture; StoreError: what is recorded of it cannot be used.
         """
         if self.catalogue is not None:
             catalogue = load_catalogue(self.catalogue)
@@ -99,9 +102,12 @@ class Review:
         entry, parameters = unedited_entry(recorded), recorded.get("parameters", {})
         if entry is None:
             raise reading.NotFoundError(f"no capture {capture_id!r} of {object_id}", "see the catalogue view")
-        return CaptureContext(
-            self.store, object_id, Capture.model_validate(entry), Parameters.model_validate(parameters)
-        )
+        try:
+            capture, checked = Capture.model_validate(entry), Parameters.model_validate(parameters)
+        except ValidationError as error:
+            message = f"what {object_id} records of {capture_id} cannot be used ({error.errors()[0]['msg']})"
+            raise StoreError(message, "start glint review with a CATALOGUE, or run the capture again") from error
+        return CaptureContext(self.store, object_id, capture, checked)
 
     def repository(self, object_id: str) -> ObjectRepository | None:
         """Return the object's results, None where the store has none yet."""

@@ -9,11 +9,13 @@ from typing import Annotated, Any, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
+from glint.storage.locations.location import METADATA_FILE
+
 ID = re.compile(r"[a-z0-9][a-z0-9._-]{0,63}")
 
 MODEL = "model"
 """Name of the merged model among an object's results."""
-RESERVED_IDS = {MODEL: "the object's merged model", "zarr.json": "a file in the store"}
+RESERVED_IDS = {MODEL: "the object's merged model", METADATA_FILE: "a file in the store"}
 """Ids that no capture may have, and what has them."""
 
 Id = Annotated[str, Field(pattern=rf"^{ID.pattern}$")]
@@ -132,12 +134,17 @@ def _distinct(spheres: tuple[Sphere, ...]) -> tuple[Sphere, ...]:
     return spheres
 
 
+MAX_GIVEN_SPHERES = 100
+"""Largest number of spheres of one capture."""
+Spheres = Annotated[tuple[Sphere, ...], Field(strict=False, max_length=MAX_GIVEN_SPHERES), AfterValidator(_distinct)]
+
+
 class Capture(_Strict):
     """One video or set of images of an object, and what is known about it; what is None or empty is estimated."""
 
     id: Id
     frames: Address
-    spheres: Annotated[tuple[Sphere, ...], Field(strict=False), AfterValidator(_distinct)] = ()
+    spheres: Spheres = ()
     lights: Address | None = None
     camera: Camera | None = None
     region: Region | None = None

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from glint.storage.edits.models import CaptureEdits, mask_png
 from glint.storage.edits.records import RevisionCommit
-from glint.storage.errors import DamagedError, StoreError
+from glint.storage.errors import DamagedError, one_line
 from glint.storage.footage.images import decode_image
 from glint.storage.inputs.markup import AnnotationEntry
 from glint.storage.seals import SEAL
@@ -53,7 +53,9 @@ def edits_of(group: StageResult, revision: int) -> CaptureEdits:
     try:
         edits = CaptureEdits.model_validate_json(json.dumps(record))
     except ValidationError as error:
-        raise StoreError(f"{group.name} was written by another version of Glint", "update Glint") from error
+        discard = f"`glint edits {group.object_id}/{group.capture} --discard` to continue without its edits"
+        message = f"{group.name} was written by another version of Glint ({one_line(error)})"
+        raise DamagedError(message, f"update Glint, or {discard}") from error
     if MASK_FILE not in files:
         return edits
     return edits.model_copy(update={"mask": decode_image(files[MASK_FILE], f"the mask of {group.name}") > 0})

@@ -10,13 +10,11 @@ import cv2
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializer, PlainValidator, WithJsonSchema
 
-from glint.storage.catalogue.models import Address, Camera, Id, Pose, Positive, Region, Sphere
+from glint.storage.catalogue.models import Address, Camera, Id, Pose, Positive, Region, Spheres
 from glint.storage.errors import InputError, printable
 from glint.storage.footage.images import MAX_PIXELS, decode_mask
 from glint.storage.inputs.markup import AnnotationEntry
 
-MAX_DRAWN_SPHERES = 100
-"""Largest number of spheres of one capture."""
 MAX_MARKS = 100_000
 """Largest number of marks of one capture: one every second of a working day, several times over."""
 MAX_MASK_BYTES = 50_000_000
@@ -84,7 +82,6 @@ Mask = Annotated[
 EncodedMask = Annotated[str, Field(max_length=MAX_MASK_BYTES * 4 // 3), _MASK_SCHEMA]
 """A mask before it is decoded."""
 Marks = Annotated[tuple[AnnotationEntry, ...], Field(strict=False, max_length=MAX_MARKS)]
-Spheres = Annotated[tuple[Sphere, ...], Field(strict=False, max_length=MAX_DRAWN_SPHERES)]
 Verdict = Literal["good", "usable", "record again"]
 """A person's verdict on what a capture is good for, in the words of `glint check`."""
 Line = Annotated[

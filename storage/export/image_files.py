@@ -3,6 +3,7 @@
 Arrays are (H, W) or (H, W, 3) with row 0 at the top; vectors become colours in the order x = red, y = green, z = blue.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import cv2
@@ -10,7 +11,7 @@ import numpy as np
 import OpenEXR
 import tifffile
 
-from glint.storage.errors import StoreError
+from glint.storage.errors import OutputError, StoreError
 
 PROVENANCE_PALETTE = np.array(
     [(255, 255, 255), (46, 125, 82), (216, 120, 24), (108, 92, 176), (168, 176, 186), (190, 60, 70), (60, 130, 190)],
@@ -35,6 +36,22 @@ def write_png(path: Path, image: np.ndarray) -> None:
         OSError: the file cannot be written.
     """
     path.write_bytes(encode_png(image))
+
+
+def write_pictures(folder: Path, pictures: Mapping[str, np.ndarray]) -> tuple[Path, ...]:
+    """Write pictures as PNG by name, without suffix, into a folder that is created if absent; return their paths.
+
+    Raises:
+        OutputError: the folder cannot be written.
+    """
+    paths = tuple(folder / f"{name}.png" for name in pictures)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for path, picture in zip(paths, pictures.values(), strict=True):
+            write_png(path, picture)
+    except OSError as error:
+        raise OutputError(f"{folder} cannot be written ({error.strerror})", "name another folder with --out") from error
+    return paths
 
 
 def encode_png(image: np.ndarray) -> bytes:

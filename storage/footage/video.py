@@ -193,8 +193,7 @@ def _open(location: Location) -> Iterator[Any]:
             "give a video (MP4, MKV, ..) or a folder of images",
         ) from error
     except (av.FFmpegError, OSError, ValueError) as error:
-        kind = plain_kind(location)
-        if kind:
+        if kind := plain_kind(location):
             raise InputError(f"{location.uri} is {kind}", "give a video or a folder of images") from error
         raise InputError(
             f"{location.uri} is no video that can be read ({getattr(error, 'strerror', None) or error})",

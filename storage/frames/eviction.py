@@ -13,14 +13,13 @@ from pathlib import Path
 import obstore
 
 from glint.storage.locations.error_translation import store_errors
-from glint.storage.locations.location import Location
+from glint.storage.locations.location import METADATA_FILE, Location
 
 MIN_IDLE = timedelta(hours=1)
 """Frames used more recently may be in use, and are kept."""
 
 KEYS_PER_DELETION = 500
 """Files that one call removes from an object store, which takes at most 1,000 of them in a request."""
-_GROUP_METADATA = "zarr.json"
 _DIGEST = re.compile(r"[0-9a-f]{64}")
 
 
@@ -72,7 +71,7 @@ def remove_frames(location: Location, chosen: Collection[CachedFrames]) -> None:
                 _remove_folder(location.local / "frames", entry.digest)
                 continue
             store = location.child("frames").obstore()
-            obstore.delete(store, f"{entry.digest}/{_GROUP_METADATA}")
+            obstore.delete(store, f"{entry.digest}/{METADATA_FILE}")
             paths = [path for path, _, _ in _files(location, entry.digest)]
             for start in range(0, len(paths), KEYS_PER_DELETION):
                 obstore.delete(store, paths[start : start + KEYS_PER_DELETION])
@@ -90,7 +89,7 @@ def discard_frames(location: Location, digest: str) -> None:
 
 
 def _remove_folder(cache: Path, digest: str, ignore_errors: bool = False) -> None:
-    (cache / digest / _GROUP_METADATA).unlink(missing_ok=True)
+    (cache / digest / METADATA_FILE).unlink(missing_ok=True)
     shutil.rmtree(cache / digest, ignore_errors)
     (cache / f"{digest}.used").unlink(missing_ok=True)
 

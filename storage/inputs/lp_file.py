@@ -5,6 +5,7 @@ The first line holds the number of lights, each further line `name x y z`.
 
 from collections import Counter
 from collections.abc import Sequence
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ MAX_NEGATED_SHARE = 0.8
 def read_lights(address: Address, names: Sequence[str] = (), count: int | None = None) -> np.ndarray:
     """Read directions to the light from an `.lp` file: float32 (T, 3), unit vectors, x right, y up, z to the camera.
 
-    names: the frames' file names; rows are matched by name, or taken in order if none matches.
+    names: the frames' file names; rows are matched by name, or taken in order if none matches or frames share a name.
     count: number of frames, where frames have no names.
 
     Raises:
@@ -44,6 +45,7 @@ def read_lights(address: Address, names: Sequence[str] = (), count: int | None =
     if all(direction is None for *_, direction in parsed):
         # The lines of a file of another kind are not shown: the catalogue's author may not be allowed to read them.
         raise InputError(f"{location.uri} is not an .lp file", "write `name x y z` into each line after the first")
+    has_column = _has_further_column([name for _, _, name, _ in parsed])
     for number, line, name, direction in parsed:
         if direction is None:
             message, remedy = f"{truncate_repr(line)} is not a light", "write `name x y z`"
@@ -52,9 +54,9 @@ def read_lights(address: Address, names: Sequence[str] = (), count: int | None =
             message = f"{truncate_repr(line)} has no direction"
             remedy = "write a direction with finite length, or remove the frame"
             diagnostics.append(Diagnostic(location.uri, number, message, remedy))
-        elif _ends_with_number(name):
+        elif has_column or any(not number.isdecimal() for number in _last_numbers(name)):
             message = f"{truncate_repr(line)} has more than three numbers"
-            remedy = "write `name x y z`, where no name of several words ends with a number"
+            remedy = "write `name x y z`, where a name of several words ends with a number only if it is a whole one"
             diagnostics.append(Diagnostic(location.uri, number, message, remedy))
         else:
             row_names.append(name)
@@ -105,31 +107,45 @@ def _parse_row(line: str) -> tuple[str, list[float] | None]:
     return name, [value / length for value in values]
 
 
-def _ends_with_number(name: str) -> bool:
-    """Return whether a name of several words ends with a number, which may be that of a further column."""
-    *words, last = name.split()
+def _has_further_column(names: Sequence[str]) -> bool:
+    """Return whether all names are those of files, followed by numbers, as many in each row."""
+    counts = {len(_last_numbers(name)) for name in names}
+    return len(counts) == 1 and 0 not in counts and all(Path(name.split()[0]).suffix for name in names)
+
+
+def _last_numbers(name: str) -> list[str]:
+    """Return the numbers at the end of a name of several words, which may be those of further columns."""
+    return list(takewhile(_is_number, reversed(name.split()[1:])))
+
+
+def _is_number(word: str) -> bool:
     try:
-        return bool(words) and np.isfinite(float(last))
+        return bool(np.isfinite(float(word)))
     except ValueError:
         return False
 
 
 def _rows_by_name(uri: str, row_names: Sequence[str], names: Sequence[str]) -> list[int] | None:
-    """Return the row of each frame by its file name or, failing that, its name without suffix; None: no name matches.
+    """Return the row of each frame by its file name or, failing that, its name without suffix.
+
+    None: no name matches, or frames of several folders have the same name.
 
     Raises:
         InputError: some match, but not all.
     """
-    for key in (lambda name: _base(name).lower(), _stem):
-        rows = {key(name): row for row, name in enumerate(row_names)}
-        if names and len(rows) == len(row_names) and all(key(name) in rows for name in names):
-            return [rows[key(name)] for name in names]
-    counts, images = Counter(map(_stem, row_names)), set(map(_stem, names))
-    matches = sum(counts[_stem(name)] == 1 for name in names)
-    if not images & counts.keys():
+    if not names or len({_base(name).lower() for name in names}) < len(names):
         return None
+    for key in (lambda name: _base(name).lower(), _stem):
+        images, counts = [key(name) for name in names], Counter(map(key, row_names))
+        if all(counts[image] == 1 for image in images):
+            rows = {key(name): row for row, name in enumerate(row_names)}
+            return [rows[image] for image in images]
+    matches = sum(counts[image] == 1 for image in images)
+    if not counts.keys() & set(images):
+        return None
+    unknown = counts.keys() - set(images)
     faults = {
-        "is no image": [name for name in row_names if _stem(name) not in images],
+        "is no image": [name for name in row_names if _stem(name) in unknown],
         "has no row": [name for name in names if not counts[_stem(name)]],
         "has several rows": [name for name in names if counts[_stem(name)] > 1],
     }

@@ -5,6 +5,7 @@ import glob
 import re
 import stat
 from collections.abc import Callable, Collection
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 
@@ -140,11 +141,13 @@ def _system_devices() -> frozenset[int]:
 
 
 def plain_kind(location: Location) -> str:
-    """Return in words that a local file is empty or text; "": it is neither, or lies in an object store."""
-    if location.local is None:
+    """Return in words that a local file is empty or text; "": it is neither, unreadable, or lies in an object store."""
+    head: bytes | None = None
+    if location.local is not None:
+        with suppress(OSError), location.local.open("rb") as file:
+            head = file.read(HEAD_BYTES)
+    if head is None:
         return ""
-    with location.local.open("rb") as file:
-        head = file.read(HEAD_BYTES)
     if not head:
         return "empty (0 bytes)"
     text = head.decode("utf-8", "ignore")

@@ -25,6 +25,8 @@ _REMOTE = re.compile(r"(?P<scheme>[A-Za-z][A-Za-z0-9+.-]*)://(?P<rest>.*)", re.D
 _NEARLY_REMOTE = re.compile(r"(s3|az):(?!//)", re.IGNORECASE)
 """Addresses with a slash too few; a path that begins so is given as ./s3:.."""
 _CONTAINER = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{1,62}")
+METADATA_FILE = "zarr.json"
+"""Name of the file beside the contents of a group or an array that describes it."""
 _FORMS = "give a path, s3://bucket/key or az://container/key"
 
 

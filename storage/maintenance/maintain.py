@@ -121,9 +121,10 @@ def parse_size(text: str) -> int:
 
 def _clean_object(location: Location, object_id: str, dry_run: bool, keep: int | None, age: timedelta) -> Cleaning:
     try:
-        # A store is cleaned for hours, in which runs begin: one relies on a cached file that it found whole.
-        with run_lock(location, object_id, "glint maintain"):
-            garbages = [remove_old_files(location, object_id, folder, age, dry_run) for folder in CACHES]
+        owner = run_owner(location, object_id)
+        if owner is not None:
+            raise ObjectBusy.owned_by(object_id, owner)
+        garbages = _remove_caches(location, object_id, age, dry_run)
         repository = ObjectRepository.open(location, object_id, create=False)
         removed = [] if keep is None else repository.prune(keep, dry_run)
         garbages.append(repository.garbage_collect(dry_run, age))
@@ -133,6 +134,20 @@ def _clean_object(location: Location, object_id: str, dry_run: bool, keep: int |
         return Cleaning(object_id, 0, 0, str(error), failed=True)
     note = f"{'would remove' if dry_run else 'removed'} {', '.join(removed)}" if removed else ""
     return Cleaning(object_id, sum(item.objects for item in garbages), sum(item.bytes for item in garbages), note)
+
+
+def _remove_caches(location: Location, object_id: str, age: timedelta, dry_run: bool) -> list[Garbage]:
+    """Remove the old files of an object's caches; a store that may only be read is not locked.
+
+    Raises:
+        ObjectBusy: a run has begun.
+    """
+    garbages = [remove_old_files(location, object_id, folder, age, dry_run=True) for folder in CACHES]
+    if dry_run or not any(item.objects for item in garbages):
+        return garbages
+    # A store is cleaned for hours, in which runs begin: one relies on a cached file that it found whole.
+    with run_lock(location, object_id, "glint maintain"):
+        return [remove_old_files(location, object_id, folder, age, dry_run=False) for folder in CACHES]
 
 
 def _clean_frames(location: Location, budget: int | None, dry_run: bool) -> Cleaning:

@@ -13,6 +13,7 @@ from zarr.core.sync import sync
 from zarr.errors import GroupNotFoundError
 
 from glint.storage.errors import DamagedError, damaged, one_line
+from glint.storage.locations.location import METADATA_FILE
 
 
 def open_group(store: Any, object_id: str, path: str) -> zarr.Group | None:
@@ -25,7 +26,7 @@ def open_group(store: Any, object_id: str, path: str) -> zarr.Group | None:
         try:
             return zarr.open_group(store, path=path, mode="r", use_consolidated=False, zarr_format=3)
         except GroupNotFoundError as error:
-            if sync(store.exists(f"{path}/zarr.json".lstrip("/"))):
+            if sync(store.exists(f"{path}/{METADATA_FILE}".lstrip("/"))):
                 raise _damage(object_id, path, error) from error
             return None
 

@@ -230,17 +230,19 @@ class ObjectRepository:
         min_age: must exceed the duration of any save. A dry run removes nothing and counts only what is unreferenced
         already, without the replaced results that collection would release first.
         """
-        return self._transaction("cleaning up", lambda: collect(self._repository, self._folder, min_age, dry_run))
+        return self._transaction(
+            "cleaning up", lambda: collect(self._repository, self._folder, min_age, dry_run), dry_run
+        )
 
     def prune(self, keep: int, dry_run: bool = False) -> list[str]:
         """Remove all but the newest `keep` versions from the history; return their names. Their data become garbage."""
-        return self._transaction("pruning versions", lambda: prune(self._repository, self.object_id, keep, dry_run))
+        return self._transaction("pruning", lambda: prune(self._repository, self.object_id, keep, dry_run), dry_run)
 
     def _store(self, ref: str) -> Any:
         return read_session(self._repository, self.object_id, ref).store
 
-    def _transaction[T](self, action: str, change: Callable[[], T]) -> T:
-        return transaction(self.location, self.object_id, action, change)
+    def _transaction[T](self, action: str, change: Callable[[], T], dry_run: bool = False) -> T:
+        return transaction(self.location, self.object_id, action, change, dry_run)
 
     @contextmanager
     def _errors(self, action: str) -> Iterator[None]:

@@ -14,6 +14,7 @@ import numpy as np
 import zarr
 
 from glint.storage.errors import StoreError, damaged
+from glint.storage.locations.location import METADATA_FILE
 from glint.storage.seals import SEAL, is_sealed
 from glint.storage.versions.checksums import VerifiedArrays, VerifiedStore
 from glint.storage.versions.groups import open_group, readable_metadata
@@ -33,7 +34,7 @@ LAYOUT_NUMBER = 3
 FILES_GROUP = "files"
 """Name of the subgroup of a stage's files; no array can have this name."""
 
-_METADATA = "/zarr.json"
+_METADATA_END = f"/{METADATA_FILE}"
 _NAME = re.compile(r"[a-z0-9][a-z0-9._-]{0,63}")
 _FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}")
 
@@ -119,8 +120,8 @@ def check_name(name: str, kind: str) -> str:
         StoreError: it cannot.
     """
     # Objects have folders of their own, all else lies in a group beside the group's metadata.
-    if not is_name(name) or (kind != "object" and f"/{name}" == _METADATA):
-        raise StoreError(f"{kind} {name!r} cannot be a name in the store", f"use {_NAME.pattern}, not zarr.json")
+    if not is_name(name) or (kind != "object" and name == METADATA_FILE):
+        raise StoreError(f"{kind} {name!r} cannot be a name in the store", f"use {_NAME.pattern}, not {METADATA_FILE}")
     return name
 
 
@@ -130,7 +131,7 @@ def check_file_name(name: str, owner: str) -> str:
     Raises:
         StoreError: it is not.
     """
-    if not _FILE_NAME.fullmatch(name) or name == "zarr.json":
+    if not _FILE_NAME.fullmatch(name) or name == METADATA_FILE:
         raise StoreError(f"{owner} names a file {name!r}, which could leave its folder", "do not trust this store")
     return name
 
@@ -193,7 +194,7 @@ def _result(
         raise damaged(owner, "its attributes are not what was written", object_id)
     checksums: dict[str, str] = attributes["checksums"]
     verified = VerifiedStore(store, path, checksums, owner, object_id)
-    places = [key.removesuffix(_METADATA) for key in checksums if key.endswith(_METADATA)]
+    places = [key.removesuffix(_METADATA_END) for key in checksums if key.endswith(_METADATA_END)]
     files = {name: FileInfo(**info) for name, info in attributes["files"].items()}
     arrays = VerifiedArrays(verified, path, [place for place in places if "/" not in place and place != FILES_GROUP])
     return StageResult(

@@ -15,6 +15,7 @@ from zarr.core.sync import sync
 
 from glint.storage.errors import DamagedError, StoreError
 from glint.storage.json_values import json_value
+from glint.storage.locations.location import METADATA_FILE
 from glint.storage.seals import sealed
 from glint.storage.versions.checksums import RecordingStore
 from glint.storage.versions.groups import readable_metadata
@@ -68,7 +69,7 @@ def write_stage(
     written = {
         place.removeprefix(f"{path}/"): value
         for place, value in recording.checksums.items()
-        if place.startswith(f"{path}/") and place != f"{path}/zarr.json"
+        if place.startswith(f"{path}/") and place != f"{path}/{METADATA_FILE}"
     }
     own = {"name": f"{object_id}/{path}", "key": key, "record": json_value(record), "files": infos}
     group.attrs.put(sealed(own | {"checksums": written}))

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
 from random import uniform
 
 import icechunk
@@ -38,21 +39,24 @@ def create_repository(location: Location, object_id: str) -> icechunk.Repository
     return repository
 
 
-def transaction[T](location: Location, object_id: str, action: str, change: Callable[[], T]) -> T:
+def transaction[T](
+    location: Location, object_id: str, action: str, change: Callable[[], T], dry_run: bool = False
+) -> T:
     """Run `change` under a lock on a local store; on an object store, repeat it after conflicts with other writers.
 
-    action: what the change does, for messages.
+    action: what the change does, for messages; dry_run: it only reads, also a store that may not be written.
 
     Raises:
         StoreError: the store cannot be written, or other writers were faster every time.
     """
     folder = repository_folder(location, object_id)
-    with index_errors(location.uri, f"{action} of object {object_id}", object_id), mutation_lock(location, object_id):
+    lock = nullcontext() if dry_run else mutation_lock(location, object_id)
+    with index_errors(location.uri, f"{action} of object {object_id}", object_id), lock:
         for attempt in range(MAX_COMMIT_ATTEMPTS):
             started = time.time()
             try:
                 result = change()
-                if folder.local is not None:
+                if folder.local is not None and not dry_run:
                     flush_tree(folder.local, started)
                 return result
             except icechunk.ConflictError:

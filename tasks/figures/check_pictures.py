@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from glint.storage.catalogue.loading import Region
-from glint.storage.export.image_files import write_png
+from glint.storage.export.image_files import write_pictures
 from glint.storage.footage.luma import eight_bits
 from glint.tasks.algorithms.lighting.coverage import coverage
 from glint.tasks.algorithms.lighting.spheres import Sphere
@@ -37,8 +37,10 @@ def write_check_pictures(
 
     first_frame: of the video, whole; mask, doubt and peak (H, W) of the region; half_vectors (T, 3); keyframe_pictures:
     frames (H, W) of the region by number.
+
+    Raises:
+        OutputError: the folder cannot be written.
     """
-    out.mkdir(parents=True, exist_ok=True)
     pictures = {
         "coverage": draw_coverage(coverage(half_vectors), half_vectors),
         "overview": draw_overview(first_frame, region, spheres, mask, doubt),
@@ -48,19 +50,18 @@ def write_check_pictures(
     }
     for frame, picture in keyframe_pictures.items():
         pictures[f"keyframe_{frame:06d}"] = draw_keyframe(picture, frame, region.x, region.y)
-    paths = []
-    for name, picture in pictures.items():
-        paths.append(out / f"{name}.png")
-        write_png(paths[-1], picture)
-    return tuple(paths)
+    return write_pictures(out, pictures)
 
 
-def write_failure_picture(frame: np.ndarray, region: Region | None, spheres: Sequence[Sphere], path: Path) -> None:
-    """Write the picture of a capture that cannot be processed: a frame (H, W) with what is known of it."""
+def write_failure_picture(frame: np.ndarray, region: Region | None, spheres: Sequence[Sphere], out: Path) -> Path:
+    """Write overview.png of a capture that cannot be processed: a frame (H, W) with what is known of it; return it.
+
+    Raises:
+        OutputError: the folder cannot be written.
+    """
     height, width = frame.shape
     whole = Region(x=0, y=0, width=width, height=height)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_png(path, draw_overview(frame, region or whole, spheres))
+    return write_pictures(out, {"overview": draw_overview(frame, region or whole, spheres)})[0]
 
 
 def draw_overview(

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glint.storage.errors import OutputError
-from glint.storage.export.image_files import colour_values, write_png
+from glint.storage.export.image_files import colour_values, write_pictures
 from glint.tasks.version_diff import Difference
 
 MAX_ANGLE_DEG = 20.0
@@ -25,9 +24,8 @@ def draw_diff_maps(difference: Difference, folder: Path) -> None:
     """
     known = np.abs(difference.depths[np.isfinite(difference.depths)])
     limit = max(float(np.quantile(known, DEPTH_QUANTILE)) if known.size else 0.0, 1e-6)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        write_png(folder / "normals_difference.png", colour_values(difference.angles, 0.0, MAX_ANGLE_DEG))
-        write_png(folder / "depth_difference.png", colour_values(difference.depths, -limit, limit))
-    except OSError as error:
-        raise OutputError(f"{folder} cannot be written ({error.strerror})", "name another folder with --out") from error
+    maps = {
+        "normals_difference": colour_values(difference.angles, 0.0, MAX_ANGLE_DEG),
+        "depth_difference": colour_values(difference.depths, -limit, limit),
+    }
+    write_pictures(folder, maps)

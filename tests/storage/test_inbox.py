@@ -2,11 +2,14 @@
 
 import json
 import os
+import shutil
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from time import sleep
 
+import obstore
 import pytest
+from obstore.exceptions import GenericError
 from obstore.store import LocalStore
 
 from glint.storage.catalogue.loading import load
@@ -14,7 +17,7 @@ from glint.storage.errors import InputError
 from glint.storage.inbox import Inbox, InboxScan
 from glint.storage.locations.input_files import expand
 from glint.storage.locations.location import Location
-from glint.storage.submissions import list_submissions
+from glint.storage.submissions import _local_files, list_submissions
 
 AT_ONCE = timedelta(0)
 
@@ -130,7 +133,7 @@ def test_the_common_catalogue_keeps_what_is_finished(inbox: Inbox) -> None:
 def test_records_of_removed_sub_folders_are_dropped(inbox: Inbox) -> None:
     put(inbox, "duck/video.mp4", "fish/video.mp4")
     finish(inbox, inbox.scan(AT_ONCE))
-    (Path(inbox.location.path) / "duck" / "video.mp4").unlink()
+    shutil.rmtree(Path(inbox.location.path) / "duck")
     inbox.finish([])
     (memory,) = (Path(inbox.location.path).parent / "store" / "inbox").glob("*/finished.json")
     assert set(json.loads(memory.read_text())["finished"]) == {"fish"}
@@ -280,3 +283,58 @@ def test_the_sub_folders_of_a_prefix_are_listed_each_by_itself(
     (submission,), problems = list_submissions(Location.parse("s3://bucket/inbox"))
     assert submission.name == "duck" and datetime.now(UTC) - submission.changed < timedelta(minutes=1)
     assert set(problems) == {"a\\b"} and "use a plain name" in problems["a\\b"]
+
+
+def test_a_prefix_is_listed_once_however_many_sub_folders_it_has(
+    inbox: Inbox, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    put(inbox, "duck/a/video.mp4", "vase/catalogue.yaml", "vase/video.mp4", ".hidden/video.mp4", "notes.txt")
+    (each, _), place = list_submissions(inbox.location), Location.parse("s3://bucket/inbox")
+    listings = list[Location]()
+
+    def opened(location: Location) -> LocalStore:
+        listings.append(location)
+        return LocalStore(tmp_path / location.path)
+
+    monkeypatch.setattr(Location, "obstore", opened)
+    together, problems = list_submissions(place)
+    assert listings == [place] and not problems
+    assert [(item.name, item.digest) for item in together] == [(item.name, item.digest) for item in each]
+    assert [item.has_catalogue for item in together] == [False, True]
+
+
+def test_a_key_that_cannot_be_listed_leaves_the_other_sub_folders_alone(
+    inbox: Inbox, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    put(inbox, "duck/video.mp4", "vase/video.mp4")
+
+    def opened(location: Location) -> LocalStore:
+        return LocalStore(tmp_path / location.path)
+
+    def listed(store: LocalStore) -> object:
+        if Path(str(store.prefix)).name != "duck":
+            raise GenericError("Path contains empty path segment")
+        return list_of(store)
+
+    list_of = obstore.list
+    monkeypatch.setattr(Location, "obstore", opened)
+    monkeypatch.setattr(obstore, "list", listed)
+    (submission,), problems = list_submissions(Location.parse("s3://bucket/inbox"))
+    assert submission.name == "duck" and set(problems) == {"vase"}
+
+
+def test_the_tag_of_a_file_is_that_of_obstore(inbox: Inbox, tmp_path: Path) -> None:
+    put(inbox, "duck/a/video.mp4")
+    place = Path(inbox.location.path) / "duck"
+    os.utime(place / "a" / "video.mp4", ns=(0, 1_700_000_000_123_456_789))
+    metas = [meta for page in obstore.list(LocalStore(place)) for meta in page]
+    assert _local_files(place)[0] == [(meta["path"], meta["size"], meta["e_tag"]) for meta in metas]
+
+
+def test_finishing_does_not_list_what_lies_in_the_sub_folders(inbox: Inbox, monkeypatch: pytest.MonkeyPatch) -> None:
+    put(inbox, "duck/video.mp4")
+    scan = inbox.scan(AT_ONCE)
+    monkeypatch.setattr(os, "walk", None)
+    finish(inbox, scan)
+    monkeypatch.undo()
+    assert inbox.scan(AT_ONCE).unchanged == 1

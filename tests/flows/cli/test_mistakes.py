@@ -10,7 +10,7 @@ from glint.flows.cli.main import app
 from glint.flows.cli.output import counted
 from glint.flows.cli.review import _listener, _origins
 from glint.storage.catalogue.loading import Catalogue, load, write
-from glint.storage.errors import GlintError, InputError
+from glint.storage.errors import GlintError, InputError, OutputError
 
 CAPTURE = {"id": "front", "frames": "front.mp4"}
 
@@ -103,15 +103,29 @@ def test_a_check_that_finds_nothing_usable_does_not_suggest_a_run(
     assert "then glint check catalogue.yaml" in done.output and "glint run" not in done.output
 
 
-def test_a_check_reports_what_nobody_expected_of_one_capture(catalogue: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("error", "text"), [(ValueError("arange"), "ValueError: arange"), (OSError(5, "I/O error"), "I/O error")]
+)
+def test_a_check_reports_what_nobody_expected_of_one_capture(
+    catalogue: Path, monkeypatch: pytest.MonkeyPatch, error: Exception, text: str
+) -> None:
     def fails(*_: object) -> None:
-        raise ValueError("arange")
+        raise error
 
     monkeypatch.chdir(catalogue.parent)
     monkeypatch.setattr("glint.tasks.check.check", fails)
     done = CliRunner().invoke(app, ["check", "catalogue.yaml"])
     assert done.exit_code == 1 and isinstance(done.exception, SystemExit)
-    assert "duck/front" in done.output and "ValueError: arange: internal error" in done.output
+    assert "duck/front" in done.output and f"{text}: internal error" in done.output
+
+
+def test_a_check_ends_where_its_pictures_cannot_be_written(catalogue: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object) -> None:
+        raise OutputError("out cannot be written", "name another folder with --out")
+
+    monkeypatch.chdir(catalogue.parent)
+    monkeypatch.setattr("glint.tasks.check.check", fails)
+    assert isinstance(CliRunner().invoke(app, ["check", "catalogue.yaml"]).exception, OutputError)
 
 
 def test_a_port_that_is_taken_is_named() -> None:

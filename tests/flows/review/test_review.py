@@ -11,7 +11,7 @@ from glint.flows.review.review import Review
 from glint.storage.catalogue.models import Capture
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import Changes, mask_png
-from glint.storage.errors import NotFoundError
+from glint.storage.errors import NotFoundError, StoreError
 from glint.storage.inputs.markup import AnnotationEntry
 from glint.storage.versions.repository import ObjectRepository
 from glint.tasks.engine.capture_context import CaptureContext, with_edits
@@ -46,6 +46,17 @@ def test_a_version_is_opened_once_until_its_object_changes(tmp_path: Path, monke
     shutil.rmtree(tmp_path / "store")
     with pytest.raises(NotFoundError):
         review.version("vase", "v1")
+
+
+def test_a_recorded_capture_that_cannot_be_used_is_named(tmp_path: Path) -> None:
+    sphere = {"x": 50.0, "y": 50.0, "radius": 9.0}
+    entry = {"id": "front", "frames": str(tmp_path / "front.mp4"), "spheres": [sphere, sphere]}
+    work = CaptureContext(str(tmp_path / "store"), "vase", Capture(id="front", frames="/front.mp4"), Parameters())
+    work.repository.save("front", "mask", "key", {"mask": np.ones((2, 2), bool)}, {})
+    work.repository.publish(["front"], {"captures": {"front": {"entry": entry}}}, ("mask",))
+    with pytest.raises(StoreError, match=r"of front cannot be used \(spheres 1 and 2 are the same circle") as caught:
+        Review(work.store, None).context("vase", "front")
+    assert "start glint review with a CATALOGUE" in caught.value.remedy
 
 
 def test_without_a_catalogue_edits_are_not_taken_for_what_the_catalogue_gives(tmp_path: Path) -> None:

@@ -242,6 +242,14 @@ def test_the_same_sphere_listed_twice_is_told(tmp_path: Path) -> None:
     assert (diagnostic.line, diagnostic.remedy) == (8, "remove one")
 
 
+def test_more_spheres_than_anyone_places_are_refused_before_they_are_compared(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("glint.storage.catalogue.models.math.hypot", None)
+    spheres = ", ".join(["{x: 182.4, y: 79.4, radius: 30}"] * 101)
+    assert "at most 100 items" in _only(tmp_path, f"{HEAD}{ONE}        spheres: [{spheres}]\n").message
+
+
 @pytest.mark.parametrize("text", ["", "\n# nothing\n", "[]", "- 1", "hello", "3"])
 def test_no_catalogue(tmp_path: Path, text: str) -> None:
     assert "not a catalogue" in _only(tmp_path, text).message

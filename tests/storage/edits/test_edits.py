@@ -1,6 +1,7 @@
 """Edits: saved, merged, undone, kept for good; two writers, a killed one, damage, hostile values."""
 
 import base64
+import json
 import multiprocessing
 import os
 import pickle
@@ -377,6 +378,7 @@ BOMB = base64.b64encode(cv2.imencode(".png", np.zeros((1, 1), np.uint8))[1].toby
     [
         '{"spheres": [{"x": 1, "y": 2, "radius": -3}]}',
         '{"spheres": [{"x": 1, "y": 2, "radius": 3, "colour": "red"}]}',
+        f'{{"spheres": {json.dumps(SPHERES * 2)}}}',
         '{"spheres": [{"x": NaN, "y": 2, "radius": 3}]}',
         '{"region": {"x": 1.5, "y": 2, "width": 3, "height": 4}}',
         '{"pose": {}}',
@@ -401,6 +403,16 @@ BOMB = base64.b64encode(cv2.imencode(".png", np.zeros((1, 1), np.uint8))[1].toby
 def test_hostile_changes_are_refused(text: str) -> None:
     with pytest.raises(ValidationError):
         Changes.model_validate_json(text)
+
+
+def test_edits_that_are_no_longer_valid_can_be_discarded(edits: Edits) -> None:
+    (sphere,) = Changes.model_validate({"spheres": SPHERES}).spheres or ()
+    edits.save("front", Changes.model_construct({"spheres"}, spheres=(sphere, sphere)), "Ann", 0)
+    with pytest.raises(DamagedError, match="the same circle") as caught:
+        edits.current("front")
+    assert "glint edits duck/front --discard" in caught.value.remedy
+    edits.discard("front", "Ann")
+    assert edits.current("front").edited == ()
 
 
 @pytest.mark.parametrize("author", ["", "  ", "two\nlines", "\x1b[31m", "x" * 300])

@@ -193,6 +193,17 @@ def test_what_a_file_is_instead_of_a_video_is_named(tmp_path: Path, data: bytes,
         open_footage(tmp_path / "a.mp4")
 
 
+def test_a_video_that_may_not_be_read_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def denied(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    (tmp_path / "a.mp4").write_bytes(b"xx")
+    monkeypatch.setattr("av.open", denied)
+    monkeypatch.setattr(Path, "open", denied)
+    with pytest.raises(InputError, match=r"a.mp4 is no video that can be read \(Permission denied\)"):
+        open_footage(tmp_path / "a.mp4")
+
+
 @pytest.mark.parametrize("data", [b"\0" * 100_000, bytes(range(256)) * 400])
 @pytest.mark.parametrize("name", ["a.mp4", "a.avi", "a.mkv", "a"])
 def test_garbage_is_refused(tmp_path: Path, data: bytes, name: str) -> None:

@@ -144,9 +144,33 @@ def test_lights_behind_the_object_are_refused(tmp_path: Path) -> None:
     assert "94 of 100 lights of" in error.message and "(z < 0)" in error.message and "negate it" in error.remedy
 
 
-def test_a_row_of_more_numbers_is_refused(tmp_path: Path) -> None:
-    error = _refused(read_lights, _lights(tmp_path, "2\n0 0.1 0.2 0.9 1\nphoto 2.png 0 0 1\n"))
-    assert error.message.endswith(":2: '0 0.1 0.2 0.9 1' has more than three numbers")
+def test_images_of_several_folders_with_the_same_name_are_taken_in_order(tmp_path: Path) -> None:
+    path = _lights(tmp_path, "2\n2/img.png 1 0 0\n10/img.png 0 1 0\n")
+    assert read_lights(path, ["img.png", "img.png"]).tolist() == [[1, 0, 0], [0, 1, 0]]
+
+
+def test_several_rows_of_what_is_no_image_do_not_matter(tmp_path: Path) -> None:
+    path = _lights(tmp_path, "4\nz.png 0 0 1\nb.png 1 0 0\nz.png 0 0 1\na.png 0 1 0\n")
+    assert read_lights(path, ["a.png", "b.png"]).tolist() == [[0, 1, 0], [1, 0, 0]]
+
+
+@pytest.mark.parametrize(
+    ("rows", "refused"),
+    [
+        (("0 0.1 0.2 0.9 1", "photo 2.png 0 0 1"), "0 0.1 0.2 0.9 1"),
+        (("a.png 0 0 1 1", "b.png 0 1 0 2"), "a.png 0 0 1 1"),
+        (("a.png 1 0 0 1", "b.png 2 0 1 0"), "a.png 1 0 0 1"),
+    ],
+)
+def test_rows_of_more_numbers_are_refused(tmp_path: Path, rows: tuple[str, str], refused: str) -> None:
+    error = _refused(read_lights, _lights(tmp_path, "\n".join(["2", *rows])))
+    assert f":2: {refused!r} has more than three numbers" in error.message
+
+
+@pytest.mark.parametrize("names", [("Light 1", "Light 2"), ("a.png 1", "b.png")])
+def test_names_of_several_words_may_end_with_a_whole_number(tmp_path: Path, names: tuple[str, str]) -> None:
+    path = _lights(tmp_path, f"2\n{names[0]} 0 0 1\n{names[1]} 0 1 0\n")
+    assert read_lights(path, count=2).tolist() == [[0, 0, 1], [0, 1, 0]]
 
 
 @pytest.mark.parametrize("count", [1, 3])

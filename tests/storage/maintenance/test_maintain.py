@@ -155,6 +155,16 @@ def test_data_of_a_running_object_are_left_alone(tmp_path: Path) -> None:
     assert not list((tmp_path / "frames").iterdir())
 
 
+def test_a_dry_run_writes_nothing(tmp_path: Path) -> None:
+    location = Location.parse(tmp_path)
+    versions(location, 3)
+    for lock in (tmp_path / "objects" / "glass").glob("*.lock"):
+        lock.unlink()
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
+    assert "would remove v1, v2" in part(maintain(location, True, 1, NOW, 0), "glass").note
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
+
+
 def test_the_least_recently_used_frames_are_removed_first(tmp_path: Path) -> None:
     location = Location.parse(tmp_path)
     for digest, days in (("a", 3), ("b", 9), ("c", 5), ("d", 1)):

@@ -84,7 +84,19 @@ def test_a_new_repository_is_on_the_disk_with_the_folders_that_lead_to_it(
     ObjectRepository.open(location, "duck")
     store = folder_of(location)
     repository = store / "objects" / "duck" / "repo"
-    assert {store, store / "objects", store / "objects" / "duck", repository, *repository.rglob("*")} <= set(flushed)
+    folders = {store.parent, store, store / "objects", store / "objects" / "duck", repository}
+    assert folders | set(repository.rglob("*")) <= set(flushed)
+
+
+def test_a_store_in_a_folder_that_cannot_be_opened_is_created(
+    location: Location, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def flushed(path: Path) -> None:
+        if path == folder_of(location).parent:
+            raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("glint.storage.fsync.flush", flushed)
+    assert ObjectRepository.open(location, "duck").captures() == []
 
 
 def test_saving_again_replaces_the_whole_stage(repository: ObjectRepository) -> None:

@@ -5,10 +5,14 @@ import asyncio
 import numpy as np
 import pytest
 from zarr.core.buffer import default_buffer_prototype
+from zarr.core.common import ZARR_JSON
 from zarr.storage import MemoryStore
 
-from glint.storage.errors import DamagedError
+from glint.storage.catalogue.models import RESERVED_IDS
+from glint.storage.errors import DamagedError, StoreError
+from glint.storage.locations.location import METADATA_FILE
 from glint.storage.versions import stage_results
+from glint.storage.versions.stage_results import check_file_name, check_name
 from glint.storage.versions.stage_writer import write_stage
 from glint.storage.versions.verification import verify
 
@@ -54,3 +58,11 @@ def test_what_is_computed_again_replaces_damaged_metadata(place: str, metadata: 
     results = stage_results.read_capture(store, "duck", "front")
     assert {stage: result.key for stage, result in results.items()} == {"labels": "new key", "depth": "key"}
     assert not verify(results.values()).damages
+
+
+def test_no_capture_or_file_takes_the_name_of_the_metadata() -> None:
+    assert METADATA_FILE == ZARR_JSON and METADATA_FILE in RESERVED_IDS
+    with pytest.raises(StoreError):
+        check_name(METADATA_FILE, "capture")
+    with pytest.raises(StoreError):
+        check_file_name(METADATA_FILE, "duck/front")

@@ -4,10 +4,18 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 
 from glint.storage.catalogue.loading import Region
+from glint.storage.errors import OutputError
 from glint.tasks.algorithms.lighting.spheres import Sphere
-from glint.tasks.figures.check_pictures import DOUBT_RGB, MASK_RGB, draw_overview, write_check_pictures
+from glint.tasks.figures.check_pictures import (
+    DOUBT_RGB,
+    MASK_RGB,
+    draw_overview,
+    write_check_pictures,
+    write_failure_picture,
+)
 from tests.pictures import read_picture
 
 REGION = Region(x=10, y=20, width=40, height=30)
@@ -29,6 +37,12 @@ def test_layers_of_the_mask_have_the_size_of_the_frame(tmp_path: Path) -> None:
     assert (first == 43).all() and first.shape == (60, 80)
     assert (brightest[REGION.rows, REGION.columns] == 255).all() and (brightest == 255).sum() == 30 * 40
     assert np.array_equal(painted[REGION.rows, REGION.columns] > 0, mask) and (painted > 0).sum() == mask.sum()
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(OutputError, match="cannot be written"):
+        write_failure_picture(np.zeros((60, 80), np.uint8), REGION, [], tmp_path / "file" / "out")
 
 
 def test_the_silhouette_is_red_where_it_is_doubtful() -> None:
