@@ -16,9 +16,9 @@ UNSUPPORTED_COST_DEG = 5.0
 """Error of the normals beside a contour that nothing supports: that of a contour off by a tenth of the inradius."""
 CUT_COST_DEG = 15.0
 """Error of the normals beside a contour that is the frame's edge, or beyond which the object goes on: there the surface
-does not turn from the camera; and of those of a sphere that the mask covers."""
+does not turn from the camera."""
 SHAPE_COST_DEG = 3.0
-"""Error of the normals beside a neck or a ragged piece."""
+"""Error of the normals beside a neck or a ragged piece, and of a sphere that the mask covers."""
 REMEDY = "correct it by hand: `glint check` writes mask.png, frame.png and brightest.png, and draws the doubt in red"
 
 
@@ -80,7 +80,8 @@ def _warning(objection: Objection, pixels: np.ndarray, geometry: CaptureGeometry
     text, cost = {
         "cut": (f"{share} lies along the edge of frame or region {place}: the object goes on beyond it", CUT_COST_DEG),
         "continued": (f"highlights go on beyond {share} {place}, as if it lacked a part of the object", CUT_COST_DEG),
-        "sphere": (f"it covers {objection.share:.0%} of the chrome sphere {place}", CUT_COST_DEG),
+        # Which of the two is wrong, the lights tell: a circle that is no sphere costs far more.
+        "sphere": (f"it covers {objection.share:.0%} of the circle of the chrome sphere {place}", SHAPE_COST_DEG),
         "neck": (f"a neck joins its parts {place}", SHAPE_COST_DEG),
         "ragged": (f"its contour is ragged {place}", SHAPE_COST_DEG),
         "unsupported": (f"no highlight was recorded near {share}, most {place}", UNSUPPORTED_COST_DEG),

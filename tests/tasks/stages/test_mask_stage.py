@@ -36,7 +36,7 @@ def test_a_mask_that_covers_the_chrome_sphere_is_told_and_what_it_covers_is_not_
     cv2.imwrite(str(tmp_path / "mask.png"), np.where(frame[:height, :width] | on_sphere, 255, 0).astype(np.uint8))
     work = make_context(simulated, tmp_path / "store", mask=str(tmp_path / "mask.png"), region=None)
     (record,) = [record for record in perform_all(work, "mask") if record.stage == "mask"]
-    assert any("of the chrome sphere" in warning.message for warning in record.warnings)
+    assert any("of the circle of the chrome sphere" in warning.message for warning in record.warnings)
     place, doubt = work.load("mask").record["region"], work.load("mask").read("doubt")
     assert doubt[round(sphere.y) - place["y"], round(sphere.x) - place["x"]] == 1.0
 
