@@ -46,52 +46,55 @@ class Misplacement:
     piece: np.ndarray
 
 
-def misplacement(
-    contour: np.ndarray,
-    distance: np.ndarray,
-    images: Sequence[np.ndarray],
-    flash: np.ndarray,
-    free: np.ndarray,
-    edge: float,
-) -> Misplacement | None:
+@dataclass(frozen=True, slots=True)
+class ContourEvidence:
+    """What the contour of a mask is compared with.
+
+    contour: (H, W) bool, the outermost pixels of the mask. distance: (H, W), from the contour, negative inside, pixels.
+    images: (H, W) each, see `edge_image`. free: (H, W) bool, pixels beside the spheres. reach: distance from the
+    contour in which a stronger edge is looked for, pixels.
+    """
+
+    contour: np.ndarray
+    distance: np.ndarray
+    images: Sequence[np.ndarray]
+    free: np.ndarray
+    reach: int
+
+    @classmethod
+    def of(
+        cls, contour: np.ndarray, distance: np.ndarray, images: Sequence[np.ndarray], free: np.ndarray, edge: float
+    ) -> "ContourEvidence":
+        """Return the evidence; edge: of a square of the mask's area, pixels."""
+        return cls(contour, distance, images, free, max(MIN_SEARCH_PX, round(SEARCH_SHARE * edge)))
+
+
+def misplacement(evidence: ContourEvidence, flash: np.ndarray) -> Misplacement | None:
     """Return how a contour lies beside the strongest edges or inside of highlights; None: it does not.
 
-    Args:
-        contour: (H, W) bool, the outermost pixels of the mask.
-        distance: (H, W), from the contour, negative inside, pixels.
-        images: (H, W) each, see `edge_image`.
-        flash: (H, W) bool, pixels of highlights.
-        free: (H, W) bool, pixels beside the spheres.
-        edge: of a square of the mask's area, pixels.
+    flash: (H, W) bool, pixels of highlights.
     """
-    reach = _reach(edge)
-    profile = _edge_profile(distance, images, reach, free)
+    contour, distance, reach = evidence.contour, evidence.distance, evidence.reach
+    profile = _edge_profile(evidence, evidence.free)
     at_contour = float(profile[reach])
     inward, outward = profile[: reach - MIN_OFFSET_PX + 1], profile[reach + MIN_OFFSET_PX :]
     if outward.max() > OUTWARD_RATIO * at_contour and outward.max() > inward.max() / INWARD_RATIO:
         return Misplacement("too small", float(outward.argmax()) + MIN_OFFSET_PX, contour)
     if inward.max() > INWARD_RATIO * at_contour:
         return Misplacement("too large", float(inward.argmax()) - reach, contour)
-    beyond = _beside_outer_highlights(contour, flash, (distance > 1.5) & (distance <= reach) & free) & contour
+    beyond = _beside_outer_highlights(contour, flash, (distance > 1.5) & (distance <= reach) & evidence.free) & contour
     if beyond.sum() > MAX_OUTER_HIGHLIGHTS * contour.sum():
         return Misplacement("too small", 0.0, beyond)
     return None
 
 
-def continued_beyond(
-    contour: np.ndarray,
-    distance: np.ndarray,
-    images: Sequence[np.ndarray],
-    flash: np.ndarray,
-    free: np.ndarray,
-    edge: float,
-) -> np.ndarray | None:
+def continued_beyond(evidence: ContourEvidence, flash: np.ndarray) -> np.ndarray | None:
     """Return the piece (H, W) bool of a contour beyond which the object goes on; None: it does nowhere.
 
     Highlights are as dense there as inside, and the contour is no stronger an edge than what lies beyond it, as that of
-    a caustic beside the object is. flash: as many of the object's as possible; for the rest see `misplacement`.
+    a caustic beside the object is. flash: (H, W) bool, pixels of highlights, as many of the object's as possible.
     """
-    reach = _reach(edge)
+    contour, distance, free, reach = evidence.contour, evidence.distance, evidence.free, evidence.reach
     parts = _parts(contour)
     outside, inside = (distance > 1.5) & (distance <= reach) & free, (distance < 0.0) & (distance >= -reach) & free
     usual = float(np.median(_density(parts, flash, inside)))
@@ -99,25 +102,24 @@ def continued_beyond(
     piece = contour & is_beside
     if piece.sum() < MIN_CONTINUED_SHARE * contour.sum():
         return None
-    profile = _edge_profile(distance, images, reach, free & is_beside)
+    profile = _edge_profile(evidence, free & is_beside)
     own, beyond = profile[reach - 1 : reach + 2].max(), profile[reach + 2 :].max()
     return piece if own < MAX_OWN_EDGE_RATIO * beyond else None
 
 
-def _reach(edge: float) -> int:
-    """Return the distance in pixels in which a contour is looked for; edge: of a square of the mask's area."""
-    return max(MIN_SEARCH_PX, round(SEARCH_SHARE * edge))
+def _edge_profile(evidence: ContourEvidence, used: np.ndarray) -> np.ndarray:
+    """Return the mean strength (2 reach + 1,) of edges parallel to the contour by their distance, outward.
 
-
-def _edge_profile(distance: np.ndarray, images: Sequence[np.ndarray], reach: int, free: np.ndarray) -> np.ndarray:
-    """Return the mean strength (2 reach + 1,) of edges parallel to the contour by their distance, outward."""
+    used: (H, W) bool, pixels that count.
+    """
+    distance, images, reach = evidence.distance, evidence.images, evidence.reach
     down, right = np.gradient(cv2.GaussianBlur(distance, (0, 0), 1.0))
     length = np.hypot(down, right) + 1e-6
     strength = np.zeros(distance.shape)
     for image in images:
         image_down, image_right = np.gradient(image)
         strength += np.minimum(np.abs(image_down * down + image_right * right) / length, MAX_EDGE_STRENGTH)
-    used = (np.abs(distance) < reach) & free
+    used = (np.abs(distance) < reach) & used
     # Distances from a straight contour are all halfway between two steps, and count for both.
     step = np.floor(distance[used]).astype(int) + reach
     beyond = distance[used] + reach - step

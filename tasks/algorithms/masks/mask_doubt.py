@@ -16,7 +16,7 @@ from glint.tasks.algorithms.geometry.connected_parts import largest_part
 from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.masks.contour_edges import edge_image, signed_distance
-from glint.tasks.algorithms.masks.contour_offset import continued_beyond, misplacement
+from glint.tasks.algorithms.masks.contour_offset import ContourEvidence, continued_beyond, misplacement
 from glint.tasks.algorithms.masks.mask_regions import large_components
 
 MIN_FLASH_LEVELS, FLASH_QUANTILE, FLASH_FACTOR = 12.0, 0.995, 1.5
@@ -107,12 +107,13 @@ def mask_objections(
     flash = _highlights(rise, table)
     objections = _cut_off(mask, contour, edges)
     images = edge_image(background, table), edge_image(rise, table)
-    shift = misplacement(contour, distance, images, flash, free, edge)
+    evidence = ContourEvidence.of(contour, distance, images, free, edge)
+    shift = misplacement(evidence, flash)
     if shift is not None:
         share = float(shift.piece.sum() / contour.sum())
         objections.append(_objection(shift.kind, shift.piece, share, SHIFT_DOUBT, shift.offset))
-    else:
-        objections += _continued(contour, distance, images, _highlights(rise, table, True), free, edge)
+    elif (piece := continued_beyond(evidence, _highlights(rise, table, True))) is not None:
+        objections.append(_objection("continued", piece, float(piece.sum() / contour.sum()), SHIFT_DOUBT))
     if estimated:
         objections += _unsupported(contour & ~edges, edge, flash) + _misshapen(mask, contour, edge)
     return objections
@@ -167,19 +168,6 @@ def _highlights(rise: np.ndarray, table: np.ndarray, may_have_glass: bool = Fals
     if may_have_glass:
         of_table = min(of_table, median + TABLE_QUARTILES * (quartile - median))
     return np.asarray(flash > max(FLASH_FACTOR * of_table, MIN_FLASH_LEVELS))
-
-
-def _continued(
-    contour: np.ndarray,
-    distance: np.ndarray,
-    images: Sequence[np.ndarray],
-    flash: np.ndarray,
-    free: np.ndarray,
-    edge: float,
-) -> list[Objection]:
-    """Object to a contour beyond which the object goes on; see `continued_beyond`."""
-    piece = continued_beyond(contour, distance, images, flash, free, edge)
-    return [] if piece is None else [_objection("continued", piece, float(piece.sum() / contour.sum()), SHIFT_DOUBT)]
 
 
 def _cut_off(mask: np.ndarray, contour: np.ndarray, edges: np.ndarray) -> list[Objection]:

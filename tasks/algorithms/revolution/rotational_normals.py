@@ -11,7 +11,7 @@ from operator import itemgetter
 import numpy as np
 
 from glint.tasks.algorithms.geometry.distance import with_nearest
-from glint.tasks.algorithms.geometry.vectors import pixel_positions, to_camera
+from glint.tasks.algorithms.geometry.vectors import pixel_positions, positions_at
 from glint.tasks.algorithms.revolution.fit_limits import SYMMETRIC_LIMITS, FitLimits
 from glint.tasks.algorithms.revolution.handles import handles_beside, with_handles
 from glint.tasks.algorithms.revolution.opening import agreement
@@ -137,7 +137,7 @@ def _best_surface(silhouette: SilhouetteSymmetry, candidates: np.ndarray) -> tup
     rows, columns = np.nonzero(mask & np.isfinite(candidates[..., 0]).any(axis=0))
     chosen = np.random.default_rng(0).permutation(len(rows))[:SAMPLED_NORMALS]
     rows, columns = rows[chosen], columns[chosen]
-    x, y = to_camera(columns.astype(float), rows.astype(float), mask.shape[1], mask.shape[0])
+    x, y = positions_at(rows, columns, mask.shape)
     sampled = candidates[:, rows, columns]
 
     @cache
