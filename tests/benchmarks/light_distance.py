@@ -84,15 +84,19 @@ PAIR = (LEFT, RIGHT)
 
 
 def simulated(folder: Path) -> None:
-    """Print the distance that the background shows of simulated captures with a single sphere."""
+    """Print the distance that the background shows of simulated captures with a single sphere, by how strongly they are
+    compressed and how much the exposure drifts."""
     print("\nSimulated, one sphere: distance found (true) in pixels, error of the lights")
     for distance in (None, 20.0, 10.0, 5.0, 3.0):
-        options = CaptureOptions(frames=600, scale=0.5, seed=7, light_distance=distance)
-        path = simulate("fish", folder / f"near-{distance}", options).catalogue
-        capture = load(path).objects[0].captures[0]
-        with open_footage(capture.frames) as footage:
-            true = np.inf if distance is None else distance * footage.width
-        print(f"{distance} frame widths, {true:.0f} pixels:", lights_of(capture, folder), flush=True)
+        for crf, drift in ((18, 0.0), (24, 0.1), (30, 0.2)):
+            options = CaptureOptions(
+                frames=600, scale=0.5, seed=7, light_distance=distance, crf=crf, exposure_drift=drift
+            )
+            path = simulate("fish", folder / f"near-{distance}-{crf}", options).catalogue
+            capture = load(path).objects[0].captures[0]
+            with open_footage(capture.frames) as footage:
+                true = np.inf if distance is None else distance * footage.width
+            print(f"{distance} frame widths, {true:.0f} pixels, crf {crf}:", lights_of(capture, folder), flush=True)
 
 
 def shared(captures: Path, folder: Path) -> None:

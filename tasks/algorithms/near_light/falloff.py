@@ -4,10 +4,11 @@ A near light brightens the side of the background above which it stands: irradia
 distance and the cosine of incidence. Relative to one place and one frame, the logarithm of a place's level depends
 neither on the cloth's albedo nor on the exposure, nor on the light's brightness, so the pattern that remains shows the
 inverse distance (near point lights: Papadhimitri and Favaro 2014). Light of the room weakens the pattern; how much
-there is shows in the darkest shadow, or in how the background follows the light's cosine.
+there is shows in the darkest shadow, or in how the background follows the light's cosine. A codec holds a block's
+level until it has changed by a few levels, which weakens the pattern too: levels count where they have just changed.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,8 +32,16 @@ MAX_ROOM_SHARE = 0.65
 """Share of the room's light in the background's beyond which the light's pattern is not trusted."""
 SHADOW_PERCENTILE, SHADOWED_PLACES_PERCENTILE = 1.0, 2.0
 """Percentile over the frames of a place's level in shadow, and over the places: the darkest shadow, without noise."""
+ROOM_DEVIATIONS = 2.0
+"""Standard errors by which the room may have more light than the cosine shows."""
 OUTLIER_DEVIATIONS = 4.0
 """Robust standard deviations beyond which a place is taken to lie in a shadow or a caustic."""
+LEAST_CHANGES = 2.0, 1.0
+"""Changes of a level since the frame before, in levels, from which it is known to be coded anew, the best first: the
+larger, the less of it is lost (`python -m tests.benchmarks.light_distance`)."""
+MIN_CHANGED_FRAMES, MIN_FRAME_PLACES, MIN_PLACE_FRAMES = 24, 8, 5
+"""Frames in which levels change from which these alone are used, and changes of a frame and of a place from which their
+medians are known."""
 MAX_PLACES = 400
 """Places, spread over the background, that are used: more do not help."""
 ITERATIONS = 5
@@ -78,52 +87,127 @@ def measure_falloff(levels: np.ndarray, x: np.ndarray, y: np.ndarray, site: Sphe
         return None
     places = np.flatnonzero(places)[:: -(-int(places.sum()) // MAX_PLACES)]
     logarithms = np.log(np.maximum(levels[:, places], 1.0))
-    light_share = 1.0 - _room_share(levels[:, places], logarithms, lights, frames)
-    if light_share < 1.0 - MAX_ROOM_SHARE:
+    room_share, room_sd = _room_share(levels[:, places], logarithms, lights, frames)
+    if room_share > MAX_ROOM_SHARE:
         return None
-    response = CAMERA_EXPONENT * light_share
-    points = np.stack([x[places], y[places], np.zeros(len(places))], axis=-1)
-    observed, site = logarithms[frames], SphereLights(lights[frames], site.positions[frames])
-    pattern = _without_medians(observed, np.ones(observed.shape, bool))
-    deviation = robust_deviation(pattern) + 1e-6
-    used = np.abs(pattern) < OUTLIER_DEVIATIONS * deviation
-    pattern = _without_medians(observed, used)
-    reach = float(np.linalg.norm(points, axis=1).max())
+    light_share = 1.0 - room_share
+    background = _Background(
+        logarithms[frames],
+        np.ones((np.count_nonzero(frames), len(places)), bool),
+        np.stack([x[places], y[places], np.zeros(len(places))], axis=-1),
+        SphereLights(lights[frames], site.positions[frames]),
+        CAMERA_EXPONENT * light_share,
+    )
+    whole = background.without_outliers().fit()
+    changes = np.abs(np.diff(levels[:, places].astype(np.float32), axis=0, prepend=np.nan))[frames]
+    parts = [background.of_changes(changes >= least) for least in LEAST_CHANGES]
+    fits = [*(part.without_outliers().fit() for part in parts if part is not None), whole]
+    fit = next((fit for fit in fits if fit.is_significant), None)
+    if fit is None:
+        return Falloff(0.0, float(np.hypot(whole.error, max(whole.inverse, 0.0))))
+    # What a codec weakened among all levels may still be weakened as much among those that changed.
+    held = fit.inverse - whole.inverse
+    model = float(np.hypot(MODEL_ERROR, room_sd)) / light_share * fit.inverse
+    return Falloff(fit.inverse, float(np.sqrt(fit.error**2 + model**2 + held**2)))
 
-    start = START_REACHES / reach
 
-    def fit(kept: np.ndarray, inverse: float, iterations: int) -> float:
-        """Return the inverse distance that explains the pattern of frames (T,), from an approximate one."""
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """inverse: distance of the light, 1/pixels; error: standard error of it."""
+
+    inverse: float
+    error: float
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether the light is near beyond doubt."""
+        return self.inverse >= MIN_SIGNIFICANCE * self.error
+
+
+@dataclass(frozen=True, slots=True)
+class _Background:
+    """The background under a light.
+
+    logarithms: of the levels, (T, N), and which of them are used, (T, N) bool; points: of the places, (N, 3); site: of
+    the sphere that shows the light's directions in these frames; response: exponent of the levels over the light's
+    irradiance.
+    """
+
+    logarithms: np.ndarray
+    used: np.ndarray
+    points: np.ndarray
+    site: SphereLights
+    response: float
+
+    def part(self, frames: np.ndarray, places: np.ndarray) -> "_Background":
+        """Return the part of frames (T,) bool and places (N,) bool."""
+        chosen, site = np.ix_(frames, places), SphereLights(self.site.lights[frames], self.site.positions[frames])
+        return _Background(self.logarithms[chosen], self.used[chosen], self.points[places], site, self.response)
+
+    def of_changes(self, changed: np.ndarray) -> "_Background | None":
+        """Return the part whose levels have changed (T, N) bool, None where it is too small."""
+        used = changed & (changed.sum(axis=1) >= MIN_FRAME_PLACES)[:, None]
+        places = used.sum(axis=0) >= MIN_PLACE_FRAMES
+        frames = used[:, places].any(axis=1)
+        if frames.sum() < MIN_CHANGED_FRAMES or places.sum() < MIN_PLACES:
+            return None
+        return replace(self, used=used).part(frames, places)
+
+    def without_outliers(self) -> "_Background":
+        """Return the background without what lies in a shadow or a caustic."""
+        pattern = _without_medians(self.logarithms, self.used)
+        limit = OUTLIER_DEVIATIONS * (robust_deviation(pattern[np.isfinite(pattern)]) + 1e-6)
+        return replace(self, used=np.abs(np.nan_to_num(pattern, nan=np.inf)) < limit)
+
+    def fit(self) -> _Fit:
+        """Fit the light's inverse distance, its error by leaving out groups of consecutive frames (jackknife)."""
+        reach = float(np.linalg.norm(self.points, axis=1).max())
+        inverse = self._inverse(START_REACHES / reach, reach, ITERATIONS)
+        groups = np.arange(len(self.used)) * FOLDS // len(self.used)
+        everywhere = np.ones(len(self.points), bool)
+        parts = [self.part(groups != fold, everywhere) for fold in range(FOLDS)]
+        without = [part._inverse(max(inverse, START_REACHES / reach), reach, 1) for part in parts]
+        return _Fit(inverse, np.sqrt(FOLDS - 1.0) * float(np.std(without)))
+
+    def _inverse(self, start: float, reach: float, iterations: int) -> float:
+        """Return the inverse distance that explains the pattern, from an approximate one, `start`.
+
+        reach: of the farthest place, pixels.
+        """
+        pattern = _without_medians(self.logarithms, self.used)
+        inverse = start
         for _ in range(iterations):
-            near = np.full(np.count_nonzero(kept), max(inverse, start))
-            directions = SphereLights(site.lights[kept], site.positions[kept]).at_reference(near)
-            model = response * _log_irradiance(directions, max(inverse, start), points)
-            model = _without_medians(model, used[kept])
-            inside = np.isfinite(model) & np.isfinite(pattern[kept])
-            scale = float((model[inside] @ pattern[kept][inside]) / (model[inside] @ model[inside]))
+            near = max(inverse, START_REACHES / reach)
+            directions = self.site.at_reference(np.full(len(self.used), near))
+            model = self.response * _log_irradiance(directions, near, self.points)
+            model = _without_medians(model, self.used)
+            inside = np.isfinite(model) & np.isfinite(pattern)
+            scale = float((model[inside] @ pattern[inside]) / (model[inside] @ model[inside]))
             # A light between the background and the object would have been in the picture.
-            inverse = float(np.clip(max(inverse, start) * scale, -1.0 / reach, 1.0 / reach))
+            inverse = float(np.clip(near * scale, -1.0 / reach, 1.0 / reach))
         return inverse
 
-    all_frames = np.ones(len(observed), bool)
-    groups = np.arange(len(observed)) * FOLDS // len(observed)
-    inverse = fit(all_frames, start, ITERATIONS)
-    error = np.sqrt(FOLDS - 1.0) * float(np.std([fit(groups != fold, inverse, 1) for fold in range(FOLDS)]))
-    if inverse < MIN_SIGNIFICANCE * error:
-        return Falloff(0.0, float(np.hypot(error, max(inverse, 0.0))))
-    return Falloff(inverse, float(np.hypot(error, MODEL_ERROR / light_share * inverse)))
 
-
-def _room_share(levels: np.ndarray, logarithms: np.ndarray, lights: np.ndarray, frames: np.ndarray) -> float:
-    """Return the share of the room's light in the background's, the least that shadows or the cosine show.
+def _room_share(
+    levels: np.ndarray, logarithms: np.ndarray, lights: np.ndarray, frames: np.ndarray
+) -> tuple[float, float]:
+    """Return the share of the room's light in the background's, the least that shadows or the cosine show, and its
+    standard deviation, 0 by shadows.
 
     levels, logarithms: (T, N); lights (T, 3) of the frames (T,) that are used.
     """
     dark = np.percentile(levels, SHADOW_PERCENTILE, axis=0) / np.median(levels, axis=0)
     in_shadow = float(np.percentile(dark, SHADOWED_PLACES_PERCENTILE)) ** (1.0 / CAMERA_EXPONENT)
-    cosine = np.log(lights[frames, 2].astype(np.float64))
-    slope = float(np.polyfit(cosine, np.median(logarithms[frames], axis=1), 1)[0])
-    return min(in_shadow, max(1.0 - slope / CAMERA_EXPONENT, 0.0))
+    cosine, brightness = np.log(lights[frames, 2].astype(np.float64)), np.median(logarithms[frames], axis=1)
+
+    def room(kept: np.ndarray) -> float:
+        return 1.0 - float(np.polyfit(cosine[kept], brightness[kept], 1)[0]) / CAMERA_EXPONENT
+
+    groups = np.arange(len(cosine)) * FOLDS // len(cosine)
+    error = np.sqrt(FOLDS - 1.0) * float(np.std([room(groups != fold) for fold in range(FOLDS)]))
+    # A drift of the exposure can look like the cosine, and hide the room's light.
+    by_cosine = max(room(np.ones(len(cosine), bool)) + ROOM_DEVIATIONS * error, 0.0)
+    return (in_shadow, 0.0) if in_shadow < by_cosine else (by_cosine, error)
 
 
 def _log_irradiance(lights: np.ndarray, inverse_distance: float, points: np.ndarray) -> np.ndarray:

@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -92,7 +94,7 @@ def test_rejected_frames_are_left_out() -> None:
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_the_distance_is_that_from_the_reference_point(side: float) -> None:
     spread = spiral(128, 20.0) + np.array([0.9 * side, 0.0, 0.0])
-    found = measure_falloff(*background(500.0, shadows=False, room=0.0, directions=unit(spread)))
+    found = measure_falloff(*background(500.0, shadows=False, room=0.0, drift=0.0, directions=unit(spread)))
     assert found is not None
     assert abs(found.inverse_distance * 500.0 - 1) < 0.15
 
@@ -102,3 +104,31 @@ def test_a_light_that_stands_still_shows_nothing(light: tuple[float, float, floa
     levels, x, y, site = background(1000.0)
     lights = np.broadcast_to(unit(np.array(light)), site.lights.shape)
     assert measure_falloff(levels, x, y, SphereLights(lights, site.positions)) is None
+
+
+def held(levels: np.ndarray, step: float) -> np.ndarray:
+    """Return levels (T, N) as a codec shows them: each stays until it is off by more than `step`."""
+    shown = levels.copy()
+    for earlier, frame in pairwise(shown):
+        stays = np.abs(frame - earlier) < step
+        frame[stays] = earlier[stays]
+    return shown
+
+
+@pytest.mark.parametrize("step", [3.0, 5.0])
+@pytest.mark.parametrize("distance", [1000.0, 1500.0])
+def test_levels_that_a_codec_holds_are_allowed_for(distance: float, step: float) -> None:
+    levels, x, y, site = background(distance, room=0.3, drift=0.0)
+    found = measure_falloff(np.round(held(levels, step)), x, y, site)
+    assert found is not None
+    assert abs(found.inverse_distance * distance - 1) < 0.1
+
+
+@pytest.mark.parametrize("turns", [0.7, 1.0])
+def test_a_drifting_exposure_does_not_hide_the_room(turns: float) -> None:
+    steady, x, y, site = background(600.0, room=0.5, drift=0.0)
+    drift = 1.0 + 0.2 * np.sin(np.linspace(0.0, 2.0 * np.pi * turns, len(steady)))
+    drifting = steady * drift[:, None] ** (1.0 / 2.2)
+    found = measure_falloff(drifting, x, y, site)
+    assert found is not None
+    assert abs(found.inverse_distance * 600.0 - 1) < 0.2
