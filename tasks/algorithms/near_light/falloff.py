@@ -53,9 +53,9 @@ SWEEPS = 3
 """Times that the medians of frames and places are taken out in turn."""
 FOLDS = 8
 """Groups of consecutive frames; leaving each out in turn gives the standard error (jackknife)."""
-MODEL_ERROR = 0.25
-"""Relative standard deviation of the inverse distance in a dark room, since the camera's exponent and the light's beam
-are unknown; the room's light, whose share is uncertain, enlarges it."""
+EXPONENT_ERROR, ROOM_ERROR = 0.2, 0.1
+"""Standard deviations of the camera's exponent, relative (with the light's beam: that of sRGB is a fifth larger at dark
+levels), and of the room's share by shadows that are not wholly dark."""
 MIN_SIGNIFICANCE = 5.0
 """Standard errors by which the inverse distance must exceed zero."""
 
@@ -99,15 +99,16 @@ def measure_falloff(levels: np.ndarray, x: np.ndarray, y: np.ndarray, site: Sphe
         CAMERA_EXPONENT * light_share,
     )
     whole = background.without_outliers().fit()
+    if not whole.is_significant:
+        return Falloff(0.0, float(np.hypot(whole.error, max(whole.inverse, 0.0))))
+    # Moving shadows and caustics change levels most: whether a light is near at all is not told by changes alone.
     changes = np.abs(np.diff(levels[:, places].astype(np.float32), axis=0, prepend=np.nan))[frames]
     parts = [background.of_changes(changes >= least) for least in LEAST_CHANGES]
-    fits = [*(part.without_outliers().fit() for part in parts if part is not None), whole]
-    fit = next((fit for fit in fits if fit.is_significant), None)
-    if fit is None:
-        return Falloff(0.0, float(np.hypot(whole.error, max(whole.inverse, 0.0))))
+    fits = [part.without_outliers().fit() for part in parts if part is not None]
+    fit = next((fit for fit in fits if fit.is_significant), whole)
     # What a codec weakened among all levels may still be weakened as much among those that changed.
     held = fit.inverse - whole.inverse
-    model = float(np.hypot(MODEL_ERROR, room_sd)) / light_share * fit.inverse
+    model = fit.inverse * np.hypot(EXPONENT_ERROR, np.hypot(ROOM_ERROR, room_sd) / light_share)
     return Falloff(fit.inverse, float(np.sqrt(fit.error**2 + model**2 + held**2)))
 
 
