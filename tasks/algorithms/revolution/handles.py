@@ -26,6 +26,9 @@ HANDLE_SHEET_DEG, BODY_SHEET_DEG = 16.0, 10.0
 """Angle to the handle's field up to which a candidate belongs to it, and to the body beyond which it is not that."""
 MIN_JOINED_SHARE = 0.4
 """Share of the pixels around one that must belong to the handle too."""
+MIN_SHOWN_SHARE = 0.02
+"""Share of a handle that accepted normals show from which it is followed before the body: a part of the table that a
+mask holds shows none, and false candidates of the body may go on from it."""
 MIN_BODY_NZ = float(np.cos(np.radians(42.0)))
 """n_z of the body from which it would show highlights, so that it is covered where it does not."""
 UNSEEN_SHARE = 0.4
@@ -44,7 +47,8 @@ def with_handles(
 ) -> np.ndarray:
     """Return the normals of a body (H, W, 3) with those of its handles, beside it and before it.
 
-    A handle is followed before the body as long as candidates go on its field, and contradict the body. Where the body
+    A handle that is observed is followed before the body as long as candidates go on its field and contradict the body,
+    and the normals accepted there are not the body's. Where the body
     is too steep to show highlights, only false ones are seen of it, which may go on the field too: there the handle is
     followed no farther than across the steep pixels, or by its own inradius.
 
@@ -73,6 +77,7 @@ def with_handles(
     shows_body = to_body.min(axis=0, initial=180.0) < BODY_SHEET_DEG
     is_steep = mask & ~handles & ~(body[box][..., 2] > MIN_BODY_NZ)
     is_covered = mask & ~shows_body & ~is_steep
+    is_body = np.nan_to_num(angles(accepted[box], body[box]), nan=180.0) < BODY_SHEET_DEG
     crossing = np.maximum(radius, 2.0 * depth_inside(is_steep).max())
 
     def field(region: np.ndarray) -> np.ndarray:
@@ -81,10 +86,10 @@ def with_handles(
         surface = smooth_normal_field(region, TENSION_LENGTH)
         return surface.solve(np.where(known[..., None], own, outward), weights)
 
-    region = handles
-    for _ in range(MAX_GROWTH_STEPS):
-        near = distance_inside(~(handles | (region & is_covered))) <= crossing
-        around = near & mask & np.isnan(own[..., 0]) & (distance_inside(~region) <= step)
+    followed = region = _shown(handles, np.isfinite(own[..., 0]))
+    for _ in range(MAX_GROWTH_STEPS if followed.any() else 0):
+        near = distance_inside(~(followed | (region & is_covered))) <= crossing
+        around = near & mask & ~is_body & np.isnan(own[..., 0]) & (distance_inside(~region) <= step)
         to_field = angles(candidates, field(region | around)[None])
         to_field = np.where(to_body > BODY_SHEET_DEG, np.nan_to_num(to_field, nan=180.0), 180.0)
         best = to_field.argmin(axis=0)[None]
@@ -95,11 +100,18 @@ def with_handles(
             break
         own = np.where(joins[..., None], np.take_along_axis(candidates, best[..., None], axis=0)[0], own)
         region = region | joins
-    grown = region & ~handles
+    grown, region = region & ~handles, region | handles
     if grown.any():
         region = region | (mask & ~shows_body & (distance_inside(~grown) <= UNSEEN_SHARE * radius))
     result[box][region] = field(region)[region]
     return result
+
+
+def _shown(handles: np.ndarray, observed: np.ndarray) -> np.ndarray:
+    """Return the handles (H, W) bool of which enough is observed, (H, W) bool."""
+    numbers, count = ndimage.label(handles)
+    shares = ndimage.mean(observed, numbers, np.arange(count + 1))
+    return handles & (shares >= MIN_SHOWN_SHARE)[numbers]
 
 
 def _nearest_inradius(handles: np.ndarray) -> np.ndarray:

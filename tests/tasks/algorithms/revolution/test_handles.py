@@ -53,3 +53,28 @@ def test_false_highlights_of_a_steep_body_do_not_carry_its_handle_away(steepness
     result = with_handles(cylinder, handles_beside(mask, body), mask, shown, candidates)
     assert np.median(angles(result, truth)[body & handle & (x < 38)]) < 6.0
     assert angles(result, cylinder)[body & (np.abs(y) > 28)].max() < 1.0
+
+
+def test_a_piece_of_the_table_in_the_mask_is_no_handle_to_follow() -> None:
+    x, y = pixels()
+    cylinder, truth, body, handle = cylinder_with_handle()
+    blob = (np.hypot(x + 40, y - 30) < 8) & ~body
+    shown, mask = observed(truth), body | handle | blob
+    # What another light path shows of the body goes on from the piece.
+    false = unit(np.dstack([-0.3 + 0 * x, 0.2 + 0 * x, 1 + 0 * x]))
+    candidates = np.stack([shown, np.where(mask[..., None], false, np.nan)])
+    accepted = np.where((y < 20)[..., None], shown, np.nan)
+    result = with_handles(cylinder, handles_beside(mask, body), mask, accepted, candidates)
+    assert angles(result, cylinder)[body & ~handle & (x < 0)].max() < 1.0
+
+
+def test_no_handle_covers_what_was_accepted_of_the_body() -> None:
+    _, y = pixels()
+    cylinder, truth, body, handle = cylinder_with_handle()
+    mask = body | handle
+    false = unit(np.dstack([0 * y, 0.5 * np.clip(y / 16, -1, 1), 1 + 0 * y]))
+    accepted = np.where((handle & ~body)[..., None], observed(truth), observed(cylinder))
+    candidates = np.stack([accepted, np.where(mask[..., None], false, np.nan)])
+    result = with_handles(cylinder, handles_beside(mask, body), mask, accepted, candidates)
+    is_known = body & np.isfinite(observed(cylinder)[..., 0])
+    assert angles(result, cylinder)[is_known].max() < 1.0
