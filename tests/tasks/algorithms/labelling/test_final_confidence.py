@@ -3,7 +3,7 @@ import numpy as np
 from glint.tasks.algorithms.labelling.final_confidence import SMALL_SHEET_RESIDUAL, held_out_residual
 from glint.tasks.algorithms.labelling.weights import FieldError
 from glint.tasks.algorithms.sheets.segments import segment_sheets
-from tests.tasks.algorithms.sheets.test_segments import tilted, two_sheets
+from tests.tasks.algorithms.sheets.two_sheets import tilted, two_sheets
 
 
 def test_a_sheet_that_the_rest_of_the_object_contradicts_has_a_large_residual() -> None:
