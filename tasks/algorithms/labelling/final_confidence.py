@@ -41,7 +41,9 @@ def final_confidence(state: Alternation, normals: np.ndarray) -> np.ndarray:
         return state.solve_field(kept, state.values, view.coarse)
 
     error = replace(state.options.field_error, ceiling=np.inf)
-    residual = held_out_residual(sheets, state.values, state.known, view.rim, view.mask, view.scale, error, predict)
+    residual = held_out_residual(
+        sheets, state.values, state.known, rim=view.rim, mask=view.mask, scale=view.scale, error=error, predict=predict
+    )
     # What is seen through a face that flashed does not show how often false candidates are accepted.
     shown = np.isfinite(view.normals[..., 0]) & ~state.seen_through
     odds = accepted_log_odds(np.isfinite(state.confidence), shown.any(axis=0))
@@ -60,6 +62,7 @@ def held_out_residual(
     sheets: np.ndarray,
     normals: np.ndarray,
     known: np.ndarray,
+    *,
     rim: np.ndarray,
     mask: np.ndarray,
     scale: float,
