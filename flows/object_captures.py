@@ -28,9 +28,17 @@ class ObjectCaptures:
 
     @classmethod
     def of(
-        cls, catalogue: Catalogue, address: str, object_id: str, chosen: Sequence[str], store: str, run: str,
-        rehash: bool, adopt: bool = False,
-    ) -> "ObjectCaptures":  # fmt: skip
+        cls,
+        catalogue: Catalogue,
+        address: str,
+        object_id: str,
+        chosen: Sequence[str],
+        store: str,
+        *,
+        run: str,
+        rehash: bool = False,
+        adopt: bool = False,
+    ) -> "ObjectCaptures":
         """Make the contexts of an object's captures; `chosen`: ids, none for all.
 
         Raises:

@@ -76,7 +76,7 @@ class StoredCapture:
 
     @cached_property
     def depth_provenance_names(self) -> dict[int, str]:
-        """Names of these codes: integrated from normals, or extrapolated at the rim."""
+        """Names of these codes: integrated from normals, or extrapolated beside the contour."""
         return code_names(self._stage("depth").record.get("provenance"))
 
     @cached_property

@@ -94,12 +94,14 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
         _first_frame(context),
         geometry.region,
         geometry.spheres,
-        mask,
-        context.load("mask").read("doubt"),
-        context.load("frames").read("peak"),
-        half_vectors,
-        {frame: cache.read(OBJECT, slice(frame, frame + 1))[0] for frame in keyframes(half_vectors, lit)},
-        out,
+        mask=mask,
+        doubt=context.load("mask").read("doubt"),
+        peak=context.load("frames").read("peak"),
+        half_vectors=half_vectors,
+        keyframe_pictures={
+            frame: cache.read(OBJECT, slice(frame, frame + 1))[0] for frame in keyframes(half_vectors, lit)
+        },
+        out=out,
     )
     warnings = by_cost(warning for record in records for warning in record.warnings)
     observable_share, observed_share = float(observable.mean()), float(observed[mask].mean())

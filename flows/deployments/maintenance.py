@@ -38,7 +38,13 @@ def run_maintenance(
         frames_budget: Largest size of the cache of frames in bytes; null: no limit.
         verify: Read all versions, and fail if something is not as it was written.
     """
-    done = maintain(Location.parse(store), dry_run, keep, timedelta(days=older_than), frames_budget)
+    done = maintain(
+        Location.parse(store),
+        age=timedelta(days=older_than),
+        dry_run=dry_run,
+        keep=keep,
+        frames_budget=frames_budget,
+    )
     rows = [row | {name: plain(row[name]) for name in ("target", "note")} for row in done.rows()]
     create_table_artifact(rows, key=artifact_key(f"maintenance {store}"), description=plain(store))
     if done.warning:

@@ -79,7 +79,9 @@ def run_catalogue(
         futures = []
         try:
             for object_id, capture_ids in chosen.items():
-                captures = ObjectCaptures.of(loaded, catalogue, object_id, capture_ids, store, run, rehash, adopt)
+                captures = ObjectCaptures.of(
+                    loaded, catalogue, object_id, capture_ids, store, run=run, rehash=rehash, adopt=adopt
+                )
                 futures.append(submit(pool, run_or_skip, captures, drift))
                 if len(futures) < max_objects and object_id not in context.unchanged:
                     time.sleep(STAGGER_SECONDS)

@@ -56,7 +56,8 @@ def run_object(
     """
     run = run or str(runtime.flow_run.id)
     loaded = load_catalogue(catalogue)
-    result = process_object(ObjectCaptures.of(loaded, catalogue, object_id, captures, store, run, rehash, adopt), drift)
+    chosen = ObjectCaptures.of(loaded, catalogue, object_id, captures, store, run=run, rehash=rehash, adopt=adopt)
+    result = process_object(chosen, drift)
     n_captures = len(without_models(result.captures))
     done = "nothing" if result.version is None else f"{result.version.name}: {n_captures} captures"
     return final_state(list(result.captures), done, result)
@@ -197,7 +198,9 @@ def run_reported(object_id: str, capture_id: str, process: Callable[[], Sequence
 def failed_object(captures: ObjectCaptures, failure: Exception) -> ObjectResult:
     """Return the result of an object none of whose captures could be processed or published."""
     error, remedy = message_and_remedy(failure)
-    results = tuple(CaptureResult(each_id, name, 0.0, (), error, remedy) for each_id, name in captures.ids)
+    results = tuple(
+        CaptureResult(object_id, capture_id, 0.0, (), error, remedy) for object_id, capture_id in captures.ids
+    )
     for result in results:
         run_context().emit(CaptureFailed(result.name, f"{error}: {remedy}"))
     return ObjectResult(captures.object_id, results)

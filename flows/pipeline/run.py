@@ -65,20 +65,23 @@ def run(
         for capture in result.captures:
             console.emit(CaptureEnded(capture.name, 0.0, cached=True))
 
+    def show_notice() -> None:
+        if notice := server.notice():
+            console.emit(Message(notice))
+
     def prepare() -> None:
         # What workers are forked from imports their modules beside all that this process has still to read and import.
         if scheduler is None:
             start_forkserver()
 
     objects = (
-        ObjectCaptures.of(loaded, str(catalogue), object_id, captures, location.uri, "", rehash, adopt)
+        ObjectCaptures.of(loaded, str(catalogue), object_id, captures, location.uri, run="", rehash=rehash, adopt=adopt)
         for object_id, captures in chosen.items()
     )
     with reading_shown(console.emit):
         unchanged, busy = unchanged_objects(objects, workers or os.cpu_count() or 1, report, prepare)
     if not busy:
-        if notice := server.notice():
-            console.emit(Message(notice))
+        show_notice()
         return Summary(RunResult("", tuple(unchanged.values()), time.monotonic() - started), server.link())
     awaited = ["the dashboard's server"] * server.started + ["worker processes"] * (scheduler is None)
     console.emit(Message(f"starting {' and '.join(awaited) or 'the run'}"))
@@ -93,8 +96,7 @@ def run(
             from glint.flows.runtime.retry import retry_on_disconnect
 
         server.wait()
-        if notice := server.notice():
-            console.emit(Message(notice))
+        show_notice()
         with server.connected(), tagged_with_process():
             mark_orphaned_crashed()
             signals.raise_if_interrupted()
@@ -102,8 +104,7 @@ def run(
             with activate(cluster.client, console, unchanged=unchanged):
                 result = retry_on_disconnect(run_whole_catalogue, str(catalogue), store, only, rehash, drift, adopt)
             mark_own_crashed()
-        if notice := server.notice():
-            console.emit(Message(notice))
+        show_notice()
         return Summary(result, server.link(f"runs/flow-run/{result.run}"))
 
 

@@ -92,7 +92,7 @@ def write_edits(store: Any, object_id: str, edits: CaptureEdits) -> str:
         files[MASK_FILE] = StoredFile(mask_png(edits.mask), "image/png")
     if edits.marks is not None:
         files[MARKUP_FILE] = StoredFile(markup_json(edits.marks), "application/json")
-    write_stage(store, object_id, edits.capture, GROUP, str(edits.revision), {}, record, files)
+    write_stage(store, object_id, edits.capture, GROUP, str(edits.revision), arrays={}, record=record, files=files)
     return str(stage_attributes(store, object_id, edits.capture)[GROUP][SEAL])
 
 

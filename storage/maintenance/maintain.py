@@ -78,12 +78,21 @@ class Maintenance:
 
 
 def maintain(
-    location: Location, dry_run: bool, keep: int | None, age: timedelta, frames_budget: int | None
+    location: Location,
+    *,
+    age: timedelta,
+    dry_run: bool = False,
+    keep: int | None = None,
+    frames_budget: int | None = None,
 ) -> Maintenance:
     """Clean objects, then cached frames, then check the disk. An unreadable object does not stop the rest.
 
-    keep: versions of each object to keep, None: all; age: only data unused for that long is removed, in an object store
-    for at least an hour; frames_budget: bytes that the cache of frames may take, None: no limit.
+    Args:
+        location: of the store.
+        age: only data unused for that long is removed, in an object store for at least an hour.
+        dry_run: whether to remove nothing, and only report what would be removed.
+        keep: versions of each object to keep; None: all.
+        frames_budget: bytes that the cache of frames may take; None: no limit.
 
     Raises:
         StoreError: the store cannot be listed.

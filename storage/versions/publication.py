@@ -243,4 +243,5 @@ def _copy_capture(repository: icechunk.Repository, object_id: str, store: Any, c
         del root[capture]
     for stage, result in version_results(repository, object_id, current, capture).items():
         files = {name: StoredFile(result.read_file(name), info.media_type) for name, info in result.files.items()}
-        write_stage(store, object_id, capture, stage, result.key, result.arrays, result.record, files)
+        arrays, record = result.arrays, result.record
+        write_stage(store, object_id, capture, stage, result.key, arrays=arrays, record=record, files=files)

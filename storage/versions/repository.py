@@ -117,7 +117,7 @@ class ObjectRepository:
 
         def write() -> str:
             session = self._repository.writable_session("work")
-            write_stage(session.store, self.object_id, capture, stage, key, arrays, record, files or {})
+            write_stage(session.store, self.object_id, capture, stage, key, arrays=arrays, record=record, files=files)
             metadata = {"capture": capture, "stage": stage, "key": key}
             return str(session.commit(f"{capture}/{stage}", metadata, rebase_with=icechunk.ConflictDetector()))
 

@@ -38,9 +38,10 @@ def write_stage(
     capture: str,
     stage: str,
     key: str,
+    *,
     arrays: Mapping[str, Any],
     record: Mapping[str, Any],
-    files: Mapping[str, StoredFile],
+    files: Mapping[str, StoredFile] | None = None,
 ) -> None:
     """Replace the group `<capture>/<stage>` as a whole. Arrays, of numpy or zarr, are copied chunk by chunk.
 
@@ -62,7 +63,7 @@ def write_stage(
         _write_array(group, check_name(name, "array"), values if isinstance(values, zarr.Array) else np.asarray(values))
     infos = {}
     folder = group.create_group(FILES_GROUP) if files else group
-    for name, file in files.items():
+    for name, file in (files or {}).items():
         infos[name] = asdict(FileInfo(len(file.data), hashlib.sha256(file.data).hexdigest(), file.media_type))
         content = np.frombuffer(file.data, np.uint8)
         _write_array(folder, check_file_name(name, f"{capture}/{stage}"), content, infos[name])

@@ -215,7 +215,8 @@ def load_or_compute(
         **output.record,
     }
     repository.save(capture, stage, key, output.arrays, record, output.files)
-    return StageRecord(stage, key, False, perf_counter() - started, dict(output.counts), tuple(output.warnings))
+    seconds, counts, warnings = perf_counter() - started, dict(output.counts), tuple(output.warnings)
+    return StageRecord(stage, key, cached=False, seconds=seconds, counts=counts, warnings=warnings)
 
 
 def _save_again(context: CaptureContext, earlier: StageResult) -> None:
@@ -230,7 +231,7 @@ def no_progress(done: int, total: int | None) -> None:
 
 def _cached_record(stage: str, key: str, saved: Mapping[str, Any], seconds: float) -> StageRecord:
     warnings = tuple(StageWarning.from_json(warning) for warning in saved["warnings"])
-    return StageRecord(stage, key, True, seconds, saved["counts"], warnings)
+    return StageRecord(stage, key, cached=True, seconds=seconds, counts=saved["counts"], warnings=warnings)
 
 
 def _parameters(context: CaptureContext, stage: str) -> dict[str, Any]:

@@ -24,6 +24,7 @@ def write_check_pictures(
     first_frame: np.ndarray,
     region: Region,
     spheres: Sequence[Sphere],
+    *,
     mask: np.ndarray,
     doubt: np.ndarray,
     peak: np.ndarray,

@@ -4,7 +4,8 @@ import numpy as np
 
 from glint.tasks.algorithms.geometry.perspective import areal_focal_length
 from glint.tasks.algorithms.integration.bilateral import integrate
-from glint.tasks.algorithms.integration.rim import with_rim
+from glint.tasks.algorithms.integration.contour_margin import with_margin
+from glint.tasks.algorithms.integration.search_limits import SearchLimits
 from glint.tasks.algorithms.labelling.results import OUTSIDE
 from glint.tasks.engine.parameters import DepthParameters
 from glint.tasks.engine.stage import Progress, StageOutput
@@ -12,7 +13,7 @@ from glint.tasks.engine.stage_inputs import StageInputs
 from glint.tasks.stages.capture_geometry import load_geometry
 
 DEPTH_PROVENANCE = "outside", "integrated", "extrapolated"
-"""Names of the codes of where a depth comes from: from the normals, or at the rim from the depth inside it."""
+"""Names of the codes of where a depth comes from: from the normals, or beside the contour from the depth inside it."""
 INTEGRATED, EXTRAPOLATED = 1, 2
 NORMAL_WEIGHT_POWER = 0.5
 """Power of the confidence in the weight of a normal: with less, the shapes of doubtful normals count; with more, a cut
@@ -34,14 +35,13 @@ def depth(inputs: StageInputs, progress: Progress) -> StageOutput:
         method=parameters.method,
         camera=geometry.region_camera,
         body=labels.read("body_depth") if "body_depth" in labels.arrays else None,
-        sharpness=parameters.sharpness,
-        max_rounds=parameters.rounds,
+        limits=SearchLimits(sharpness=parameters.sharpness, max_rounds=parameters.rounds),
     )
     pixel_size, camera = geometry.pixel_size or 1.0, geometry.camera
     distance = None if camera is None else pixel_size * areal_focal_length(camera)
     height = result.depth if distance is None else result.height(distance) / np.float32(pixel_size)
     # Normals beside the contour are those of the contour, not of pixel centres: the heights inside say more.
-    towards_camera, extrapolated = with_rim(height, mask)
+    towards_camera, extrapolated = with_margin(height, mask)
     provenance = np.where(mask, np.where(extrapolated, EXTRAPOLATED, INTEGRATED), OUTSIDE).astype(np.uint8)
     return StageOutput(
         arrays={"depth": (towards_camera * pixel_size).astype(np.float32), "provenance": provenance},

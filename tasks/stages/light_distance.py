@@ -35,14 +35,31 @@ SPHERE_REACH = 1.15
 
 @dataclass(frozen=True)
 class DistanceResult:
-    """lights: those of all spheres, seen from the reference point of a near light; near: its positions, None for a
-    distant one; record: to be saved; errors: of half vectors, (H, W) radians per axis; warnings."""
+    """The lights of a capture, corrected for their distance.
+
+    lights: those of all spheres, seen from the reference point of a near light. near: its positions, None for a distant
+    one. record: to be saved. errors: of half vectors, (H, W) radians per axis.
+    """
 
     lights: Lights
     near: NearLight | None
     record: Mapping[str, Any] | None
     errors: Sequence[np.ndarray]
     warnings: Sequence[StageWarning]
+
+
+@dataclass(frozen=True, slots=True)
+class _KnownDistance:
+    """Distance of a near light from the reference point.
+
+    inverse (T,): 1/pixels. deviation: their standard deviation. source: where it comes from. rotations (S, 2): of the
+    spheres, see `LightDistance`; None: 0.
+    """
+
+    inverse: np.ndarray
+    deviation: float
+    source: str
+    rotations: np.ndarray | None = None
 
 
 def measure_distance(
@@ -70,17 +87,16 @@ def measure_distance(
         for lights, sphere in zip(by_sphere, geometry.spheres, strict=True)
     ]
     count = len(by_sphere[0].reason)
-    unrotated = np.zeros((len(by_sphere), 2))
     if distance_mm is not None:
         inverse = np.full(count, 1.0 / _in_pixels(distance_mm, geometry))
-        return _near(
-            by_sphere, sites, geometry, tolerance, inverse, unrotated, GIVEN_ERROR * float(inverse[0]), "given"
-        )
+        given = _KnownDistance(inverse, GIVEN_ERROR * float(inverse[0]), "given")
+        return _near(by_sphere, sites, geometry, tolerance, given)
     triangulated = triangulate(sites)
     if triangulated is not None:
-        inverse, rotations = triangulated.inverse_distance, triangulated.rotations
+        inverse = triangulated.inverse_distance
         deviation = float(np.hypot(TRIANGULATED_ERROR * np.median(inverse), triangulated.standard_error))
-        return _near(by_sphere, sites, geometry, tolerance, inverse, rotations, deviation, "spheres")
+        measured = _KnownDistance(inverse, deviation, "spheres", triangulated.rotations)
+        return _near(by_sphere, sites, geometry, tolerance, measured)
     merged = merge_spheres(by_sphere, tolerance=tolerance)
     if np.isfinite(merged.inter_sphere_angle).sum() >= MIN_SHARED_FRAMES:
         return DistanceResult(merged, None, None, [], [])
@@ -88,8 +104,9 @@ def measure_distance(
     if falloff is None:
         return _unknown(merged, geometry)
     if falloff.inverse_distance > 0.0:
-        inverse, deviation = np.full(count, falloff.inverse_distance), falloff.standard_deviation
-        return _near(by_sphere, sites, geometry, tolerance, inverse, unrotated, deviation, "background")
+        inverse = np.full(count, falloff.inverse_distance)
+        measured = _KnownDistance(inverse, falloff.standard_deviation, "background")
+        return _near(by_sphere, sites, geometry, tolerance, measured)
     error = light_distance_error(region_pixels(geometry), geometry.spheres, falloff.standard_deviation)
     return DistanceResult(merged, None, None, [error], [])
 
@@ -99,35 +116,30 @@ def _near(
     sites: Sequence[SphereLights],
     geometry: CaptureGeometry,
     tolerance: float,
-    inverse: np.ndarray,
-    rotations: np.ndarray,
-    deviation: float,
-    source: str,
+    distance: _KnownDistance,
 ) -> DistanceResult:
-    """Return the lights of all spheres as seen from the reference point.
-
-    inverse: distance of the light (T,), 1/pixels; rotations (S, 2): see `LightDistance`; deviation: standard deviation
-    of the inverse distances; source: where the distance comes from.
-    """
+    """Return the lights of all spheres as seen from the reference point."""
+    inverse = distance.inverse
+    rotations = np.zeros((len(by_sphere), 2)) if distance.rotations is None else distance.rotations
     moved = [
         _seen_from_reference(lights, site, inverse, rotation)
         for lights, site, rotation in zip(by_sphere, sites, rotations, strict=True)
     ]
     merged = merge_spheres(moved, tolerance=tolerance)
     near = NearLight(*reference_point(geometry), merged.half_vectors, inverse.astype(np.float32))
-    least, middle, greatest = 1.0 / np.percentile(inverse, (95.0, 50.0, 5.0))
+    least, middle, greatest = (1.0 / np.percentile(inverse, (95.0, 50.0, 5.0))).tolist()
     record = {
         "x": near.x,
         "y": near.y,
-        "distance": float(middle),
-        "least": float(least),
-        "greatest": float(greatest),
-        "relative_error": float(deviation * middle),
-        "source": source,
+        "distance": middle,
+        "least": least,
+        "greatest": greatest,
+        "relative_error": float(distance.deviation * middle),
+        "source": distance.source,
     }
     pixels = region_pixels(geometry)
-    errors = [light_distance_error(pixels, geometry.spheres, deviation), depth_error(pixels, 1.0 / float(middle))]
-    return DistanceResult(merged, near, record, errors, _near_warnings(geometry, errors, float(middle), source))
+    errors = [light_distance_error(pixels, geometry.spheres, distance.deviation), depth_error(pixels, 1.0 / middle)]
+    return DistanceResult(merged, near, record, errors, _near_warnings(geometry, errors, middle, distance.source))
 
 
 def _near_warnings(

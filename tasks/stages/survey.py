@@ -165,9 +165,11 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
         arrays, crops, shake = dict[str, np.ndarray](), None, None
         places = _Located(given, region)
         if region is not None and search.needs_sample and not search.seeks_spheres:
+            # Region and spheres are known: so is the shake, and, if there is none, what is to be cropped.
             shake = search.shake(region, given)
             crops = None if shake.record["applied"] else crops_of(region, given, search.size)
         if crops is not None:
+            # One pass over the video samples and stores it.
             sample, recorded = sampled_and_stored(inputs, footage, inputs.parameters.sample, crops, progress)
             arrays |= recorded
             places = search.located(sample)
@@ -175,6 +177,7 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
             places = search.located(search.sampled(shake))
         elif search.needs_sample:
             places, shake = search.first_look()
+        # Spheres that were found, or moved, are to be left out of the shake's measurement.
         if shake is None or (not shake.record["applied"] and _circles(places.spheres) != _circles(given)):
             shake = search.shake(places.region, places.spheres)
             if search.needs_sample and shake.record["applied"]:
@@ -183,13 +186,14 @@ def survey(inputs: StageInputs, progress: Progress) -> StageOutput:
         assert region is not None
         if places.mask is not None:
             arrays["mask"] = places.mask[region.rows, region.columns]
+        # What was stored on the way is of use only if the crops are as expected.
         if crops is not None and (shake.record["applied"] or crops != crops_of(region, spheres, search.size)):
             discard_stored(inputs, crops)
             arrays = {name: array for name, array in arrays.items() if name not in (BACKGROUND, PEAK, CLIPPED)}
         scale = scale_of(inputs.field("pixel_size"), inputs.field("spheres"), spheres, search.camera)
         return StageOutput(
             arrays={**arrays, **shake.arrays},
-            record=_record(search, region, spheres, shake, scale) | {"scene_change": places.scene_change},
+            record=_record(search, places, shake, scale),
             counts={"spheres": len(spheres)},
             warnings=[*places.warnings, *shake.warnings, *scale.warnings],
         )
@@ -213,21 +217,23 @@ def _search(inputs: StageInputs, footage: Footage, progress: Progress) -> _Searc
     return _Search(inputs, footage, progress, given, region, camera_matrix(inputs.field("camera")))
 
 
-def _record(search: _Search, region: Region, spheres: Sequence[Sphere], shake: Shake, scale: Scale) -> dict[str, Any]:
+def _record(search: _Search, places: _Located, shake: Shake, scale: Scale) -> dict[str, Any]:
     """Return what is stored of a survey beside its arrays."""
     footage, inputs, camera = search.footage, search.inputs, search.camera
+    assert places.region is not None
     return {
         "frame_size": [footage.width, footage.height],
         "frames_claimed": footage.count,
         "bits": footage.bits,
         "codec": footage.codec,
-        "region": region.model_dump(),
-        "spheres": [asdict(sphere) | {"found": search.seeks_spheres} for sphere in spheres],
+        "region": places.region.model_dump(),
+        "spheres": [asdict(sphere) | {"found": search.seeks_spheres} for sphere in places.spheres],
         "given_spheres": [sphere.model_dump() for sphere in inputs.field("spheres")],
         "camera": None if camera is None else camera.tolist(),
         "stabilization": shake.record,
         "pixel_size": scale.pixel_size,
         "unit": scale.unit,
+        "scene_change": places.scene_change,
     }
 
 

@@ -9,7 +9,7 @@ the true contours, along a part of them, and along false ones as well. A shape t
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -120,11 +120,12 @@ def normals_with(clusters: Clusters, mask: np.ndarray, contours: Contours, has_r
     has_rim: whether normals of the occluding contour hold on the near sides.
     """
     state = settle(clusters, mask, LabellingOptions(max_iterations=0))
-    state.surface = state.coarse = cut_field(mask, contours, DEFAULT_FIELD.tension_length)
+    surface, view = cut_field(mask, contours, DEFAULT_FIELD.tension_length), state.view
+    state.view = replace(view, surface=surface, coarse=surface)
     if has_rim:
-        inner = contours.near & mask & ~state.rim
-        state.outward = np.where(inner[..., None], contours.outward, state.outward).astype(np.float32)
-        state.rim = state.rim | inner
+        inner = contours.near & mask & ~view.rim
+        outward = np.where(inner[..., None], contours.outward, view.outward).astype(np.float32)
+        state.view = replace(state.view, outward=outward, rim=view.rim | inner)
     state.smooth = state.initial = state.solve_field(state.known, state.values)
     state.iterate(DEFAULT_OPTIONS.max_iterations)
     return reconstruct_normals(clusters, mask, settled=state).normals

@@ -20,7 +20,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from glint.tasks.algorithms.integration.bilateral import MAX_SEARCHED_PIXELS, Method, integrate
+from glint.tasks.algorithms.integration.bilateral import Method, integrate
+from glint.tasks.algorithms.integration.search_limits import DEFAULT_LIMITS, SearchLimits
 from tests.benchmarks.integration_scenes import FIELDS, Scene, pleats, traced, with_noise
 from tests.benchmarks.integration_sheets import flap, risers, stairs
 
@@ -45,11 +46,9 @@ def scenes(size: int) -> Iterator[tuple[str, Scene]]:
         yield f"{name} P", traced(field, size, perspective=True)
 
 
-def ours(method: Method, max_searched: int = MAX_SEARCHED_PIXELS) -> Solver:
-    """Return the integration by a method, as a function of a scene; see MAX_SEARCHED_PIXELS."""
-    return lambda scene: (
-        integrate(scene.normals, scene.mask, method=method, camera=scene.camera, max_searched=max_searched).depth
-    )
+def ours(method: Method, limits: SearchLimits = DEFAULT_LIMITS) -> Solver:
+    """Return the integration by a method, as a function of a scene."""
+    return lambda scene: integrate(scene.normals, scene.mask, method=method, camera=scene.camera, limits=limits).depth
 
 
 def published(folder: str) -> Solver:
@@ -112,7 +111,7 @@ def main() -> None:
     options = parser.parse_args()
     solvers = {"least-squares": ours("least-squares"), "bilateral": ours("bilateral")}
     if options.searched:
-        solvers["from coarse"] = ours("bilateral", options.searched)
+        solvers["from coarse"] = ours("bilateral", SearchLimits(max_searched=options.searched))
     if options.published:
         solvers["published"] = published(options.published)
     print(f"{'scene':22}" + "".join(f"{name:>15} {'steps':>5}" for name in solvers))

@@ -18,7 +18,7 @@ from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.evaluation.metrics import depth_errors
 from glint.tasks.algorithms.geometry.perspective import areal_focal_length
 from glint.tasks.algorithms.integration.bilateral import integrate
-from glint.tasks.algorithms.integration.rim import with_rim
+from glint.tasks.algorithms.integration.contour_margin import with_margin
 from glint.tasks.algorithms.revolution import rotational_normals, symmetry
 from glint.tasks.algorithms.revolution.fit_limits import FitLimits
 from glint.tasks.engine.capture_context import CaptureContext
@@ -78,7 +78,7 @@ def measure(capture: Capture, store: Path, forced: bool) -> str:
     def error(body: np.ndarray | None) -> tuple[str, bool]:
         weight = result.confidence**NORMAL_WEIGHT_POWER
         depth = integrate(result.normals, mask, confidence=weight, camera=camera, body=body)
-        errors = depth_errors(with_rim(depth.height(distance), mask)[0], truth, mask)
+        errors = depth_errors(with_margin(depth.height(distance), mask)[0], truth, mask)
         return f"{errors.mean:.2f}", depth.follows_body
 
     alone, _ = error(None)

@@ -36,7 +36,7 @@ def test_what_computes_is_not_imported(module: str, absent: set[str]) -> None:
 
 
 def captures_of(catalogue: Path, store: Path) -> ObjectCaptures:
-    return ObjectCaptures.of(load(catalogue), str(catalogue), "hemisphere", [], str(store), "", False)
+    return ObjectCaptures.of(load(catalogue), str(catalogue), "hemisphere", [], str(store), run="")
 
 
 def refuse(result: ObjectResult) -> None:
@@ -94,14 +94,14 @@ def test_an_object_does_not_cost_more_in_a_large_catalogue(large: Catalogue) -> 
     counted = Counted(large.objects)
     catalogue = large.model_copy(update={"objects": counted})
     for number in range(300):
-        captures = ObjectCaptures.of(catalogue, "large.yaml", f"o{number}", ["b"], "/store", "", False)
+        captures = ObjectCaptures.of(catalogue, "large.yaml", f"o{number}", ["b"], "/store", run="")
     assert counted.passes < 10
     assert captures.ids == [("o299", "b")] and len(captures.all) == 2 and captures.n_captures == 20_000
     with pytest.raises(InputError, match="no o10000") as raised:
-        ObjectCaptures.of(catalogue, "large.yaml", "o10000", [], "/store", "", False)
+        ObjectCaptures.of(catalogue, "large.yaml", "o10000", [], "/store", run="")
     assert "did you mean o1" in raised.value.remedy
     with pytest.raises(InputError, match="no o7/c"):
-        ObjectCaptures.of(catalogue, "large.yaml", "o7", ["c"], "/store", "", False)
+        ObjectCaptures.of(catalogue, "large.yaml", "o7", ["c"], "/store", run="")
 
 
 def test_many_captures_are_chosen_by_name_without_a_search_for_each(large: Catalogue) -> None:

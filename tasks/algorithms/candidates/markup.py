@@ -5,6 +5,7 @@ nodes (the sets F and C of Eqn 2).
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,9 +45,21 @@ class Marks:
         return cls(np.zeros((0, 2), np.int32), np.zeros((0, 3), np.float32), np.zeros(0, np.int8))
 
 
+class MarkConstraints(NamedTuple):
+    """Constraints of marks on pixels and on their clusters.
+
+    pixels (H, W) bool: those with a true mark. normals (H, W, 3): theirs, NaN elsewhere. labels (K, H, W) int8: of the
+    clusters, 1 exterior, -1 false, 0 free.
+    """
+
+    pixels: np.ndarray
+    normals: np.ndarray
+    labels: np.ndarray
+
+
 def mark_constraints(
     marks: Marks | None, normals: np.ndarray, mask: np.ndarray, exterior: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> MarkConstraints:
     """Return the constraints of marks on pixels and on their clusters.
 
     A mark fixes one cluster of its pixel within MARK_RADIUS_DEG of its half vector: where two sheets cross, it is of
@@ -59,15 +72,11 @@ def mark_constraints(
         normals: (K, H, W, 3) of the clusters.
         mask: (H, W) bool; marks outside are ignored.
         exterior: (K, H, W) bool, clusters that are labelled exterior without the marks; None: not labelled yet.
-
-    Returns:
-        Pixels with a true mark (H, W) bool, their normals (H, W, 3), NaN elsewhere, and the labels of the clusters
-        (K, H, W) int8: 1 exterior, -1 false, 0 free.
     """
     marked, sums = np.zeros(mask.shape, dtype=bool), np.zeros((*mask.shape, 3), np.float32)
     labels = np.zeros(normals.shape[:3], dtype=np.int8)
     if marks is None:
-        return marked, unit(sums), labels
+        return MarkConstraints(marked, unit(sums), labels)
     nearest, is_ruled_out = np.full(labels.shape, -1.0), np.zeros(labels.shape, dtype=bool)
     for (row, column), half_vector, kind in zip(marks.pixels, marks.half_vectors, marks.kind, strict=True):
         if not mask[row, column]:
@@ -84,4 +93,5 @@ def mark_constraints(
             marked[row, column] = True
             sums[row, column] += half_vector
             is_ruled_out[:, row, column] |= cosine < np.cos(np.radians(2.0 * MARK_RADIUS_DEG))
-    return marked, unit(sums), np.where(is_ruled_out & (labels == 0), -1, labels).astype(np.int8)
+    labels = np.where(is_ruled_out & (labels == 0), -1, labels).astype(np.int8)
+    return MarkConstraints(marked, unit(sums), labels)

@@ -177,27 +177,37 @@ def _arc_share(
     normals: (H, W, K, 3), candidates. first, second: (3,), normals of the faces. direction: (3,), of the crease.
     bounds: of the cosines to the faces' normals, and of that to the direction. reach: radius of a place in pixels.
     """
-    height, width, layers, _ = normals.shape
-    least, most, across = bounds
     near = 0
     for place in range(len(places)):
-        is_near = False
-        for down in range(-reach, reach + 1):
-            row = int(np.rint(places[place, 1])) + down
-            if is_near or not 0 <= row < height:
-                continue
-            for right in range(-reach, reach + 1):
-                column = int(np.rint(places[place, 0])) + right
-                if is_near or right * right + down * down > reach * reach or not 0 <= column < width:
-                    continue
-                for layer in range(layers):
-                    x, y, z = normals[row, column, layer]
-                    if not abs(x * direction[0] + y * direction[1] + z * direction[2]) < across:
-                        continue
-                    to_first = x * first[0] + y * first[1] + z * first[2]
-                    to_second = x * second[0] + y * second[1] + z * second[2]
-                    if least < to_first < most and least < to_second < most:
-                        is_near = True
-                        break
-        near += is_near
+        row, column = int(np.rint(places[place, 1])), int(np.rint(places[place, 0]))
+        near += _is_near_arc(normals, row, column, first, second, direction, bounds, reach)
     return near / len(places)
+
+
+@njit(cache=True, nogil=True)
+def _is_near_arc(
+    normals: np.ndarray,
+    row: int,
+    column: int,
+    first: np.ndarray,
+    second: np.ndarray,
+    direction: np.ndarray,
+    bounds: tuple[float, float, float],
+    reach: int,
+) -> bool:
+    """Return whether a pixel is near a candidate that turns from one face to the other; see `_arc_share`."""
+    height, width, layers, _ = normals.shape
+    least, most, across = bounds
+    for i in range(max(row - reach, 0), min(row + reach + 1, height)):
+        for j in range(max(column - reach, 0), min(column + reach + 1, width)):
+            if (i - row) ** 2 + (j - column) ** 2 > reach**2:
+                continue
+            for layer in range(layers):
+                x, y, z = normals[i, j, layer]
+                if not abs(x * direction[0] + y * direction[1] + z * direction[2]) < across:
+                    continue
+                to_first = x * first[0] + y * first[1] + z * first[2]
+                to_second = x * second[0] + y * second[1] + z * second[2]
+                if least < to_first < most and least < to_second < most:
+                    return True
+    return False

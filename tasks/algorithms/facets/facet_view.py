@@ -25,8 +25,8 @@ STRAYS = 60
 
 def silhouette_contour(mask: np.ndarray) -> np.ndarray:
     """Return points (N, 2) of the contour of a mask (H, W) bool, x and y in the camera frame, pixels."""
-    outline = smooth_contour(mask)
-    columns, rows = outline[:: max(1, len(outline) // CONTOUR_POINTS)].T
+    contour = smooth_contour(mask)
+    columns, rows = contour[:: max(1, len(contour) // CONTOUR_POINTS)].T
     return np.stack(to_camera(columns, rows, mask.shape[1], mask.shape[0]), axis=-1)
 
 

@@ -97,8 +97,8 @@ class FacetedBody:
         """Return the number (H, W) of the visible face at each pixel of an image of this shape, -1 beside the body."""
         result = np.full(shape, -1, np.int16)
         pixels = np.round(to_pixels(self.corners, shape) * 2**SUBPIXEL_BITS).astype(np.int32)
-        for number, outline in enumerate(pixels):
-            cv2.fillPoly(result, [outline], number, shift=SUBPIXEL_BITS)
+        for number, corners in enumerate(pixels):
+            cv2.fillPoly(result, [corners], number, shift=SUBPIXEL_BITS)
         return result
 
     def depths(self, x: np.ndarray, y: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -74,7 +74,7 @@ def likeliest_placements(
             alike = sum(start.polygon.sides == placement.polygon.sides for start, _ in starts)
             if alike < STARTS_PER_POLYGON and not any(start.is_near(placement) for start, _ in starts):
                 starts.append((placement, chance))
-    # Placements of ends come first: they are few, and nearly exact as they are.
+    # Those of ends come first, as they are few and nearly exact already, then those about the axis, each best first.
     refined = [(*_refined(start, coarse, COARSE_STEPS, COARSE_HALVINGS), chance) for start, chance in starts[:STARTS]]
     result = []
     for _, placement, chance in sorted(refined, key=itemgetter(0), reverse=True)[:REFINED]:

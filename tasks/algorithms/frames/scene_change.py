@@ -56,8 +56,8 @@ def _changes(contrasts: np.ndarray, window: int) -> np.ndarray:
 
 def _contrast(frame: np.ndarray) -> np.ndarray:
     """Return the bounded contrast (h, w) float32 of a reduced frame (H, W) with its surroundings."""
-    scale = max(1.0, float(np.sqrt(frame.size / COMPARED_PIXELS)))
-    height, width = (max(1, round(side / scale)) for side in frame.shape)
+    reduction = max(1.0, float(np.sqrt(frame.size / COMPARED_PIXELS)))
+    height, width = (max(1, round(side / reduction)) for side in frame.shape)
     brightness = np.log(
         cv2.resize(frame.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA) + DARK_LEVEL
     )

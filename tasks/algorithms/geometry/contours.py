@@ -1,4 +1,4 @@
-"""Contours of masks, to a fraction of a pixel."""
+"""Contours of masks: their pixels, and lines to a fraction of a pixel."""
 
 import cv2
 import numpy as np
@@ -8,6 +8,14 @@ from glint.tasks.algorithms.geometry.vectors import unit
 
 CONTOUR_SIGMA_PX = 1.5
 """Standard deviation of the smoothing along the contour, against the staircase of pixels."""
+
+
+def outermost_pixels(mask: np.ndarray, *, is_border_outside: bool = False) -> np.ndarray:
+    """Return the pixels (H, W) bool of a mask (H, W) bool that share an edge with a pixel outside it.
+
+    is_border_outside: whether what lies beyond the border of the image is outside; else the mask goes on there.
+    """
+    return mask & ~ndimage.binary_erosion(mask, border_value=not is_border_outside)
 
 
 def smooth_contour(mask: np.ndarray) -> np.ndarray:

@@ -17,17 +17,15 @@ from scipy import ndimage
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.perspective import camera_in_crop, focal_length
 from glint.tasks.algorithms.integration.coarse_grid import NormalGrid, doubled, halved
+from glint.tasks.algorithms.integration.contour_margin import least_cosines
 from glint.tasks.algorithms.integration.edges import GridEdges, grid_edges
-from glint.tasks.algorithms.integration.graduation import MAX_ROUNDS, TOLERANCE_PX, Solution, least_squares
+from glint.tasks.algorithms.integration.graduation import Solution, least_squares
 from glint.tasks.algorithms.integration.known_body import known_body
-from glint.tasks.algorithms.integration.reweighting import SHARPNESS, misfit_energy, refined, robust
-from glint.tasks.algorithms.integration.rim import least_cosines
+from glint.tasks.algorithms.integration.reweighting import misfit_energy, refined, robust
+from glint.tasks.algorithms.integration.search_limits import DEFAULT_LIMITS, SearchLimits
 
 MIN_PIXEL_WEIGHT = 1e-4
 """Weight of a pixel without a normal or confidence: it follows its neighbours and hardly influences them."""
-MAX_SEARCHED_PIXELS = 300_000
-"""Pixels of a mask up to which its own grid is searched for steps: that takes three starts and up to a hundred rounds,
-on a grid of 2.4 million pixels four to ten minutes."""
 
 Method = Literal["bilateral", "least-squares"]
 
@@ -73,10 +71,7 @@ def integrate(
     method: Method = "bilateral",
     camera: np.ndarray | None = None,
     body: np.ndarray | None = None,
-    sharpness: float = SHARPNESS,
-    max_rounds: int = MAX_ROUNDS,
-    tolerance: float = TOLERANCE_PX,
-    max_searched: int = MAX_SEARCHED_PIXELS,
+    limits: SearchLimits = DEFAULT_LIMITS,
 ) -> Depth:
     """Integrate normals inside a mask to depth.
 
@@ -92,8 +87,7 @@ def integrate(
             contradict it. It decides between heights with steps; where a continuous surface explains the normals, or
             they contradict it as a whole, nothing changes. Under perspective it is the negative logarithm of the
             distance times the focal length.
-        sharpness: see SHARPNESS.
-        max_rounds, tolerance, max_searched: see MAX_ROUNDS, TOLERANCE_PX and MAX_SEARCHED_PIXELS.
+        limits: of the search for steps.
 
     Raises:
         UnusableCapture: the mask is empty or has no normals.
@@ -111,7 +105,7 @@ def integrate(
     grid = NormalGrid(filled, inner, weight, camera, None if body is None else np.asarray(body)[window])
     edges = _edges_of(grid)
     if method == "bilateral":
-        solution = _robust(grid, edges, max_searched, (sharpness, max_rounds, tolerance))
+        solution, sharpness = _robust(grid, edges, limits), limits.sharpness
     else:
         solution, sharpness = least_squares(edges), 0.0
     height, energy = solution.height, misfit_energy(edges, solution.height, sharpness)
@@ -132,27 +126,26 @@ def _edges_of(grid: NormalGrid) -> GridEdges:
     return grid_edges(grid.normals, grid.mask, grid.weight, grid.camera, least_cosines(grid.mask))
 
 
-def _robust(grid: NormalGrid, edges: GridEdges, max_searched: int, limits: tuple[float, int, float]) -> Solution:
+def _robust(grid: NormalGrid, edges: GridEdges, limits: SearchLimits) -> Solution:
     """Solve for the height with steps: of a large region from coarse to fine, a level at a time.
 
-    Steps are searched for on the coarsest grid alone, whose height the finer ones refine. `limits`: the last arguments
-    of `robust`; the tolerance is in pixels of the coarsest grid, the same share of an object however it is sampled.
+    Steps are searched for on the coarsest grid alone, whose height the finer ones refine. The tolerance is in pixels of
+    the coarsest grid, the same share of an object however it is sampled.
     """
-    sharpness, max_rounds, tolerance = limits
     levels = [(grid, edges)]
-    while np.count_nonzero(levels[-1][0].mask) > max_searched:
+    while np.count_nonzero(levels[-1][0].mask) > limits.max_searched:
         coarse = halved(levels[-1][0])
         levels.append((coarse, _edges_of(coarse)))
     coarsest, coarsest_edges = levels.pop()
     body = known_body(coarsest.body, coarsest.mask)
-    solution = robust(coarsest_edges, coarsest.mask, sharpness, max_rounds, tolerance, body)
+    solution = robust(coarsest_edges, coarsest.mask, limits, body)
     is_followed = solution.follows_body
     mask, rounds = coarsest.mask, solution.rounds
     for finer, finer_edges in reversed(levels):
-        tolerance *= 2.0
+        limits = replace(limits, tolerance=2.0 * limits.tolerance)
         start = doubled(solution.height, mask, (finer.mask.shape[0], finer.mask.shape[1]))
         body = known_body(finer.body, finer.mask) if is_followed else None
-        solution = refined(finer_edges, finer.mask, start, max_rounds, tolerance, body)
+        solution = refined(finer_edges, finer.mask, start, limits, body)
         mask, rounds = finer.mask, rounds + solution.rounds
     return replace(solution, rounds=rounds)
 

@@ -12,15 +12,12 @@ from glint.tasks.algorithms.integration.edges import GridEdges, assemble
 from glint.tasks.algorithms.integration.expected_rises import ExpectedRises, poisson_source, robust_weights
 from glint.tasks.algorithms.integration.known_body import KnownBody, body_pull
 from glint.tasks.algorithms.integration.multigrid import solve_poisson
+from glint.tasks.algorithms.integration.search_limits import SearchLimits
 
 SHRINKING = 0.7
 """Factor of the scale from round to round."""
 MISFIT_SCALE = 6.0
 """Final scale of the loss, standard deviations of the expected rise."""
-MAX_ROUNDS = 30
-"""Limit of an attempt's reweighted solutions."""
-TOLERANCE_PX = 5e-3
-"""Root mean square change of the height in a round below which the rounds end."""
 MIN_EDGE_WEIGHT = 1e-10
 """Weight left to an edge that is a step, as a share of the largest: the two sides stay one component."""
 LEAST_SQUARES_TOLERANCE, REWEIGHTED_TOLERANCE, SETTLING_TOLERANCE = 1e-5, 1e-3, 1e-4
@@ -66,8 +63,7 @@ def graduated(
     mask: np.ndarray,
     height: np.ndarray,
     scale: float,
-    max_rounds: int,
-    tolerance: float,
+    limits: SearchLimits,
     body: KnownBody | None = None,
 ) -> Solution:
     """Solve from a height by a redescending loss, whose scale falls from `scale`; it is less where edges are soft.
@@ -75,7 +71,7 @@ def graduated(
     body: a known one to which the height is drawn.
     """
     pull = None
-    for completed in range(1, max_rounds + 1):
+    for completed in range(1, limits.max_rounds + 1):
         robust = robust_weights(rises, height, softness, scale)
         weights, previous, is_final = normalized(robust), height, scale <= MISFIT_SCALE
         source = poisson_source(weights, rises.mean)
@@ -84,10 +80,10 @@ def graduated(
             source += pull * body.depth
         residual = SETTLING_TOLERANCE if is_final else REWEIGHTED_TOLERANCE
         height, _, solved = solve_poisson(weights, source, height, pull=pull, tolerance=residual)
-        if is_final and change(height, previous, mask) <= tolerance:
+        if is_final and change(height, previous, mask) <= limits.tolerance:
             return Solution(height, completed, solved)
         scale = max(scale * SHRINKING, MISFIT_SCALE)
-    return Solution(height, max_rounds, False)
+    return Solution(height, limits.max_rounds, False)
 
 
 def change(height: np.ndarray, previous: np.ndarray, mask: np.ndarray) -> float:

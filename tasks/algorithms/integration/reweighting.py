@@ -42,9 +42,8 @@ from glint.tasks.algorithms.integration.graduation import (
 )
 from glint.tasks.algorithms.integration.known_body import KnownBody, agrees, attached_height, beside_body
 from glint.tasks.algorithms.integration.multigrid import solve_poisson
+from glint.tasks.algorithms.integration.search_limits import SearchLimits
 
-SHARPNESS = 2.0
-"""Final slope of the sigmoid between a pixel's two sides, per square pixel along the normal."""
 BILATERAL_STARTS = (0.5, 0.0), (1.0, 1.5)
 """Share of the squared rise in the comparison of a pixel's sides, and power of the tilt, per bilateral start; the rest
 of the share is the squared misfit. With 0.5 limbs before a body come free; with 1 faces with edges stay together, whose
@@ -78,30 +77,23 @@ WEIGHT_POWER, RISE_POWER = 2.0, 1.0
 the two ends are averaged: at 1 the average is the rise by the mean of the two normals, exact on circular arcs."""
 
 
-def robust(
-    edges: GridEdges,
-    mask: np.ndarray,
-    sharpness: float,
-    max_rounds: int,
-    tolerance: float,
-    body: KnownBody | None = None,
-) -> Solution:
-    """Solve for the height with steps where the normals require them; `rounds` are those of all attempts.
+def robust(edges: GridEdges, mask: np.ndarray, limits: SearchLimits, body: KnownBody | None = None) -> Solution:
+    """Solve for the height (H, W) with steps where the normals require them; `rounds` are those of all attempts.
 
     A known body decides between them, unless the height contradicts it or its steps cost much more.
     """
     rises, plain = expected_rises(edges), least_squares(edges)
-    continuous = _continuous(rises, plain.height, mask, max_rounds, tolerance)
+    continuous = _continuous(rises, plain.height, mask, limits)
     if continuous is not None:
         return continuous
     best, lowest, rounds = plain, _price(edges, plain), 0
-    for attempt in _attempts(edges, rises, mask, plain.height, (sharpness, max_rounds, tolerance)):
+    for attempt in _attempts(edges, rises, mask, plain.height, limits):
         price = _price(edges, attempt)
         rounds += attempt.rounds
         if price < lowest:
             best, lowest = attempt, price
     if body is not None:
-        attempt = _from_body(edges, mask, body, None, max_rounds, tolerance)
+        attempt = _from_body(edges, mask, body, None, limits)
         rounds += attempt.rounds
         if agrees(body, attempt.height) and _price(edges, attempt) < BODY_PRICE_RATIO * lowest:
             best = attempt
@@ -112,8 +104,7 @@ def refined(
     edges: GridEdges,
     mask: np.ndarray,
     height: np.ndarray,
-    max_rounds: int,
-    tolerance: float,
+    limits: SearchLimits,
     body: KnownBody | None = None,
 ) -> Solution:
     """Solve for the height as `robust`, but from one start.
@@ -121,19 +112,17 @@ def refined(
     height: (H, W), of a coarser grid, whose steps are kept; body: the known body that it follows, if it does.
     """
     if body is not None:
-        return _from_body(edges, mask, body, height, max_rounds, tolerance)
+        return _from_body(edges, mask, body, height, limits)
     rises, plain = expected_rises(edges), least_squares(edges)
-    continuous = _continuous(rises, plain.height, mask, max_rounds, tolerance)
+    continuous = _continuous(rises, plain.height, mask, limits)
     if continuous is not None:
         return continuous
     softness = _contour_softness(edges, rises)
-    solution = graduated(rises, softness, mask, height, BILATERAL_SCALE, max_rounds, tolerance)
+    solution = graduated(rises, softness, mask, height, BILATERAL_SCALE, limits)
     return min(plain, solution, key=lambda choice: _price(edges, choice))
 
 
-def _continuous(
-    rises: ExpectedRises, height: np.ndarray, mask: np.ndarray, max_rounds: int, tolerance: float
-) -> Solution | None:
+def _continuous(rises: ExpectedRises, height: np.ndarray, mask: np.ndarray, limits: SearchLimits) -> Solution | None:
     """Solve for the height of a continuous surface; None if it contradicts the normals by more than their noise.
 
     height: (H, W), of plain least squares.
@@ -142,7 +131,7 @@ def _continuous(
     start = weighted(rises, even[0], height, LEAST_SQUARES_TOLERANCE)
     if largest_misfit(rises, start) > NOISE_SCALE:
         return None
-    return graduated(rises, even, mask, start, MISFIT_SCALE, max_rounds, tolerance)
+    return graduated(rises, even, mask, start, MISFIT_SCALE, limits)
 
 
 def _price(edges: GridEdges, solution: Solution) -> float:
@@ -150,7 +139,7 @@ def _price(edges: GridEdges, solution: Solution) -> float:
 
 
 def _from_body(
-    edges: GridEdges, mask: np.ndarray, body: KnownBody, height: np.ndarray | None, max_rounds: int, tolerance: float
+    edges: GridEdges, mask: np.ndarray, body: KnownBody, height: np.ndarray | None, limits: SearchLimits
 ) -> Solution:
     """Solve from a known body, or from a height (H, W) that follows it."""
     edges = beside_body(edges, body)
@@ -158,7 +147,7 @@ def _from_body(
     softness = _contour_softness(edges, rises)
     if height is None:
         height = attached_height(rises, normalized(rises.precision), body)
-    solution = graduated(rises, softness, mask, height, BODY_SCALE, max_rounds, tolerance, body)
+    solution = graduated(rises, softness, mask, height, BODY_SCALE, limits, body)
     return replace(solution, follows_body=True)
 
 
@@ -176,20 +165,19 @@ def _step_prices(edges: GridEdges, softness: np.ndarray) -> np.ndarray:
 
 
 def _attempts(
-    edges: GridEdges, rises: ExpectedRises, mask: np.ndarray, height: np.ndarray, limits: tuple[float, int, float]
+    edges: GridEdges, rises: ExpectedRises, mask: np.ndarray, height: np.ndarray, limits: SearchLimits
 ) -> Iterator[Solution]:
-    """Yield the solutions of all starts, given the height of least squares and the last arguments of `robust`."""
-    sharpness, max_rounds, tolerance = limits
+    """Yield the solutions of all starts, given the height (H, W) of least squares."""
     softness = _contour_softness(edges, rises)
     for powers in BILATERAL_STARTS:
-        start, before = _bilateral(edges, mask, height, powers, sharpness, tolerance)
-        solution = graduated(rises, softness, mask, start, BILATERAL_SCALE, max_rounds, tolerance)
+        start, before = _bilateral(edges, mask, height, powers, limits)
+        solution = graduated(rises, softness, mask, start, BILATERAL_SCALE, limits)
         yield Solution(solution.height, before + solution.rounds, solution.converged)
     evidence = curl_evidence(edges, rises, LINE_LENGTHS) + normal_evidence(edges, rises)
     softness = _softness(evidence, LINE_POWER)
     start = weighted(rises, softness, height, REWEIGHTED_TOLERANCE)
     first = max(MISFIT_SCALE, largest_misfit(rises, start))
-    yield graduated(rises, _step_prices(edges, softness), mask, start, first, max_rounds, tolerance)
+    yield graduated(rises, _step_prices(edges, softness), mask, start, first, limits)
 
 
 def _bilateral(
@@ -197,14 +185,13 @@ def _bilateral(
     mask: np.ndarray,
     height: np.ndarray,
     powers: tuple[float, float],
-    sharpness: float,
-    tolerance: float,
+    limits: SearchLimits,
 ) -> tuple[np.ndarray, int]:
     """Solve from a height by dividing each pixel between its sides; return the height and the rounds.
 
     `powers`: see BILATERAL_STARTS. The sigmoid starts as flat as the largest differences between sides require.
     """
-    slope = sharpness
+    sharpness = slope = limits.sharpness
     for completed in range(1, BILATERAL_ROUNDS + 1):
         difference = compare_sides(edges, height, *powers)[0]
         if completed == 1:
@@ -214,7 +201,7 @@ def _bilateral(
         weights, source = assemble(edges, shares, WEIGHT_POWER, RISE_POWER, MIN_EDGE_WEIGHT)
         previous = height
         height = solve_poisson(weights, source, height, tolerance=REWEIGHTED_TOLERANCE)[0]
-        if slope >= sharpness and change(height, previous, mask) <= tolerance:
+        if slope >= sharpness and change(height, previous, mask) <= limits.tolerance:
             break
         slope = min(slope * SHARPENING, sharpness)
     return height, completed

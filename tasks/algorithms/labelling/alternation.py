@@ -1,91 +1,55 @@
-"""Working state of the alternation of sections 4.1 and 4.2 of the paper, which `reconstruction` drives."""
+"""State of the alternation of sections 4.1 and 4.2 of the paper: labels and field, which `reconstruction` drives."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import sparse
 
-from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
-from glint.tasks.algorithms.candidates.shading import shading_log_ratio
+from glint.tasks.algorithms.candidates.markup import MarkConstraints, Marks, mark_constraints
 from glint.tasks.algorithms.faces.flat_faces import FlatFaces
-from glint.tasks.algorithms.facets.faceted_normals import FacetSearch
-from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.labelling.answers import MARKED_SHEET_NATS, mark_influence, marked_confidence
+from glint.tasks.algorithms.labelling.candidate_view import CandidateView
 from glint.tasks.algorithms.labelling.confidence import (
     field_confidence,
     field_error_slope,
     observed_confidence,
     probability_within_tolerance,
 )
-from glint.tasks.algorithms.labelling.graph_cut import HARD_CONSTRAINT, GraphCut, keep_best_per_pixel, unary_log_ratio
+from glint.tasks.algorithms.labelling.graph_cut import HARD_CONSTRAINT, keep_best_per_pixel, unary_log_ratio
 from glint.tasks.algorithms.labelling.results import Iteration, accepted_normals
 from glint.tasks.algorithms.labelling.weights import LabellingOptions
-from glint.tasks.algorithms.prior.smooth_normals import (
-    MAX_NODES,
-    SmoothNormalField,
-    contour_normals,
-    field_spread,
-    smooth_normal_field,
-    thickness,
-)
+from glint.tasks.algorithms.prior.smooth_normals import SmoothNormalField, field_spread
 from glint.tasks.algorithms.prior.unreached import with_unreached
 from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals
-from glint.tasks.algorithms.prisms.prismatic_normals import PrismSearch
-from glint.tasks.algorithms.revolution.rotational_normals import RotationalSymmetry
-from glint.tasks.algorithms.sheets.integrability import shape_log_ratio
-from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
 
-DRAFT_NODES, HELD_OUT_NODES = 7_000, 5_000
-"""Grid nodes of coarser fields: a draft's (a third of the time, 1% more squared error), one that predicts a sheet."""
 CONVERGED_SHARE = 0.002
 """Share of the mask whose labels may still change in the last iteration."""
 
 
 @dataclass(slots=True)
 class Alternation:
-    """Working state of the alternation: constants of the view, then what each iteration replaces.
+    """State of the alternation: what iterations and explanations replace, beside the view, which stays.
 
-    No array is changed in place, so that copies can go on independently. What depends on candidates and mask alone, the
-    graph, symmetry, prism and facets among them, is shared by copies.
+    No array is changed in place, so that copies can go on independently; they share the view.
 
-    observations (H, W): frames in which a pixel is lit. weights (K, H, W): of the clusters. is_draft: whether the field
-    is that of a draft. camera: of the view. coarse: the field that predicts what is held out. sheets: the nodes' graph.
-    own_evidence (K, H, W): log-likelihood ratio of a true against a false highlight, by the sheet's shape, by shading
-    and refuted faces; face_evidence (K, H, W): by faces that candidates prove. labels (K, H, W) bool: exterior nodes;
-    unmarked_labels: those that marks met. readmitted (K, H, W): probability of nodes that were rejected and then
+    expected (H, W, 3): field that is given or that a body explains, None without. labels (K, H, W) bool: exterior
+    nodes. marks: constraints of the user's marks; influence (K, H, W): of marks on their sheets; unmarked_labels (K, H,
+    W) bool: those that marks met. own_evidence (K, H, W): of the view, less that of refuted faces; face_evidence (K, H,
+    W): by faces that candidates prove. readmitted (K, H, W): probability of nodes that were rejected and then
     readmitted, 0 elsewhere. values (H, W, 3): accepted normals, else NaN; confidence (H, W): theirs, else NaN. known
-    (H, W) bool: where they enter the field. initial, smooth (H, W, 3): first and present field. body_depth (H, W): of
-    an expected surface of revolution or solid. solid: of flat faces, if expected. seen_through (K, H, W) bool:
-    candidates that are seen through its faces. unreached (H, W, 3): normals of dark pixels, else NaN.
+    (H, W) bool: where they enter the field. initial, smooth (H, W, 3): first and present field. faces: flat faces of
+    the field, if any. relief_fit: of the expected surface of revolution, 0 without relief. body_depth (H, W): of an
+    expected surface of revolution or solid. solid: of flat faces, if expected. seen_through (K, H, W) bool: candidates
+    that are seen through its faces. unreached (H, W, 3): normals of dark pixels, else NaN.
     """
 
-    normals: np.ndarray
-    shading: np.ndarray
-    weights: np.ndarray
-    observations: np.ndarray
-    mask: np.ndarray
-    expected: np.ndarray | None
+    view: CandidateView
     options: LabellingOptions
-    is_draft: bool = False
-    camera: np.ndarray | None = None
-    scale: float = field(init=False)
-    local_scale: np.ndarray = field(init=False)
-    surface: SmoothNormalField = field(init=False)
-    coarse: SmoothNormalField = field(init=False)
-    rim: np.ndarray = field(init=False)
-    outward: np.ndarray = field(init=False)
-    graph: GraphCut = field(init=False)
-    symmetry: RotationalSymmetry = field(init=False)
-    prism: PrismSearch = field(init=False)
-    facets: FacetSearch = field(init=False)
-    own_evidence: np.ndarray = field(init=False)
-    sheets: tuple[np.ndarray, sparse.csr_matrix] = field(init=False)
-    unmarked_labels: np.ndarray = field(init=False)
-    marked: np.ndarray = field(init=False)
-    marked_normals: np.ndarray = field(init=False)
-    pins: np.ndarray = field(init=False)
-    influence: np.ndarray = field(init=False)
+    expected: np.ndarray | None = None
     labels: np.ndarray = field(init=False)
+    marks: MarkConstraints = field(init=False)
+    influence: np.ndarray = field(init=False)
+    unmarked_labels: np.ndarray = field(init=False)
+    own_evidence: np.ndarray = field(init=False)
     face_evidence: np.ndarray = field(init=False)
     readmitted: np.ndarray = field(init=False)
     known: np.ndarray = field(init=False)
@@ -93,42 +57,29 @@ class Alternation:
     confidence: np.ndarray = field(init=False)
     initial: np.ndarray = field(init=False)
     smooth: np.ndarray = field(init=False)
-    faces: FlatFaces | None = field(init=False)
-    relief_fit: float = field(init=False)
-    body_depth: np.ndarray | None = field(init=False)
-    solid: PolyhedralNormals | None = field(init=False)
+    faces: FlatFaces | None = None
+    relief_fit: float = 0.0
+    body_depth: np.ndarray | None = None
+    solid: PolyhedralNormals | None = None
     seen_through: np.ndarray = field(init=False)
-    unreached: np.ndarray | None = field(init=False)
-    history: list[Iteration] = field(init=False)
+    unreached: np.ndarray | None = None
+    history: list[Iteration] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        """Prepare the field, and solve it once from the contour."""
-        self.scale, self.local_scale = inradius(self.mask), thickness(self.mask)
-        tension, weights = self.options.field.tension_length, self.options.graph_cut
-        self.surface = smooth_normal_field(self.mask, tension, DRAFT_NODES if self.is_draft else MAX_NODES)
-        self.coarse = smooth_normal_field(self.mask, tension, HELD_OUT_NODES)
-        self.rim, self.outward = contour_normals(self.mask)
-        self.graph = GraphCut(self.normals, weights.strength, weights.contrast)
-        self.symmetry = RotationalSymmetry(self.mask, self.camera)
-        self.prism = PrismSearch(self.normals, self.mask, self.camera)
-        self.facets = FacetSearch(self.normals, self.mask, self.camera)
-        self.own_evidence = weights.shape_weight * shape_log_ratio(self.normals, self.scale)
-        self.own_evidence += weights.shading_weight * shading_log_ratio(self.shading)
-        self.sheets = sheet_graph(self.normals)
-        self.labels = np.zeros(self.normals.shape[:3], dtype=bool)
-        self.face_evidence, self.readmitted = np.zeros((2, *self.normals.shape[:3]))
-        self.seen_through = np.zeros(self.normals.shape[:3], dtype=bool)
+        """Solve the field once from the contour, or the expected normals."""
+        nodes = self.view.normals.shape[:3]
+        self.own_evidence = self.view.evidence
+        self.face_evidence, self.readmitted = np.zeros((2, *nodes))
+        self.labels, self.seen_through = np.zeros((2, *nodes), dtype=bool)
         self.take_marks(None)
         self.forget_labels()
-        self.faces, self.relief_fit, self.body_depth, self.solid, self.unreached = None, 0.0, None, None, None
-        self.history = []
         self.smooth = self.initial = self.solve_field(self.known, self.values)
 
     def take_marks(self, marks: Marks | None) -> None:
         """Let marks speak from now on; the present labels tell what they confirm."""
         self.unmarked_labels = self.labels
-        self.marked, self.marked_normals, self.pins = mark_constraints(marks, self.normals, self.mask, self.labels)
-        self.influence = mark_influence(*self.sheets, self.pins, self.scale, self.labels)
+        self.marks = mark_constraints(marks, self.view.normals, self.view.mask, self.labels)
+        self.influence = mark_influence(*self.view.sheets, self.marks.labels, self.view.scale, self.labels)
 
     @property
     def evidence(self) -> np.ndarray:
@@ -153,20 +104,20 @@ class Alternation:
         """
         weights = self.options.field
         if self.expected is None:
-            targets, pull = self.outward, np.where(self.rim, weights.rim, 0.0)
+            targets, pull = self.view.outward, np.where(self.view.rim, weights.rim, 0.0)
         else:
-            targets, pull = self.expected, np.full(self.mask.shape, weights.expected)
+            targets, pull = self.expected, np.full(self.view.mask.shape, weights.expected)
         # A mark says which sheet is true, not how exact it is: only what was rejected before must bend the field.
         is_turned = self.labels & ~self.unmarked_labels
         influence = np.where(is_turned, self.influence, 0.0).max(axis=0, initial=0.0)
         pull = np.where(known, weights.observed + (weights.marked - weights.observed) * influence, pull)
-        pull = np.where(self.marked & known & ~self.labels.any(axis=0), weights.mark_alone, pull)
+        pull = np.where(self.marks.pixels & known & ~self.labels.any(axis=0), weights.mark_alone, pull)
         targets = np.where(known[..., None], values, targets)
         if self.unreached is not None:
             targets, pull = with_unreached(targets, pull, self.unreached, weights.unreached)
         if faces is not None:
-            targets, pull = faces.constrain(targets, pull, known, self.marked)
-        return (surface or self.surface).solve(targets, pull, self.expected)
+            targets, pull = faces.constrain(targets, pull, known, self.marks.pixels)
+        return (surface or self.view.surface).solve(targets, pull, self.expected)
 
     def iterate(self, max_iterations: int | None = None) -> None:
         """Alternate labelling and field until the labels settle; max_iterations: None for that of the options."""
@@ -174,25 +125,25 @@ class Alternation:
             changed = self.label()
             self.follow_labels()
             self.history = [*self.history, Iteration(int(self.labels.any(axis=0).sum()), changed)]
-            if changed <= CONVERGED_SHARE * self.mask.sum():
+            if changed <= CONVERGED_SHARE * self.view.mask.sum():
                 break
 
     def follow_labels(self) -> None:
         """Replace accepted normals, their confidence and the field by those of the present labels."""
-        self.values = accepted_normals(self.normals, self.labels, self.marked_normals)
+        self.values = accepted_normals(self.view.normals, self.labels, self.marks.normals)
         readmitted = np.where(self.labels, self.readmitted, 0.0).max(axis=0, initial=0.0)
-        self.confidence = self.with_marks(np.maximum(observed_confidence(self.values, self.scale), readmitted))
+        self.confidence = self.with_marks(np.maximum(observed_confidence(self.values, self.view.scale), readmitted))
         self.known = self.confidence >= self.options.min_confidence
         self.smooth = self.solve_field(self.known, self.values, faces=self.faces)
 
     def with_marks(self, confidence: np.ndarray) -> np.ndarray:
         """Return the confidence (H, W) of accepted normals, raised where a true mark lies on their sheet."""
-        return marked_confidence(confidence, self.marked, np.where(self.labels, self.influence, 0.0).max(axis=0))
+        return marked_confidence(confidence, self.marks.pixels, np.where(self.labels, self.influence, 0.0).max(axis=0))
 
     def label(self) -> int:
         """Label all nodes against the present field; return the number of pixels whose labels changed."""
         ratios, previous = self.log_ratios(), self.labels
-        self.labels = keep_best_per_pixel(self.graph.cut(ratios), ratios)
+        self.labels = keep_best_per_pixel(self.view.graph.cut(ratios), ratios)
         return int((previous != self.labels).any(axis=0).sum())
 
     def log_likelihood(self) -> float:
@@ -206,10 +157,14 @@ class Alternation:
         if self.faces is not None:
             observed |= self.faces.observed
         # The field is trusted near what shaped it: the contour too, unless expected normals took its place.
-        sources = observed if self.expected is not None else self.rim | observed
-        spread = field_spread(sources, self.local_scale, error.floor, error.slope, error.ceiling)
-        ratios = unary_log_ratio(self.normals, self.smooth, spread, self.options.graph_cut.prior) + self.evidence
-        return np.where(self.pins != 0, self.pins * HARD_CONSTRAINT, ratios) if self.pins.any() else ratios
+        sources = observed if self.expected is not None else self.view.rim | observed
+        spread = field_spread(sources, self.view.local_scale, error.floor, error.slope, error.ceiling)
+        ratios = unary_log_ratio(self.view.normals, self.smooth, spread, self.options.graph_cut.prior) + self.evidence
+        return (
+            np.where(self.marks.labels != 0, self.marks.labels * HARD_CONSTRAINT, ratios)
+            if self.marks.labels.any()
+            else ratios
+        )
 
     def readmit(self, probability: np.ndarray) -> None:
         """Accept rejected nodes of this probability (K, H, W), 0 for all others, and let the field follow them."""
@@ -226,15 +181,17 @@ class Alternation:
 
     def forget_labels(self) -> None:
         """Start again from nothing but marks: the next labels follow the field alone."""
-        self.labels = np.zeros(self.normals.shape[:3], dtype=bool)
-        self.known, self.values = self.marked, self.marked_normals
-        self.confidence = np.full(self.mask.shape, np.nan)
+        self.labels = np.zeros(self.view.normals.shape[:3], dtype=bool)
+        self.known, self.values = self.marks.pixels, self.marks.normals
+        self.confidence = np.full(self.view.mask.shape, np.nan)
 
     def field_confidence(self, known: np.ndarray) -> np.ndarray:
         """Return the confidence (H, W) of the field and its faces, for `known` pixels (H, W) that can be trusted."""
         accepted = self.known_values
-        slope = field_error_slope(lambda kept: self.solve_field(kept, self.values, self.coarse), accepted, self.scale)
-        between = field_confidence(known, self.rim, slope, self.scale)
+        slope = field_error_slope(
+            lambda kept: self.solve_field(kept, self.values, self.view.coarse), accepted, self.view.scale
+        )
+        between = field_confidence(known, self.view.rim, slope, self.view.scale)
         if self.faces is None:
             return between
         return np.where(np.isfinite(self.faces.spread), probability_within_tolerance(self.faces.spread), between)

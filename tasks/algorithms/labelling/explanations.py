@@ -81,9 +81,9 @@ def _with_surface(state: Alternation) -> Alternation:
 
 def _with_faces(state: Alternation) -> Alternation:
     """Return the state with a right prism or faceted body, else with single flat faces, if there are any."""
-    start, solids = copy(state), _likely_solids(state)
+    view, start, solids = state.view, copy(state), _likely_solids(state)
     if not state.face_evidence.any():
-        state.face_evidence = face_evidence(state.normals, state.mask, state.scale, state.camera)
+        state.face_evidence = face_evidence(view.normals, view.mask, view.scale, view.camera)
         if state.face_evidence.any():
             state.iterate()
     if _adopts_faces(state):
@@ -98,8 +98,9 @@ def _with_symmetry(state: Alternation) -> Alternation | None:
     The field of a shallow bowl's silhouette on its stem contradicts all that is seen of it: where labels accept next to
     nothing, they start from the surface that the candidates show. Accepted normals then decide as always.
     """
-    has_start = state.known[state.mask].mean() >= MIN_KNOWN_SHARE
-    normals = None if has_start else state.symmetry.supposed_normals(state.normals)
+    view = state.view
+    has_start = state.known[view.mask].mean() >= MIN_KNOWN_SHARE
+    normals = None if has_start else view.symmetry.supposed_normals(view.normals)
     if normals is not None:
         supposed = copy(state)
         supposed.expect(normals, None)
@@ -115,7 +116,7 @@ def _with_unproven_symmetry(state: Alternation) -> Alternation:
     What the smooth field accepts of a fine relief shows neither that nor the surface below it. Labels that follow the
     surface may.
     """
-    normals = state.symmetry.unproven_normals(state.known_values, state.normals, state.initial)
+    normals = state.view.symmetry.unproven_normals(state.known_values, state.view.normals, state.initial)
     if normals is not None:
         state.expect(normals, None)
         state.iterate()
@@ -126,12 +127,12 @@ def _with_unproven_symmetry(state: Alternation) -> Alternation:
 
 def _adopts_symmetry(state: Alternation) -> bool:
     """Make a surface of revolution the expected field if accepted normals support it; return whether they do."""
-    accepted = state.known_values
-    rotational = state.symmetry.normals(accepted, state.normals, state.initial)
+    view, accepted = state.view, state.known_values
+    rotational = view.symmetry.normals(accepted, view.normals, state.initial)
     if rotational is None or rotational.relief_fit < state.relief_fit:
         return False
-    lights = accepted_weights(state.weights, state.labels)
-    if has_other_faces(rotational.normals, accepted, lights, state.mask, state.scale):
+    lights = accepted_weights(view.weights, state.labels)
+    if has_other_faces(rotational.normals, accepted, lights, view.mask, view.scale):
         return False  # A prism seen from its front has the silhouette of a cylinder, which has no flat faces.
     if rotational.relief_fit > 0.0 and rotational.round_error > MAX_ROUND_ERROR_DEG and _is_faceted(state):
         return False
@@ -142,22 +143,22 @@ def _adopts_symmetry(state: Alternation) -> bool:
 
 def _is_faceted(state: Alternation) -> bool:
     """Return whether candidates show facets so well that a relief, whose periods they are, does not explain them."""
-    solids = state.facets.likeliest if state.options.flat_faces else []
+    solids = state.view.facets.likeliest if state.options.flat_faces else []
     return bool(solids) and solids[0].log_ratio >= MIN_RELIEF_NATS
 
 
 def _likely_solids(state: Alternation) -> list[PolyhedralNormals]:
     """Return the solids that candidates show, likeliest first, if they outweigh accepted normals that contradict it."""
-    margins = []
-    for solid in [*state.facets.likeliest, *([] if state.prism.best is None else [state.prism.best])]:
+    view, margins = state.view, []
+    for solid in [*view.facets.likeliest, *([] if view.prism.best is None else [view.prism.best])]:
         contradicted = state.known & (angles(state.values, solid.normals) > CONTRADICTED_DEG)
-        margin = solid.log_ratio - MIN_SOLID_NATS - CONTRADICTED_NATS * contradicted.sum() / state.mask.sum()
+        margin = solid.log_ratio - MIN_SOLID_NATS - CONTRADICTED_NATS * contradicted.sum() / view.mask.sum()
         if margin >= 0.0:
             margins.append((float(margin), solid))
     solids = [solid for _, solid in sorted(margins, key=itemgetter(0), reverse=True)]
-    prism = next((solid for solid in solids if solid is state.prism.best), None)
+    prism = next((solid for solid in solids if solid is view.prism.best), None)
     # Of the same solid, the lines of its contour place a prism more exactly.
-    if prism is not None and angles(prism.normals, solids[0].normals)[state.mask].mean() < SAME_SOLID_DEG:
+    if prism is not None and angles(prism.normals, solids[0].normals)[view.mask].mean() < SAME_SOLID_DEG:
         return [prism, *(solid for solid in solids if solid is not prism)]
     return solids
 
@@ -169,13 +170,13 @@ def _first_unrefuted(solids: list[PolyhedralNormals], state: Alternation) -> Pol
     """
     if not solids:
         return None
-    normals = blended_normals(state.values, state.smooth)
+    mask, normals = state.view.mask, blended_normals(state.values, state.smooth)
     is_confident = final_confidence(state, normals) >= CONFIDENT
 
     def is_refuted(solid: PolyhedralNormals) -> bool:
         contradicted = is_confident & (angles(normals, solid.normals) > CONTRADICTED_DEG)
-        for pixels in solid.faces_in(state.mask):
-            is_large = pixels.sum() >= MIN_REFUTED_SHARE * state.mask.sum()
+        for pixels in solid.faces_in(mask):
+            is_large = pixels.sum() >= MIN_REFUTED_SHARE * mask.sum()
             if is_large and contradicted[pixels].mean() > MAX_CONTRADICTED_SHARE:
                 return True
         return False
@@ -201,25 +202,27 @@ def _with_solid(state: Alternation, solid: PolyhedralNormals) -> Alternation:
 
 def _seen_through(state: Alternation, solid: PolyhedralNormals) -> np.ndarray:
     """Return the candidates (K, H, W) bool that are not of a face of which most accepted normals are: it is flat."""
-    contradicted, is_flat = angles(state.values, solid.normals) > CONTRADICTED_DEG, np.zeros(state.mask.shape, bool)
-    for pixels in solid.faces_in(state.mask):
+    view, contradicted = state.view, angles(state.values, solid.normals) > CONTRADICTED_DEG
+    is_flat = np.zeros(view.mask.shape, bool)
+    for pixels in solid.faces_in(view.mask):
         known = pixels & state.known
         is_shown = known.sum() >= max(MIN_SEEN_SHARE * pixels.sum(), 1.0)
         if is_shown and contradicted[known].mean() < MAX_SEEN_THROUGH:
-            is_flat |= distance_inside(pixels) > ROUNDED_INRADII * state.scale
-    return is_flat & (angles(state.normals, solid.normals[None]) > CONTRADICTED_DEG)
+            is_flat |= distance_inside(pixels) > ROUNDED_INRADII * view.scale
+    return is_flat & (angles(view.normals, solid.normals[None]) > CONTRADICTED_DEG)
 
 
 def _adopts_faces(state: Alternation) -> bool:
     """Make flat faces part of the field if accepted normals show any; return whether field or evidence changed."""
+    view = state.view
     for number in range(MAX_REFUTATIONS):
-        lights = accepted_weights(state.weights, state.labels)
-        state.faces = flat_faces(state.known_values, lights, state.normals, state.smooth, state.mask, state.scale)
+        lights = accepted_weights(view.weights, state.labels)
+        state.faces = flat_faces(state.known_values, lights, view.normals, state.smooth, view.mask, view.scale)
         if state.faces is not None or number > 0:
             state.smooth = state.solve_field(state.known, state.values, faces=state.faces)
         if state.faces is None:
             return number > 0
-        false = angles(state.normals, state.faces.refuted[None]) < APPARENT_DEG
+        false = angles(view.normals, state.faces.refuted[None]) < APPARENT_DEG
         if not false.any():
             break
         # What a false face hid may be another one.

@@ -34,18 +34,20 @@ MAX_RESIDUAL_DEG = 20.0
 
 def final_confidence(state: Alternation, normals: np.ndarray) -> np.ndarray:
     """Compute the confidence (H, W) of resulting normals (H, W, 3): by sheets where accepted, else by the field."""
-    sheets = segment_sheets(state.values)
+    view, sheets = state.view, segment_sheets(state.values)
     evidence = np.take_along_axis(state.evidence, state.labels.argmax(axis=0)[None], axis=0)[0]
 
     def predict(kept: np.ndarray) -> np.ndarray:
-        return state.solve_field(kept, state.values, state.coarse)
+        return state.solve_field(kept, state.values, view.coarse)
 
     error = replace(state.options.field_error, ceiling=np.inf)
-    residual = held_out_residual(sheets, state.values, state.known, state.rim, state.mask, state.scale, error, predict)
+    residual = held_out_residual(
+        sheets, state.values, state.known, rim=view.rim, mask=view.mask, scale=view.scale, error=error, predict=predict
+    )
     # What is seen through a face that flashed does not show how often false candidates are accepted.
-    shown = np.isfinite(state.normals[..., 0]) & ~state.seen_through
+    shown = np.isfinite(view.normals[..., 0]) & ~state.seen_through
     odds = accepted_log_odds(np.isfinite(state.confidence), shown.any(axis=0))
-    observed = sheet_confidence(state.values, sheet_means(sheets, evidence), residual, state.scale, odds)
+    observed = sheet_confidence(state.values, sheet_means(sheets, evidence), residual, view.scale, odds)
     if state.solid is not None:
         observed = observed * solid_confidence(state.values, state.solid.normals)
     observed = state.with_marks(observed * place_confidence(normals))
@@ -60,6 +62,7 @@ def held_out_residual(
     sheets: np.ndarray,
     normals: np.ndarray,
     known: np.ndarray,
+    *,
     rim: np.ndarray,
     mask: np.ndarray,
     scale: float,

@@ -35,16 +35,16 @@ def plausible_sheets(state: Alternation) -> np.ndarray:
     Returns:
         (K, H, W) their probability, at most at one node of a pixel, 0 elsewhere.
     """
-    result = np.zeros(state.labels.shape)
-    patches = cut_patches(*state.sheets, state.labels, state.scale)
+    view, result = state.view, np.zeros(state.labels.shape)
+    patches = cut_patches(*view.sheets, state.labels, view.scale)
     if patches.count == 0:
         return result
     normals = blended_normals(state.values, state.smooth)
     confidence = np.where(np.isfinite(state.confidence), state.confidence, state.field_confidence(state.known))
     probability = surface_probability(
-        patches, state.normals, state.labels, normals, confidence, state.evidence, state.observations
+        patches, view.normals, state.labels, normals, confidence, state.evidence, view.observations
     )
-    turn = np.radians(patches.mean(patches.turns(state.normals, normals)))
+    turn = np.radians(patches.mean(patches.turns(view.normals, normals)))
     probability[patches.exterior(state.labels) | (turn < TOLERANCE_RAD) | (probability < READMITTED_PROBABILITY)] = 0.0
     result[patches.layer, patches.row, patches.column] = probability[patches.number]
     result[state.readmitted > 0.0] = 0.0

@@ -23,6 +23,7 @@ from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.answers import contradictions
+from glint.tasks.algorithms.labelling.candidate_view import CandidateView
 from glint.tasks.algorithms.labelling.explanations import explain
 from glint.tasks.algorithms.labelling.final_confidence import final_confidence
 from glint.tasks.algorithms.labelling.results import (
@@ -95,23 +96,10 @@ def settle(
     Raises:
         ValueError: clusters and mask differ in size, or the expected normals have gaps in the mask.
     """
-    normals = np.asarray(clusters.normals, dtype=np.float32)
-    if normals.shape[1:3] != mask.shape:
-        raise ValueError(f"clusters of {normals.shape[1:3]} pixels do not fit a mask of {mask.shape}")
+    view = CandidateView.of(clusters, mask, options, camera=camera, is_draft=draft)
     if expected is not None and not np.isfinite(expected[mask]).all():
         raise ValueError("the expected normals leave pixels of the mask out")
-    normals = np.where(mask[None, :, :, None], normals, np.nan)
-    state = Alternation(
-        normals,
-        clusters.shading,
-        clusters.weight,
-        clusters.observations,
-        mask,
-        expected,
-        options,
-        is_draft=draft,
-        camera=camera,
-    )
+    state = Alternation(view, options, expected)
     state.iterate()
     return state
 
@@ -130,25 +118,26 @@ def conclude(explained: Alternation, marks: Marks | None = None) -> Reconstructi
     state = copy(explained)
     if marks is not None:
         state.take_marks(marks)
-        is_news = contradictions(state.pins, state.labels).any()
+        is_news = contradictions(state.marks.labels, state.labels).any()
         state.iterate()
         if is_news:
             state = explain(state)
     if state.expected is None:
         _bend_dark_pixels(state)
 
+    view = state.view
     accepted = np.isfinite(state.confidence)
     provenance = np.select(
-        [~state.mask, state.marked, accepted, state.rim], [OUTSIDE, MARKED, OBSERVED, SILHOUETTE], FILLED
+        [~view.mask, state.marks.pixels, accepted, view.rim], [OUTSIDE, MARKED, OBSERVED, SILHOUETTE], FILLED
     )
     normals = blended_normals(state.values, state.smooth).astype(np.float32)
-    confidence = state.confidence if state.is_draft else final_confidence(state, normals)
+    confidence = state.confidence if view.is_draft else final_confidence(state, normals)
     return Reconstruction(
         labels=state.labels.astype(np.uint8),
         normals=normals,
         initial=state.initial,
         provenance=provenance.astype(np.uint8),
-        confidence=np.where(state.mask, confidence, np.nan).astype(np.float32),
+        confidence=np.where(view.mask, confidence, np.nan).astype(np.float32),
         iterations=tuple(state.history),
         body_depth=_followed_depth(state, normals),
     )
@@ -162,14 +151,14 @@ def _bend_dark_pixels(state: Alternation) -> None:
         bent.unreached = unreached
         return bent.solve_field(state.known, state.values, faces=state.faces)
 
-    swept = SweptNormals.of(state.normals)
+    view, swept = state.view, SweptNormals.of(state.view.normals)
     if swept is None:
         return
     confidence = np.where(state.known, state.confidence, 0.0)
     # An accepted normal that is too uncertain for the field shows no more than a rejected one that is implausible.
     evidence = np.where(state.labels | np.isnan(state.evidence), -np.inf, state.evidence).max(axis=0)
     lit = state.known | (evidence > PLAUSIBLE_NATS)
-    estimate = unreached_normals(state.smooth, confidence, lit, state.mask, swept, state.scale, solve)
+    estimate = unreached_normals(state.smooth, confidence, lit, view.mask, swept, view.scale, solve)
     if estimate is not None:
         state.unreached, state.smooth = estimate
 

@@ -33,23 +33,23 @@ class PyramidLevel:
     """Level of an image pyramid.
 
     residual: (h, w), the temporal maximum above the usual level. edges: of temporal median, maximum and deviation.
-    frames: of `log_frames`, (h, w) each. scale: full-frame pixels per pixel.
+    frames: of `log_frames`, (h, w) each. reduction: full-frame pixels per pixel.
     """
 
     residual: np.ndarray
     edges: list[LogGradient]
     frames: list[np.ndarray]
-    scale: float
+    reduction: float
 
     def to_full_frame(self, x: float, y: float, radius: float) -> tuple[float, float, float]:
         """Return a circle (x, y, radius) of this level in full-frame pixels."""
-        shift = 0.5 * (self.scale - 1.0)
-        return x * self.scale + shift, y * self.scale + shift, radius * self.scale
+        shift = 0.5 * (self.reduction - 1.0)
+        return x * self.reduction + shift, y * self.reduction + shift, radius * self.reduction
 
     def from_full_frame(self, x: float, y: float, radius: float) -> tuple[float, float, float]:
         """Return a circle (x, y, radius) of the full frame in this level's pixels."""
-        shift = 0.5 * (self.scale - 1.0)
-        return (x - shift) / self.scale, (y - shift) / self.scale, radius / self.scale
+        shift = 0.5 * (self.reduction - 1.0)
+        return (x - shift) / self.reduction, (y - shift) / self.reduction, radius / self.reduction
 
     def lit_discs(self) -> list[tuple[float, float, float]]:
         """Return the smallest circles (x, y, radius) around what the light lit: discs of highlights on spheres."""
@@ -64,25 +64,25 @@ class PyramidLevel:
 
 def pyramid(frames: Sequence[np.ndarray] | np.ndarray, maximum: np.ndarray) -> Iterator[PyramidLevel]:
     """Yield levels of halved images (H, W), down to where a sphere of the frame's size has the largest radius."""
-    scale = 1
-    while maximum.size > MAX_LEVEL_PIXELS * scale**2:
-        scale *= 2
-    while min(maximum.shape) / scale >= 2 * MIN_LEVEL_RADIUS_PX:
-        yield pyramid_level(frames, maximum, scale)
-        if min(maximum.shape) / scale < 2 * MAX_LEVEL_RADIUS_PX:
+    reduction = 1
+    while maximum.size > MAX_LEVEL_PIXELS * reduction**2:
+        reduction *= 2
+    while min(maximum.shape) / reduction >= 2 * MIN_LEVEL_RADIUS_PX:
+        yield pyramid_level(frames, maximum, reduction)
+        if min(maximum.shape) / reduction < 2 * MAX_LEVEL_RADIUS_PX:
             break
-        scale *= 2
+        reduction *= 2
 
 
-def pyramid_level(frames: Sequence[np.ndarray] | np.ndarray, maximum: np.ndarray, scale: int) -> PyramidLevel:
-    """Return the level of frames and their temporal maximum, (H, W) each, reduced `scale` times."""
-    reduced = np.stack([reduced_image(frame, scale) for frame in frames])
-    peak = reduced_image(maximum, scale).astype(np.float32)
+def pyramid_level(frames: Sequence[np.ndarray] | np.ndarray, maximum: np.ndarray, reduction: int) -> PyramidLevel:
+    """Return the level of frames and their temporal maximum, (H, W) each, reduced `reduction` times."""
+    reduced = np.stack([reduced_image(frame, reduction) for frame in frames])
+    peak = reduced_image(maximum, reduction).astype(np.float32)
     logs = log_frames(reduced)
     median, usual = _percentiles(reduced, np.array((50.0, USUAL_PERCENTILE)))
     deviation = DEVIATION_LEVELS * np.std(logs, axis=0)
     edges = [log_gradient(image) for image in (median, peak, deviation)]
-    return PyramidLevel(np.maximum(peak - usual, 0.0), edges, logs, float(scale))
+    return PyramidLevel(np.maximum(peak - usual, 0.0), edges, logs, float(reduction))
 
 
 @njit(cache=True, nogil=True)
@@ -122,10 +122,13 @@ def _log_levels(frame: np.ndarray) -> np.ndarray:
     return np.log(np.asarray(frame, np.float32) + np.float32(LOG_OFFSET))
 
 
-def reduced_image(image: np.ndarray, scale: int) -> np.ndarray:
-    """Return an image (H, W) reduced `scale` times by averaging, (H // scale, W // scale) float32; as it is if by 1."""
-    if scale == 1:
+def reduced_image(image: np.ndarray, reduction: int) -> np.ndarray:
+    """Return an image (H, W) reduced so many times by averaging, (H // reduction, W // reduction) float32.
+
+    As it is if the reduction is 1.
+    """
+    if reduction == 1:
         return image
     image = image.astype(np.float32)
-    height, width = (side // scale * scale for side in image.shape)
-    return cv2.resize(image[:height, :width], (width // scale, height // scale), interpolation=cv2.INTER_AREA)
+    height, width = (side // reduction * reduction for side in image.shape)
+    return cv2.resize(image[:height, :width], (width // reduction, height // reduction), interpolation=cv2.INTER_AREA)

@@ -110,7 +110,7 @@ def clear_circles(frames: np.ndarray, maximum: np.ndarray, camera: np.ndarray | 
     candidates: list[Sphere] = []
     few = spread(frames, SEED_FRAMES)
     for level in pyramid(few, maximum):
-        candidates += _candidates(level, max(MIN_SPHERE_RADIUS_PX / level.scale, MIN_LEVEL_RADIUS_PX))
+        candidates += _candidates(level, max(MIN_SPHERE_RADIUS_PX / level.reduction, MIN_LEVEL_RADIUS_PX))
     candidates = distinct(candidates, 0.04)[:MAX_REFINED]
     many = spread(frames, CANDIDATE_FRAMES)
     return distinct([_refined(many, few, maximum, sphere, camera) for sphere in candidates], 0.06)
@@ -179,8 +179,8 @@ def _refined(
     margin = 1.45 * measured.radius
     top, left = max(int(measured.y - margin), 0), max(int(measured.x - margin), 0)
     window = slice(top, int(measured.y + margin) + 2), slice(left, int(measured.x + margin) + 2)
-    scale = 2 ** max(0, int(np.floor(np.log2(measured.radius / LEVEL_RADIUS_PX))))
-    level = pyramid_level([frame[window] for frame in few], maximum[window], scale)
+    reduction = 2 ** max(0, int(np.floor(np.log2(measured.radius / LEVEL_RADIUS_PX))))
+    level = pyramid_level([frame[window] for frame in few], maximum[window], reduction)
     x, y, radius = level.from_full_frame(measured.x - left, measured.y - top, measured.radius)
     return replace(measured, score=measured.score * highlight_evidence(level.residual, x, y, radius))
 

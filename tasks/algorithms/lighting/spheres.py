@@ -103,9 +103,12 @@ def measure_sphere(
 
 @dataclass(frozen=True, slots=True)
 class ConfirmedSphere:
-    """A given sphere and what the frames show of it. sphere: what is to be used; fit: what was measured; is_clear: the
-    contour is seen; is_corrected: the fit replaces the given circle; given_contrast: contrast of the given circle
-    relative to that of the fit, 0 where the contour is not seen."""
+    """A given sphere and what the frames show of it.
+
+    sphere: what is to be used. fit: what was measured. is_clear: whether the contour is seen. is_corrected: whether the
+    fit replaces the given circle. given_contrast: contrast of the given circle relative to that of the fit, 0 where the
+    contour is not seen.
+    """
 
     sphere: Sphere
     fit: Sphere
@@ -135,7 +138,9 @@ def judged(given: Sphere, fit: Sphere, contrast: float) -> ConfirmedSphere:
     """
     if fit.score < MIN_CLEAR_CONTRAST:
         deviation = UNKNOWN_DEVIATION_RATIO * given.radius
-        return ConfirmedSphere(replace(given, centre_sd=deviation, radius_sd=deviation), fit, False, False)
+        return ConfirmedSphere(
+            replace(given, centre_sd=deviation, radius_sd=deviation), fit, is_clear=False, is_corrected=False
+        )
     least = max(MIN_CORRECTION_RATIO * given.radius, MIN_CORRECTION_PX)
     distance, difference = given.distance(fit), abs(given.radius - fit.radius)
     is_inside = distance + fit.radius < MAX_TOUCHING_REACH * given.radius
@@ -153,11 +158,11 @@ def judged(given: Sphere, fit: Sphere, contrast: float) -> ConfirmedSphere:
             float(np.hypot(fit.radius_sd, doubt * difference)),
         )
         used = replace(fit, centre_sd=deviations[0], radius_sd=deviations[1])
-        return ConfirmedSphere(used, fit, True, True, given_contrast)
+        return ConfirmedSphere(used, fit, is_clear=True, is_corrected=True, given_contrast=given_contrast)
     own = UNKNOWN_DEVIATION_RATIO * given.radius
     centre_sd = _given_deviation(own, fit.centre_sd, distance / np.sqrt(2.0))
     sphere = replace(given, centre_sd=centre_sd, radius_sd=_given_deviation(own, fit.radius_sd, difference))
-    return ConfirmedSphere(sphere, fit, True, False, given_contrast)
+    return ConfirmedSphere(sphere, fit, is_clear=True, is_corrected=False, given_contrast=given_contrast)
 
 
 def _given_deviation(given: float, fitted: float, difference: float) -> float:
@@ -186,35 +191,35 @@ def _measured(
         x, y, radius = virtual.project_back(circle.x, circle.y, circle.radius)
         return replace(circle, x=x, y=y, radius=radius), start
     margin = (1.0 + CROP_MARGIN_RATIO + centre_reach + radius_reach) * sphere.radius
-    scale = 2 ** max(0, int(np.floor(np.log2(sphere.radius / FINE_RADIUS_PX))))
-    top, left = (max(int(position - margin) // scale * scale, 0) for position in (sphere.y, sphere.x))
+    reduction = 2 ** max(0, int(np.floor(np.log2(sphere.radius / FINE_RADIUS_PX))))
+    top, left = (max(int(position - margin) // reduction * reduction, 0) for position in (sphere.y, sphere.x))
     rows, columns = slice(top, int(sphere.y + margin) + 2), slice(left, int(sphere.x + margin) + 2)
-    crops = log_frames([reduced_image(np.asarray(frame[rows, columns]), scale) for frame in frames])
+    crops = log_frames([reduced_image(np.asarray(frame[rows, columns]), reduction) for frame in frames])
     # Pixel centres of a reduced image lie `shift` full pixels inside.
-    shift = 0.5 * (scale - 1)
+    shift = 0.5 * (reduction - 1)
     fit = fit_contour(
         crops,
-        (sphere.x - left - shift) / scale,
-        (sphere.y - top - shift) / scale,
-        sphere.radius / scale,
+        (sphere.x - left - shift) / reduction,
+        (sphere.y - top - shift) / reduction,
+        sphere.radius / reduction,
         centre_reach=centre_reach,
         radius_reach=radius_reach,
     )
     if refined:
         fit = refine_contour(crops, fit)
-    return _sphere_of(fit, scale, left + shift, top + shift), fit.start_contrast
+    return _sphere_of(fit, reduction, left + shift, top + shift), fit.start_contrast
 
 
-def _sphere_of(fit: ContourFit, scale: int, left: float, top: float) -> Sphere:
-    """Return the sphere of a fit in an image that was reduced `scale` times and begins at (left, top)."""
+def _sphere_of(fit: ContourFit, reduction: int, left: float, top: float) -> Sphere:
+    """Return the sphere of a fit in an image that was reduced `reduction` times and begins at (left, top)."""
     variance = np.diag(fit.covariance)
     return Sphere(
-        fit.x * scale + left,
-        fit.y * scale + top,
-        fit.radius * scale,
+        fit.x * reduction + left,
+        fit.y * reduction + top,
+        fit.radius * reduction,
         max(fit.contrast, 0.0),
-        float(np.sqrt(variance[:2].mean())) * scale,
-        float(np.sqrt(variance[2])) * scale,
+        float(np.sqrt(variance[:2].mean())) * reduction,
+        float(np.sqrt(variance[2])) * reduction,
     )
 
 

@@ -51,31 +51,37 @@ class Evidence(NamedTuple):
     amount: np.ndarray
 
 
+class EllipseGrid(NamedTuple):
+    """Ellipses that are tried: all combinations of these.
+
+    lowest: column and row of the end of the height. across, down: (N,) offsets of that end, pixels. half_widths: (N,),
+    pixels. aspects: (N,), heights relative to widths. tilts: (N,), radians.
+    """
+
+    lowest: tuple[float, float]
+    across: np.ndarray
+    down: np.ndarray
+    half_widths: np.ndarray
+    aspects: np.ndarray
+    tilts: np.ndarray
+
+
 @njit(cache=True, nogil=True)
 def best_ellipse(
-    evidence: Evidence,
-    lowest: tuple[float, float],
-    across: np.ndarray,
-    down: np.ndarray,
-    half_widths: np.ndarray,
-    aspects: np.ndarray,
-    tilts: np.ndarray,
-    samples: int,
-    bound: float,
+    evidence: Evidence, grid: EllipseGrid, samples: int, bound: float
 ) -> tuple[float, tuple[float, float, float, float, float]]:
     """Return the largest sum of evidence along a rim in excess of the neutral level, and the ellipse, as in `Ellipse`.
 
-    lowest: column and row of the end of the ellipse's height; across, down (N,): offsets from it; half_widths (N,);
-    aspects (N,), their heights relative to their widths; tilts (N,). The sum is -inf if all rims leave the image.
+    samples: places along the rim. bound: of the evidence of a place. The sum is -inf if all rims leave the image.
     """
-    most, best = -np.inf, (0.0, 0.0, 1.0, 1.0, 0.0)
-    for tilt in tilts:
+    most, best, lowest = -np.inf, (0.0, 0.0, 1.0, 1.0, 0.0), grid.lowest
+    for tilt in grid.tilts:
         cosine, sine = np.cos(tilt), np.sin(tilt)
-        for half_width in half_widths:
-            for aspect in aspects:
+        for half_width in grid.half_widths:
+            for aspect in grid.aspects:
                 half_height = aspect * half_width
-                for below in down:
-                    for beside in across:
+                for below in grid.down:
+                    for beside in grid.across:
                         x = lowest[0] + beside * cosine - (below - half_height) * sine
                         y = lowest[1] + beside * sine + (below - half_height) * cosine
                         ellipse = (x, y, half_width, half_height, tilt)

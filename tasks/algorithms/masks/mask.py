@@ -107,31 +107,43 @@ def _with_foot(
     return mask | thick_components(foot & ~mask, MIN_FOOT_DEPTH_PX)
 
 
-def _at_edges(parts: Separation, background: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """Return the mask (H, W) bool with its contour moved to the edges nearby."""
+def _at_edges(parts: Separation, background: np.ndarray, allowed: np.ndarray) -> np.ndarray:
+    """Return the mask (H, W) bool with its contour moved to the edges nearby; see `separate`."""
     edge = float(np.sqrt(parts.differing.sum()))
-    # Closing fills concavities of the silhouette as well as gaps of its contour: what it alone adds is not certain.
-    holes = parts.filled & ~closed(parts.differing, CLOSE_SHARE * edge)
-    certain = filled(closed(parts.differing | holes, CLOSED_CONTOUR_SHARE * edge), 0.0) | parts.bridged
-    inside = ndimage.distance_transform_edt(certain) > max(2, round(MAX_INWARD_SHARE * edge))
     lines, *responses = _wall_images(parts, background)
     brightness = edge_image(background, parts.is_table)
     edges, walls = (links([image, *responses], 1.0) for image in (brightness, lines))
 
-    def cut(inside: np.ndarray, reach: np.ndarray, share: float, bonus: float, capacities: Links) -> np.ndarray:
-        outside = (ndimage.distance_transform_edt(~reach) > max(2, round(share * edge))) | ~free
-        return large_components(grid_cut(RESPONSE_WEIGHT * parts.ratios + bonus, capacities, inside, outside) & free)
+    def cut(inside: np.ndarray, start: np.ndarray, max_share: float, capacities: Links, bonus: float) -> np.ndarray:
+        """Return the object, which holds `inside` and reaches at most a share of the edge beyond `start`."""
+        distance = ndimage.distance_transform_edt(~start)
+        outside = (distance > max(2, round(max_share * edge))) | ~allowed
+        ratios = RESPONSE_WEIGHT * parts.ratios + bonus
+        return large_components(grid_cut(ratios, capacities, inside, outside) & allowed)
 
-    reach = parts.filled
-    mask = cut(inside, reach, MAX_OUTWARD_SHARE, 0.0, edges)
+    inside, start = _certain(parts, edge), parts.filled
+    mask = cut(inside, start, MAX_OUTWARD_SHARE, edges, 0.0)
+    # Where an edge farther out is stronger than the one found, the contour moves out to it.
     for _ in range(OUTWARD_ROUNDS):
-        outer = cut(inside, reach, MAX_OUTWARD_SHARE, OUTWARD_BONUS, edges)
+        outer = cut(inside, start, MAX_OUTWARD_SHARE, edges, OUTWARD_BONUS)
         mask = mask | stronger_pieces(mask, outer, brightness)
-        inside, reach = inside | mask, mask
+        inside, start = inside | mask, mask
+    # A clear line still farther out is the outer face of a wall.
     for _ in range(WALL_ROUNDS):
-        outer = mask | cut(mask, mask, MAX_WALL_SHARE, OUTWARD_BONUS, walls)
+        outer = mask | cut(mask, mask, MAX_WALL_SHARE, walls, OUTWARD_BONUS)
         mask = mask | stronger_pieces(mask, outer, lines, is_wall=True)
-    return with_symmetric_walls(mask, [lines, *responses], RESPONSE_WEIGHT * parts.difference, parts.is_table, free)
+    return with_symmetric_walls(mask, [lines, *responses], RESPONSE_WEIGHT * parts.difference, parts.is_table, allowed)
+
+
+def _certain(parts: Separation, edge: float) -> np.ndarray:
+    """Return the pixels (H, W) bool that are of the object wherever its contour lies.
+
+    edge: of a square of the object's area, pixels.
+    """
+    # Closing fills concavities of the silhouette as well as gaps of its contour: what it alone adds is not certain.
+    holes = parts.filled & ~closed(parts.differing, CLOSE_SHARE * edge)
+    solid = filled(closed(parts.differing | holes, CLOSED_CONTOUR_SHARE * edge), 0.0) | parts.bridged
+    return np.asarray(ndimage.distance_transform_edt(solid) > max(2, round(MAX_INWARD_SHARE * edge)))
 
 
 def _wall_images(parts: Separation, background: np.ndarray) -> list[np.ndarray]:

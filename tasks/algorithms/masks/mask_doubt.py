@@ -13,6 +13,7 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.connected_parts import largest_part
+from glint.tasks.algorithms.geometry.contours import outermost_pixels
 from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.masks.contour_edges import edge_image, signed_distance
@@ -56,7 +57,7 @@ REACH_INRADII = 0.3
 
 Kind = Literal["too large", "too small", "continued", "sphere", "cut", "neck", "ragged", "unsupported"]
 """What speaks against a mask: edges and highlights inside its contour, outside, and as dense beyond it as inside; a
-chrome sphere that it covers; the picture's edge; a neck; a ragged outline; nothing that supports it."""
+chrome sphere that it covers; the picture's edge; a neck; a ragged contour; nothing that supports it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,8 +97,7 @@ def mask_objections(
         estimated: whether the mask was estimated; a given one need not have highlights everywhere.
         edges: (H, W) bool, pixels along the edge of the frame, or of a region that was cut out of it.
     """
-    contour = mask & ~ndimage.binary_erosion(mask, border_value=1)
-    contour |= mask & edges
+    contour = outermost_pixels(mask) | (mask & edges)
     if not contour.any():
         return []
     distance = signed_distance(mask)
@@ -112,7 +112,7 @@ def mask_objections(
     if shift is not None:
         share = float(shift.piece.sum() / contour.sum())
         objections.append(_objection(shift.kind, shift.piece, share, SHIFT_DOUBT, shift.offset))
-    elif (piece := continued_beyond(evidence, _highlights(rise, table, True))) is not None:
+    elif (piece := continued_beyond(evidence, _highlights(rise, table, may_have_glass=True))) is not None:
         objections.append(_objection("continued", piece, float(piece.sum() / contour.sum()), SHIFT_DOUBT))
     if estimated:
         objections += _unsupported(contour & ~edges, edge, flash) + _misshapen(mask, contour, edge)
@@ -158,7 +158,7 @@ def _table(distance: np.ndarray, edge: float, free: np.ndarray) -> np.ndarray:
     return table
 
 
-def _highlights(rise: np.ndarray, table: np.ndarray, may_have_glass: bool = False) -> np.ndarray:
+def _highlights(rise: np.ndarray, table: np.ndarray, *, may_have_glass: bool = False) -> np.ndarray:
     """Return the pixels (H, W) bool of highlights: those whose rise stands out of its surroundings.
 
     may_have_glass: whether a part of what is taken for the table may be of the object.

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from glint.tasks.algorithms.masks.contour_edges import edge_image
-from glint.tasks.algorithms.masks.ellipse_evidence import Ellipse, Evidence, best_ellipse, mean_evidence
+from glint.tasks.algorithms.masks.ellipse_evidence import Ellipse, EllipseGrid, Evidence, best_ellipse, mean_evidence
 
 SEARCH_WIDTH_PX = 110
 """Largest width of the mask at which a foot is searched for; then it is refined at twice the size, and so on."""
@@ -133,17 +133,15 @@ def _reduced(image: np.ndarray, factor: int) -> np.ndarray:
 
 def _search(evidence: Evidence, start: _Start) -> tuple[float, Ellipse]:
     """Return the ellipse with the most evidence about an axis, refined, and its excess over the neutral level."""
-    excess, ellipse = best_ellipse(
-        evidence,
-        (start.x, start.y),
-        np.linspace(-AXIS_OFFSET_PX, AXIS_OFFSET_PX, 5),
-        np.arange(LOWEST_OFFSETS_PX[0], LOWEST_OFFSETS_PX[1] + 0.5),
-        np.geomspace(MIN_WIDTH_SHARE * start.width, MAX_WIDTH_SHARE * start.width, 22),
-        np.geomspace(MIN_ASPECT, MAX_ASPECT, 14),
-        np.array([start.tilt]),
-        COARSE_SAMPLES,
-        MAX_EDGE,
+    grid = EllipseGrid(
+        lowest=(start.x, start.y),
+        across=np.linspace(-AXIS_OFFSET_PX, AXIS_OFFSET_PX, 5),
+        down=np.arange(LOWEST_OFFSETS_PX[0], LOWEST_OFFSETS_PX[1] + 0.5),
+        half_widths=np.geomspace(MIN_WIDTH_SHARE * start.width, MAX_WIDTH_SHARE * start.width, 22),
+        aspects=np.geomspace(MIN_ASPECT, MAX_ASPECT, 14),
+        tilts=np.array([start.tilt]),
     )
+    excess, ellipse = best_ellipse(evidence, grid, COARSE_SAMPLES, MAX_EDGE)
     return _refined(evidence, Ellipse(*ellipse), MAX_EDGE) if np.isfinite(excess) else (excess, Ellipse(*ellipse))
 
 
@@ -151,17 +149,15 @@ def _refined(evidence: Evidence, ellipse: Ellipse, bound: float) -> tuple[float,
     """Return the ellipse with the most evidence near another, and its excess over the neutral level."""
     excess, steps = -np.inf, np.linspace(-1.0, 1.0, 5)
     for step in 0.5 ** np.arange(REFINEMENTS):
-        excess, best = best_ellipse(
-            evidence,
-            ellipse.lowest,
-            step * np.linspace(-1.0, 1.0, 3),
-            step * steps,
-            ellipse.half_width * (1.0 + 0.03 * step * steps),
-            ellipse.half_height / ellipse.half_width * (1.0 + 0.06 * step * steps),
-            ellipse.tilt + np.radians(FOOT_TILT_STEP_DEG) * step * np.linspace(-1.0, 1.0, 3),
-            FINE_SAMPLES,
-            bound,
+        grid = EllipseGrid(
+            lowest=ellipse.lowest,
+            across=step * np.linspace(-1.0, 1.0, 3),
+            down=step * steps,
+            half_widths=ellipse.half_width * (1.0 + 0.03 * step * steps),
+            aspects=ellipse.half_height / ellipse.half_width * (1.0 + 0.06 * step * steps),
+            tilts=ellipse.tilt + np.radians(FOOT_TILT_STEP_DEG) * step * np.linspace(-1.0, 1.0, 3),
         )
+        excess, best = best_ellipse(evidence, grid, FINE_SAMPLES, bound)
         ellipse = Ellipse(*best)
     return excess, ellipse
 

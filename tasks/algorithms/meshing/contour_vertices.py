@@ -6,7 +6,7 @@ move to the contour, and down to its height.
 
 import numpy as np
 
-from glint.tasks.algorithms.integration.rim import RIM_PX, Contour, contour_heights
+from glint.tasks.algorithms.integration.contour_margin import CONTOUR_MARGIN_PX, Contour, contour_heights
 
 
 def boundary_vertices(triangles: np.ndarray) -> np.ndarray:
@@ -27,7 +27,7 @@ def moves_to_contour(
         height: (H, W) towards the camera, in pixels.
         mask: (H, W) bool.
         contour: of the mask.
-        vertices: (N,) flat numbers of pixels; those inside the rim, on steps of the surface, stay.
+        vertices: (N,) flat numbers of pixels; those inside the margin, on steps of the surface, stay.
 
     Returns:
         Moves right, down and towards the camera, (N,) float64 in pixels.
@@ -35,6 +35,6 @@ def moves_to_contour(
     level, _ = contour_heights(height, mask, contour)
     rows, columns = np.divmod(vertices, mask.shape[1])
     distance, lift = contour.distance[rows, columns], level[rows, columns] - height[rows, columns]
-    moved = (distance > 0.0) & (distance < RIM_PX) & np.isfinite(lift)
+    moved = (distance > 0.0) & (distance < CONTOUR_MARGIN_PX) & np.isfinite(lift)
     down, right = np.where(moved, -distance, 0.0) * contour.inward[:, rows, columns]
     return right, down, np.where(moved, lift, 0.0)

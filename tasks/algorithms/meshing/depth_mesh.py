@@ -19,8 +19,8 @@ from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.geometry.perspective import CAMERA_FLIP, camera_in_crop, focal_length
 from glint.tasks.algorithms.geometry.triangles import triangle_vectors
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
+from glint.tasks.algorithms.integration.contour_margin import CONTOUR_MARGIN_PX, MIN_COSINE, Contour, contour_of
 from glint.tasks.algorithms.integration.edges import grid_edges
-from glint.tasks.algorithms.integration.rim import MIN_COSINE, RIM_PX, Contour, contour_of
 from glint.tasks.algorithms.meshing.contour_vertices import boundary_vertices, moves_to_contour
 
 MAX_STEP_PX = 1.0
@@ -34,7 +34,7 @@ MATERIAL = PBRMaterial(
 """Opaque, since viewers draw transparent meshes without the depth that they are here for. Seen from both sides: the
 surface of one view has no back."""
 MAX_SLOPE = 12.0
-"""Rise in pixels per pixel beyond which a slope (85 degrees) is no surface, unless a rim can be so steep."""
+"""Rise in pixels per pixel beyond which a slope (85 degrees) is no surface, unless the margin can be so steep."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,14 +172,14 @@ def _surface_edges(
     """
     known = np.isfinite(normals).all(axis=-1)
     edges = grid_edges(np.where(known[..., None], normals, 0.0), used, known.astype(float), camera, MIN_COSINE)
-    tested = known & (contour.distance >= RIM_PX)
+    tested = known & (contour.distance >= CONTOUR_MARGIN_PX)
     steepest = max(max_slope, float(np.sqrt(2.0 * inradius(used))))
     kept = np.zeros(edges.inside.shape, bool)
     for axis in range(2):
         rise = np.roll(height, -1, axis) - height
         forward = np.abs(rise - edges.forward_rise[axis]) * edges.normal_share
         backward = np.abs(rise - edges.backward_rise[axis]) * np.roll(edges.normal_share, -1, axis)
-        # An edge without both normals, or at the rim, where heights are extrapolated, cannot be tested.
+        # An edge without both normals, or in the margin, where heights are extrapolated, cannot be tested.
         untested = ~tested | ~np.roll(tested, -1, axis)
         explained = (np.minimum(forward, backward) <= max_step) | untested
         kept[axis] = edges.inside[axis] & explained & (np.abs(rise) <= steepest)

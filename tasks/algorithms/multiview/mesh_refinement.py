@@ -17,10 +17,10 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sparse
-from scipy import ndimage
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
+from glint.tasks.algorithms.geometry.contours import outermost_pixels
 from glint.tasks.algorithms.multiview.mesh import face_normals, vertex_normals
 from glint.tasks.algorithms.multiview.normal_fusion import FusedNormals, fuse_normals
 from glint.tasks.algorithms.multiview.view import View
@@ -171,8 +171,7 @@ def _silhouette_points(view: View) -> np.ndarray:
 
     The pixels' centres lie half a pixel inside the silhouette.
     """
-    interior = ndimage.binary_erosion(np.pad(view.mask, 1, mode="edge"))[1:-1, 1:-1]
-    rows, columns = np.nonzero(view.mask & ~interior)
+    rows, columns = np.nonzero(outermost_pixels(view.mask))
     distance, outward = view.silhouette.distance.at(columns, rows), view.silhouette.distance.gradient(columns, rows)
     return np.column_stack([columns - distance * outward[:, 0], rows + distance * outward[:, 1]])
 

@@ -13,6 +13,7 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.geometry.contours import outermost_pixels
 
 STAIRCASE_SIGMA_PX = 1.0
 """Standard deviation in pixels of the Gaussian that smooths the staircase of a mask's silhouette."""
@@ -194,7 +195,7 @@ def silhouette_pixels(mask: np.ndarray, count: int) -> tuple[np.ndarray, np.ndar
     Raises:
         UnusableCapture: nothing else is left of it.
     """
-    contour = mask & ~ndimage.binary_erosion(np.pad(mask, 1, mode="edge"))[1:-1, 1:-1]
+    contour = outermost_pixels(mask)
     if not contour.any():
         raise UnusableCapture(
             "the mask of a view fills its region, so that it has no silhouette",

@@ -16,6 +16,7 @@ from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.banded_cholesky import solve_positive_definite
 from glint.tasks.algorithms.geometry.bilinear_grid import BilinearGrid
+from glint.tasks.algorithms.geometry.contours import outermost_pixels
 from glint.tasks.algorithms.geometry.distance import depth_inside, distance_inside, inradius
 
 MAX_NODES = 30_000
@@ -42,7 +43,7 @@ def contour_normals(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Returns:
         contour (H, W) bool; normals (H, W, 3) float32 with n_z = 0, NaN off the contour.
     """
-    contour = mask & ~ndimage.binary_erosion(np.pad(mask, 1, mode="edge"))[1:-1, 1:-1]
+    contour = outermost_pixels(mask)
     cut = np.zeros_like(mask)
     for edge in (np.s_[0], np.s_[-1], np.s_[:, 0], np.s_[:, -1]):
         cut[edge] = mask[edge]

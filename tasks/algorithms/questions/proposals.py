@@ -12,15 +12,14 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
-from glint.tasks.algorithms.candidates.shading import shading_log_ratio
 from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.labelling.answers import mark_influence
+from glint.tasks.algorithms.labelling.candidate_view import candidate_evidence
 from glint.tasks.algorithms.labelling.readmission import CONFIDENCE_RANGE, surface_probability
 from glint.tasks.algorithms.labelling.results import Reconstruction
 from glint.tasks.algorithms.labelling.weights import DEFAULT_OPTIONS, LabellingOptions
 from glint.tasks.algorithms.prior.smooth_normals import contour_normals
 from glint.tasks.algorithms.questions.prediction import MAX_CHANGE_DEG, Prediction, accepted_pixels
-from glint.tasks.algorithms.sheets.integrability import shape_log_ratio
 from glint.tasks.algorithms.sheets.patches import Patches, cut_patches
 from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
 
@@ -112,11 +111,9 @@ def propose(
     patches = cut_patches(nodes, ties, result.labels, scale)
     if patches.count == 0:
         return []
-    _, _, pins = mark_constraints(marks, normals, mask)
-    influence = mark_influence(nodes, ties, pins, scale)
+    influence = mark_influence(nodes, ties, mark_constraints(marks, normals, mask).labels, scale)
     answered = patches.mean(np.abs(patches.of(influence))) > ANSWERED_INFLUENCE
-    evidence = options.graph_cut.shape_weight * shape_log_ratio(normals, scale)
-    evidence += options.graph_cut.shading_weight * shading_log_ratio(clusters.shading)
+    evidence = candidate_evidence(normals, clusters.shading, scale, options.graph_cut)
     wrong = wrong_probability(patches, normals, evidence, clusters.observations, result)
     exterior = patches.exterior(result.labels)
     first = gain_of(exterior) * wrong * rough_change(patches, normals, result, mask, scale)

@@ -67,53 +67,79 @@ def sheet_jacobian(normals: np.ndarray, step: int) -> np.ndarray:
     for k in range(layers):
         for y in range(height):
             for x in range(width):
-                centre = normals[k, y, x]
-                if np.isnan(centre[0]):
+                if np.isnan(normals[k, y, x, 0]):
                     continue
-                # Normal equations of the two planes p, q = c0 + c1 x + c2 y: A^T A and A^T (p, q).
-                products[:] = 0.0
-                sums[:] = 0.0
-                support = 0
-                for down in range(-3, 4):
-                    for right in range(-3, 4):
-                        v, u = y + down * step, x + right * step
-                        if v < 0 or v >= height or u < 0 or u >= width:
-                            continue
-                        # Clusters are not sorted by sheet: follow the sheet to the layer of the nearest normal.
-                        max_cosine, nearest = WINDOW_SHEET_COSINE, -1
-                        for j in range(layers):
-                            normal = normals[j, v, u]
-                            cosine = centre[0] * normal[0] + centre[1] * normal[1] + centre[2] * normal[2]
-                            if cosine > max_cosine:
-                                max_cosine, nearest = cosine, j
-                        if nearest < 0:
-                            continue
-                        support += 1
-                        normal = normals[nearest, v, u]
-                        # Rows run downwards, y upwards.
-                        row = (1.0, float(right * step), float(-down * step))
-                        for a in range(3):
-                            for b in range(3):
-                                products[a, b] += row[a] * row[b]
-                            sums[a, 0] -= row[a] * normal[0] / normal[2]
-                            sums[a, 1] -= row[a] * normal[1] / normal[2]
+                support = _add_samples(normals, k, y, x, step, products, sums)
                 if support < MIN_WINDOW_SAMPLES:
                     continue
-                for a in range(3):
-                    products[a, a] += RIDGE
-                # The slopes by Cramer's rule: rows 1 and 2 of the inverse are cofactors over the determinant.
-                a00, a01, a02 = products[0, 0], products[0, 1], products[0, 2]
-                a11, a12, a22 = products[1, 1], products[1, 2], products[2, 2]
-                along_x = (a02 * a12 - a01 * a22, a00 * a22 - a02 * a02, a01 * a02 - a00 * a12)
-                along_y = (a01 * a12 - a02 * a11, a01 * a02 - a00 * a12, a00 * a11 - a01 * a01)
-                determinant = a00 * (a11 * a22 - a12 * a12) + a01 * along_x[0] + a02 * along_y[0]
-                p_x = p_y = q_x = q_y = 0.0
-                for a in range(3):
-                    p_x += along_x[a] * sums[a, 0] / determinant
-                    q_x += along_x[a] * sums[a, 1] / determinant
-                    p_y += along_y[a] * sums[a, 0] / determinant
-                    q_y += along_y[a] * sums[a, 1] / determinant
+                p_x, p_y, q_x, q_y = _slopes(products, sums)
                 result[k, y, x, 0] = p_y - q_x
                 result[k, y, x, 1] = np.sqrt(p_x**2 + p_y**2 + q_x**2 + q_y**2)
                 result[k, y, x, 2] = -p_x - q_y
     return result
+
+
+@njit(cache=True, nogil=True)
+def _add_samples(normals: np.ndarray, k: int, y: int, x: int, step: int, products: np.ndarray, sums: np.ndarray) -> int:
+    """Write the normal equations of the planes p, q = c0 + c1 x + c2 y about a node; return the number of its samples.
+
+    products (3, 3), sums (3, 2): A^T A and A^T (p, q).
+    """
+    _, height, width, _ = normals.shape
+    centre = normals[k, y, x]
+    products[:] = 0.0
+    sums[:] = 0.0
+    support = 0
+    for down in range(-3, 4):
+        for right in range(-3, 4):
+            v, u = y + down * step, x + right * step
+            if v < 0 or v >= height or u < 0 or u >= width:
+                continue
+            layer = _layer_of_sheet(normals, v, u, centre)
+            if layer < 0:
+                continue
+            support += 1
+            normal = normals[layer, v, u]
+            # Rows run downwards, y upwards.
+            row = (1.0, float(right * step), float(-down * step))
+            for a in range(3):
+                for b in range(3):
+                    products[a, b] += row[a] * row[b]
+                sums[a, 0] -= row[a] * normal[0] / normal[2]
+                sums[a, 1] -= row[a] * normal[1] / normal[2]
+    return support
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _layer_of_sheet(normals: np.ndarray, v: int, u: int, centre: np.ndarray) -> int:
+    """Return the layer at pixel (v, u) in which the sheet of a normal (3,) goes on, -1 if it does not.
+
+    Clusters are not sorted by sheet: it is the layer of the nearest normal.
+    """
+    max_cosine, nearest = WINDOW_SHEET_COSINE, -1
+    for j in range(len(normals)):
+        normal = normals[j, v, u]
+        cosine = centre[0] * normal[0] + centre[1] * normal[1] + centre[2] * normal[2]
+        if cosine > max_cosine:
+            max_cosine, nearest = cosine, j
+    return nearest
+
+
+@njit(cache=True, nogil=True)
+def _slopes(products: np.ndarray, sums: np.ndarray) -> tuple[float, float, float, float]:
+    """Solve the normal equations of `_add_samples`: return p_x, p_y, q_x and q_y. A ridge is added to `products`."""
+    for a in range(3):
+        products[a, a] += RIDGE
+    # By Cramer's rule: rows 1 and 2 of the inverse are cofactors over the determinant.
+    a00, a01, a02 = products[0, 0], products[0, 1], products[0, 2]
+    a11, a12, a22 = products[1, 1], products[1, 2], products[2, 2]
+    along_x = (a02 * a12 - a01 * a22, a00 * a22 - a02 * a02, a01 * a02 - a00 * a12)
+    along_y = (a01 * a12 - a02 * a11, a01 * a02 - a00 * a12, a00 * a11 - a01 * a01)
+    determinant = a00 * (a11 * a22 - a12 * a12) + a01 * along_x[0] + a02 * along_y[0]
+    p_x = p_y = q_x = q_y = 0.0
+    for a in range(3):
+        p_x += along_x[a] * sums[a, 0] / determinant
+        q_x += along_x[a] * sums[a, 1] / determinant
+        p_y += along_y[a] * sums[a, 0] / determinant
+        q_y += along_y[a] * sums[a, 1] / determinant
+    return p_x, p_y, q_x, q_y

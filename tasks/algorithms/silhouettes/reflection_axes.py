@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from scipy import ndimage
 
+from glint.tasks.algorithms.geometry.contours import outermost_pixels
 from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.geometry.vectors import pixel_positions
 
@@ -59,7 +59,7 @@ def reflection_axes(mask: np.ndarray, min_iou: float = MIN_SYMMETRY_IOU) -> list
         return []
     points = np.stack(pixel_positions(mask), axis=-1)
     centre = points.mean(axis=0)
-    contour = mask & ~ndimage.binary_erosion(mask)
+    contour = outermost_pixels(mask, is_border_outside=True)
     min_iou = min(min_iou, _iou(1.0 - RASTER_OFFSET_PX * contour.sum() / len(points)))
     points = points[:: max(1, len(points) // MAX_SCORED_PIXELS)]
 

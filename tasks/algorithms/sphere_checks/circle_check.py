@@ -101,13 +101,20 @@ def check_circle(
         return CheckedCircle(doubted, sphere, shapes)
     rival = _rival(frames, sphere, shapes, camera)
     if rival is not None:
-        return CheckedCircle(replace(rival, score=sphere.score), sphere, shapes, True, True, rival.score)
+        return CheckedCircle(
+            replace(rival, score=sphere.score),
+            sphere,
+            shapes,
+            is_contradicted=True,
+            is_replaced=True,
+            contrast=rival.score,
+        )
     doubted = replace(
         sphere,
         centre_sd=float(np.hypot(sphere.centre_sd, _distance(sphere, shapes) / np.sqrt(2.0))),
         radius_sd=float(np.hypot(sphere.radius_sd, max(sphere.radius - shapes.max_radius, 0.0))),
     )
-    return CheckedCircle(doubted, sphere, shapes, True)
+    return CheckedCircle(doubted, sphere, shapes, is_contradicted=True)
 
 
 def contradicts(shapes: ShapeCircle, sphere: Sphere, deviations: float = MIN_CONTRADICTION_DEVIATIONS) -> bool:

@@ -11,7 +11,7 @@ from glint.flows.cli.main import app
 from glint.storage.versions.repository import ObjectRepository
 from tests.flows.cli.test_mistakes import catalogue
 from tests.storage.stores import local_store, save_capture
-from tests.tasks.test_version_diff import depth, publish, tilted
+from tests.tasks.tilted_versions import depth, publish, tilted
 
 __all__ = ["catalogue"]
 

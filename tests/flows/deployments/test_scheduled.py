@@ -48,8 +48,8 @@ def test_notes_of_maintenance_are_shown_as_they_are(
     tmp_path: Path, tables: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     note = "opening it failed at /data/<b>*a* (denied)"
-    done = Maintenance("store", True, (Cleaning("a_b_c", 0, 0, note, failed=True),))
-    monkeypatch.setattr(maintenance, "maintain", lambda *_: done)
+    done = Maintenance("store", dry_run=True, cleanings=(Cleaning("a_b_c", 0, 0, note, failed=True),))
+    monkeypatch.setattr(maintenance, "maintain", lambda *_, **__: done)
     maintenance.run_maintenance.fn(Location.parse(tmp_path).uri)
     ((row,),) = tables
     assert shown(row["note"]) == "opening it failed at /data/&lt;b&gt;*a* (denied)"

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from tests.flows.review.conftest import ServedPage, Tab
-from tests.flows.review.test_views import drag, place
+from tests.flows.review.inputs_view import drag, place
 
 pytestmark = [pytest.mark.long, pytest.mark.slow]
 

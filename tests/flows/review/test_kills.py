@@ -24,7 +24,7 @@ from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import mask_png
 from glint.storage.locations.location import Location
 from tests.flows.review.conftest import Tab
-from tests.flows.review.test_views import INPUTS, READY, drag
+from tests.flows.review.inputs_view import INPUTS, READY, drag
 from tests.pictures import decode_picture
 from tests.polling import PATIENCE, until
 

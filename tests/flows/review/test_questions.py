@@ -1,24 +1,14 @@
 """The questions view in a real browser: loops are shown, answers become marks, and the last one is taken back."""
 
-import json
-import urllib.request
-from typing import Any
-
 import pytest
 
 from glint.flows.review.app import STATIC
 from tests.flows.review.conftest import ServedPage, Tab
+from tests.flows.review.inputs_view import asked
 
 pytestmark = [pytest.mark.long, pytest.mark.slow]
 
 VIEW, READY = "#/hemisphere/front/questions", "canvas.loop[data-shown]"
-
-
-def asked(served: ServedPage, path: str) -> Any:
-    """What the interface answers."""
-    request = urllib.request.Request(f"{served.origin}/api/captures/hemisphere/front/{path}", headers=served.session)
-    with urllib.request.urlopen(request) as answer:
-        return json.load(answer)
 
 
 def test_answers_are_saved_as_marks_labelled_at_once_and_taken_back(served: ServedPage, tab: Tab) -> None:

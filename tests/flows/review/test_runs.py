@@ -19,7 +19,7 @@ from glint.storage.catalogue.loading import Capture, Catalogue, Object, load, wr
 from glint.storage.edits.edits import Edits
 from glint.storage.locations.location import Location
 from tests.flows.review.conftest import ServedPage, Tab, let_in, serve
-from tests.flows.review.test_views import INPUTS, READY, drag, saved
+from tests.flows.review.inputs_view import INPUTS, READY, drag, saved
 from tests.pictures import read_picture
 
 pytestmark = [pytest.mark.server, pytest.mark.slow]

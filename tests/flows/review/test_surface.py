@@ -16,8 +16,8 @@ from glint.storage.versions.repository import ObjectRepository
 from glint.tasks.algorithms.meshing.shading import relit
 from tests import browser
 from tests.flows.review.conftest import ServedPage
-from tests.flows.review.test_views import NOISE as DRAWING_NOISE
-from tests.storage.export.page.test_packing import unfolded, unpacked
+from tests.flows.review.inputs_view import NOISE as DRAWING_NOISE
+from tests.storage.export.page.unpacking import unfolded, unpacked
 
 pytestmark = pytest.mark.long
 

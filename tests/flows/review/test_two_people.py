@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from tests.flows.review.conftest import ServedPage, Tab, let_in
-from tests.flows.review.test_views import INPUTS, READY, drag, saved
+from tests.flows.review.inputs_view import INPUTS, READY, drag, saved
 
 pytestmark = [pytest.mark.long, pytest.mark.slow]
 

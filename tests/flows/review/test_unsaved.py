@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from tests.flows.review.conftest import Tab
-from tests.flows.review.test_views import INPUTS, READY
+from tests.flows.review.inputs_view import INPUTS, READY
 
 pytestmark = pytest.mark.long
 

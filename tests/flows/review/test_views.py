@@ -1,7 +1,5 @@
 """The page as a person uses it, in a real browser: captures found, a sphere moved, a mask painted, conflicts seen."""
 
-import json
-import urllib.request
 from dataclasses import replace
 from typing import Any
 
@@ -12,51 +10,13 @@ from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import Changes
 from glint.storage.locations.location import Location
 from tests.flows.review.conftest import ServedPage, Tab, let_in
+from tests.flows.review.inputs_view import INPUTS, NOISE, READY, asked, drag, place, saved
 from tests.polling import until
 
 pytestmark = pytest.mark.long
 
-INPUTS = "#/hemisphere/front/inputs"
-READY = ".stage[data-shown]"
 SCREENS = ((1280, 800), (820, 1180))
 """Sizes for which the page is made: a small laptop, and a tablet held upright."""
-NOISE = ("GL Driver Message", "fallback to software WebGL")
-"""What Chromium remarks about drawing without a graphics card."""
-
-
-def asked(served: ServedPage, path: str) -> Any:
-    """What the interface answers."""
-    request = urllib.request.Request(f"{served.origin}/api/captures/hemisphere/front/{path}", headers=served.session)
-    with urllib.request.urlopen(request) as answer:
-        return json.load(answer)
-
-
-def place(tab: Tab, x: float, y: float) -> tuple[float, float]:
-    """Where a pixel of the full frame is on the screen."""
-    script = """([x, y]) => {
-        const stage = globalThis.Konva.stages.at(-1);
-        const box = stage.container().getBoundingClientRect();
-        return [box.x + stage.x() + x * stage.scaleX(), box.y + stage.y() + y * stage.scaleY()];
-    }"""
-    column, row = tab.page.evaluate(script, [x, y])
-    return column, row
-
-
-def drag(tab: Tab, start: tuple[float, float], end: tuple[float, float]) -> None:
-    """Drag from a pixel of the full frame to another."""
-    mouse = tab.page.mouse
-    mouse.move(*place(tab, *start))
-    mouse.down()
-    for share in (0.3, 0.7, 1.0):
-        mouse.move(*place(tab, *(a + (b - a) * share for a, b in zip(start, end, strict=True))))
-    mouse.up()
-
-
-def saved(tab: Tab, author: str = "Ada") -> None:
-    """Write the author's name and save."""
-    tab.page.fill("aside input[autocomplete=name]", author)
-    tab.page.click("aside .save button:has-text('Save')")
-    tab.wait("document.getElementById('status').textContent === 'Saved.'")
 
 
 def test_the_catalogue_shows_searches_and_opens_captures(tab: Tab) -> None:

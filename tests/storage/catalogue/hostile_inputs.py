@@ -44,14 +44,14 @@ def png(width: int = 30, height: int = 20, value: int = 255) -> bytes:
     return cv2.imencode(".png", np.full((height, width), value, np.uint8))[1].tobytes()
 
 
-def png_of_size(width: int, height: int) -> bytes:
-    """A small PNG whose head states so many pixels."""
+def png_of_size(width: int, height: int, data_bytes: int = 100_000) -> bytes:
+    """A small PNG whose head states so many pixels, with the beginning of the data that would fill them."""
 
     def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
     head = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
-    data = chunk(b"IDAT", zlib.compress(bytes(100_000), 9))
+    data = chunk(b"IDAT", zlib.compress(bytes(data_bytes), 9))
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + data + chunk(b"IEND", b"")
 
 

@@ -1,9 +1,7 @@
 """Whatever a catalogue, lights, marks, a name or a store say: a clear refusal, and nothing is written elsewhere."""
 
 import json
-import struct
 import tracemalloc
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -27,6 +25,7 @@ from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
 from glint.storage.versions.stage_results import StoredFile
 from glint.tasks.engine.parameters import Parameters
+from tests.storage.catalogue.hostile_inputs import png_of_size
 
 QUICK = settings(
     max_examples=80,
@@ -197,7 +196,7 @@ def test_a_catalogue_that_is_a_device_or_a_pipe_is_not_waited_for(tmp_path: Path
 
 
 def test_a_picture_that_unpacks_to_gigabytes_is_refused_by_its_head(tmp_path: Path) -> None:
-    (tmp_path / "mask.png").write_bytes(bomb(60_000, 60_000))
+    (tmp_path / "mask.png").write_bytes(png_of_size(60_000, 60_000, 5_000_000))
     assert (tmp_path / "mask.png").stat().st_size < 10_000
     tracemalloc.start()
     with pytest.raises(InputError):
@@ -225,14 +224,3 @@ def test_files_have_plain_names(tmp_path: Path, name: str) -> None:
     with pytest.raises(StoreError, match="names a file"):
         repository.save("front", "surface", "k", {}, {}, {name: StoredFile(b"ply", "model/ply")})
     assert repository.stage_key("front", "surface") is None
-
-
-def bomb(width: int, height: int) -> bytes:
-    """A small PNG whose head claims so many pixels, with the beginning of data that would fill them."""
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-    head = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
-    packed = zlib.compress(bytes(5_000_000), 9)
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", packed) + chunk(b"IEND", b"")

@@ -13,7 +13,7 @@ from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import CaptureEdits, Changes
 from glint.storage.errors import GlintError
 from glint.storage.locations.location import Location
-from tests.storage.edits.test_edits import VALUES
+from tests.storage.edits.sample_edits import VALUES
 from tests.storage.stores import local_store
 
 TRIALS = 60

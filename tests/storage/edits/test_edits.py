@@ -26,26 +26,10 @@ from glint.storage.errors import DamagedError, InputError, StoreError
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
 from tests.polling import has_grown, until
+from tests.storage.edits.sample_edits import MARKS, SPHERES, VALUES, drawn_mask
 from tests.storage.stores import MemoryLocation, local_store, save_capture
 
 SPAWN = multiprocessing.get_context("spawn")
-SPHERES = [{"x": 40.5, "y": 30.0, "radius": 12.25, "diameter_mm": 25.0}]
-MARKS = [{"frame": 7, "x": 12.5, "y": 20.0, "kind": "true"}, {"frame": 9, "x": 3.0, "y": 4.0, "kind": "false"}]
-VALUES: dict[str, Any] = {
-    "spheres": SPHERES,
-    "region": {"x": 1, "y": 2, "width": 30, "height": 20},
-    "camera": {"matrix": [[900, 0, 30], [0, 900, 20], [0, 0, 1]]},
-    "pixel_size": 0.25,
-    "pose": {"turntable": 30.0},
-    "marks": MARKS,
-    "verdict": "usable",
-}
-
-
-def drawn_mask(right: int = 40) -> np.ndarray:
-    mask = np.zeros((48, 64), bool)
-    mask[10:30, 20:right] = True
-    return mask
 
 
 @pytest.fixture

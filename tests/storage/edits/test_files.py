@@ -11,7 +11,7 @@ from glint.storage.edits.models import Changes, mask_png
 from glint.storage.errors import InputError, OutputError
 from glint.storage.inputs.markup import read_markup
 from glint.storage.inputs.masks_and_truth import read_mask
-from tests.storage.edits.test_edits import MARKS, VALUES, drawn_mask
+from tests.storage.edits.sample_edits import MARKS, VALUES, drawn_mask
 from tests.storage.stores import local_store
 
 

@@ -1,7 +1,6 @@
 """Maintenance on real stores: removed and kept data, and the report of a dry run."""
 
 import os
-import time
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -17,52 +16,14 @@ from glint.storage.kept_values import keep, read_kept
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import run_lock
 from glint.storage.maintenance.disk_space import DiskSpace
-from glint.storage.maintenance.maintain import Cleaning, Maintenance, format_size, maintain, parse_size
+from glint.storage.maintenance.maintain import format_size, maintain, parse_size
 from glint.storage.versions.garbage import BRANCH_PREFIX, delete_stale_branches, new_branch_name
 from glint.storage.versions.repository import ObjectRepository
-from glint.storage.versions.stage_results import StoredFile
-
-NOW = timedelta(0)
-STAGES = ("surface",)
-
-
-def save(location: Location, data: bytes, key: str, object_id: str = "glass") -> None:
-    """Save a stage with an array and a file."""
-    repository = ObjectRepository.open(location, object_id)
-    arrays = {"depth": np.arange(6.0).reshape(2, 3)}
-    files = {"surface.ply": StoredFile(data, "model/ply")}
-    repository.save("front", "surface", key, arrays, {"counts": {}, "warnings": []}, files)
-
-
-def versions(location: Location, count: int) -> None:
-    """Publish `count` versions, each with a file of its own."""
-    for number in range(count):
-        save(location, mesh(number), f"key-{number}")
-        ObjectRepository.open(location, "glass").publish(["front"], {}, STAGES)
-
-
-def mesh(number: int) -> bytes:
-    """Return the file of a version: incompressible, and large enough for a chunk of its own."""
-    return np.random.default_rng(number).bytes(5000)
+from tests.storage.maintenance.stored_object import NOW, STAGES, frames, mesh, part, save, versions
 
 
 def chunks(folder: Path) -> int:
     return len(list((folder / "objects" / "glass" / "repo" / "chunks").iterdir()))
-
-
-def part(done: Maintenance, target: str) -> Cleaning:
-    return next(cleaning for cleaning in done.cleanings if cleaning.target == target)
-
-
-def frames(location: Location, digest: str, size: int, age: timedelta) -> None:
-    """Write a stand-in for a cache of frames that was last used `age` ago."""
-    assert location.local is not None
-    folder = location.local / "frames" / digest / "object" / "c"
-    folder.mkdir(parents=True)
-    then = time.time() - age.total_seconds()
-    for path, data in ((folder.parents[1] / "zarr.json", b"{}"), (folder / "0", b"x" * (size - 2))):
-        path.write_bytes(data)
-        os.utime(path, (then, then))
 
 
 def test_nothing_is_left_of_frames_that_are_discarded(tmp_path: Path) -> None:
@@ -79,9 +40,9 @@ def test_data_of_a_version_stay(tmp_path: Path) -> None:
     save(location, mesh(9), "unpublished")
     save(location, mesh(2), "key-2")
     assert chunks(tmp_path) == 5
-    maintain(location, True, None, NOW, None)
+    maintain(location, age=NOW, dry_run=True)
     assert chunks(tmp_path) == 5
-    done = maintain(location, False, None, NOW, None)
+    done = maintain(location, age=NOW)
     assert part(done, "glass").bytes > 0 and chunks(tmp_path) == 4
     repository = ObjectRepository.open(location, "glass", create=False)
     for number in range(3):
@@ -93,9 +54,9 @@ def test_kept_values_go_when_they_are_old(tmp_path: Path) -> None:
     location = Location.parse(tmp_path)
     save(location, mesh(0), "key")
     keep(location, "glass", "0a", [1])
-    maintain(location, False, 1, timedelta(hours=1), None)
+    maintain(location, age=timedelta(hours=1), keep=1)
     assert read_kept(location, "glass", "0a") == [1]
-    maintain(location, False, 1, NOW, None)
+    maintain(location, age=NOW, keep=1)
     assert read_kept(location, "glass", "0a") is None
 
 
@@ -107,9 +68,9 @@ def test_edits_stay_and_the_files_made_of_them_go(tmp_path: Path) -> None:
         edits.save("front", Changes(mask=mask), "Ann", number)
     (entry,) = edited_entries(ObjectRepository.open(location, "glass"), [Capture(id="front", frames="/a.mp4")])
     assert entry.capture.mask is not None and Path(entry.capture.mask).exists()
-    assert part(maintain(location, False, 1, timedelta(hours=1), None), "glass").objects == 0
+    assert part(maintain(location, age=timedelta(hours=1), keep=1), "glass").objects == 0
     assert Path(entry.capture.mask).exists()
-    maintain(location, False, 1, NOW, None)
+    maintain(location, age=NOW, keep=1)
     assert not Path(entry.capture.mask).exists()
     for number, mask in enumerate(masks):
         np.testing.assert_array_equal(Edits.open(location, "glass").current("front", number + 1).mask, mask)
@@ -120,18 +81,18 @@ def test_only_old_data_are_removed(tmp_path: Path) -> None:
     versions(location, 1)
     save(location, mesh(1), "key-1")
     save(location, mesh(2), "key-2")
-    assert part(maintain(location, False, None, timedelta(hours=1), None), "glass").objects == 0
+    assert part(maintain(location, age=timedelta(hours=1)), "glass").objects == 0
     assert chunks(tmp_path) == 3
 
 
 def test_versions_are_pruned_only_on_request(tmp_path: Path) -> None:
     location = Location.parse(tmp_path)
     versions(location, 4)
-    dry = maintain(location, True, 2, NOW, None)
+    dry = maintain(location, age=NOW, dry_run=True, keep=2)
     assert part(dry, "glass").note == "would remove v1, v2"
     repository = ObjectRepository.open(location, "glass", create=False)
     assert repository.version_names() == ["v1", "v2", "v3", "v4"]
-    done = maintain(location, False, 2, NOW, None)
+    done = maintain(location, age=NOW, keep=2)
     assert part(done, "glass").note == "removed v1, v2" and part(done, "glass").bytes > 0
     assert repository.version_names() == ["v3", "v4"]
     assert chunks(tmp_path) == 2
@@ -147,11 +108,11 @@ def test_data_of_a_running_object_are_left_alone(tmp_path: Path) -> None:
     repository = ObjectRepository.open(location, "glass")
     repository.save("front", "frames", "key", {}, {"cache": "a" * 64, "counts": {}, "warnings": []})
     with run_lock(location, "glass", "night"):
-        done = maintain(location, False, 1, NOW, 0)
+        done = maintain(location, age=NOW, keep=1, frames_budget=0)
     assert repository.version_names() == ["v1", "v2", "v3"] and chunks(tmp_path) == 3
     assert (tmp_path / "frames" / ("a" * 64) / "zarr.json").exists()
     assert "being run" in part(done, "glass").note and "in use" in part(done, "frames").note
-    assert part(maintain(location, False, None, NOW, 0), "frames").objects == 1
+    assert part(maintain(location, age=NOW, frames_budget=0), "frames").objects == 1
     assert not list((tmp_path / "frames").iterdir())
 
 
@@ -161,7 +122,8 @@ def test_a_dry_run_writes_nothing(tmp_path: Path) -> None:
     for lock in (tmp_path / "objects" / "glass").glob("*.lock"):
         lock.unlink()
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
-    assert "would remove v1, v2" in part(maintain(location, True, 1, NOW, 0), "glass").note
+    cleaned = maintain(location, age=NOW, dry_run=True, keep=1, frames_budget=0)
+    assert "would remove v1, v2" in part(cleaned, "glass").note
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
 
 
@@ -171,9 +133,9 @@ def test_the_least_recently_used_frames_are_removed_first(tmp_path: Path) -> Non
         frames(location, digest * 64, 1000, timedelta(days=days))
     mark_used(location, "b" * 64)
     assert [entry.digest[0] for entry in cached_frames(location)] == ["c", "a", "d", "b"]
-    dry = maintain(location, True, None, NOW, 2500)
+    dry = maintain(location, age=NOW, dry_run=True, frames_budget=2500)
     assert part(dry, "frames").objects == 2 and len(cached_frames(location)) == 4
-    maintain(location, False, None, NOW, 2500)
+    maintain(location, age=NOW, frames_budget=2500)
     assert [entry.digest[0] for entry in cached_frames(location)] == ["d", "b"]
 
 
@@ -187,7 +149,7 @@ def test_files_behind_links_in_a_store_are_not_removed(tmp_path: Path) -> None:
     os.utime(outside / "zarr.json", (0, 0))
     (tmp_path / "store" / "frames" / ("b" * 64)).symlink_to(outside)
     (tmp_path / "store" / "frames" / ("a" * 64) / "object" / "link").symlink_to(outside)
-    done = maintain(location, False, None, NOW, 0)
+    done = maintain(location, age=NOW, frames_budget=0)
     assert part(done, "frames").objects == 1
     assert sorted(entry.name for entry in outside.iterdir()) == ["precious", "zarr.json"]
 
@@ -211,7 +173,7 @@ def test_an_object_that_cannot_be_read_does_not_stop_the_rest(tmp_path: Path) ->
     location = Location.parse(tmp_path)
     versions(location, 1)
     save_broken(location, tmp_path)
-    done = maintain(location, False, None, NOW, None)
+    done = maintain(location, age=NOW)
     assert part(done, "broken").failed and not part(done, "glass").failed
 
 
@@ -221,7 +183,7 @@ def test_frames_stay_while_it_is_unknown_which_of_them_a_run_uses(tmp_path: Path
     save_broken(location, tmp_path)
     frames(location, "a" * 64, 1000, timedelta(days=3))
     with run_lock(location, "broken", "night"):
-        done = maintain(location, False, None, NOW, 0)
+        done = maintain(location, age=NOW, frames_budget=0)
     assert (tmp_path / "frames" / ("a" * 64) / "zarr.json").exists()
     assert part(done, "frames").note.startswith("left alone") and not done.failed
 
@@ -231,7 +193,7 @@ def test_an_object_in_its_first_run_does_not_stop_the_rest(tmp_path: Path) -> No
     versions(location, 1)
     save(location, mesh(1), "unpublished")
     with run_lock(location, "new", "night"):
-        done = maintain(location, False, None, NOW, 0)
+        done = maintain(location, age=NOW, frames_budget=0)
     assert part(done, "glass").objects > 0 and part(done, "frames").note.startswith("left alone") and not done.failed
 
 

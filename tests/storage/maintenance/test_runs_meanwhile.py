@@ -23,7 +23,7 @@ from glint.storage.locking.owner import ObjectBusy
 from glint.storage.maintenance import maintain as maintenance
 from glint.storage.maintenance.maintain import maintain
 from glint.storage.versions.repository import ObjectRepository
-from tests.storage.maintenance.test_maintain import NOW, frames, mesh, part, save, versions
+from tests.storage.maintenance.stored_object import NOW, frames, mesh, part, save, versions
 
 
 def test_data_of_an_object_whose_run_began_meanwhile_are_left_alone(tmp_path: Path) -> None:
@@ -35,7 +35,7 @@ def test_data_of_an_object_whose_run_began_meanwhile_are_left_alone(tmp_path: Pa
     repository.save("front", "frames", "key", {}, {"cache": "a" * 64, "counts": {}, "warnings": []})
     with ThreadPoolExecutor(1) as pool, ExitStack() as first:
         first.enter_context(mutation_lock(location, "bowl"))
-        cleaning = pool.submit(maintain, location, False, 1, NOW, 0)
+        cleaning = pool.submit(maintain, location, age=NOW, keep=1, frames_budget=0)
         time.sleep(0.5)
         with run_lock(location, "glass", "night"):
             first.close()
@@ -78,7 +78,7 @@ def test_a_run_that_begins_during_the_cleaning_keeps_its_edited_inputs(
     monkeypatch.setattr(ObjectRepository, "garbage_collect", begin_run_and(ObjectRepository.garbage_collect))
     monkeypatch.setattr(ObjectRepository, "prune", begin_run_and(ObjectRepository.prune))
     monkeypatch.setattr(maintenance, "remove_old_files", refuse_run_and(maintenance.remove_old_files))
-    assert part(maintain(location, False, 1, timedelta(days=1), None), "glass").objects > 0
+    assert part(maintain(location, age=timedelta(days=1), keep=1), "glass").objects > 0
     assert len(masks) == 3 and masks[0].exists()
 
 
@@ -96,9 +96,9 @@ def test_in_an_object_store_nothing_younger_than_an_hour_is_removed(tmp_path: Pa
     for key in ("first", "second"):
         save(location, mesh(0), key)
     keep(location, "glass", "0a", [1])
-    assert part(maintain(location, False, 1, NOW, None), "glass").objects == 0
+    assert part(maintain(location, age=NOW, keep=1), "glass").objects == 0
     assert read_kept(location, "glass", "0a") == [1]
     for path in tmp_path.rglob("*"):
         os.utime(path, (time.time() - 4000, time.time() - 4000))
-    assert part(maintain(location, False, 1, NOW, None), "glass").objects > 0
+    assert part(maintain(location, age=NOW, keep=1), "glass").objects > 0
     assert read_kept(location, "glass", "0a") is None

@@ -30,7 +30,7 @@ def store_with(place: str, metadata: bytes) -> MemoryStore:
     """Return a store with the stages labels and depth of a capture, and other metadata of the group at `place`."""
     store = MemoryStore()
     for stage in ("labels", "depth"):
-        write_stage(store, "duck", "front", stage, "key", {"mask": np.ones((2, 2), bool)}, {}, {})
+        write_stage(store, "duck", "front", stage, "key", arrays={"mask": np.ones((2, 2), bool)}, record={})
     asyncio.run(store.set(f"{place}zarr.json", default_buffer_prototype().buffer.from_bytes(metadata)))
     return store
 
@@ -54,7 +54,8 @@ def test_damaged_metadata_is_told(place: str, metadata: bytes) -> None:
 @pytest.mark.parametrize("metadata", METADATA)
 def test_what_is_computed_again_replaces_damaged_metadata(place: str, metadata: bytes) -> None:
     store = store_with(place, metadata)
-    write_stage(store, "duck", "front", "labels", "new key", {"mask": np.zeros((2, 2), bool)}, {}, {})
+    mask = np.zeros((2, 2), bool)
+    write_stage(store, "duck", "front", "labels", "new key", arrays={"mask": mask}, record={})
     results = stage_results.read_capture(store, "duck", "front")
     assert {stage: result.key for stage, result in results.items()} == {"labels": "new key", "depth": "key"}
     assert not verify(results.values()).damages

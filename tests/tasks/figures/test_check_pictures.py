@@ -28,7 +28,15 @@ def test_layers_of_the_mask_have_the_size_of_the_frame(tmp_path: Path) -> None:
     doubt = np.zeros(mask.shape, np.float32)
     half_vectors = np.tile([0.0, 0.0, 1.0], (4, 1))
     paths = write_check_pictures(
-        frame, REGION, [Sphere(65, 30, 10)], mask, doubt, peak, half_vectors, {2: peak}, tmp_path
+        frame,
+        REGION,
+        [Sphere(65, 30, 10)],
+        mask=mask,
+        doubt=doubt,
+        peak=peak,
+        half_vectors=half_vectors,
+        keyframe_pictures={2: peak},
+        out=tmp_path,
     )
     assert {path.name for path in paths} >= {"frame.png", "brightest.png", "mask.png", "overview.png"}
     first, brightest, painted = (

@@ -1,7 +1,5 @@
 """What is packed can be unpacked: here in numpy, as the viewer does it in JavaScript."""
 
-import zlib
-
 import numpy as np
 import pytest
 
@@ -9,32 +7,13 @@ from glint.storage.export.mesh_files import Mesh
 from glint.storage.export.page.mesh_packing import decimated, pack_mesh
 from glint.storage.export.page.packing import (
     NO_CONFIDENCE,
-    Part,
     confidence_codes,
     octahedral,
     pack,
     scaled_codes,
 )
 from glint.storage.export.page.photographs import spread_frames
-
-
-def unpacked(part: Part) -> np.ndarray:
-    """The array of a part."""
-    size = int(part.kind[1:]) // 8
-    height, width, *rest = part.shape
-    planes = np.frombuffer(zlib.decompress(part.data), np.uint8).reshape(-1, size, height, width)
-    differences = sum(planes[:, octet].astype(np.uint64) << (8 * octet) for octet in range(size))
-    values = np.cumsum(differences, axis=-1).astype(f"u{size}")
-    return np.ascontiguousarray(values.transpose(1, 2, 0)).reshape(height, width, *rest)
-
-
-def unfolded(codes: np.ndarray) -> np.ndarray:
-    """Unit vectors of octahedral codes."""
-    square = codes / 32767.5 - 1.0
-    z = 1.0 - np.abs(square).sum(axis=-1)
-    folded = (1.0 - np.abs(square[..., ::-1])) * np.where(square < 0, -1.0, 1.0)
-    vectors = np.concatenate([np.where((z < 0)[..., None], folded, square), z[..., None]], axis=-1)
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
+from tests.storage.export.page.unpacking import unfolded, unpacked
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.uint32])

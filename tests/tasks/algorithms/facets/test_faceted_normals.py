@@ -11,8 +11,7 @@ from glint.tasks.algorithms.facets.placements import Placement
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view, view_vectors
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 from tests.tasks.algorithms.facets.bottle import render_bottle
-from tests.tasks.algorithms.prisms.block import INVERSE_FOCAL, SHAPE, Block
-from tests.tasks.algorithms.prisms.test_prismatic_normals import CAMERA, shown
+from tests.tasks.algorithms.prisms.block import CAMERA, INVERSE_FOCAL, SHAPE, Block, shown
 
 FRUSTUM = Block(lean=12.0)
 

@@ -5,8 +5,7 @@ import pytest
 
 from glint.tasks.algorithms.facets.faceted_normals import FacetSearch
 from glint.tasks.algorithms.geometry.vectors import angles, to_camera
-from tests.tasks.algorithms.prisms.block import SHAPE, Block
-from tests.tasks.algorithms.prisms.test_prismatic_normals import shown
+from tests.tasks.algorithms.prisms.block import SHAPE, Block, shown
 
 TUMBLER = Block(slope=30.0, lean=-5.0, half_height=50.0, turns=(12.0, 57.0, 102.0, 147.0, 192.0, 237.0, 282.0, 327.0))
 WALL_RADIUS = 47.0

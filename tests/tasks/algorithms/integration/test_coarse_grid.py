@@ -6,6 +6,7 @@ import pytest
 from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.integration.coarse_grid import NormalGrid, doubled, halved
 from glint.tasks.algorithms.integration.edges import grid_edges
+from glint.tasks.algorithms.integration.search_limits import SearchLimits
 from tests.benchmarks.integration_scenes import FIELDS, traced, with_noise
 from tests.benchmarks.integration_sheets import risers, stairs
 from tests.benchmarks.integration_synthetic import error
@@ -61,7 +62,7 @@ def test_steps_found_on_a_coarse_grid_are_those_of_the_fine_one(name: str, noise
     scene = stairs(128, 0.2, bend=0.6) if name == "stairs" else traced(FIELDS["arm"], 128, perspective=name == "arm P")
     scene = with_noise(scene, noise) if noise else scene
     whole = integrate(scene.normals, scene.mask, camera=scene.camera)
-    coarse = integrate(scene.normals, scene.mask, camera=scene.camera, max_searched=6_000)
+    coarse = integrate(scene.normals, scene.mask, camera=scene.camera, limits=SearchLimits(max_searched=6_000))
     plain = integrate(scene.normals, scene.mask, camera=scene.camera, method="least-squares")
     assert not np.array_equal(coarse.depth, whole.depth, equal_nan=True)
     # What runs along a step may lie a pixel or two beside it.
@@ -71,5 +72,5 @@ def test_steps_found_on_a_coarse_grid_are_those_of_the_fine_one(name: str, noise
 
 def test_where_least_squares_is_right_a_coarse_grid_changes_nothing() -> None:
     scene = risers(128, 2, 3.0)
-    coarse = integrate(scene.normals, scene.mask, max_searched=6_000)
+    coarse = integrate(scene.normals, scene.mask, limits=SearchLimits(max_searched=6_000))
     assert error(scene, coarse.depth) < 0.01

@@ -1,19 +1,18 @@
 import numpy as np
 import pytest
 
+from glint.tasks.algorithms.integration.contour_margin import least_cosines
 from glint.tasks.algorithms.integration.edges import grid_edges
 from glint.tasks.algorithms.integration.expected_rises import expected_rises, poisson_source, robust_weights
 from glint.tasks.algorithms.integration.graduation import (
-    MAX_ROUNDS,
     MISFIT_SCALE,
-    TOLERANCE_PX,
     change,
     graduated,
     least_squares,
     normalized,
 )
 from glint.tasks.algorithms.integration.multigrid import solve_poisson
-from glint.tasks.algorithms.integration.rim import least_cosines
+from glint.tasks.algorithms.integration.search_limits import TOLERANCE_PX, SearchLimits
 from tests.benchmarks.integration_scenes import pleats, with_noise
 
 
@@ -25,7 +24,7 @@ def test_a_height_that_has_converged_hardly_moves_if_its_last_round_is_solved_on
     rises = expected_rises(edges)
     softness = np.ones((2, *rises.mean.shape))
     start = least_squares(edges).height
-    solution = graduated(rises, softness, scene.mask, start, 2.0 * MISFIT_SCALE, MAX_ROUNDS, TOLERANCE_PX)
+    solution = graduated(rises, softness, scene.mask, start, 2.0 * MISFIT_SCALE, SearchLimits())
     assert solution.converged
     weights = normalized(robust_weights(rises, solution.height, softness, MISFIT_SCALE))
     height = solve_poisson(weights, poisson_source(weights, rises.mean), solution.height, tolerance=1e-9)[0]

@@ -8,6 +8,7 @@ from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.integration.edges import grid_edges
 from glint.tasks.algorithms.integration.expected_rises import expected_rises
 from glint.tasks.algorithms.integration.known_body import attached_height, beside_body, known_body
+from glint.tasks.algorithms.integration.search_limits import SearchLimits
 from glint.tasks.algorithms.revolution.opening import Opening
 from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
 from glint.tasks.algorithms.silhouettes.reflection_axes import ReflectionAxis
@@ -126,7 +127,7 @@ def test_bodies_are_cropped_with_the_mask_and_checked() -> None:
 def test_a_body_is_known_on_coarse_grids_too() -> None:
     normals, truth, far = seen(glass())
     mask = np.isfinite(truth)
-    result = integrate(noisy(normals), mask, body=truth, max_searched=3000)
+    result = integrate(noisy(normals), mask, body=truth, limits=SearchLimits(max_searched=3000))
     assert result.follows_body
     assert step_beyond(result.depth, truth, mask, far) < 2.0
 

@@ -8,7 +8,7 @@ from glint.tasks.algorithms.geometry.vectors import unit
 from glint.tasks.algorithms.labelling.answers import contradictions, mark_influence
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
-from tests.tasks.algorithms.labelling.test_reconstruction import SHEETS_ALONE, Scene, pebble
+from tests.tasks.algorithms.labelling.scenes import SHEETS_ALONE, Scene, pebble
 
 
 def two_sheets(size: int = 40) -> np.ndarray:

@@ -1,7 +1,9 @@
 """What explains settled labels: a prism or a faceted body, unless accepted normals contradict it."""
 
 from copy import copy
+from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,9 +19,8 @@ from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals
 from glint.tasks.algorithms.prisms.prismatic_normals import PrismSearch
 from glint.tasks.algorithms.revolution.symmetry import RotationalNormals
 from tests.tasks.algorithms.faces.polyhedron import PYRAMID, face_numbers, polyhedron_normals
-from tests.tasks.algorithms.labelling.test_reconstruction import clusters_of
-from tests.tasks.algorithms.prisms.block import Block
-from tests.tasks.algorithms.prisms.test_prismatic_normals import shown
+from tests.tasks.algorithms.labelling.scenes import clusters_of
+from tests.tasks.algorithms.prisms.block import Block, shown
 from tests.tasks.algorithms.revolution.beaker import observable
 
 ALONE = LabellingOptions(symmetry=False, readmission=False)
@@ -44,8 +45,15 @@ def bodies_of(*solids: PolyhedralNormals) -> FacetSearch:
     return SimpleNamespace(likeliest=list(solids))  # type: ignore[return-value]
 
 
+def with_searches(settled: Alternation, **searches: Any) -> Alternation:
+    """Replace searches of the view by others."""
+    state = copy(settled)
+    state.view = replace(settled.view, **searches)
+    return state
+
+
 def test_the_faces_that_never_showed_the_light_follow_from_a_prism(settled: Alternation, truth: np.ndarray) -> None:
-    mask = settled.mask
+    mask = settled.view.mask
     without = copy(settled)
     without.options = LabellingOptions(symmetry=False, readmission=False, flat_faces=False)
     before, after = (angles(conclude(explain(state)).normals, truth)[mask].mean() for state in (without, settled))
@@ -59,18 +67,17 @@ def test_confident_normals_of_a_prism_are_right(settled: Alternation, truth: np.
     assert (angles(result.normals, truth)[confident] < 5.0).mean() > 0.95
     assert result.body_depth is not None
     # Most of it never showed the light, and is not certain.
-    assert confident.sum() < 0.6 * settled.mask.sum()
+    assert confident.sum() < 0.6 * settled.view.mask.sum()
 
 
 def test_accepted_normals_that_contradict_a_prism_take_more_evidence(settled: Alternation, truth: np.ndarray) -> None:
     contradicting = copy(settled)
-    contradicting.known, contradicting.values = settled.mask, np.where(settled.mask[..., None], [0.0, 0.0, 1.0], np.nan)
+    contradicting.known = settled.view.mask
+    contradicting.values = np.where(settled.view.mask[..., None], [0.0, 0.0, 1.0], np.nan)
 
     def adopts(state: Alternation, log_ratio: float) -> bool:
-        state = copy(state)
-        state.prism = prism_of(truth, np.zeros(truth.shape[:2], int), log_ratio)
-        state.facets = bodies_of()
-        return explain(state).expected is not None
+        prism = prism_of(truth, np.zeros(truth.shape[:2], int), log_ratio)
+        return explain(with_searches(state, prism=prism, facets=bodies_of())).expected is not None
 
     assert adopts(settled, 5.0 * MIN_SOLID_NATS)
     assert not adopts(settled, 0.5 * MIN_SOLID_NATS)
@@ -84,10 +91,10 @@ def test_confident_normals_refute_a_prism_with_another_end() -> None:
     settled = settle(clusters_of(observable(pyramid)[None]), mask, ALONE)
     # The first two faces flashed, and are confident; the third never did.
     for wrong, expected in ((0, False), (2, True)):
-        state, normals = copy(settled), pyramid.copy()
+        normals = pyramid.copy()
         normals[mask & (numbers == wrong)] = [0.0, 0.0, 1.0]
-        state.prism = prism_of(normals, np.where(mask, numbers, -1), 100.0)
-        state.facets = bodies_of()
+        prism = prism_of(normals, np.where(mask, numbers, -1), 100.0)
+        state = with_searches(settled, prism=prism, facets=bodies_of())
         assert (explain(state).expected is not None) is expected
 
 
@@ -98,10 +105,8 @@ def pyramid() -> np.ndarray:
 
 def with_pyramid(settled: Alternation, normals: np.ndarray) -> Alternation:
     """Explain by a pyramid of these normals (H, W, 3)."""
-    state = copy(settled)
-    state.prism = prism_of(normals, np.where(state.mask, face_numbers(PYRAMID), -1), 200.0)
-    state.facets = bodies_of()
-    return explain(state)
+    prism = prism_of(normals, np.where(settled.view.mask, face_numbers(PYRAMID), -1), 200.0)
+    return explain(with_searches(settled, prism=prism, facets=bodies_of()))
 
 
 def test_what_is_seen_through_a_face_that_flashed_is_rejected(
@@ -147,7 +152,7 @@ def settled_frustum(frustum: np.ndarray) -> Alternation:
 def test_the_faces_that_never_showed_the_light_follow_from_a_faceted_body(
     settled_frustum: Alternation, frustum: np.ndarray
 ) -> None:
-    mask, without = settled_frustum.mask, copy(settled_frustum)
+    mask, without = settled_frustum.view.mask, copy(settled_frustum)
     without.options = LabellingOptions(symmetry=False, readmission=False, flat_faces=False)
     before, after = (
         angles(conclude(explain(state)).normals, frustum)[mask].mean() for state in (without, settled_frustum)
@@ -160,9 +165,8 @@ def test_of_the_same_solid_a_prism_is_preferred(settled: Alternation, truth: np.
     faces, depths = np.zeros(truth.shape[:2], int), np.zeros(truth.shape[:2], np.float32)
     turned = unit(truth + np.array([0.05, 0.0, 0.0]))
     for other, preferred in ((turned, truth), (unit(truth + np.array([0.5, 0.0, 0.0])), None)):
-        state = copy(settled)
-        state.prism = prism_of(truth, faces, 60.0)
-        state.facets = bodies_of(PolyhedralNormals(other, depths, faces, 90.0))
+        facets = bodies_of(PolyhedralNormals(other, depths, faces, 90.0))
+        state = with_searches(settled, prism=prism_of(truth, faces, 60.0), facets=facets)
         expected = explain(state).expected
         assert expected is not None
         assert np.array_equal(expected, other if preferred is None else preferred, equal_nan=True)
@@ -177,12 +181,11 @@ def test_facets_take_the_place_of_a_relief_that_hardly_fits(
 ) -> None:
     faces, depths = np.zeros(truth.shape[:2], int), np.zeros(truth.shape[:2], np.float32)
     rotational = RotationalNormals(truth.astype(np.float32), depths, relief_fit, round_error)
-    state = copy(settled)
-    state.options = LabellingOptions(readmission=False)
     search = SimpleNamespace(normals=lambda *_: rotational, supposed_normals=lambda _: None, best=None)
-    state.symmetry, state.prism = search, search  # type: ignore[assignment]
     turned = unit(truth + np.array([0.3, 0.0, 0.0]))
-    state.facets = bodies_of(PolyhedralNormals(turned, depths, faces, log_ratio))
+    facets = bodies_of(PolyhedralNormals(turned, depths, faces, log_ratio))
+    state = with_searches(settled, symmetry=search, prism=search, facets=facets)
+    state.options = LabellingOptions(readmission=False)
     expected = explain(state).expected
     assert expected is not None
     assert np.array_equal(expected, turned if is_faceted else rotational.normals, equal_nan=True)

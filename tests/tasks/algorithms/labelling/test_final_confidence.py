@@ -3,7 +3,7 @@ import numpy as np
 from glint.tasks.algorithms.labelling.final_confidence import SMALL_SHEET_RESIDUAL, held_out_residual
 from glint.tasks.algorithms.labelling.weights import FieldError
 from glint.tasks.algorithms.sheets.segments import segment_sheets
-from tests.tasks.algorithms.sheets.test_segments import tilted, two_sheets
+from tests.tasks.algorithms.sheets.two_sheets import tilted, two_sheets
 
 
 def test_a_sheet_that_the_rest_of_the_object_contradicts_has_a_large_residual() -> None:
@@ -16,7 +16,9 @@ def test_a_sheet_that_the_rest_of_the_object_contradicts_has_a_large_residual() 
         return np.broadcast_to(tilted(0.0), normals.shape)
 
     mask, rim = np.ones((40, 60), dtype=bool), np.zeros((40, 60), dtype=bool)
-    residual = held_out_residual(sheets, normals, known, rim, mask, 20.0, FieldError(ceiling=np.inf), predict)
+    residual = held_out_residual(
+        sheets, normals, known, rim=rim, mask=mask, scale=20.0, error=FieldError(ceiling=np.inf), predict=predict
+    )
     assert residual[20, 5] < 1e-3
     assert residual[20, 50] > 0.7
     assert residual[35, 10] == SMALL_SHEET_RESIDUAL

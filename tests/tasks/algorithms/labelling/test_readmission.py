@@ -13,7 +13,7 @@ from glint.tasks.algorithms.labelling.readmission import READMITTED_PROBABILITY,
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
 from glint.tasks.algorithms.labelling.weights import LabellingOptions
 from glint.tasks.algorithms.sheets.patches import Patches
-from tests.tasks.algorithms.labelling.test_reconstruction import Scene, head_with_ear
+from tests.tasks.algorithms.labelling.scenes import Scene, head_with_ear
 
 EarScene = tuple[Scene, np.ndarray]
 

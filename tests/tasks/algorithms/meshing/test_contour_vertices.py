@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.integration.rim import contour_of
+from glint.tasks.algorithms.integration.contour_margin import contour_of
 from glint.tasks.algorithms.meshing.contour_vertices import boundary_vertices, moves_to_contour
 from glint.tasks.algorithms.meshing.depth_mesh import Surface, mesh_from_depth
 

@@ -8,6 +8,7 @@ from glint.tasks.algorithms.geometry.vectors import to_camera, unit
 
 SHAPE = (190, 170)
 INVERSE_FOCAL = 1.0 / 450.0
+CAMERA = np.array([[1 / INVERSE_FOCAL, 0.0, 84.5], [0.0, 1 / INVERSE_FOCAL, 94.5], [0.0, 0.0, 1.0]])
 TURNS_DEG = (20.0, 80.0, 140.0, 200.0, 260.0, 320.0)
 """Directions of a hexagonal block's sides about its axis, 0 towards the camera."""
 
@@ -84,3 +85,15 @@ class Block:
 def seen_candidates(normals: np.ndarray, limit_deg: float = 42.0) -> np.ndarray:
     """Return normals (H, W, 3) where they are within so many degrees of the optical axis, NaN elsewhere."""
     return np.where((normals[..., 2] > np.cos(np.radians(limit_deg)))[..., None], normals, np.nan)
+
+
+def shown(truth: np.ndarray, seed: int = 0) -> np.ndarray:
+    """Candidates (2, H, W, 3): what is within the lights' reach with some noise, and light through the glass."""
+    draw = np.random.default_rng(seed)
+    mask = np.isfinite(truth[..., 0])
+    true = seen_candidates(unit(truth + draw.normal(0.0, 0.01, truth.shape)))
+    # Half vectors all over the lights' reach, so that they are known to have been there.
+    around = draw.uniform(-0.65, 0.65, (*mask.shape, 2))
+    stray = unit(np.concatenate([around, np.sqrt(1.0 - (around**2).sum(axis=-1, keepdims=True))], axis=-1))
+    stray[(draw.random(mask.shape) > 0.15) | ~mask] = np.nan
+    return np.stack([true, seen_candidates(stray)])

@@ -8,22 +8,9 @@ from glint.tasks.algorithms.geometry.vectors import angles, unit
 from glint.tasks.algorithms.prisms.prism_evidence import ShownNormals, prism_log_ratio
 from glint.tasks.algorithms.prisms.prismatic_normals import PrismSearch
 from glint.tasks.algorithms.prisms.right_prism import RightPrism, SweptContour
-from tests.tasks.algorithms.prisms.block import INVERSE_FOCAL, SHAPE, Block, seen_candidates
+from tests.tasks.algorithms.prisms.block import CAMERA, INVERSE_FOCAL, SHAPE, Block, shown
 
 FALSE = unit(np.array([0.1, 0.15, 1.0]))
-CAMERA = np.array([[1 / INVERSE_FOCAL, 0.0, 84.5], [0.0, 1 / INVERSE_FOCAL, 94.5], [0.0, 0.0, 1.0]])
-
-
-def shown(truth: np.ndarray, seed: int = 0) -> np.ndarray:
-    """Candidates (2, H, W, 3): what is within the lights' reach with some noise, and light through the glass."""
-    draw = np.random.default_rng(seed)
-    mask = np.isfinite(truth[..., 0])
-    true = seen_candidates(unit(truth + draw.normal(0.0, 0.01, truth.shape)))
-    # Half vectors all over the lights' reach, so that they are known to have been there.
-    around = draw.uniform(-0.65, 0.65, (*mask.shape, 2))
-    stray = unit(np.concatenate([around, np.sqrt(1.0 - (around**2).sum(axis=-1, keepdims=True))], axis=-1))
-    stray[(draw.random(mask.shape) > 0.15) | ~mask] = np.nan
-    return np.stack([true, seen_candidates(stray)])
 
 
 def prism_at(block: Block, slope: float) -> RightPrism:

@@ -9,7 +9,7 @@ from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.labelling.results import FILLED, Reconstruction
 from glint.tasks.algorithms.questions.proposals import Question, propose
-from tests.tasks.algorithms.labelling.test_reconstruction import SHEETS_ALONE, Scene, clusters_of, pebble
+from tests.tasks.algorithms.labelling.scenes import SHEETS_ALONE, Scene, clusters_of, pebble
 
 PATCH = np.s_[25:37, 20:32]
 

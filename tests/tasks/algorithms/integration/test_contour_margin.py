@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.geometry.distance import inradius
-from glint.tasks.algorithms.integration.rim import contour_of, least_cosines, with_rim
+from glint.tasks.algorithms.integration.contour_margin import contour_of, least_cosines, with_margin
 
 
 def ball(radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -22,13 +22,13 @@ def test_distances_to_the_contour_of_a_disc(radius: float) -> None:
 
 
 @pytest.mark.parametrize("radius", [20.4, 80.7])
-def test_the_rim_of_a_sphere_follows_from_what_lies_inside(radius: float) -> None:
+def test_the_margin_of_a_sphere_follows_from_what_lies_inside(radius: float) -> None:
     height, mask, distance = ball(radius)
-    rim = mask & (distance < 1.0)
-    damaged = np.where(rim, height - 0.7 * radius, height)
-    repaired, extrapolated = with_rim(damaged, mask)
-    error = repaired[rim] - height[rim]
-    assert extrapolated[rim].all() and not extrapolated[mask & (distance > 2.0)].any()
+    margin = mask & (distance < 1.0)
+    damaged = np.where(margin, height - 0.7 * radius, height)
+    repaired, extrapolated = with_margin(damaged, mask)
+    error = repaired[margin] - height[margin]
+    assert extrapolated[margin].all() and not extrapolated[mask & (distance > 2.0)].any()
     assert np.abs(error).max() < 0.12 * radius
     assert np.array_equal(repaired[mask & (distance > 2.0)], height[mask & (distance > 2.0)])
 
@@ -36,11 +36,11 @@ def test_the_rim_of_a_sphere_follows_from_what_lies_inside(radius: float) -> Non
 def test_a_flat_plate_stays_flat_and_a_thin_wire_as_it_is() -> None:
     mask = np.zeros((40, 40), bool)
     mask[8:32, 8:32] = True
-    assert np.allclose(with_rim(np.full((40, 40), 3.0), mask)[0][mask], 3.0)
+    assert np.allclose(with_margin(np.full((40, 40), 3.0), mask)[0][mask], 3.0)
     wire = np.zeros((40, 40), bool)
     wire[19:21] = True
     height = np.random.default_rng(0).normal(size=(40, 40))
-    repaired, extrapolated = with_rim(height, wire)
+    repaired, extrapolated = with_margin(height, wire)
     assert np.array_equal(repaired, height) and not extrapolated.any()
 
 
@@ -49,7 +49,7 @@ def test_a_rise_is_at_most_that_of_the_largest_circle() -> None:
     mask[10:50, 10:50] = True
     rows = np.minimum(np.arange(60) - 10, 49 - np.arange(60)).astype(float)
     steep = 20.0 * np.minimum(rows[:, None], rows[None])
-    drop = 0.5 * (steep[12, 30] + steep[13, 30]) - with_rim(steep, mask)[0][10, 30]
+    drop = 0.5 * (steep[12, 30] + steep[13, 30]) - with_margin(steep, mask)[0][10, 30]
     assert 0.0 < drop < 2.0 * np.sqrt(2.0 * inradius(mask))
 
 

@@ -1,4 +1,4 @@
-"""The rim of a depth map: slopes and heights beside the occluding contour, where neither can be observed.
+"""The margin of a depth map beside the occluding contour, where neither slopes nor heights can be observed.
 
 There the normal turns perpendicular to the view within a pixel, so that slopes are unbounded, and heights depend on
 which part of its outermost pixel the surface covers. At a distance d inside its contour a surface that curves away with
@@ -15,14 +15,15 @@ from scipy.special import ndtri
 from glint.tasks.algorithms.geometry.distance import inradius
 
 MIN_COSINE = 0.01
-"""Lower bound of the cosine between normal and line of sight inside the rim: 100 pixels per pixel."""
-RIM_PX = 1.5
-"""Distance to the contour up to which a pixel belongs to the rim: its neighbours may lie outside."""
+"""Lower bound of the cosine between normal and line of sight inside the margin: 100 pixels per pixel."""
+CONTOUR_MARGIN_PX = 1.5
+"""Distance to the contour up to which a pixel belongs to the margin: its neighbours may lie outside."""
 CONTOUR_SMOOTHING_PX = 2.0
 """Standard deviation in pixels with which the mask is smoothed: it levels stairs of up to five pixels, and draws the
 contour of a circle of 20 pixels inward by a tenth of a pixel."""
 SAMPLED_PX = 3.0, 5.0
-"""Distances to the contour at which heights are taken for the rim: four pixels around the first one are inside it."""
+"""Distances to the contour at which heights are taken for the margin: the four pixels around the first one are inside
+it."""
 
 MIN_KNOWN_WEIGHT = 0.2
 """Weight of the known ones among the four pixels around a position, from which it counts as known."""
@@ -61,16 +62,16 @@ def least_cosines(mask: np.ndarray) -> np.ndarray:
 
 
 def contour_heights(height: np.ndarray, mask: np.ndarray, contour: Contour) -> tuple[np.ndarray, np.ndarray]:
-    """Extrapolate heights (H, W) from inside the rim to the contour by the law h = c + a sqrt(d).
+    """Extrapolate heights (H, W) from inside the margin to the contour by the law h = c + a sqrt(d).
 
     Returns:
-        c and a, (H, W) float64 each, at the rim's pixels, NaN elsewhere and where the mask is too narrow: the height of
-        the contour next to the pixel in pixels, and the rise, at most that of the largest circle inside the mask.
+        c and a, (H, W) float64 each, at the margin's pixels, NaN elsewhere and where the mask is too narrow: the height
+        of the contour next to the pixel in pixels, and the rise, at most that of the largest circle inside the mask.
     """
-    rim = mask & (contour.distance < RIM_PX)
-    rows, columns = np.nonzero(rim)
+    margin = mask & (contour.distance < CONTOUR_MARGIN_PX)
+    rows, columns = np.nonzero(margin)
     distance = contour.distance[rows, columns]
-    known = np.where(mask & ~rim, height, np.nan)
+    known = np.where(mask & ~margin, height, np.nan)
     samples = []
     for sampled in SAMPLED_PX:
         step = (sampled - distance) * contour.inward[:, rows, columns]
@@ -82,8 +83,8 @@ def contour_heights(height: np.ndarray, mask: np.ndarray, contour: Contour) -> t
     return level[0], level[1]
 
 
-def with_rim(height: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Extrapolate the rim of a height (H, W) from the heights inside it, see `contour_heights`.
+def with_margin(height: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Extrapolate the margin of a height (H, W) from the heights inside it, see `contour_heights`.
 
     Returns:
         The height (H, W), and which of its pixels are extrapolated, (H, W) bool.
