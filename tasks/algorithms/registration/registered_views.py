@@ -14,6 +14,7 @@ from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.normal_fusion import fuse_normals
 from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.registration.epipolar_tangency import silhouette_residuals
+from glint.tasks.algorithms.registration.pose_alternatives import alternative_poses
 from glint.tasks.algorithms.registration.pose_fit import PoseFit
 from glint.tasks.algorithms.registration.pose_search import ambiguity, refine_pose, search_angles, search_rotations
 from glint.tasks.algorithms.registration.turntable import (
@@ -68,9 +69,8 @@ def register_on_turntable(
     _require_rotations(posed)
     views, angles, posed = list(views), list(angles), list(posed)
     table = calibrate_axis([*views, *posed], initial_turntable(views, angles))
-    kept, rejected = reject_inconsistent([*views, *posed], table)
+    kept, rejected = _agreeing(views, posed, table)
     if rejected:
-        # The axis was bent towards the rejected views: fit it again without them.
         posed = [posed[number - len(views)] for number in kept if number >= len(views)]
         on_table = [number for number in kept if number < len(views)]
         views, angles = [views[number] for number in on_table], [angles[number] for number in on_table]
@@ -92,10 +92,44 @@ def register_by_matrices(views: Sequence[View]) -> RegisteredViews:
     """
     _require_two(views)
     _require_rotations(views)
-    kept, rejected = reject_inconsistent(views, None)
+    kept, rejected = _agreeing([], views, None)
     chosen = [views[number] for number in kept]
     _require_two(chosen)
     return RegisteredViews(tuple(chosen), tuple(rejected), _mean_residuals(chosen))
+
+
+def _agreeing(
+    on_table: Sequence[View], posed: Sequence[View], table: Turntable | None
+) -> tuple[list[int], list[RejectedView]]:
+    """Return the indices of the views that agree, first those on the table, then the posed ones, and those rejected.
+
+    Raises:
+        UnusableCapture: it is not clear which views are wrong, or they all agree at other poses.
+    """
+    views = [*on_table, *posed]
+
+    def calibrate(kept: Sequence[int], table: Turntable) -> Turntable:
+        chosen = [number for number in kept if number < len(on_table)]
+        if not chosen:
+            return table
+        given = initial_turntable([views[number] for number in chosen], table.angles[chosen].tolist())
+        return replace(calibrate_axis([views[number] for number in kept], given), angles=table.angles)
+
+    try:
+        kept, rejected = reject_inconsistent(views, table, calibrate)
+        doubt = None
+    except UnusableCapture as error:
+        kept, rejected, doubt = [], [], error
+    # One wrong view is a mistake of its own; several may have the same cause.
+    is_alike = table is None or not posed
+    alternative = alternative_poses(views, table) if is_alike and (doubt is not None or len(rejected) > 1) else None
+    if doubt is not None:
+        remedy = doubt.remedy if alternative is None else f"all agree if {alternative}"
+        raise UnusableCapture(doubt.message, remedy) from doubt
+    if alternative is not None:
+        names = ", ".join(view.name for view in rejected)
+        raise UnusableCapture(f"the silhouettes of {names} contradict the others'", f"all agree if {alternative}")
+    return kept, rejected
 
 
 def refine(registered: RegisteredViews, model: Model) -> RegisteredViews:

@@ -31,6 +31,8 @@ HINGE_WIDTH_PX = 0.05
 """Width in pixels of the smooth transition at which a ray leaves the hull and begins to count."""
 ANGLE_ERROR_DEG, LEAN_ERROR_DEG = 1.0, 4.0
 """Standard deviation of the given angles, and of the axis from upright, in degrees."""
+STEP_ERROR = 0.02
+"""Relative standard deviation of the turntable's step, an error that all given angles share."""
 DIFFERENCE_STEP = 0.1
 """Step of numerical derivatives: degrees, or percent of the object's size."""
 MAX_EVALUATIONS = 12
@@ -110,14 +112,20 @@ def calibrate_turntable(
 ) -> Turntable:
     """Fit axis and angles to the views' silhouettes, and to their normals' consistency as measured at the start.
 
-    given_angles (K,): degrees, expected to be right within `angle_errors` (K,), by default ANGLE_ERROR_DEG; if all
-    views stand on the turntable, their weighted mean is kept, since turning all views together changes nothing.
+    given_angles (K,): degrees, expected to be right within `angle_errors` (K,), by default ANGLE_ERROR_DEG, and within
+    STEP_ERROR of their step; if all views stand on the turntable, their weighted mean is kept, since turning all views
+    together changes nothing.
     """
-    precision = np.full(len(given_angles), 1.0 / ANGLE_ERROR_DEG) if angle_errors is None else 1.0 / angle_errors
-    solved = _calibrate(views, start, given_angles, normals, np.eye(len(given_angles)), precision)
+    errors = np.full(len(given_angles), ANGLE_ERROR_DEG) if angle_errors is None else angle_errors
+    # A searched angle does not depend on the step.
+    is_stated = errors <= ANGLE_ERROR_DEG
+    turned = np.where(is_stated, given_angles - given_angles[is_stated].mean(), 0.0)
+    covariance = np.diag(errors**2) + STEP_ERROR**2 * np.outer(turned, turned)
+    variances, directions = np.linalg.eigh(covariance)
+    solved = _calibrate(views, start, given_angles, normals, directions.T, 1.0 / np.sqrt(variances))
     if len(views) > len(given_angles):
         return solved
-    return replace(solved, angles=solved.angles - np.average(solved.angles - given_angles, weights=precision**2))
+    return replace(solved, angles=solved.angles - np.average(solved.angles - given_angles, weights=errors**-2.0))
 
 
 def turntable_consistency(
