@@ -19,7 +19,7 @@ from glint.tasks.algorithms.registration.turntable import (
     initial_turntable,
     views_on_turntable,
 )
-from glint.tasks.algorithms.registration.view_agreement import MIN_AGREEING_SHARE, view_agreement
+from glint.tasks.algorithms.registration.view_agreement import MIN_CONSISTENT_SHARE, view_agreement
 from glint.tasks.algorithms.registration.view_rejection import MAX_RESIDUAL_PX
 
 FACTORS = np.geomspace(0.5, 2.0, 95)
@@ -30,7 +30,7 @@ MIN_FACTOR_CHANGE = 0.01
 """Change of a factor, or of a unit, from which it is one."""
 
 MAX_UNIT_ERROR = 0.1
-"""Decades by which the ratio of two units may differ from a power of ten: masks' centres are not those of the object."""
+"""Decades by which the ratio of two units may differ from a power of ten: centres of masks are not quite one point."""
 MIN_VIEWS = 5
 """Views from which an alternative proves anything: fewer agree at many poses."""
 
@@ -58,7 +58,7 @@ def _agree(views: Sequence[View]) -> bool:
         agreement = view_agreement(views, coarse_model(views))
     except UnusableCapture:
         return False
-    return not agreement.is_known or agreement.share >= MIN_AGREEING_SHARE
+    return not agreement.is_known or agreement.share >= MIN_CONSISTENT_SHARE
 
 
 def _turntables(views: Sequence[View], table: Turntable) -> Iterator[Alternative]:

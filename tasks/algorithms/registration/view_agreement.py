@@ -17,9 +17,12 @@ from glint.tasks.algorithms.registration.normal_consistency import MIN_COMPARED_
 
 AGREEING_DEG = 10.0
 """Degrees between the normals of two views up to which they agree: each of them may be 5 degrees off."""
-MIN_AGREEING_SHARE = 0.5
+MIN_CONSISTENT_SHARE = 0.5
 """Share of a view's normals that must agree with other views: 0.66 and more do at right poses, 0.4 and less where poses
 are wrong by ten degrees or the turntable turned the other way."""
+MIN_TOTAL_SHARE = 0.6
+"""Share of all compared normals below which the views contradict each other even if none stands out: 0.86 and more
+agree at right poses."""
 USUAL_AGREEING_SHARE, USUAL_TOTAL_SHARE = 0.65, 0.8
 """Share of a view's normals, and of all, from which they are trusted in full: some confident normals are false
 highlights at right poses too."""
@@ -57,7 +60,7 @@ class ViewAgreement:
         remaining, worst = list(range(len(self.shared))), list[int]()
         while remaining:
             shares = np.nan_to_num(self.shares(remaining), nan=1.0)
-            if shares.min() >= MIN_AGREEING_SHARE:
+            if shares.min() >= MIN_CONSISTENT_SHARE:
                 break
             number = remaining[int(shares.argmin())]
             partners = [other for other in remaining if self.shared[number, other]]
@@ -65,7 +68,8 @@ class ViewAgreement:
             for doubted in [number, *partners] if len(partners) == 1 else [number]:
                 worst.append(doubted)
                 remaining.remove(doubted)
-        if len(worst) > MAX_CONTRADICTING_SHARE * len(self.shared):
+        is_nobodys = not worst and self.share < MIN_TOTAL_SHARE
+        if is_nobodys or len(worst) > MAX_CONTRADICTING_SHARE * len(self.shared):
             return list(range(len(self.shared)))
         return worst
 
@@ -91,10 +95,10 @@ def view_agreement(views: Sequence[View], model: Model) -> ViewAgreement:
     shared, agreeing = np.zeros((2, len(views), len(views)), int)
     for first in range(len(views)):
         for second in range(first):
-            both = is_confident[first] & is_confident[second]
-            if both.sum() >= MIN_SHARED_VERTICES:
-                angle = angles(fused.per_view[first][both], fused.per_view[second][both])
-                shared[first, second] = shared[second, first] = both.sum()
+            is_shared = is_confident[first] & is_confident[second]
+            if is_shared.sum() >= MIN_SHARED_VERTICES:
+                angle = angles(fused.per_view[first][is_shared], fused.per_view[second][is_shared])
+                shared[first, second] = shared[second, first] = is_shared.sum()
                 agreeing[first, second] = agreeing[second, first] = (angle <= AGREEING_DEG).sum()
     return ViewAgreement(shared, agreeing)
 

@@ -71,6 +71,7 @@ def test_of_two_views_that_contradict_each_other_either_may_be_wrong() -> None:
 def test_where_many_contradict_each_other_all_are_doubted() -> None:
     assert agreement_of(uniform(8, 0.2)).contradicting() == list(range(8))
     assert np.allclose(agreement_of(uniform(8, 0.2)).trust(), 0.25)
+    assert agreement_of(uniform(3, 0.55)).contradicting() == [0, 1, 2]
 
 
 def test_false_highlights_at_right_poses_cost_nothing() -> None:
