@@ -24,6 +24,7 @@ from glint.tasks.algorithms.registration.turntable import (
     calibrate_turntable,
     initial_turntable,
     relative_turns,
+    step_factor,
     turntable_consistency,
     views_on_turntable,
 )
@@ -42,8 +43,8 @@ class RegisteredViews:
 
     views: V views, first the K of the turntable, then those whose poses were given; rejected: those that are not part
     of the model; residuals: mean silhouette residual of each view in pixels; turntable: None if there is none;
-    given_angles, angle_errors: (K,) its angles as given, and their standard deviations, degrees; searched: names of
-    views whose pose was not given but searched.
+    given_angles, angle_errors: (K,) its angles as given, multiplied by `step_factor` where their step was wrong, and
+    their standard deviations, degrees; searched: names of views whose pose was not given but searched.
     """
 
     views: tuple[View, ...]
@@ -53,6 +54,7 @@ class RegisteredViews:
     given_angles: np.ndarray = field(default_factory=lambda: np.zeros(0))
     angle_errors: np.ndarray = field(default_factory=lambda: np.zeros(0))
     searched: tuple[str, ...] = ()
+    step_factor: float = 1.0
 
 
 def register_on_turntable(
@@ -78,10 +80,12 @@ def register_on_turntable(
         if not views:
             return RegisteredViews(tuple(posed), tuple(rejected), _mean_residuals(posed))
         table = calibrate_axis([*views, *posed], initial_turntable(views, angles))
-    given_angles, errors = np.asarray(angles, float), np.full(len(views), ANGLE_ERROR_DEG)
-    everything = (*views, *posed)
+    errors, everything = np.full(len(views), ANGLE_ERROR_DEG), (*views, *posed)
+    factor = step_factor(everything, table, np.asarray(angles, float))
+    given_angles = factor * np.asarray(angles, float)
     solved = calibrate_turntable(everything, table, given_angles, angle_errors=errors)
-    return _with_turntable(RegisteredViews(everything, tuple(rejected), (), table, given_angles, errors), solved)
+    registered = RegisteredViews(everything, tuple(rejected), (), table, given_angles, errors, step_factor=factor)
+    return _with_turntable(registered, solved)
 
 
 def register_by_matrices(views: Sequence[View]) -> RegisteredViews:

@@ -91,3 +91,12 @@ def test_another_step_of_the_turntable_is_refused_with_the_right_one(on_table: l
         register_on_turntable(on_table, (ANGLES * 30.0 / 45.0).tolist())
     assert "all angles are multiplied by 1.5" in caught.value.remedy
     assert "(steps of 45 rather than 30)" in caught.value.remedy
+
+
+@pytest.mark.long
+def test_a_step_that_is_wrong_by_a_few_percent_is_corrected(on_table: list[View]) -> None:
+    registered = register_on_turntable(on_table, (ANGLES * 44.0 / 45.0).tolist())
+    assert registered.turntable is not None and registered.step_factor == pytest.approx(45.0 / 44.0, abs=0.004)
+    turned = registered.turntable.angles - ANGLES
+    assert np.abs(turned - turned.mean()).max() < 0.6
+    assert register_on_turntable(on_table, (ANGLES + 3.0 * (np.arange(8) == 7)).tolist()).step_factor == 1.0
