@@ -18,6 +18,7 @@ from glint.tasks.engine.stage import Progress, StageOutput, StageRecord, load_or
 from glint.tasks.model.base_plane import base_plane
 from glint.tasks.model.model_key import STAGE, VERSION
 from glint.tasks.model.model_output import model_output
+from glint.tasks.model.pose_doubts import pose_doubts, with_doubts
 from glint.tasks.model.view_registration import register_views, relabelled, unit_of_model
 from glint.tasks.sphere_agreement import deviating_spheres, surveyed_spheres
 
@@ -77,7 +78,8 @@ def model(works: Sequence[CaptureContext], progress: Progress) -> StageOutput:
     assert surface is not None
     if parameters.most_triangles is not None:
         surface = simplify(surface, views, parameters.most_triangles)
-    return model_output(registered, surface, unit, doubts, base)
+    of_poses = pose_doubts(registered, surface)
+    return model_output(registered, with_doubts(surface, views, of_poses), unit, doubts, base, of_poses)
 
 
 def _part_of(progress: Progress, rounds_done: int, passes: int) -> Progress:

@@ -19,6 +19,7 @@ from glint.tasks.engine.stage_warning import StageWarning
 from glint.tasks.figures.model_sheet import model_sheet
 from glint.tasks.model.angle_corrections import correction_warnings
 from glint.tasks.model.base_plane import BasePlane
+from glint.tasks.model.pose_doubts import PoseDoubts
 
 OBSERVED_CONFIDENCE = 0.5
 """Confidence from which a part of the surface counts as observed."""
@@ -30,13 +31,14 @@ def model_output(
     unit: str,
     doubts: Mapping[str, Sequence[StageWarning]],
     base: BasePlane,
+    of_poses: PoseDoubts,
 ) -> StageOutput:
     """Return a model's arrays, files, report, counts and warnings.
 
     unit: "mm" or "pixels"; doubts: warnings about the spheres of views, by their names; base: the plane on which the
-    object stands.
+    object stands; of_poses: what the views' normals say of their poses.
     """
-    report = {**model_report(registered, model, unit), "base_plane": base.record}
+    report = {**model_report(registered, model, unit, of_poses), "base_plane": base.record}
     surface = Surface(
         model.vertices.astype(np.float32),
         model.triangles.astype(np.int32),
@@ -67,22 +69,24 @@ def model_output(
         warnings=[
             *map(_warning, registered.rejected),
             *correction_warnings(registered),
+            *of_poses.warnings,
             *_doubt_warnings(doubts),
             *base.warnings,
         ],
     )
 
 
-def model_report(registered: RegisteredViews, model: Model, unit: str) -> dict[str, Any]:
+def model_report(registered: RegisteredViews, model: Model, unit: str, of_poses: PoseDoubts) -> dict[str, Any]:
     """Return the content of model.json: views and their poses, rejected views, turntable, figures of the mesh.
 
     `seen`, `unseen`: shares of the surface's area with confidence >= OBSERVED_CONFIDENCE, and that no view shows;
     `volume`, `area`, `bounding_box`, `edge` in units of the model; `handles`: the genus.
     """
     mesh = trimesh.Trimesh(model.vertices, model.triangles, process=False)
+    shares = of_poses.agreement.shares(range(len(registered.views)))
     return {
         "unit": unit,
-        "views": [_view_report(number, registered, model) for number in range(len(registered.views))],
+        "views": [_view_report(number, registered, model, shares[number]) for number in range(len(registered.views))],
         "left_out": [asdict(view) for view in registered.rejected],
         "turntable": _turntable_report(registered),
         "seen": _area_share(mesh, model.confidence >= OBSERVED_CONFIDENCE),
@@ -96,8 +100,11 @@ def model_report(registered: RegisteredViews, model: Model, unit: str) -> dict[s
     }
 
 
-def _view_report(number: int, registered: RegisteredViews, model: Model) -> dict[str, Any]:
-    """Return a view's entry: its pose and where it comes from, its residual, the share of vertices it determines."""
+def _view_report(number: int, registered: RegisteredViews, model: Model, agreeing: float) -> dict[str, Any]:
+    """Return a view's entry: its pose and where it comes from, its residual, the share of vertices it determines.
+
+    agreeing: the share of its confident normals with which other views agree, NaN if none shows the same part.
+    """
     view = registered.views[number]
     on_table = 0 if registered.turntable is None else len(registered.turntable.angles)
     origin = "solved" if number < on_table else "given"
@@ -108,6 +115,7 @@ def _view_report(number: int, registered: RegisteredViews, model: Model) -> dict
         "pose": "found" if view.name in registered.searched else origin,
         "camera_to_world": matrix.tolist(),
         "outline_misses_pixels": round(registered.residuals[number], 3),
+        "normals_agree": None if np.isnan(agreeing) else round(float(agreeing), 3),
         "share": round(float((model.source == number).mean()), 4),
     }
 

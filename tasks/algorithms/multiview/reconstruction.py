@@ -54,7 +54,7 @@ def reconstruct_surface(
         vertices = refine_mesh(views, vertices, triangles, steps, advance, base, is_robust)
         is_robust = True
         vertices, triangles = poisson_reconstruction(vertices, vertex_normals(vertices, triangles), model.cell)
-    return _with_confidence(views, vertices, triangles, model.cell)
+    return with_confidence(views, vertices, triangles, model.cell)
 
 
 def coarse_model(views: Sequence[View]) -> Model:
@@ -69,10 +69,14 @@ def coarse_model(views: Sequence[View]) -> Model:
 def simplify(model: Model, views: Sequence[View], max_triangles: int) -> Model:
     """Decimate a model to at most `max_triangles` triangles, with confidence and source of the new vertices."""
     vertices, triangles = decimated(model.vertices, model.triangles, max_triangles)
-    return _with_confidence(views, vertices, triangles, model.cell)
+    return with_confidence(views, vertices, triangles, model.cell)
 
 
-def _with_confidence(views: Sequence[View], vertices: np.ndarray, triangles: np.ndarray, cell: float) -> Model:
+def with_confidence(views: Sequence[View], vertices: np.ndarray, triangles: np.ndarray, cell: float) -> Model:
+    """Return a mesh, vertices (N, 3) and triangles (M, 3), as a model with the confidence that the views give it.
+
+    cell: edge in world units.
+    """
     fused = fuse_normals(views, vertices, triangles)
     normals = vertex_normals(vertices, triangles)
     return Model(vertices, triangles, normals, fused.confidence, fused.source_view, cell)

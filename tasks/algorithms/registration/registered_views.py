@@ -14,6 +14,7 @@ from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.multiview.normal_fusion import fuse_normals
 from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.registration.epipolar_tangency import silhouette_residuals
+from glint.tasks.algorithms.registration.pose_alternatives import alternative_poses
 from glint.tasks.algorithms.registration.pose_fit import PoseFit
 from glint.tasks.algorithms.registration.pose_search import ambiguity, refine_pose, search_angles, search_rotations
 from glint.tasks.algorithms.registration.turntable import (
@@ -23,6 +24,7 @@ from glint.tasks.algorithms.registration.turntable import (
     calibrate_turntable,
     initial_turntable,
     relative_turns,
+    step_factor,
     turntable_consistency,
     views_on_turntable,
 )
@@ -41,8 +43,8 @@ class RegisteredViews:
 
     views: V views, first the K of the turntable, then those whose poses were given; rejected: those that are not part
     of the model; residuals: mean silhouette residual of each view in pixels; turntable: None if there is none;
-    given_angles, angle_errors: (K,) its angles as given, and their standard deviations, degrees; searched: names of
-    views whose pose was not given but searched.
+    given_angles, angle_errors: (K,) its angles as given, multiplied by `step_factor` where their step was wrong, and
+    their standard deviations, degrees; searched: names of views whose pose was not given but searched.
     """
 
     views: tuple[View, ...]
@@ -52,6 +54,7 @@ class RegisteredViews:
     given_angles: np.ndarray = field(default_factory=lambda: np.zeros(0))
     angle_errors: np.ndarray = field(default_factory=lambda: np.zeros(0))
     searched: tuple[str, ...] = ()
+    step_factor: float = 1.0
 
 
 def register_on_turntable(
@@ -68,9 +71,8 @@ def register_on_turntable(
     _require_rotations(posed)
     views, angles, posed = list(views), list(angles), list(posed)
     table = calibrate_axis([*views, *posed], initial_turntable(views, angles))
-    kept, rejected = reject_inconsistent([*views, *posed], table)
+    kept, rejected = _agreeing(views, posed, table)
     if rejected:
-        # The axis was bent towards the rejected views: fit it again without them.
         posed = [posed[number - len(views)] for number in kept if number >= len(views)]
         on_table = [number for number in kept if number < len(views)]
         views, angles = [views[number] for number in on_table], [angles[number] for number in on_table]
@@ -78,10 +80,12 @@ def register_on_turntable(
         if not views:
             return RegisteredViews(tuple(posed), tuple(rejected), _mean_residuals(posed))
         table = calibrate_axis([*views, *posed], initial_turntable(views, angles))
-    given_angles, errors = np.asarray(angles, float), np.full(len(views), ANGLE_ERROR_DEG)
-    everything = (*views, *posed)
+    errors, everything = np.full(len(views), ANGLE_ERROR_DEG), (*views, *posed)
+    factor = step_factor(everything, table, np.asarray(angles, float))
+    given_angles = factor * np.asarray(angles, float)
     solved = calibrate_turntable(everything, table, given_angles, angle_errors=errors)
-    return _with_turntable(RegisteredViews(everything, tuple(rejected), (), table, given_angles, errors), solved)
+    registered = RegisteredViews(everything, tuple(rejected), (), table, given_angles, errors, step_factor=factor)
+    return _with_turntable(registered, solved)
 
 
 def register_by_matrices(views: Sequence[View]) -> RegisteredViews:
@@ -92,10 +96,44 @@ def register_by_matrices(views: Sequence[View]) -> RegisteredViews:
     """
     _require_two(views)
     _require_rotations(views)
-    kept, rejected = reject_inconsistent(views, None)
+    kept, rejected = _agreeing([], views, None)
     chosen = [views[number] for number in kept]
     _require_two(chosen)
     return RegisteredViews(tuple(chosen), tuple(rejected), _mean_residuals(chosen))
+
+
+def _agreeing(
+    on_table: Sequence[View], posed: Sequence[View], table: Turntable | None
+) -> tuple[list[int], list[RejectedView]]:
+    """Return the indices of the views that agree, first those on the table, then the posed ones, and those rejected.
+
+    Raises:
+        UnusableCapture: it is not clear which views are wrong, or they all agree at other poses.
+    """
+    views = [*on_table, *posed]
+
+    def calibrate(kept: Sequence[int], table: Turntable) -> Turntable:
+        chosen = [number for number in kept if number < len(on_table)]
+        if not chosen:
+            return table
+        given = initial_turntable([views[number] for number in chosen], table.angles[chosen].tolist())
+        return replace(calibrate_axis([views[number] for number in kept], given), angles=table.angles)
+
+    try:
+        kept, rejected = reject_inconsistent(views, table, calibrate)
+        doubt = None
+    except UnusableCapture as error:
+        kept, rejected, doubt = [], [], error
+    # One wrong view is a mistake of its own; several may have the same cause.
+    is_alike = table is None or not posed
+    alternative = alternative_poses(views, table) if is_alike and (doubt is not None or len(rejected) > 1) else None
+    if doubt is not None:
+        remedy = doubt.remedy if alternative is None else f"all agree if {alternative}"
+        raise UnusableCapture(doubt.message, remedy) from doubt
+    if alternative is not None:
+        names = ", ".join(view.name for view in rejected)
+        raise UnusableCapture(f"the silhouettes of {names} contradict the others'", f"all agree if {alternative}")
+    return kept, rejected
 
 
 def refine(registered: RegisteredViews, model: Model) -> RegisteredViews:

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from scipy.special import expit
+from scipy.stats import theilslopes
 
 from glint.tasks.algorithms.multiview.normal_fusion import FusedNormals
 from glint.tasks.algorithms.multiview.view import View, rotation_about_y
@@ -31,6 +32,11 @@ HINGE_WIDTH_PX = 0.05
 """Width in pixels of the smooth transition at which a ray leaves the hull and begins to count."""
 ANGLE_ERROR_DEG, LEAN_ERROR_DEG = 1.0, 4.0
 """Standard deviation of the given angles, and of the axis from upright, in degrees."""
+STEP_ERROR = 0.02
+"""Relative standard deviation of the turntable's step, where an error is sought that all given angles share."""
+MIN_STEP_DEVIATIONS, MAX_STEP_DEVIATIONS = 1.5, 3.0
+"""Corrections of the step beyond which it is wrong, in standard deviations of what single angles make of it: where only
+these may be wrong, and where the step may."""
 DIFFERENCE_STEP = 0.1
 """Step of numerical derivatives: degrees, or percent of the object's size."""
 MAX_EVALUATIONS = 12
@@ -107,17 +113,39 @@ def calibrate_turntable(
     given_angles: np.ndarray,
     normals: NormalConsistency | None = None,
     angle_errors: np.ndarray | None = None,
+    step_error: float = 0.0,
 ) -> Turntable:
     """Fit axis and angles to the views' silhouettes, and to their normals' consistency as measured at the start.
 
-    given_angles (K,): degrees, expected to be right within `angle_errors` (K,), by default ANGLE_ERROR_DEG; if all
-    views stand on the turntable, their weighted mean is kept, since turning all views together changes nothing.
+    given_angles (K,): degrees, expected to be right within `angle_errors` (K,), by default ANGLE_ERROR_DEG, and their
+    step within the share `step_error`; if all views stand on the turntable, their weighted mean is kept, since turning
+    all views together changes nothing.
     """
-    precision = np.full(len(given_angles), 1.0 / ANGLE_ERROR_DEG) if angle_errors is None else 1.0 / angle_errors
-    solved = _calibrate(views, start, given_angles, normals, np.eye(len(given_angles)), precision)
+    errors = np.full(len(given_angles), ANGLE_ERROR_DEG) if angle_errors is None else angle_errors
+    turned = given_angles - given_angles.mean()
+    covariance = np.diag(errors**2) + step_error**2 * np.outer(turned, turned)
+    variances, directions = np.linalg.eigh(covariance)
+    solved = _calibrate(views, start, given_angles, normals, directions.T, 1.0 / np.sqrt(variances))
     if len(views) > len(given_angles):
         return solved
-    return replace(solved, angles=solved.angles - np.average(solved.angles - given_angles, weights=precision**2))
+    return replace(solved, angles=solved.angles - np.average(solved.angles - given_angles, weights=errors**-2.0))
+
+
+def step_factor(views: Sequence[View], start: Turntable, given_angles: np.ndarray) -> float:
+    """Return the factor of the given angles (K,), degrees, by which the silhouettes correct their step; 1 if none."""
+    if len(given_angles) < 3:
+        return 1.0
+    slope = 0.0
+    # Few silhouettes hardly hold the step: it must deviate even where single angles alone may be wrong.
+    for step_error, least in ((0.0, MIN_STEP_DEVIATIONS), (STEP_ERROR, MAX_STEP_DEVIATIONS)):
+        solved = calibrate_turntable(views, start, given_angles, step_error=step_error)
+        change = relative_turns(given_angles, solved.angles)
+        # The median slope (Theil and Sen) hardly follows a single wrong angle, and does not explain the others then.
+        slope, level = map(float, theilslopes(change, given_angles)[:2])
+        if abs(slope) * np.sqrt(len(given_angles)) * given_angles.std() < least * ANGLE_ERROR_DEG:
+            return 1.0
+    left = np.median(np.abs(change - level - slope * given_angles))
+    return 1.0 + slope if left < np.median(np.abs(change)) / 2 else 1.0
 
 
 def turntable_consistency(

@@ -1,20 +1,32 @@
 """Rejection of views whose silhouette contradicts the other views: a wrong pose, or a wrong mask.
 
 Greedy leave-one-out selection on the silhouette residuals (epipolar_tangency): as long as a view misses the hull of the
-others by more than MAX_RESIDUAL_PX, the view whose removal makes the rest most consistent is rejected.
+others by more than MAX_RESIDUAL_PX, the view whose removal makes the rest most consistent is rejected. Which views are
+wrong is known only while most agree, and as long as no other choice would make the rest agree as well.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NoReturn
 
 import numpy as np
 
+from glint.tasks.algorithms.errors import UnusableCapture
+from glint.tasks.algorithms.multiview.reconstruction import coarse_model
 from glint.tasks.algorithms.multiview.view import View
 from glint.tasks.algorithms.registration.epipolar_tangency import silhouette_residuals
 from glint.tasks.algorithms.registration.turntable import Turntable, views_on_turntable
+from glint.tasks.algorithms.registration.view_agreement import USUAL_TOTAL_SHARE, view_agreement
 
 MAX_RESIDUAL_PX = 1.0
 """Largest mean silhouette residual in pixels of a view that agrees with the others."""
+CLEAR_RESIDUAL_PX = 0.4
+"""Largest residual in pixels of views that agree clearly."""
+FITTING_RESIDUAL_PX = 0.05
+"""Residual in pixels up to which a view fits at an angle, or the largest one of the others, if their masks are worse: a
+right mask at its angle has 0.01, one that is three pixels too large or too small 0.1 to 0.5 where it fits best."""
+MIN_KEPT_SHARE = 2.0 / 3.0
+"""Share of the views that must agree: fewer may agree by chance, on a wrong shape."""
 SEARCH_RAYS, LAST_RAYS = 24, 96
 """Rays by which the angle of a rejected view is searched, and in the last step, in which few rays hardly differ."""
 
@@ -29,25 +41,43 @@ class RejectedView:
     name: str
     reason: str
     angle: float | None = None
-    remedy: str = "check its pose and its mask"
+    remedy: str = "check its pose, its mask and its scale"
 
 
-def reject_inconsistent(views: Sequence[View], table: Turntable | None) -> tuple[list[int], list[RejectedView]]:
+def reject_inconsistent(
+    views: Sequence[View],
+    table: Turntable | None,
+    calibrate: Callable[[Sequence[int], Turntable], Turntable] | None = None,
+) -> tuple[list[int], list[RejectedView]]:
     """Return the indices of the views whose silhouettes agree, and the views rejected.
 
     table: the turntable on which the first views stand; the poses of the others, and of all if it is None, are taken as
-    they are.
+    they are. calibrate(kept, table): the table with its axis fitted to the views of these indices: a wrong view bends
+    the axis away from right ones.
+
+    Raises:
+        UnusableCapture: the views contradict each other, and it is not clear which of them are wrong.
     """
-    posed = list(views) if table is None else views_on_turntable(views, table)
+    posed = _posed(views, table)
     kept, rejected = list(range(len(views))), list[RejectedView]()
-    # Of two views that disagree, either may be wrong: at least two are kept.
-    while len(kept) > 2:
-        residuals = _mean_residuals(posed, kept)
-        if residuals.max() <= MAX_RESIDUAL_PX:
-            break
+    while (residuals := _mean_residuals(posed, kept)).max() > MAX_RESIDUAL_PX:
+        if len(kept) == 2:
+            _refuse(views, kept, residuals.max())
         remaining = [[number for number in kept if number != removed] for removed in kept]
-        worst = kept[int(np.argmin([_mean_residuals(posed, numbers).max() for numbers in remaining]))]
+        misfits = np.array([_mean_residuals(posed, numbers).max() for numbers in remaining])
+        worst = kept[int(misfits.argmin())]
+        clear = [number for number, misfit in zip(kept, misfits, strict=True) if misfit <= CLEAR_RESIDUAL_PX]
+        if len(clear) > 1:
+            wrong = _by_normals(posed, kept, clear)
+            if len(wrong) != 1:
+                _refuse(views, clear, residuals.max())
+            worst = wrong[0]
         kept = [number for number in kept if number != worst]
+        if len(kept) < MIN_KEPT_SHARE * len(views):
+            _refuse(views, [number for number in range(len(views)) if number not in kept], residuals.max())
+        if table is not None and calibrate is not None:
+            table = calibrate(kept, table)
+            posed = _posed(views, table)
         on_table = table is not None and worst < len(table.angles)
         angle = _fitting_angle(worst, kept, posed, table) if table is not None and on_table else None
         reason = f"its silhouette contradicts the others' by {residuals.max():.1f} pixels"
@@ -56,6 +86,31 @@ def reject_inconsistent(views: Sequence[View], table: Turntable | None) -> tuple
             reason += f"; it would fit at {angle % 360:.1f} degrees, {change:+.1f} from the given angle"
         rejected.append(RejectedView(views[worst].name, reason, angle))
     return kept, rejected
+
+
+def _posed(views: Sequence[View], table: Turntable | None) -> list[View]:
+    return list(views) if table is None else views_on_turntable(views, table)
+
+
+def _by_normals(posed: Sequence[View], kept: Sequence[int], doubted: Sequence[int]) -> list[int]:
+    """Return those of the doubted views without which the normals of all others agree."""
+    wrong = []
+    for removed in doubted:
+        remaining = [posed[number] for number in kept if number != removed]
+        if view_agreement(remaining, coarse_model(remaining)).share >= USUAL_TOTAL_SHARE:
+            wrong.append(removed)
+    return wrong
+
+
+def _refuse(views: Sequence[View], doubted: Sequence[int], residual: float) -> NoReturn:
+    """Raise UnusableCapture for views that contradict each other when it is not clear which of them are wrong."""
+    names = ", ".join(views[number].name for number in doubted)
+    raise UnusableCapture(
+        f"the silhouettes of {len(views)} views contradict each other by {residual:.1f} pixels, and too few agree to"
+        f" know which are wrong: at least one of {names}",
+        "check the poses of all views (for a turntable the angles, by their step and direction; for matrices axes and"
+        " unit), their masks and their scale",
+    )
 
 
 def angle_difference(first: float, second: float) -> float:
@@ -82,4 +137,5 @@ def _fitting_angle(number: int, kept: Sequence[int], posed: Sequence[View], tabl
     for step, rays in ((2.0, SEARCH_RAYS), (0.5, LAST_RAYS)):
         nearby = best + step * np.arange(-2, 3)
         best = float(nearby[np.argmin([residual(angle, rays) for angle in nearby])])
-    return best if residual(best) <= MAX_RESIDUAL_PX else None
+    largest = max(FITTING_RESIDUAL_PX, float(_mean_residuals(posed, kept).max()))
+    return best if residual(best, LAST_RAYS) <= largest else None

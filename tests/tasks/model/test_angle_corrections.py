@@ -43,3 +43,11 @@ def test_angles_that_were_searched_are_not_stated(registered: RegisteredViews) -
 
 def test_views_without_a_turntable_have_no_angles(registered: RegisteredViews) -> None:
     assert correction_warnings(replace(registered, turntable=None)) == []
+
+
+def test_a_wrong_step_is_named_once_and_angles_as_they_were_stated(registered: RegisteredViews) -> None:
+    table = Turntable(0.0, 0.0, 0.0, GIVEN + np.array([0.0, 7.0, 0.0, 0.0]))
+    stepped = replace(registered, turntable=table, step_factor=1.25)
+    first, second = (warning.message for warning in correction_warnings(stepped))
+    assert first.startswith("all angles of the turntable were multiplied by 1.250")
+    assert "is stated as 72 degrees" in second

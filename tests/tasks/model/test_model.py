@@ -193,7 +193,7 @@ def test_a_view_left_out_is_warned_of(works: list[CaptureContext]) -> None:
     assert [entry["name"] for entry in outcome.record["left_out"]] == ["view-03"]
     (warning,) = left_out(outcome)
     assert warning.startswith("view-03 is not part of the model: its silhouette contradicts the others'")
-    assert warning.endswith("check its pose and its mask")
+    assert warning.endswith("check its pose, its mask and its scale")
 
 
 @pytest.mark.slow

@@ -1,0 +1,74 @@
+"""Doubts about the poses of a model's views: what their normals say of them, and what they cost."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from glint.tasks.algorithms.multiview.mesh import Model
+from glint.tasks.algorithms.multiview.reconstruction import with_confidence
+from glint.tasks.algorithms.multiview.view import View
+from glint.tasks.algorithms.registration.pose_alternatives import alternative_poses
+from glint.tasks.algorithms.registration.registered_views import RegisteredViews
+from glint.tasks.algorithms.registration.view_agreement import AGREEING_DEG, ViewAgreement, view_agreement
+from glint.tasks.engine.stage_warning import StageWarning
+
+UNCOMPARED_TRUST = 0.9
+"""Factor of the confidence where no two views can be compared: nothing then shows that their poses are right."""
+
+
+@dataclass(frozen=True, slots=True)
+class PoseDoubts:
+    """What the normals of V views say of their poses.
+
+    agreement: how they agree; trust: (V,) the factors of the views' confidence; warnings: of those that contradict.
+    """
+
+    agreement: ViewAgreement
+    trust: np.ndarray
+    warnings: tuple[StageWarning, ...]
+
+
+def pose_doubts(registered: RegisteredViews, model: Model) -> PoseDoubts:
+    """Compare the normals of the registered views, as their own labels have them, where two of them see the model."""
+    agreement = view_agreement(registered.views, model)
+    if not agreement.is_known:
+        message = (
+            f"no two of the {len(registered.views)} views show the same part of the object with confidence, so that"
+            " nothing confirms their poses, nor the direction of a turntable: take more views in between, eight are"
+            " good"
+        )
+        trust = np.full(len(registered.views), UNCOMPARED_TRUST)
+        return PoseDoubts(agreement, trust, (StageWarning(message, "views"),))
+    contradicting = agreement.contradicting()
+    if len(contradicting) == len(registered.views):
+        return PoseDoubts(agreement, agreement.trust(), (_warning_of_all(registered, agreement),))
+    shares = agreement.shares(range(len(registered.views)))
+    warnings = [
+        StageWarning(
+            f"the normals of {registered.views[number].name} contradict the other views': {shares[number]:.0%} of those"
+            f" that another view shows as well agree to {AGREEING_DEG:g} degrees: check its pose, and whether its"
+            " spheres and lights are right",
+            "views",
+        )
+        for number in contradicting
+    ]
+    return PoseDoubts(agreement, agreement.trust(), tuple(warnings))
+
+
+def with_doubts(model: Model, views: list[View], doubts: PoseDoubts) -> Model:
+    """Return a model with the confidence that its views deserve."""
+    doubted = [replace(view, trust=view.trust * trust) for view, trust in zip(views, doubts.trust, strict=True)]
+    return with_confidence(doubted, model.vertices, model.triangles, model.cell)
+
+
+def _warning_of_all(registered: RegisteredViews, agreement: ViewAgreement) -> StageWarning:
+    table, views = registered.turntable, registered.views
+    is_alike = table is None or len(table.angles) == len(views)
+    alternative = alternative_poses(views, table) if is_alike else None
+    remedy = "check all poses (angles and their direction, or the axes of the matrices), and that all views show the"
+    remedy = f"{remedy} same object" if alternative is None else f"all agree if {alternative}"
+    return StageWarning(
+        f"the normals of the views contradict their poses: where two views show the same point, {agreement.share:.0%}"
+        f" agree to {AGREEING_DEG:g} degrees, and the model is wrong though the silhouettes agree: {remedy}",
+        "views",
+    )

@@ -1,0 +1,58 @@
+"""What the normals of the figurine's views say of their poses, in the confidence of the model and in warnings."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glint.tasks.algorithms.multiview.reconstruction import coarse_model
+from glint.tasks.algorithms.registration.registered_views import RegisteredViews
+from glint.tasks.algorithms.registration.turntable import Turntable, views_on_turntable
+from glint.tasks.model.pose_doubts import pose_doubts, with_doubts
+from tests.tasks.algorithms.multiview.figurine import body, true_model, views_of
+
+ANGLES = np.arange(0.0, 360.0, 45.0)
+TABLE = Turntable(0.0, 0.0, 0.0, ANGLES)
+
+
+def registered_at(stated: np.ndarray, chosen: slice = slice(None)) -> RegisteredViews:
+    """Chosen views of a turntable that turned by 45 degrees each, registered as they are stated."""
+    table = replace(TABLE, angles=stated[chosen])
+    views = views_on_turntable(views_of(body(), TABLE)[chosen], table)
+    return RegisteredViews(tuple(views), (), (0.0,) * len(views), table, table.angles, np.ones(len(views)))
+
+
+@pytest.mark.long
+def test_a_turntable_that_turned_the_other_way_leaves_nothing_confident() -> None:
+    registered = registered_at(-ANGLES)
+    model = coarse_model(registered.views)
+    doubts = pose_doubts(registered, model)
+    (warning,) = doubts.warnings
+    assert warning.message.startswith("the normals of the views contradict their poses")
+    assert "negate all angles" in warning.message
+    before, after = model.confidence, with_doubts(model, list(registered.views), doubts).confidence
+    assert (before > 0.9).mean() > 0.2 and after.max() < 0.6
+
+
+@pytest.mark.long
+def test_right_poses_are_not_doubted() -> None:
+    registered = registered_at(ANGLES)
+    doubts = pose_doubts(registered, true_model(body()))
+    assert not doubts.warnings and (doubts.trust == 1.0).all()
+
+
+def test_views_that_share_nothing_are_not_confirmed() -> None:
+    registered = registered_at(ANGLES, slice(None, None, 4))
+    doubts = pose_doubts(registered, true_model(body()))
+    (warning,) = doubts.warnings
+    assert "nothing confirms their poses" in warning.message and doubts.trust.tolist() == [0.9, 0.9]
+
+
+def test_a_view_whose_normals_contradict_the_others_is_named() -> None:
+    registered = registered_at(ANGLES)
+    views = list(registered.views)
+    views[3] = replace(views[3], normals=views[3].normals[..., [1, 0, 2]])
+    doubts = pose_doubts(replace(registered, views=tuple(views)), true_model(body()))
+    (warning,) = doubts.warnings
+    assert warning.message.startswith("the normals of view-3 contradict the other views'")
+    assert doubts.trust[3] < 0.6 and np.delete(doubts.trust, 3).min() > 0.8
