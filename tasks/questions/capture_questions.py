@@ -24,7 +24,7 @@ from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.questions.capture_frames import CaptureFrames
 from glint.tasks.stages.capture_geometry import load_geometry
-from glint.tasks.stages.clusters import faced, load_clusters
+from glint.tasks.stages.clusters import disc_deg, faced, load_clusters
 from glint.tasks.stages.labels import has_readmission, labelling_options, reconstruct
 from glint.tasks.stages.markup import faced_marks, load_marks
 
@@ -157,7 +157,7 @@ class CaptureQuestions:
         return sheet_graph(np.where(self.mask[None, :, :, None], self.clusters.normals, np.nan).astype(np.float32))
 
     def _highlight(self, question: Question) -> tuple[int, int, int] | None:
-        normals, radius_deg = self.clusters.normals, self.work.parameters.clusters.radius
+        normals, radius_deg = self.clusters.normals, disc_deg(self.work)
         frames = self.frames
         return choose_highlight(question, normals, frames.thresholds, frames.levels, frames.half_vectors_of, radius_deg)
 

@@ -13,6 +13,7 @@ from glint.tasks.algorithms.candidates.markup import MARK_RADIUS_DEG
 from glint.tasks.algorithms.candidates.tracking import CLICK_RADIUS_PX
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.questions.capture_questions import CaptureQuestions
+from glint.tasks.stages.clusters import disc_deg
 
 SNAP_RADIUS_PX = 12.0
 """Distance between a click and the highlight that it means, pixels: a fingertip on a picture shown at its own size."""
@@ -208,7 +209,7 @@ def _tracked(held: CaptureQuestions, frame: int, row: int, column: int) -> Highl
 def _shown(held: CaptureQuestions, layer: int, row: int, column: int) -> Highlight | None:
     """Return the highlight that shows a candidate best; None if no frame does."""
     angle = angles(held.frames.half_vectors_of(row, column), held.clusters.normals[layer, row, column])
-    radius = held.work.parameters.clusters.radius
+    radius = disc_deg(held.work)
     shown = [frame for frame in held.frames.lit_at(row, column).tolist() if angle[frame] < radius]
     if not shown:
         return None

@@ -9,12 +9,13 @@ import numpy as np
 from glint.storage.frames.cache import FrameCache
 from glint.storage.locations.location import Location
 from glint.storage.versions.stage_results import StageResult
-from glint.tasks.algorithms.candidates.clusters import Clusters, cluster_pixels, inverse_density_weights
+from glint.tasks.algorithms.candidates.clusters import USUAL_DISC_DEG, Clusters, cluster_pixels, inverse_density_weights
 from glint.tasks.algorithms.candidates.lit_frames import HighlightLevels
 from glint.tasks.algorithms.candidates.shading import MAX_SHADING, object_shading, with_object_shading
-from glint.tasks.algorithms.candidates.surround import INNER_RING_DEG, Rings, find_rings
+from glint.tasks.algorithms.candidates.surround import Rings, find_rings, rings_deg
 from glint.tasks.algorithms.geometry.perspective import half_vectors_for_view, rotate_to_view
 from glint.tasks.algorithms.lighting.coverage import EXTRAPOLATED_ERROR_DEG, MIN_SWEEP_FRAMES
+from glint.tasks.algorithms.lighting.lights import light_size
 from glint.tasks.engine.parameters import ClustersParameters
 from glint.tasks.engine.stage import Progress, StageOutput
 from glint.tasks.engine.stage_inputs import CaptureResults, StageInputs
@@ -34,13 +35,15 @@ MATTE_COST_DEG = 15.0
 
 @dataclass(frozen=True, slots=True)
 class SharedInputs:
-    """What all tiles share: where the frames are, half_vectors (T, 3), weights (T,) and rings of the lights."""
+    """What all tiles share: where the frames are, half_vectors (T, 3), weights (T,), rings of the lights, and the
+    radius of their discs in degrees."""
 
     store: str
     digest: str
     half_vectors: np.ndarray
     weights: np.ndarray
     rings: Rings
+    disc_deg: float
     parameters: ClustersParameters
 
 
@@ -53,13 +56,14 @@ def clusters(inputs: StageInputs, progress: Progress, mapper: Mapper = serial_ma
     """Cluster every pixel of the mask, tile by tile ("normal clustering", section 4.2 of the paper)."""
     parameters: ClustersParameters = inputs.parameters
     cache, mask = open_frames(inputs), inputs.load("mask").read("mask")
-    half_vectors = inputs.load("lights").read("half_vectors")
+    lights = inputs.load("lights")
+    half_vectors, size = lights.read("half_vectors"), light_size(lights.record["light_radius_degrees"])
     highlights = read_highlights(inputs.load("thresholds"))
     weights = inverse_density_weights(half_vectors, parameters.dwell)
     tiles = [tile for tile in tiles_of(mask.shape, cache.frames * cache.bits // 8) if mask[tile].any()]
-    shared = SharedInputs(
-        inputs.location.uri, cache.digest, half_vectors, weights, find_rings(half_vectors, weights), parameters
-    )
+    rings = find_rings(half_vectors, weights, size)
+    disc = USUAL_DISC_DEG * size if parameters.radius is None else parameters.radius
+    shared = SharedInputs(inputs.location.uri, cache.digest, half_vectors, weights, rings, disc, parameters)
     tasks = [(tile, highlights._replace(thresholds=highlights.thresholds[tile])) for tile in tiles]
     result = empty_clusters(parameters.clusters, mask.shape)
     for done, (tile, part) in enumerate(zip(tiles, mapper(cluster_tile, tasks, shared), strict=True), 1):
@@ -70,9 +74,9 @@ def clusters(inputs: StageInputs, progress: Progress, mapper: Mapper = serial_ma
     result = replace(result, shading=with_object_shading(result.shading))
     return StageOutput(
         arrays=_arrays(inputs, result),
-        record={"shading": None if np.isnan(mean) else round(mean, 4)},
+        record={"disc_degrees": round(disc, 4), "shading": None if np.isnan(mean) else round(mean, 4)},
         counts={"observed pixels": int(observed.sum()), "observations": int(result.observations.sum())},
-        warnings=_warnings(observed, mask, cache.frames, mean),
+        warnings=_warnings(observed, mask, cache.frames, mean, rings_deg(size)[0][1]),
     )
 
 
@@ -92,7 +96,7 @@ def cluster_tile(task: tuple[Tile, HighlightLevels], shared: SharedInputs) -> Cl
         shared.half_vectors,
         shared.weights,
         clusters=shared.parameters.clusters,
-        radius_deg=shared.parameters.radius,
+        radius_deg=shared.disc_deg,
         separation=shared.parameters.separation,
         rings=shared.rings,
     )
@@ -118,6 +122,12 @@ def paste(result: Clusters, tile: Tile, part: Clusters) -> None:
         getattr(result, name)[:, tile[0], tile[1]] = getattr(part, name)
     for name in ("observations", "winner"):
         getattr(result, name)[tile] = getattr(part, name)
+
+
+def disc_deg(results: CaptureResults) -> float:
+    """Return the radius in degrees of the discs in which half vectors were clustered; a record without it is of a usual
+    light."""
+    return float(results.load("clusters").record.get("disc_degrees", USUAL_DISC_DEG))
 
 
 def load_clusters(results: CaptureResults) -> Clusters:
@@ -151,11 +161,16 @@ def _arrays(inputs: StageInputs, result: Clusters) -> dict[str, np.ndarray]:
     return {field.name: getattr(result, field.name) for field in fields(result)} | vectors
 
 
-def _warnings(observed: np.ndarray, mask: np.ndarray, frames: int, shading: float) -> list[StageWarning]:
-    """Warn of an object that shows shading instead of highlights, and otherwise of one that shows few highlights."""
+def _warnings(
+    observed: np.ndarray, mask: np.ndarray, frames: int, shading: float, beside_deg: float
+) -> list[StageWarning]:
+    """Warn of an object that shows shading instead of highlights, and otherwise of one that shows few highlights.
+
+    beside_deg: where shading was measured, degrees of half vector from a highlight.
+    """
     if shading > MAX_SHADING:
         message = (
-            f"the object shows shading, not highlights: {INNER_RING_DEG[1]:g} degrees of half vector beside them its"
+            f"the object shows shading, not highlights: {beside_deg:.0f} degrees of half vector beside them its"
             f" pixels keep {shading:.0%} of their rise, glass and polished metal less than {MAX_SHADING:.0%}. It is"
             " matte or rough, or overexposed: all normals come from the silhouette. Use photometric stereo for it"
         )

@@ -1,5 +1,7 @@
 """Lights: one half vector per frame, from the spheres or from known lights."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from glint.storage.footage.source import open_footage
@@ -24,6 +26,7 @@ from glint.tasks.algorithms.lighting.lights import (
     Lights,
     classify_frames,
     inter_sphere_angles,
+    light_size,
     without_frames,
 )
 from glint.tasks.algorithms.lighting.occlusion import is_light_before_object, is_sphere_covered, may_show_light
@@ -47,6 +50,9 @@ MAX_BEFORE_OBJECT_SHARE = 0.2
 MIN_BEFORE_OBJECT_SHARE, BEFORE_OBJECT_COST_DEG = 0.01, 1.0
 """Share of the frames from which a light before the object is reported, and what its disc costs where it is not noticed
 because it lies half behind the object: half a degree in the mean of a simulated dome with a tenth of such frames."""
+DISC_ERROR_DEG = 0.6
+"""Standard deviation per axis of the centre of the disc of half vectors that a light of twice the usual size lights,
+beyond that of a usual one (`python -m tests.benchmarks.light_sizes`)."""
 MAX_REFLECTION_RUNS = 50
 """Most runs of frames from which a sphere's static reflection is taken."""
 REFLECTION_STEP, MAX_UNTHINNED_FRAMES = 16, 640
@@ -63,9 +69,11 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
     cache, geometry, known = open_frames(inputs), load_geometry(inputs), inputs.file("lights")
     if known is not None:
         measured, camera = DistanceResult(_known(inputs, known, cache.frames), None, None, [], []), None
+        light_radius = None
         warnings = list[StageWarning]()
     else:
         by_sphere = _by_sphere(inputs, geometry, cache, progress)
+        light_radius = _light_radius(by_sphere, geometry)
         parameters: LightsParameters = inputs.parameters
         measured = measure_distance(
             by_sphere, geometry, load_thumbnails(inputs), parameters.tolerance, parameters.distance
@@ -93,6 +101,7 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
         },
         "near_light": measured.record,
         "camera": camera,
+        "light_radius_degrees": light_radius,
         "spheres_error": sweep_error(geometry.spheres, result),
         "disagreement_degrees": None if np.isnan(median) else {"median": median, "95th percentile": worst},
     }
@@ -107,7 +116,7 @@ def lights(inputs: StageInputs, progress: Progress) -> StageOutput:
             "lights": result.lights,
             "reason": result.reason,
             "inverse_distance": _inverse_distance(measured),
-            "half_vector_sd": combined_error([np.zeros(shape), *measured.errors]),
+            "half_vector_sd": combined_error([np.full(shape, _disc_error(light_radius)), *measured.errors]),
         },
         record=record,
         counts={"accepted": accepted, **rejected},
@@ -162,6 +171,16 @@ def _by_sphere(inputs: StageInputs, geometry: CaptureGeometry, cache: FrameCache
             raise UnusableSphere(f"{place}: {error.message}", error.remedy) from error
         progress(number + 1, len(geometry.spheres))
     return by_sphere
+
+
+def _light_radius(by_sphere: Sequence[Lights], geometry: CaptureGeometry) -> float:
+    """Return the light's angular radius in degrees: the smallest of the spheres', as blur enlarges it."""
+    return min(lights.angular_radius(sphere.radius) for lights, sphere in zip(by_sphere, geometry.spheres, strict=True))
+
+
+def _disc_error(light_radius: float | None) -> float:
+    """Return the standard deviation per axis, radians, of the centres of the discs that a large light lights."""
+    return float(np.radians(DISC_ERROR_DEG * (light_size(light_radius) - 1.0)))
 
 
 def _of_sphere(

@@ -16,6 +16,9 @@ from glint.tasks.algorithms.candidates.densest_discs import densest_discs
 from glint.tasks.algorithms.candidates.lit_frames import HighlightLevels, collect_lit_frames
 from glint.tasks.algorithms.candidates.surround import Rings, find_rings, surround_response
 
+USUAL_DISC_DEG = 2.2
+"""Radius of the disc of half vectors of a usual light: half of what it lights."""
+
 
 @dataclass(frozen=True, slots=True)
 class Clusters:
@@ -62,7 +65,7 @@ def cluster_pixels(
     weights: np.ndarray,
     *,
     clusters: int = 3,
-    radius_deg: float = 2.2,
+    radius_deg: float = USUAL_DISC_DEG,
     separation: float = 1.6,
     rings: Rings | None = None,
 ) -> Clusters:

@@ -40,17 +40,28 @@ class Rings(NamedTuple):
     sweep: np.ndarray
 
 
-def find_rings(half_vectors: np.ndarray, weights: np.ndarray) -> Rings:
+def rings_deg(light_size: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the inner and the outer ring in degrees, of a light of this size relative to a usual one's.
+
+    The disc that a larger light lights ends farther out, and both rings begin and end farther out by as much.
+    """
+    shift = (light_size - 1.0) * INNER_RING_DEG[0]
+    inner, outer = ((least + shift, most + shift) for least, most in (INNER_RING_DEG, OUTER_RING_DEG))
+    return inner, outer
+
+
+def find_rings(half_vectors: np.ndarray, weights: np.ndarray, light_size: float = 1.0) -> Rings:
     """Choose the frames to compare each frame with, at random but the same at each call.
 
-    half_vectors: (T, 3), NaN where the frame was rejected; weights: (T,), by which places count instead of frames.
+    half_vectors: (T, 3), NaN where the frame was rejected; weights: (T,), by which places count instead of frames;
+    light_size: see `rings_deg`.
     """
     usable = np.flatnonzero(weights > 0)
     # Weighted sampling without replacement (Efraimidis and Spirakis 2006): by exponential variates over the weights.
     variates = np.random.default_rng(0).exponential(size=len(usable)) / weights[usable]
     order = usable[np.argsort(variates)].astype(np.int32)
     vectors = np.nan_to_num(half_vectors).astype(np.float32)
-    inner, outer = (_ring(vectors, order, *np.cos(np.radians(ring))) for ring in (INNER_RING_DEG, OUTER_RING_DEG))
+    inner, outer = (_ring(vectors, order, *np.cos(np.radians(ring))) for ring in rings_deg(light_size))
     return Rings(inner, outer, order[:RING_FRAMES])
 
 

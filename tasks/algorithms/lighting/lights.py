@@ -51,6 +51,11 @@ MAX_AREA_FRACTION = 0.25
 """Share of the disc of lights before the object beyond which a highlight's area is ambiguous."""
 
 
+USUAL_LIGHT_DEG, SIZE_STEP_DEG = 9.9, 7.0
+"""Angular radius that the spheres show of a light for which discs and rings of half vectors were chosen, and how much
+more of one of twice the size: as it is fainter, less of it is bright (`python -m tests.benchmarks.light_sizes`)."""
+
+
 @dataclass(frozen=True, slots=True)
 class Lights:
     """Lights of T frames.
@@ -70,6 +75,23 @@ class Lights:
     def accepted(self) -> np.ndarray:
         """Frames with a light, (T,) bool."""
         return self.reason == ACCEPTED
+
+    def angular_radius(self, sphere_radius: float) -> float:
+        """Return the light's angular radius in degrees, blur included, by its image in a sphere of this radius in
+        pixels; 0 without accepted frames.
+
+        Every pixel reflects a solid angle of 4 / radius^2 steradians (see `measure_highlights`).
+        """
+        area = float(np.median(self.area[self.accepted])) if self.accepted.any() else 0.0
+        return float(np.degrees(2.0 * np.sqrt(area / np.pi) / sphere_radius))
+
+
+def light_size(angular_radius: float | None) -> float:
+    """Return a light's size relative to a usual one's, at least 1; 1 for one of unknown radius.
+
+    angular_radius: of `Lights.angular_radius`, degrees.
+    """
+    return 1.0 if angular_radius is None else 1.0 + max(angular_radius - USUAL_LIGHT_DEG, 0.0) / SIZE_STEP_DEG
 
 
 def classify_frames(

@@ -13,7 +13,7 @@ from glint.tasks.algorithms.candidates.shading import (
     with_object_shading,
     without_shading,
 )
-from glint.tasks.algorithms.candidates.surround import INNER_RING_DEG, OUTER_RING_DEG, find_rings
+from glint.tasks.algorithms.candidates.surround import INNER_RING_DEG, OUTER_RING_DEG, find_rings, rings_deg
 from glint.tasks.algorithms.candidates.thresholds import highlight_levels
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of
 from tests.opaque_objects import FINISHES, Finish, light_directions, photograph, shape
@@ -67,13 +67,19 @@ def test_where_nothing_compares_the_object_decides() -> None:
     assert ratio[0] == ratio[2] == 0 > ratio[1]
 
 
-def test_rings_hold_the_frames_at_their_angles() -> None:
+@pytest.mark.parametrize("light_size", [1.0, 2.0])
+def test_rings_hold_the_frames_at_their_angles(light_size: float) -> None:
     half_vectors = half_vectors_of(light_directions(300, 84.0)).astype(np.float32)
     half_vectors[7] = np.nan
-    rings = find_rings(half_vectors, inverse_density_weights(half_vectors))
-    for ring, (least, most) in ((rings.inner, INNER_RING_DEG), (rings.outer, OUTER_RING_DEG)):
+    rings = find_rings(half_vectors, inverse_density_weights(half_vectors), light_size)
+    for ring, (least, most) in zip((rings.inner, rings.outer), rings_deg(light_size), strict=True):
         frame, position = np.nonzero(ring >= 0)
         between = angles(half_vectors[frame], half_vectors[ring[frame, position]])
         assert len(between) > 1000 and between.min() > least - 0.01 and between.max() < most + 0.01
         assert (ring[7] == -1).all() and not (ring == 7).any()
     assert 7 not in rings.sweep
+
+
+def test_rings_of_a_larger_light_lie_farther_out() -> None:
+    assert rings_deg(1.0) == (INNER_RING_DEG, OUTER_RING_DEG)
+    assert rings_deg(2.0) == ((9.0, 16.5), (19.5, 34.5))

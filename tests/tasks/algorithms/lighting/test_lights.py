@@ -17,6 +17,7 @@ from glint.tasks.algorithms.lighting.lights import (
     classify_frames,
     find_lights,
     inter_sphere_angles,
+    light_size,
     merge_spheres,
 )
 from glint.tasks.algorithms.lighting.spheres import Sphere
@@ -217,3 +218,12 @@ def test_a_highlight_without_blur_keeps_its_half_vector() -> None:
     turned = without_blur(truth, area, np.tile([2.3, 0.0, 2.3], (len(truth), 1)), 36.0)
     np.testing.assert_allclose(np.linalg.norm(turned, axis=1), 1.0)
     assert (turned[:, 2] >= truth[:, 2]).all() and (turned[10:20, 2] > truth[10:20, 2] + 4e-4).all()
+
+
+def test_the_size_of_a_light_follows_from_its_images() -> None:
+    lights = find_lights(sphere_frames(LIGHTS), SPHERE)
+    by_area = np.degrees(2.0 * np.sqrt(np.median(lights.area[lights.accepted]) / np.pi) / SPHERE.radius)
+    assert lights.angular_radius(SPHERE.radius) == pytest.approx(by_area)
+    # The same picture on a sphere of twice the pixels shows a light of half the angle.
+    assert lights.angular_radius(2.0 * SPHERE.radius) == pytest.approx(by_area / 2.0)
+    assert [light_size(radius) for radius in (None, 5.0, 9.9, 16.9)] == pytest.approx([1.0, 1.0, 1.0, 2.0])
