@@ -26,7 +26,7 @@ HANDLE_SHEET_DEG, BODY_SHEET_DEG = 16.0, 10.0
 """Angle to the handle's field up to which a candidate belongs to it, and to the body beyond which it is not that."""
 MIN_JOINED_SHARE = 0.4
 """Share of the pixels around one that must belong to the handle too."""
-MIN_ACCEPTED_SHARE = 0.02
+MIN_FOLLOWED_SHARE = 0.02
 """Share of a handle that accepted normals show from which it is followed before the body: a part of the table that a
 mask holds shows none, and false candidates of the body may go on from it."""
 MIN_BODY_NZ = float(np.cos(np.radians(42.0)))
@@ -111,7 +111,7 @@ def _shown(handles: np.ndarray, observed: np.ndarray) -> np.ndarray:
     """Return the handles (H, W) bool of which enough is observed, (H, W) bool."""
     numbers, count = ndimage.label(handles)
     shares = ndimage.mean(observed, numbers, np.arange(count + 1))
-    return handles & (shares >= MIN_ACCEPTED_SHARE)[numbers]
+    return handles & (shares >= MIN_FOLLOWED_SHARE)[numbers]
 
 
 def _nearest_inradius(handles: np.ndarray) -> np.ndarray:
