@@ -28,8 +28,8 @@ ORDER = {
     ),
     "glint.tasks.algorithms": (
         "simulation evaluation registration multiview questions published labelling facets faces prisms frames masks"
-        " revolution silhouettes prior sheets meshing candidates integration near_light sphere_checks lighting geometry"
-        " errors"
+        " revolution silhouettes continuation prior sheets meshing candidates integration near_light sphere_checks"
+        " lighting geometry errors"
     ),
 }
 """The rooms of a layer in descending order: a room imports only those after it."""

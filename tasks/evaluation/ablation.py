@@ -51,6 +51,7 @@ ABLATIONS: Mapping[str, Ablation] = MappingProxyType(
         "rim as weak as a normal": Ablation(LabellingOptions(field=FieldWeights(rim=0.1))),
         "nothing readmitted": Ablation(LabellingOptions(readmission=False)),
         "dark pixels not bent": Ablation(LabellingOptions(field=FieldWeights(unreached=0.0))),
+        "no contours inside the silhouette": Ablation(LabellingOptions(inner_contours=False)),
         "no evidence of shading": Ablation(LabellingOptions(graph_cut=GraphCutWeights(shading_weight=0.0))),
         "shading taken for highlights": Ablation(keeps_shading=True),
         "two candidates": Ablation(candidates=2),
@@ -84,7 +85,11 @@ def ablate(work: CaptureContext) -> dict[str, tuple[float, float]] | None:
         kept = clusters if ablation.keeps_shading else without_shading(clusters)
         count = ablation.candidates
         kept = replace(kept, normals=kept.normals[:count], shading=kept.shading[:count])
-        options = replace(ablation.options, readmission=readmission and ablation.options.readmission)
+        options = replace(
+            ablation.options,
+            readmission=readmission and ablation.options.readmission,
+            inner_contours=readmission and ablation.options.inner_contours,
+        )
         known = marks if ablation.has_marks else None
         normals = reconstruct_normals(kept, mask, options, marks=known, camera=geometry.region_camera).normals
         results[name] = squared_errors(normals, truth, observed), squared_errors(normals, truth, mask)

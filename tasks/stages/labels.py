@@ -159,7 +159,8 @@ def reconstruct(
 def has_readmission(pose: Pose | None) -> bool:
     """Return whether rejected sheets are readmitted: not in a view with a pose, which other views will explain.
 
-    A false sheet is worse there than a missing one: the model that it becomes part of labels all views again.
+    A false sheet is worse there than a missing one: the model that it becomes part of labels all views again. So is a
+    false contour inside the silhouette.
     """
     return pose is None
 
@@ -172,5 +173,6 @@ def labelling_options(
         GraphCutWeights(parameters.strength, parameters.contrast, parameters.prior, parameters.shape_weight),
         FieldWeights(rim=silhouette.rim_weight, tension_length=silhouette.tension_length),
         readmission=readmission,
+        inner_contours=readmission,
         max_iterations=parameters.rounds,
     )

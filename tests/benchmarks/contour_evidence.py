@@ -16,7 +16,7 @@ from scipy import ndimage
 
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.simulation.simulate import CaptureOptions
-from tests.benchmarks.inner_contours import Contours, normals_with
+from tests.benchmarks.inner_contours import TRUE_CONTOURS_ALONE, Contours, normals_with
 from tests.benchmarks.overlapping_limbs import MIN_STEP_PX
 from tests.benchmarks.picture_edges import INSIDE_PX, contour_pixels, sampled_frames
 from tests.benchmarks.picture_edges import MIN_STEP_PX as LEAST_STEP_PX
@@ -147,7 +147,7 @@ class PicturedView:
             log_odds[number][self.inside] = model.log_odds(self.pictures.features(rows, columns, number))
         score, bins = _linked(log_odds)
         view, labelled = self.view, _distance(self.any)
-        parts = [view.errors(reconstruct_normals(view.clusters, view.mask).normals)]
+        parts = [view.errors(reconstruct_normals(view.clusters, view.mask, TRUE_CONTOURS_ALONE).normals)]
         for limit in LIMITS:
             contours = _ridges(score, bins, limit)
             beside = _distance(contours.near) <= NEAR_PX

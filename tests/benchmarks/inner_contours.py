@@ -2,10 +2,10 @@
 
     python -m tests.benchmarks.inner_contours [SHAPE ...] [--seed 5] [--folder DIR]
 
-Of each capture it prints the squared errors of the normals (observed pixels / whole mask) as they are, and with a field
-that is cut along the true contours; cut there, with normals of the occluding contour on the near side; cut beside
-the true contours, along a part of them, and along false ones as well. A shape that is not a preset has 1,500 frames and
-0.8 of its size.
+Of each capture it prints the squared errors of the normals (observed pixels / whole mask) without contours, with those
+that labels tell, and with a field that is cut along the true contours; cut there, with normals of the occluding contour
+on the near side; cut beside the true contours, along a part of them, and along false ones as well. A shape that is not
+a preset has 1,500 frames and 0.8 of its size.
 """
 
 from collections.abc import Iterator
@@ -13,15 +13,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy import ndimage, sparse
+from scipy import ndimage
 
 from glint.storage.catalogue.loading import Capture
 from glint.tasks.algorithms.candidates.clusters import Clusters
-from glint.tasks.algorithms.geometry.bilinear_grid import BilinearGrid
-from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
 from glint.tasks.algorithms.labelling.weights import DEFAULT_FIELD, DEFAULT_OPTIONS, LabellingOptions
-from glint.tasks.algorithms.prior.smooth_normals import SmoothNormalField
+from glint.tasks.algorithms.prior.cut_field import cut_field
 from tests.benchmarks.overlapping_limbs import MIN_STEP_PX, figurines, rises_and_steps
 from tests.benchmarks.picture_edges import contour_pixels
 from tests.benchmarks.simulated_captures import shapes_parser
@@ -31,6 +29,8 @@ DISPLACED_PX = (1, 2)
 """Displacements to the right and down of contours that are not known to a pixel."""
 MISSING_SHARES, PIECES_PX = (0.2, 0.4), 3.0
 """Shares of the contour pixels that are missing, and the standard deviation of the noise that chooses the pieces."""
+TRUE_CONTOURS_ALONE = LabellingOptions(inner_contours=False)
+"""Without the contours that labels tell."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,48 +79,14 @@ class Contours:
         return Contours(self.right | false.right, self.down | false.down, self.near, self.outward)
 
 
-def cut_field(mask: np.ndarray, contours: Contours, tension_length: float) -> SmoothNormalField:
-    """Return the smooth field of a mask (H, W) bool, with a node for each pixel and no smoothness across contours."""
-    grid = BilinearGrid.over(mask, 1)
-    missing = [(0, grid.nodes.shape[axis] - mask.shape[axis]) for axis in (0, 1)]
-    cuts = {(0, 1): np.pad(contours.right, missing), (1, 0): np.pad(contours.down, missing)}
-
-    def form(*stencil: tuple[int, int, float]) -> sparse.csr_matrix:
-        """Return the sum of squares of a difference wherever all its nodes exist and no edge between them is cut."""
-        offsets = [(down, right) for down, right, _ in stencil]
-        complete = np.all([_moved(grid.nodes, *offset, -1) >= 0 for offset in offsets], axis=0)
-        for down, right in offsets:
-            for (v, u), cut in cuts.items():
-                if (down + v, right + u) in offsets:
-                    complete &= ~_moved(cut, down, right, False)
-        count = int(complete.sum())
-        columns = np.concatenate([_moved(grid.nodes, *offset, -1)[complete] for offset in offsets])
-        values = np.repeat([value for *_, value in stencil], count)
-        rows = np.tile(np.arange(count), len(stencil))
-        difference = sparse.csr_matrix((values, (rows, columns)), shape=(count, grid.count))
-        return difference.T @ difference
-
-    tension, mixed = 1.0 / max(tension_length * inradius(mask), 1.0) ** 2, 2.0**0.5
-    smoothness = tension * (form((0, 0, -1.0), (0, 1, 1.0)) + form((0, 0, -1.0), (1, 0, 1.0)))
-    smoothness = smoothness + form((0, -1, 1.0), (0, 0, -2.0), (0, 1, 1.0))
-    smoothness = smoothness + form((-1, 0, 1.0), (0, 0, -2.0), (1, 0, 1.0))
-    smoothness = smoothness + form((0, 0, mixed), (0, 1, -mixed), (1, 0, -mixed), (1, 1, mixed))
-    return SmoothNormalField(grid, smoothness.tocsc())
-
-
-def _moved(values: np.ndarray, down: int, right: int, fill: int) -> np.ndarray:
-    """Return at each place the value (rows, columns) that lies so far below and to the right, at most a pixel."""
-    padded = np.pad(values, 1, constant_values=fill)
-    return padded[1 + down : 1 + down + values.shape[0], 1 + right : 1 + right + values.shape[1]]
-
-
 def normals_with(clusters: Clusters, mask: np.ndarray, contours: Contours, has_rim: bool) -> np.ndarray:
     """Return the normals (H, W, 3) of a view labelled with a field that is cut along contours.
 
     has_rim: whether normals of the occluding contour hold on the near sides.
     """
     state = settle(clusters, mask, LabellingOptions(max_iterations=0))
-    surface, view = cut_field(mask, contours, DEFAULT_FIELD.tension_length), state.view
+    tension, view = DEFAULT_FIELD.tension_length, state.view
+    surface = cut_field(mask, contours.right, contours.down, tension)
     state.view = replace(view, surface=surface, coarse=surface)
     if has_rim:
         inner = contours.near & mask & ~view.rim
@@ -128,7 +94,7 @@ def normals_with(clusters: Clusters, mask: np.ndarray, contours: Contours, has_r
         state.view = replace(state.view, outward=outward, rim=view.rim | inner)
     state.smooth = state.initial = state.solve_field(state.known, state.values)
     state.iterate(DEFAULT_OPTIONS.max_iterations)
-    return reconstruct_normals(clusters, mask, settled=state).normals
+    return reconstruct_normals(clusters, mask, TRUE_CONTOURS_ALONE, settled=state).normals
 
 
 def measure(capture: Capture, store: Path) -> Iterator[str]:
@@ -139,7 +105,9 @@ def measure(capture: Capture, store: Path) -> Iterator[str]:
     def cut(contours: Contours, has_rim: bool = False) -> str:
         return view.errors(normals_with(view.clusters, view.mask, contours, has_rim))
 
-    yield f"as it is: {view.errors(reconstruct_normals(view.clusters, view.mask).normals)}"
+    without = reconstruct_normals(view.clusters, view.mask, TRUE_CONTOURS_ALONE).normals
+    yield f"without contours: {view.errors(without)}"
+    yield f"with those that labels tell: {view.errors(reconstruct_normals(view.clusters, view.mask).normals)}"
     if not exact.near.any():
         return
     yield f"cut: {cut(exact)}"

@@ -2,14 +2,15 @@
 
     python -m tests.benchmarks.overlapping_limbs [SHAPE ...] [--views 1] [--seed 5] [--folder DIR]
 
-Of each capture it prints the squared errors of the normals (observed pixels / whole mask), without and with the
-normals of dark pixels; the share of confident pixels, and how many of them are within 5 degrees; and for two kinds of
-true curves inside the silhouette, occluding contours alone and all curves across which the normal turns, the share of
-the mask within 0.2 inradii of one, and the share of the squared error there. A shape that is not a preset has 1,500
-frames and 0.8 of its size.
+Of each capture it prints the squared errors of the normals (observed pixels / whole mask) without normals of dark
+pixels and contours inside the silhouette, with the former, and with both; the share of confident pixels, and how many
+of them are within 5 degrees; and for two kinds of true curves inside the silhouette, occluding contours alone and all
+curves across which the normal turns, the share of the mask within 0.2 inradii of one, and the share of the squared
+error there. A shape that is not a preset has 1,500 frames and 0.8 of its size.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from glint.storage.catalogue.loading import Capture
 from glint.tasks.algorithms.geometry.distance import inradius
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
-from glint.tasks.algorithms.labelling.weights import FieldWeights, LabellingOptions
+from glint.tasks.algorithms.labelling.weights import DEFAULT_OPTIONS, FieldWeights, LabellingOptions
 from glint.tasks.simulation.simulate import PRESETS, CaptureOptions
 from tests.benchmarks.simulated_captures import shapes_parser, simulated_captures
 from tests.benchmarks.true_view import TrueView
@@ -68,8 +69,10 @@ def turns(normals: np.ndarray) -> np.ndarray:
 def measure(capture: Capture, store: Path) -> str:
     """Return a line on one capture, whose results are kept in a store."""
     view = TrueView.of(capture, store)
-    without = reconstruct_normals(view.clusters, view.mask, LabellingOptions(field=FieldWeights(unreached=0.0)))
-    result = reconstruct_normals(view.clusters, view.mask)
+    uncut = LabellingOptions(inner_contours=False)
+    unbent = replace(uncut, field=FieldWeights(unreached=0.0))
+    results = [reconstruct_normals(view.clusters, view.mask, options) for options in (unbent, uncut, DEFAULT_OPTIONS)]
+    result = results[-1]
     squared = ((result.normals - view.normals) ** 2).sum(axis=-1)
     known = view.mask & np.isfinite(squared)
     steps = depth_steps(view.depth) | depth_steps(view.depth.T).T
@@ -84,7 +87,8 @@ def measure(capture: Capture, store: Path) -> str:
     confident = known & (result.confidence >= 0.95)
     share = f"{confident.sum() / known.sum():.0%} confident, {(squared[confident] < TOLERANCE).mean():.1%} right"
     near = f"beside contours {shares(steps)} of the error; beside all curves {shares(turning)}"
-    return f"{view.errors(without.normals)} -> {view.errors(result.normals)}, {share}; {near}"
+    errors = " -> ".join(view.errors(labelled.normals) for labelled in results)
+    return f"{errors}, {share}; {near}"
 
 
 def figurines(

@@ -35,7 +35,7 @@ def measure(work: CaptureContext) -> tuple[str, float]:
     clusters, truth = faced(clusters, view), rotate_to_view(truth, view)
     observed, parts, errors = mask & (clusters.observations > 0), [], []
     for readmission in (False, True):
-        result = reconstruct_normals(clusters, mask, LabellingOptions(readmission=readmission))
+        result = reconstruct_normals(clusters, mask, LabellingOptions(readmission=readmission, inner_contours=False))
         confident = mask & (result.confidence >= CONFIDENT)
         right = (angles(result.normals, truth)[confident] < 5.0).mean() if confident.any() else np.nan
         errors.append(squared_errors(result.normals, truth, mask))

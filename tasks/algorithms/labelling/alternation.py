@@ -102,6 +102,15 @@ class Alternation:
 
         surface: None for that of the view.
         """
+        targets, pull = self.constraints(known, values)
+        if self.unreached is not None:
+            targets, pull = with_unreached(targets, pull, self.unreached, self.options.field.unreached)
+        if faces is not None:
+            targets, pull = faces.constrain(targets, pull, known, self.marks.pixels)
+        return (surface or self.view.surface).solve(targets, pull, self.expected)
+
+    def constraints(self, known: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the field's targets (H, W, 3) and weights (H, W): of `values` at `known` pixels, and contour."""
         weights = self.options.field
         if self.expected is None:
             targets, pull = self.view.outward, np.where(self.view.rim, weights.rim, 0.0)
@@ -112,12 +121,7 @@ class Alternation:
         influence = np.where(is_turned, self.influence, 0.0).max(axis=0, initial=0.0)
         pull = np.where(known, weights.observed + (weights.marked - weights.observed) * influence, pull)
         pull = np.where(self.marks.pixels & known & ~self.labels.any(axis=0), weights.mark_alone, pull)
-        targets = np.where(known[..., None], values, targets)
-        if self.unreached is not None:
-            targets, pull = with_unreached(targets, pull, self.unreached, weights.unreached)
-        if faces is not None:
-            targets, pull = faces.constrain(targets, pull, known, self.marks.pixels)
-        return (surface or self.view.surface).solve(targets, pull, self.expected)
+        return np.where(known[..., None], values, targets), pull
 
     def iterate(self, max_iterations: int | None = None) -> None:
         """Alternate labelling and field until the labels settle; max_iterations: None for that of the options."""

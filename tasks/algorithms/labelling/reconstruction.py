@@ -11,7 +11,7 @@ candidates prove count as true (`faces.proven_faces`), those that accepted norma
 the iterations continue likewise (`faces.flat_faces`). Then rejected sheets that may well be the surface are readmitted
 (`readmission`) and the iterations continue from them, unless the expected field is given; what follows is kept if the
 labels are more likely than before (`explanations`). Where there is no expected field, it is bent away from the lights
-where nothing flashed (`unreached`).
+where nothing flashed (`unreached`), and cut along contours inside the silhouette (`contour_field`).
 """
 
 from copy import copy
@@ -24,6 +24,7 @@ from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.answers import contradictions
 from glint.tasks.algorithms.labelling.candidate_view import CandidateView
+from glint.tasks.algorithms.labelling.contour_field import with_inner_contours
 from glint.tasks.algorithms.labelling.explanations import explain
 from glint.tasks.algorithms.labelling.final_confidence import final_confidence
 from glint.tasks.algorithms.labelling.results import (
@@ -123,7 +124,10 @@ def conclude(explained: Alternation, marks: Marks | None = None) -> Reconstructi
         if is_news:
             state = explain(state)
     if state.expected is None:
-        _bend_dark_pixels(state)
+        plausible = _plausible(state)
+        _bend_dark_pixels(state, plausible)
+        if state.options.inner_contours and state.faces is None and not state.view.is_draft:
+            state = with_inner_contours(state, plausible)
 
     view = state.view
     accepted = np.isfinite(state.confidence)
@@ -143,8 +147,15 @@ def conclude(explained: Alternation, marks: Marks | None = None) -> Reconstructi
     )
 
 
-def _bend_dark_pixels(state: Alternation) -> None:
-    """Bend the field away from the lights where nothing flashed."""
+def _plausible(state: Alternation) -> np.ndarray:
+    """Return the pixels (H, W) bool with an accepted normal of the field, or a rejected one that may well be true."""
+    # An accepted normal that is too uncertain for the field shows no more than a rejected one that is implausible.
+    evidence = np.where(state.labels | np.isnan(state.evidence), -np.inf, state.evidence).max(axis=0)
+    return np.asarray(state.known | (evidence > PLAUSIBLE_NATS))
+
+
+def _bend_dark_pixels(state: Alternation, plausible: np.ndarray) -> None:
+    """Bend the field away from the lights where nothing flashed; plausible (H, W) bool: see `_plausible`."""
 
     def solve(unreached: np.ndarray) -> np.ndarray:
         bent = copy(state)
@@ -155,10 +166,7 @@ def _bend_dark_pixels(state: Alternation) -> None:
     if swept is None:
         return
     confidence = np.where(state.known, state.confidence, 0.0)
-    # An accepted normal that is too uncertain for the field shows no more than a rejected one that is implausible.
-    evidence = np.where(state.labels | np.isnan(state.evidence), -np.inf, state.evidence).max(axis=0)
-    lit = state.known | (evidence > PLAUSIBLE_NATS)
-    estimate = unreached_normals(state.smooth, confidence, lit, view.mask, swept, view.scale, solve)
+    estimate = unreached_normals(state.smooth, confidence, plausible, view.mask, swept, view.scale, solve)
     if estimate is not None:
         state.unreached, state.smooth = estimate
 

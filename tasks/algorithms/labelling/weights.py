@@ -65,7 +65,8 @@ class LabellingOptions:
 
     graph_cut, field, field_error: its weights. symmetry: whether a surface of revolution may be detected and become the
     expected field; flat_faces: whether a right prism, a faceted body or flat faces may be, where there is none;
-    readmission: whether rejected sheets may be readmitted. min_confidence: accepted normals of lower confidence do not
+    readmission: whether rejected sheets may be readmitted. inner_contours: whether the field may be cut along contours
+    inside the silhouette. min_confidence: accepted normals of lower confidence do not
     enter the field. max_iterations: at most so many each time: at first, and again after all that is detected or
     marked.
     """
@@ -76,6 +77,7 @@ class LabellingOptions:
     symmetry: bool = True
     flat_faces: bool = True
     readmission: bool = True
+    inner_contours: bool = True
     min_confidence: float = MIN_FIELD_CONFIDENCE
     max_iterations: int = 10
 

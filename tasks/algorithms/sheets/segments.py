@@ -4,15 +4,15 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-SAME_SHEET_COSINE = float(np.cos(np.radians(5.0)))
-"""Neighbouring normals belong to one sheet if they differ by less than 5 degrees."""
+SHEET_STEP_DEG = 5.0
+"""Angle up to which neighbouring normals belong to one sheet."""
 
 
-def segment_sheets(normals: np.ndarray) -> np.ndarray:
+def segment_sheets(normals: np.ndarray, max_turn_deg: float = SHEET_STEP_DEG) -> np.ndarray:
     """Label the connected sheets of normals.
 
     normals (H, W, 3), NaN where there is none -> (H, W) int, sheets numbered from 0, -1 without normal. Pixels are
-    8-connected.
+    8-connected. max_turn_deg: angle up to which neighbours belong to one sheet.
     """
     known = np.isfinite(normals[..., 0])
     height, width = known.shape
@@ -22,7 +22,7 @@ def segment_sheets(normals: np.ndarray) -> np.ndarray:
     for down, right in ((0, 1), (1, -1), (1, 0), (1, 1)):
         pixel = (slice(0, height - down), slice(max(0, -right), width - max(0, right)))
         neighbour = (slice(down, height), slice(max(0, right), width + min(0, right)))
-        tied = (normals[pixel] * normals[neighbour]).sum(axis=-1) > SAME_SHEET_COSINE
+        tied = (normals[pixel] * normals[neighbour]).sum(axis=-1) > np.cos(np.radians(max_turn_deg))
         first.append(numbers[pixel][tied])
         second.append(numbers[neighbour][tied])
     pairs = (np.concatenate(first), np.concatenate(second))

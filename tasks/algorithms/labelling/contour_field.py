@@ -1,0 +1,102 @@
+"""Field of settled labels, cut along contours inside the silhouette where what was observed confirms them.
+
+Labels that have settled tell what continues into the gaps between them, and where it ends (`continuation`). The smooth
+field is solved once more, cut along these contours, with what continues among its data; dark pixels are bent away from
+the lights on their own side of a contour. Not all contours are true. So that field replaces the smooth one only where
+it explains better what candidates show and what stays dark: a pixel whose normal faces the lights should have a
+candidate near it.
+"""
+
+from copy import copy
+
+import numpy as np
+from scipy import ndimage
+
+from glint.tasks.algorithms.continuation.inner_contours import (
+    DARK_NATS,
+    SHOWN_NATS,
+    InnerContours,
+    has_candidate,
+    inner_contours,
+    lifted,
+)
+from glint.tasks.algorithms.geometry.vectors import angles
+from glint.tasks.algorithms.labelling.alternation import Alternation
+from glint.tasks.algorithms.prior.cut_field import cut_field
+from glint.tasks.algorithms.prior.unreached import MIN_LIT_SHARE, SweptNormals, dark_pixels, with_unreached
+
+CUT_FIELD_NODES = 40_000
+"""Pixels of the mask up to which each is looked at; of larger objects every second pixel in a row, or third, is."""
+CONTINUED_WEIGHT, CONTINUED_INRADII, CONTINUED_VARIANCE = 0.03, 0.2, 0.03
+"""Weight of what continues as data of the field, the distance over which it falls to 1/e, and the variance at which it
+falls to a half."""
+MIN_CHANGE_DEG = 5.0
+"""Angle between both fields from which observations may choose."""
+CHOICE_INRADII = 0.4
+"""Standard deviation of the neighbourhood that chooses, in inradii."""
+CHOICE_NATS = (-0.03, 0.07)
+"""Mean gain per changed pixel from which the cut field has a part in the result, and from which it is the result: by
+most changed pixels nothing was observed."""
+
+
+def with_inner_contours(state: Alternation, plausible: np.ndarray) -> Alternation:
+    """Return the state with a field that is cut along contours inside the silhouette.
+
+    plausible: (H, W) bool, pixels with an accepted normal of the field, or a rejected one that may well be true.
+    """
+    swept = SweptNormals.of(state.view.normals)
+    step = max(1, int(np.ceil(np.sqrt(state.view.mask.sum() / CUT_FIELD_NODES))))
+    mask, candidates = state.view.mask[::step, ::step], state.view.normals[:, ::step, ::step]
+    known, smooth = state.known[::step, ::step], state.smooth[::step, ::step]
+    if swept is None or not mask.any():
+        return state
+    facing = mask & swept.flashes(smooth)
+    if (facing & known).sum() < MIN_LIT_SHARE * facing.sum():
+        return state
+    scale = state.view.scale / step
+    contours = inner_contours(state.known_values[::step, ::step], candidates, mask, swept, scale)
+    if contours is None:
+        return state
+    expected = np.where(np.isfinite(contours.variance)[..., None], lifted(contours.plane), smooth)
+    dark = dark_pixels(expected, plausible[::step, ::step], mask, swept, scale)
+    unreached = np.where(dark[..., None], swept.nearest_beyond(expected), np.nan)
+    targets, pull = (part[::step, ::step] for part in state.constraints(state.known, state.values))
+    targets, pull = with_unreached(targets, pull, unreached, state.options.field.unreached)
+    continued = np.where(pull == 0.0, _continued_weight(contours, scale), 0.0)
+    surface = cut_field(mask, contours.right, contours.down, state.options.field.tension_length)
+    cut = surface.solve(np.where(continued[..., None] > 0.0, expected, targets), pull + continued)
+
+    gain = _likelihood(candidates, cut, swept) - _likelihood(candidates, smooth, swept)
+    share = _choice(gain, mask & ~known & (angles(cut, smooth) > MIN_CHANGE_DEG), scale)
+    change = np.where(mask[..., None], share[..., None] * (cut - smooth), 0.0)[..., :2]
+    result = copy(state)
+    result.smooth = _changed(state.smooth, change, step)
+    return result
+
+
+def _continued_weight(contours: InnerContours, scale: float) -> np.ndarray:
+    """Return the weight (H, W) of continued normals: the farther from what continues, and the less sure, the less."""
+    weight = CONTINUED_WEIGHT * np.exp(-((contours.distance / (CONTINUED_INRADII * scale)) ** 2))
+    return np.asarray(weight * CONTINUED_VARIANCE / (CONTINUED_VARIANCE + contours.variance))
+
+
+def _likelihood(candidates: np.ndarray, field: np.ndarray, swept: SweptNormals) -> np.ndarray:
+    """Return how likely a field (H, W, 3) makes what candidates (K, H, W, 3) show and what stays dark (H, W), nats."""
+    is_shown = has_candidate(candidates, field)
+    return np.where(is_shown, SHOWN_NATS, np.where(swept.flashes(field), -DARK_NATS, 0.0))
+
+
+def _choice(gain: np.ndarray, changed: np.ndarray, scale: float) -> np.ndarray:
+    """Return the share (H, W) of the cut field: by its mean gain (H, W) at changed pixels (H, W) of a neighbourhood."""
+    sigma = CHOICE_INRADII * scale
+    total = ndimage.gaussian_filter(np.where(changed, gain, 0.0), sigma)
+    mean = total / np.maximum(ndimage.gaussian_filter(changed.astype(float), sigma), 1e-6)
+    return np.clip((mean - CHOICE_NATS[0]) / (CHOICE_NATS[1] - CHOICE_NATS[0]), 0.0, 1.0)
+
+
+def _changed(field: np.ndarray, change: np.ndarray, step: int) -> np.ndarray:
+    """Return a field (H, W, 3) whose n_x and n_y are changed, by what is known (h, w, 2) at every `step`-th pixel."""
+    rows, columns = np.indices(field.shape[:2]) / step
+    parts = [change[..., axis] for axis in (0, 1)]
+    fine = [ndimage.map_coordinates(part, [rows, columns], order=1, mode="nearest") for part in parts]
+    return lifted(field[..., :2] + np.stack(fine, axis=-1)).astype(np.float32)
