@@ -1,13 +1,13 @@
 """Scale: the millimetres of a pixel, as given or from the spheres' diameters, and where these contradict each other."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from glint.storage.catalogue import models
 from glint.tasks.algorithms.geometry.perspective import Cone, areal_focal_length
-from glint.tasks.algorithms.lighting.spheres import Sphere
+from glint.tasks.algorithms.lighting.spheres import Sphere, is_radius_corrected
 from glint.tasks.engine.stage_warning import StageWarning
 
 MAX_SCALE_RATIO = 1.05
@@ -34,6 +34,8 @@ def scale_of(
 ) -> Scale:
     """Return the scale: as given, or the mean of those that the spheres' diameters give.
 
+    A given radius holds unless the measured one differs by more than its uncertainty.
+
     Args:
         pixel_size: as given, millimetres.
         given: spheres of the catalogue.
@@ -44,7 +46,10 @@ def scale_of(
     for sphere, circle in zip(given, used, strict=False):
         if sphere.diameter_mm is not None:
             diameters.append(sphere.diameter_mm)
-            sizes.append(_pixel_size(sphere.diameter_mm, circle, camera))
+            # A circle may be corrected for its centre alone. Views of one object must agree in scale: noise of single
+            # radii would turn them on their turntable.
+            radius = circle.radius if is_radius_corrected(sphere.radius, circle) else sphere.radius
+            sizes.append(_pixel_size(sphere.diameter_mm, replace(circle, radius=radius), camera))
     warnings = [
         _warning(f"`diameter_mm` {diameter:g} is {_comparison(diameter)}: give it in millimetres")
         for diameter in diameters

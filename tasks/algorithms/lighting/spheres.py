@@ -141,13 +141,11 @@ def judged(given: Sphere, fit: Sphere, contrast: float) -> ConfirmedSphere:
         return ConfirmedSphere(
             replace(given, centre_sd=deviation, radius_sd=deviation), fit, is_clear=False, is_corrected=False
         )
-    least = max(MIN_CORRECTION_RATIO * given.radius, MIN_CORRECTION_PX)
     distance, difference = given.distance(fit), abs(given.radius - fit.radius)
     is_inside = distance + fit.radius < MAX_TOUCHING_REACH * given.radius
     given_contrast = contrast / fit.score
     is_corrected = given_contrast < (MAX_INNER_START_RATIO if is_inside else MAX_START_RATIO) and (
-        distance > max(least, MIN_CORRECTION_DEVIATIONS * fit.centre_sd)
-        or difference > max(least, MIN_CORRECTION_DEVIATIONS * fit.radius_sd)
+        distance > _least_correction(given.radius, fit.centre_sd) or is_radius_corrected(given.radius, fit)
     )
     if is_corrected:
         # The weaker the contour, and the stronger the given circle, the more that speaks against the fit.
@@ -163,6 +161,16 @@ def judged(given: Sphere, fit: Sphere, contrast: float) -> ConfirmedSphere:
     centre_sd = _given_deviation(own, fit.centre_sd, distance / np.sqrt(2.0))
     sphere = replace(given, centre_sd=centre_sd, radius_sd=_given_deviation(own, fit.radius_sd, difference))
     return ConfirmedSphere(sphere, fit, is_clear=True, is_corrected=False, given_contrast=given_contrast)
+
+
+def is_radius_corrected(given: float, measured: Sphere) -> bool:
+    """Return whether a measured radius differs from a given one, in pixels, by more than it is uncertain."""
+    return abs(given - measured.radius) > _least_correction(given, measured.radius_sd)
+
+
+def _least_correction(radius: float, deviation: float) -> float:
+    """Return the difference, in pixels, from which a measured value contradicts a given circle of some radius."""
+    return max(MIN_CORRECTION_RATIO * radius, MIN_CORRECTION_PX, MIN_CORRECTION_DEVIATIONS * deviation)
 
 
 def _given_deviation(given: float, fitted: float, difference: float) -> float:

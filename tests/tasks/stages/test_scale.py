@@ -27,6 +27,17 @@ def test_the_circle_that_is_used_gives_the_scale(simulated: Path, tmp_path: Path
     assert work.load("survey").record["pixel_size"] == pytest.approx(expected, rel=0.03)
 
 
+@pytest.mark.parametrize(
+    ("measured", "radius_sd", "is_used"), [(19.52, 0.22, False), (18.0, 0.22, True), (18.0, 1.2, False)]
+)
+def test_a_given_radius_holds_unless_the_measured_one_differs_by_more_than_it_is_uncertain(
+    measured: float, radius_sd: float, is_used: bool
+) -> None:
+    given, _ = spheres((20.0, 25.0))
+    scale = scale_of(None, given, [Sphere(50.6, 50.7, measured, 0.25, 0.43, radius_sd)], None)
+    assert scale.pixel_size == pytest.approx(25.0 / (2.0 * (measured if is_used else 20.0)))
+
+
 def test_scales_that_agree_are_averaged_without_a_warning() -> None:
     scale = scale_of(None, *spheres((30.0, 25.0), (20.0, 17.0)), None)
     assert scale.pixel_size == pytest.approx((25 / 60 + 17 / 40) / 2) and not scale.warnings
