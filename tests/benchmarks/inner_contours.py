@@ -85,8 +85,8 @@ def normals_with(clusters: Clusters, mask: np.ndarray, contours: Contours, has_r
     has_rim: whether normals of the occluding contour hold on the near sides.
     """
     state = settle(clusters, mask, LabellingOptions(max_iterations=0))
-    tension, view = DEFAULT_FIELD.tension_length, state.view
-    surface = cut_field(mask, contours.right, contours.down, tension)
+    view = state.view
+    surface = cut_field(mask, contours.right, contours.down, DEFAULT_FIELD.tension_length)
     state.view = replace(view, surface=surface, coarse=surface)
     if has_rim:
         inner = contours.near & mask & ~view.rim

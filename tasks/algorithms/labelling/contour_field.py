@@ -44,16 +44,17 @@ def with_inner_contours(state: Alternation, plausible: np.ndarray) -> Alternatio
 
     plausible: (H, W) bool, pixels with an accepted normal of the field, or a rejected one that may well be true.
     """
-    swept = SweptNormals.of(state.view.normals)
-    step = max(1, int(np.ceil(np.sqrt(state.view.mask.sum() / CUT_FIELD_NODES))))
-    mask, candidates = state.view.mask[::step, ::step], state.view.normals[:, ::step, ::step]
+    view = state.view
+    swept = SweptNormals.of(view.normals)
+    step = max(1, int(np.ceil(np.sqrt(view.mask.sum() / CUT_FIELD_NODES))))
+    mask, candidates = view.mask[::step, ::step], view.normals[:, ::step, ::step]
     known, smooth = state.known[::step, ::step], state.smooth[::step, ::step]
     if swept is None or not mask.any():
         return state
     facing = mask & swept.flashes(smooth)
     if (facing & known).sum() < MIN_LIT_SHARE * facing.sum():
         return state
-    scale = state.view.scale / step
+    scale = view.scale / step
     contours = inner_contours(state.known_values[::step, ::step], candidates, mask, swept, scale)
     if contours is None:
         return state
