@@ -22,12 +22,12 @@ def cut_field(mask: np.ndarray, right: np.ndarray, down: np.ndarray, tension_len
 
     def form(*stencil: tuple[int, int, float]) -> sparse.csr_matrix:
         """Return the sum of squares of a difference wherever all its nodes exist and no edge between them is cut."""
-        offsets = [(down, right) for down, right, _ in stencil]
+        offsets = [(row, column) for row, column, _ in stencil]
         complete = np.all([_moved(grid.nodes, *offset, -1) >= 0 for offset in offsets], axis=0)
-        for down, right in offsets:
+        for row, column in offsets:
             for (v, u), cut in cuts.items():
-                if (down + v, right + u) in offsets:
-                    complete &= ~_moved(cut, down, right, False)
+                if (row + v, column + u) in offsets:
+                    complete &= ~_moved(cut, row, column, False)
         count = int(complete.sum())
         columns = np.concatenate([_moved(grid.nodes, *offset, -1)[complete] for offset in offsets])
         values = np.repeat([value for *_, value in stencil], count)
