@@ -20,11 +20,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from glint.tasks.algorithms.candidates.markup import Marks
+from glint.tasks.algorithms.continuation.contour_field import field_with_contours
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.answers import contradictions
 from glint.tasks.algorithms.labelling.candidate_view import CandidateView
-from glint.tasks.algorithms.labelling.contour_field import with_inner_contours
 from glint.tasks.algorithms.labelling.explanations import explain
 from glint.tasks.algorithms.labelling.final_confidence import final_confidence
 from glint.tasks.algorithms.labelling.results import (
@@ -127,7 +127,7 @@ def conclude(explained: Alternation, marks: Marks | None = None) -> Reconstructi
         plausible = _plausible(state)
         _bend_dark_pixels(state, plausible)
         if state.options.inner_contours and state.faces is None and not state.view.is_draft:
-            state = with_inner_contours(state, plausible)
+            state.smooth = _with_inner_contours(state, plausible)
 
     view = state.view
     accepted = np.isfinite(state.confidence)
@@ -169,6 +169,22 @@ def _bend_dark_pixels(state: Alternation, plausible: np.ndarray) -> None:
     estimate = unreached_normals(state.smooth, confidence, plausible, view.mask, swept, view.scale, solve)
     if estimate is not None:
         state.unreached, state.smooth = estimate
+
+
+def _with_inner_contours(state: Alternation, plausible: np.ndarray) -> np.ndarray:
+    """Return the field (H, W, 3), cut along contours inside the silhouette; plausible (H, W) bool: see `_plausible`."""
+    view, weights = state.view, state.options.field
+    return field_with_contours(
+        state.smooth,
+        state.known_values,
+        view.normals,
+        state.constraints(state.known, state.values),
+        plausible,
+        view.mask,
+        view.scale,
+        dark_weight=weights.unreached,
+        tension_length=weights.tension_length,
+    )
 
 
 def _followed_depth(state: Alternation, normals: np.ndarray) -> np.ndarray | None:

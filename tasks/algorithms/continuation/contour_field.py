@@ -7,8 +7,6 @@ it explains better what candidates show and what stays dark: a pixel whose norma
 candidate near it.
 """
 
-from copy import copy
-
 import numpy as np
 from scipy import ndimage
 
@@ -21,7 +19,6 @@ from glint.tasks.algorithms.continuation.inner_contours import (
     lifted,
 )
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.prior.cut_field import cut_field
 from glint.tasks.algorithms.prior.unreached import MIN_LIT_SHARE, SweptNormals, dark_pixels, with_unreached
 
@@ -39,40 +36,59 @@ CHOICE_NATS = (-0.03, 0.07)
 most changed pixels nothing was observed."""
 
 
-def with_inner_contours(state: Alternation, plausible: np.ndarray) -> Alternation:
-    """Return the state with a field that is cut along contours inside the silhouette.
+def field_with_contours(
+    smooth: np.ndarray,
+    accepted: np.ndarray,
+    candidates: np.ndarray,
+    constraints: tuple[np.ndarray, np.ndarray],
+    plausible: np.ndarray,
+    mask: np.ndarray,
+    scale: float,
+    *,
+    dark_weight: float,
+    tension_length: float,
+) -> np.ndarray:
+    """Return a smooth field (H, W, 3), cut along contours inside the silhouette where observations confirm them.
 
-    plausible: (H, W) bool, pixels with an accepted normal of the field, or a rejected one that may well be true.
+    Args:
+        smooth: (H, W, 3) unit, finite in the mask.
+        accepted: (H, W, 3), accepted normals of the field, NaN elsewhere.
+        candidates: (K, H, W, 3), all candidates, NaN without.
+        constraints: targets (H, W, 3) of the field and their weights (H, W): accepted normals and occluding contour.
+        plausible: (H, W) bool, pixels with an accepted normal, or a rejected one that may well be true.
+        mask: (H, W) bool.
+        scale: inradius in pixels.
+        dark_weight: of a dark pixel.
+        tension_length: see `smooth_normal_field`.
     """
-    view = state.view
-    swept = SweptNormals.of(view.normals)
-    step = max(1, int(np.ceil(np.sqrt(view.mask.sum() / CUT_FIELD_NODES))))
-    mask, candidates = view.mask[::step, ::step], view.normals[:, ::step, ::step]
-    known, smooth = state.known[::step, ::step], state.smooth[::step, ::step]
+    swept, whole = SweptNormals.of(candidates), smooth
+    step = max(1, int(np.ceil(np.sqrt(mask.sum() / CUT_FIELD_NODES))))
+    targets, weights = constraints
+    mask, smooth, accepted, plausible, targets, weights = (
+        values[::step, ::step] for values in (mask, smooth, accepted, plausible, targets, weights)
+    )
+    candidates, scale = candidates[:, ::step, ::step], scale / step
+    known = np.isfinite(accepted[..., 0])
     if swept is None or not mask.any():
-        return state
+        return whole
     facing = mask & swept.flashes(smooth)
     if (facing & known).sum() < MIN_LIT_SHARE * facing.sum():
-        return state
-    scale = view.scale / step
-    contours = inner_contours(state.known_values[::step, ::step], candidates, mask, swept, scale)
+        return whole
+    contours = inner_contours(accepted, candidates, mask, swept, scale)
     if contours is None:
-        return state
+        return whole
     expected = np.where(np.isfinite(contours.variance)[..., None], lifted(contours.plane), smooth)
-    dark = dark_pixels(expected, plausible[::step, ::step], mask, swept, scale)
+    dark = dark_pixels(expected, plausible, mask, swept, scale)
     unreached = np.where(dark[..., None], swept.nearest_beyond(expected), np.nan)
-    targets, pull = (part[::step, ::step] for part in state.constraints(state.known, state.values))
-    targets, pull = with_unreached(targets, pull, unreached, state.options.field.unreached)
-    continued = np.where(pull == 0.0, _continued_weight(contours, scale), 0.0)
-    surface = cut_field(mask, contours.right, contours.down, state.options.field.tension_length)
-    cut = surface.solve(np.where(continued[..., None] > 0.0, expected, targets), pull + continued)
+    targets, weights = with_unreached(targets, weights, unreached, dark_weight)
+    continued = np.where(weights == 0.0, _continued_weight(contours, scale), 0.0)
+    surface = cut_field(mask, contours.right, contours.down, tension_length)
+    cut = surface.solve(np.where(continued[..., None] > 0.0, expected, targets), weights + continued)
 
     gain = _likelihood(candidates, cut, swept) - _likelihood(candidates, smooth, swept)
     share = _choice(gain, mask & ~known & (angles(cut, smooth) > MIN_CHANGE_DEG), scale)
     change = np.where(mask[..., None], share[..., None] * (cut - smooth), 0.0)[..., :2]
-    result = copy(state)
-    result.smooth = _changed(state.smooth, change, step)
-    return result
+    return _changed(whole, change, step)
 
 
 def _continued_weight(contours: InnerContours, scale: float) -> np.ndarray:

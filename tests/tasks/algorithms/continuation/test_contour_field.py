@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.candidates.clusters import Clusters
+from glint.tasks.algorithms.continuation import contour_field
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.labelling import contour_field
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.labelling.weights import FieldWeights, LabellingOptions
 from tests.tasks.algorithms.continuation.limbs import CONTOUR, limbs
