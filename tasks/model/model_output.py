@@ -108,12 +108,10 @@ def _view_report(number: int, registered: RegisteredViews, model: Model, agreein
     view = registered.views[number]
     on_table = 0 if registered.turntable is None else len(registered.turntable.angles)
     origin = "solved" if number < on_table else "given"
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = view.rotation.T, -view.rotation.T @ view.translation
     return {
         "capture": view.name,
         "pose": "found" if view.name in registered.searched else origin,
-        "camera_to_world": matrix.tolist(),
+        "camera_to_world": view.camera_to_world.tolist(),
         "outline_misses_pixels": round(registered.residuals[number], 3),
         "normals_agree": None if np.isnan(agreeing) else round(float(agreeing), 3),
         "share": round(float((model.source == number).mean()), 4),

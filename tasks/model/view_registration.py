@@ -54,29 +54,27 @@ def view_of(work: CaptureContext, doubts: Sequence[StageWarning] = ()) -> View:
     labels, geometry = work.load("labels"), load_geometry(work)
     confidence, evidence = labels.read("confidence"), labels.read("evidence")
     pixel_size = geometry.pixel_size or 1.0
-    rotation, translation = np.eye(3), np.zeros(3)
     pose, camera = work.capture.pose, geometry.camera
     turned = np.radians(max((doubt.cost_deg for doubt in doubts), default=0.0))
     trust = np.divide(confidence, evidence, out=np.zeros_like(evidence), where=evidence > 0.0)
-    if pose is not None and pose.camera_to_world is not None:
-        matrix = np.array(pose.camera_to_world, float)
-        rotation, translation = matrix[:3, :3].T, -matrix[:3, :3].T @ matrix[:3, 3]
-    elif camera is not None:
-        # A turntable's axis is at the distance where a pixel covers pixel_size.
-        translation = np.array([0.0, 0.0, -pixel_size * areal_focal_length(camera)])
-    return View(
+    # A turntable's axis is at the distance where a pixel covers pixel_size.
+    depth = 0.0 if camera is None else -pixel_size * areal_focal_length(camera)
+    view = View(
         name=work.capture.id,
         silhouette=SilhouetteMask(work.load("mask").read("mask")),
         normals=labels.read("normals"),
         evidence=evidence,
-        rotation=rotation,
-        translation=translation,
+        rotation=np.eye(3),
+        translation=np.array([0.0, 0.0, depth]),
         origin=(geometry.region.x, geometry.region.y),
         frame=geometry.frame_size,
         pixel_size=pixel_size,
         matrix=camera,
         trust=trust * probability_within_tolerance(turned),
     )
+    if pose is None or pose.camera_to_world is None:
+        return view
+    return view.with_camera_to_world(np.array(pose.camera_to_world, float))
 
 
 def register_views(

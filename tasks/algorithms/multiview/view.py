@@ -115,6 +115,17 @@ class View:
         """Return the same view from another pose: rotation (3, 3), translation (3,), world to camera."""
         return replace(self, rotation=np.asarray(rotation, float), translation=np.asarray(translation, float))
 
+    @property
+    def camera_to_world(self) -> np.ndarray:
+        """The pose (4, 4) as a catalogue states it."""
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = self.rotation.T, -self.rotation.T @ self.translation
+        return matrix
+
+    def with_camera_to_world(self, matrix: np.ndarray) -> "View":
+        """Return the same view from the pose (4, 4) that a catalogue states."""
+        return self.with_pose(matrix[:3, :3].T, -matrix[:3, :3].T @ matrix[:3, 3])
+
     def with_normals(self, normals: np.ndarray, evidence: np.ndarray) -> "View":
         """Return the same view with other normals (H, W, 3) and evidence (H, W)."""
         return replace(self, normals=normals, evidence=evidence)

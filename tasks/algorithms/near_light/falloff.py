@@ -8,6 +8,7 @@ there is shows in the darkest shadow, or in how the background follows the light
 level until it has changed by a few levels, which weakens the pattern too: levels count where they have just changed.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -52,7 +53,7 @@ MIN_INCIDENCE = 0.02
 SWEEPS = 3
 """Times that the medians of frames and places are taken out in turn."""
 FOLDS = 8
-"""Groups of consecutive frames; leaving each out in turn gives the standard error (jackknife)."""
+"""Groups of consecutive frames of which each is left out in turn."""
 EXPONENT_ERROR, ROOM_ERROR = 0.2, 0.1
 """Standard deviations of the camera's exponent, relative (with the light's beam: that of sRGB is a fifth larger at dark
 levels), and of the room's share by shadows that are not wholly dark."""
@@ -161,14 +162,15 @@ class _Background:
         return replace(self, used=np.abs(np.nan_to_num(pattern, nan=np.inf)) < limit)
 
     def fit(self) -> _Fit:
-        """Fit the light's inverse distance, its error by leaving out groups of consecutive frames (jackknife)."""
+        """Fit the light's inverse distance."""
         reach = float(np.linalg.norm(self.points, axis=1).max())
         inverse = self._inverse(START_REACHES / reach, reach, ITERATIONS)
-        groups = np.arange(len(self.used)) * FOLDS // len(self.used)
-        everywhere = np.ones(len(self.points), bool)
-        parts = [self.part(groups != fold, everywhere) for fold in range(FOLDS)]
-        without = [part._inverse(max(inverse, START_REACHES / reach), reach, 1) for part in parts]
-        return _Fit(inverse, np.sqrt(FOLDS - 1.0) * float(np.std(without)))
+        start, everywhere = max(inverse, START_REACHES / reach), np.ones(len(self.points), bool)
+
+        def again(kept: np.ndarray) -> float:
+            return self.part(kept, everywhere)._inverse(start, reach, 1)
+
+        return _Fit(inverse, _standard_error(len(self.used), again))
 
     def _inverse(self, start: float, reach: float, iterations: int) -> float:
         """Return the inverse distance that explains the pattern, from an approximate one, `start`.
@@ -204,11 +206,19 @@ def _room_share(
     def room(kept: np.ndarray) -> float:
         return 1.0 - float(np.polyfit(cosine[kept], brightness[kept], 1)[0]) / CAMERA_EXPONENT
 
-    groups = np.arange(len(cosine)) * FOLDS // len(cosine)
-    error = np.sqrt(FOLDS - 1.0) * float(np.std([room(groups != fold) for fold in range(FOLDS)]))
+    error = _standard_error(len(cosine), room)
     # A drift of the exposure can look like the cosine, and hide the room's light.
     by_cosine = max(room(np.ones(len(cosine), bool)) + ROOM_DEVIATIONS * error, 0.0)
     return (in_shadow, 0.0) if in_shadow < by_cosine else (by_cosine, error)
+
+
+def _standard_error(count: int, value: Callable[[np.ndarray], float]) -> float:
+    """Return the standard error of what `count` frames give, by leaving out groups of consecutive ones (jackknife).
+
+    value(kept): what the frames kept (T,) bool give.
+    """
+    groups = np.arange(count) * FOLDS // count
+    return float(np.sqrt(FOLDS - 1.0) * np.std([value(groups != fold) for fold in range(FOLDS)]))
 
 
 def _log_irradiance(lights: np.ndarray, inverse_distance: float, points: np.ndarray) -> np.ndarray:

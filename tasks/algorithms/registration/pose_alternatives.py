@@ -28,7 +28,6 @@ FACTOR_RAYS = 24
 """Rays per silhouette by which factors are compared."""
 MIN_FACTOR_CHANGE = 0.01
 """Change of a factor, or of a unit, from which it is one."""
-
 MAX_UNIT_ERROR = 0.1
 """Decades by which the ratio of two units may differ from a power of ten: centres of masks are not quite one point."""
 MIN_VIEWS = 5
@@ -104,7 +103,7 @@ def _matrices(views: Sequence[View]) -> Iterator[Alternative]:
         for is_flipped in (False, True):
             parts = [part for part in (form, axes if is_flipped else "") if part]
             posed = [
-                _with_matrix(view, read(_camera_to_world(view)) @ (flipped if is_flipped else np.eye(4)))
+                view.with_camera_to_world(read(view.camera_to_world) @ (flipped if is_flipped else np.eye(4)))
                 for view in views
             ]
             if parts:
@@ -143,15 +142,3 @@ def _transposed(matrix: np.ndarray) -> np.ndarray:
     result = matrix.copy()
     result[:3, :3] = matrix[:3, :3].T
     return result
-
-
-def _camera_to_world(view: View) -> np.ndarray:
-    """Return the pose (4, 4) as the catalogue states it."""
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = view.rotation.T, -view.rotation.T @ view.translation
-    return matrix
-
-
-def _with_matrix(view: View, matrix: np.ndarray) -> View:
-    """Return a view with a pose (4, 4) as the catalogue states it."""
-    return view.with_pose(matrix[:3, :3].T, -matrix[:3, :3].T @ matrix[:3, 3])
