@@ -10,7 +10,7 @@ from glint.storage.inputs.markup import AnnotationEntry
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.candidates.shading import without_shading
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view
 from glint.tasks.algorithms.labelling.alternation import Alternation
 from glint.tasks.algorithms.labelling.answers import mark_influence
@@ -73,7 +73,7 @@ class CaptureQuestions:
         nodes, ties = self._sheets
         pins = np.zeros(nodes.shape, np.int8)
         pins[layer, row, column] = 1
-        reached = mark_influence(nodes, ties, pins, inradius(self.mask)) > ANSWERED_INFLUENCE
+        reached = mark_influence(nodes, ties, pins, inradius_of(self.mask)) > ANSWERED_INFLUENCE
         layers, rows, columns = np.nonzero(reached)
         is_exterior = bool(self._labels[layer, row, column] > 0)
         return Question(layers, rows, columns, is_exterior, wrong=0.0, change=0.0)

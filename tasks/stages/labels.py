@@ -8,7 +8,7 @@ from glint.storage.catalogue.models import Pose
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.candidates.shading import MAX_SHADING, without_shading
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view, view_vectors
 from glint.tasks.algorithms.labelling.confidence import with_input_doubt
 from glint.tasks.algorithms.labelling.light_evidence import light_evidence
@@ -97,7 +97,7 @@ def _light_doubt(inputs: StageInputs, clusters: Clusters, labels: np.ndarray) ->
     candidates = rotate_to_view(clusters.normals, view)
     expected = rotate_to_view(inputs.load("silhouette").read("initial"), view)
     observed = mask & (clusters.observations > 0)
-    return doubt_lights(light_evidence(candidates, labels, expected, observed, inradius(mask)))
+    return doubt_lights(light_evidence(candidates, labels, expected, observed, inradius_of(mask)))
 
 
 def _camera_doubt(inputs: StageInputs, clusters: Clusters, labels: np.ndarray) -> CameraDoubt:

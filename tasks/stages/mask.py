@@ -3,7 +3,7 @@
 import numpy as np
 
 from glint.storage.inputs.masks_and_truth import read_mask
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.masks.mask import beside_spheres
 from glint.tasks.algorithms.masks.mask_doubt import Objection, covered_spheres, doubt_of, mask_objections
 from glint.tasks.engine.stage import Progress, StageOutput
@@ -74,7 +74,7 @@ def _warning(objection: Objection, pixels: np.ndarray, geometry: CaptureGeometry
         amount = f" by {abs(objection.offset):.0f} pixels" if objection.offset else f" {place}"
         beside = "inside" if objection.kind == "too large" else "outside"
         evidence = f"the strongest edges and highlights lie {beside} its contour"
-        cost = float(np.degrees(np.arctan(max(abs(objection.offset), 2.0) / max(inradius(pixels), 1.0))))
+        cost = float(np.degrees(np.arctan(max(abs(objection.offset), 2.0) / max(inradius_of(pixels), 1.0))))
         return StageWarning(f"{name} is {objection.kind}{amount}: {evidence}; {REMEDY}", "mask", round(cost, 1))
     share = f"{objection.share:.0%} of its contour"
     text, cost = {

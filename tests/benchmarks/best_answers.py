@@ -18,7 +18,7 @@ import numpy as np
 from glint.storage.inputs.masks_and_truth import read_truth
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.evaluation.metrics import squared_errors
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.questions.proposals import Question
 from glint.tasks.algorithms.sheets.patches import cut_patches
 from glint.tasks.algorithms.sheets.sheet_graph import sheet_graph
@@ -37,7 +37,7 @@ def corrections(questions: CaptureQuestions, labels: np.ndarray, truth: np.ndarr
     """Return, for each sheet of at least MIN_PIXELS whose label the truth contradicts, marks of all its candidates."""
     normals = np.where(questions.mask[None, :, :, None], questions.clusters.normals, np.nan).astype(np.float32)
     nodes, ties = sheet_graph(normals)
-    patches = cut_patches(nodes, ties, labels, inradius(questions.mask))
+    patches = cut_patches(nodes, ties, labels, inradius_of(questions.mask))
     wrong = []
     for number in range(patches.count):
         chosen = patches.number == number

@@ -17,7 +17,7 @@ import numpy as np
 from scipy import ndimage
 
 from glint.storage.catalogue.loading import Capture
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals
 from glint.tasks.algorithms.labelling.weights import DEFAULT_OPTIONS, FieldWeights, LabellingOptions
@@ -81,7 +81,7 @@ def measure(capture: Capture, store: Path) -> str:
     def shares(curves: np.ndarray) -> str:
         if not curves.any():
             return "0% of the mask with 0%"
-        near = ndimage.distance_transform_edt(~curves) <= NEAR_INRADII * inradius(view.mask)
+        near = ndimage.distance_transform_edt(~curves) <= NEAR_INRADII * inradius_of(view.mask)
         return f"{near[known].mean():.0%} of the mask with {squared[known & near].sum() / squared[known].sum():.0%}"
 
     confident = known & (result.confidence >= 0.95)

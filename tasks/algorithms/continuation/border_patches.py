@@ -49,10 +49,10 @@ class BorderPatches:
     window: float
 
     @classmethod
-    def of(cls, normals: np.ndarray, mask: np.ndarray, scale: float) -> "BorderPatches":
+    def of(cls, normals: np.ndarray, mask: np.ndarray, inradius: float) -> "BorderPatches":
         """Fit the patches on all borders of sheets.
 
-        normals: (H, W, 3) accepted ones, NaN elsewhere; mask: (H, W) bool; scale: inradius in pixels.
+        normals: (H, W, 3) accepted ones, NaN elsewhere; mask: (H, W) bool; inradius: of the object, in pixels.
         """
         sheets = segment_sheets(normals, SHEET_TURN_DEG)
         inner = (sheets >= 0) & (np.bincount(sheets[sheets >= 0], minlength=1)[np.maximum(sheets, 0)] >= MIN_SHEET)
@@ -60,8 +60,8 @@ class BorderPatches:
         # Single pixels without a normal have no border: only what holds a square of four.
         wide = ndimage.binary_dilation(ndimage.binary_opening(gap, np.ones((2, 2))), iterations=2)
         border = inner & wide & ndimage.binary_dilation(gap)
-        spacing = max(PATCH_SPACING_INRADII * scale, MIN_RADII_PX[0])
-        window = max(PATCH_WINDOW_INRADII * scale, MIN_RADII_PX[1])
+        spacing = max(PATCH_SPACING_INRADII * inradius, MIN_RADII_PX[0])
+        window = max(PATCH_WINDOW_INRADII * inradius, MIN_RADII_PX[1])
         owner, nearest = np.full(mask.shape, -1), np.full(mask.shape, np.inf)
         fits: list[tuple[np.ndarray, ...]] = []
         for row, column in np.argwhere(border):

@@ -43,7 +43,7 @@ def field_with_contours(
     constraints: tuple[np.ndarray, np.ndarray],
     plausible: np.ndarray,
     mask: np.ndarray,
-    scale: float,
+    inradius: float,
     *,
     dark_weight: float,
     tension_length: float,
@@ -57,7 +57,7 @@ def field_with_contours(
         constraints: targets (H, W, 3) of the field and their weights (H, W): accepted normals and occluding contour.
         plausible: (H, W) bool, pixels with an accepted normal, or a rejected one that may well be true.
         mask: (H, W) bool.
-        scale: inradius in pixels.
+        inradius: of the object, in pixels.
         dark_weight: of a dark pixel.
         tension_length: see `smooth_normal_field`.
     """
@@ -67,33 +67,33 @@ def field_with_contours(
     mask, smooth, accepted, plausible, targets, weights = (
         values[::step, ::step] for values in (mask, smooth, accepted, plausible, targets, weights)
     )
-    candidates, scale = candidates[:, ::step, ::step], scale / step
+    candidates, inradius = candidates[:, ::step, ::step], inradius / step
     known = np.isfinite(accepted[..., 0])
     if swept is None or not mask.any():
         return whole
     facing = mask & swept.flashes(smooth)
     if (facing & known).sum() < MIN_LIT_SHARE * facing.sum():
         return whole
-    contours = inner_contours(accepted, candidates, mask, swept, scale)
+    contours = inner_contours(accepted, candidates, mask, swept, inradius)
     if contours is None:
         return whole
     expected = np.where(np.isfinite(contours.variance)[..., None], lifted(contours.plane), smooth)
-    dark = dark_pixels(expected, plausible, mask, swept, scale)
+    dark = dark_pixels(expected, plausible, mask, swept, inradius)
     unreached = np.where(dark[..., None], swept.nearest_beyond(expected), np.nan)
     targets, weights = with_unreached(targets, weights, unreached, dark_weight)
-    continued = np.where(weights == 0.0, _continued_weight(contours, scale), 0.0)
+    continued = np.where(weights == 0.0, _continued_weight(contours, inradius), 0.0)
     surface = cut_field(mask, contours.right, contours.down, tension_length)
     cut = surface.solve(np.where(continued[..., None] > 0.0, expected, targets), weights + continued)
 
     gain = _likelihood(candidates, cut, swept) - _likelihood(candidates, smooth, swept)
-    share = _choice(gain, mask & ~known & (angles(cut, smooth) > MIN_CHANGE_DEG), scale)
+    share = _choice(gain, mask & ~known & (angles(cut, smooth) > MIN_CHANGE_DEG), inradius)
     change = np.where(mask[..., None], share[..., None] * (cut - smooth), 0.0)[..., :2]
     return _changed(whole, change, step)
 
 
-def _continued_weight(contours: InnerContours, scale: float) -> np.ndarray:
+def _continued_weight(contours: InnerContours, inradius: float) -> np.ndarray:
     """Return the weight (H, W) of continued normals: the farther from what continues, and the less sure, the less."""
-    weight = CONTINUED_WEIGHT * np.exp(-((contours.distance / (CONTINUED_INRADII * scale)) ** 2))
+    weight = CONTINUED_WEIGHT * np.exp(-((contours.distance / (CONTINUED_INRADII * inradius)) ** 2))
     return np.asarray(weight * CONTINUED_VARIANCE / (CONTINUED_VARIANCE + contours.variance))
 
 
@@ -103,9 +103,9 @@ def _likelihood(candidates: np.ndarray, field: np.ndarray, swept: SweptNormals) 
     return np.where(is_shown, SHOWN_NATS, np.where(swept.flashes(field), -DARK_NATS, 0.0))
 
 
-def _choice(gain: np.ndarray, changed: np.ndarray, scale: float) -> np.ndarray:
+def _choice(gain: np.ndarray, changed: np.ndarray, inradius: float) -> np.ndarray:
     """Return the share (H, W) of the cut field: by its mean gain (H, W) at changed pixels (H, W) of a neighbourhood."""
-    sigma = CHOICE_INRADII * scale
+    sigma = CHOICE_INRADII * inradius
     total = ndimage.gaussian_filter(np.where(changed, gain, 0.0), sigma)
     mean = total / np.maximum(ndimage.gaussian_filter(changed.astype(float), sigma), 1e-6)
     return np.clip((mean - CHOICE_NATS[0]) / (CHOICE_NATS[1] - CHOICE_NATS[0]), 0.0, 1.0)

@@ -72,7 +72,7 @@ def lifted(plane: np.ndarray) -> np.ndarray:
 
 
 def inner_contours(
-    accepted: np.ndarray, candidates: np.ndarray, mask: np.ndarray, swept: SweptNormals, scale: float
+    accepted: np.ndarray, candidates: np.ndarray, mask: np.ndarray, swept: SweptNormals, inradius: float
 ) -> InnerContours | None:
     """Find the contours inside a silhouette; None if fewer than two patches continue.
 
@@ -81,15 +81,15 @@ def inner_contours(
         candidates: (K, H, W, 3), all candidates, NaN without.
         mask: (H, W) bool.
         swept: normals that the lights reach.
-        scale: inradius in pixels.
+        inradius: of the object, in pixels.
     """
-    patches = BorderPatches.of(accepted, mask, scale)
+    patches = BorderPatches.of(accepted, mask, inradius)
     if patches.count < 2:
         return None
     nodes = mask & ~patches.inner | (patches.owner >= 0)
     rows, columns = np.nonzero(nodes)
     owner = patches.owner[nodes]
-    unary, allowed = _costs(patches, candidates, mask, swept, scale, rows, columns)
+    unary, allowed = _costs(patches, candidates, mask, swept, inradius, rows, columns)
     allowed &= owner < 0
     edges = _edges(nodes)
     edges = edges[(owner[edges] < 0).any(axis=1)]
@@ -100,7 +100,7 @@ def inner_contours(
 
     def difference(first: np.ndarray, second: np.ndarray) -> np.ndarray:
         square = ((first[:, :2] - second[:, :2]) ** 2).sum(axis=1)
-        return CONTOUR_NATS * scale * np.minimum(square / (CONTOUR_JUMP**2 + first[:, 2] + second[:, 2]), 1.0)
+        return CONTOUR_NATS * inradius * np.minimum(square / (CONTOUR_JUMP**2 + first[:, 2] + second[:, 2]), 1.0)
 
     places = np.stack([rows, columns], axis=1)
     fixed = owner >= 0
@@ -128,7 +128,7 @@ def _costs(
     candidates: np.ndarray,
     mask: np.ndarray,
     swept: SweptNormals,
-    scale: float,
+    inradius: float,
     rows: np.ndarray,
     columns: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -138,11 +138,11 @@ def _costs(
     allowed = np.zeros(costs.shape, bool)
     for patch, centre in enumerate(patches.centres):
         distance = np.hypot(rows - centre[0], columns - centre[1])
-        near = np.flatnonzero(distance <= PATCH_REACH_INRADII * scale)
+        near = np.flatnonzero(distance <= PATCH_REACH_INRADII * inradius)
         at = rows[near], columns[near]
         plane = patches.at(np.full(len(near), patch), *at)[:, :2]
         length = np.hypot(*plane.T)
-        cost = DISTANCE_NATS * distance[near] / scale
+        cost = DISTANCE_NATS * distance[near] / inradius
         cost += np.minimum(BEYOND_NATS * np.maximum(length - BEYOND_LENGTH, 0.0), MAX_BEYOND_NATS)
         is_shown = has_candidate(candidates[:, at[0], at[1]], lifted(plane))
         cost += DARK_NATS * (swept.flashes(lifted(plane * REACH_MARGIN)) & ~is_shown) - SHOWN_NATS * is_shown

@@ -79,10 +79,10 @@ class Edge:
         return crease_direction(self.end - self.start, normal)
 
 
-def face_edges(faces: list[Face], mask: np.ndarray, scale: float) -> list[Edge]:
+def face_edges(faces: list[Face], mask: np.ndarray, inradius: float) -> list[Edge]:
     """Return the straight edges of faces.
 
-    mask: (H, W) bool; scale: its inradius in pixels.
+    mask: (H, W) bool; inradius: of the mask, in pixels.
     """
     owner = np.where(mask, UNSEEN, SILHOUETTE)
     for number, face in reversed(list(enumerate(faces))):
@@ -92,24 +92,24 @@ def face_edges(faces: list[Face], mask: np.ndarray, scale: float) -> list[Edge]:
         contour = max(
             cv2.findContours(face.hull.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0], key=len
         )
-        corners = cv2.approxPolyDP(contour, max(CORNER_INRADII * scale, MIN_CORNER_PX), closed=True)[:, 0]
+        corners = cv2.approxPolyDP(contour, max(CORNER_INRADII * inradius, MIN_CORNER_PX), closed=True)[:, 0]
         points = corners * np.array([1.0, -1.0])
         centre = points.mean(axis=0)
         for start, end in zip(points, np.roll(points, -1, axis=0), strict=True):
             along = end - start
-            if np.linalg.norm(along) < MIN_EDGE_INRADII * scale:
+            if np.linalg.norm(along) < MIN_EDGE_INRADII * inradius:
                 continue
             outward = np.array([along[1], -along[0]]) / np.linalg.norm(along)
             outward *= np.sign(outward @ (start - centre)) or 1.0
-            edges.append(Edge(number, start, end, outward, _behind(start, end, outward, number, owner, scale)))
+            edges.append(Edge(number, start, end, outward, _behind(start, end, outward, number, owner, inradius)))
     return edges
 
 
 def _behind(
-    start: np.ndarray, end: np.ndarray, outward: np.ndarray, number: int, owner: np.ndarray, scale: float
+    start: np.ndarray, end: np.ndarray, outward: np.ndarray, number: int, owner: np.ndarray, inradius: float
 ) -> int:
     """Return what lies behind an edge of face `number`; owner (H, W): number of the face at each pixel, or its code."""
-    gap = max(3, round(GAP_INRADII * scale))
+    gap = max(3, round(GAP_INRADII * inradius))
     rows, columns = strip_pixels(start, end, outward, np.linspace(*INNER_SHARES, EDGE_SAMPLES), np.arange(1, gap + 1))
     inside = (columns >= 0) & (columns < owner.shape[1]) & (rows >= 0) & (rows < owner.shape[0])
     codes = np.where(inside, owner[np.clip(rows, 0, owner.shape[0] - 1), np.clip(columns, 0, owner.shape[1] - 1)], -1)
@@ -151,7 +151,7 @@ def crease_residual(along: np.ndarray, first: np.ndarray, second: np.ndarray) ->
     return float(np.arcsin(min(sine, 1.0)) / deviation)
 
 
-def rounding_radius(edges: list[Edge], faces: list[Face], scale: float) -> float:
+def rounding_radius(edges: list[Edge], faces: list[Face], inradius: float) -> float:
     """Return the radius in pixels with which edges are rounded: the median of those between observed faces.
 
     Across an edge of radius r the normal's image component grows by 1 in r pixels, and so fills the gap between faces.
@@ -165,4 +165,4 @@ def rounding_radius(edges: list[Edge], faces: list[Face], scale: float) -> float
             # The hulls of two faces may overlap at an edge that is not rounded.
             gap = max(float(distances.min()) - 1.0, 0.0)
             radii.append(gap / max(abs(float(difference)), MIN_NORMAL_STEP))
-    return float(np.median(radii)) if radii else DEFAULT_ROUNDING_INRADII * scale
+    return float(np.median(radii)) if radii else DEFAULT_ROUNDING_INRADII * inradius

@@ -71,7 +71,7 @@ def flat_faces(
     candidates: np.ndarray,
     field: np.ndarray,
     mask: np.ndarray,
-    scale: float,
+    inradius: float,
 ) -> FlatFaces | None:
     """Find the flat faces of an object, and estimate those that never showed the light; None without any.
 
@@ -81,12 +81,12 @@ def flat_faces(
         candidates: (K, H, W, 3), NaN where there is none; they show whether edges are rounded.
         field: (H, W, 3), the smooth normal field.
         mask: (H, W) bool.
-        scale: inradius of the mask in pixels.
+        inradius: of the mask, in pixels.
     """
-    apparent = find_faces(accepted, lights, mask, scale)
+    apparent = find_faces(accepted, lights, mask, inradius)
     if not apparent:
         return None
-    faces, refuted = _tested(apparent, candidates, mask, scale)
+    faces, refuted = _tested(apparent, candidates, mask, inradius)
     shape = mask.shape
     result = FlatFaces(
         normals=np.full((*shape, 3), np.nan, np.float32),
@@ -98,10 +98,10 @@ def flat_faces(
     )
     for face in refuted:
         result.refuted[face.pixels] = face.normal
-    edges = face_edges(faces, mask, scale)
+    edges = face_edges(faces, mask, inradius)
     known = np.isfinite(accepted[..., 0]) & np.isnan(result.refuted[..., 0])
-    rounding = rounding_radius(edges, faces, scale)
-    for unseen in unseen_faces(faces, edges, known, field, mask, scale, rounding):
+    rounding = rounding_radius(edges, faces, inradius)
+    for unseen in unseen_faces(faces, edges, known, field, mask, inradius, rounding):
         result.normals[unseen.pixels] = unseen.normal
         result.weights[unseen.pixels] = UNSEEN_WEIGHT
         result.spread[unseen.pixels] = unseen.spread
@@ -116,13 +116,13 @@ def flat_faces(
 
 
 def has_other_faces(
-    surface: np.ndarray, accepted: np.ndarray, lights: np.ndarray, mask: np.ndarray, scale: float
+    surface: np.ndarray, accepted: np.ndarray, lights: np.ndarray, mask: np.ndarray, inradius: float
 ) -> bool:
     """Return whether accepted normals show flat faces that a surface with normals `surface` (H, W, 3) has not.
 
     For the rest see `flat_faces`.
     """
-    faces = find_faces(accepted, lights, mask, scale)
+    faces = find_faces(accepted, lights, mask, inradius)
     if not faces:
         return False
     pixels = np.any([face.pixels for face in faces], axis=0)
@@ -131,19 +131,21 @@ def has_other_faces(
     return bool(angles(surface[pixels], accepted[pixels]).mean() > MAX_FACE_ERROR_DEG)
 
 
-def _tested(faces: list[Face], candidates: np.ndarray, mask: np.ndarray, scale: float) -> tuple[list[Face], list[Face]]:
+def _tested(
+    faces: list[Face], candidates: np.ndarray, mask: np.ndarray, inradius: float
+) -> tuple[list[Face], list[Face]]:
     """Return the faces that stand the test of their edges, and those that do not.
 
     No face is refuted unless another shows that edges of this object are rounded enough to be seen.
     """
-    edges = [edge for edge in face_edges(faces, mask, scale) if edge.behind != SILHOUETTE]
+    edges = [edge for edge in face_edges(faces, mask, inradius) if edge.behind != SILHOUETTE]
     evidence = [
-        rounding_evidence([edge for edge in edges if edge.face == number], face, candidates, scale)
+        rounding_evidence([edge for edge in edges if edge.face == number], face, candidates, inradius)
         for number, face in enumerate(faces)
     ]
-    is_rounded = any(share >= ROUNDED_SHARE and length >= MIN_TESTED_INRADII * scale for share, length in evidence)
+    is_rounded = any(share >= ROUNDED_SHARE and length >= MIN_TESTED_INRADII * inradius for share, length in evidence)
     fails = [
-        is_rounded and share < CUT_OFF_SHARE and length >= MIN_TESTED_INRADII * scale for share, length in evidence
+        is_rounded and share < CUT_OFF_SHARE and length >= MIN_TESTED_INRADII * inradius for share, length in evidence
     ]
     kept = [face for face, failed in zip(faces, fails, strict=True) if not failed]
     return kept, [face for face, failed in zip(faces, fails, strict=True) if failed]

@@ -52,17 +52,17 @@ class Face:
     hull: np.ndarray
 
 
-def find_faces(accepted: np.ndarray, lights: np.ndarray, mask: np.ndarray, scale: float) -> list[Face]:
+def find_faces(accepted: np.ndarray, lights: np.ndarray, mask: np.ndarray, inradius: float) -> list[Face]:
     """Find the flat faces of accepted normals, largest first.
 
     Args:
         accepted: (H, W, 3) unit, camera frame, NaN where there is none.
         lights: (H, W), weights of their clusters: how many lights at a distance from one another they come from.
         mask: (H, W) bool.
-        scale: inradius of the mask in pixels.
+        inradius: of the mask, in pixels.
     """
     values = np.where(mask[..., None], accepted, np.nan).astype(np.float32)
-    radius = max(MIN_WINDOW_PX, round(WINDOW_INRADII * scale))
+    radius = max(MIN_WINDOW_PX, round(WINDOW_INRADII * inradius))
     flat = flat_pixels(values, radius, float(np.cos(np.radians(FLAT_DEG))), MIN_WINDOW_SHARE)
     faces: list[Face] = []
     parts, count = ndimage.label(flat & ~_at_crease(values, flat))
@@ -76,7 +76,7 @@ def find_faces(accepted: np.ndarray, lights: np.ndarray, mask: np.ndarray, scale
         pixels = _touching(values @ normal.astype(np.float32) > np.cos(np.radians(FACE_DEG)), core)
         taken = np.any([face.pixels for face in faces], axis=0) if faces else np.zeros_like(mask)
         pixels &= ~taken
-        if depth_inside(pixels).max() < max(MIN_FACE_INRADII * scale, MIN_FACE_PX):
+        if depth_inside(pixels).max() < max(MIN_FACE_INRADII * inradius, MIN_FACE_PX):
             continue
         faces = _with_region(faces, normal, pixels, values, mask)
     return sorted(faces, key=lambda face: -int(face.pixels.sum()))

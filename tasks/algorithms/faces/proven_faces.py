@@ -40,27 +40,27 @@ PROVEN_NATS = 10.0
 
 
 def face_evidence(
-    candidates: np.ndarray, mask: np.ndarray, scale: float, camera: np.ndarray | None = None
+    candidates: np.ndarray, mask: np.ndarray, inradius: float, camera: np.ndarray | None = None
 ) -> np.ndarray:
     """Return the log-likelihood ratios (K, H, W), nats, of candidates by the flat faces that they prove.
 
     Args:
         candidates: (K, H, W, 3), relative to the view rays, NaN where there is none.
         mask: (H, W) bool.
-        scale: its inradius in pixels.
+        inradius: of the mask, in pixels.
         camera: (3, 3), the perspective camera's matrix in pixels of the mask; None for parallel rays.
     """
     if camera is not None:
         # A plane has one normal in the camera frame, and another relative to each ray.
         candidates = rotate_from_view(candidates, view_vectors(camera, mask.shape, 0.0, 0.0))
     evidence = np.zeros(candidates.shape[:3])
-    for face in proven_faces(candidates, mask, scale):
+    for face in proven_faces(candidates, mask, inradius):
         belongs = angles(candidates[:, face.hull], face.normal) < FACE_DEG
         evidence[:, face.hull] = np.where(belongs, PROVEN_NATS, -PROVEN_NATS)
     return evidence
 
 
-def proven_faces(candidates: np.ndarray, mask: np.ndarray, scale: float) -> list[Face]:
+def proven_faces(candidates: np.ndarray, mask: np.ndarray, inradius: float) -> list[Face]:
     """Return the flat faces that candidates (K, H, W, 3), camera frame, prove, largest first; see `face_evidence`."""
     proven: list[Face] = []
     taken = np.zeros_like(mask)
@@ -70,12 +70,12 @@ def proven_faces(candidates: np.ndarray, mask: np.ndarray, scale: float) -> list
             continue
         edges = [
             edge
-            for edge in face_edges([face], mask, scale)
+            for edge in face_edges([face], mask, inradius)
             if edge.behind != SILHOUETTE
-            and not rounded_share(edge, face, candidates, scale, is_inside=True) > MAX_INSIDE_SHARE
+            and not rounded_share(edge, face, candidates, inradius, is_inside=True) > MAX_INSIDE_SHARE
         ]
-        share, length = rounding_evidence(edges, face, candidates, scale)
-        if share >= PROVEN_ROUNDED_SHARE and length >= MIN_PROVEN_INRADII * scale:
+        share, length = rounding_evidence(edges, face, candidates, inradius)
+        if share >= PROVEN_ROUNDED_SHARE and length >= MIN_PROVEN_INRADII * inradius:
             proven.append(face)
             taken |= face.hull
     return proven

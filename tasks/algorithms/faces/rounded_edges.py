@@ -23,10 +23,10 @@ TESTED_TURN_DEG, TESTED_SLANT_DEG = 10.0, 44.0
 """An edge is tested if a normal turned outwards by so many degrees is still within this angle of the view vector."""
 
 
-def rounded_share(edge: Edge, face: Face, candidates: np.ndarray, scale: float, *, is_inside: bool = False) -> float:
+def rounded_share(edge: Edge, face: Face, candidates: np.ndarray, inradius: float, *, is_inside: bool = False) -> float:
     """Return the share of an edge beside which candidates show its rounding; NaN where the light could not show it.
 
-    candidates: (K, H, W, 3), NaN where there is none. scale: inradius of the mask in pixels. is_inside: whether to look
+    candidates: (K, H, W, 3), NaN where there is none. inradius: of the mask, in pixels. is_inside: whether to look
     within the face instead, where a curved wall shows the same.
     """
     direction = edge.direction(face.normal)
@@ -35,7 +35,7 @@ def rounded_share(edge: Edge, face: Face, candidates: np.ndarray, scale: float, 
     turned = np.cos(np.radians(TESTED_TURN_DEG)) * face.normal + np.sin(np.radians(TESTED_TURN_DEG)) * outward
     if turned[2] < np.cos(np.radians(TESTED_SLANT_DEG)):
         return float("nan")
-    strip = max(MIN_STRIP_PX, round(STRIP_INRADII * scale))
+    strip = max(MIN_STRIP_PX, round(STRIP_INRADII * inradius))
     distances = np.arange(-1, strip) if not is_inside else np.arange(-1 - strip, -1)
     rows, columns = edge.strip(np.linspace(*TESTED_SHARES, max(MIN_TESTED_PLACES, int(edge.length))), distances)
     height, width = candidates.shape[1:3]
@@ -46,9 +46,9 @@ def rounded_share(edge: Edge, face: Face, candidates: np.ndarray, scale: float, 
     return float(is_rounded.any(axis=(0, 2)).mean())
 
 
-def rounding_evidence(edges: list[Edge], face: Face, candidates: np.ndarray, scale: float) -> tuple[float, float]:
+def rounding_evidence(edges: list[Edge], face: Face, candidates: np.ndarray, inradius: float) -> tuple[float, float]:
     """Return the share of a face's edges that show their rounding, by length, and the length that could, in pixels."""
-    shares = np.array([rounded_share(edge, face, candidates, scale) for edge in edges])
+    shares = np.array([rounded_share(edge, face, candidates, inradius) for edge in edges])
     lengths = np.array([edge.length for edge in edges])
     tested = np.isfinite(shares)
     total = float(lengths[tested].sum())

@@ -62,7 +62,7 @@ def unseen_faces(
     known: np.ndarray,
     field: np.ndarray,
     mask: np.ndarray,
-    scale: float,
+    inradius: float,
     rounding: float,
 ) -> list[UnseenFace]:
     """Estimate the faces behind the edges of observed ones.
@@ -71,32 +71,32 @@ def unseen_faces(
         faces, edges: the observed faces and their edges.
         known: (H, W) bool, pixels with an accepted normal.
         field: (H, W, 3), the smooth normal field, finite in the mask.
-        mask: (H, W) bool; scale: its inradius in pixels.
+        mask: (H, W) bool; inradius: of the mask, in pixels.
         rounding: radius of the rounded edges in pixels.
     """
     # A few accepted pixels do not make a part observed: what lies in the middle of many does.
     density = ndimage.uniform_filter(
-        known.astype(float), 2 * max(MIN_ACCEPTED_WINDOW_PX, round(ACCEPTED_WINDOW_INRADII * scale)) + 1
+        known.astype(float), 2 * max(MIN_ACCEPTED_WINDOW_PX, round(ACCEPTED_WINDOW_INRADII * inradius)) + 1
     )
     observed = np.any([face.hull for face in faces], axis=0) | (density > MAX_ACCEPTED_SHARE)
     unseen = mask & ~observed
-    open_edges = [edge for edge in edges if edge.behind == UNSEEN and _borders(edge, unseen, scale)]
-    groups = _corners(open_edges, scale)
+    open_edges = [edge for edge in edges if edge.behind == UNSEEN and _borders(edge, unseen, inradius)]
+    groups = _corners(open_edges, inradius)
     # What is nearest to an edge at the silhouette lies behind that one, and nothing is known of it.
     nearest = _nearest_group([*groups, [edge for edge in edges if edge not in open_edges]], unseen)
     inside = depth_inside(mask)
     result = []
     for number, group in enumerate(groups):
-        pixels = largest_part((nearest == number) & _behind_edges(group, unseen, scale))
+        pixels = largest_part((nearest == number) & _behind_edges(group, unseen, inradius))
         depth = depth_inside(pixels).max()
-        if pixels.sum() >= MIN_PART_SHARE * mask.sum() and depth >= MIN_PART_INRADII * scale:
+        if pixels.sum() >= MIN_PART_SHARE * mask.sum() and depth >= MIN_PART_INRADII * inradius:
             face = _estimate(group, faces, field, pixels)
             flat = inside > 1.0 + rounding * (1.0 - float(np.hypot(*face.normal[:2])))
             result.append(replace(face, pixels=pixels & flat & ~_rounded(group, faces, face.normal, rounding, pixels)))
     return result
 
 
-def _behind_edges(group: list[Edge], unseen: np.ndarray, scale: float) -> np.ndarray:
+def _behind_edges(group: list[Edge], unseen: np.ndarray, inradius: float) -> np.ndarray:
     """Return the pixels (H, W) bool of `unseen` that lie behind an edge of a group, and not far beside its ends."""
     points = image_points(unseen)
     behind = np.zeros(len(points), bool)
@@ -104,7 +104,7 @@ def _behind_edges(group: list[Edge], unseen: np.ndarray, scale: float) -> np.nda
         height = (points - edge.start) @ edge.outward
         along = (points - edge.start) @ unit(edge.end - edge.start)
         overhang = np.maximum(-along, along - edge.length)
-        behind |= (height > 0) & (overhang < np.maximum(MAX_OVERHANG * height, MIN_OVERHANG_INRADII * scale))
+        behind |= (height > 0) & (overhang < np.maximum(MAX_OVERHANG * height, MIN_OVERHANG_INRADII * inradius))
     result = np.zeros(unseen.shape, bool)
     result[unseen] = behind
     return result
@@ -124,20 +124,20 @@ def _rounded(
     return result
 
 
-def _borders(edge: Edge, pixels: np.ndarray, scale: float) -> bool:
+def _borders(edge: Edge, pixels: np.ndarray, inradius: float) -> bool:
     """Return whether a part (H, W) bool without a face lies along most of an edge, behind its rounding."""
-    distances = np.arange(1, max(MIN_BORDERED_PX, round(BORDERED_INRADII * scale)))
+    distances = np.arange(1, max(MIN_BORDERED_PX, round(BORDERED_INRADII * inradius)))
     rows, columns = edge.strip(np.linspace(*BORDERED_SHARES, BORDERED_PLACES), distances)
     inside = np.clip(rows, 0, pixels.shape[0] - 1), np.clip(columns, 0, pixels.shape[1] - 1)
     return bool(pixels[inside].any(axis=1).mean() > MIN_BORDERED_SHARE)
 
 
-def _corners(edges: list[Edge], scale: float) -> list[list[Edge]]:
+def _corners(edges: list[Edge], inradius: float) -> list[list[Edge]]:
     """Group edges that bound one and the same face: those of two faces that meet in a corner of less than 180 deg."""
     groups = [[edge] for edge in edges]
     for first in range(len(edges)):
         for second in range(first):
-            if edges[first].face == edges[second].face or not _is_corner(edges[first], edges[second], scale):
+            if edges[first].face == edges[second].face or not _is_corner(edges[first], edges[second], inradius):
                 continue
             pair = [group for group in groups if edges[first] in group or edges[second] in group]
             if len(pair) == 2:
@@ -145,11 +145,11 @@ def _corners(edges: list[Edge], scale: float) -> list[list[Edge]]:
     return groups
 
 
-def _is_corner(first: Edge, second: Edge, scale: float) -> bool:
+def _is_corner(first: Edge, second: Edge, inradius: float) -> bool:
     """Return whether two edges meet in a corner whose outer angle one face can fill."""
     ends = [(np.linalg.norm(p - q), p, q) for p in (first.start, first.end) for q in (second.start, second.end)]
     distance, p, q = min(ends, key=lambda end: end[0])
-    if distance > JOINT_INRADII * scale:
+    if distance > JOINT_INRADII * inradius:
         return False
     directions = [unit(edge.start + edge.end - 2.0 * end) for edge, end in ((first, p), (second, q))]
     angle = _turn(directions[0], directions[1], first.outward)

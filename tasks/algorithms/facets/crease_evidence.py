@@ -38,7 +38,7 @@ MIN_FLASH_SHARE = 0.5
 
 def creases_log_ratio(body: FacetedBody, view: FacetView) -> float:
     """Return what the highlights of the rounded creases say, and flashes of their faces beyond them."""
-    creases, reach = body.creases, round(EDGE_INRADII * view.scale + ADDED_EDGE_PX)
+    creases, reach = body.creases, round(EDGE_INRADII * view.inradius + ADDED_EDGE_PX)
     along = creases.ends - creases.starts
     lengths = np.linalg.norm(along, axis=1)
     used = lengths > MIN_CREASE_PX
@@ -72,7 +72,7 @@ def creases_log_ratio(body: FacetedBody, view: FacetView) -> float:
     # A round wall turns everywhere, not only at a crease.
     turning = share_log_ratio(shares.near, np.clip(np.maximum(shares.stray, shares.beside), *STRAY_SHARE))
     turning = np.where((reached >= MIN_ARC_SHARE) & np.isfinite(shares.beside), turning, 0.0)
-    return float((lengths[used] * (beyond + turning)).sum() / (PIECE_INRADII * view.scale))
+    return float((lengths[used] * (beyond + turning)).sum() / (PIECE_INRADII * view.inradius))
 
 
 class _CreaseShares(NamedTuple):

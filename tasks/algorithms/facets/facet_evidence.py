@@ -28,7 +28,7 @@ def facet_log_ratio(body: FacetedBody, view: FacetView) -> float:
     if not len(body.normals):
         return -np.inf
     faces = body.faces(view.mask.shape)
-    piece = PIECE_INRADII * view.scale
+    piece = PIECE_INRADII * view.inradius
     unfilled = int((view.inner & (faces < 0)).sum())
     return float(
         _faces_log_ratio(body, faces, view) + creases_log_ratio(body, view) - UNFILLED_NATS * unfilled / piece**2
@@ -38,7 +38,7 @@ def facet_log_ratio(body: FacetedBody, view: FacetView) -> float:
 def _faces_log_ratio(body: FacetedBody, faces: np.ndarray, view: FacetView) -> float:
     """Return what the insides of the visible faces, numbered (H, W), say."""
     count = len(body.normals)
-    reach = round(EDGE_INRADII * view.scale + ADDED_EDGE_PX)
+    reach = round(EDGE_INRADII * view.inradius + ADDED_EDGE_PX)
     inside = faces.copy()
     inside[_near_edges(faces, reach) | ~view.mask] = -1
     normals, pixels = view.shown
@@ -51,7 +51,7 @@ def _faces_log_ratio(body: FacetedBody, faces: np.ndarray, view: FacetView) -> f
     ratios = share_log_ratio(shares, FALSE_FACE_SHARE)
     is_dark = ~view.flashing(body.normals, body.corners.mean(axis=1))
     ratios = np.where((ratios < 0.0) & is_dark, 0.0, ratios)
-    return float((ratios * np.sqrt(areas)).sum() / (PIECE_INRADII * view.scale))
+    return float((ratios * np.sqrt(areas)).sum() / (PIECE_INRADII * view.inradius))
 
 
 def _near_edges(faces: np.ndarray, reach: int) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 from glint.tasks.algorithms.facets.faceted_body import FacetedBody
 from glint.tasks.algorithms.facets.placements import Placement
 from glint.tasks.algorithms.geometry.contours import smooth_contour
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view, to_camera_directions
 from glint.tasks.algorithms.geometry.vectors import positions_at, to_camera, unit
 from glint.tasks.algorithms.prior.unreached import SweptNormals
@@ -73,9 +73,9 @@ class FacetView:
         return FacetedBody.inside(self.contour, frame, placement.polygon)
 
     @cached_property
-    def scale(self) -> float:
+    def inradius(self) -> float:
         """Inradius of the silhouette in pixels."""
-        return inradius(self.mask)
+        return inradius_of(self.mask)
 
     @cached_property
     def inner(self) -> np.ndarray:

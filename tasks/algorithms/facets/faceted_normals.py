@@ -16,7 +16,7 @@ from glint.tasks.algorithms.facets.facet_view import FacetView, silhouette_conto
 from glint.tasks.algorithms.facets.faceted_body import FacetedBody
 from glint.tasks.algorithms.facets.hollows import with_hollow
 from glint.tasks.algorithms.facets.placements import Placement, placements_about_axis, placements_of_ends
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals, PolyhedronSearch, polyhedral_normals
 
 COARSE_INRADIUS_PX, FINE_INRADIUS_PX = 30.0, 60.0
@@ -38,7 +38,7 @@ class FacetSearch(PolyhedronSearch):
     def likeliest(self) -> list[PolyhedralNormals]:
         """The bodies for which candidates speak most, best first; none if they speak for none."""
         mask, shown, inverse_focal = self._silhouette, self._shown, self._inverse_focal
-        strides = [max(1, round(inradius(mask) / pixels)) for pixels in (COARSE_INRADIUS_PX, FINE_INRADIUS_PX)]
+        strides = [max(1, round(inradius_of(mask) / pixels)) for pixels in (COARSE_INRADIUS_PX, FINE_INRADIUS_PX)]
         views = {stride: FacetView.of(shown, mask, inverse_focal, stride) for stride in strides}
         coarse, fine = (views[stride] for stride in strides)
         if coarse is None or fine is None:
@@ -98,7 +98,7 @@ def _refined(
     best, placement = log_ratio(start), start
     for halving in range(halvings + 1):
         factor = 0.5**halving
-        beside = np.radians(turn), shift * view.scale * view.stride, np.radians(tilt), share
+        beside = np.radians(turn), shift * view.inradius * view.stride, np.radians(tilt), share
         while True:
             neighbours = [(log_ratio(near), near) for near in placement.beside(*(factor * step for step in beside))]
             ratio, neighbour = max(neighbours, key=itemgetter(0))

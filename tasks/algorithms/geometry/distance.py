@@ -24,7 +24,7 @@ def depth_inside(mask: np.ndarray) -> np.ndarray:
     return distance_inside(np.pad(mask, 1))[1:-1, 1:-1]
 
 
-def inradius(mask: np.ndarray) -> float:
+def inradius_of(mask: np.ndarray) -> float:
     """Return the radius in pixels of the largest circle inside the mask (H, W): the object's scale in the image."""
     return float(depth_inside(mask).max())
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.special import ndtri
 
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 
 MIN_COSINE = 0.01
 """Lower bound of the cosine between normal and line of sight inside the margin: 100 pixels per pixel."""
@@ -58,7 +58,7 @@ def least_cosines(mask: np.ndarray) -> np.ndarray:
     """
     # A crop may end at the contour, so that the array's edge counts as one.
     outermost = mask & (cv2.erode(np.pad(mask, 1).astype(np.uint8), np.ones((3, 3), np.uint8))[1:-1, 1:-1] == 0)
-    return np.where(outermost, 1.0 / np.sqrt(1.0 + inradius(mask)), MIN_COSINE)
+    return np.where(outermost, 1.0 / np.sqrt(1.0 + inradius_of(mask)), MIN_COSINE)
 
 
 def contour_heights(height: np.ndarray, mask: np.ndarray, contour: Contour) -> tuple[np.ndarray, np.ndarray]:
@@ -77,7 +77,7 @@ def contour_heights(height: np.ndarray, mask: np.ndarray, contour: Contour) -> t
         step = (sampled - distance) * contour.inward[:, rows, columns]
         samples.append(_sampled(known, rows + step[0], columns + step[1]))
     first, second = (np.sqrt(sampled) for sampled in SAMPLED_PX)
-    rise = np.clip((samples[1] - samples[0]) / (second - first), 0.0, np.sqrt(2.0 * inradius(mask)))
+    rise = np.clip((samples[1] - samples[0]) / (second - first), 0.0, np.sqrt(2.0 * inradius_of(mask)))
     level = np.full((2, *mask.shape), np.nan)
     level[:, rows, columns] = samples[0] - first * rise, rise
     return level[0], level[1]

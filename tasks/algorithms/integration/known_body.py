@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.integration.edges import GridEdges
 from glint.tasks.algorithms.integration.expected_rises import ExpectedRises, poisson_source
 from glint.tasks.algorithms.integration.multigrid import solve_poisson
@@ -35,12 +35,12 @@ class KnownBody(NamedTuple):
     """The depth of a body.
 
     known: (H, W) bool, pixels that show it. depth: (H, W) float64, pixels towards the camera up to a constant, 0 where
-    it is not known. scale: inradius of the mask in pixels.
+    it is not known. inradius: of the mask, in pixels.
     """
 
     known: np.ndarray
     depth: np.ndarray
-    scale: float
+    inradius: float
 
 
 def known_body(depth: np.ndarray | None, mask: np.ndarray) -> KnownBody | None:
@@ -50,20 +50,20 @@ def known_body(depth: np.ndarray | None, mask: np.ndarray) -> KnownBody | None:
     known = mask & np.isfinite(depth)
     if np.count_nonzero(known) < MIN_BODY_SHARE * np.count_nonzero(mask):
         return None
-    return KnownBody(known, np.where(known, depth, 0.0).astype(np.float64), inradius(mask))
+    return KnownBody(known, np.where(known, depth, 0.0).astype(np.float64), inradius_of(mask))
 
 
 def body_pull(body: KnownBody, height: np.ndarray) -> np.ndarray:
     """Return the weights (H, W), per square pixel, that draw a height (H, W) to the body, by the loss of the edges."""
-    relative = (height - body.depth) / (MAX_BODY_DEVIATION * body.scale)
-    full = (DEPTH_SD * INDEPENDENT_SIDE * body.scale**2) ** -2.0
+    relative = (height - body.depth) / (MAX_BODY_DEVIATION * body.inradius)
+    full = (DEPTH_SD * INDEPENDENT_SIDE * body.inradius**2) ** -2.0
     return np.where(body.known, full / (1.0 + relative**2) ** 3, 0.0)
 
 
 def agrees(body: KnownBody, height: np.ndarray) -> bool:
     """Return whether a height (H, W), whose constant is the body's, agrees with its depth nearly everywhere."""
     deviation = np.abs(height - body.depth)[body.known]
-    return bool((deviation < MAX_BODY_DEVIATION * body.scale).mean() >= MIN_UNCONTRADICTED_SHARE)
+    return bool((deviation < MAX_BODY_DEVIATION * body.inradius).mean() >= MIN_UNCONTRADICTED_SHARE)
 
 
 def beside_body(edges: GridEdges, body: KnownBody) -> GridEdges:

@@ -79,7 +79,7 @@ class Alternation:
         """Let marks speak from now on; the present labels tell what they confirm."""
         self.unmarked_labels = self.labels
         self.marks = mark_constraints(marks, self.view.normals, self.view.mask, self.labels)
-        self.influence = mark_influence(*self.view.sheets, self.marks.labels, self.view.scale, self.labels)
+        self.influence = mark_influence(*self.view.sheets, self.marks.labels, self.view.inradius, self.labels)
 
     @property
     def evidence(self) -> np.ndarray:
@@ -136,7 +136,7 @@ class Alternation:
         """Replace accepted normals, their confidence and the field by those of the present labels."""
         self.values = accepted_normals(self.view.normals, self.labels, self.marks.normals)
         readmitted = np.where(self.labels, self.readmitted, 0.0).max(axis=0, initial=0.0)
-        self.confidence = self.with_marks(np.maximum(observed_confidence(self.values, self.view.scale), readmitted))
+        self.confidence = self.with_marks(np.maximum(observed_confidence(self.values, self.view.inradius), readmitted))
         self.known = self.confidence >= self.options.min_confidence
         self.smooth = self.solve_field(self.known, self.values, faces=self.faces)
 
@@ -162,7 +162,7 @@ class Alternation:
             observed |= self.faces.observed
         # The field is trusted near what shaped it: the contour too, unless expected normals took its place.
         sources = observed if self.expected is not None else self.view.rim | observed
-        spread = field_spread(sources, self.view.local_scale, error.floor, error.slope, error.ceiling)
+        spread = field_spread(sources, self.view.thickness, error.floor, error.slope, error.ceiling)
         ratios = unary_log_ratio(self.view.normals, self.smooth, spread, self.options.graph_cut.prior) + self.evidence
         return (
             np.where(self.marks.labels != 0, self.marks.labels * HARD_CONSTRAINT, ratios)
@@ -193,9 +193,9 @@ class Alternation:
         """Return the confidence (H, W) of the field and its faces, for `known` pixels (H, W) that can be trusted."""
         accepted = self.known_values
         slope = field_error_slope(
-            lambda kept: self.solve_field(kept, self.values, self.view.coarse), accepted, self.view.scale
+            lambda kept: self.solve_field(kept, self.values, self.view.coarse), accepted, self.view.inradius
         )
-        between = field_confidence(known, self.view.rim, slope, self.view.scale)
+        between = field_confidence(known, self.view.rim, slope, self.view.inradius)
         if self.faces is None:
             return between
         return np.where(np.isfinite(self.faces.spread), probability_within_tolerance(self.faces.spread), between)

@@ -22,14 +22,14 @@ MARKED_SHEET_CONFIDENCE = 0.97
 
 
 def mark_influence(
-    nodes: np.ndarray, ties: sparse.csr_matrix, pins: np.ndarray, scale: float, labels: np.ndarray | None = None
+    nodes: np.ndarray, ties: sparse.csr_matrix, pins: np.ndarray, inradius: float, labels: np.ndarray | None = None
 ) -> np.ndarray:
     """Spread marks over their sheets: (K, H, W), from 1 (exterior) to -1 (false), 0 where no mark reaches.
 
     Args:
         nodes, ties: of `sheets.sheet_graph`.
         pins: (K, H, W) int8, labels of marked nodes: 1 exterior, -1 false, 0 free.
-        scale: inradius of the mask in pixels.
+        inradius: of the mask, in pixels.
         labels: (K, H, W) bool, exterior nodes without the marks. A mark that confirms its node's label says nothing of
             nodes with the other: a sheet that continues it under another label crosses it, or is known better. None:
             no mark confirms.
@@ -39,7 +39,7 @@ def mark_influence(
     result = np.zeros(nodes.shape)
     if not pins.any():
         return result
-    present, reach_px = nodes >= 0, max(MARK_REACH_INRADII * scale, 1.0)
+    present, reach_px = nodes >= 0, max(MARK_REACH_INRADII * inradius, 1.0)
 
     def distance(paths: sparse.csr_matrix, marked: np.ndarray) -> np.ndarray:
         sources = np.flatnonzero(marked[present])

@@ -8,7 +8,7 @@ from scipy import sparse
 
 from glint.tasks.algorithms.candidates.shading import shading_log_ratio
 from glint.tasks.algorithms.facets.faceted_normals import FacetSearch
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.labelling.graph_cut import GraphCut
 from glint.tasks.algorithms.labelling.weights import GraphCutWeights, LabellingOptions
 from glint.tasks.algorithms.prior.smooth_normals import (
@@ -37,7 +37,7 @@ class CandidateView:
     normals (K, H, W, 3) float32: candidates, relative to the view rays, NaN outside the mask and without cluster.
     weights (K, H, W): of the clusters. observations (H, W): frames in which a pixel is lit. mask (H, W) bool. camera:
     (3, 3), the perspective camera's matrix in pixels of the mask; None for parallel rays. is_draft: whether the field
-    is that of a draft. scale: inradius of the mask in pixels. local_scale (H, W): thickness in pixels. evidence (K, H,
+    is that of a draft. inradius: of the mask, in pixels. thickness (H, W): of the object, in pixels. evidence (K, H,
     W): log-likelihood ratio of a true against a false highlight, by the sheet's shape and by shading, nats. surface:
     interpolant of the field; coarse: that which predicts what is held out. rim (H, W) bool, outward (H, W, 3): pixels
     of the occluding contour and their normals. graph: of the nodes, to be cut. sheets: numbers of the nodes and their
@@ -50,8 +50,8 @@ class CandidateView:
     mask: np.ndarray
     camera: np.ndarray | None
     is_draft: bool
-    scale: float
-    local_scale: np.ndarray
+    inradius: float
+    thickness: np.ndarray
     evidence: np.ndarray
     surface: SmoothNormalField
     coarse: SmoothNormalField
@@ -82,7 +82,7 @@ class CandidateView:
         if normals.shape[1:3] != mask.shape:
             raise ValueError(f"clusters of {normals.shape[1:3]} pixels do not fit a mask of {mask.shape}")
         normals = np.where(mask[None, :, :, None], normals, np.nan)
-        tension, weights, scale = options.field.tension_length, options.graph_cut, inradius(mask)
+        tension, weights, inradius = options.field.tension_length, options.graph_cut, inradius_of(mask)
         rim, outward = contour_normals(mask)
         return cls(
             normals=normals,
@@ -91,9 +91,9 @@ class CandidateView:
             mask=mask,
             camera=camera,
             is_draft=is_draft,
-            scale=scale,
-            local_scale=thickness(mask),
-            evidence=candidate_evidence(normals, clusters.shading, scale, weights),
+            inradius=inradius,
+            thickness=thickness(mask),
+            evidence=candidate_evidence(normals, clusters.shading, inradius, weights),
             surface=smooth_normal_field(mask, tension, DRAFT_NODES if is_draft else MAX_NODES),
             coarse=smooth_normal_field(mask, tension, HELD_OUT_NODES),
             rim=rim,
@@ -106,11 +106,13 @@ class CandidateView:
         )
 
 
-def candidate_evidence(normals: np.ndarray, shading: np.ndarray, scale: float, weights: GraphCutWeights) -> np.ndarray:
+def candidate_evidence(
+    normals: np.ndarray, shading: np.ndarray, inradius: float, weights: GraphCutWeights
+) -> np.ndarray:
     """Return the log-likelihood ratio (K, H, W) of a true against a false highlight by shape and shading, nats.
 
-    normals: (K, H, W, 3) unit, NaN without cluster. shading: (K, H, W) of `Clusters`. scale: inradius in pixels.
+    normals: (K, H, W, 3) unit, NaN without cluster. shading: (K, H, W) of `Clusters`. inradius: of the mask, in pixels.
     """
-    evidence = weights.shape_weight * shape_log_ratio(normals, scale)
+    evidence = weights.shape_weight * shape_log_ratio(normals, inradius)
     evidence += weights.shading_weight * shading_log_ratio(shading)
     return evidence

@@ -61,12 +61,12 @@ def probability_within_tolerance(spread: np.ndarray) -> np.ndarray:
     return 1.0 - np.exp(-(TOLERANCE_RAD**2) / (2.0 * np.maximum(spread, 1e-6) ** 2))
 
 
-def sheet_quality(normals: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def sheet_quality(normals: np.ndarray, inradius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Measure cover, roughness and curl of accepted normals.
 
     Args:
         normals: (H, W, 3), camera frame, NaN where there is none.
-        scale: inradius in pixels.
+        inradius: of the object, in pixels.
 
     Returns:
         (H, W) each. Cover: share of the neighbourhood (COVER_INRADII) that is accepted. Roughness: angle to the local
@@ -74,7 +74,7 @@ def sheet_quality(normals: np.ndarray, scale: float) -> tuple[np.ndarray, np.nda
         pixel is added, so that nearly flat sheets have none; 0 for a surface.
     """
     known = np.isfinite(normals[..., 0])
-    cover = gaussian_blur(known, max(MIN_COVER_PX, COVER_INRADII * scale))
+    cover = gaussian_blur(known, max(MIN_COVER_PX, COVER_INRADII * inradius))
     weight = np.maximum(gaussian_blur(known, 2.0), 1e-6)
 
     # Normalised convolution: gaps neither pull the mean nor spread.
@@ -90,23 +90,23 @@ def sheet_quality(normals: np.ndarray, scale: float) -> tuple[np.ndarray, np.nda
     return cover, roughness, curl
 
 
-def observed_confidence(normals: np.ndarray, scale: float) -> np.ndarray:
+def observed_confidence(normals: np.ndarray, inradius: float) -> np.ndarray:
     """Return the confidence (H, W) of accepted normals (H, W, 3; NaN elsewhere) by their neighbourhood, NaN elsewhere.
 
-    scale: inradius in pixels.
+    inradius: of the object, in pixels.
     """
-    return _logistic(NEIGHBOURHOOD_LOGIT, *sheet_quality(normals, scale))
+    return _logistic(NEIGHBOURHOOD_LOGIT, *sheet_quality(normals, inradius))
 
 
 def sheet_confidence(
-    normals: np.ndarray, evidence: np.ndarray, residual: np.ndarray, scale: float, accepted_odds: float
+    normals: np.ndarray, evidence: np.ndarray, residual: np.ndarray, inradius: float, accepted_odds: float
 ) -> np.ndarray:
     """Return the confidence (H, W) of accepted normals (H, W, 3; NaN elsewhere) by their sheets, NaN elsewhere.
 
     evidence (H, W): the sheet's mean log-likelihood ratio by shape, shading, marks and refuted faces; residual (H, W):
-    its `held_out_residual`; scale: inradius in pixels; accepted_odds: `accepted_log_odds` of the object, nats.
+    its `held_out_residual`; inradius: of the object, in pixels; accepted_odds: `accepted_log_odds` of the object, nats.
     """
-    _, roughness, curl = sheet_quality(normals, scale)
+    _, roughness, curl = sheet_quality(normals, inradius)
     return _logistic(SHEET_LOGIT, roughness, np.minimum(curl, 2.0), evidence, residual, offset=accepted_odds)
 
 
@@ -165,7 +165,7 @@ def _logistic(weights: tuple[float, ...], *cues: np.ndarray, offset: float = 0.0
     return np.asarray(1.0 / (1.0 + np.exp(-logit)))
 
 
-def field_error_slope(predict: Callable[[np.ndarray], np.ndarray], normals: np.ndarray, scale: float) -> float:
+def field_error_slope(predict: Callable[[np.ndarray], np.ndarray], normals: np.ndarray, inradius: float) -> float:
     """Estimate how fast the field's error grows with the distance from accepted normals, by two-fold cross-validation.
 
     The folds are the two colours of a chequerboard of blocks.
@@ -173,13 +173,13 @@ def field_error_slope(predict: Callable[[np.ndarray], np.ndarray], normals: np.n
     Args:
         predict: maps known pixels (H, W) bool to the field (H, W, 3) from these normals and the occluding contour.
         normals: (H, W, 3) accepted normals, NaN elsewhere.
-        scale: inradius in pixels.
+        inradius: of the object, in pixels.
 
     Returns:
         Standard deviation per axis, radians per pixel; DEFAULT_SLOPE_DEG per inradius if nothing can be held out.
     """
     known = np.isfinite(normals[..., 0])
-    block = max(4, round(BLOCK_INRADII * scale))
+    block = max(4, round(BLOCK_INRADII * inradius))
     rows, columns = np.indices(known.shape) // block
     ratios = []
     for parity in (0, 1):
@@ -191,7 +191,7 @@ def field_error_slope(predict: Callable[[np.ndarray], np.ndarray], normals: np.n
         error = np.radians(angles(predict(kept)[tested], normals[tested]))
         ratios.append(error / (distance + MIN_DISTANCE_PX))
     if not ratios:
-        return np.radians(DEFAULT_SLOPE_DEG) / scale
+        return np.radians(DEFAULT_SLOPE_DEG) / inradius
     # A quantile instead of the RMS is robust against the false normals among the tested.
     return float(np.quantile(np.concatenate(ratios), 0.9)) / RAYLEIGH_NINTH_DECILE
 
@@ -210,7 +210,7 @@ def with_input_doubt(confidence: np.ndarray, half_vector_sd: np.ndarray, silhoue
     return np.asarray(confidence * probability_within_tolerance(half_vector_sd) * (1.0 - silhouette_doubt), np.float32)
 
 
-def field_confidence(known: np.ndarray, rim: np.ndarray, slope: float, scale: float) -> np.ndarray:
+def field_confidence(known: np.ndarray, rim: np.ndarray, slope: float, inradius: float) -> np.ndarray:
     """Return the confidence (H, W) of the field between accepted pixels and the occluding contour.
 
     Full confidence needs accepted normals all around; towards the contour the field is extrapolated, and no better
@@ -219,7 +219,7 @@ def field_confidence(known: np.ndarray, rim: np.ndarray, slope: float, scale: fl
     Args:
         known, rim: (H, W) bool, accepted pixels and the occluding contour.
         slope: `field_error_slope`, radians per pixel.
-        scale: inradius in pixels.
+        inradius: of the object, in pixels.
     """
 
     def confidence_from(sources: np.ndarray) -> np.ndarray:
@@ -228,6 +228,6 @@ def field_confidence(known: np.ndarray, rim: np.ndarray, slope: float, scale: fl
         distance = distance_inside(~sources) + MIN_DISTANCE_PX
         return probability_within_tolerance(slope * distance)
 
-    surrounded = np.minimum(FULL_COVER_RATIO * gaussian_blur(known, max(MIN_COVER_PX, COVER_INRADII * scale)), 1.0)
+    surrounded = np.minimum(FULL_COVER_RATIO * gaussian_blur(known, max(MIN_COVER_PX, COVER_INRADII * inradius)), 1.0)
     inside = OCCLUDING_CONTOUR_SHARE + (1.0 - OCCLUDING_CONTOUR_SHARE) * surrounded
     return np.maximum(inside * confidence_from(known), OCCLUDING_CONTOUR_SHARE * confidence_from(rim))

@@ -83,7 +83,7 @@ def _with_faces(state: Alternation) -> Alternation:
     """Return the state with a right prism or faceted body, else with single flat faces, if there are any."""
     view, start, solids = state.view, copy(state), _likely_solids(state)
     if not state.face_evidence.any():
-        state.face_evidence = face_evidence(view.normals, view.mask, view.scale, view.camera)
+        state.face_evidence = face_evidence(view.normals, view.mask, view.inradius, view.camera)
         if state.face_evidence.any():
             state.iterate()
     if _adopts_faces(state):
@@ -132,7 +132,7 @@ def _adopts_symmetry(state: Alternation) -> bool:
     if rotational is None or rotational.relief_fit < state.relief_fit:
         return False
     lights = accepted_weights(view.weights, state.labels)
-    if has_other_faces(rotational.normals, accepted, lights, view.mask, view.scale):
+    if has_other_faces(rotational.normals, accepted, lights, view.mask, view.inradius):
         return False  # A prism seen from its front has the silhouette of a cylinder, which has no flat faces.
     if rotational.relief_fit > 0.0 and rotational.round_error > MAX_ROUND_ERROR_DEG and _is_faceted(state):
         return False
@@ -208,7 +208,7 @@ def _seen_through(state: Alternation, solid: PolyhedralNormals) -> np.ndarray:
         known = pixels & state.known
         is_shown = known.sum() >= max(MIN_SEEN_SHARE * pixels.sum(), 1.0)
         if is_shown and contradicted[known].mean() < MAX_SEEN_THROUGH:
-            is_flat |= distance_inside(pixels) > ROUNDED_INRADII * view.scale
+            is_flat |= distance_inside(pixels) > ROUNDED_INRADII * view.inradius
     return is_flat & (angles(view.normals, solid.normals[None]) > CONTRADICTED_DEG)
 
 
@@ -217,7 +217,7 @@ def _adopts_faces(state: Alternation) -> bool:
     view = state.view
     for number in range(MAX_REFUTATIONS):
         lights = accepted_weights(view.weights, state.labels)
-        state.faces = flat_faces(state.known_values, lights, view.normals, state.smooth, view.mask, view.scale)
+        state.faces = flat_faces(state.known_values, lights, view.normals, state.smooth, view.mask, view.inradius)
         if state.faces is not None or number > 0:
             state.smooth = state.solve_field(state.known, state.values, faces=state.faces)
         if state.faces is None:

@@ -42,12 +42,19 @@ def final_confidence(state: Alternation, normals: np.ndarray) -> np.ndarray:
 
     error = replace(state.options.field_error, ceiling=np.inf)
     residual = held_out_residual(
-        sheets, state.values, state.known, rim=view.rim, mask=view.mask, scale=view.scale, error=error, predict=predict
+        sheets,
+        state.values,
+        state.known,
+        rim=view.rim,
+        mask=view.mask,
+        inradius=view.inradius,
+        error=error,
+        predict=predict,
     )
     # What is seen through a face that flashed does not show how often false candidates are accepted.
     shown = np.isfinite(view.normals[..., 0]) & ~state.seen_through
     odds = accepted_log_odds(np.isfinite(state.confidence), shown.any(axis=0))
-    observed = sheet_confidence(state.values, sheet_means(sheets, evidence), residual, view.scale, odds)
+    observed = sheet_confidence(state.values, sheet_means(sheets, evidence), residual, view.inradius, odds)
     if state.solid is not None:
         observed = observed * solid_confidence(state.values, state.solid.normals)
     observed = state.with_marks(observed * place_confidence(normals))
@@ -65,7 +72,7 @@ def held_out_residual(
     *,
     rim: np.ndarray,
     mask: np.ndarray,
-    scale: float,
+    inradius: float,
     error: FieldError,
     predict: Callable[[np.ndarray], np.ndarray],
 ) -> np.ndarray:
@@ -75,7 +82,7 @@ def held_out_residual(
         sheets: (H, W) int, numbers of the sheets, -1 outside.
         normals: (H, W, 3) accepted normals.
         known, rim, mask: (H, W) bool; accepted normals of the field, occluding contour, object.
-        scale: inradius of the mask in pixels.
+        inradius: of the mask, in pixels.
         error: of the field; without a ceiling, so that a sheet far from all else is not blamed for a poor prediction.
         predict: maps known pixels (H, W) bool to the field (H, W, 3) from these normals, the contour and dark pixels.
 
@@ -88,7 +95,7 @@ def held_out_residual(
     for sheet in np.flatnonzero(sizes >= max(MIN_HELD_OUT_SHARE * mask.sum(), 1)):
         withheld = sheets == sheet
         kept = known & ~withheld
-        spread = field_spread(kept | rim, scale, error.floor, error.slope, error.ceiling)[withheld]
+        spread = field_spread(kept | rim, inradius, error.floor, error.slope, error.ceiling)[withheld]
         residual = np.minimum(angles(predict(kept)[withheld], normals[withheld]), MAX_RESIDUAL_DEG)
         result[withheld] = residual.mean() / np.degrees(spread).mean()
     return result

@@ -90,7 +90,7 @@ class LightEvidence:
 
 
 def light_evidence(
-    candidates: np.ndarray, labels: np.ndarray, expected: np.ndarray, observed: np.ndarray, scale: float
+    candidates: np.ndarray, labels: np.ndarray, expected: np.ndarray, observed: np.ndarray, inradius: float
 ) -> LightEvidence:
     """Compare candidates and accepted normals with what right lights give.
 
@@ -99,31 +99,31 @@ def light_evidence(
         labels: (K, H, W), 1: accepted.
         expected: (H, W, 3), field from the occluding contour, seen alike.
         observed: (H, W) bool, pixels of the mask with candidates.
-        scale: inradius of the mask in pixels.
+        inradius: of the mask, in pixels.
     """
     ratios, scores = {}, {}
     for name, matrix in AXES.items():
         turned = candidates.astype(np.float32)
         turned[..., :2] = candidates[..., :2] @ np.array(matrix, np.float32).T
-        ratios[name] = shape_log_ratio(turned, scale)
+        ratios[name] = shape_log_ratio(turned, inradius)
         scores[name] = _agreement(turned, ratios[name], expected, observed)
     best = max((name for name in AXES if name != AS_GIVEN), key=lambda name: scores[name])
     half_score = 0.0
     if _max_tilt(candidates) < MAX_HALVED_TILT_DEG:
         doubled = _with_double_tilt(candidates.astype(np.float32))
-        half_score = _agreement(doubled, shape_log_ratio(doubled, scale), expected, observed)
-    turn, error = turn_angle(np.where((labels > 0)[..., None], candidates, np.nan).astype(np.float32), scale)
+        half_score = _agreement(doubled, shape_log_ratio(doubled, inradius), expected, observed)
+    turn, error = turn_angle(np.where((labels > 0)[..., None], candidates, np.nan).astype(np.float32), inradius)
     given_score = max(scores[AS_GIVEN], 1e-6)
     log_ratio = _mean_best(ratios[AS_GIVEN], observed)
     return LightEvidence(best, scores[best] / given_score, turn, error, log_ratio, half_score / given_score)
 
 
-def turn_angle(accepted: np.ndarray, scale: float) -> tuple[float, float]:
+def turn_angle(accepted: np.ndarray, inradius: float) -> tuple[float, float]:
     """Return the turn in degrees of accepted normals (K, H, W, 3) about the view vector, counter-clockwise.
 
     With it its standard error, the jackknife's over blocks of the region. NaN where too few normals are accepted.
     """
-    curl, _, convexity = np.moveaxis(sheet_jacobian(accepted, window_step(scale)), -1, 0)
+    curl, _, convexity = np.moveaxis(sheet_jacobian(accepted, window_step(inradius)), -1, 0)
     height, width = accepted.shape[1:3]
     rows, columns = np.indices((height, width))
     block = (rows * TURN_BLOCKS // height) * TURN_BLOCKS + columns * TURN_BLOCKS // width

@@ -36,7 +36,7 @@ def plausible_sheets(state: Alternation) -> np.ndarray:
         (K, H, W) their probability, at most at one node of a pixel, 0 elsewhere.
     """
     view, result = state.view, np.zeros(state.labels.shape)
-    patches = cut_patches(*view.sheets, state.labels, view.scale)
+    patches = cut_patches(*view.sheets, state.labels, view.inradius)
     if patches.count == 0:
         return result
     normals = blended_normals(state.values, state.smooth)

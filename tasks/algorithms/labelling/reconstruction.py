@@ -166,7 +166,7 @@ def _bend_dark_pixels(state: Alternation, plausible: np.ndarray) -> None:
     if swept is None:
         return
     confidence = np.where(state.known, state.confidence, 0.0)
-    estimate = unreached_normals(state.smooth, confidence, plausible, view.mask, swept, view.scale, solve)
+    estimate = unreached_normals(state.smooth, confidence, plausible, view.mask, swept, view.inradius, solve)
     if estimate is not None:
         state.unreached, state.smooth = estimate
 
@@ -181,7 +181,7 @@ def _with_inner_contours(state: Alternation, plausible: np.ndarray) -> np.ndarra
         state.constraints(state.known, state.values),
         plausible,
         view.mask,
-        view.scale,
+        view.inradius,
         dark_weight=weights.unreached,
         tension_length=weights.tension_length,
     )

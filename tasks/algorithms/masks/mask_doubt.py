@@ -14,7 +14,7 @@ from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.connected_parts import largest_part
 from glint.tasks.algorithms.geometry.contours import outermost_pixels
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.lighting.spheres import Sphere
 from glint.tasks.algorithms.masks.contour_edges import edge_image, signed_distance
 from glint.tasks.algorithms.masks.contour_offset import ContourEvidence, continued_beyond, misplacement
@@ -140,10 +140,10 @@ def doubt_of(mask: np.ndarray, objections: Sequence[Objection]) -> np.ndarray:
     It is highest beside a doubtful piece of contour, falls with the distance from it, and does not vanish anywhere.
     """
     trusted = np.ones(mask.shape)
-    scale = max(inradius(mask), 1.0)
+    inradius = max(inradius_of(mask), 1.0)
     for objection in objections:
         distance = ndimage.distance_transform_edt(~objection.piece)
-        local = np.exp(-distance / (REACH_INRADII * scale))
+        local = np.exp(-distance / (REACH_INRADII * inradius))
         overall = OVERALL_SHARE * objection.share
         trusted *= 1.0 - objection.doubt * np.maximum(local, overall)
     return np.where(mask, 1.0 - trusted, 0.0).astype(np.float32)

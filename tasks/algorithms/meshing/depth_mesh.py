@@ -15,7 +15,7 @@ from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.geometry.perspective import CAMERA_FLIP, camera_in_crop, focal_length
 from glint.tasks.algorithms.geometry.triangles import triangle_vectors
 from glint.tasks.algorithms.geometry.vectors import to_camera, unit
@@ -173,7 +173,7 @@ def _surface_edges(
     known = np.isfinite(normals).all(axis=-1)
     edges = grid_edges(np.where(known[..., None], normals, 0.0), used, known.astype(float), camera, MIN_COSINE)
     tested = known & (contour.distance >= CONTOUR_MARGIN_PX)
-    steepest = max(max_slope, float(np.sqrt(2.0 * inradius(used))))
+    steepest = max(max_slope, float(np.sqrt(2.0 * inradius_of(used))))
     kept = np.zeros(edges.inside.shape, bool)
     for axis in range(2):
         rise = np.roll(height, -1, axis) - height

@@ -4,7 +4,7 @@ import numpy as np
 from scipy import sparse
 
 from glint.tasks.algorithms.geometry.bilinear_grid import BilinearGrid
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.prior.smooth_normals import SmoothNormalField
 
 
@@ -35,7 +35,7 @@ def cut_field(mask: np.ndarray, right: np.ndarray, down: np.ndarray, tension_len
         difference = sparse.csr_matrix((values, (rows, columns)), shape=(count, grid.count))
         return difference.T @ difference
 
-    tension, mixed = 1.0 / max(tension_length * inradius(mask), 1.0) ** 2, 2.0**0.5
+    tension, mixed = 1.0 / max(tension_length * inradius_of(mask), 1.0) ** 2, 2.0**0.5
     smoothness = tension * (form((0, 0, -1.0), (0, 1, 1.0)) + form((0, 0, -1.0), (1, 0, 1.0)))
     smoothness = smoothness + form((0, -1, 1.0), (0, 0, -2.0), (0, 1, 1.0))
     smoothness = smoothness + form((-1, 0, 1.0), (0, 0, -2.0), (1, 0, 1.0))

@@ -17,7 +17,7 @@ from scipy import ndimage
 from glint.tasks.algorithms.geometry.banded_cholesky import solve_positive_definite
 from glint.tasks.algorithms.geometry.bilinear_grid import BilinearGrid
 from glint.tasks.algorithms.geometry.contours import outermost_pixels
-from glint.tasks.algorithms.geometry.distance import depth_inside, distance_inside, inradius
+from glint.tasks.algorithms.geometry.distance import depth_inside, distance_inside, inradius_of
 
 MAX_NODES = 30_000
 """Grid nodes of the solve; larger regions get one node for several pixels, which bounds time and memory."""
@@ -117,7 +117,7 @@ def smooth_normal_field(
     """
     step = max(1, int(np.ceil(np.sqrt(mask.sum() / max_nodes))))
     grid = BilinearGrid.over(mask, step)
-    tension = 1.0 / max(tension_length * inradius(mask), 1.0) ** 2
+    tension = 1.0 / max(tension_length * inradius_of(mask), 1.0) ** 2
     # Membrane energy |grad n|^2 and plate energy n_xx^2 + n_yy^2 + 2 n_xy^2, as finite differences.
     first: list[Stencil] = [[(0, 0, -1.0), (0, 1, 1.0)], [(0, 0, -1.0), (1, 0, 1.0)]]
     second: list[Stencil] = [
@@ -193,7 +193,7 @@ def thickness(mask: np.ndarray) -> np.ndarray:
 
 def field_spread(
     known: np.ndarray,
-    scale: np.ndarray | float,
+    thickness: np.ndarray | float,
     floor_deg: float,
     slope_deg: float,
     ceiling_deg: float,
@@ -202,13 +202,13 @@ def field_spread(
 
     Args:
         known: (H, W) bool, pixels with a known normal.
-        scale: thickness of the object in pixels, (H, W) or one for all.
+        thickness: of the object, in pixels, (H, W) or one for all.
         floor_deg: standard deviation at a known pixel.
-        slope_deg: increase per `scale` of distance from the nearest known pixel.
+        slope_deg: increase per `thickness` of distance from the nearest known pixel.
         ceiling_deg: upper bound, since the field is smooth, not arbitrary.
     """
     if not known.any():
         return np.full(known.shape, np.radians(ceiling_deg))
     distance = distance_inside(~known)
-    spread = np.minimum(floor_deg + slope_deg * distance / np.maximum(scale, 1.0), ceiling_deg)
+    spread = np.minimum(floor_deg + slope_deg * distance / np.maximum(thickness, 1.0), ceiling_deg)
     return np.asarray(np.radians(spread))

@@ -96,12 +96,14 @@ def _cells(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return row, column
 
 
-def dark_pixels(field: np.ndarray, lit: np.ndarray, mask: np.ndarray, swept: SweptNormals, scale: float) -> np.ndarray:
+def dark_pixels(
+    field: np.ndarray, lit: np.ndarray, mask: np.ndarray, swept: SweptNormals, inradius: float
+) -> np.ndarray:
     """Return the pixels (H, W) bool of windows in which nothing flashed although the field faces the lights.
 
-    field: (H, W, 3); lit: (H, W) bool, of `unreached_normals`; mask: (H, W) bool; scale: inradius in pixels.
+    field: (H, W, 3); lit: (H, W) bool, of `unreached_normals`; mask: (H, W) bool; inradius: of the object, in pixels.
     """
-    side = 2 * max(1, round(DARK_WINDOW_INRADII * scale)) + 1
+    side = 2 * max(1, round(DARK_WINDOW_INRADII * inradius)) + 1
     square = np.ones((side, side), bool)
     empty = ndimage.binary_erosion(~lit, square, border_value=1)
     facing = ndimage.uniform_filter((mask & ~lit & swept.flashes(field)).astype(np.float32), side)
@@ -114,7 +116,7 @@ def unreached_normals(
     lit: np.ndarray,
     mask: np.ndarray,
     swept: SweptNormals,
-    scale: float,
+    inradius: float,
     solve: Callable[[np.ndarray], np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Estimate the normals (H, W, 3) of dark pixels, NaN elsewhere, and the field (H, W, 3) that follows them.
@@ -128,7 +130,7 @@ def unreached_normals(
         lit: (H, W) bool, pixels with an accepted normal, or with a rejected one that is plausible.
         mask: (H, W) bool.
         swept: normals that the lights reach.
-        scale: inradius in pixels.
+        inradius: of the object, in pixels.
         solve: returns the field (H, W, 3) with normals (H, W, 3; NaN elsewhere) among its data.
     """
     facing = mask & swept.flashes(field)
@@ -136,7 +138,7 @@ def unreached_normals(
         return None
     dark = np.zeros_like(mask)
     for number in range(DARK_ROUNDS):
-        dark = dark | dark_pixels(field, lit, mask, swept, scale)
+        dark = dark | dark_pixels(field, lit, mask, swept, inradius)
         if not dark.any():
             return None
         direction = _integrable(field, np.where(dark, 1.0, confidence), mask) if number else field

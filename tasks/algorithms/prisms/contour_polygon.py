@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.geometry.vectors import to_camera
 
 MIN_CONVEX_SHARE = 0.965
@@ -48,8 +48,10 @@ def contour_polygons(mask: np.ndarray) -> list[np.ndarray]:
     points = np.column_stack([x, y])
     if x @ np.roll(y, -1) < y @ np.roll(x, -1):
         points = points[::-1]
-    scale = inradius(mask)
-    polygons = [_corners(_lines(points, parts)) for parts in (_straight_parts(points, scale), _sides(points, scale))]
+    inradius = inradius_of(mask)
+    polygons = [
+        _corners(_lines(points, parts)) for parts in (_straight_parts(points, inradius), _sides(points, inradius))
+    ]
     return [corners for corners in polygons if MIN_CORNERS <= len(corners) <= MAX_CORNERS]
 
 
@@ -64,31 +66,31 @@ def _dense(corners: np.ndarray) -> np.ndarray:
     )
 
 
-def _straight_parts(points: np.ndarray, scale: float) -> list[np.ndarray]:
+def _straight_parts(points: np.ndarray, inradius: float) -> list[np.ndarray]:
     """Return the points' numbers (M,) of each part of a closed contour (N, 2) that is straight, in its order."""
-    reach = max(MIN_CHORD_PX, round(CHORD_INRADII * scale))
+    reach = max(MIN_CHORD_PX, round(CHORD_INRADII * inradius))
     chords = np.roll(points, -reach, axis=0) - np.roll(points, reach, axis=0)
     heading = np.arctan2(chords[:, 1], chords[:, 0])
     turn = np.roll(heading, -reach) - np.roll(heading, reach)
     curvature = ((turn + np.pi) % (2.0 * np.pi) - np.pi) / (2.0 * reach)
-    is_straight = curvature * scale < MAX_CURVATURE
+    is_straight = curvature * inradius < MAX_CURVATURE
     if is_straight.all():
         return []
     first = int(np.argmin(is_straight))
     parts, count = ndimage.label(np.roll(is_straight, -first))
     runs = [(np.flatnonzero(parts == part + 1) + first) % len(points) for part in range(count)]
-    return [run for run in runs if len(run) >= max(MIN_STRAIGHT_INRADII * scale, MIN_SIDE_PX)]
+    return [run for run in runs if len(run) >= max(MIN_STRAIGHT_INRADII * inradius, MIN_SIDE_PX)]
 
 
-def _sides(points: np.ndarray, scale: float) -> list[np.ndarray]:
+def _sides(points: np.ndarray, inradius: float) -> list[np.ndarray]:
     """Return the points' numbers (M,) along each side of a polygon that follows a closed contour (N, 2)."""
-    tolerance = max(POLYGON_INRADII * scale, MIN_POLYGON_PX)
+    tolerance = max(POLYGON_INRADII * inradius, MIN_POLYGON_PX)
     corners = cv2.approxPolyDP(points.astype(np.float32)[:, None], tolerance, closed=True)[:, 0]
     places = np.array([((points - corner) ** 2).sum(axis=1).argmin() for corner in corners])
     sides = []
     for start, end in zip(places, np.roll(places, -1), strict=True):
         length = (end - start) % len(points)
-        if length >= max(MIN_SIDE_INRADII * scale, MIN_SIDE_PX):
+        if length >= max(MIN_SIDE_INRADII * inradius, MIN_SIDE_PX):
             first, last = (round(share * length) for share in STRAIGHT_SHARES)
             sides.append((start + np.arange(first, last + 1)) % len(points))
     return sides

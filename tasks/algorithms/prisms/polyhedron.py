@@ -8,7 +8,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from scipy import ndimage
 
-from glint.tasks.algorithms.geometry.distance import inradius, with_nearest
+from glint.tasks.algorithms.geometry.distance import inradius_of, with_nearest
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view, to_camera_directions
 from glint.tasks.algorithms.geometry.vectors import positions_at, unit
 from glint.tasks.algorithms.silhouettes.aimed_view import AimedView
@@ -110,7 +110,7 @@ def polyhedral_normals(solid: Polyhedron, log_ratio: float, mask: np.ndarray) ->
     normals, depths = np.full((*mask.shape, 3), np.nan), np.full(mask.shape, np.nan, np.float32)
     normals[is_seen] = solid.normals[faces[is_seen]]
     depths[is_seen] = solid.depths(x[is_seen], y[is_seen], faces[is_seen])
-    side = 2 * round(BEND_INRADII * inradius(mask)) + 1
+    side = 2 * round(BEND_INRADII * inradius_of(mask)) + 1
     flat = np.where(mask[..., None], with_nearest(normals, mask), 0.0)
     rounded = np.full(flat.shape, np.nan)
     rounded[mask] = unit(ndimage.uniform_filter(flat, (side, side, 0))[mask])

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from glint.tasks.algorithms.geometry.distance import depth_inside, inradius
+from glint.tasks.algorithms.geometry.distance import depth_inside, inradius_of
 from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view, to_camera_directions
 from glint.tasks.algorithms.geometry.vectors import positions_at, unit
 from glint.tasks.algorithms.prior.unreached import SweptNormals
@@ -38,7 +38,7 @@ ARC_NORMALS, MIN_ARC_SHARE = 15, 0.25
 class ShownNormals:
     """Candidates of a view in the camera frame, without gaps.
 
-    normals: (M, 3). pixels: (M,), flat positions of their pixels. mask: (H, W) bool. scale: its inradius in pixels.
+    normals: (M, 3). pixels: (M,), flat positions of their pixels. mask: (H, W) bool. inradius: of the mask, in pixels.
     inverse_focal: 1 over the focal length in pixels, 0 for parallel rays. swept: normals that the lights reached,
     relative to the view rays.
     """
@@ -46,7 +46,7 @@ class ShownNormals:
     normals: np.ndarray
     pixels: np.ndarray
     mask: np.ndarray
-    scale: float
+    inradius: float
     inverse_focal: float
     swept: SweptNormals
 
@@ -61,7 +61,7 @@ class ShownNormals:
         view = unit(to_camera_directions(x, y, inverse_focal))
         normals = rotate_from_view(candidates[layers, rows, columns].astype(np.float64), view)
         return cls(
-            normals.astype(np.float64), rows * mask.shape[1] + columns, mask, inradius(mask), inverse_focal, swept
+            normals.astype(np.float64), rows * mask.shape[1] + columns, mask, inradius_of(mask), inverse_focal, swept
         )
 
     def flashing(self, normals: np.ndarray, place: np.ndarray) -> np.ndarray:
@@ -85,7 +85,7 @@ def prism_log_ratio(prism: RightPrism, shown: ShownNormals) -> float:
 
 def _face_log_ratio(number: int, prism: RightPrism, faces: np.ndarray, shown: ShownNormals) -> float:
     """Return what the inside of a face says; faces (H, W): their numbers."""
-    inside = depth_inside((faces == number) & shown.mask) > EDGE_INRADII * shown.scale + ADDED_EDGE_PX
+    inside = depth_inside((faces == number) & shown.mask) > EDGE_INRADII * shown.inradius + ADDED_EDGE_PX
     if not inside.any():
         return 0.0
     normal = prism.normals[number]
@@ -93,7 +93,7 @@ def _face_log_ratio(number: int, prism: RightPrism, faces: np.ndarray, shown: Sh
     ratio = share_log_ratio(float(flashing[inside].mean()), FALSE_FACE_SHARE)
     if ratio < 0.0 and not shown.flashing(normal[None], prism.corners[number].mean(axis=0)).all():
         return 0.0
-    return float(ratio * np.sqrt(inside.sum()) / (PIECE_INRADII * shown.scale))
+    return float(ratio * np.sqrt(inside.sum()) / (PIECE_INRADII * shown.inradius))
 
 
 def _crease_log_ratio(crease: Crease, prism: RightPrism, shown: ShownNormals) -> float:
@@ -108,12 +108,12 @@ def _crease_log_ratio(crease: Crease, prism: RightPrism, shown: ShownNormals) ->
     for normal in (first, second):
         along = shown.normals @ normal
         shows &= (along > first @ second) & (along < np.cos(np.radians(LEAST_TURN_DEG)))
-    reach = round(EDGE_INRADII * shown.scale + ADDED_EDGE_PX)
+    reach = round(EDGE_INRADII * shown.inradius + ADDED_EDGE_PX)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
     near = cv2.dilate(shown.where(shows).astype(np.uint8), disc)
     stray = float(np.clip(near[shown.mask].mean(), *STRAY_SHARE))
     length = float(np.linalg.norm(crease.end - crease.start))
-    return float(share_log_ratio(float(near[line].mean()), stray) * length / (PIECE_INRADII * shown.scale))
+    return float(share_log_ratio(float(near[line].mean()), stray) * length / (PIECE_INRADII * shown.inradius))
 
 
 def share_log_ratio(share: float | np.ndarray, false_share: float | np.ndarray) -> np.ndarray:

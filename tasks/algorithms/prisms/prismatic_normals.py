@@ -12,7 +12,7 @@ from operator import itemgetter
 
 import numpy as np
 
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.prisms.contour_polygon import contour_polygons
 from glint.tasks.algorithms.prisms.polyhedron import (
     PolyhedralNormals,
@@ -64,7 +64,7 @@ def likeliest_prism(
     """
     if not prisms:
         return None
-    stride = max(1, int(inradius(mask) / SCORED_INRADIUS_PX))
+    stride = max(1, int(inradius_of(mask) / SCORED_INRADIUS_PX))
     sampled = mask[::stride, ::stride]
     shown = ShownNormals.of(candidates[:, ::stride, ::stride], sampled, prisms[0].inverse_focal * stride)
     if shown is None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.geometry.vectors import angles, gradients
 from glint.tasks.algorithms.labelling.confidence import (
     OCCLUDING_CONTOUR_SHARE,
@@ -168,7 +168,7 @@ def reconstruct_dual_layer(
     chosen = np.take_along_axis(normals, best[None, :, :, None], axis=0)[0]
     chosen = np.where(labels.any(axis=0)[..., None], chosen, marked_normals)
     accepted = np.isfinite(chosen[..., 0])
-    observed = np.where(marked, 1.0, LABEL_PRECISION * observed_confidence(chosen, inradius(mask)))
+    observed = np.where(marked, 1.0, LABEL_PRECISION * observed_confidence(chosen, inradius_of(mask)))
     confidence = np.where(accepted, observed, _initial_accuracy(initial, chosen))
     kept = np.zeros(clusters.normals.shape[:3], np.uint8)
     kept[:2] = labels

@@ -8,7 +8,7 @@ import numpy as np
 
 from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.labelling.confidence import field_confidence, field_error_slope, observed_confidence
 from glint.tasks.algorithms.labelling.results import (
     FILLED,
@@ -45,9 +45,11 @@ def reconstruct_winner(
     values = np.where(marked[..., None], marked_normals, np.where(observed[..., None], clusters.winner, np.nan))
     known = marked | observed
     field = ContourField.of(mask, field_weights.tension_length, field_weights.observed, field_weights.rim)
-    scale = inradius(mask)
-    slope = field_error_slope(lambda kept: field.solve(kept, values), values, scale)
-    confidence = np.where(known, observed_confidence(values, scale), field_confidence(known, field.rim, slope, scale))
+    inradius = inradius_of(mask)
+    slope = field_error_slope(lambda kept: field.solve(kept, values), values, inradius)
+    confidence = np.where(
+        known, observed_confidence(values, inradius), field_confidence(known, field.rim, slope, inradius)
+    )
     confidence = np.where(marked, 1.0, confidence)
     labels = np.zeros(clusters.normals.shape[:3], np.uint8)
     labels[0] = observed

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import ndimage
 
 from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.labelling.answers import mark_influence
 from glint.tasks.algorithms.labelling.candidate_view import candidate_evidence
 from glint.tasks.algorithms.labelling.readmission import CONFIDENCE_RANGE, surface_probability
@@ -106,17 +106,17 @@ def propose(
         options: of the labelling.
     """
     normals = np.where(mask[None, :, :, None], clusters.normals, np.nan).astype(np.float32)
-    scale = inradius(mask)
+    inradius = inradius_of(mask)
     nodes, ties = sheet_graph(normals)
-    patches = cut_patches(nodes, ties, result.labels, scale)
+    patches = cut_patches(nodes, ties, result.labels, inradius)
     if patches.count == 0:
         return []
-    influence = mark_influence(nodes, ties, mark_constraints(marks, normals, mask).labels, scale)
+    influence = mark_influence(nodes, ties, mark_constraints(marks, normals, mask).labels, inradius)
     answered = patches.mean(np.abs(patches.of(influence))) > ANSWERED_INFLUENCE
-    evidence = candidate_evidence(normals, clusters.shading, scale, options.graph_cut)
+    evidence = candidate_evidence(normals, clusters.shading, inradius, options.graph_cut)
     wrong = wrong_probability(patches, normals, evidence, clusters.observations, result)
     exterior = patches.exterior(result.labels)
-    first = gain_of(exterior) * wrong * rough_change(patches, normals, result, mask, scale)
+    first = gain_of(exterior) * wrong * rough_change(patches, normals, result, mask, inradius)
     turn = patches.mean(patches.turns(normals, result.normals))
     first[answered | (~exterior & (turn < ASKED_TURN_DEG))] = 0.0
     order = np.lexsort((-first, wrong < OPEN_PROBABILITY))
@@ -152,7 +152,7 @@ def _without_duplicates(ranked: list[tuple[Question, np.ndarray]]) -> list[Quest
 
 
 def rough_change(
-    patches: Patches, normals: np.ndarray, result: Reconstruction, mask: np.ndarray, scale: float
+    patches: Patches, normals: np.ndarray, result: Reconstruction, mask: np.ndarray, inradius: float
 ) -> np.ndarray:
     """Estimate the change (count,), degrees times pixels, if the label of a patch were the opposite.
 
@@ -163,11 +163,11 @@ def rough_change(
     own = np.where(patches.of(result.labels) > 0, MAX_CHANGE_DEG / 3.0, own)
     rim, _ = contour_normals(mask)
     known = (accepted_pixels(result) | rim) & mask
-    distance = ndimage.distance_transform_edt(~known) if known.any() else np.full(mask.shape, scale)
+    distance = ndimage.distance_transform_edt(~known) if known.any() else np.full(mask.shape, inradius)
     # A false patch holds a disc as wide as its distance from what is known, an exterior one its pixels and a margin.
     reach = np.maximum(patches.mean(distance[patches.row, patches.column]), 0.0)
     pixels = np.bincount(patches.number, minlength=patches.count)
-    held = pixels + np.pi * np.minimum(reach, scale) ** 2
+    held = pixels + np.pi * np.minimum(reach, inradius) ** 2
     lonely = np.sqrt(pixels) * EXTERIOR_MARGIN_PX
     held = np.where(patches.exterior(result.labels), pixels + lonely, held)
     return patches.mean(own) * held

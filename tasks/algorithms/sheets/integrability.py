@@ -26,12 +26,12 @@ SCRAP_LOG_RATIO = -2.0
 """Nats for scraps that are too small to have a shape: more often false than exterior."""
 
 
-def window_step(scale: float) -> int:
-    """Return the distance in pixels between the window's samples for an inradius of the mask `scale` in pixels."""
-    return max(1, round(scale / 100.0))
+def window_step(inradius: float) -> int:
+    """Return the distance in pixels between the window's samples for a mask of that inradius in pixels."""
+    return max(1, round(inradius / 100.0))
 
 
-def shape_log_ratio(normals: np.ndarray, scale: float) -> np.ndarray:
+def shape_log_ratio(normals: np.ndarray, inradius: float) -> np.ndarray:
     """Compute the log-likelihood ratio of exterior against false from the shape of each node's sheet.
 
     Relative curl is exponential (with uniform outliers) for exterior sheets and uniform for false ones; the ratio of
@@ -39,16 +39,16 @@ def shape_log_ratio(normals: np.ndarray, scale: float) -> np.ndarray:
 
     Args:
         normals: (K, H, W, 3) unit, camera frame, NaN without cluster.
-        scale: inradius of the mask in pixels.
+        inradius: of the mask, in pixels.
 
     Returns:
         (K, H, W) float32, nats, NaN without cluster.
     """
-    curl, jacobian, convexity = np.moveaxis(sheet_jacobian(normals, window_step(scale)), -1, 0)
-    relative_curl = np.abs(curl) / (jacobian + MIN_JACOBIAN_PER_INRADIUS / scale)
+    curl, jacobian, convexity = np.moveaxis(sheet_jacobian(normals, window_step(inradius)), -1, 0)
+    relative_curl = np.abs(curl) / (jacobian + MIN_JACOBIAN_PER_INRADIUS / inradius)
     exterior = (1.0 - CURL_OUTLIER_SHARE) / CURL_SCALE * np.exp(-relative_curl / CURL_SCALE) + CURL_OUTLIER_SHARE
     integrable = np.log(exterior)
-    convex = CONVEXITY_MAX_NATS * np.tanh((convexity * scale - CONVEXITY_MIDPOINT) / CONVEXITY_WIDTH)
+    convex = CONVEXITY_MAX_NATS * np.tanh((convexity * inradius - CONVEXITY_MIDPOINT) / CONVEXITY_WIDTH)
     ratio = np.where(np.isfinite(curl), integrable + convex, SCRAP_LOG_RATIO)
     return np.where(np.isfinite(normals[..., 0]), ratio, np.nan).astype(np.float32)
 

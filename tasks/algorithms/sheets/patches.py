@@ -52,17 +52,17 @@ class Patches:
         return angles(self.of(candidates), normals[self.row, self.column])
 
 
-def cut_patches(nodes: np.ndarray, ties: sparse.csr_matrix, labels: np.ndarray, scale: float) -> Patches:
+def cut_patches(nodes: np.ndarray, ties: sparse.csr_matrix, labels: np.ndarray, inradius: float) -> Patches:
     """Cut sheets into patches of one label each.
 
     Args:
         nodes, ties: of `sheets.sheet_graph.sheet_graph`.
         labels: (K, H, W), nonzero = exterior.
-        scale: inradius of the mask in pixels.
+        inradius: of the mask, in pixels.
     """
     present = nodes >= 0
     layer, row, column = np.nonzero(present)
-    side = max(PATCH_INRADII * scale, 4.0)
+    side = max(PATCH_INRADII * inradius, 4.0)
     block = np.stack([row // side, column // side, labels[present] > 0], axis=-1).astype(int)
     pairs = ties.tocoo()
     same = (block[pairs.row] == block[pairs.col]).all(axis=-1)

@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 
 from glint.tasks.algorithms.geometry.connected_parts import largest_part
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.geometry.robust import robust_deviation
 from glint.tasks.algorithms.silhouettes.mirror_images import MirrorAxis, mirror_image
 from glint.tasks.algorithms.silhouettes.reflection_axes import refined_place
@@ -62,15 +62,15 @@ class _Circles:
 
 @dataclass(frozen=True, slots=True)
 class _Sample:
-    """Normals (N, 3), camera frame, at places (N, 2), column and row from the mask's centroid; scale: its inradius."""
+    """Normals (N, 3), camera frame, at places (N, 2), column and row from the centroid of a mask, and its inradius."""
 
     places: np.ndarray
     normals: np.ndarray
-    scale: float
+    inradius: float
 
     def part(self, count: int) -> "_Sample":
         """Return the first ones."""
-        return _Sample(self.places[:count], self.normals[:count], self.scale)
+        return _Sample(self.places[:count], self.normals[:count], self.inradius)
 
     def circles(self, angle: float, tilt: float, rounds: int) -> _Circles | None:
         """Fit circles about an axis; None where too few normals belong to a wall.
@@ -92,11 +92,11 @@ class _Sample:
             along[is_wall],
             n_across[is_wall] / in_plane,
             forward[is_wall] / in_plane * np.sin(tilt),
-            self.scale,
+            self.inradius,
             rounds,
         )
         # Otherwise a tilt under which false normals belong to no wall would fit best.
-        share, bound = float(is_wall.mean()), MAX_DEVIATION_SHARE * self.scale
+        share, bound = float(is_wall.mean()), MAX_DEVIATION_SHARE * self.inradius
         return replace(circles, misfit=share * circles.misfit + (1.0 - share) * bound)
 
 
@@ -112,16 +112,16 @@ def measured_silhouettes(mask: np.ndarray, normals: np.ndarray) -> list[np.ndarr
         return []
     chosen = np.random.default_rng(0).permutation(len(rows))[:FINE_NORMALS]
     rows, columns = rows[chosen], columns[chosen]
-    centre, scale = np.argwhere(mask).mean(axis=0)[::-1], inradius(mask)
-    sample = _Sample(np.column_stack([columns, rows]) - centre, normals[rows, columns].astype(float), scale)
+    centre, inradius = np.argwhere(mask).mean(axis=0)[::-1], inradius_of(mask)
+    sample = _Sample(np.column_stack([columns, rows]) - centre, normals[rows, columns].astype(float), inradius)
     angle, tilt = _best_axis(sample)
     circles = sample.circles(angle, tilt, FINE_ROUNDS)
     if circles is None or (circles.weights >= MIN_CIRCLE_WEIGHT).sum() < MIN_CIRCLES:
         return []
     misfit, middle, radius = _fitted_sphere(sample)
     # What fits neither has the bound as its misfit.
-    limit = min(MAX_SPHERE_RATIO * circles.misfit, MAX_SPHERE_MISFIT * MAX_DEVIATION_SHARE * scale)
-    if misfit < limit and radius > MIN_SPHERE_RADIUS * scale:
+    limit = min(MAX_SPHERE_RATIO * circles.misfit, MAX_SPHERE_MISFIT * MAX_DEVIATION_SHARE * inradius)
+    if misfit < limit and radius > MIN_SPHERE_RADIUS * inradius:
         x, y = centre + middle
         return [np.hypot(*(np.indices(mask.shape) - np.array([y, x])[:, None, None])) <= radius]
     image = mirror_image(mask, MirrorAxis(centre, angle, circles.offset))
@@ -167,20 +167,20 @@ def _fitted_sphere(sample: _Sample) -> tuple[float, np.ndarray, float]:
         radius = float((weights[:, None] * spread_out * (sample.places - place)).sum()) / max(total, 1e-9)
         middle = place - radius * direction
         deviation = np.linalg.norm(sample.places - middle - radius * outward, axis=1)
-        spread = max(MIN_DEVIATION_SHARE * sample.scale, robust_deviation(deviation))
+        spread = max(MIN_DEVIATION_SHARE * sample.inradius, robust_deviation(deviation))
         weights = 1.0 / (1.0 + (deviation / spread) ** 2)
-    return float(np.minimum(deviation, MAX_DEVIATION_SHARE * sample.scale).mean()), middle, radius
+    return float(np.minimum(deviation, MAX_DEVIATION_SHARE * sample.inradius).mean()), middle, radius
 
 
 def _fitted_circles(
-    across: np.ndarray, along: np.ndarray, sides: np.ndarray, rises: np.ndarray, scale: float, rounds: int
+    across: np.ndarray, along: np.ndarray, sides: np.ndarray, rises: np.ndarray, inradius: float, rounds: int
 ) -> _Circles:
     """Fit circles, smooth along the axis, to the places of normals by robust least squares (Cauchy weights).
 
     across, along: (N,), places in the image. sides: (N,), sine of the normal's turn about the axis. rises: (N,), by how
-    much a normal's place lies below where its circle is widest in the image, in radii. scale: inradius of the mask.
+    much a normal's place lies below where its circle is widest in the image, in radii. inradius: of the mask.
     """
-    step = CIRCLE_SHARE * scale
+    step = CIRCLE_SHARE * inradius
     offset, weights = float(np.median(across)), np.ones(len(across))
     reach = np.abs(across - offset).max() + 2.0 * step
     first, widest = along.min() - reach, along
@@ -194,10 +194,10 @@ def _fitted_circles(
         radii = np.maximum(sums / np.maximum(totals, 1e-9), 0.0)
         offset += float(np.average(across - offset - radii[number] * sides, weights=weights))
         deviation = np.abs(across - offset - radii[number] * sides)
-        spread = max(MIN_DEVIATION_SHARE * scale, robust_deviation(deviation))
+        spread = max(MIN_DEVIATION_SHARE * inradius, robust_deviation(deviation))
         weights = 1.0 / (1.0 + (deviation / spread) ** 2)
         widest = along + radii[number] * rises
-    misfit = float(np.minimum(deviation, MAX_DEVIATION_SHARE * scale).mean())
+    misfit = float(np.minimum(deviation, MAX_DEVIATION_SHARE * inradius).mean())
     return _Circles(misfit, offset, first + step * (np.arange(count) + 0.5), radii, totals)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from glint.tasks.algorithms.geometry.contours import outermost_pixels
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.geometry.vectors import pixel_positions
 
 MIN_SYMMETRY_IOU = 0.96
@@ -55,7 +55,7 @@ def reflection_axes(mask: np.ndarray, min_iou: float = MIN_SYMMETRY_IOU) -> list
 
     min_iou: overlap with its mirror image from which it is; of a thin one less is enough.
     """
-    if inradius(mask) < MIN_INRADIUS_PX:
+    if inradius_of(mask) < MIN_INRADIUS_PX:
         return []
     points = np.stack(pixel_positions(mask), axis=-1)
     centre = points.mean(axis=0)

@@ -4,7 +4,7 @@ import pytest
 from glint.tasks.algorithms.faces.creases import UNSEEN, crease_residual, creases, face_edges
 from glint.tasks.algorithms.faces.flat_faces import FlatFaces, flat_faces, has_other_faces
 from glint.tasks.algorithms.faces.observed_faces import MIN_LIGHTS, find_faces
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.geometry.vectors import angles, gradients, unit
 from glint.tasks.algorithms.prior.smooth_normals import contour_normals, smooth_normal_field
 from tests.tasks.algorithms.faces.polyhedron import PYRAMID, SHAPE, face_numbers, polyhedron_normals
@@ -24,7 +24,7 @@ def planes(truth: np.ndarray, candidates: np.ndarray | None = None, accepted: np
     field = smooth_normal_field(mask, max_nodes=2000).solve(outward, rim.astype(float))
     accepted = observable(truth) if accepted is None else accepted
     candidates = observable(truth)[None] if candidates is None else candidates
-    result = flat_faces(accepted, LIGHTS, candidates, field, mask, inradius(mask))
+    result = flat_faces(accepted, LIGHTS, candidates, field, mask, inradius_of(mask))
     assert result is not None
     return result
 
@@ -38,7 +38,7 @@ def sphere() -> np.ndarray:
 
 def test_the_faces_that_showed_the_light_are_found_with_their_normals(truth: np.ndarray) -> None:
     mask = np.isfinite(truth[..., 0])
-    faces = find_faces(observable(truth), LIGHTS, mask, inradius(mask))
+    faces = find_faces(observable(truth), LIGHTS, mask, inradius_of(mask))
     assert len(faces) == 2
     for normal in PYRAMID[:2]:
         face = min(faces, key=lambda face: float(angles(face.normal, normal)))
@@ -51,26 +51,26 @@ def test_a_sphere_has_no_faces(noise_deg: float) -> None:
     truth = sphere()
     noise = np.random.default_rng(0).normal(0.0, np.radians(noise_deg), truth.shape)
     mask = np.isfinite(truth[..., 0])
-    assert find_faces(unit(truth + noise), LIGHTS, mask, inradius(mask)) == []
+    assert find_faces(unit(truth + noise), LIGHTS, mask, inradius_of(mask)) == []
 
 
 def test_the_highlight_of_a_single_light_is_no_face(truth: np.ndarray) -> None:
     mask = np.isfinite(truth[..., 0])
     single = np.full(SHAPE, 0.9 * MIN_LIGHTS)
-    assert find_faces(observable(truth), single, mask, inradius(mask)) == []
+    assert find_faces(observable(truth), single, mask, inradius_of(mask)) == []
 
 
 def test_faces_that_other_paths_divide_are_joined(truth: np.ndarray) -> None:
     accepted = observable(truth)
     accepted[70:74] = np.nan
     mask = np.isfinite(truth[..., 0])
-    assert len(find_faces(accepted, LIGHTS, mask, inradius(mask))) == 2
+    assert len(find_faces(accepted, LIGHTS, mask, inradius_of(mask))) == 2
 
 
 def test_two_planes_meet_where_their_normals_say(truth: np.ndarray) -> None:
     mask = np.isfinite(truth[..., 0])
-    faces = find_faces(observable(truth), LIGHTS, mask, inradius(mask))
-    between = creases(face_edges(faces, mask, inradius(mask)))
+    faces = find_faces(observable(truth), LIGHTS, mask, inradius_of(mask))
+    between = creases(face_edges(faces, mask, inradius_of(mask)))
     assert list(between) == [(0, 1)]
     assert crease_residual(between[0, 1], faces[0].normal, faces[1].normal) < 2.0
     turned = unit(faces[0].normal + np.array([0.0, 0.6, 0.0]))
@@ -79,8 +79,8 @@ def test_two_planes_meet_where_their_normals_say(truth: np.ndarray) -> None:
 
 def test_the_edges_of_an_unseen_face_are_open(truth: np.ndarray) -> None:
     mask = np.isfinite(truth[..., 0])
-    faces = find_faces(observable(truth), LIGHTS, mask, inradius(mask))
-    edges = face_edges(faces, mask, inradius(mask))
+    faces = find_faces(observable(truth), LIGHTS, mask, inradius_of(mask))
+    edges = face_edges(faces, mask, inradius_of(mask))
     third = (face_numbers(PYRAMID) == 2) & mask
     for number in range(2):
         behind = [edge for edge in edges if edge.face == number and edge.behind == UNSEEN]
@@ -139,9 +139,9 @@ def test_a_cylinder_does_not_explain_a_prism() -> None:
     x = np.linspace(-0.7, 0.7, SHAPE[1])
     curved = np.stack(np.broadcast_arrays(x, 0.0 * x, np.sqrt(1.0 - x**2)), axis=-1)
     cylinder = np.broadcast_to(curved, (*SHAPE, 3))
-    assert has_other_faces(cylinder, observable(truth), LIGHTS, mask, inradius(mask))
-    assert not has_other_faces(truth, observable(truth), LIGHTS, mask, inradius(mask))
-    assert not has_other_faces(cylinder, observable(sphere()), LIGHTS, mask, inradius(mask))
+    assert has_other_faces(cylinder, observable(truth), LIGHTS, mask, inradius_of(mask))
+    assert not has_other_faces(truth, observable(truth), LIGHTS, mask, inradius_of(mask))
+    assert not has_other_faces(cylinder, observable(sphere()), LIGHTS, mask, inradius_of(mask))
 
 
 def test_a_small_flat_sheet_does_not_make_a_surface_of_revolution_faceted() -> None:
@@ -150,8 +150,8 @@ def test_a_small_flat_sheet_does_not_make_a_surface_of_revolution_faceted() -> N
     accepted, middle = observable(surface), tuple(size // 2 for size in mask.shape)
     rows, columns = np.indices(mask.shape)
     accepted[np.hypot(rows - middle[0], columns - middle[1]) < 8] = unit(np.array([0.4, 0.2, 1.0]))
-    assert find_faces(accepted, LIGHTS, mask, inradius(mask))
-    assert not has_other_faces(surface, accepted, LIGHTS, mask, inradius(mask))
+    assert find_faces(accepted, LIGHTS, mask, inradius_of(mask))
+    assert not has_other_faces(surface, accepted, LIGHTS, mask, inradius_of(mask))
 
 
 def test_marks_and_other_accepted_normals_outweigh_faces(truth: np.ndarray) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.faces.proven_faces import PROVEN_NATS, face_evidence, proven_faces
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.geometry.perspective import rotate_to_view, view_vectors
 from glint.tasks.algorithms.geometry.vectors import angles, unit
 from tests.tasks.algorithms.faces.polyhedron import PYRAMID, SHAPE, face_numbers, polyhedron_normals
@@ -31,7 +31,7 @@ def truth() -> np.ndarray:
 
 def test_faces_are_proven_and_those_behind_them_are_not(truth: np.ndarray) -> None:
     candidates, mask = seen_through(truth)
-    faces = proven_faces(candidates, mask, inradius(mask))
+    faces = proven_faces(candidates, mask, inradius_of(mask))
     assert len(faces) == 2
     for normal in PYRAMID[:2]:
         assert min(float(angles(face.normal, normal)) for face in faces) < 1.0
@@ -39,7 +39,7 @@ def test_faces_are_proven_and_those_behind_them_are_not(truth: np.ndarray) -> No
 
 def test_their_candidates_count_and_all_others_within_them_do_not(truth: np.ndarray) -> None:
     candidates, mask = seen_through(truth)
-    evidence = face_evidence(candidates, mask, inradius(mask))
+    evidence = face_evidence(candidates, mask, inradius_of(mask))
     inner = (angles(truth, PYRAMID[0]) < 1.0) & np.isfinite(candidates[..., 0]).all(axis=0)
     inner &= (evidence != 0.0).any(axis=0)
     assert inner.sum() > 300
@@ -51,14 +51,14 @@ def test_their_candidates_count_and_all_others_within_them_do_not(truth: np.ndar
 def test_a_face_with_sharp_edges_is_not_proven() -> None:
     sharp = polyhedron_normals(PYRAMID, rounding=0.02)
     mask = np.isfinite(sharp[..., 0])
-    assert proven_faces(observable(sharp)[None], mask, inradius(mask)) == []
+    assert proven_faces(observable(sharp)[None], mask, inradius_of(mask)) == []
 
 
 def test_a_face_at_the_limit_of_the_lights_is_not_proven() -> None:
     slanted = unit(np.array([[0.7, 0.55, 1.0], [-0.6, 0.5, 1.0], [0.0, -1.3, 1.0]]))
     normals = polyhedron_normals(slanted, rounding=1.5)
     mask = np.isfinite(normals[..., 0])
-    faces = proven_faces(observable(normals)[None], mask, inradius(mask))
+    faces = proven_faces(observable(normals)[None], mask, inradius_of(mask))
     assert [float(angles(face.normal, slanted[1])) < 1.0 for face in faces] == [True]
 
 
@@ -69,7 +69,7 @@ def test_a_flat_sheet_in_a_sphere_is_not_proven() -> None:
     mask = squared < 1.0
     false = np.where((np.hypot(right, down) < 30.0)[..., None], BEHIND[0], np.nan)
     candidates = np.stack([observable(np.where(mask[..., None], sphere, np.nan)), false])
-    assert proven_faces(candidates, mask, inradius(mask)) == []
+    assert proven_faces(candidates, mask, inradius_of(mask)) == []
 
 
 def test_without_candidates_nothing_is_proven() -> None:
@@ -82,9 +82,9 @@ def test_a_near_camera_sees_the_same_faces(truth: np.ndarray) -> None:
     camera = np.array([[250.0, 0.0, 79.5], [0.0, 250.0, 79.5], [0.0, 0.0, 1.0]])
     candidates, mask = seen_through(truth)
     near = rotate_to_view(candidates, view_vectors(camera, mask.shape, 0.0, 0.0))
-    evidence = face_evidence(near, mask, inradius(mask), camera)
+    evidence = face_evidence(near, mask, inradius_of(mask), camera)
     assert np.count_nonzero(evidence) > 1000
-    np.testing.assert_array_equal(evidence, face_evidence(candidates, mask, inradius(mask)))
+    np.testing.assert_array_equal(evidence, face_evidence(candidates, mask, inradius_of(mask)))
 
 
 def test_the_wall_of_a_cylinder_is_no_rounded_edge() -> None:
@@ -95,4 +95,4 @@ def test_the_wall_of_a_cylinder_is_no_rounded_edge() -> None:
     wall = np.where(mask[..., None], np.stack([across, 0.0 * down, np.sqrt(1.0 - across**2)], axis=-1), np.nan)
     strip = (right > -20.0) & (right < 0.0) & (np.abs(down) < 65.0)
     false = np.where(strip[..., None], unit(np.array([-0.6, 0.0, 0.8])), np.nan)
-    assert proven_faces(np.stack([false, observable(wall)]), mask, inradius(mask)) == []
+    assert proven_faces(np.stack([false, observable(wall)]), mask, inradius_of(mask)) == []

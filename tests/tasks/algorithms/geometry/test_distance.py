@@ -1,7 +1,7 @@
 import numpy as np
 from scipy import ndimage
 
-from glint.tasks.algorithms.geometry.distance import depth_inside, distance_inside, inradius
+from glint.tasks.algorithms.geometry.distance import depth_inside, distance_inside, inradius_of
 
 
 def test_distances_are_the_exact_ones_wherever_the_array_lies_in_memory() -> None:
@@ -26,4 +26,4 @@ def test_long_distances_are_exact() -> None:
 def test_the_edge_of_an_image_is_outside_of_its_mask() -> None:
     mask = np.ones((9, 13), bool)
     assert depth_inside(mask)[0, 0] == 1.0
-    assert inradius(mask) == 5.0
+    assert inradius_of(mask) == 5.0

@@ -3,7 +3,7 @@ import pytest
 from scipy import ndimage
 
 from glint.tasks.algorithms.geometry.blur import gaussian_blur
-from glint.tasks.algorithms.geometry.distance import depth_inside, distance_inside, inradius
+from glint.tasks.algorithms.geometry.distance import depth_inside, distance_inside, inradius_of
 
 
 def test_distance_is_exact() -> None:
@@ -14,10 +14,10 @@ def test_distance_is_exact() -> None:
 def test_depth_counts_the_border_of_the_image_as_outside() -> None:
     rows, columns = np.mgrid[:91, :91] - 45
     disc = np.hypot(rows, columns) <= 45.0
-    assert abs(inradius(disc) - 45.0) <= 1.0
+    assert abs(inradius_of(disc) - 45.0) <= 1.0
     full = np.ones((5, 9), dtype=bool)
     assert depth_inside(full).shape == full.shape
-    assert depth_inside(full)[0, 4] == 1.0 and inradius(full) == 3.0
+    assert depth_inside(full)[0, 4] == 1.0 and inradius_of(full) == 3.0
 
 
 @pytest.mark.parametrize(("sd", "tolerance"), [(2.0, 1e-5), (12.0, 1e-5), (30.0, 5e-3)])

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from glint.tasks.algorithms.geometry.distance import inradius
+from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.integration.contour_margin import contour_of, least_cosines, with_margin
 
 
@@ -50,7 +50,7 @@ def test_a_rise_is_at_most_that_of_the_largest_circle() -> None:
     rows = np.minimum(np.arange(60) - 10, 49 - np.arange(60)).astype(float)
     steep = 20.0 * np.minimum(rows[:, None], rows[None])
     drop = 0.5 * (steep[12, 30] + steep[13, 30]) - with_margin(steep, mask)[0][10, 30]
-    assert 0.0 < drop < 2.0 * np.sqrt(2.0 * inradius(mask))
+    assert 0.0 < drop < 2.0 * np.sqrt(2.0 * inradius_of(mask))
 
 
 def test_the_least_cosine_at_the_rim_follows_from_the_largest_circle_inside() -> None:

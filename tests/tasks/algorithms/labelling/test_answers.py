@@ -25,7 +25,7 @@ def test_a_mark_speaks_for_its_own_sheet_across_layers_and_fades() -> None:
     nodes = two_sheets()
     pins = np.zeros(nodes.shape[:3], np.int8)
     pins[0, 20, 15] = 1
-    influence = mark_influence(*sheet_graph(nodes), pins, scale=60.0)
+    influence = mark_influence(*sheet_graph(nodes), pins, inradius=60.0)
     assert influence[0, 20, 15] == 1.0
     assert influence[1, 20, 25] > 0.2 and influence[0, 20, 25] == 0.0
     assert influence[1, 20, 15] == 0.0
@@ -37,14 +37,14 @@ def test_the_nearer_of_two_marks_wins() -> None:
     nodes = two_sheets()
     pins = np.zeros(nodes.shape[:3], np.int8)
     pins[0, 20, 4], pins[0, 20, 16] = 1, -1
-    influence = mark_influence(*sheet_graph(nodes), pins, scale=40.0)[0, 20]
+    influence = mark_influence(*sheet_graph(nodes), pins, inradius=40.0)[0, 20]
     assert (influence[:10] > 0).all() and (influence[11:20] < 0).all()
 
 
 def test_without_marks_nothing_is_said() -> None:
     nodes = two_sheets()
     pins = np.zeros(nodes.shape[:3], np.int8)
-    assert not mark_influence(*sheet_graph(nodes), pins, scale=20.0).any()
+    assert not mark_influence(*sheet_graph(nodes), pins, inradius=20.0).any()
 
 
 @pytest.mark.parametrize("pin", [1, -1])

@@ -17,7 +17,7 @@ def test_a_sheet_that_the_rest_of_the_object_contradicts_has_a_large_residual() 
 
     mask, rim = np.ones((40, 60), dtype=bool), np.zeros((40, 60), dtype=bool)
     residual = held_out_residual(
-        sheets, normals, known, rim=rim, mask=mask, scale=20.0, error=FieldError(ceiling=np.inf), predict=predict
+        sheets, normals, known, rim=rim, mask=mask, inradius=20.0, error=FieldError(ceiling=np.inf), predict=predict
     )
     assert residual[20, 5] < 1e-3
     assert residual[20, 50] > 0.7

@@ -78,6 +78,6 @@ def test_two_components_do_not_influence_one_another() -> None:
 def test_spread_grows_with_the_distance_up_to_its_ceiling() -> None:
     known = np.zeros((5, 200), dtype=bool)
     known[:, 0] = True
-    spread = np.degrees(field_spread(known, scale=50.0, floor_deg=4.0, slope_deg=25.0, ceiling_deg=30.0))
+    spread = np.degrees(field_spread(known, thickness=50.0, floor_deg=4.0, slope_deg=25.0, ceiling_deg=30.0))
     assert np.allclose(spread[:, 0], 4.0) and np.allclose(spread[:, 50], 29.0) and np.allclose(spread[:, 150], 30.0)
     assert np.allclose(np.degrees(field_spread(np.zeros((3, 3), dtype=bool), 10.0, 4.0, 25.0, ceiling_deg=30.0)), 30.0)

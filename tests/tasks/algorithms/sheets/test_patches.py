@@ -13,7 +13,7 @@ def test_patches_have_one_label_and_a_bounded_size() -> None:
     normals[1, 39, 48:] = (0.6, 0.0, 0.8)  # too small for a patch
     labels = np.zeros((2, 40, 50), np.uint8)
     labels[0, 5:33, 7:45] = 1
-    patches = cut_patches(*sheet_graph(normals), labels, scale=20.0)
+    patches = cut_patches(*sheet_graph(normals), labels, inradius=20.0)
     assert (np.diff(patches.number) >= 0).all() and set(patches.number) == set(range(patches.count))
     assert len(patches.number) == 40 * 50 + 40 * 30
     assert np.bincount(patches.number).min() >= MIN_PATCH_NODES
