@@ -6,7 +6,6 @@ inverse distance, which is zero for a distant light. Both are in pixels of the o
 taken to be equally far from the camera.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,8 +106,3 @@ class SphereLights:
 def mean_distance(inverse_distance: np.ndarray) -> float:
     """Return the distance in pixels that belongs to the median of inverse distances (T,), NaN left out."""
     return float(1.0 / np.nanmedian(inverse_distance))
-
-
-def span(spheres: Sequence[Sphere]) -> float:
-    """Return the largest distance in pixels between two spheres' centres; 0 with a single one."""
-    return max(float(np.hypot(a.x - b.x, a.y - b.y)) for a in spheres for b in spheres)
