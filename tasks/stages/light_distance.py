@@ -191,7 +191,11 @@ def _falloff(
         background &= np.hypot(columns - sphere.x, rows - sphere.y) > SPHERE_REACH * sphere.radius + margin
     x, y = reference_point(geometry)
     site = SphereLights(sites[number].lights[frames], sites[number].positions[frames])
-    return measure_falloff(pictures[:, background], columns[background] - x, y - rows[background], site)
+    sphere = geometry.spheres[number]
+    centre = np.array([sphere.x - x, y - sphere.y, 0.0])
+    return measure_falloff(
+        pictures[:, background], columns[background] - x, y - rows[background], site, centre, sphere.radius
+    )
 
 
 def load_near_light(results: CaptureResults) -> NearLight | None:

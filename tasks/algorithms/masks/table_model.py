@@ -23,16 +23,20 @@ TRIMMED_QUANTILE, TRIMMED_ROUNDS, TRIMMED_VARIANCE = 0.97, 4, 1.15
 """Trimming of the covariance: share that is kept, rounds, and factor that makes up for the removed tail."""
 MIN_FLASH, MIN_FLASH_SPREADS = 1.0, 5.0
 """Log ratio of a flash to the table's, and its number of standard deviations, that make a highlight."""
+TABLE_FLASH_QUANTILE, MIN_FLASH_QUANTILES = 0.999, 1.6
+"""Quantile of the table's log flashes, and its multiple that makes a highlight where it is less: where a near light or
+the codec leaves a part of the table without any change, flashes spread, but none of the table's is large."""
 
 
 @dataclass(frozen=True, slots=True)
 class TableModel:
     """mean: (H, W, 2), expected log responses (deviation, flash); covariance: (2, 2); variance: (H, W, 2), local
-    variance relative to that."""
+    variance relative to that; flash_limit: log ratio of a flash to the table's that makes a highlight."""
 
     mean: np.ndarray
     covariance: np.ndarray
     variance: np.ndarray
+    flash_limit: float
 
     def distance(self, features: np.ndarray) -> np.ndarray:
         """Return the squared Mahalanobis distance (H, W) of log responses (H, W, 2) from the table."""
@@ -41,8 +45,7 @@ class TableModel:
 
     def flashing(self, features: np.ndarray) -> np.ndarray:
         """Return the pixels (H, W) bool that show highlights."""
-        flash = features[..., 1] - self.mean[..., 1]
-        return (flash > MIN_FLASH) & (flash > MIN_FLASH_SPREADS * np.sqrt(self.covariance[1, 1]))
+        return np.asarray(features[..., 1] - self.mean[..., 1] > self.flash_limit)
 
 
 def fit_table(features: np.ndarray, is_table: np.ndarray, edge: float | None) -> TableModel:
@@ -57,17 +60,29 @@ def fit_table(features: np.ndarray, is_table: np.ndarray, edge: float | None) ->
     mean, covariance = _trimmed_normal(features[is_table])
     if edge is None:
         means = np.broadcast_to(mean, features.shape)
-        return TableModel(means, covariance + minimum, np.ones(features.shape, np.float32))
+        variance, covariance = np.ones(features.shape, np.float32), covariance + minimum
+        return TableModel(means, covariance, variance, _flash_limit((features - means)[is_table], covariance))
     sigma = max(MIN_TABLE_NEAR_PX, TABLE_NEAR_SHARE * edge)
     weight = is_table.astype(np.float32)
     wide, wide_trust = _local_mean(features, weight, max(MIN_FAR_PX, FAR_FACTOR * sigma))
     near, near_trust = _local_mean(features, weight, sigma)
     wide = wide_trust * wide + (1.0 - wide_trust) * mean
     means = near_trust * near + (1.0 - near_trust) * wide
-    covariance = _trimmed_normal((features - means)[is_table])[1]
-    square, _ = _local_mean((features - means) ** 2, weight, sigma)
-    variance = near_trust * square / np.diag(covariance) + (1.0 - near_trust)
-    return TableModel(means, covariance + minimum, variance.clip(1.0, MAX_LOCAL_VARIANCE))
+    offsets = features - means
+    covariance = _trimmed_normal(offsets[is_table])[1]
+    square, _ = _local_mean(offsets**2, weight, sigma)
+    variance = (near_trust * square / np.diag(covariance) + (1.0 - near_trust)).clip(1.0, MAX_LOCAL_VARIANCE)
+    covariance = covariance + minimum
+    return TableModel(means, covariance, variance, _flash_limit(offsets[is_table], covariance))
+
+
+def _flash_limit(offsets: np.ndarray, covariance: np.ndarray) -> float:
+    """Return the log ratio of a flash to the table's that makes a highlight.
+
+    offsets: (N, 2), log responses of the table relative to its mean; covariance: (2, 2), theirs.
+    """
+    spread = MIN_FLASH_SPREADS * float(np.sqrt(covariance[1, 1]))
+    return max(MIN_FLASH, min(spread, MIN_FLASH_QUANTILES * float(np.quantile(offsets[:, 1], TABLE_FLASH_QUANTILE))))
 
 
 def _trimmed_normal(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,11 +1,12 @@
 """Distance of a near light from the brightness of the matte background, where a single sphere shows its direction.
 
 A near light brightens the side of the background above which it stands: irradiance falls off with the square of the
-distance and the cosine of incidence. Relative to one place and one frame, the logarithm of a place's level depends
-neither on the cloth's albedo nor on the exposure, nor on the light's brightness, so the pattern that remains shows the
-inverse distance (near point lights: Papadhimitri and Favaro 2014). Light of the room weakens the pattern; how much
-there is shows in the darkest shadow, or in how the background follows the light's cosine. A codec holds a block's
-level until it has changed by a few levels, which weakens the pattern too: levels count where they have just changed.
+distance and the cosine of incidence. The background is the plane of the table, at any angle to the camera
+(`table_plane`). Relative to one place and one frame, the logarithm of a place's level depends neither on the cloth's
+albedo nor on the exposure, nor on the light's brightness, so the pattern that remains shows the inverse distance (near
+point lights: Papadhimitri and Favaro 2014). Light of the room weakens the pattern; how much there is shows in the
+darkest shadow, or in how the background follows the light's cosine. A codec holds a block's level until it has changed
+by a few levels, which weakens the pattern too: levels count where they have just changed.
 """
 
 from collections.abc import Callable
@@ -14,15 +15,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from glint.tasks.algorithms.geometry.robust import robust_deviation
-from glint.tasks.algorithms.geometry.vectors import unit
 from glint.tasks.algorithms.near_light.positions import SphereLights
+from glint.tasks.algorithms.near_light.table_plane import CAMERA_EXPONENT, TablePlane, shadow_share, table_normal
 
-CAMERA_EXPONENT = 1.0 / 2.2
-"""Exponent of a usual camera's levels over irradiance."""
 MIN_LIT_FRAMES, MIN_PLACES = 40, 60
 """Frames and places of the background from which the pattern is trusted."""
-MIN_LIGHT_NZ = 0.25
-"""Light's z below which the background is lit at a grazing angle, and shadows cover it."""
+MIN_LIGHT_COSINE = 0.25
+"""Cosine of the light's incidence below which the background is lit at a grazing angle, and shadows cover it."""
 MIN_LIGHT_DEVIATION = 0.03
 """Standard deviation of the light's directions from their mean below which they change too little to show a pattern."""
 MIN_LEVEL, MAX_LEVEL = 8.0, 250.0
@@ -31,8 +30,6 @@ MAX_LEVEL_PERCENTILE = 95.0
 """Percentile over the frames of a place's level that must not be clipped; in the rest it may be."""
 MAX_ROOM_SHARE = 0.65
 """Share of the room's light in the background's beyond which the light's pattern is not trusted."""
-SHADOW_PERCENTILE, SHADOWED_PLACES_PERCENTILE = 1.0, 2.0
-"""Percentile over the frames of a place's level in shadow, and over the places: the darkest shadow, without noise."""
 ROOM_DEVIATIONS = 2.0
 """Standard errors by which the room may have more light than the cosine shows."""
 OUTLIER_DEVIATIONS = 4.0
@@ -45,11 +42,10 @@ MIN_CHANGED_FRAMES, MIN_FRAME_PLACES, MIN_PLACE_FRAMES = 24, 8, 5
 medians are known."""
 MAX_PLACES = 400
 """Places, spread over the background, that are used: more do not help."""
-ITERATIONS = 5
+PLANE_ROUNDS, ITERATIONS = 2, 5
+"""Times that the table's plane is measured, with the light's distance in between, and that this is improved."""
 START_REACHES = 0.02
 """Inverse distance from which the iteration starts, in those of the farthest place: it must not be 0."""
-MIN_INCIDENCE = 0.02
-"""Least cosine of the incidence in the model: at less the background is not lit."""
 SWEEPS = 3
 """Times that the medians of frames and places are taken out in turn."""
 FOLDS = 8
@@ -70,46 +66,58 @@ class Falloff:
     standard_deviation: float
 
 
-def measure_falloff(levels: np.ndarray, x: np.ndarray, y: np.ndarray, site: SphereLights) -> Falloff | None:
+def measure_falloff(
+    levels: np.ndarray, x: np.ndarray, y: np.ndarray, site: SphereLights, centre: np.ndarray, radius: float
+) -> Falloff | None:
     """Measure a light's inverse distance by the background; None where that does not show it.
 
     Args:
         levels: (T, N) of N places of the background, 0 to 255.
         x, y: (N,) of the places relative to the reference point, pixels, y up.
         site: of the sphere that shows the light's directions in these frames, relative to the same point.
+        centre: (3,) of that sphere, likewise; radius: of it, pixels.
     """
-    lights = site.lights
     middle = np.median(levels, axis=0)
     places = (middle > MIN_LEVEL) & (np.percentile(levels, MAX_LEVEL_PERCENTILE, axis=0) < MAX_LEVEL)
-    frames = np.isfinite(lights[:, 0]) & (np.nan_to_num(lights[:, 2]) > MIN_LIGHT_NZ)
-    if frames.sum() < MIN_LIT_FRAMES or places.sum() < MIN_PLACES:
+    lit = np.isfinite(site.lights[:, 0])
+    if lit.sum() < MIN_LIT_FRAMES or places.sum() < MIN_PLACES:
         return None
-    if np.linalg.norm(lights[frames].std(axis=0)) < MIN_LIGHT_DEVIATION:
+    if np.linalg.norm(site.lights[lit].std(axis=0)) < MIN_LIGHT_DEVIATION:
         return None
     places = np.flatnonzero(places)[:: -(-int(places.sum()) // MAX_PLACES)]
-    logarithms = np.log(np.maximum(levels[:, places], 1.0))
-    room_share, room_sd = _room_share(levels[:, places], logarithms, lights, frames)
-    if room_share > MAX_ROOM_SHARE:
-        return None
-    light_share = 1.0 - room_share
-    background = _Background(
-        logarithms[frames],
-        np.ones((np.count_nonzero(frames), len(places)), bool),
-        np.stack([x[places], y[places], np.zeros(len(places))], axis=-1),
-        SphereLights(lights[frames], site.positions[frames]),
-        CAMERA_EXPONENT * light_share,
-    )
-    whole = background.without_outliers().fit()
-    if not whole.is_significant:
-        return Falloff(0.0, float(np.hypot(whole.error, max(whole.inverse, 0.0))))
+    shown = np.maximum(levels[:, places].astype(np.float32), 1.0)
+    inverse = 0.0
+    for _ in range(PLANE_ROUNDS):
+        lights = site.at_reference(np.full(len(site.lights), inverse))
+        table = TablePlane.below(table_normal(shown[lit], lights[lit]), centre, radius)
+        cosines = np.nan_to_num(lights) @ table.normal
+        frames = lit & (cosines > MIN_LIGHT_COSINE)
+        if frames.sum() < MIN_LIT_FRAMES:
+            return None
+        logarithms = np.log(shown[frames])
+        room_share, room_sd = _room_share(shown, logarithms, cosines[frames])
+        if room_share > MAX_ROOM_SHARE:
+            return None
+        background = _Background(
+            logarithms,
+            np.ones(logarithms.shape, bool),
+            table.points(x[places], y[places]),
+            table,
+            SphereLights(site.lights[frames], site.positions[frames]),
+            room_share,
+        )
+        whole = background.without_outliers().fit()
+        if not whole.is_significant:
+            return Falloff(0.0, float(np.hypot(whole.error, max(whole.inverse, 0.0))))
+        inverse = whole.inverse
     # Moving shadows and caustics change levels most: whether a light is near at all is not told by changes alone.
-    changes = np.abs(np.diff(levels[:, places].astype(np.float32), axis=0, prepend=np.nan))[frames]
+    changes = np.abs(np.diff(shown, axis=0, prepend=np.nan))[frames]
     parts = [background.of_changes(changes >= least) for least in LEAST_CHANGES]
     fits = [part.without_outliers().fit() for part in parts if part is not None]
     fit = next((fit for fit in fits if fit.is_significant), whole)
     # What a codec weakened among all levels may still be weakened as much among those that changed.
     held = fit.inverse - whole.inverse
-    model = fit.inverse * np.hypot(EXPONENT_ERROR, np.hypot(ROOM_ERROR, room_sd) / light_share)
+    model = fit.inverse * np.hypot(EXPONENT_ERROR, np.hypot(ROOM_ERROR, room_sd) / (1.0 - room_share))
     return Falloff(fit.inverse, float(np.sqrt(fit.error**2 + model**2 + held**2)))
 
 
@@ -130,21 +138,24 @@ class _Fit:
 class _Background:
     """The background under a light.
 
-    logarithms: of the levels, (T, N), and which of them are used, (T, N) bool; points: of the places, (N, 3); site: of
-    the sphere that shows the light's directions in these frames; response: exponent of the levels over the light's
-    irradiance.
+    logarithms: of the levels, (T, N), and which of them are used, (T, N) bool; points: of the places, (N, 3); table:
+    their plane; site: of the sphere that shows the light's directions in these frames; room_share: of the
+    room's light in a usual level.
     """
 
     logarithms: np.ndarray
     used: np.ndarray
     points: np.ndarray
+    table: TablePlane
     site: SphereLights
-    response: float
+    room_share: float
 
     def part(self, frames: np.ndarray, places: np.ndarray) -> "_Background":
         """Return the part of frames (T,) bool and places (N,) bool."""
         chosen, site = np.ix_(frames, places), SphereLights(self.site.lights[frames], self.site.positions[frames])
-        return _Background(self.logarithms[chosen], self.used[chosen], self.points[places], site, self.response)
+        return replace(
+            self, logarithms=self.logarithms[chosen], used=self.used[chosen], points=self.points[places], site=site
+        )
 
     def of_changes(self, changed: np.ndarray) -> "_Background | None":
         """Return the part whose levels have changed (T, N) bool, None where it is too small."""
@@ -182,7 +193,7 @@ class _Background:
         for _ in range(iterations):
             near = max(inverse, START_REACHES / reach)
             directions = self.site.at_reference(np.full(len(self.used), near))
-            model = self.response * _log_irradiance(directions, near, self.points)
+            model = self.table.log_levels(self.points, directions, near, self.room_share)
             model = _without_medians(model, self.used)
             inside = np.isfinite(model) & np.isfinite(pattern)
             scale = float((model[inside] @ pattern[inside]) / (model[inside] @ model[inside]))
@@ -191,17 +202,15 @@ class _Background:
         return inverse
 
 
-def _room_share(
-    levels: np.ndarray, logarithms: np.ndarray, lights: np.ndarray, frames: np.ndarray
-) -> tuple[float, float]:
+def _room_share(levels: np.ndarray, logarithms: np.ndarray, cosines: np.ndarray) -> tuple[float, float]:
     """Return the share of the room's light in the background's, the least that shadows or the cosine show, and its
     standard deviation, 0 by shadows.
 
-    levels, logarithms: (T, N); lights (T, 3) of the frames (T,) that are used.
+    levels (T, N) of all frames; logarithms (T', N) of those of the frames that are used; cosines (T',) of the light's
+    incidence in these.
     """
-    dark = np.percentile(levels, SHADOW_PERCENTILE, axis=0) / np.median(levels, axis=0)
-    in_shadow = float(np.percentile(dark, SHADOWED_PLACES_PERCENTILE)) ** (1.0 / CAMERA_EXPONENT)
-    cosine, brightness = np.log(lights[frames, 2].astype(np.float64)), np.median(logarithms[frames], axis=1)
+    in_shadow = shadow_share(levels)
+    cosine, brightness = np.log(cosines.astype(np.float64)), np.median(logarithms, axis=1)
 
     def room(kept: np.ndarray) -> float:
         return 1.0 - float(np.polyfit(cosine[kept], brightness[kept], 1)[0]) / CAMERA_EXPONENT
@@ -219,16 +228,6 @@ def _standard_error(count: int, value: Callable[[np.ndarray], float]) -> float:
     """
     groups = np.arange(count) * FOLDS // count
     return float(np.sqrt(FOLDS - 1.0) * np.std([value(groups != fold) for fold in range(FOLDS)]))
-
-
-def _log_irradiance(lights: np.ndarray, inverse_distance: float, points: np.ndarray) -> np.ndarray:
-    """Return the logarithm (T, N) of the irradiance at points (N, 3) of the background, up to a term of each frame.
-
-    lights (T, 3): directions at the reference point. The background faces the camera.
-    """
-    to_light = lights[:, None] - inverse_distance * points
-    length = np.linalg.norm(to_light, axis=-1)
-    return np.asarray(np.log(np.maximum(unit(to_light)[..., 2], MIN_INCIDENCE)) - 2.0 * np.log(length))
 
 
 def _without_medians(values: np.ndarray, used: np.ndarray) -> np.ndarray:

@@ -6,9 +6,10 @@ import pytest
 from glint.tasks.algorithms.geometry.vectors import unit
 from glint.tasks.algorithms.near_light.falloff import Falloff, measure_falloff
 from glint.tasks.algorithms.near_light.positions import SphereLights
+from glint.tasks.algorithms.near_light.table_plane import TablePlane
 from tests.tasks.algorithms.near_light.two_spheres import spiral
 
-SPHERE = np.array([120.0, 10.0, 0.0])
+SPHERE, RADIUS = np.array([120.0, 10.0, 0.0]), 20.0
 SIZE = 100.0
 """Of an object in pixels; the frame is four times as wide."""
 
@@ -22,29 +23,40 @@ def background(
     gamma: float = 2.2,
     seed: int = 0,
     directions: np.ndarray | None = None,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, SphereLights]:
-    """Return levels (T, N), x and y (N,) of a matte cloth, and the light's directions at the sphere.
+    tilt: float = 0.0,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, SphereLights, np.ndarray, float]:
+    """Return levels (T, N), x and y (N,) of a matte cloth, the light's directions at the sphere, its centre and radius.
 
-    directions: (128, 3) of the light from the reference point; a spiral by default.
+    directions: (128, 3) of the light from the reference point; a spiral by default. tilt: angle in degrees between the
+    cloth's normal and the camera's axis.
     """
     generator = np.random.default_rng(seed)
     rows, columns = np.mgrid[-110:111:10.0, -200:201:10.0]
     x, y = columns.ravel(), rows.ravel()
     beside = np.hypot(x, y) > 60.0
     x, y = x[beside], y[beside]
+    table = TablePlane.below(normal_of(tilt), SPHERE, RADIUS)
     positions = distance * (spiral(128, 60.0) if directions is None else directions)
-    towards = positions[:, None] - np.stack([x, y, np.zeros(x.size)], axis=-1)
+    places = table.points(x, y)
+    towards = positions[:, None] - places
     length = np.linalg.norm(towards, axis=-1)
-    irradiance = towards[..., 2] / length * (distance / length) ** 2
+    irradiance = np.maximum(towards @ table.normal, 0.0) / length * (distance / length) ** 2
     if shadows:
-        foot = SPHERE[:2] - 40.0 * positions[:, :2] / positions[:, 2:]
-        irradiance[np.hypot(x - foot[:, :1], y - foot[:, 1:]) < 30.0] = 0.0
+        top = SPHERE + (40.0 - RADIUS) * table.normal
+        foot = top - 40.0 * positions / np.maximum(positions @ table.normal, 0.1 * distance)[:, None]
+        irradiance[np.linalg.norm(places - foot[:, None], axis=-1) < 30.0] = 0.0
     albedo = generator.uniform(0.5, 1.0, x.size)
     exposure = 1.0 + drift * np.sin(np.arange(128) / 9.0)[:, None]
     levels = 70.0 * (exposure * albedo * (irradiance + room)) ** (1.0 / gamma) + generator.normal(
         0, 0.4, towards.shape[:2]
     )
-    return levels, x, y, SphereLights(unit(positions - SPHERE), np.broadcast_to(SPHERE, positions.shape))
+    site = SphereLights(unit(positions - SPHERE), np.broadcast_to(SPHERE, positions.shape))
+    return levels, x, y, site, SPHERE, RADIUS
+
+
+def normal_of(tilt: float) -> np.ndarray:
+    """Return the normal (3,) of a table whose angle to the camera's axis is `tilt` degrees."""
+    return np.array([0.0, np.sin(np.radians(tilt)), np.cos(np.radians(tilt))])
 
 
 @pytest.mark.parametrize(
@@ -57,8 +69,17 @@ def test_the_background_shows_a_near_light(distance: float, shadows: bool) -> No
     assert 0.2 < found.standard_deviation * distance < 0.5
 
 
-def test_a_distant_light_is_proven_distant() -> None:
-    found = measure_falloff(*background(1e6))
+@pytest.mark.parametrize("tilt", [30.0, 60.0, 75.0])
+@pytest.mark.parametrize("distance", [500.0, 1500.0])
+def test_the_table_may_be_seen_aslant(distance: float, tilt: float) -> None:
+    found = measure_falloff(*background(distance, tilt=tilt, drift=0.0))
+    assert found is not None
+    assert abs(found.inverse_distance * distance - 1) < 0.3
+
+
+@pytest.mark.parametrize("tilt", [0.0, 60.0])
+def test_a_distant_light_is_proven_distant(tilt: float) -> None:
+    found = measure_falloff(*background(1e6, tilt=tilt))
     assert found is not None and found.inverse_distance == 0.0
     assert found.standard_deviation < 0.01 / SIZE
 
@@ -74,19 +95,22 @@ def test_a_bright_room_shows_nothing() -> None:
 
 
 def test_a_black_cloth_shows_nothing() -> None:
-    levels, x, y, site = background(1000.0)
-    assert measure_falloff(0.05 * levels, x, y, site) is None
+    levels, x, y, site, centre, radius = background(1000.0)
+    assert measure_falloff(0.05 * levels, x, y, site, centre, radius) is None
 
 
 def test_a_dozen_photographs_show_nothing() -> None:
-    levels, x, y, site = background(1000.0)
-    assert measure_falloff(levels[::10], x, y, SphereLights(site.lights[::10], site.positions[::10])) is None
+    levels, x, y, site, centre, radius = background(1000.0)
+    assert (
+        measure_falloff(levels[::10], x, y, SphereLights(site.lights[::10], site.positions[::10]), centre, radius)
+        is None
+    )
 
 
 def test_rejected_frames_are_left_out() -> None:
-    levels, x, y, site = background(1000.0)
+    levels, x, y, site, centre, radius = background(1000.0)
     site.lights[::7], levels[::7] = np.nan, 200.0
-    found = measure_falloff(levels, x, y, site)
+    found = measure_falloff(levels, x, y, site, centre, radius)
     assert isinstance(found, Falloff)
     assert abs(found.inverse_distance * 1000.0 - 1) < 0.3
 
@@ -101,9 +125,9 @@ def test_the_distance_is_that_from_the_reference_point(side: float) -> None:
 
 @pytest.mark.parametrize("light", [(0.0, 0.0, 1.0), (0.3, 0.0, 0.9)])
 def test_a_light_that_stands_still_shows_nothing(light: tuple[float, float, float]) -> None:
-    levels, x, y, site = background(1000.0)
+    levels, x, y, site, centre, radius = background(1000.0)
     lights = np.broadcast_to(unit(np.array(light)), site.lights.shape)
-    assert measure_falloff(levels, x, y, SphereLights(lights, site.positions)) is None
+    assert measure_falloff(levels, x, y, SphereLights(lights, site.positions), centre, radius) is None
 
 
 def held(levels: np.ndarray, step: float) -> np.ndarray:
@@ -118,17 +142,17 @@ def held(levels: np.ndarray, step: float) -> np.ndarray:
 @pytest.mark.parametrize("step", [3.0, 5.0])
 @pytest.mark.parametrize("distance", [1000.0, 1500.0])
 def test_levels_that_a_codec_holds_are_allowed_for(distance: float, step: float) -> None:
-    levels, x, y, site = background(distance, room=0.3, drift=0.0)
-    found = measure_falloff(np.round(held(levels, step)), x, y, site)
+    levels, x, y, site, centre, radius = background(distance, room=0.3, drift=0.0)
+    found = measure_falloff(np.round(held(levels, step)), x, y, site, centre, radius)
     assert found is not None
     assert abs(found.inverse_distance * distance - 1) < 0.1
 
 
 @pytest.mark.parametrize("turns", [0.7, 1.0])
 def test_a_drifting_exposure_does_not_hide_the_room(turns: float) -> None:
-    steady, x, y, site = background(600.0, room=0.5, drift=0.0)
+    steady, x, y, site, centre, radius = background(600.0, room=0.5, drift=0.0)
     drift = 1.0 + 0.2 * np.sin(np.linspace(0.0, 2.0 * np.pi * turns, len(steady)))
     drifting = steady * drift[:, None] ** (1.0 / 2.2)
-    found = measure_falloff(drifting, x, y, site)
+    found = measure_falloff(drifting, x, y, site, centre, radius)
     assert found is not None
     assert abs(found.inverse_distance * 600.0 - 1) < 0.2
