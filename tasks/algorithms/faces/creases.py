@@ -151,6 +151,21 @@ def crease_residual(along: np.ndarray, first: np.ndarray, second: np.ndarray) ->
     return float(np.arcsin(min(sine, 1.0)) / deviation)
 
 
+@dataclass(frozen=True, slots=True)
+class Polyhedron:
+    """Observed flat faces of an object and their straight edges, which are rounded with a radius in pixels."""
+
+    faces: list[Face]
+    edges: list[Edge]
+    rounding: float
+
+    @classmethod
+    def of(cls, faces: list[Face], mask: np.ndarray, inradius: float) -> "Polyhedron":
+        """Return faces with their edges; mask: (H, W) bool; inradius: of the mask, in pixels."""
+        edges = face_edges(faces, mask, inradius)
+        return cls(faces, edges, rounding_radius(edges, faces, inradius))
+
+
 def rounding_radius(edges: list[Edge], faces: list[Face], inradius: float) -> float:
     """Return the radius in pixels with which edges are rounded: the median of those between observed faces.
 
