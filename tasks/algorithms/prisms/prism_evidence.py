@@ -14,7 +14,7 @@ import numpy as np
 from glint.tasks.algorithms.geometry.distance import depth_inside, inradius_of
 from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view, to_camera_directions
 from glint.tasks.algorithms.geometry.vectors import positions_at, unit
-from glint.tasks.algorithms.prior.unreached import SweptNormals
+from glint.tasks.algorithms.prior.swept_normals import SweptNormals
 from glint.tasks.algorithms.prisms.right_prism import Crease, RightPrism, to_pixels
 
 FLASHED_DEG = 3.0
