@@ -105,14 +105,8 @@ def inner_contours(accepted: np.ndarray, candidates: np.ndarray, pixels: LitPixe
     labels = expand(start, unary, allowed, edges, predict, difference, EXPANSION_SWEEPS)
 
     ends = [predict(labels[edges[:, end]], np.arange(len(edges))) for end in (0, 1)]
-    jump = np.linalg.norm(ends[0][:, :2] - ends[1][:, :2], axis=1)
-    is_contour = (jump > MIN_JUMP) & (jump > np.sqrt(ends[0][:, 2] + ends[1][:, 2]))
     right, down = _jumps(accepted)
-    # To the right n_x grows towards the other side, and downwards n_y falls.
-    for contour, along, part, sign in ((right, 1, 0, 1.0), (down, 0, 1, -1.0)):
-        facing = np.maximum(sign * ends[0][:, part], -sign * ends[1][:, part]) > MIN_OUTWARD
-        of_axis = is_contour & facing & (places[edges[:, 1], along] > places[edges[:, 0], along])
-        contour[tuple(places[edges[of_axis, 0]].T)] = True
+    _add_contours(right, down, places[edges], ends)
     plane, variance, distance = np.full((*mask.shape, 2), np.nan), *np.full((2, *mask.shape), np.inf)
     continued = patches.at(labels, rows, columns)
     plane[nodes], variance[nodes] = continued[:, :2], continued[:, 2]
@@ -141,6 +135,20 @@ def _costs(
         cost += RIM_NATS * rim[at] * np.minimum(square / RIM_DEVIATION**2, 1.0)
         costs[patch, near], allowed[patch, near] = cost, True
     return costs, allowed
+
+
+def _add_contours(right: np.ndarray, down: np.ndarray, edges: np.ndarray, ends: list[np.ndarray]) -> None:
+    """Add contours to `right` and `down` (H, W) bool where what continues contradicts itself.
+
+    edges: (E, 2, 2), row and column of both pixels; ends: what continues at either of them (E, 3), see `BorderPatches`.
+    """
+    jump = np.linalg.norm(ends[0][:, :2] - ends[1][:, :2], axis=1)
+    is_contour = (jump > MIN_JUMP) & (jump > np.sqrt(ends[0][:, 2] + ends[1][:, 2]))
+    # To the right n_x grows towards the other side, and downwards n_y falls.
+    for contour, along, part, sign in ((right, 1, 0, 1.0), (down, 0, 1, -1.0)):
+        facing = np.maximum(sign * ends[0][:, part], -sign * ends[1][:, part]) > MIN_OUTWARD
+        of_axis = is_contour & facing & (edges[:, 1, along] > edges[:, 0, along])
+        contour[tuple(edges[of_axis, 0].T)] = True
 
 
 def _edges(nodes: np.ndarray) -> np.ndarray:
