@@ -29,7 +29,7 @@ def tagged_with_process() -> Iterator[None]:
 
 @contextmanager
 def untagged_tasks() -> Iterator[None]:
-    """Give the task runs that are started inside no tags; their flow run has them."""
+    """Let task runs that start inside have no tags: their flow run has them."""
     from prefect.context import TagsContext
 
     with TagsContext(current_tags=set()):

@@ -66,7 +66,7 @@ class RegionCamera:
         return height if matrix is None else -focal_length(matrix) * np.log(height)
 
     def points(self, columns: np.ndarray, rows: np.ndarray, depth: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-        """Return the points (N, 3) at columns and rows (N,) of a region, of which the size (width, height) is given."""
+        """Return the points (N, 3) at columns, rows and depth (N,) of a region of this size (width, height)."""
         matrix = self.region_matrix
         if matrix is None:
             x, y = to_camera(columns + self.origin[0], rows + self.origin[1], *(self.frame or size))

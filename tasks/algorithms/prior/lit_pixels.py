@@ -34,7 +34,10 @@ class LitPixels:
         return self.mask & self.swept.flashes(field)
 
     def is_informative(self, field: np.ndarray, accepted: np.ndarray) -> bool:
-        """Return whether darkness says anything of normals: most pixels facing the lights are accepted (H, W) bool."""
+        """Return whether darkness says anything of the normals of a field (H, W, 3).
+
+        It does if most pixels that face the lights are among the accepted ones (H, W) bool.
+        """
         facing = self.facing(field)
         return bool((facing & accepted).sum() >= MIN_LIT_SHARE * facing.sum())
 

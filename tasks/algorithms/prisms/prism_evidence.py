@@ -52,7 +52,7 @@ class ShownNormals:
 
     @classmethod
     def of(cls, candidates: np.ndarray, mask: np.ndarray, inverse_focal: float = 0.0) -> "ShownNormals | None":
-        """Return those of candidates (K, H, W, 3), relative to the view rays, NaN where there is none; None: none."""
+        """Return those of candidates (K, H, W, 3; NaN without), relative to the view rays, in a mask; None: none."""
         swept = SweptNormals.of(candidates)
         layers, rows, columns = np.nonzero(np.isfinite(candidates[..., 0]) & mask)
         if swept is None:

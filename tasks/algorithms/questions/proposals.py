@@ -163,6 +163,8 @@ def rough_change(
 
     A patch has the pixels that are nearer to it than to any confident normal or the contour: the field there follows
     it. They turn by the patch's angle to the present normals.
+
+    normals: (K, H, W, 3), of the patches' nodes; mask: (H, W) bool; inradius: of the mask, in pixels.
     """
     own = np.minimum(patches.turns(normals, result.normals), MAX_CHANGE_DEG)
     own = np.where(patches.of(result.labels) > 0, MAX_CHANGE_DEG / 3.0, own)
