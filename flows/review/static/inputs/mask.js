@@ -12,7 +12,8 @@ export class MaskLayer {
   constructor(view) {
     this.view = view;
     const { width, height } = view.picture;
-    Object.assign(this, { width, height, radius: Math.max(2, Math.round(Math.max(width, height) / 60)), pixels: new Uint8Array(width * height), isChanged: false, corners: [] });
+    Object.assign(this, { width, height, pixels: new Uint8Array(width * height), isChanged: false, corners: [] });
+    this.radius = Math.max(2, Math.round(Math.max(width, height) / 60));
     this.canvas = Object.assign(document.createElement("canvas"), { width, height });
     this.context = this.canvas.getContext("2d");
     this.image = new Konva.Image({ x: -0.5, y: -0.5, width, height, image: this.canvas, listening: false });
@@ -40,7 +41,7 @@ export class MaskLayer {
     for (let index = 0; index < this.pixels.length; index += 1) this.pixels[index] = data[4 * index] > 0 ? 1 : 0;
     this.isChanged = false;
     this.redraw(0, 0, this.width, this.height);
-    this.tell();
+    this.showState();
   }
 
   /** Returns four bytes for each pixel of a picture of the full frame's size. */
@@ -80,13 +81,9 @@ export class MaskLayer {
     container.addEventListener("pointermove", (event) => {
       if (this.view.tool === "polygon") this.drawPath(this.view.picture.pointer(event));
       if (!this.paints) return;
-      for (const step of event.getCoalescedEvents?.() ?? [event]) {
+      const coalesced = event.getCoalescedEvents?.() ?? [];
+      for (const step of coalesced.length ? coalesced : [event]) {
         const point = this.view.picture.pointer(step);
-        this.cursor.position(point);
-        if (this.before) this.stroke(point);
-      }
-      if (!event.getCoalescedEvents?.().length) {
-        const point = this.view.picture.pointer(event);
         this.cursor.position(point);
         if (this.before) this.stroke(point);
       }
@@ -144,10 +141,10 @@ export class MaskLayer {
       paste(this.pixels, this.width, size, part);
       this.isChanged = changed;
       this.redraw(left - 1, top - 1, size[2] + 2, size[3] + 2);
-      this.tell();
+      this.showState();
     };
     this.isChanged = true;
-    this.tell();
+    this.showState();
     this.view.history.add({ undo: () => put(old, wasChanged), redo: () => put(now, true) });
   }
 
@@ -231,7 +228,8 @@ export class MaskLayer {
     this.view.picture.overlay.batchDraw();
   }
 
-  tell() {
+  /** Shows how many pixels the mask has, where it comes from, and whether it touches the frame's edge. */
+  showState() {
     const { pixels, width, height } = this;
     let count = 0;
     for (let index = 0; index < pixels.length; index += 1) count += pixels[index];

@@ -2,7 +2,7 @@
 
 import { ask } from "../api.js";
 import { Author } from "../author.js";
-import { announce, element } from "../dom.js";
+import { addStyleSheets, announce, element } from "../dom.js";
 import { bind } from "../keys.js";
 import { RunPanel } from "../inputs/run.js";
 import { FreeMarks } from "./free.js";
@@ -14,9 +14,7 @@ const LOOKING = "Looking for the questions that help most …";
 
 export async function open(root, capture, signal) {
   root.classList.add("questions");
-  if (!document.querySelector('link[href="/static/questions/questions.css"]')) {
-    document.head.append(element("link", { rel: "stylesheet", href: "/static/questions/questions.css" }));
-  }
+  addStyleSheets("/static/questions/questions.css");
   const wait = element("p", { class: "faint waiting", role: "status" }, LOOKING);
   root.append(wait);
   const inputs = await ask(`${capture.path}/inputs`, { signal });
