@@ -163,7 +163,7 @@ def refined_tilt(
 
     Returns the error and the tilt, in radians as the argument of `error_at`.
     """
-    # A step to one side comes from the other, whose error is known.
+    # After a step, the neighbour on one side is the tilt before it, whose error `error_at` has kept.
     error, turn = error_at(tilt), np.radians(first_step)
     while turn > np.radians(last_step):
         neighbours = [angle for angle in (tilt - turn, tilt + turn) if abs(angle) <= np.radians(MAX_TILT_DEG)]
