@@ -54,8 +54,8 @@ class InboxScan:
 
 @dataclass(slots=True)
 class _Collected:
-    """What a scan has collected so far: problems and empty sub-folders by name, the sub-folder that owns each object, the
-    batches of catalogues, and the objects of sub-folders without one."""
+    """What a scan has collected so far: problems and empty sub-folders by name, the sub-folder of each object,
+    catalogues with their objects, and the objects of sub-folders without a catalogue."""
 
     problems: dict[str, str]
     owners: dict[str, Submission]
