@@ -22,6 +22,7 @@ from glint.storage.locations.location import Location
 from glint.storage.versions import publication, snapshots
 from glint.storage.versions.array_schema import NO_SCHEMAS, Schemas, VersionSchema
 from glint.storage.versions.garbage import Garbage, collect, prune
+from glint.storage.versions.opening import open_existing
 from glint.storage.versions.snapshots import Version, index_errors, read_session
 from glint.storage.versions.stage_results import (
     WHOLE_OBJECT,
@@ -71,7 +72,7 @@ class ObjectRepository:
         """
         folder = repository_folder(location, check_name(object_id, "object"))
         with index_errors(location.uri, "opening it", object_id):
-            repository = snapshots.open_existing(folder, object_id)
+            repository = open_existing(folder, object_id)
             if repository is None and not create:
                 if location.is_absent:
                     raise StoreError(f"there is no store {location.uri}", "check the path; `glint run` creates a store")
