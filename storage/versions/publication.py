@@ -171,23 +171,8 @@ def commit_version(
                 _copy_capture(repository, object_id, writable.store, current, capture)
         own = {"layout": LAYOUT_NUMBER, "object": object_id, "version": version.name}
         root.attrs.put(sealed(own | {"metadata": version.metadata}))
-        record = {
-            "version": version.name,
-            "object": object_id,
-            "time": version.time.isoformat(),
-            "message": version.message,
-            "stages": version.stages,
-            "seals": {
-                capture: {
-                    stage: attributes[SEAL]
-                    for stage, attributes in stage_attributes(writable.store, object_id, capture).items()
-                }
-                for capture in version.stages
-            },
-            "rolled_back": version.rolled_back,
-            "metadata": version.metadata,
-        }
-        repository.create_tag(version.name, writable.commit(version.message, sealed(record)))
+        record = sealed(_version_record(writable.store, object_id, version))
+        repository.create_tag(version.name, writable.commit(version.message, record))
     except icechunk.AlreadyExistsError as error:
         raise icechunk.ConflictError() from error
     finally:
@@ -195,6 +180,21 @@ def commit_version(
     # From the tag on the version exists; if this process dies here, the next publisher moves `main`.
     repair_main(repository, object_id)
     return read_version(repository, object_id, version.name)
+
+
+def _version_record(store: Any, object_id: str, version: Version) -> dict[str, Any]:
+    """Return what the commit of a version says of it, with the seals of its content in `store`."""
+    attributes = {capture: stage_attributes(store, object_id, capture) for capture in version.stages}
+    return {
+        "version": version.name,
+        "object": object_id,
+        "time": version.time.isoformat(),
+        "message": version.message,
+        "stages": version.stages,
+        "seals": {name: {stage: own[SEAL] for stage, own in stages.items()} for name, stages in attributes.items()},
+        "rolled_back": version.rolled_back,
+        "metadata": version.metadata,
+    }
 
 
 def _rolled_back(current: Version, target: Version) -> EarlierKeys:
