@@ -40,7 +40,7 @@ class TableModel:
         return np.asarray(((offset @ np.linalg.inv(self.covariance)) * offset).sum(axis=-1))
 
     def flashing(self, features: np.ndarray) -> np.ndarray:
-        """Return the pixels (H, W) bool whose log responses (H, W, 2) show highlights."""
+        """Return the pixels (H, W) bool that show highlights."""
         flash = features[..., 1] - self.mean[..., 1]
         return (flash > MIN_FLASH) & (flash > MIN_FLASH_SPREADS * np.sqrt(self.covariance[1, 1]))
 
