@@ -12,7 +12,7 @@ of them changes. A sub-folder that failed is tried again.
 import json
 from collections.abc import Collection, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 
 import obstore
@@ -50,6 +50,18 @@ class InboxScan:
     waiting: tuple[str, ...]
     empty: tuple[str, ...]
     unchanged: int
+
+
+@dataclass(slots=True)
+class _Collected:
+    """What a scan has collected so far: problems and empty sub-folders by name, the sub-folder of each object,
+    catalogues with their objects, and the objects of sub-folders without a catalogue."""
+
+    problems: dict[str, str]
+    owners: dict[str, Submission]
+    batches: list[Batch] = field(default_factory=list)
+    loose: list[Object] = field(default_factory=list)
+    empty: list[str] = field(default_factory=list)
 
 
 def check_folder(folder: Location, name: str = "the inbox") -> None:
@@ -105,38 +117,40 @@ class Inbox:
             (unchanged if is_finished else changed).append(submission)
         # They are needed beside new objects only, and reading them takes a request for each.
         kept = self._finished_objects(unchanged) if changed else []
-        owners = {item.id: submission for item, submission in kept}
-        loose, batches = list[Object](), list[Batch]()
-        empty = list[str]()
+        collected = _Collected(problems, {item.id: submission for item, submission in kept})
         for submission in (submission for submission in changed if submission.changed <= latest):
             try:
-                catalogue = self._catalogue(submission)
-                objects = catalogue.objects if isinstance(catalogue, Catalogue) else catalogue
-                ids = [item.id for item in objects]
-                taken = [object_id for object_id in ids if object_id in owners]
-                if taken:
-                    owner = owners[taken[0]].name
-                    problems[submission.name] = f"contains the object {taken[0]}, as {owner} does: rename one of them"
-                elif not objects:
-                    empty.append(submission.name)
-                else:
-                    if isinstance(catalogue, Catalogue):
-                        address = self._write_catalogue(catalogue, "catalogues", f"{submission.name}.yaml")
-                        batches.append(Batch(address, dict.fromkeys(ids, submission)))
-                    else:
-                        loose += objects
-                    owners |= dict.fromkeys(ids, submission)
+                self._collect(submission, collected)
             except (GlintError, OSError) as error:
                 # Whatever is wrong with one sub-folder must not stop the others; its name may be too long for a file.
                 problems[submission.name] = str(error)
-        if loose:
+        if collected.loose:
             name = printable(self.location.name)[:MAX_NAME] or "inbox"
-            objects = (*loose, *(item for item, _ in kept[:MAX_KEPT]))
+            objects = (*collected.loose, *(item for item, _ in kept[:MAX_KEPT]))
             together = Catalogue.model_validate({"schema": 1, "name": name, "objects": objects})
             address = self._write_catalogue(together, CATALOGUE)
-            batches.append(Batch(address, {item.id: owners[item.id] for item in loose}))
+            collected.batches.append(Batch(address, {item.id: collected.owners[item.id] for item in collected.loose}))
         waiting = tuple(submission.name for submission in changed if submission.changed > latest)
-        return InboxScan(tuple(batches), problems, waiting, tuple(empty), len(unchanged))
+        return InboxScan(tuple(collected.batches), problems, waiting, tuple(collected.empty), len(unchanged))
+
+    def _collect(self, submission: Submission, collected: "_Collected") -> None:
+        """Add what a sub-folder holds to what was collected."""
+        catalogue = self._catalogue(submission)
+        objects = catalogue.objects if isinstance(catalogue, Catalogue) else catalogue
+        ids = [item.id for item in objects]
+        taken = [object_id for object_id in ids if object_id in collected.owners]
+        if taken:
+            owner = collected.owners[taken[0]].name
+            collected.problems[submission.name] = f"contains the object {taken[0]}, as {owner} does: rename one of them"
+        elif not objects:
+            collected.empty.append(submission.name)
+        else:
+            if isinstance(catalogue, Catalogue):
+                address = self._write_catalogue(catalogue, "catalogues", f"{submission.name}.yaml")
+                collected.batches.append(Batch(address, dict.fromkeys(ids, submission)))
+            else:
+                collected.loose += objects
+            collected.owners |= dict.fromkeys(ids, submission)
 
     def _finished_objects(self, submissions: Sequence[Submission]) -> list[tuple[Object, Submission]]:
         """Return the objects of sub-folders without a catalogue; those that can no longer be read are left out."""

@@ -86,10 +86,6 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
     cache, geometry = open_frames(context), load_geometry(context)
     mask, half_vectors = context.load("mask").read("mask"), context.load("lights").read("half_vectors")
     observed, lit = _lit(cache, context.load("thresholds").read("thresholds"), half_vectors, progress)
-    expected, view = initial_normals(mask).normals, geometry.view_vectors
-    if view is not None:
-        expected = half_vectors_on_axis(rotate_from_view(expected, view), view)
-    observable = is_observable(expected[mask], half_vectors, MAX_HIGHLIGHT_ANGLE_DEG)
     pictures = write_check_pictures(
         _first_frame(context),
         geometry.region,
@@ -104,7 +100,8 @@ def check(context: CaptureContext, out: Path, progress: Callable[[str, int, int 
         out=out,
     )
     warnings = by_cost(warning for record in records for warning in record.warnings)
-    observable_share, observed_share = float(observable.mean()), float(observed[mask].mean())
+    observable_share = _observable_share(mask, half_vectors, geometry.view_vectors)
+    observed_share = float(observed[mask].mean())
     judged = _judged(context, warnings, observable_share, observed_share, cache.frames)
     return Check(
         name=context.name,
@@ -181,6 +178,14 @@ def _given_spheres(context: CaptureContext) -> tuple[Sphere, ...]:
 
 def _texts(spheres: Sequence[Sphere]) -> tuple[str, ...]:
     return tuple(f"x {sphere.x:.1f}, y {sphere.y:.1f}, radius {sphere.radius:.1f}" for sphere in spheres)
+
+
+def _observable_share(mask: np.ndarray, half_vectors: np.ndarray, view: np.ndarray | None) -> float:
+    """Return the share of a mask (H, W) whose initial normals face a half vector (T, 3); view: (H, W, 3) or None."""
+    expected = initial_normals(mask).normals
+    if view is not None:
+        expected = half_vectors_on_axis(rotate_from_view(expected, view), view)
+    return float(is_observable(expected[mask], half_vectors, MAX_HIGHLIGHT_ANGLE_DEG).mean())
 
 
 def _lit(

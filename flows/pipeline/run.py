@@ -70,7 +70,7 @@ def run(
             console.emit(Message(notice))
 
     def prepare() -> None:
-        # What workers are forked from imports their modules beside all that this process has still to read and import.
+        # The process that workers are forked from imports their modules while this one reads and imports the rest.
         if scheduler is None:
             start_forkserver()
 

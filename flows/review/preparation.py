@@ -9,7 +9,7 @@ from glint.tasks.review.questions import prepare
 
 
 class Preparation:
-    """Prepares one capture at a time; of those that wait the one that was shown last, since the others were left."""
+    """Prepares one capture at a time, next the one that was shown last: a person has left the others."""
 
     def __init__(self) -> None:
         self._waiting: CaptureContext | None = None

@@ -43,7 +43,7 @@ DASK_SETTINGS = {
     "distributed.admin.low-level-log-length": 20,
     "distributed.worker.profile.cycle": "30s",
     "distributed.scheduler.dashboard.bokeh-application.check_unused_sessions_milliseconds": 10_000,
-    # It would remove copies of what is sent to all workers on purpose.
+    # The memory manager would remove copies of what is sent to all workers on purpose.
     "distributed.scheduler.active-memory-manager.start": False,
     **{f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in WORKER_MEMORY.items()},
 }

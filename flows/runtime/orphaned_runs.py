@@ -10,12 +10,19 @@ import os
 import socket
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from glint.flows.runtime.server_process import is_alive, process_start_time
 
+if TYPE_CHECKING:
+    from prefect.client.orchestration import SyncPrefectClient
+    from prefect.client.schemas.objects import StateType
+
 RUN_TAG = "glint"
 _PAGE = 200
+
+IsOrphaned = Callable[[Sequence[str]], bool]
+"""Whether the tags of a flow run name a process that has died."""
 
 
 @contextmanager
@@ -29,7 +36,7 @@ def tagged_with_process() -> Iterator[None]:
 
 @contextmanager
 def untagged_tasks() -> Iterator[None]:
-    """Give the task runs that are started inside no tags; their flow run has them."""
+    """Let task runs that start inside have no tags: their flow run has them."""
     from prefect.context import TagsContext
 
     with TagsContext(current_tags=set()):
@@ -61,47 +68,70 @@ def mark_own_crashed() -> int:
     )
 
 
-def _mark_crashed(is_orphaned: Callable[[Sequence[str]], bool], message: str, tasks: bool = True) -> int:
+def _mark_crashed(is_orphaned: IsOrphaned, message: str, tasks: bool = True) -> int:
+    """Mark open flow runs whose tags are orphaned, and task runs in such flow runs; return the number of flow runs."""
     from prefect.client.orchestration import get_client
+    from prefect.client.schemas.objects import State
+    from prefect.states import Crashed
+
+    crashed: State[Any] = Crashed(message=message)
+    with get_client(sync_client=True) as client:
+        flow_runs = _orphaned_flow_runs(client, is_orphaned)
+        for run in _orphaned_task_runs(client, is_orphaned) if tasks else ():
+            client.set_task_run_state(run.id, crashed, force=True)
+        for run in flow_runs:
+            client.set_flow_run_state(run.id, crashed, force=True)
+    return len(flow_runs)
+
+
+def _orphaned_flow_runs(client: "SyncPrefectClient", is_orphaned: IsOrphaned) -> list[Any]:
+    """Return the open flow runs whose tags are orphaned."""
+    from prefect.client.schemas.filters import (
+        FlowRunFilter,
+        FlowRunFilterState,
+        FlowRunFilterStateType,
+        FlowRunFilterTags,
+    )
+
+    is_open = FlowRunFilterState(type=FlowRunFilterStateType(any_=_open_states()))
+    open_runs = FlowRunFilter(state=is_open, tags=FlowRunFilterTags(all_=[RUN_TAG]))
+    return [run for run in _pages(client.read_flow_runs, flow_run_filter=open_runs) if is_orphaned(run.tags)]
+
+
+def _orphaned_task_runs(client: "SyncPrefectClient", is_orphaned: IsOrphaned) -> list[Any]:
+    """Return the open task runs in flow runs, open or not, whose tags are orphaned."""
     from prefect.client.schemas.filters import (
         FlowRunFilter,
         FlowRunFilterId,
-        FlowRunFilterState,
-        FlowRunFilterStateType,
         FlowRunFilterTags,
         TaskRunFilter,
         TaskRunFilterState,
         TaskRunFilterStateType,
     )
-    from prefect.client.schemas.objects import State, StateType
-    from prefect.states import Crashed
 
-    crashed: State[Any] = Crashed(message=message)
-    open_states = [StateType.RUNNING, StateType.PENDING, StateType.CANCELLING]
-    tagged = FlowRunFilterTags(all_=[RUN_TAG])
-    open_flow_runs = FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=open_states)), tags=tagged)
-    open_task_runs = TaskRunFilter(state=TaskRunFilterState(type=TaskRunFilterStateType(any_=open_states)))
-    with get_client(sync_client=True) as client:
-        matching = _pages(client.read_flow_runs, flow_run_filter=open_flow_runs)
-        orphans = [run.id for run in matching if is_orphaned(run.tags)]
-        if tasks:
-            filters = {"flow_run_filter": FlowRunFilter(tags=tagged), "task_run_filter": open_task_runs}
-            task_runs = list(_pages(client.read_task_runs, **filters))
-            ids = list({run.flow_run_id for run in task_runs})
-            parents = {
-                run.id
-                for start in range(0, len(ids), _PAGE)
-                for run in client.read_flow_runs(
-                    flow_run_filter=FlowRunFilter(id=FlowRunFilterId(any_=ids[start : start + _PAGE])), limit=_PAGE
-                )
-                if is_orphaned(run.tags)
-            }
-            for run in task_runs:
-                if run.flow_run_id in parents:
-                    client.set_task_run_state(run.id, crashed, force=True)
-        for orphan in orphans:
-            client.set_flow_run_state(orphan, crashed, force=True)
-    return len(orphans)
+    task_runs = list(
+        _pages(
+            client.read_task_runs,
+            flow_run_filter=FlowRunFilter(tags=FlowRunFilterTags(all_=[RUN_TAG])),
+            task_run_filter=TaskRunFilter(state=TaskRunFilterState(type=TaskRunFilterStateType(any_=_open_states()))),
+        )
+    )
+    ids = list({run.flow_run_id for run in task_runs})
+    orphaned = {
+        run.id
+        for start in range(0, len(ids), _PAGE)
+        for run in client.read_flow_runs(
+            flow_run_filter=FlowRunFilter(id=FlowRunFilterId(any_=ids[start : start + _PAGE])), limit=_PAGE
+        )
+        if is_orphaned(run.tags)
+    }
+    return [run for run in task_runs if run.flow_run_id in orphaned]
+
+
+def _open_states() -> "list[StateType]":
+    from prefect.client.schemas.objects import StateType
+
+    return [StateType.RUNNING, StateType.PENDING, StateType.CANCELLING]
 
 
 def _pages(read: Callable[..., Sequence[Any]], **filters: Any) -> Iterator[Any]:

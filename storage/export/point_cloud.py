@@ -73,7 +73,7 @@ def point_cloud_of(
 
 
 def has_surface(camera: CaptureCamera, depth: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Return the pixels (H, W) bool with a depth and a normal (H, W, 3) that is not steeper than MAX_SLOPE_DEG."""
+    """Return the pixels (H, W) bool with depth (H, W) and a normal (H, W, 3) not steeper than MAX_SLOPE_DEG."""
     if camera.matrix is None:
         cosines = normals[..., 2]
     else:

@@ -30,53 +30,20 @@ def read_lights(address: Address, names: Sequence[str] = (), count: int | None =
         InputError: malformed, NaN or zero directions, z negated, names of which some match, or a number of rows other
             than that of frames.
     """
-    location = locate(address)
-    lines = read_bytes(location, MAX_TEXT_BYTES).decode("utf-8-sig", "replace").splitlines()
-    rows = [(number, line.strip()) for number, line in enumerate(lines, 1) if line.strip()]
-    if not rows or not rows[0][1].isdecimal() or len(rows[0][1]) > 9:
-        raise InputError(f"{location.uri}:1: this is not a count", "write the number of lights into the first line")
-    if len(rows) == 1:
-        raise InputError(f"{location.uri} holds no light", "give one row `name x y z` per frame")
-    (first_line, stated_count), rows = (rows[0][0], int(rows[0][1])), rows[1:]
-    diagnostics: list[Diagnostic] = []
-    row_names: list[str] = []
-    directions: list[list[float]] = []
-    parsed = [(number, line, *_parse_row(line)) for number, line in rows]
-    if all(direction is None for *_, direction in parsed):
-        # The lines of a file of another kind are not shown: the catalogue's author may not be allowed to read them.
-        raise InputError(f"{location.uri} is not an .lp file", "write `name x y z` into each line after the first")
-    has_column = _has_further_column([name for _, _, name, _ in parsed])
-    for number, line, name, direction in parsed:
-        if direction is None:
-            message, remedy = f"{truncate_repr(line)} is not a light", "write `name x y z`"
-            diagnostics.append(Diagnostic(location.uri, number, message, remedy))
-        elif not direction:
-            message = f"{truncate_repr(line)} has no direction"
-            remedy = "write a direction with finite length, or remove the frame"
-            diagnostics.append(Diagnostic(location.uri, number, message, remedy))
-        elif has_column or any(not number.isdecimal() for number in _last_numbers(name)):
-            message = f"{truncate_repr(line)} has more than three numbers"
-            remedy = "write `name x y z`, where a name of several words ends with a number only if it is a whole one"
-            diagnostics.append(Diagnostic(location.uri, number, message, remedy))
-        else:
-            row_names.append(name)
-            directions.append(direction)
-    if stated_count != len(rows):
-        message = f"the first line states {stated_count} lights, {len(rows)} follow"
-        diagnostics.append(Diagnostic(location.uri, first_line, message, "correct the number or add the missing rows"))
-    raise_diagnostics(diagnostics)
+    uri, first_line, stated_count, rows = _numbered_rows(address)
+    row_names, directions = _parsed_rows(uri, first_line, stated_count, rows)
     frame_count = len(names) if names else count
-    order = _rows_by_name(location.uri, row_names, names)
+    order = _rows_by_name(uri, row_names, names)
     if order is None and frame_count is not None and frame_count != len(directions):
         raise InputError(
-            f"{location.uri} has {len(directions)} lights for {frame_count} frames",
+            f"{uri} has {len(directions)} lights for {frame_count} frames",
             "give one row per frame, in order, or rows with the images' file names",
         )
     lights = np.array(directions, np.float32).reshape(-1, 3)
     behind = int((lights[:, 2] < 0.0).sum())
     if behind > MAX_NEGATED_SHARE * len(lights):
         raise InputError(
-            f"{behind} of {len(lights)} lights of {location.uri} lie behind the object (z < 0): z is reversed",
+            f"{behind} of {len(lights)} lights of {uri} lie behind the object (z < 0): z is reversed",
             "negate it: z points towards the camera",
         )
     return lights if order is None else lights[order]
@@ -90,6 +57,60 @@ def write_lights(path: Path, lights: np.ndarray, names: Sequence[str]) -> None:
     """
     rows = [f"{name} {x:.6f} {y:.6f} {z:.6f}" for name, (x, y, z) in zip(names, lights, strict=True)]
     path.write_text("\n".join([str(len(rows)), *rows]) + "\n", encoding="utf-8")
+
+
+def _numbered_rows(address: Address) -> tuple[str, int, int, list[tuple[int, str]]]:
+    """Return the file's URI, number and content of the line with the count, and the rows after it with their numbers.
+
+    Raises:
+        InputError: there is no count, or no row.
+    """
+    location = locate(address)
+    lines = read_bytes(location, MAX_TEXT_BYTES).decode("utf-8-sig", "replace").splitlines()
+    rows = [(number, line.strip()) for number, line in enumerate(lines, 1) if line.strip()]
+    if not rows or not rows[0][1].isdecimal() or len(rows[0][1]) > 9:
+        raise InputError(f"{location.uri}:1: this is not a count", "write the number of lights into the first line")
+    if len(rows) == 1:
+        raise InputError(f"{location.uri} holds no light", "give one row `name x y z` per frame")
+    return location.uri, rows[0][0], int(rows[0][1]), rows[1:]
+
+
+def _parsed_rows(
+    uri: str, first_line: int, stated_count: int, rows: Sequence[tuple[int, str]]
+) -> tuple[list[str], list[list[float]]]:
+    """Return the names and the unit directions of all rows.
+
+    Raises:
+        InputError: a row is malformed or has no direction, or there are not as many as stated in the first line.
+    """
+    parsed = [(number, line, *_parse_row(line)) for number, line in rows]
+    if all(direction is None for *_, direction in parsed):
+        # The lines of a file of another kind are not shown: the catalogue's author may not be allowed to read them.
+        raise InputError(f"{uri} is not an .lp file", "write `name x y z` into each line after the first")
+    has_column = _has_further_column([name for _, _, name, _ in parsed])
+    diagnostics: list[Diagnostic] = []
+    row_names: list[str] = []
+    directions: list[list[float]] = []
+    for number, line, name, direction in parsed:
+        if direction is None:
+            message, remedy = f"{truncate_repr(line)} is not a light", "write `name x y z`"
+            diagnostics.append(Diagnostic(uri, number, message, remedy))
+        elif not direction:
+            message = f"{truncate_repr(line)} has no direction"
+            remedy = "write a direction with finite length, or remove the frame"
+            diagnostics.append(Diagnostic(uri, number, message, remedy))
+        elif has_column or any(not number.isdecimal() for number in _last_numbers(name)):
+            message = f"{truncate_repr(line)} has more than three numbers"
+            remedy = "write `name x y z`, where a name of several words ends with a number only if it is a whole one"
+            diagnostics.append(Diagnostic(uri, number, message, remedy))
+        else:
+            row_names.append(name)
+            directions.append(direction)
+    if stated_count != len(rows):
+        message = f"the first line states {stated_count} lights, {len(rows)} follow"
+        diagnostics.append(Diagnostic(uri, first_line, message, "correct the number or add the missing rows"))
+    raise_diagnostics(diagnostics)
+    return row_names, directions
 
 
 def _parse_row(line: str) -> tuple[str, list[float] | None]:

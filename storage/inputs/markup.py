@@ -114,7 +114,11 @@ def position_error(
     region: Region | None = None,
     mask: np.ndarray | None = None,
 ) -> str:
-    """Return the reason why an annotation's position is invalid; empty if it is valid."""
+    """Return the reason why an annotation's position is invalid; empty if it is valid.
+
+    frame_size: height and width of the full frame. count: number of frames, None: unknown. region: that the annotation
+    must lie in; mask: (H, W) bool, of the region, the object that it must lie on.
+    """
     height, width = frame_size
     if count is not None and annotation.frame >= count:
         return f"is after the last frame, {count - 1}"

@@ -83,7 +83,7 @@ def _acquire(handle: int, object_id: str) -> None:
             return
         except BlockingIOError as error:
             owner = LockOwner.from_bytes(os.pread(handle, MAX_OWNER_BYTES, 0))
-            # The name of a killed run stays in the file, beside which a status check may hold the lock.
+            # A killed run leaves its name in the file, while a status check may hold the lock.
             if (owner is not None and not owner.is_dead()) or time.monotonic() >= deadline:
                 raise ObjectBusy.owned_by(object_id, owner) from error
             time.sleep(STATUS_CHECK_POLL_SECONDS)

@@ -12,8 +12,9 @@ from glint.storage.frames.eviction import discard_frames
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import mutation_lock, run_lock
 from glint.storage.maintenance.verify import Damage
+from glint.storage.versions.opening import open_repository
 from glint.storage.versions.repository import ObjectRepository
-from glint.storage.versions.snapshots import open_repository, read_session, version_names
+from glint.storage.versions.snapshots import read_session, version_names
 from glint.storage.versions.transaction import repository_folder
 
 INDEX = "repo"

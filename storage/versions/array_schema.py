@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
@@ -51,6 +52,15 @@ class ComputedArrays:
 
 Schemas = Mapping[str, Mapping[str, ArraySchema]]
 """Schemas of arrays by stage. Stages and arrays beyond these may be saved too and are not checked."""
+NO_SCHEMAS: Schemas = MappingProxyType({})
+
+
+@dataclass(frozen=True, slots=True)
+class VersionSchema:
+    """What the results of a capture must hold to be part of a version: stages, and arrays by stage."""
+
+    stages: Sequence[str]
+    arrays: Schemas
 
 
 def schema_violations(results: Mapping[str, ArraySource], schemas: Schemas, required: Sequence[str] = ()) -> list[str]:

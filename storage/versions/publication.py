@@ -15,7 +15,7 @@ import zarr
 from glint.storage.errors import DamagedError, StoreError
 from glint.storage.json_values import json_value
 from glint.storage.seals import SEAL, sealed
-from glint.storage.versions.array_schema import Schemas, schema_violations
+from glint.storage.versions.array_schema import VersionSchema, schema_violations
 from glint.storage.versions.garbage import new_branch_name
 from glint.storage.versions.snapshots import (
     Version,
@@ -43,11 +43,11 @@ def publish(
     repository: icechunk.Repository,
     object_id: str,
     captures: Sequence[str],
+    schema: VersionSchema,
+    *,
     metadata: Mapping[str, Any],
-    required: Sequence[str],
     message: str,
     removed: Collection[str],
-    schemas: Schemas,
 ) -> Version:
     """Make a version with the named captures' results on `work`; see `ObjectRepository.publish`.
 
@@ -70,7 +70,7 @@ def publish(
     if current and not new and not published.keys() & set(removed):
         return replace(current, created=False)
     for capture in new:
-        _check_capture(work, object_id, capture, required, schemas)
+        _check_capture(work, object_id, capture, schema)
     kept = {capture: stages for capture, stages in published.items() if capture not in new and capture not in removed}
     if not new and not kept:
         raise StoreError(f"{object_id} has nothing to publish", "name at least one capture")
@@ -171,23 +171,8 @@ def commit_version(
                 _copy_capture(repository, object_id, writable.store, current, capture)
         own = {"layout": LAYOUT_NUMBER, "object": object_id, "version": version.name}
         root.attrs.put(sealed(own | {"metadata": version.metadata}))
-        record = {
-            "version": version.name,
-            "object": object_id,
-            "time": version.time.isoformat(),
-            "message": version.message,
-            "stages": version.stages,
-            "seals": {
-                capture: {
-                    stage: attributes[SEAL]
-                    for stage, attributes in stage_attributes(writable.store, object_id, capture).items()
-                }
-                for capture in version.stages
-            },
-            "rolled_back": version.rolled_back,
-            "metadata": version.metadata,
-        }
-        repository.create_tag(version.name, writable.commit(version.message, sealed(record)))
+        record = sealed(_version_record(writable.store, object_id, version))
+        repository.create_tag(version.name, writable.commit(version.message, record))
     except icechunk.AlreadyExistsError as error:
         raise icechunk.ConflictError() from error
     finally:
@@ -195,6 +180,21 @@ def commit_version(
     # From the tag on the version exists; if this process dies here, the next publisher moves `main`.
     repair_main(repository, object_id)
     return read_version(repository, object_id, version.name)
+
+
+def _version_record(store: Any, object_id: str, version: Version) -> dict[str, Any]:
+    """Return what the commit of a version says of it, with the seals of its content in `store`."""
+    attributes = {capture: stage_attributes(store, object_id, capture) for capture in version.stages}
+    return {
+        "version": version.name,
+        "object": object_id,
+        "time": version.time.isoformat(),
+        "message": version.message,
+        "stages": version.stages,
+        "seals": {name: {stage: own[SEAL] for stage, own in stages.items()} for name, stages in attributes.items()},
+        "rolled_back": version.rolled_back,
+        "metadata": version.metadata,
+    }
 
 
 def _rolled_back(current: Version, target: Version) -> EarlierKeys:
@@ -226,9 +226,9 @@ def _replacements(repository: icechunk.Repository, object_id: str, current: Vers
     return lost
 
 
-def _check_capture(store: Any, object_id: str, capture: str, required: Sequence[str], schemas: Schemas) -> None:
+def _check_capture(store: Any, object_id: str, capture: str, schema: VersionSchema) -> None:
     results = read_capture(store, object_id, capture)
-    violations = schema_violations(results, schemas, () if capture == WHOLE_OBJECT else required)
+    violations = schema_violations(results, schema.arrays, () if capture == WHOLE_OBJECT else schema.stages)
     if violations or not results:
         raise StoreError(
             f"{object_id}/{capture} cannot be published: {'; '.join(violations) or 'it has no result'}",

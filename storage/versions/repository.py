@@ -11,7 +11,6 @@ results that this rollback or those before it left creates no version.
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import timedelta
-from types import MappingProxyType
 from typing import Any
 
 import icechunk
@@ -21,8 +20,9 @@ from glint.storage.errors import StoreError
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 from glint.storage.versions import publication, snapshots
-from glint.storage.versions.array_schema import Schemas
+from glint.storage.versions.array_schema import NO_SCHEMAS, Schemas, VersionSchema
 from glint.storage.versions.garbage import Garbage, collect, prune
+from glint.storage.versions.opening import open_existing
 from glint.storage.versions.snapshots import Version, index_errors, read_session
 from glint.storage.versions.stage_results import (
     WHOLE_OBJECT,
@@ -42,8 +42,6 @@ from glint.storage.versions.stage_writer import write_stage
 from glint.storage.versions.transaction import create_repository, repository_folder, transaction
 
 icechunk.set_logs_filter("off")  # what it logs it also raises
-
-NO_SCHEMAS: Schemas = MappingProxyType({})
 
 
 def object_ids(location: Location) -> list[str]:
@@ -74,7 +72,7 @@ class ObjectRepository:
         """
         folder = repository_folder(location, check_name(object_id, "object"))
         with index_errors(location.uri, "opening it", object_id):
-            repository = snapshots.open_existing(folder, object_id)
+            repository = open_existing(folder, object_id)
             if repository is None and not create:
                 if location.is_absent:
                     raise StoreError(f"there is no store {location.uri}", "check the path; `glint run` creates a store")
@@ -181,10 +179,11 @@ class ObjectRepository:
         Raises:
             StoreError: a result is missing or malformed; nothing has changed then.
         """
+        schema = VersionSchema(required, schemas)
         return self._transaction(
             "publishing",
             lambda: publication.publish(
-                self._repository, self.object_id, captures, metadata, required, message, remove, schemas
+                self._repository, self.object_id, captures, schema, metadata=metadata, message=message, removed=remove
             ),
         )
 

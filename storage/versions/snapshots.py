@@ -1,23 +1,20 @@
-"""Branches, tags and snapshots of an object's icechunk repository: opening it, and reading its versions."""
+"""Branches, tags and snapshots of an object's icechunk repository: the versions that they hold."""
 
 import json
 import re
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import icechunk
-import obstore
 from zarr.core.sync import sync
 
 from glint.storage.errors import DamagedError, StoreError, damaged, one_line
 from glint.storage.locations.error_translation import UNKNOWN_CAUSE_REMEDY, store_errors, translate
-from glint.storage.locations.location import Location
 from glint.storage.seals import is_sealed
-from glint.storage.versions.icechunk_config import CONFIG
 from glint.storage.versions.stage_results import WHOLE_OBJECT, EarlierKeys, Keys, StageResult, read_capture
 
 PANICS = "PanicException", "RustPanic"  # where the library stops in a call and in a coroutine; not to be imported
@@ -51,54 +48,6 @@ class Version:
     def captures(self) -> tuple[str, ...]:
         """The captures of its content, without WHOLE_OBJECT."""
         return tuple(name for name in self.stages if name != WHOLE_OBJECT)
-
-
-def open_repository(location: Location) -> icechunk.Repository:
-    """Open an existing repository.
-
-    Raises:
-        RepositoryNotFoundError: there is none.
-    """
-    return icechunk.Repository.open(location.icechunk_storage(), config=CONFIG)
-
-
-def open_existing(location: Location, object_id: str) -> icechunk.Repository | None:
-    """Open a repository; None if there is none.
-
-    Raises:
-        DamagedError: its index is missing.
-    """
-    try:
-        return open_repository(location)
-    except icechunk.RepositoryNotFoundError as error:
-        if _lists_snapshots(location):
-            index = f"the index of object {object_id} in {location.uri}"
-            raise damaged(index, "its file `repo` is lost", object_id) from error
-        return None
-
-
-def open_or_create(location: Location, object_id: str) -> icechunk.Repository:
-    """Open the repository and its branch `work`; create what is missing, also after an interrupted creation.
-
-    Raises:
-        DamagedError: there are results but no index of them.
-    """
-    repository = open_existing(location, object_id)
-    if repository is None:
-        with suppress(icechunk.ConflictError):
-            icechunk.Repository.create(location.icechunk_storage(), check_clean_root=False)
-        repository = open_repository(location)
-    if "work" not in repository.list_branches():
-        with suppress(icechunk.AlreadyExistsError, icechunk.ConflictError):
-            repository.create_branch("work", repository.lookup_branch("main"))
-    return repository
-
-
-def _lists_snapshots(location: Location) -> bool:
-    """Return whether there are snapshots but the initial one, which an interrupted creation may leave."""
-    if location.local is not None and not location.local.is_dir():
-        return False
-    return sum(len(batch) for batch in obstore.list(location.obstore(), prefix="snapshots")) > 1
 
 
 def read_session(repository: icechunk.Repository, object_id: str, ref: str) -> icechunk.Session:

@@ -11,7 +11,8 @@ from glint.storage.errors import StoreError
 from glint.storage.fsync import flush_new_tree, flush_tree
 from glint.storage.locations.location import Location
 from glint.storage.locking.locks import mutation_lock
-from glint.storage.versions.snapshots import index_errors, open_or_create
+from glint.storage.versions.opening import open_or_create
+from glint.storage.versions.snapshots import index_errors
 
 MAX_COMMIT_ATTEMPTS = 30
 """Conflicts with other writers after which a change is given up, within a minute of waiting."""

@@ -164,7 +164,7 @@ def _on_unchanged_inputs(context: CaptureContext, stage: Stage, progress: Progre
     for _ in range(ATTEMPTS):
         stamps = context.stamps(stage.files)
         output = _on_whole_frames(context, stage, progress)
-        # Also a file that was replaced for a while, and is now as it was, may have been read meanwhile.
+        # A file that was replaced for a while, and is as it was again, may have been read in between.
         if context.stamps(stage.files) == stamps:
             context.check_unchanged(stage.files)
             return output

@@ -9,6 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from glint.storage.inputs.masks_and_truth import read_truth
+from glint.tasks.algorithms.candidates.clusters import Clusters
 from glint.tasks.algorithms.evaluation.metrics import (
     DepthErrors,
     LabelErrors,
@@ -91,17 +92,8 @@ def evaluate(work: CaptureContext, stages: tuple[str, ...]) -> Evaluation | None
     truth = read_truth(work.capture.truth, mask.shape)
     if truth.normals is None:
         return None
-    clusters, initial = load_clusters(work), work.load("silhouette").read("initial")
-    labels, geometry = work.load("labels"), load_geometry(work)
-    view, camera = geometry.view_vectors, geometry.region_camera
-    literal, silhouette = LabelsParameters(method="paper"), work.parameters.silhouette
-    winner = np.where(np.isfinite(clusters.winner), clusters.winner, initial)
-    normals = {
-        "winner takes all": winner,
-        "silhouette only": initial,
-        "paper": reconstruct(clusters, mask, initial, load_marks(work), literal, silhouette, camera=camera).normals,
-        "glint": labels.read("normals"),
-    }
+    clusters, labels, view = load_clusters(work), work.load("labels"), load_geometry(work).view_vectors
+    normals = _normals_by_method(work, clusters, mask)
     observed = mask & (clusters.observations > 0)
     records = {stage: work.load(stage).record for stage in stages}
     error = angles(normals["glint"], truth.normals)
@@ -138,6 +130,18 @@ def evaluate(work: CaptureContext, stages: tuple[str, ...]) -> Evaluation | None
         truth=truth.normals,
         confidence=confidence,
     )
+
+
+def _normals_by_method(work: CaptureContext, clusters: Clusters, mask: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the normals (H, W, 3) of METHODS, camera frame, NaN where a method has none; mask: (H, W) bool."""
+    initial, camera = work.load("silhouette").read("initial"), load_geometry(work).region_camera
+    literal, silhouette = LabelsParameters(method="paper"), work.parameters.silhouette
+    return {
+        "winner takes all": np.where(np.isfinite(clusters.winner), clusters.winner, initial),
+        "silhouette only": initial,
+        "paper": reconstruct(clusters, mask, initial, load_marks(work), literal, silhouette, camera=camera).normals,
+        "glint": work.load("labels").read("normals"),
+    }
 
 
 def _depth_errors(work: CaptureContext, truth: np.ndarray, mask: np.ndarray) -> DepthErrors:

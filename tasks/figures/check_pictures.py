@@ -74,7 +74,8 @@ def draw_overview(
 ) -> np.ndarray:
     """Draw region, silhouette and spheres into a frame (H, W) uint8 or uint16; the picture (H, W, 3) uint8.
 
-    The silhouette is red where its doubt (H, W) of the region is at least DOUBTFUL, and half of the largest.
+    The silhouette of the mask (H, W) bool is red where its doubt (H, W), both of the region, is at least DOUBTFUL, and
+    half of the largest.
     """
     picture = cv2.cvtColor(eight_bits(frame), cv2.COLOR_GRAY2RGB)
     corner = (region.x + region.width - 1, region.y + region.height - 1)

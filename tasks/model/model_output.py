@@ -10,7 +10,8 @@ import trimesh
 
 from glint.storage.export.image_files import encode_png
 from glint.storage.versions.stage_results import StoredFile
-from glint.tasks.algorithms.meshing.depth_mesh import Surface, glb_bytes, ply_bytes
+from glint.tasks.algorithms.meshing.depth_mesh import Surface
+from glint.tasks.algorithms.meshing.mesh_encoding import glb_bytes, ply_bytes
 from glint.tasks.algorithms.multiview.mesh import Model
 from glint.tasks.algorithms.registration.registered_views import RegisteredViews
 from glint.tasks.algorithms.registration.view_rejection import RejectedView

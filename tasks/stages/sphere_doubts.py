@@ -170,7 +170,7 @@ def spheres_error(spheres: Sequence[Sphere], nz: np.ndarray) -> np.ndarray:
 
 
 def sweep_error(spheres: Sequence[Sphere], result: Lights) -> float:
-    """Return the RMS of that standard deviation over all lights, radians; 0 without lights."""
+    """Return the RMS of `spheres_error` over all accepted lights, radians; 0 without lights."""
     errors = spheres_error(spheres, result.half_vectors[result.accepted, 2])
     return float(np.sqrt(np.mean(errors**2))) if errors.size else 0.0
 

@@ -86,11 +86,7 @@ def measure_shake(footage: Footage, to_first: bool, excluded: Sequence[Region] =
     if shake <= (STEADY_PX if estimator.on_background else STEADY_OBJECT_PX):
         return Shake({"shake_pixels": round(shake, 3), "applied": False})
     if not is_registered:
-        message = (
-            f"the camera moved by {shake:.1f} pixels or more, but only {known.mean():.0%} of the frames show how far,"
-            " so they are left as they are: record again from a firm tripod, before a background of fine structure"
-        )
-        warning = StageWarning(message, "camera", UNKNOWN_SHAKE_ERROR_DEG)
+        warning = _unregistered_warning(shake, float(known.mean()))
         return Shake({"shake_pixels": round(shake, 3), "applied": False}, warnings=[warning])
     places = knocked_places(shifts)
     first = _first_place(footage, estimator, reduction) if to_first else np.median(shifts, axis=0)
@@ -105,15 +101,29 @@ def measure_shake(footage: Footage, to_first: bool, excluded: Sequence[Region] =
         "excluded": rectangles,
         "places": None if places is None else places.tolist(),
     }
+    return Shake(record, {REFERENCE: reference}, [_stabilized_warning(shake, to_first, places is not None)])
+
+
+def _unregistered_warning(shake: float, known_share: float) -> StageWarning:
+    """Return the warning of a shake in pixels whose way only a share of the frames shows."""
+    message = (
+        f"the camera moved by {shake:.1f} pixels or more, but only {known_share:.0%} of the frames show how far,"
+        " so they are left as they are: record again from a firm tripod, before a background of fine structure"
+    )
+    return StageWarning(message, "camera", UNKNOWN_SHAKE_ERROR_DEG)
+
+
+def _stabilized_warning(shake: float, to_first: bool, is_knocked: bool) -> StageWarning:
+    """Return the warning of a shake in pixels that is undone; is_knocked: whether the camera moved once, and stayed."""
     target = "the first one" if to_first else "the middle"
     moved = f"the camera moved by {shake:.1f} pixels: frames are moved back to {target}"
-    if places is not None:
+    if is_knocked:
         moved = f"the camera was knocked {shake:.1f} pixels aside once: the frames of one side are moved to the other"
     message = (
         f"{moved}; a firm tripod gives better normals, and `parameters: {{survey: {{stabilize: false}}}}` leaves the"
         " frames as they are"
     )
-    return Shake(record, {REFERENCE: reference}, [StageWarning(message, "camera", STABILIZED_ERROR_DEG)])
+    return StageWarning(message, "camera", STABILIZED_ERROR_DEG)
 
 
 def _first_place(footage: Footage, estimator: TranslationEstimator, reduction: int) -> np.ndarray | None:

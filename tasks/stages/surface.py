@@ -5,7 +5,8 @@ import numpy as np
 from glint.storage.export.image_files import encode_png
 from glint.storage.versions.stage_results import StoredFile
 from glint.tasks.algorithms.lighting.coverage import coverage
-from glint.tasks.algorithms.meshing.depth_mesh import glb_bytes, mesh_from_depth, ply_bytes
+from glint.tasks.algorithms.meshing.depth_mesh import RegionCamera, mesh_from_depth
+from glint.tasks.algorithms.meshing.mesh_encoding import glb_bytes, ply_bytes
 from glint.tasks.algorithms.meshing.shading import draw_surface, relit_pictures
 from glint.tasks.engine.parameters import SurfaceParameters
 from glint.tasks.engine.stage import Progress, StageOutput
@@ -24,10 +25,7 @@ def surface(inputs: StageInputs, progress: Progress) -> StageOutput:
         heights / np.float32(pixel_size) if distance is None else np.float32(distance) - heights,
         mask,
         normals,
-        origin=(region.x, region.y),
-        frame=geometry.frame_size,
-        pixel_size=pixel_size,
-        camera=geometry.camera,
+        RegionCamera((region.x, region.y), geometry.frame_size, pixel_size, geometry.camera),
         confidence=labels.read("confidence"),
         max_step=parameters.max_step,
         max_slope=parameters.max_slope,

@@ -20,7 +20,7 @@ from glint.tasks.algorithms.geometry.perspective import areal_focal_length
 from glint.tasks.algorithms.integration.bilateral import integrate
 from glint.tasks.algorithms.integration.contour_margin import with_margin
 from glint.tasks.algorithms.revolution import rotational_normals, symmetry
-from glint.tasks.algorithms.revolution.fit_limits import FitLimits
+from glint.tasks.algorithms.revolution.symmetry import FitLimits
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.parameters import Parameters
 from glint.tasks.simulation.simulate import CaptureOptions

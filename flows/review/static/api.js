@@ -23,6 +23,13 @@ export function addressOf(object, capture, view = "inputs") {
   return `#/${encodeURIComponent(object)}/${encodeURIComponent(capture)}/${view}`;
 }
 
+/** Asks the server for a picture. */
+export async function askPicture(path, signal) {
+  const answer = await fetch(path, { signal });
+  if (!answer.ok) throw new ApiError(answer.status, await answer.json());
+  return answer.blob();
+}
+
 /** Asks the server; null where it has nothing new. */
 export async function ask(path, { method = "GET", body, signal } = {}) {
   const options = { method, signal };

@@ -14,6 +14,13 @@ export function element(name, attributes = {}, ...children) {
   return made;
 }
 
+/** Adds style sheets to the page, each once. */
+export function addStyleSheets(...addresses) {
+  for (const href of addresses) {
+    if (!document.querySelector(`link[href="${href}"]`)) document.head.append(element("link", { rel: "stylesheet", href }));
+  }
+}
+
 /** How long a message that is no error is shown, in milliseconds. */
 const MESSAGE_MS = 5000;
 

@@ -1,7 +1,7 @@
 // The surface view: a version of a capture relit, its lenses, its mesh and the object's model, by the viewer's modules.
 
 import { ask, objectPath } from "./api.js";
-import { element, guarded } from "./dom.js";
+import { addStyleSheets, element, guarded } from "./dom.js";
 import { bind } from "./keys.js";
 import { Capture, ServedParts } from "./viewer/payload.js";
 import { Viewer } from "./viewer/viewer.js";
@@ -10,9 +10,7 @@ const MATERIALS = ["matte", "glossy", "glass", "relief", "normals", "curvature"]
 
 /** Adds the viewer's styles to the page, once. */
 export function addStyles() {
-  for (const href of ["/static/viewer/viewer.css", "/static/surface.css"]) {
-    if (!document.querySelector(`link[href="${href}"]`)) document.head.append(element("link", { rel: "stylesheet", href }));
-  }
+  addStyleSheets("/static/viewer/viewer.css", "/static/surface.css");
 }
 
 export async function open(root, capture, signal) {

@@ -88,7 +88,8 @@ def join_tracks(
 ) -> Tracks:
     """Follow each marked highlight towards the neighbouring keyframes, and exclude where true and false ones meet.
 
-    Arguments are those of `track`; follow: gives the highlight of a mark over a span of frames.
+    half_vectors: (T, 3), NaN where the frame was rejected; for the rest see `track`. follow: gives the highlight of a
+    mark over a span of frames.
 
     Raises:
         ValueError: a mark lies beyond the frames.

@@ -89,7 +89,7 @@ class BorderPatches:
         return len(self.centres)
 
     def at(self, patches: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """Return n_x, n_y and their variance (M, 3) by which patches (M,) continue to places (M,)."""
+        """Return n_x, n_y and their variance (M, 3) by which patches (M,) continue to rows and columns (M,)."""
         right = (columns - self.centres[patches, 1]) / self.window
         down = (rows - self.centres[patches, 0]) / self.window
         slopes, inverse = self.slopes[patches], self.inverses[patches]

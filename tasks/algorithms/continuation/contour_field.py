@@ -20,7 +20,9 @@ from glint.tasks.algorithms.continuation.inner_contours import (
 )
 from glint.tasks.algorithms.geometry.vectors import angles
 from glint.tasks.algorithms.prior.cut_field import cut_field
-from glint.tasks.algorithms.prior.unreached import MIN_LIT_SHARE, SweptNormals, dark_pixels, with_unreached
+from glint.tasks.algorithms.prior.lit_pixels import LitPixels
+from glint.tasks.algorithms.prior.swept_normals import SweptNormals
+from glint.tasks.algorithms.prior.unreached import with_unreached
 
 CUT_FIELD_NODES = 40_000
 """Pixels of the mask up to which each is looked at; of larger objects every second pixel in a row, or third, is."""
@@ -41,9 +43,7 @@ def field_with_contours(
     accepted: np.ndarray,
     candidates: np.ndarray,
     constraints: tuple[np.ndarray, np.ndarray],
-    plausible: np.ndarray,
-    mask: np.ndarray,
-    inradius: float,
+    pixels: LitPixels,
     *,
     dark_weight: float,
     tension_length: float,
@@ -55,39 +55,30 @@ def field_with_contours(
         accepted: (H, W, 3), accepted normals of the field, NaN elsewhere.
         candidates: (K, H, W, 3), all candidates, NaN without.
         constraints: targets (H, W, 3) of the field and their weights (H, W): accepted normals and occluding contour.
-        plausible: (H, W) bool, pixels with an accepted normal, or a rejected one that may well be true.
-        mask: (H, W) bool.
-        inradius: of the object, in pixels.
+        pixels: which of them are lit.
         dark_weight: of a dark pixel.
         tension_length: see `smooth_normal_field`.
     """
-    swept, whole = SweptNormals.of(candidates), smooth
-    step = max(1, int(np.ceil(np.sqrt(mask.sum() / CUT_FIELD_NODES))))
-    targets, weights = constraints
-    mask, smooth, accepted, plausible, targets, weights = (
-        values[::step, ::step] for values in (mask, smooth, accepted, plausible, targets, weights)
-    )
-    candidates, inradius = candidates[:, ::step, ::step], inradius / step
+    whole, step = smooth, max(1, int(np.ceil(np.sqrt(pixels.mask.sum() / CUT_FIELD_NODES))))
+    pixels, candidates = pixels.subsampled(step), candidates[:, ::step, ::step]
+    smooth, accepted, targets, weights = (values[::step, ::step] for values in (smooth, accepted, *constraints))
     known = np.isfinite(accepted[..., 0])
-    if swept is None or not mask.any():
+    if not pixels.mask.any() or not pixels.is_informative(smooth, known):
         return whole
-    facing = mask & swept.flashes(smooth)
-    if (facing & known).sum() < MIN_LIT_SHARE * facing.sum():
-        return whole
-    contours = inner_contours(accepted, candidates, mask, swept, inradius)
+    contours = inner_contours(accepted, candidates, pixels)
     if contours is None:
         return whole
     expected = np.where(np.isfinite(contours.variance)[..., None], lifted(contours.plane), smooth)
-    dark = dark_pixels(expected, plausible, mask, swept, inradius)
-    unreached = np.where(dark[..., None], swept.nearest_beyond(expected), np.nan)
+    unreached = np.where(pixels.dark(expected)[..., None], pixels.swept.nearest_beyond(expected), np.nan)
     targets, weights = with_unreached(targets, weights, unreached, dark_weight)
-    continued = np.where(weights == 0.0, _continued_weight(contours, inradius), 0.0)
-    surface = cut_field(mask, contours.right, contours.down, tension_length)
+    continued = np.where(weights == 0.0, _continued_weight(contours, pixels.inradius), 0.0)
+    surface = cut_field(pixels.mask, contours.right, contours.down, tension_length)
     cut = surface.solve(np.where(continued[..., None] > 0.0, expected, targets), weights + continued)
 
-    gain = _likelihood(candidates, cut, swept) - _likelihood(candidates, smooth, swept)
-    share = _choice(gain, mask & ~known & (angles(cut, smooth) > MIN_CHANGE_DEG), inradius)
-    change = np.where(mask[..., None], share[..., None] * (cut - smooth), 0.0)[..., :2]
+    gain = _likelihood(candidates, cut, pixels.swept) - _likelihood(candidates, smooth, pixels.swept)
+    is_open = pixels.mask & ~known & (angles(cut, smooth) > MIN_CHANGE_DEG)
+    share = _choice(gain, is_open, pixels.inradius)
+    change = np.where(pixels.mask[..., None], share[..., None] * (cut - smooth), 0.0)[..., :2]
     return _changed(whole, change, step)
 
 

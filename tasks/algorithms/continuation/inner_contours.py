@@ -15,8 +15,8 @@ from scipy.spatial import cKDTree
 
 from glint.tasks.algorithms.continuation.border_patches import BorderPatches
 from glint.tasks.algorithms.continuation.expansion import expand
+from glint.tasks.algorithms.prior.lit_pixels import LitPixels
 from glint.tasks.algorithms.prior.smooth_normals import contour_normals
-from glint.tasks.algorithms.prior.unreached import SweptNormals
 
 CANDIDATE_DEG = 8.0
 """Angle up to which a candidate shows the normal that is expected."""
@@ -71,25 +71,22 @@ def lifted(plane: np.ndarray) -> np.ndarray:
     return np.concatenate([plane, depth], axis=-1)
 
 
-def inner_contours(
-    accepted: np.ndarray, candidates: np.ndarray, mask: np.ndarray, swept: SweptNormals, inradius: float
-) -> InnerContours | None:
+def inner_contours(accepted: np.ndarray, candidates: np.ndarray, pixels: LitPixels) -> InnerContours | None:
     """Find the contours inside a silhouette; None if fewer than two patches continue.
 
     Args:
         accepted: (H, W, 3) accepted normals, NaN elsewhere.
         candidates: (K, H, W, 3), all candidates, NaN without.
-        mask: (H, W) bool.
-        swept: normals that the lights reach.
-        inradius: of the object, in pixels.
+        pixels: of the object, and the normals that the lights reach.
     """
+    mask, inradius = pixels.mask, pixels.inradius
     patches = BorderPatches.of(accepted, mask, inradius)
     if patches.count < 2:
         return None
     nodes = mask & ~patches.inner | (patches.owner >= 0)
     rows, columns = np.nonzero(nodes)
     owner = patches.owner[nodes]
-    unary, allowed = _costs(patches, candidates, mask, swept, inradius, rows, columns)
+    unary, allowed = _costs(patches, candidates, pixels, rows, columns)
     allowed &= owner < 0
     edges = _edges(nodes)
     edges = edges[(owner[edges] < 0).any(axis=1)]
@@ -108,14 +105,8 @@ def inner_contours(
     labels = expand(start, unary, allowed, edges, predict, difference, EXPANSION_SWEEPS)
 
     ends = [predict(labels[edges[:, end]], np.arange(len(edges))) for end in (0, 1)]
-    jump = np.linalg.norm(ends[0][:, :2] - ends[1][:, :2], axis=1)
-    is_contour = (jump > MIN_JUMP) & (jump > np.sqrt(ends[0][:, 2] + ends[1][:, 2]))
     right, down = _jumps(accepted)
-    # To the right n_x grows towards the other side, and downwards n_y falls.
-    for contour, along, part, sign in ((right, 1, 0, 1.0), (down, 0, 1, -1.0)):
-        facing = np.maximum(sign * ends[0][:, part], -sign * ends[1][:, part]) > MIN_OUTWARD
-        of_axis = is_contour & facing & (places[edges[:, 1], along] > places[edges[:, 0], along])
-        contour[tuple(places[edges[of_axis, 0]].T)] = True
+    _add_contours(right, down, places[edges], ends)
     plane, variance, distance = np.full((*mask.shape, 2), np.nan), *np.full((2, *mask.shape), np.inf)
     continued = patches.at(labels, rows, columns)
     plane[nodes], variance[nodes] = continued[:, :2], continued[:, 2]
@@ -124,32 +115,40 @@ def inner_contours(
 
 
 def _costs(
-    patches: BorderPatches,
-    candidates: np.ndarray,
-    mask: np.ndarray,
-    swept: SweptNormals,
-    inradius: float,
-    rows: np.ndarray,
-    columns: np.ndarray,
+    patches: BorderPatches, candidates: np.ndarray, pixels: LitPixels, rows: np.ndarray, columns: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the cost of each patch at each pixel (N, M), nats, and whether it reaches so far (N, M) bool."""
-    rim, outward = contour_normals(mask)
+    rim, outward = contour_normals(pixels.mask)
     costs = np.zeros((patches.count, len(rows)), np.float32)
     allowed = np.zeros(costs.shape, bool)
     for patch, centre in enumerate(patches.centres):
         distance = np.hypot(rows - centre[0], columns - centre[1])
-        near = np.flatnonzero(distance <= PATCH_REACH_INRADII * inradius)
+        near = np.flatnonzero(distance <= PATCH_REACH_INRADII * pixels.inradius)
         at = rows[near], columns[near]
         plane = patches.at(np.full(len(near), patch), *at)[:, :2]
         length = np.hypot(*plane.T)
-        cost = DISTANCE_NATS * distance[near] / inradius
+        cost = DISTANCE_NATS * distance[near] / pixels.inradius
         cost += np.minimum(BEYOND_NATS * np.maximum(length - BEYOND_LENGTH, 0.0), MAX_BEYOND_NATS)
         is_shown = has_candidate(candidates[:, at[0], at[1]], lifted(plane))
-        cost += DARK_NATS * (swept.flashes(lifted(plane * REACH_MARGIN)) & ~is_shown) - SHOWN_NATS * is_shown
+        cost += DARK_NATS * (pixels.swept.flashes(lifted(plane * REACH_MARGIN)) & ~is_shown) - SHOWN_NATS * is_shown
         square = ((plane - np.nan_to_num(outward[at][:, :2])) ** 2).sum(axis=1)
         cost += RIM_NATS * rim[at] * np.minimum(square / RIM_DEVIATION**2, 1.0)
         costs[patch, near], allowed[patch, near] = cost, True
     return costs, allowed
+
+
+def _add_contours(right: np.ndarray, down: np.ndarray, edges: np.ndarray, ends: list[np.ndarray]) -> None:
+    """Add contours to `right` and `down` (H, W) bool where what continues contradicts itself.
+
+    edges: (E, 2, 2), row and column of both pixels; ends: what continues at either of them (E, 3), see `BorderPatches`.
+    """
+    jump = np.linalg.norm(ends[0][:, :2] - ends[1][:, :2], axis=1)
+    is_contour = (jump > MIN_JUMP) & (jump > np.sqrt(ends[0][:, 2] + ends[1][:, 2]))
+    # To the right n_x grows towards the other side, and downwards n_y falls.
+    for contour, along, part, sign in ((right, 1, 0, 1.0), (down, 0, 1, -1.0)):
+        facing = np.maximum(sign * ends[0][:, part], -sign * ends[1][:, part]) > MIN_OUTWARD
+        of_axis = is_contour & facing & (edges[:, 1, along] > edges[:, 0, along])
+        contour[tuple(edges[of_axis, 0].T)] = True
 
 
 def _edges(nodes: np.ndarray) -> np.ndarray:

@@ -100,7 +100,7 @@ def normal_errors(normals: np.ndarray, truth: np.ndarray, region: np.ndarray) ->
 
 
 def squared_errors(normals: np.ndarray, truth: np.ndarray, region: np.ndarray) -> float:
-    """Return `NormalErrors.squared` alone."""
+    """Return `NormalErrors.squared` alone; normals, truth (H, W, 3); region (H, W) bool."""
     return normal_errors(normals, truth, region).squared
 
 

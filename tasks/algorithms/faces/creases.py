@@ -45,7 +45,8 @@ def strip_pixels(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return rows and columns (A, D) of the pixels beside an edge; they may lie outside the image.
 
-    along (A,): shares of the way from start to end; distances (D,): outwards, in pixels; for the rest see `Edge`.
+    start, end, outward (2,): see `Edge`. along (A,): shares of the way from start to end; distances (D,): outwards, in
+    pixels.
     """
     points = start + along[:, None, None] * (end - start) + distances[None, :, None] * outward
     return np.round(-points[..., 1]).astype(int), np.round(points[..., 0]).astype(int)
@@ -71,7 +72,7 @@ class Edge:
         return float(np.linalg.norm(self.end - self.start))
 
     def strip(self, along: np.ndarray, distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return rows and columns (A, D) of the pixels beside the edge (see `strip_pixels`)."""
+        """Return rows and columns (A, D) of the pixels beside it; along (A,), distances (D,): see `strip_pixels`."""
         return strip_pixels(self.start, self.end, self.outward, along, distances)
 
     def direction(self, normal: np.ndarray) -> np.ndarray:
@@ -149,6 +150,21 @@ def crease_residual(along: np.ndarray, first: np.ndarray, second: np.ndarray) ->
     turn = max(float(angles(first, second)), NORMAL_ERROR_DEG)
     deviation = np.hypot(np.sqrt(2.0) * EDGE_ERROR_PX / length, np.sqrt(2.0) * NORMAL_ERROR_DEG / turn)
     return float(np.arcsin(min(sine, 1.0)) / deviation)
+
+
+@dataclass(frozen=True, slots=True)
+class Polyhedron:
+    """Observed flat faces of an object, their straight edges, and the radius in pixels with which these are rounded."""
+
+    faces: list[Face]
+    edges: list[Edge]
+    rounding: float
+
+    @classmethod
+    def of(cls, faces: list[Face], mask: np.ndarray, inradius: float) -> "Polyhedron":
+        """Return faces with their edges; mask: (H, W) bool; inradius: of the mask, in pixels."""
+        edges = face_edges(faces, mask, inradius)
+        return cls(faces, edges, rounding_radius(edges, faces, inradius))
 
 
 def rounding_radius(edges: list[Edge], faces: list[Face], inradius: float) -> float:

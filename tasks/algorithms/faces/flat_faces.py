@@ -6,12 +6,11 @@ import numpy as np
 
 from glint.tasks.algorithms.faces.creases import (
     SILHOUETTE,
-    Edge,
+    Polyhedron,
     crease_direction,
     crease_residual,
     creases,
     face_edges,
-    rounding_radius,
 )
 from glint.tasks.algorithms.faces.observed_faces import Face, find_faces
 from glint.tasks.algorithms.faces.rounded_edges import rounding_evidence
@@ -52,6 +51,18 @@ class FlatFaces:
     residual: np.ndarray
     refuted: np.ndarray
 
+    @classmethod
+    def none(cls, shape: tuple[int, ...]) -> "FlatFaces":
+        """Return the statements of no face about the pixels of an image of this shape."""
+        return cls(
+            normals=np.full((*shape, 3), np.nan, np.float32),
+            weights=np.zeros(shape),
+            observed=np.zeros(shape, bool),
+            spread=np.full(shape, np.nan),
+            residual=np.full(shape, np.nan),
+            refuted=np.full((*shape, 3), np.nan, np.float32),
+        )
+
     def constrain(
         self, targets: np.ndarray, weights: np.ndarray, known: np.ndarray, marked: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -87,26 +98,16 @@ def flat_faces(
     if not apparent:
         return None
     faces, refuted = _tested(apparent, candidates, mask, inradius)
-    shape = mask.shape
-    result = FlatFaces(
-        normals=np.full((*shape, 3), np.nan, np.float32),
-        weights=np.zeros(shape),
-        observed=np.zeros(shape, bool),
-        spread=np.full(shape, np.nan),
-        residual=np.full(shape, np.nan),
-        refuted=np.full((*shape, 3), np.nan, np.float32),
-    )
+    result = FlatFaces.none(mask.shape)
     for face in refuted:
         result.refuted[face.pixels] = face.normal
-    edges = face_edges(faces, mask, inradius)
+    solid = Polyhedron.of(faces, mask, inradius)
     known = np.isfinite(accepted[..., 0]) & np.isnan(result.refuted[..., 0])
-    rounding = rounding_radius(edges, faces, inradius)
-    for unseen in unseen_faces(faces, edges, known, field, mask, inradius, rounding):
+    for unseen in unseen_faces(solid, known, field, mask, inradius):
         result.normals[unseen.pixels] = unseen.normal
         result.weights[unseen.pixels] = UNSEEN_WEIGHT
         result.spread[unseen.pixels] = unseen.spread
-    residuals = _crease_residuals(faces, edges)
-    for face, residual in reversed(list(zip(faces, residuals, strict=True))):
+    for face, residual in reversed(list(zip(faces, _crease_residuals(solid), strict=True))):
         result.normals[face.hull] = face.normal
         result.weights[face.hull] = FACE_WEIGHT
         result.observed[face.hull] = True
@@ -151,9 +152,9 @@ def _tested(
     return kept, [face for face, failed in zip(faces, fails, strict=True) if failed]
 
 
-def _crease_residuals(faces: list[Face], edges: list[Edge]) -> list[float]:
+def _crease_residuals(solid: Polyhedron) -> list[float]:
     """Return the RMS residual of each face's creases with other faces, NaN with fewer than two independent ones."""
-    between = creases(edges)
+    faces, between = solid.faces, creases(solid.edges)
     result = []
     for number, face in enumerate(faces):
         own = [(pair, along) for pair, along in between.items() if number in pair]

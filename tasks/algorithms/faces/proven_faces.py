@@ -61,7 +61,10 @@ def face_evidence(
 
 
 def proven_faces(candidates: np.ndarray, mask: np.ndarray, inradius: float) -> list[Face]:
-    """Return the flat faces that candidates (K, H, W, 3), camera frame, prove, largest first; see `face_evidence`."""
+    """Return the flat faces that candidates (K, H, W, 3), camera frame, prove, largest first.
+
+    mask: (H, W) bool; inradius: of the mask, in pixels; see `face_evidence`.
+    """
     proven: list[Face] = []
     taken = np.zeros_like(mask)
     for face in sorted(apparent_faces(candidates, mask), key=lambda face: -int(face.pixels.sum())):
@@ -82,7 +85,7 @@ def proven_faces(candidates: np.ndarray, mask: np.ndarray, inradius: float) -> l
 
 
 def apparent_faces(candidates: np.ndarray, mask: np.ndarray) -> Iterator[Face]:
-    """Yield the connected regions of candidates (K, H, W, 3) that share one normal, at the peaks of its histogram."""
+    """Yield connected regions of candidates (K, H, W, 3) in a mask (H, W) bool that share a normal: histogram peaks."""
     is_known = np.isfinite(candidates[..., 0]) & mask
     _, rows, columns = np.nonzero(is_known)
     normals, least = candidates[is_known], MIN_PROVEN_SHARE * mask.sum()

@@ -47,7 +47,10 @@ def rounded_share(edge: Edge, face: Face, candidates: np.ndarray, inradius: floa
 
 
 def rounding_evidence(edges: list[Edge], face: Face, candidates: np.ndarray, inradius: float) -> tuple[float, float]:
-    """Return the share of a face's edges that show their rounding, by length, and the length that could, in pixels."""
+    """Return the share of a face's edges that show their rounding, by length, and the length that could, in pixels.
+
+    For candidates and inradius see `rounded_share`.
+    """
     shares = np.array([rounded_share(edge, face, candidates, inradius) for edge in edges])
     lengths = np.array([edge.length for edge in edges])
     tested = np.isfinite(shares)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from glint.tasks.algorithms.faces.creases import UNSEEN, Edge, image_points
+from glint.tasks.algorithms.faces.creases import UNSEEN, Edge, Polyhedron, image_points
 from glint.tasks.algorithms.faces.observed_faces import Face
 from glint.tasks.algorithms.geometry.connected_parts import largest_part
 from glint.tasks.algorithms.geometry.distance import depth_inside
@@ -57,43 +57,41 @@ class UnseenFace:
 
 
 def unseen_faces(
-    faces: list[Face],
-    edges: list[Edge],
-    known: np.ndarray,
-    field: np.ndarray,
-    mask: np.ndarray,
-    inradius: float,
-    rounding: float,
+    observed: Polyhedron, known: np.ndarray, field: np.ndarray, mask: np.ndarray, inradius: float
 ) -> list[UnseenFace]:
     """Estimate the faces behind the edges of observed ones.
 
     Args:
-        faces, edges: the observed faces and their edges.
+        observed: the observed faces and their edges.
         known: (H, W) bool, pixels with an accepted normal.
         field: (H, W, 3), the smooth normal field, finite in the mask.
-        mask: (H, W) bool; inradius: of the mask, in pixels.
-        rounding: radius of the rounded edges in pixels.
+        mask: (H, W) bool.
+        inradius: of the mask, in pixels.
     """
-    # A few accepted pixels do not make a part observed: what lies in the middle of many does.
-    density = ndimage.uniform_filter(
-        known.astype(float), 2 * max(MIN_ACCEPTED_WINDOW_PX, round(ACCEPTED_WINDOW_INRADII * inradius)) + 1
-    )
-    observed = np.any([face.hull for face in faces], axis=0) | (density > MAX_ACCEPTED_SHARE)
-    unseen = mask & ~observed
-    open_edges = [edge for edge in edges if edge.behind == UNSEEN and _borders(edge, unseen, inradius)]
+    unseen = mask & ~_observed_pixels(observed.faces, known, inradius)
+    open_edges = [edge for edge in observed.edges if edge.behind == UNSEEN and _borders(edge, unseen, inradius)]
     groups = _corners(open_edges, inradius)
     # What is nearest to an edge at the silhouette lies behind that one, and nothing is known of it.
-    nearest = _nearest_group([*groups, [edge for edge in edges if edge not in open_edges]], unseen)
+    nearest = _nearest_group([*groups, [edge for edge in observed.edges if edge not in open_edges]], unseen)
     inside = depth_inside(mask)
     result = []
     for number, group in enumerate(groups):
         pixels = largest_part((nearest == number) & _behind_edges(group, unseen, inradius))
         depth = depth_inside(pixels).max()
         if pixels.sum() >= MIN_PART_SHARE * mask.sum() and depth >= MIN_PART_INRADII * inradius:
-            face = _estimate(group, faces, field, pixels)
-            flat = inside > 1.0 + rounding * (1.0 - float(np.hypot(*face.normal[:2])))
-            result.append(replace(face, pixels=pixels & flat & ~_rounded(group, faces, face.normal, rounding, pixels)))
+            face = _estimate(group, observed.faces, field, pixels)
+            flat = inside > 1.0 + observed.rounding * (1.0 - float(np.hypot(*face.normal[:2])))
+            result.append(replace(face, pixels=pixels & flat & ~_rounded(group, observed, face)))
     return result
+
+
+def _observed_pixels(faces: list[Face], known: np.ndarray, inradius: float) -> np.ndarray:
+    """Return the pixels (H, W) bool of observed faces, and those among many accepted ones (H, W) bool."""
+    # A few accepted pixels do not make a part observed: what lies in the middle of many does.
+    density = ndimage.uniform_filter(
+        known.astype(float), 2 * max(MIN_ACCEPTED_WINDOW_PX, round(ACCEPTED_WINDOW_INRADII * inradius)) + 1
+    )
+    return np.any([face.hull for face in faces], axis=0) | (density > MAX_ACCEPTED_SHARE)
 
 
 def _behind_edges(group: list[Edge], unseen: np.ndarray, inradius: float) -> np.ndarray:
@@ -110,17 +108,15 @@ def _behind_edges(group: list[Edge], unseen: np.ndarray, inradius: float) -> np.
     return result
 
 
-def _rounded(
-    group: list[Edge], faces: list[Face], normal: np.ndarray, rounding: float, pixels: np.ndarray
-) -> np.ndarray:
+def _rounded(group: list[Edge], observed: Polyhedron, face: UnseenFace) -> np.ndarray:
     """Return the pixels (H, W) bool of a face that belong to its rounded edges: there n_x, n_y are linear across."""
-    points = image_points(pixels)
+    points = image_points(face.pixels)
     rounded = np.zeros(len(points), bool)
     for edge in group:
-        width = rounding * abs(float((normal - faces[edge.face].normal)[:2] @ edge.outward))
+        width = observed.rounding * abs(float((face.normal - observed.faces[edge.face].normal)[:2] @ edge.outward))
         rounded |= _distance(points, edge) < width
-    result = np.zeros(pixels.shape, bool)
-    result[pixels] = rounded
+    result = np.zeros(face.pixels.shape, bool)
+    result[face.pixels] = rounded
     return result
 
 

@@ -12,7 +12,7 @@ from glint.tasks.algorithms.geometry.contours import smooth_contour
 from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view, to_camera_directions
 from glint.tasks.algorithms.geometry.vectors import positions_at, to_camera, unit
-from glint.tasks.algorithms.prior.unreached import SweptNormals
+from glint.tasks.algorithms.prior.swept_normals import SweptNormals
 from glint.tasks.algorithms.prisms.polyhedron import sampled_middle
 
 UNFILLED_PX = 1

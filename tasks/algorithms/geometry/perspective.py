@@ -97,7 +97,7 @@ def rotate_to_view(vectors: np.ndarray, view: np.ndarray | None) -> np.ndarray:
 
 
 def rotate_from_view(vectors: np.ndarray, view: np.ndarray | None) -> np.ndarray:
-    """Rotate vectors (..., 3) back to the camera frame: the inverse of `rotate_to_view`; float32."""
+    """Rotate vectors back to the camera frame: the inverse of `rotate_to_view`; both (..., 3), the result float32."""
     return vectors if view is None else _smallest_rotation(vectors, Z_AXIS, view)
 
 

@@ -57,7 +57,7 @@ def angles(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def to_camera(columns: np.ndarray, rows: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return x and y (pixels, camera frame) of pixel positions in a frame of `width` x `height` pixels.
+    """Return x and y (...), pixels, camera frame, of columns and rows (...) of a frame of `width` x `height` pixels.
 
     Columns and rows count from 0 at the centre of the top-left pixel; the origin is the centre of the frame.
     """

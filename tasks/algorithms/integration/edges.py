@@ -77,7 +77,8 @@ def grid_edges(
             backward[axis] = np.roll(slope, -1, axis)
         return GridEdges(inside, forward, backward, normal_share, weight, _tilt(forward, backward, normal_share))
 
-    # Minus the normal times what the ray (right, up, -1) changes by from column to column and row to row, and at 0, 0.
+    # Minus the products of the normal with the ray's change from column to column and from row to row, and with the ray
+    # (right, up, -1) of the first pixel.
     across, down, first = np.moveaxis(-normals @ (CAMERA_FLIP[:, None] * np.linalg.inv(camera)), -1, 0)
     normal_share = across * np.arange(width) + down * np.arange(height)[:, None] + first
     focal, steps = focal_length(camera), (down, across)

@@ -66,9 +66,10 @@ def graduated(
     limits: SearchLimits,
     body: KnownBody | None = None,
 ) -> Solution:
-    """Solve from a height by a redescending loss, whose scale falls from `scale`; it is less where edges are soft.
+    """Solve by a redescending loss, whose scale falls from `scale`, a number of standard deviations of the rises.
 
-    body: a known one to which the height is drawn.
+    softness: see `robust_weights`. mask: (H, W) bool. height: (H, W) in pixels, to start from. body: a known one to
+    which the height is drawn.
     """
     pull = None
     for completed in range(1, limits.max_rounds + 1):

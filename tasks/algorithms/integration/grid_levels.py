@@ -55,7 +55,7 @@ def _inverse_diagonal(down: np.ndarray, across: np.ndarray, pull: np.ndarray) ->
 
 @njit(cache=True, nogil=True)
 def level_view(levels: Hierarchy, values: np.ndarray, depth: int) -> np.ndarray:
-    """Return one level (H + 2, W + 2) of one of the hierarchy's arrays."""
+    """Return one level (H + 2, W + 2) of one of the hierarchy's arrays, `values`."""
     height, width = levels.shape[depth]
     return values[levels.start[depth] : levels.start[depth + 1]].reshape((height, width))
 

@@ -109,7 +109,8 @@ def refined(
 ) -> Solution:
     """Solve for the height as `robust`, but from one start.
 
-    height: (H, W), of a coarser grid, whose steps are kept; body: the known body that it follows, if it does.
+    mask: (H, W) bool; height: (H, W), of a coarser grid, whose steps are kept; body: the known body that it follows, if
+    it does.
     """
     if body is not None:
         return _from_body(edges, mask, body, height, limits)
@@ -211,6 +212,7 @@ def misfit_energy(edges: GridEdges, height: np.ndarray, sharpness: float) -> flo
     """Return the sum of the weighted squared misfits along the normals, square pixels.
 
     Each pixel's weight is divided between its two sides along each axis by a sigmoid, equally if `sharpness` is zero.
+    height: (H, W), pixels.
     """
     difference, following, preceding = compare_sides(edges, height, 0.0, 0.0)
     share = bilateral_weights(difference, sharpness)

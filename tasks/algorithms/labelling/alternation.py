@@ -17,7 +17,7 @@ from glint.tasks.algorithms.labelling.confidence import (
 from glint.tasks.algorithms.labelling.graph_cut import HARD_CONSTRAINT, keep_best_per_pixel, unary_log_ratio
 from glint.tasks.algorithms.labelling.results import Iteration, accepted_normals
 from glint.tasks.algorithms.labelling.weights import LabellingOptions
-from glint.tasks.algorithms.prior.smooth_normals import SmoothNormalField, field_spread
+from glint.tasks.algorithms.prior.smooth_normals import SmoothNormalField
 from glint.tasks.algorithms.prior.unreached import with_unreached
 from glint.tasks.algorithms.prisms.polyhedron import PolyhedralNormals
 
@@ -156,13 +156,12 @@ class Alternation:
 
     def log_ratios(self) -> np.ndarray:
         """Compute the nodes' log-likelihood ratios (K, H, W), nats, under the present field."""
-        error = self.options.field_error
         observed = self.known & self.labels.any(axis=0)
         if self.faces is not None:
             observed |= self.faces.observed
         # The field is trusted near what shaped it: the contour too, unless expected normals took its place.
         sources = observed if self.expected is not None else self.view.rim | observed
-        spread = field_spread(sources, self.view.thickness, error.floor, error.slope, error.ceiling)
+        spread = self.options.field_error.spread(sources, self.view.thickness)
         ratios = unary_log_ratio(self.view.normals, self.smooth, spread, self.options.graph_cut.prior) + self.evidence
         return (
             np.where(self.marks.labels != 0, self.marks.labels * HARD_CONSTRAINT, ratios)

@@ -73,7 +73,7 @@ class CandidateView:
         camera: np.ndarray | None = None,
         is_draft: bool = False,
     ) -> "CandidateView":
-        """Prepare the labelling of a view; for the arguments see `reconstruction.settle`.
+        """Prepare the labelling of a view; for the arguments see `reconstruct_normals`, is_draft: whether to save time.
 
         Raises:
             ValueError: clusters and mask differ in size.

@@ -20,8 +20,6 @@ from glint.tasks.algorithms.labelling.confidence import (
     sheet_confidence,
     solid_confidence,
 )
-from glint.tasks.algorithms.labelling.weights import FieldError
-from glint.tasks.algorithms.prior.smooth_normals import field_spread
 from glint.tasks.algorithms.sheets.segments import segment_sheets, sheet_means
 
 MIN_HELD_OUT_SHARE = 0.004
@@ -37,20 +35,13 @@ def final_confidence(state: Alternation, normals: np.ndarray) -> np.ndarray:
     view, sheets = state.view, segment_sheets(state.values)
     evidence = np.take_along_axis(state.evidence, state.labels.argmax(axis=0)[None], axis=0)[0]
 
-    def predict(kept: np.ndarray) -> np.ndarray:
-        return state.solve_field(kept, state.values, view.coarse)
-
+    # Without a ceiling, a sheet far from all else is not blamed for a poor prediction.
     error = replace(state.options.field_error, ceiling=np.inf)
-    residual = held_out_residual(
-        sheets,
-        state.values,
-        state.known,
-        rim=view.rim,
-        mask=view.mask,
-        inradius=view.inradius,
-        error=error,
-        predict=predict,
-    )
+
+    def predict(kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return state.solve_field(kept, state.values, view.coarse), error.spread(kept | view.rim, view.inradius)
+
+    residual = held_out_residual(sheets, state.values, state.known, view.mask, predict)
     # What is seen through a face that flashed does not show how often false candidates are accepted.
     shown = np.isfinite(view.normals[..., 0]) & ~state.seen_through
     odds = accepted_log_odds(np.isfinite(state.confidence), shown.any(axis=0))
@@ -69,25 +60,21 @@ def held_out_residual(
     sheets: np.ndarray,
     normals: np.ndarray,
     known: np.ndarray,
-    *,
-    rim: np.ndarray,
     mask: np.ndarray,
-    inradius: float,
-    error: FieldError,
-    predict: Callable[[np.ndarray], np.ndarray],
+    predict: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
 ) -> np.ndarray:
     """Compute each sheet's held-out (leave-one-out) residual: its mean angle to the field of all remaining data.
 
     Args:
         sheets: (H, W) int, numbers of the sheets, -1 outside.
         normals: (H, W, 3) accepted normals.
-        known, rim, mask: (H, W) bool; accepted normals of the field, occluding contour, object.
-        inradius: of the mask, in pixels.
-        error: of the field; without a ceiling, so that a sheet far from all else is not blamed for a poor prediction.
-        predict: maps known pixels (H, W) bool to the field (H, W, 3) from these normals, the contour and dark pixels.
+        known: (H, W) bool, accepted normals of the field.
+        mask: (H, W) bool, the object.
+        predict: maps known pixels (H, W) bool to the field (H, W, 3) from these normals, the contour and dark pixels,
+            and to its expected error (H, W), radians.
 
     Returns:
-        (H, W), in units of the field's expected error at the sheet's distance from the remaining data (`field_spread`);
+        (H, W), in units of the field's expected error at the sheet's distance from the remaining data;
         SMALL_SHEET_RESIDUAL for small sheets, NaN outside sheets.
     """
     result = np.where(sheets >= 0, SMALL_SHEET_RESIDUAL, np.nan)
@@ -95,7 +82,7 @@ def held_out_residual(
     for sheet in np.flatnonzero(sizes >= max(MIN_HELD_OUT_SHARE * mask.sum(), 1)):
         withheld = sheets == sheet
         kept = known & ~withheld
-        spread = field_spread(kept | rim, inradius, error.floor, error.slope, error.ceiling)[withheld]
-        residual = np.minimum(angles(predict(kept)[withheld], normals[withheld]), MAX_RESIDUAL_DEG)
-        result[withheld] = residual.mean() / np.degrees(spread).mean()
+        field, spread = predict(kept)
+        residual = np.minimum(angles(field[withheld], normals[withheld]), MAX_RESIDUAL_DEG)
+        result[withheld] = residual.mean() / np.degrees(spread[withheld]).mean()
     return result

@@ -6,6 +6,8 @@ know of it. How far the field can be trusted at a place is known, however, and s
 Both give the probability that the sheet is the surface. The paper has no such step; see `reconstruction`.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from glint.tasks.algorithms.labelling.alternation import Alternation
@@ -29,6 +31,21 @@ WRONG_SPREAD_RAD = np.radians(25.0)
 """Standard deviation per axis of the error of normals that are not within the tolerance, radians."""
 
 
+@dataclass(frozen=True, slots=True)
+class LabelledCandidates:
+    """Candidates as they were labelled, and what speaks for each.
+
+    normals (K, H, W, 3): unit, camera frame, NaN without cluster. labels (K, H, W): nonzero = exterior. evidence (K, H,
+    W): of shape and shading, and of marks and refuted faces where there are any, nats. observations (H, W): number of
+    frames in which a pixel is lit.
+    """
+
+    normals: np.ndarray
+    labels: np.ndarray
+    evidence: np.ndarray
+    observations: np.ndarray
+
+
 def plausible_sheets(state: Alternation) -> np.ndarray:
     """Find rejected sheets, none readmitted before, that contradict the present normals and may well be the surface.
 
@@ -41,9 +58,8 @@ def plausible_sheets(state: Alternation) -> np.ndarray:
         return result
     normals = blended_normals(state.values, state.smooth)
     confidence = np.where(np.isfinite(state.confidence), state.confidence, state.field_confidence(state.known))
-    probability = surface_probability(
-        patches, view.normals, state.labels, normals, confidence, state.evidence, view.observations
-    )
+    candidates = LabelledCandidates(view.normals, state.labels, state.evidence, view.observations)
+    probability = surface_probability(patches, candidates, normals, confidence)
     turn = np.radians(patches.mean(patches.turns(view.normals, normals)))
     probability[patches.exterior(state.labels) | (turn < TOLERANCE_RAD) | (probability < READMITTED_PROBABILITY)] = 0.0
     result[patches.layer, patches.row, patches.column] = probability[patches.number]
@@ -52,13 +68,7 @@ def plausible_sheets(state: Alternation) -> np.ndarray:
 
 
 def surface_probability(
-    patches: Patches,
-    candidates: np.ndarray,
-    labels: np.ndarray,
-    normals: np.ndarray,
-    confidence: np.ndarray,
-    evidence: np.ndarray,
-    observations: np.ndarray,
+    patches: Patches, candidates: LabelledCandidates, normals: np.ndarray, confidence: np.ndarray
 ) -> np.ndarray:
     """Return the probability (count,) that a patch of rejected candidates is the surface.
 
@@ -68,23 +78,20 @@ def surface_probability(
 
     Args:
         patches: of the candidates.
-        candidates: (K, H, W, 3) unit, camera frame, NaN without cluster.
-        labels: (K, H, W), nonzero = exterior.
-        normals: (H, W, 3) present normals.
+        candidates: all of the view.
+        normals: (H, W, 3) unit, camera frame, the present normals.
         confidence: (H, W) probability that they are right.
-        evidence: (K, H, W) of shape and shading, and of marks and refuted faces where there are any, nats.
-        observations: (H, W) number of frames in which a pixel is lit.
     """
     confidence = np.clip(confidence[patches.row, patches.column], *CONFIDENCE_RANGE)
     # The present normal is right within the tolerance with its confidence; else it says little, but not nothing.
-    angle = np.radians(patches.turns(candidates, normals))
+    angle = np.radians(patches.turns(candidates.normals, normals))
     likelihood = confidence * _angular_density(angle, TOLERANCE_RAD / 2.0)
     likelihood += (1.0 - confidence) * _angular_density(angle, WRONG_SPREAD_RAD)
     ratio = np.log(OBSERVABLE_SOLID_ANGLE * np.maximum(likelihood, 1e-30))
-    share = np.clip((patches.of(labels) > 0).mean(), *EXTERIOR_SHARE_RANGE)
-    ratio += np.log(share / (1.0 - share)) + patches.of(evidence)
-    lit = np.maximum(patches.mean(observations[patches.row, patches.column].astype(float)), 1.0)
-    tilt = np.degrees(np.arccos(np.clip(patches.mean(patches.of(candidates)[:, 2]), -1.0, 1.0)))
+    share = np.clip((patches.of(candidates.labels) > 0).mean(), *EXTERIOR_SHARE_RANGE)
+    ratio += np.log(share / (1.0 - share)) + patches.of(candidates.evidence)
+    lit = np.maximum(patches.mean(candidates.observations[patches.row, patches.column].astype(float)), 1.0)
+    tilt = np.degrees(np.arccos(np.clip(patches.mean(patches.of(candidates.normals)[:, 2]), -1.0, 1.0)))
     nats = patches.mean(ratio) + LIT_SHARE_POWER * np.log(lit / np.median(lit)) + TILT_NATS_PER_DEG * tilt
     return np.asarray(1.0 / (1.0 + np.exp(-np.clip(nats + REJECTED_NATS, -50.0, 50.0))))
 

@@ -38,7 +38,9 @@ from glint.tasks.algorithms.labelling.results import (
     blended_normals,
 )
 from glint.tasks.algorithms.labelling.weights import DEFAULT_OPTIONS, LabellingOptions
-from glint.tasks.algorithms.prior.unreached import SweptNormals, unreached_normals
+from glint.tasks.algorithms.prior.lit_pixels import LitPixels
+from glint.tasks.algorithms.prior.swept_normals import SweptNormals
+from glint.tasks.algorithms.prior.unreached import unreached_normals
 
 if TYPE_CHECKING:
     from glint.tasks.algorithms.candidates.clusters import Clusters
@@ -123,11 +125,11 @@ def conclude(explained: Alternation, marks: Marks | None = None) -> Reconstructi
         state.iterate()
         if is_news:
             state = explain(state)
-    if state.expected is None:
-        plausible = _plausible(state)
-        _bend_dark_pixels(state, plausible)
+    pixels = _lit_pixels(state) if state.expected is None else None
+    if pixels is not None:
+        _bend_dark_pixels(state, pixels)
         if state.options.inner_contours and state.faces is None and not state.view.is_draft:
-            state.smooth = _with_inner_contours(state, plausible)
+            state.smooth = _with_inner_contours(state, pixels)
 
     view = state.view
     accepted = np.isfinite(state.confidence)
@@ -147,41 +149,42 @@ def conclude(explained: Alternation, marks: Marks | None = None) -> Reconstructi
     )
 
 
-def _plausible(state: Alternation) -> np.ndarray:
-    """Return the pixels (H, W) bool with an accepted normal of the field, or a rejected one that may well be true."""
+def _lit_pixels(state: Alternation) -> LitPixels | None:
+    """Return the pixels with an accepted normal of the field, or a rejected one that may well be true.
+
+    None without any candidate.
+    """
+    view, swept = state.view, SweptNormals.of(state.view.normals)
+    if swept is None:
+        return None
     # An accepted normal that is too uncertain for the field shows no more than a rejected one that is implausible.
     evidence = np.where(state.labels | np.isnan(state.evidence), -np.inf, state.evidence).max(axis=0)
-    return np.asarray(state.known | (evidence > PLAUSIBLE_NATS))
+    return LitPixels(state.known | (evidence > PLAUSIBLE_NATS), view.mask, view.inradius, swept)
 
 
-def _bend_dark_pixels(state: Alternation, plausible: np.ndarray) -> None:
-    """Bend the field away from the lights where nothing flashed; plausible (H, W) bool: see `_plausible`."""
+def _bend_dark_pixels(state: Alternation, pixels: LitPixels) -> None:
+    """Bend the field away from the lights where pixels are dark."""
 
     def solve(unreached: np.ndarray) -> np.ndarray:
         bent = copy(state)
         bent.unreached = unreached
         return bent.solve_field(state.known, state.values, faces=state.faces)
 
-    view, swept = state.view, SweptNormals.of(state.view.normals)
-    if swept is None:
-        return
     confidence = np.where(state.known, state.confidence, 0.0)
-    estimate = unreached_normals(state.smooth, confidence, plausible, view.mask, swept, view.inradius, solve)
+    estimate = unreached_normals(state.smooth, confidence, pixels, solve)
     if estimate is not None:
         state.unreached, state.smooth = estimate
 
 
-def _with_inner_contours(state: Alternation, plausible: np.ndarray) -> np.ndarray:
-    """Return the field (H, W, 3), cut along contours inside the silhouette; plausible (H, W) bool: see `_plausible`."""
-    view, weights = state.view, state.options.field
+def _with_inner_contours(state: Alternation, pixels: LitPixels) -> np.ndarray:
+    """Return the field (H, W, 3), cut along contours inside the silhouette."""
+    weights = state.options.field
     return field_with_contours(
         state.smooth,
         state.known_values,
-        view.normals,
+        state.view.normals,
         state.constraints(state.known, state.values),
-        plausible,
-        view.mask,
-        view.inradius,
+        pixels,
         dark_weight=weights.unreached,
         tension_length=weights.tension_length,
     )

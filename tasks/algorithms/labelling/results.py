@@ -57,6 +57,8 @@ def accepted_normals(normals: np.ndarray, labels: np.ndarray, marked: np.ndarray
     """Return the accepted normal of each pixel (H, W, 3), NaN where there is none.
 
     It is that of the exterior node, a mean over frames, or else of the mark, which is of one frame.
+
+    normals: (K, H, W, 3), candidates; labels: (K, H, W), nonzero = exterior; marked: (H, W, 3), NaN without a mark.
     """
     chosen = exterior_normals(normals, labels)
     return np.where(np.isnan(chosen), marked, chosen)

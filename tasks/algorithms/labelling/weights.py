@@ -5,6 +5,10 @@ The paper states no weights; the defaults were chosen on simulated captures.
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from glint.tasks.algorithms.geometry.distance import distance_inside
+
 
 @dataclass(frozen=True, slots=True)
 class GraphCutWeights:
@@ -53,6 +57,17 @@ class FieldError:
     slope: float = 25.0
     ceiling: float = 30.0
 
+    def spread(self, known: np.ndarray, thickness: np.ndarray | float) -> np.ndarray:
+        """Return the standard deviation (H, W) in radians.
+
+        known: (H, W) bool, pixels with a known normal; thickness: of the object, in pixels, (H, W) or one for all.
+        """
+        if not known.any():
+            return np.full(known.shape, np.radians(self.ceiling))
+        distance = distance_inside(~known)
+        spread = np.minimum(self.floor + self.slope * distance / np.maximum(thickness, 1.0), self.ceiling)
+        return np.asarray(np.radians(spread))
+
 
 MIN_FIELD_CONFIDENCE = 0.5
 """Confidence from which accepted normals enter the field."""
@@ -66,9 +81,8 @@ class LabellingOptions:
     graph_cut, field, field_error: its weights. symmetry: whether a surface of revolution may be detected and become the
     expected field; flat_faces: whether a right prism, a faceted body or flat faces may be, where there is none;
     readmission: whether rejected sheets may be readmitted. inner_contours: whether the field may be cut along contours
-    inside the silhouette. min_confidence: accepted normals of lower confidence do not
-    enter the field. max_iterations: at most so many each time: at first, and again after all that is detected or
-    marked.
+    inside the silhouette. min_confidence: accepted normals of lower confidence do not enter the field. max_iterations:
+    at most so many each time: at first, and again after all that is detected or marked.
     """
 
     graph_cut: GraphCutWeights = GraphCutWeights()

@@ -41,8 +41,8 @@ width. Farther in lies the inner face of a clear wall, which no highlight crosse
 def edge_image(levels: np.ndarray, is_table: np.ndarray, is_sharp: bool = False) -> np.ndarray:
     """Return log levels (H, W), 0 to 255, such that a slope of 1 per pixel is an edge of the table's texture.
 
-    is_sharp: whether their smooth part is taken away (a difference of Gaussians: Marr and Hildreth 1980), so that lines
-    count and gentle slopes do not.
+    is_table: (H, W) bool, pixels of the table. is_sharp: whether the smooth part of the levels is taken away (a
+    difference of Gaussians: Marr and Hildreth 1980), so that lines count and gentle slopes do not.
     """
     brightness = cv2.GaussianBlur(np.log(levels.astype(np.float32) + DARK_LEVEL), (0, 0), BLUR_SIGMA_PX)
     if is_sharp:

@@ -65,7 +65,7 @@ class ContourEvidence:
     def of(
         cls, contour: np.ndarray, distance: np.ndarray, images: Sequence[np.ndarray], free: np.ndarray, edge: float
     ) -> "ContourEvidence":
-        """Return the evidence; edge: of a square of the mask's area, pixels."""
+        """Return the evidence, with the reach for a mask whose area is that of a square with this edge in pixels."""
         return cls(contour, distance, images, free, max(MIN_SEARCH_PX, round(SEARCH_SHARE * edge)))
 
 

@@ -135,7 +135,7 @@ def covered_spheres(mask: np.ndarray, spheres: Sequence[Sphere]) -> list[Objecti
 
 
 def doubt_of(mask: np.ndarray, objections: Sequence[Objection]) -> np.ndarray:
-    """Return the probability (H, W) float32 that a pixel's normal is wrong because the silhouette is.
+    """Return the probability (H, W) float32 that a normal in a mask (H, W) bool is wrong because the silhouette is.
 
     It is highest beside a doubtful piece of contour, falls with the distance from it, and does not vanish anywhere.
     """

@@ -59,7 +59,7 @@ def main_components(differing: np.ndarray, flashing: np.ndarray, moment: np.ndar
 
 
 def large_components(mask: np.ndarray, min_area_ratio: float = 0.15) -> np.ndarray:
-    """Return the largest component and those whose area is at least `min_area_ratio` of its area."""
+    """Return the largest component of a mask (H, W) bool, and those of at least `min_area_ratio` of its area."""
     components, count = ndimage.label(mask)
     if count == 0:
         return mask
@@ -100,7 +100,7 @@ def filled(differing: np.ndarray, share: float) -> np.ndarray:
 
 
 def bridged(differing: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Return the regions (H, W) bool beside the `mask` that a contour of thin lines with gaps encloses."""
+    """Return the regions beside the mask that thin lines of differing pixels, with gaps, enclose; all (H, W) bool."""
     edge = _edge(mask)
     wide = closed(differing, BRIDGE_SHARE * edge)
     around, open_labels = _around_solid(differing, mask)

@@ -1,4 +1,4 @@
-"""Triangulate a depth map in the camera frame, cut where the surface steps, and write it as PLY and GLB.
+"""Triangulate a depth map in the camera frame, cut where the surface steps.
 
 A range image becomes a mesh by joining neighbouring pixels unless they lie across a depth discontinuity (after Turk and
 Levoy, Zippered Polygon Meshes from Range Images, SIGGRAPH 1994). Here an edge is a discontinuity if the normals at
@@ -6,13 +6,8 @@ both ends fail to explain the rise along it, as in bilateral integration (`integ
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import trimesh
-from trimesh.exchange.gltf import export_glb
-from trimesh.visual import TextureVisuals
-from trimesh.visual.material import PBRMaterial
 
 from glint.tasks.algorithms.errors import UnusableCapture
 from glint.tasks.algorithms.geometry.distance import inradius_of
@@ -25,14 +20,6 @@ from glint.tasks.algorithms.meshing.contour_vertices import boundary_vertices, m
 
 MAX_STEP_PX = 1.0
 """Difference between rise and prediction, in pixels along the normal, up to which an edge lies on the surface."""
-METRES_PER_MM = 0.001
-VERTEX_BUFFER, INDEX_BUFFER = 34962, 34963
-"""Targets of buffer views (glTF 2.0, section 5.11.5), so that viewers need not infer them."""
-MATERIAL = PBRMaterial(
-    name="glass", baseColorFactor=[200, 212, 219, 255], metallicFactor=0.0, roughnessFactor=0.4, doubleSided=True
-)
-"""Opaque, since viewers draw transparent meshes without the depth that they are here for. Seen from both sides: the
-surface of one view has no back."""
 MAX_SLOPE = 12.0
 """Rise in pixels per pixel beyond which a slope (85 degrees) is no surface, unless the margin can be so steep."""
 
@@ -53,15 +40,51 @@ class Surface:
     confidence: np.ndarray
 
 
+@dataclass(frozen=True, slots=True)
+class RegionCamera:
+    """The camera of a region: where its pixels lie in space.
+
+    origin: column and row of the region's top-left pixel in the full frame. frame: width and height of the full frame;
+    None: the region is the frame. pixel_size: unit per pixel (1 leaves pixels), which scales all three coordinates of
+    an orthographic depth; the frame's centre has x = y = 0. Ignored with a matrix. matrix: (3, 3) intrinsic, in pixels
+    of the full frame; the camera is at the origin and looks along -z. None: orthographic.
+    """
+
+    origin: tuple[int, int] = (0, 0)
+    frame: tuple[int, int] | None = None
+    pixel_size: float = 1.0
+    matrix: np.ndarray | None = None
+
+    @property
+    def region_matrix(self) -> np.ndarray | None:
+        """The matrix (3, 3) in pixels of the region; None: orthographic."""
+        return None if self.matrix is None else camera_in_crop(self.matrix, *self.origin)
+
+    def height(self, depth: np.ndarray, used: np.ndarray) -> np.ndarray:
+        """Return the depth (H, W) as a height in pixels, see `integration.edges`; any where it is not used (H, W)."""
+        height, matrix = np.where(used, depth, 1.0).astype(float), self.region_matrix
+        return height if matrix is None else -focal_length(matrix) * np.log(height)
+
+    def points(self, columns: np.ndarray, rows: np.ndarray, depth: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+        """Return the points (N, 3) at columns, rows and depth (N,) of a region of this size (width, height)."""
+        matrix = self.region_matrix
+        if matrix is None:
+            x, y = to_camera(columns + self.origin[0], rows + self.origin[1], *(self.frame or size))
+            return np.stack([x, y, depth], axis=-1) * self.pixel_size
+        rays = np.stack([columns, rows, np.ones_like(rows)], axis=-1) @ np.linalg.inv(matrix).T
+        return depth[:, None] * rays * CAMERA_FLIP
+
+
+ORTHOGRAPHIC = RegionCamera()
+"""The camera of a region that is the whole frame, in pixels."""
+
+
 def mesh_from_depth(
     depth: np.ndarray,
     mask: np.ndarray,
     normals: np.ndarray,
+    camera: RegionCamera = ORTHOGRAPHIC,
     *,
-    origin: tuple[int, int] = (0, 0),
-    frame: tuple[int, int] | None = None,
-    pixel_size: float = 1.0,
-    camera: np.ndarray | None = None,
     confidence: np.ndarray | None = None,
     max_step: float = MAX_STEP_PX,
     max_slope: float = MAX_SLOPE,
@@ -76,12 +99,7 @@ def mesh_from_depth(
             distance from the camera along its axis, in any unit.
         mask: (H, W) bool.
         normals: (H, W, 3) unit, camera frame, NaN where unknown.
-        origin: column and row of the region's top-left pixel in the full frame.
-        frame: width and height of the full frame; by default the region is the frame.
-        pixel_size: unit per pixel (1 leaves pixels), which scales all three coordinates of an orthographic depth; the
-            frame's centre has x = y = 0. Ignored with a camera matrix.
-        camera: (3, 3) intrinsic matrix in pixels of the full frame. Pixels are projected back; the camera is at the
-            origin and looks along -z.
+        camera: of the region.
         confidence: (H, W) in 0..1.
         max_step, max_slope: see MAX_STEP_PX and MAX_SLOPE.
 
@@ -92,13 +110,11 @@ def mesh_from_depth(
     if not depth.shape == mask.shape == normals.shape[:2]:
         raise ValueError(f"depth {depth.shape}, mask {mask.shape} and normals {normals.shape} do not agree")
     used = np.asarray(mask, bool) & np.isfinite(depth)
-    local = None if camera is None else camera_in_crop(camera, *origin)
-    height, contour = _height(depth, used, local), contour_of(used)
-    triangles = _triangles(used, _surface_edges(height, used, contour, normals, local, max_step, max_slope), depth)
+    height, contour, matrix = camera.height(depth, used), contour_of(used), camera.region_matrix
+    triangles = _triangles(used, _surface_edges(height, used, contour, normals, matrix, max_step, max_slope), depth)
     if not len(triangles):
         raise UnusableCapture("the depth holds no triangle", "the mask must be at least two pixels wide somewhere")
 
-    # Renumber the vertices that triangles use.
     kept, compact = np.unique(triangles, return_inverse=True)
     compact = compact.reshape(-1, 3).astype(np.int32)
     rows, columns = (index.astype(float) for index in np.divmod(kept, depth.shape[1]))
@@ -107,54 +123,14 @@ def mesh_from_depth(
     right, down, closer = moves_to_contour(height, used, contour, kept[boundary])
     columns[boundary] += right
     rows[boundary] += down
-    if local is None:
+    if matrix is None:
         distance[boundary] += closer
-        x, y = to_camera(columns + origin[0], rows + origin[1], *(frame or depth.shape[::-1]))
-        points = np.stack([x, y, distance], axis=-1) * pixel_size
     else:
-        distance[boundary] *= np.exp(-closer / focal_length(local))
-        rays = np.stack([columns, rows, np.ones_like(rows)], axis=-1) @ np.linalg.inv(local).T
-        points = distance[:, None] * rays * CAMERA_FLIP
-    vertices = points.astype(np.float32)
+        distance[boundary] *= np.exp(-closer / focal_length(matrix))
+    vertices = camera.points(columns, rows, distance, depth.shape[::-1]).astype(np.float32)
     vertex_normals = _vertex_normals(normals.reshape(-1, 3)[kept], vertices, compact)
     vertex_confidence = np.ones(len(kept)) if confidence is None else np.nan_to_num(confidence.reshape(-1)[kept])
     return Surface(vertices, compact, vertex_normals, vertex_confidence.astype(np.float32))
-
-
-def ply_bytes(surface: Surface) -> bytes:
-    """Encode as binary PLY with normals and the vertex property `confidence`."""
-    mesh = _trimesh(surface)
-    mesh.vertex_attributes["confidence"] = surface.confidence
-    return bytes(trimesh.exchange.ply.export_ply(mesh, encoding="binary", vertex_normal=True))
-
-
-def glb_bytes(surface: Surface, unit: str) -> bytes:
-    """Encode as binary glTF with normals, the vertex attribute `_confidence` and a material seen from both sides.
-
-    unit: of the surface. "mm" is written as metres, the unit of glTF; any other is left as it is, and the file's asset
-    says that its scale is unknown.
-    """
-    mesh = _trimesh(surface)
-    is_scaled = unit == "mm"
-    if is_scaled:
-        mesh.apply_scale(METRES_PER_MM)
-    mesh.vertex_attributes["_confidence"] = surface.confidence
-    mesh.visual = TextureVisuals(material=MATERIAL)
-    facts = {"unit": "m" if is_scaled else unit, "scale": "known" if is_scaled else "unknown"}
-
-    def complete(tree: dict[str, Any]) -> None:
-        tree["asset"] |= {"generator": "Glint", "extras": facts}
-        for primitive in (primitive for item in tree["meshes"] for primitive in item["primitives"]):
-            views = dict.fromkeys(primitive["attributes"].values(), VERTEX_BUFFER)
-            for accessor, target in (views | {primitive["indices"]: INDEX_BUFFER}).items():
-                tree["bufferViews"][tree["accessors"][accessor]["bufferView"]]["target"] = target
-
-    scene = trimesh.Scene(mesh)
-    return bytes(export_glb(scene, include_normals=True, tree_postprocessor=complete))
-
-
-def _trimesh(surface: Surface) -> trimesh.Trimesh:
-    return trimesh.Trimesh(surface.vertices, surface.triangles, vertex_normals=surface.normals, process=False)
 
 
 def _surface_edges(
@@ -184,12 +160,6 @@ def _surface_edges(
         explained = (np.minimum(forward, backward) <= max_step) | untested
         kept[axis] = edges.inside[axis] & explained & (np.abs(rise) <= steepest)
     return kept
-
-
-def _height(depth: np.ndarray, used: np.ndarray, camera: np.ndarray | None) -> np.ndarray:
-    """Return the depth (H, W) as a height in pixels, see `integration.edges`; any where it is not used."""
-    height = np.where(used, depth, 1.0).astype(float)
-    return height if camera is None else -focal_length(camera) * np.log(height)
 
 
 def _triangles(used: np.ndarray, kept: np.ndarray, depth: np.ndarray) -> np.ndarray:

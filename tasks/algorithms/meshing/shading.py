@@ -31,7 +31,7 @@ def relit(normals: np.ndarray, mask: np.ndarray, light: tuple[float, float, floa
 
 
 def relit_pictures(normals: np.ndarray, mask: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the relit images (H, W) uint8 by name, one for each of RELIGHT_DIRECTIONS."""
+    """Return images (H, W) uint8 of normals (H, W, 3) in a mask, by name: relit from each of RELIGHT_DIRECTIONS."""
     return {name: relit(normals, mask, light) for name, light in RELIGHT_DIRECTIONS.items()}
 
 

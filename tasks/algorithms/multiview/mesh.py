@@ -67,7 +67,7 @@ def largest_component(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.n
 
 
 def decimated(vertices: np.ndarray, triangles: np.ndarray, max_triangles: int) -> tuple[np.ndarray, np.ndarray]:
-    """Decimate a mesh to at most `max_triangles` triangles; a smaller mesh is returned as it is."""
+    """Decimate vertices (N, 3) and triangles (M, 3) to at most `max_triangles`; a smaller mesh is returned as it is."""
     if len(triangles) <= max_triangles:
         return vertices, triangles
     import open3d as o3d

@@ -51,11 +51,11 @@ class SilhouetteDistance:
         return cls(distance, along_columns, along_rows, margin)
 
     def at(self, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Return the distances (N,) in pixels at positions (N,) of the region."""
+        """Return the distances (N,) in pixels at columns and rows (N,) of the region."""
         return sample(self.distance, columns + self.margin, rows + self.margin)
 
     def gradient(self, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Return the gradients (N, 3) of the distance in the camera frame, per pixel, at positions of the region."""
+        """Return the gradients (N, 3) of the distance in the camera frame, per pixel, at columns and rows (N,)."""
         x, y = (
             sample(self.along_columns, columns + self.margin, rows + self.margin),
             sample(self.along_rows, columns + self.margin, rows + self.margin),
@@ -148,7 +148,7 @@ class View:
         return column - self.origin[0], row - self.origin[1]
 
     def rays(self, columns: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return starts and unit directions (N, 3), world, of the rays from the camera through pixels of the region.
+        """Return starts and unit directions (N, 3), world, of the rays from the camera through columns and rows (N,).
 
         An orthographic ray starts in the plane through the camera frame's origin.
         """
@@ -182,7 +182,7 @@ class View:
         return np.asarray(np.maximum(depth, MIN_DEPTH) / np.sqrt(self.matrix[0, 0] * self.matrix[1, 1]))
 
     def normals_at(self, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Return unit normals (N, 3), camera frame, at positions of the region; zero far from any known normal."""
+        """Return unit normals (N, 3), camera frame, at columns and rows (N,) of the region; zero far from any known."""
         normals = sample(np.nan_to_num(self.normals), columns, rows)
         return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9))
 

@@ -189,26 +189,3 @@ def thickness(mask: np.ndarray) -> np.ndarray:
         if core.any():
             result[distance_inside(~core) <= radius] = radius
     return result
-
-
-def field_spread(
-    known: np.ndarray,
-    thickness: np.ndarray | float,
-    floor_deg: float,
-    slope_deg: float,
-    ceiling_deg: float,
-) -> np.ndarray:
-    """Return the field's error model: its standard deviation (H, W) in radians.
-
-    Args:
-        known: (H, W) bool, pixels with a known normal.
-        thickness: of the object, in pixels, (H, W) or one for all.
-        floor_deg: standard deviation at a known pixel.
-        slope_deg: increase per `thickness` of distance from the nearest known pixel.
-        ceiling_deg: upper bound, since the field is smooth, not arbitrary.
-    """
-    if not known.any():
-        return np.full(known.shape, np.radians(ceiling_deg))
-    distance = distance_inside(~known)
-    spread = np.minimum(floor_deg + slope_deg * distance / np.maximum(thickness, 1.0), ceiling_deg)
-    return np.asarray(np.radians(spread))

@@ -14,7 +14,7 @@ import numpy as np
 from glint.tasks.algorithms.geometry.distance import depth_inside, inradius_of
 from glint.tasks.algorithms.geometry.perspective import rotate_from_view, rotate_to_view, to_camera_directions
 from glint.tasks.algorithms.geometry.vectors import positions_at, unit
-from glint.tasks.algorithms.prior.unreached import SweptNormals
+from glint.tasks.algorithms.prior.swept_normals import SweptNormals
 from glint.tasks.algorithms.prisms.right_prism import Crease, RightPrism, to_pixels
 
 FLASHED_DEG = 3.0
@@ -52,7 +52,7 @@ class ShownNormals:
 
     @classmethod
     def of(cls, candidates: np.ndarray, mask: np.ndarray, inverse_focal: float = 0.0) -> "ShownNormals | None":
-        """Return those of candidates (K, H, W, 3), relative to the view rays, NaN where there is none; None: none."""
+        """Return those of candidates (K, H, W, 3; NaN without), relative to the view rays, in a mask; None: none."""
         swept = SweptNormals.of(candidates)
         layers, rows, columns = np.nonzero(np.isfinite(candidates[..., 0]) & mask)
         if swept is None:

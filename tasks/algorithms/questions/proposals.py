@@ -15,7 +15,11 @@ from glint.tasks.algorithms.candidates.markup import Marks, mark_constraints
 from glint.tasks.algorithms.geometry.distance import inradius_of
 from glint.tasks.algorithms.labelling.answers import mark_influence
 from glint.tasks.algorithms.labelling.candidate_view import candidate_evidence
-from glint.tasks.algorithms.labelling.readmission import CONFIDENCE_RANGE, surface_probability
+from glint.tasks.algorithms.labelling.readmission import (
+    CONFIDENCE_RANGE,
+    LabelledCandidates,
+    surface_probability,
+)
 from glint.tasks.algorithms.labelling.results import Reconstruction
 from glint.tasks.algorithms.labelling.weights import DEFAULT_OPTIONS, LabellingOptions
 from glint.tasks.algorithms.prior.smooth_normals import contour_normals
@@ -114,7 +118,8 @@ def propose(
     influence = mark_influence(nodes, ties, mark_constraints(marks, normals, mask).labels, inradius)
     answered = patches.mean(np.abs(patches.of(influence))) > ANSWERED_INFLUENCE
     evidence = candidate_evidence(normals, clusters.shading, inradius, options.graph_cut)
-    wrong = wrong_probability(patches, normals, evidence, clusters.observations, result)
+    labelled = LabelledCandidates(normals, result.labels, evidence, clusters.observations)
+    wrong = wrong_probability(patches, labelled, result)
     exterior = patches.exterior(result.labels)
     first = gain_of(exterior) * wrong * rough_change(patches, normals, result, mask, inradius)
     turn = patches.mean(patches.turns(normals, result.normals))
@@ -158,6 +163,8 @@ def rough_change(
 
     A patch has the pixels that are nearer to it than to any confident normal or the contour: the field there follows
     it. They turn by the patch's angle to the present normals.
+
+    normals: (K, H, W, 3), of the patches' nodes; mask: (H, W) bool; inradius: of the mask, in pixels.
     """
     own = np.minimum(patches.turns(normals, result.normals), MAX_CHANGE_DEG)
     own = np.where(patches.of(result.labels) > 0, MAX_CHANGE_DEG / 3.0, own)
@@ -173,16 +180,12 @@ def rough_change(
     return patches.mean(own) * held
 
 
-def wrong_probability(
-    patches: Patches, normals: np.ndarray, evidence: np.ndarray, observations: np.ndarray, result: Reconstruction
-) -> np.ndarray:
+def wrong_probability(patches: Patches, candidates: LabelledCandidates, result: Reconstruction) -> np.ndarray:
     """Return the probability (count,) that the label of a patch is wrong, by the confidence of the labelling.
 
-    An exterior patch is wrong if its normals are; for a rejected one, and for the arguments, see `surface_probability`.
+    An exterior patch is wrong if its normals are; for a rejected one see `surface_probability`.
     """
-    surface = surface_probability(
-        patches, normals, result.labels, result.normals, result.confidence, evidence, observations
-    )
+    surface = surface_probability(patches, candidates, result.normals, result.confidence)
     confidence = np.clip(result.confidence[patches.row, patches.column], *CONFIDENCE_RANGE)
-    exterior = patches.exterior(result.labels)
+    exterior = patches.exterior(candidates.labels)
     return np.where(exterior, patches.mean(1.0 - confidence), surface)

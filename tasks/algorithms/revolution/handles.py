@@ -4,6 +4,8 @@ Between its own contours a handle's normals are those of a smooth field, since (
 candidates go on that field before the body, and contradict the body there.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy import ndimage
 
@@ -48,9 +50,9 @@ def with_handles(
     """Return the normals of a body (H, W, 3) with those of its handles, beside it and before it.
 
     A handle that is observed is followed before the body as long as candidates go on its field and contradict the body,
-    and the normals accepted there are not the body's. Where the body
-    is too steep to show highlights, only false ones are seen of it, which may go on the field too: there the handle is
-    followed no farther than across the steep pixels, or by its own inradius.
+    and the normals accepted there are not the body's. Where the body is too steep to show highlights, only false ones
+    are seen of it, which may go on the field too: there the handle is followed no farther than across the steep pixels,
+    or by its own inradius.
 
     Args:
         body: NaN where there is none; slivers beside it get the nearest of its normals.
@@ -64,47 +66,90 @@ def with_handles(
         return result
     radius = _nearest_inradius(handles)
     step = max(GROWTH_PX, round(GROWTH_SHARE * float(radius.max())))
-    box = tuple(
-        slice(max(0, int(place.min()) - MAX_GROWTH_STEPS * step), int(place.max()) + MAX_GROWTH_STEPS * step + 1)
-        for place in np.nonzero(handles)
-    )
+    box = _surroundings(handles, MAX_GROWTH_STEPS * step)
     contour, outward = (array[box] for array in contour_normals(mask))
     handles, mask, candidates, radius = handles[box], mask[box], candidates[:, *box], radius[box]
+    body, accepted = body[box], accepted[box]
     # Where a handle meets the body the silhouette's corner is rounded.
     contour = contour & (distance_inside(~(mask & ~handles)) > CORNER_PX)
-    own = np.where(handles[..., None], accepted[box], np.nan)
-    to_body = np.where(handles, 180.0, np.nan_to_num(angles(candidates, body[box][None]), nan=180.0))
+    to_body = np.where(handles, 180.0, np.nan_to_num(angles(candidates, body[None]), nan=180.0))
     shows_body = to_body.min(axis=0, initial=180.0) < BODY_SHEET_DEG
-    is_steep = mask & ~handles & ~(body[box][..., 2] > MIN_BODY_NZ)
-    is_covered = mask & ~shows_body & ~is_steep
-    is_body = np.nan_to_num(angles(accepted[box], body[box]), nan=180.0) < BODY_SHEET_DEG
-    crossing = np.maximum(radius, 2.0 * depth_inside(is_steep).max())
-
-    def field(region: np.ndarray) -> np.ndarray:
-        known = region & np.isfinite(own[..., 0])
-        weights = np.where(known, ACCEPTED_WEIGHT, np.where(contour & region, 1.0, 0.0))
-        surface = smooth_normal_field(region, TENSION_LENGTH)
-        return surface.solve(np.where(known[..., None], own, outward), weights)
-
-    followed = region = _shown(handles, np.isfinite(own[..., 0]))
-    for _ in range(MAX_GROWTH_STEPS if followed.any() else 0):
-        near = distance_inside(~(followed | (region & is_covered))) <= crossing
-        around = near & mask & ~is_body & np.isnan(own[..., 0]) & (distance_inside(~region) <= step)
-        to_field = angles(candidates, field(region | around)[None])
-        to_field = np.where(to_body > BODY_SHEET_DEG, np.nan_to_num(to_field, nan=180.0), 180.0)
-        best = to_field.argmin(axis=0)[None]
-        joins = around & (np.take_along_axis(to_field, best, axis=0)[0] < HANDLE_SHEET_DEG)
-        # Among the candidates of other light paths some agree by chance, but not side by side.
-        joins &= ndimage.uniform_filter((region | joins).astype(float), 2 * step - 1) > MIN_JOINED_SHARE
-        if np.count_nonzero(joins & ~region) < step:
-            break
-        own = np.where(joins[..., None], np.take_along_axis(candidates, best[..., None], axis=0)[0], own)
-        region = region | joins
+    is_steep = mask & ~handles & ~(body[..., 2] > MIN_BODY_NZ)
+    view = _HandleView(
+        mask,
+        contour,
+        outward,
+        candidates,
+        to_body,
+        is_body=np.nan_to_num(angles(accepted, body), nan=180.0) < BODY_SHEET_DEG,
+        is_covered=mask & ~shows_body & ~is_steep,
+        crossing=np.maximum(radius, 2.0 * depth_inside(is_steep).max()),
+        step=step,
+    )
+    own, region = view.followed(np.where(handles[..., None], accepted, np.nan), handles)
     grown, region = region & ~handles, region | handles
     if grown.any():
         region = region | (mask & ~shows_body & (distance_inside(~grown) <= UNSEEN_SHARE * radius))
-    result[box][region] = field(region)[region]
+    result[box][region] = view.field(own, region)[region]
     return result
+
+
+@dataclass(frozen=True, slots=True)
+class _HandleView:
+    """What is seen around the handles of a body.
+
+    mask (H, W) bool, the silhouette; contour (H, W) bool, its pixels that bound handles; outward (H, W, 3), normals
+    there. candidates (K, H, W, 3), NaN where there is none; to_body (K, H, W): their angle to the body in degrees, 180
+    where either is missing. is_body (H, W) bool: whether the accepted normal is the body's; is_covered (H, W) bool:
+    whether the body would show highlights, but none is seen. crossing (H, W): distance in pixels by which a handle is
+    followed where that is not known; step: that of one step.
+    """
+
+    mask: np.ndarray
+    contour: np.ndarray
+    outward: np.ndarray
+    candidates: np.ndarray
+    to_body: np.ndarray
+    is_body: np.ndarray
+    is_covered: np.ndarray
+    crossing: np.ndarray
+    step: int
+
+    def field(self, own: np.ndarray, region: np.ndarray) -> np.ndarray:
+        """Return the smooth field (H, W, 3) of handles in a region (H, W) bool by their own normals, NaN elsewhere."""
+        known = region & np.isfinite(own[..., 0])
+        weights = np.where(known, ACCEPTED_WEIGHT, np.where(self.contour & region, 1.0, 0.0))
+        surface = smooth_normal_field(region, TENSION_LENGTH)
+        return surface.solve(np.where(known[..., None], own, self.outward), weights)
+
+    def followed(self, own: np.ndarray, handles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Follow handles (H, W) bool before the body; return their own normals (H, W, 3) and the region that they fill.
+
+        own: (H, W, 3), accepted normals of the handles, NaN elsewhere. Handles of which too few are known have no part.
+        """
+        beginning = region = _shown(handles, np.isfinite(own[..., 0]))
+        for _ in range(MAX_GROWTH_STEPS if beginning.any() else 0):
+            near = distance_inside(~(beginning | (region & self.is_covered))) <= self.crossing
+            around = near & self.mask & ~self.is_body & np.isnan(own[..., 0]) & (distance_inside(~region) <= self.step)
+            to_field = angles(self.candidates, self.field(own, region | around)[None])
+            to_field = np.where(self.to_body > BODY_SHEET_DEG, np.nan_to_num(to_field, nan=180.0), 180.0)
+            best = to_field.argmin(axis=0)[None]
+            joins = around & (np.take_along_axis(to_field, best, axis=0)[0] < HANDLE_SHEET_DEG)
+            # Among the candidates of other light paths some agree by chance, but not side by side.
+            joins &= ndimage.uniform_filter((region | joins).astype(float), 2 * self.step - 1) > MIN_JOINED_SHARE
+            if np.count_nonzero(joins & ~region) < self.step:
+                break
+            nearest = np.take_along_axis(self.candidates, best[..., None], axis=0)[0]
+            own, region = np.where(joins[..., None], nearest, own), region | joins
+        return own, region
+
+
+def _surroundings(region: np.ndarray, margin: int) -> tuple[slice, slice]:
+    """Return rows and columns of the rectangle around a region (H, W) bool, with a margin in pixels."""
+    rows, columns = (
+        slice(max(0, int(place.min()) - margin), int(place.max()) + margin + 1) for place in np.nonzero(region)
+    )
+    return rows, columns
 
 
 def _shown(handles: np.ndarray, observed: np.ndarray) -> np.ndarray:

@@ -34,7 +34,7 @@ the wall before a cone ends at a corner; that of a smooth shoulder is steeper.""
 def smooth_profile(
     squared_radii: np.ndarray, heights: np.ndarray, after_corner: bool = False, before_corner: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the squared radii (N,) and their slopes (N,) without the staircase of pixels, corners kept.
+    """Return squared radii (N,), at heights (N,), and their slopes (N,) without the staircase of pixels, corners kept.
 
     Lines are fitted to windows about and beside each height: the widest that fits is used. after_corner, before_corner:
     whether the profile begins, and ends, at a corner.

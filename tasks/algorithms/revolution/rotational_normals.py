@@ -12,20 +12,23 @@ import numpy as np
 
 from glint.tasks.algorithms.geometry.distance import with_nearest
 from glint.tasks.algorithms.geometry.vectors import pixel_positions, positions_at
-from glint.tasks.algorithms.revolution.fit_limits import SYMMETRIC_LIMITS, FitLimits
 from glint.tasks.algorithms.revolution.handles import handles_beside, with_handles
 from glint.tasks.algorithms.revolution.opening import agreement
 from glint.tasks.algorithms.revolution.relief import ERROR_CAP_DEG, capped_angles
-from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
-from glint.tasks.algorithms.revolution.symmetry import (
+from glint.tasks.algorithms.revolution.surface_fit import (
     COARSE_STEP_PX,
     COARSE_TILT_STEP_DEG,
     SAMPLED_NORMALS,
     TILT_STEP_DEG,
     TILTS,
-    RotationalNormals,
     SilhouetteSymmetry,
     refined_tilt,
+)
+from glint.tasks.algorithms.revolution.surface_of_revolution import SurfaceOfRevolution
+from glint.tasks.algorithms.revolution.symmetry import (
+    SYMMETRIC_LIMITS,
+    FitLimits,
+    RotationalNormals,
     surface_of_revolution_normals,
 )
 from glint.tasks.algorithms.silhouettes.aimed_view import AimedView

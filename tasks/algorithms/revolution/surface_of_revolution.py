@@ -171,7 +171,7 @@ class SurfaceOfRevolution:
         """Return the surface with plates that rise to their stems, as far as normals (N, 3) at x, y (N,) show these."""
         surface = self
         step = self.heights[1] - self.heights[0]
-        # A stem that is wider is hit higher: what a normal says of it is placed better the second time.
+        # Rays hit a wider stem higher up: the second time, each normal is placed better.
         for _ in range(2 if self.plates else 0):
             hits = surface.intersect(x, y)
             slope = -np.tan(surface._slope_angles(hits, normals))

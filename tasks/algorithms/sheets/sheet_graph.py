@@ -38,6 +38,9 @@ def pairwise_edges(
     """Return the edges between 8-neighbouring pixels: ids of the two nodes (E,) int64 and weights (E,) float64.
 
     Only mutually nearest nodes are tied: a sheet passes each pixel once, and two sheets that cross must stay separate.
+
+    normals: (K, H, W, 3) unit, of the nodes; nodes: (K, H, W), their ids, -1 without one; strength: weight of an edge
+    between equal normals; contrast: angle in radians at which it falls to 1/e.
     """
     layers, height, width = nodes.shape
     # Each node has at most one edge to each of the four neighbours that follow it in raster order.

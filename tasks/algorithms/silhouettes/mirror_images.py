@@ -98,7 +98,7 @@ def mirror_image(mask: np.ndarray, axis: MirrorAxis) -> np.ndarray:
 
 
 def symmetric_body(mask: np.ndarray, image: np.ndarray) -> np.ndarray | None:
-    """Return where a silhouette (H, W) bool and its mirror image overlap, if that could be its body."""
+    """Return where a silhouette and its mirror image, both (H, W) bool, overlap; None: that could not be its body."""
     body = largest_part(mask & image)
     is_body = body.sum() >= MIN_BODY_SHARE * mask.sum() and matched_share(mask, body) >= MIN_MATCHED_SHARE
     return body if is_body else None

@@ -46,6 +46,7 @@ def test_axe_has_no_serious_findings(tab: Tab) -> None:
 
 def test_modules_of_the_view_are_served_with_the_page() -> None:
     assert {path.name for path in (STATIC / "questions").iterdir()} == {
+        "draft.js",
         "free.js",
         "loop.js",
         "marks.js",

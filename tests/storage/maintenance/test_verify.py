@@ -15,8 +15,8 @@ from glint.storage.locations.location import Location
 from glint.storage.locking.locks import run_lock
 from glint.storage.maintenance.repair import repair
 from glint.storage.maintenance.verify import Damage, _with_remedy, verify_store
+from glint.storage.versions.opening import open_or_create
 from glint.storage.versions.repository import ObjectRepository
-from glint.storage.versions.snapshots import open_or_create
 from tests.damage.damage import build, problems, served
 
 

@@ -1,16 +1,18 @@
 // The camera's perspective, with its principal point on the picture, and the pose of the view, with a turntable's angle.
 
+import { addressOf } from "../api.js";
 import { element } from "../dom.js";
+import { POSE_KINDS, kindOf, poseOf, turnBetween } from "../poses/pose.js";
 import { Konva } from "../vendor.js";
+import { EditedValue } from "./edited_value.js";
 
 const COLOUR = "#b79bff";
 const DIAGONAL_35MM = 43.27;
 const MAX_TURN_DEG = 36000;
-const POSES = [["", "not known"], ["turntable", "turntable"], ["camera_to_world", "matrix"]];
 
-export class CameraLayer {
+export class CameraLayer extends EditedValue {
   constructor(view) {
-    this.view = view;
+    super(view);
     this.cross = new Konva.Path({ data: "M-9 0H9M0 -9V9", stroke: COLOUR, strokeWidth: 2, strokeScaleEnabled: false, visible: false, draggable: true, hitStrokeWidth: 16 });
     view.picture.shapes.add(this.cross);
     this.cross.on("dragstart", () => (this.before = this.matrix));
@@ -31,8 +33,8 @@ export class CameraLayer {
     this.put(this.saved);
   }
 
-  get isChanged() {
-    return JSON.stringify(this.matrix) !== JSON.stringify(this.saved);
+  get matrix() {
+    return this.value;
   }
 
   changes() {
@@ -53,23 +55,6 @@ export class CameraLayer {
   centred(x, y) {
     const [[fx, skew], [, fy]] = this.matrix;
     return [[fx, skew, rounded(x)], [0, fy, rounded(y)], [0, 0, 1]];
-  }
-
-  put(matrix) {
-    this.matrix = matrix;
-    this.show();
-  }
-
-  noted(before) {
-    const after = this.matrix;
-    if (JSON.stringify(before) === JSON.stringify(after)) return;
-    this.view.history.add({ undo: () => this.put(before), redo: () => this.put(after) });
-  }
-
-  typed(matrix) {
-    const before = this.matrix;
-    this.put(matrix);
-    this.noted(before);
   }
 
   typedEquivalent() {
@@ -102,14 +87,14 @@ export class CameraLayer {
   }
 }
 
-export class PoseLayer {
+export class PoseLayer extends EditedValue {
   constructor(view) {
-    this.view = view;
-    this.kind = element("select", { "aria-label": "How the pose is given", onchange: () => this.chosen() }, POSES.map(([value, text]) => element("option", { value }, text)));
+    super(view);
+    this.kind = element("select", { "aria-label": "How the pose is given", onchange: () => this.chosen() }, POSE_KINDS.map(([value, text]) => element("option", { value }, text)));
     this.field = element("div", {});
     this.state = element("p", { class: "faint" });
     this.root = element("section", {}, element("h2", {}, "Pose of the view"), element("label", { class: "line" }, "Pose", this.kind), this.field, this.state,
-      element("a", { href: `#/${encodeURIComponent(view.capture.object)}/${encodeURIComponent(view.capture.capture)}/poses` }, "All views of this object together"));
+      element("a", { href: addressOf(view.capture.object, view.capture.capture, "poses") }, "All views of this object together"));
     const { width, height } = view.picture;
     this.radius = Math.min(width, height) / 5;
     this.table = new Konva.Ellipse({ x: width / 2, y: height / 2, radiusX: this.radius, radiusY: this.radius / 3, stroke: COLOUR, dash: [6, 5], strokeWidth: 1.5, strokeScaleEnabled: false, listening: false });
@@ -131,8 +116,8 @@ export class PoseLayer {
     this.put(this.saved);
   }
 
-  get isChanged() {
-    return JSON.stringify(this.pose) !== JSON.stringify(this.saved);
+  get pose() {
+    return this.value;
   }
 
   changes() {
@@ -143,26 +128,8 @@ export class PoseLayer {
     for (const shape of this.shapes) shape.visible(tool === "camera" && this.pose?.turntable !== undefined);
   }
 
-  put(pose) {
-    this.pose = pose;
-    this.show();
-  }
-
-  noted(before) {
-    const after = this.pose;
-    if (JSON.stringify(before) === JSON.stringify(after)) return;
-    this.view.history.add({ undo: () => this.put(before), redo: () => this.put(after) });
-  }
-
-  typed(pose) {
-    const before = this.pose;
-    this.put(pose);
-    this.noted(before);
-  }
-
   chosen() {
-    const identity = [0, 1, 2, 3].map((row) => [0, 1, 2, 3].map((column) => Number(row === column)));
-    this.typed({ "": null, turntable: { turntable: 0 }, camera_to_world: { camera_to_world: identity } }[this.kind.value]);
+    this.typed(poseOf(this.kind.value));
   }
 
   /** The mark goes round as the object's front does: counter-clockwise from above, 0 towards the camera. */
@@ -171,12 +138,12 @@ export class PoseLayer {
     const y = (this.handle.y() - this.table.y()) / (this.radius / 3);
     const turn = this.pose.turntable;
     const angle = (Math.atan2(x, y) * 180) / Math.PI;
-    this.put({ turntable: rounded(turn + ((((angle - turn) % 360) + 540) % 360) - 180) });
+    this.put({ turntable: rounded(turn + turnBetween(turn, angle)) });
   }
 
   show() {
     const turn = this.pose?.turntable;
-    this.kind.value = !this.pose ? "" : turn !== undefined ? "turntable" : "camera_to_world";
+    this.kind.value = kindOf(this.pose);
     if (turn !== undefined) {
       const angle = (turn * Math.PI) / 180;
       this.handle.position({ x: this.table.x() + this.radius * Math.sin(angle), y: this.table.y() + (this.radius / 3) * Math.cos(angle) });

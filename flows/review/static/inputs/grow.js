@@ -1,5 +1,6 @@
 // "Grow from here": a click adds to the mask what is connected with a pixel and looks alike, on the picture that is shown.
 
+import { askPicture } from "../api.js";
 import { announce, element } from "../dom.js";
 
 const TOLERANCE = 32;
@@ -35,13 +36,7 @@ export class Growth {
     const order = (this.order = (this.order ?? 0) + 1);
     try {
       const query = new URLSearchParams({ x, y, picture, tolerance: this.tolerance.value });
-      const answer = await fetch(`${this.view.capture.path}/growth?${query}`, { signal: this.view.signal });
-      if (!answer.ok) {
-        const { error, remedy } = await answer.json();
-        announce(`${error} → ${remedy}`, "error");
-        return;
-      }
-      const grown = await this.mask.decoded(await answer.blob());
+      const grown = await this.mask.decoded(await askPicture(`${this.view.capture.path}/growth?${query}`, this.view.signal));
       if (order !== this.order) return;
       const { history } = this.view;
       if (step && history.done.at(-1) === step) history.undo();

@@ -1,18 +1,18 @@
-// The mask: painted by brush, eraser and polygon over the estimate, kept as one byte for each pixel of the full frame.
+// The mask: painted by brush, eraser and polygon over the estimate.
 
 import { announce, element } from "../dom.js";
 import { Konva } from "../vendor.js";
 import { Growth } from "./grow.js";
+import { PixelMask, union } from "./pixel_mask.js";
 
-const INSIDE = [112, 214, 150, 44];
-const RIM = [140, 240, 175, 230];
 const CURSOR_STEP_PX = 4;
 
 export class MaskLayer {
   constructor(view) {
     this.view = view;
     const { width, height } = view.picture;
-    Object.assign(this, { width, height, radius: Math.max(2, Math.round(Math.max(width, height) / 60)), pixels: new Uint8Array(width * height), isChanged: false, corners: [] });
+    Object.assign(this, { width, height, mask: new PixelMask(width, height), isChanged: false, corners: [] });
+    this.radius = Math.max(2, Math.round(Math.max(width, height) / 60));
     this.canvas = Object.assign(document.createElement("canvas"), { width, height });
     this.context = this.canvas.getContext("2d");
     this.image = new Konva.Image({ x: -0.5, y: -0.5, width, height, image: this.canvas, listening: false });
@@ -37,10 +37,10 @@ export class MaskLayer {
       return;
     }
     const data = await this.decoded(await answer.blob());
-    for (let index = 0; index < this.pixels.length; index += 1) this.pixels[index] = data[4 * index] > 0 ? 1 : 0;
+    this.mask.take((index) => data[4 * index] > 0);
     this.isChanged = false;
-    this.redraw(0, 0, this.width, this.height);
-    this.tell();
+    this.redraw(this.mask.whole);
+    this.showState();
   }
 
   /** Returns four bytes for each pixel of a picture of the full frame's size. */
@@ -80,13 +80,9 @@ export class MaskLayer {
     container.addEventListener("pointermove", (event) => {
       if (this.view.tool === "polygon") this.drawPath(this.view.picture.pointer(event));
       if (!this.paints) return;
-      for (const step of event.getCoalescedEvents?.() ?? [event]) {
+      const coalesced = event.getCoalescedEvents?.() ?? [];
+      for (const step of coalesced.length ? coalesced : [event]) {
         const point = this.view.picture.pointer(step);
-        this.cursor.position(point);
-        if (this.before) this.stroke(point);
-      }
-      if (!event.getCoalescedEvents?.().length) {
-        const point = this.view.picture.pointer(event);
         this.cursor.position(point);
         if (this.before) this.stroke(point);
       }
@@ -98,9 +94,10 @@ export class MaskLayer {
     return this.view.tool === "brush" || this.view.tool === "eraser";
   }
 
+  /** Begins a step, which changes pixels in a box alone. */
   begin() {
-    this.before = this.pixels.slice();
-    this.box = [this.width, this.height, 0, 0];
+    this.before = this.mask.copy();
+    this.box = null;
   }
 
   /** Paints discs from the last point to this one. */
@@ -116,39 +113,29 @@ export class MaskLayer {
   }
 
   disc(x, y, value) {
-    const { radius, width, height } = this;
-    const [left, right] = [Math.max(0, Math.ceil(x - radius)), Math.min(width - 1, Math.floor(x + radius))];
-    const [top, bottom] = [Math.max(0, Math.ceil(y - radius)), Math.min(height - 1, Math.floor(y + radius))];
-    if (left > right || top > bottom) return;
-    for (let row = top; row <= bottom; row += 1) {
-      for (let column = left; column <= right; column += 1) {
-        if ((row - y) ** 2 + (column - x) ** 2 <= radius * radius) this.pixels[row * width + column] = value;
-      }
-    }
-    this.box = [Math.min(this.box[0], left), Math.min(this.box[1], top), Math.max(this.box[2], right), Math.max(this.box[3], bottom)];
-    this.redraw(left - 1, top - 1, right - left + 3, bottom - top + 3);
+    const box = this.mask.fillDisc(x, y, this.radius, value);
+    if (!box) return;
+    this.box = this.box ? union(this.box, box) : box;
+    this.redraw(box);
   }
 
-  /** Ends a stroke: notes what it changed, as a rectangle before and after. */
+  /** Ends a step: notes what it changed, as a box before and after. */
   end() {
-    if (!this.before) return;
-    const [left, top, right, bottom] = this.box;
-    const earlier = this.before;
+    const { before, box } = this;
     this.before = null;
-    if (right < left || bottom < top) return;
-    const size = [left, top, right - left + 1, bottom - top + 1];
-    const [old, now] = [cut(earlier, this.width, size), cut(this.pixels, this.width, size)];
-    if (old.every((value, index) => value === now[index])) return;
+    if (!before || !box) return;
+    const [earlier, now] = [before.cut(box), this.mask.cut(box)];
+    if (earlier.every((value, index) => value === now[index])) return;
     const wasChanged = this.isChanged;
     const put = (part, changed) => {
-      paste(this.pixels, this.width, size, part);
+      this.mask.paste(box, part);
       this.isChanged = changed;
-      this.redraw(left - 1, top - 1, size[2] + 2, size[3] + 2);
-      this.tell();
+      this.redraw(box);
+      this.showState();
     };
     this.isChanged = true;
-    this.tell();
-    this.view.history.add({ undo: () => put(old, wasChanged), redo: () => put(now, true) });
+    this.showState();
+    this.view.history.add({ undo: () => put(earlier, wasChanged), redo: () => put(now, true) });
   }
 
   moveCursor(x, y) {
@@ -183,14 +170,7 @@ export class MaskLayer {
   /** Fills the polygon, or cuts it out. */
   closePolygon(cutsOut) {
     if (this.view.tool !== "polygon" || this.corners.length < 3) return false;
-    const canvas = new OffscreenCanvas(this.width, this.height);
-    const context = canvas.getContext("2d");
-    context.beginPath();
-    for (const { x, y } of this.corners) context.lineTo(x + 0.5, y + 0.5);
-    context.closePath();
-    context.fill();
-    const data = context.getImageData(0, 0, this.width, this.height).data;
-    this.combine((index) => data[4 * index + 3] >= 128, cutsOut);
+    this.combine(this.mask.inPolygon(this.corners), cutsOut);
     this.cancelPolygon();
     return true;
   }
@@ -198,9 +178,9 @@ export class MaskLayer {
   /** Adds the pixels that `isIn` names, or cuts them out, as one step. */
   combine(isIn, cutsOut) {
     this.begin();
-    for (let index = 0; index < this.pixels.length; index += 1) if (isIn(index)) this.pixels[index] = cutsOut ? 0 : 1;
-    this.box = [0, 0, this.width - 1, this.height - 1];
-    this.redraw(0, 0, this.width, this.height);
+    this.mask.fill(isIn, cutsOut ? 0 : 1);
+    this.box = this.mask.whole;
+    this.redraw(this.box);
     this.end();
   }
 
@@ -211,34 +191,15 @@ export class MaskLayer {
     return had;
   }
 
-  redraw(left, top, width, height) {
-    const x = Math.max(0, left);
-    const y = Math.max(0, top);
-    const right = Math.min(this.width, left + width);
-    const bottom = Math.min(this.height, top + height);
-    if (right <= x || bottom <= y) return;
-    const part = this.context.createImageData(right - x, bottom - y);
-    const { pixels } = this;
-    for (let row = y; row < bottom; row += 1) {
-      for (let column = x; column < right; column += 1) {
-        const index = row * this.width + column;
-        if (!pixels[index]) continue;
-        const isRim = column === 0 || row === 0 || column === this.width - 1 || row === this.height - 1 || !pixels[index - 1] || !pixels[index + 1] || !pixels[index - this.width] || !pixels[index + this.width];
-        part.data.set(isRim ? RIM : INSIDE, 4 * ((row - y) * part.width + column - x));
-      }
-    }
-    this.context.putImageData(part, x, y);
+  redraw(box) {
+    this.mask.draw(this.context, box);
     this.view.picture.overlay.batchDraw();
   }
 
-  tell() {
-    const { pixels, width, height } = this;
-    let count = 0;
-    for (let index = 0; index < pixels.length; index += 1) count += pixels[index];
-    let touches = false;
-    for (let column = 0; column < width; column += 1) touches ||= Boolean(pixels[column] || pixels[(height - 1) * width + column]);
-    for (let row = 0; row < height; row += 1) touches ||= Boolean(pixels[row * width] || pixels[row * width + width - 1]);
-    this.warning.hidden = !touches;
+  /** Shows how many pixels the mask has, where it comes from, and whether it touches the frame's edge. */
+  showState() {
+    const count = this.mask.count();
+    this.warning.hidden = !this.mask.touchesEdge;
     const origin = this.isChanged ? "changed, not saved" : this.view.edits.has_mask ? "set on the page" : this.view.inputs.given.mask ? "from the catalogue" : count ? "estimated" : "none yet";
     this.state.textContent = `${count.toLocaleString("en")} pixels · ${origin}`;
     this.root.dataset.pixels = String(count);
@@ -246,29 +207,6 @@ export class MaskLayer {
 
   /** Returns the mask as the base64 of a PNG, if it was changed. */
   async changes() {
-    if (!this.isChanged) return {};
-    const canvas = new OffscreenCanvas(this.width, this.height);
-    const context = canvas.getContext("2d");
-    const image = context.createImageData(this.width, this.height);
-    for (let index = 0; index < this.pixels.length; index += 1) image.data.fill(this.pixels[index] ? 255 : 0, 4 * index, 4 * index + 3);
-    for (let index = 3; index < image.data.length; index += 4) image.data[index] = 255;
-    context.putImageData(image, 0, 0);
-    const bytes = new Uint8Array(await (await canvas.convertToBlob({ type: "image/png" })).arrayBuffer());
-    let text = "";
-    for (let start = 0; start < bytes.length; start += 32768) text += String.fromCharCode(...bytes.subarray(start, start + 32768));
-    return { mask: btoa(text) };
+    return this.isChanged ? { mask: await this.mask.encoded() } : {};
   }
-}
-
-function cut(pixels, width, [left, top, columns, rows]) {
-  const part = new Uint8Array(columns * rows);
-  for (let row = 0; row < rows; row += 1) {
-    const start = (top + row) * width + left;
-    part.set(pixels.subarray(start, start + columns), row * columns);
-  }
-  return part;
-}
-
-function paste(pixels, width, [left, top, columns, rows], part) {
-  for (let row = 0; row < rows; row += 1) pixels.set(part.subarray(row * columns, (row + 1) * columns), (top + row) * width + left);
 }

@@ -2,6 +2,7 @@
 
 import { element } from "../dom.js";
 import { draw } from "../viewer/elements.js";
+import { turnBetween } from "./pose.js";
 
 const HALF = 150;
 const CIRCLE = 96;
@@ -76,7 +77,7 @@ export class Plan {
     const box = this.root.getBoundingClientRect();
     const at = turnOf([event.clientX - box.x - box.width / 2, event.clientY - box.y - box.height / 2]);
     const now = this.views[this.moving].pose.turntable;
-    return Math.round(now + ((((at - now) % 360) + 540) % 360) - 180);
+    return Math.round(now + turnBetween(now, at));
   }
 
   show() {

@@ -1,22 +1,20 @@
 // The poses view: from where each view of an object was taken, all of them together.
 
-import { ask, capturePath, objectPath } from "../api.js";
+import { addressOf, ask, capturePath, objectPath } from "../api.js";
 import { Author, showConflict } from "../author.js";
-import { announce, element } from "../dom.js";
+import { addStyleSheets, announce, element } from "../dom.js";
 import { History } from "../inputs/history.js";
 import { RunPanel } from "../inputs/run.js";
 import { bind } from "../keys.js";
 import { Plan, direction, legend, turnOf } from "./plan.js";
+import { POSE_KINDS, kindOf, poseOf, turnBetween } from "./pose.js";
 
-const KINDS = [["", "not known"], ["turntable", "turntable"], ["camera_to_world", "matrix"]];
 const NOTICED_DEG = 1;
 const FULL_TURN = 360;
 
 export async function open(root, capture, signal) {
   root.classList.add("poses");
-  if (!document.querySelector('link[href="/static/poses/poses.css"]')) {
-    document.head.append(element("link", { rel: "stylesheet", href: "/static/poses/poses.css" }));
-  }
+  addStyleSheets("/static/poses/poses.css");
   const path = objectPath(capture.object);
   const known = await ask(`${path}/poses`, { signal });
   new PosesView(root, capture, known, signal);
@@ -97,9 +95,8 @@ class PosesView {
   }
 
   chosen(number, kind) {
-    const identity = [0, 1, 2, 3].map((row) => [0, 1, 2, 3].map((column) => Number(row === column)));
     const place = direction(this.views[number].pose);
-    this.change([[number, { "": null, turntable: { turntable: place ? Math.round(turnOf(place)) : 0 }, camera_to_world: { camera_to_world: identity } }[kind]]]);
+    this.change([[number, poseOf(kind, place ? Math.round(turnOf(place)) : 0)]]);
   }
 
   show() {
@@ -111,13 +108,13 @@ class PosesView {
   }
 
   row({ capture, pose, is_edited: isEdited, isChanged, found, left_out: leftOut }, number) {
-    const kind = !pose ? "" : pose.turntable === undefined ? "camera_to_world" : "turntable";
+    const kind = kindOf(pose);
     const select = element("select", { "aria-label": `Pose of ${capture}`, onchange: (event) => this.chosen(number, event.target.value) },
-      KINDS.map(([value, text]) => element("option", { value, selected: value === kind }, text)));
+      POSE_KINDS.map(([value, text]) => element("option", { value, selected: value === kind }, text)));
     const angle = kind === "turntable" ? element("input", {
       type: "number", step: "any", value: String(pose.turntable), "aria-label": `Degrees of ${capture}`,
       onchange: (event) => Number.isFinite(Number(event.target.value)) && this.change([[number, { turntable: Number(event.target.value) }]]),
-    }) : kind ? element("a", { href: `#/${encodeURIComponent(this.object)}/${encodeURIComponent(capture)}/inputs` }, "under Inputs") : "–";
+    }) : kind ? element("a", { href: addressOf(this.object, capture) }, "under Inputs") : "–";
     const origin = isChanged ? "changed" : isEdited ? "set here" : pose ? "catalogue" : "";
     return element("tr", { class: isChanged ? "is-changed" : "" }, element("th", { scope: "row" }, capture, element("span", { class: "faint" }, ` ${origin}`)), element("td", {}, select), element("td", {}, angle), element("td", {}, fitWords(pose, found, leftOut)));
   }
@@ -163,6 +160,6 @@ function fitWords(pose, found, leftOut) {
   const misses = `contour off by ${found.outline_misses_pixels.toFixed(1)} px`;
   if (pose?.turntable === undefined) return misses;
   const turn = turnOf(direction({ camera_to_world: found.camera_to_world }));
-  const off = ((((turn - pose.turntable) % FULL_TURN) + 540) % FULL_TURN) - 180;
+  const off = turnBetween(pose.turntable, turn);
   return Math.abs(off) < NOTICED_DEG ? misses : `${misses}; it has ${off > 0 ? "+" : ""}${off.toFixed(1)}°`;
 }

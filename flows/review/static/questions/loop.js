@@ -1,5 +1,7 @@
 // A loop of the frames around a highlight: the sheet tinted, the chrome sphere beside it, and the light's direction.
 
+import { askPicture } from "../api.js";
+
 const FRAMES_PER_SECOND = 24;
 /** Colour of what is asked about. */
 export const TINT = "#ffb02e";
@@ -13,12 +15,7 @@ const RING_PX = 9;
 const MARK_PX = 4;
 
 async function bitmap(address, signal) {
-  const answer = await fetch(address, { signal });
-  if (!answer.ok) {
-    const { error, remedy } = await answer.json();
-    throw new Error(`${error} → ${remedy}`);
-  }
-  return createImageBitmap(await answer.blob());
+  return createImageBitmap(await askPicture(address, signal));
 }
 
 export class Loop {

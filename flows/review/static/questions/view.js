@@ -2,9 +2,10 @@
 
 import { ask } from "../api.js";
 import { Author } from "../author.js";
-import { announce, element } from "../dom.js";
+import { addStyleSheets, announce, element } from "../dom.js";
 import { bind } from "../keys.js";
 import { RunPanel } from "../inputs/run.js";
+import { Draft } from "./draft.js";
 import { FreeMarks } from "./free.js";
 import { Loop } from "./loop.js";
 import { Marks } from "./marks.js";
@@ -14,9 +15,7 @@ const LOOKING = "Looking for the questions that help most …";
 
 export async function open(root, capture, signal) {
   root.classList.add("questions");
-  if (!document.querySelector('link[href="/static/questions/questions.css"]')) {
-    document.head.append(element("link", { rel: "stylesheet", href: "/static/questions/questions.css" }));
-  }
+  addStyleSheets("/static/questions/questions.css");
   const wait = element("p", { class: "faint waiting", role: "status" }, LOOKING);
   root.append(wait);
   const inputs = await ask(`${capture.path}/inputs`, { signal });
@@ -36,10 +35,9 @@ class QuestionsView {
     this.number = element("output", { class: "frame-number" });
     this.loop.onframe = (frame) => (this.number.textContent = `frame ${frame.toLocaleString("en")}`);
     this.text = element("p", { class: "question", "aria-live": "polite" });
-    this.change = element("p", { class: "faint", role: "status" });
-    this.picture = element("img", { class: "normals", alt: "Normals with the answers", hidden: true });
     this.author = new Author("answer");
     this.marks = new Marks(this, () => this.marksChanged(), (mark) => this.go(mark));
+    this.draft = new Draft(this.path, this.marks, signal);
     this.buttons = [
       ["True", "t", () => this.answer("true")],
       ["False", "f", () => this.answer("false")],
@@ -60,7 +58,7 @@ class QuestionsView {
         element("div", { class: "line answers", role: "group", "aria-label": "Answer" }, this.buttons)),
       element("aside", { "aria-label": "Light and answers" },
         element("section", {}, element("h2", {}, "Loop and light"), this.loopPlace, this.number, element("div", { class: "line lights" }, this.sphere, this.light)),
-        element("section", {}, element("h2", {}, "Answers"), this.author.input, this.change, this.picture, this.more),
+        element("section", {}, element("h2", {}, "Answers"), this.author.input, this.draft.state, this.draft.picture, this.more),
         this.marks.root, this.run.root),
     ];
   }
@@ -214,7 +212,7 @@ class QuestionsView {
     this.loop.tracks = this.marks.tracks;
     this.free?.draw();
     this.buttons[3].disabled = !this.marks.steps.length;
-    this.showChange();
+    this.draft.show();
   }
 
   /** Asks for the questions that help most after these answers. */
@@ -230,29 +228,6 @@ class QuestionsView {
       if (error.name !== "AbortError") this.say(error.message, true);
     } finally {
       this.more.disabled = false;
-    }
-  }
-
-  /** Shows what the answers change, labelled anew at once. */
-  async showChange() {
-    const { saved, revision } = this.marks;
-    if (this.shownChange === revision) return;
-    this.shownChange = revision;
-    const marks = saved.length;
-    this.change.textContent = marks ? `${marks} ${marks === 1 ? "mark" : "marks"}, labelling anew …` : "No marks yet.";
-    if (!marks) {
-      this.picture.hidden = true;
-      return;
-    }
-    try {
-      const made = await ask(`${this.path}/labelling`, { signal: this.signal });
-      if (made.revision !== this.marks.revision) return;
-      const what = made.changed_pixels ? `${made.changed_pixels.toLocaleString("en")} normals change, by ${made.changed_deg}° on average` : "no normals change";
-      this.change.textContent = `${marks} ${marks === 1 ? "mark" : "marks"}: ${what} (draft, ${made.seconds} s). Run from here for the final labels.`;
-      this.picture.src = `${this.path}/normals?revision=${made.revision}`;
-      this.picture.hidden = false;
-    } catch (error) {
-      if (error.name !== "AbortError") this.change.textContent = error.message;
     }
   }
 }

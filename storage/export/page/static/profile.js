@@ -6,7 +6,7 @@ const WIDTH = 640, HEIGHT = 190, LEFT = 58, RIGHT = 14, TOP = 14, BOTTOM = 36;
 const STEPS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 /** Depth at a place of the picture, linear between the four pixels around it; NaN beside the object. */
-export function depthAt(depth, width, height, x, y) {
+function depthAt(depth, width, height, x, y) {
   const left = Math.floor(x - 0.5), top = Math.floor(y - 0.5);
   if (left < 0 || top < 0 || left + 1 >= width || top + 1 >= height) return NaN;
   const right = x - 0.5 - left, down = y - 0.5 - top, at = top * width + left;
@@ -15,7 +15,7 @@ export function depthAt(depth, width, height, x, y) {
 }
 
 /** Depths along the line from a to b, and the distance of each from a; unit is that of the distances. */
-export function depthsAlong(depth, width, height, a, b, pixelSize) {
+function depthsAlong(depth, width, height, a, b, pixelSize) {
   const length = Math.hypot(b[0] - a[0], b[1] - a[1]), count = Math.max(2, Math.min(1200, Math.ceil(length * 2)));
   const places = Array.from({ length: count }, (_, i) => i / (count - 1));
   const values = places.map((share) => depthAt(depth, width, height, a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])));

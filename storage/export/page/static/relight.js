@@ -12,7 +12,7 @@ const MAX_COARSENESS = 16;
 const POLL_MS = 4;
 const UNITS = { normals: 0, lens: 1, photograph: 2, mean: 3 };
 /** Level of the background of the stage, 0 to 1. */
-export const GROUND = [0.071, 0.078, 0.086];
+const GROUND = [0.071, 0.078, 0.086];
 
 export class Relight {
   /** Raises an Error where the browser has no WebGL2. */

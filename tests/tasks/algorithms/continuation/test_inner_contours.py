@@ -1,15 +1,20 @@
 import numpy as np
 
 from glint.tasks.algorithms.continuation.inner_contours import inner_contours
-from glint.tasks.algorithms.prior.unreached import SweptNormals
+from glint.tasks.algorithms.prior.lit_pixels import LitPixels
+from glint.tasks.algorithms.prior.swept_normals import SweptNormals
 from tests.tasks.algorithms.continuation.limbs import CONTOUR, RADIUS, limbs
+
+
+def lit_pixels(candidates: np.ndarray, mask: np.ndarray) -> LitPixels:
+    swept = SweptNormals.of(candidates)
+    assert swept is not None
+    return LitPixels(np.isfinite(candidates[..., 0]).any(axis=0), mask, RADIUS, swept)
 
 
 def test_a_near_limb_ends_where_the_far_one_is_seen() -> None:
     candidates, mask, truth = limbs()
-    swept = SweptNormals.of(candidates)
-    assert swept is not None
-    contours = inner_contours(candidates[0], candidates, mask, swept, RADIUS)
+    contours = inner_contours(candidates[0], candidates, lit_pixels(candidates, mask))
     assert contours is not None
     beside = contours.right[:, CONTOUR - 3 : CONTOUR + 2]
     assert beside.any(axis=1).mean() > 0.95
@@ -21,9 +26,7 @@ def test_a_near_limb_ends_where_the_far_one_is_seen() -> None:
 
 def test_one_limb_has_no_contour_inside() -> None:
     candidates, mask, _ = limbs(has_near=False)
-    swept = SweptNormals.of(candidates)
-    assert swept is not None
-    contours = inner_contours(candidates[0], candidates, mask, swept, RADIUS)
+    contours = inner_contours(candidates[0], candidates, lit_pixels(candidates, mask))
     assert contours is not None
     assert not contours.right.any()
     assert not contours.down.any()
@@ -31,6 +34,4 @@ def test_one_limb_has_no_contour_inside() -> None:
 
 def test_nothing_continues_without_accepted_normals() -> None:
     candidates, mask, _ = limbs()
-    swept = SweptNormals.of(candidates)
-    assert swept is not None
-    assert inner_contours(np.full_like(candidates[0], np.nan), candidates, mask, swept, RADIUS) is None
+    assert inner_contours(np.full_like(candidates[0], np.nan), candidates, lit_pixels(candidates, mask)) is None

@@ -11,14 +11,11 @@ def test_a_sheet_that_the_rest_of_the_object_contradicts_has_a_large_residual() 
     sheets, known = segment_sheets(normals), np.isfinite(normals[..., 0])
     predicted = []
 
-    def predict(kept: np.ndarray) -> np.ndarray:
+    def predict(kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         predicted.append(kept)
-        return np.broadcast_to(tilted(0.0), normals.shape)
+        return np.broadcast_to(tilted(0.0), normals.shape), FieldError(ceiling=np.inf).spread(kept, 20.0)
 
-    mask, rim = np.ones((40, 60), dtype=bool), np.zeros((40, 60), dtype=bool)
-    residual = held_out_residual(
-        sheets, normals, known, rim=rim, mask=mask, inradius=20.0, error=FieldError(ceiling=np.inf), predict=predict
-    )
+    residual = held_out_residual(sheets, normals, known, np.ones((40, 60), dtype=bool), predict)
     assert residual[20, 5] < 1e-3
     assert residual[20, 50] > 0.7
     assert residual[35, 10] == SMALL_SHEET_RESIDUAL

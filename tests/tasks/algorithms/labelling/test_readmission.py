@@ -9,7 +9,12 @@ import pytest
 from glint.tasks.algorithms.candidates.markup import Marks
 from glint.tasks.algorithms.labelling import explanations
 from glint.tasks.algorithms.labelling.alternation import Alternation
-from glint.tasks.algorithms.labelling.readmission import READMITTED_PROBABILITY, plausible_sheets, surface_probability
+from glint.tasks.algorithms.labelling.readmission import (
+    READMITTED_PROBABILITY,
+    LabelledCandidates,
+    plausible_sheets,
+    surface_probability,
+)
 from glint.tasks.algorithms.labelling.reconstruction import reconstruct_normals, settle
 from glint.tasks.algorithms.labelling.weights import LabellingOptions
 from glint.tasks.algorithms.sheets.patches import Patches
@@ -109,8 +114,8 @@ def test_the_probability_follows_field_shape_tilt_and_lights(change: str, is_hig
         row, column = np.tile(np.repeat(np.arange(4), 4), 2), np.tile(np.arange(4), 8) + 4 * number
         patches = Patches(number, np.zeros(32, int), row, column, 2)
         tilt = np.radians(40.0 if changed == "tilted" else 20.0)
-        candidates = np.zeros((*shape, 3))
-        candidates[..., 0], candidates[..., 2] = np.sin(tilt), np.cos(tilt)
+        hypotheses = np.zeros((*shape, 3))
+        hypotheses[..., 0], hypotheses[..., 2] = np.sin(tilt), np.cos(tilt)
         # The present normals are 15 degrees from the candidates, or twice as far.
         turned = tilt - np.radians(30.0 if changed == "beside" else 15.0)
         normals = np.broadcast_to([np.sin(turned), 0.0, np.cos(turned)], (*shape[1:], 3))
@@ -118,8 +123,8 @@ def test_the_probability_follows_field_shape_tilt_and_lights(change: str, is_hig
         evidence = np.full(shape, 2.0 if changed == "evident" else 0.5)
         observations = np.full(shape[1:], 10)
         observations[:, :4] = 40 if changed == "often lit" else 10
-        labels = np.zeros(shape, bool)
-        return float(surface_probability(patches, candidates, labels, normals, confidence, evidence, observations)[0])
+        candidates = LabelledCandidates(hypotheses, np.zeros(shape, bool), evidence, observations)
+        return float(surface_probability(patches, candidates, normals, confidence)[0])
 
     assert 0.0 < probability("") < 1.0
     assert (probability(change) > probability("")) == is_higher

@@ -1,21 +1,10 @@
-import io
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 import trimesh
 
 from glint.tasks.algorithms.errors import UnusableCapture
-from glint.tasks.algorithms.meshing.depth_mesh import Surface, glb_bytes, mesh_from_depth, ply_bytes
-from tests.tasks.algorithms.geometry.gradient_normals import from_gradients
-
-
-def plane(height: int = 12, width: int = 17, p: float = 0.5) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Depth, mask and normals of an inclined plane that fills its region."""
-    depth = (p * np.indices((height, width))[1]).astype(np.float32)
-    normals = np.broadcast_to(from_gradients(np.array(p), np.array(0.0)), (height, width, 3)).astype(np.float32)
-    return depth, np.ones((height, width), bool), normals
+from glint.tasks.algorithms.meshing.depth_mesh import RegionCamera, Surface, mesh_from_depth
+from tests.tasks.algorithms.meshing.inclined_plane import plane
 
 
 def face_normals(mesh: Surface) -> np.ndarray:
@@ -35,7 +24,7 @@ def test_each_pixel_is_a_vertex_and_each_square_two_triangles() -> None:
 
 def test_vertices_are_in_the_camera_frame_of_the_full_picture() -> None:
     depth, mask, normals = plane(3, 4)
-    mesh = mesh_from_depth(depth, mask, normals, origin=(10, 20), frame=(101, 51), pixel_size=0.2)
+    mesh = mesh_from_depth(depth, mask, normals, RegionCamera((10, 20), (101, 51), pixel_size=0.2))
     assert np.allclose(mesh.vertices[0], [0.2 * (10 - 50), 0.2 * (25 - 20), 0.0])
     assert np.allclose(mesh.vertices[-1], [0.2 * (13 - 50), 0.2 * (25 - 22), 0.2 * 1.5])
 
@@ -45,7 +34,7 @@ def test_perspective_projects_pixels_back(skew: float) -> None:
     camera = np.array([[400.0, skew, 30.0], [0.0, 410.0, 25.0], [0.0, 0.0, 1.0]])
     depth = np.full((6, 8), 200.0, np.float32)
     normals = np.broadcast_to([0.0, 0.0, 1.0], (6, 8, 3))
-    mesh = mesh_from_depth(depth, np.ones((6, 8), bool), normals, origin=(27, 20), camera=camera)
+    mesh = mesh_from_depth(depth, np.ones((6, 8), bool), normals, RegionCamera((27, 20), matrix=camera))
     assert np.allclose(mesh.vertices[:, 2], -200.0)
     down = (20 - 25) / 410
     assert np.allclose(mesh.vertices[0], [200 * (27 - 30 - skew * down) / 400, -200 * down, -200.0])
@@ -98,40 +87,6 @@ def test_missing_normals_are_those_of_the_triangles() -> None:
     normals[5, 5] = np.nan
     mesh = mesh_from_depth(depth, mask, normals)
     assert np.allclose(mesh.normals[5 * 17 + 5], expected, atol=1e-5)
-
-
-def test_files_open_again_with_normals_to_the_camera_and_their_confidence() -> None:
-    depth, mask, normals = plane()
-    confidence = np.linspace(0, 1, mask.size, dtype=np.float32).reshape(mask.shape)
-    mesh = mesh_from_depth(depth, mask, normals, confidence=confidence)
-
-    ply = trimesh.load_mesh(io.BytesIO(ply_bytes(mesh)), file_type="ply", process=False)
-    assert np.allclose(ply.vertices, mesh.vertices) and np.array_equal(ply.faces, mesh.triangles)
-    assert np.allclose(ply.vertex_normals, mesh.normals, atol=1e-6) and (ply.face_normals[:, 2] > 0).all()
-    assert np.allclose(ply.metadata["_ply_raw"]["vertex"]["data"]["confidence"].ravel(), mesh.confidence)
-
-    glb = trimesh.load_mesh(io.BytesIO(glb_bytes(mesh, "mm")), file_type="glb", process=False)
-    assert np.allclose(glb.vertices, 0.001 * mesh.vertices, atol=1e-6) and np.array_equal(glb.faces, mesh.triangles)
-    assert np.allclose(glb.vertex_normals, mesh.normals, atol=1e-5)
-    assert np.allclose(glb.vertex_attributes["_confidence"].ravel(), mesh.confidence)
-
-
-@pytest.mark.parametrize(("unit", "written", "scale"), [("mm", "m", "known"), ("pixels", "pixels", "unknown")])
-def test_a_glb_has_two_sides_and_says_its_unit(unit: str, written: str, scale: str) -> None:
-    data = glb_bytes(mesh_from_depth(*plane()), unit)
-    tree = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
-    assert tree["asset"]["extras"] == {"unit": written, "scale": scale}
-    assert [material["doubleSided"] for material in tree["materials"]] == [True]
-    assert {view["target"] for view in tree["bufferViews"]} == {34962, 34963}
-
-
-def test_open3d_reads_the_ply(tmp_path: Path) -> None:
-    open3d = pytest.importorskip("open3d")
-    mesh = mesh_from_depth(*plane())
-    (tmp_path / "surface.ply").write_bytes(ply_bytes(mesh))
-    read = open3d.io.read_triangle_mesh(str(tmp_path / "surface.ply"))
-    assert np.asarray(read.triangles).shape == mesh.triangles.shape
-    assert (np.asarray(read.vertex_normals)[:, 2] > 0).all()
 
 
 def test_bad_input_is_refused() -> None:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.prior.smooth_normals import contour_normals, field_spread, smooth_normal_field
+from glint.tasks.algorithms.prior.smooth_normals import contour_normals, smooth_normal_field
 
 
 def disc(size: int = 101, radius: float = 45.0) -> tuple[np.ndarray, np.ndarray]:
@@ -73,11 +73,3 @@ def test_two_components_do_not_influence_one_another() -> None:
     alone = field.solve(normals, left.astype(float))
     together = field.solve(normals, contour.astype(float))
     assert np.allclose(alone[:, :101][mask], together[:, :101][mask], atol=1e-3)
-
-
-def test_spread_grows_with_the_distance_up_to_its_ceiling() -> None:
-    known = np.zeros((5, 200), dtype=bool)
-    known[:, 0] = True
-    spread = np.degrees(field_spread(known, thickness=50.0, floor_deg=4.0, slope_deg=25.0, ceiling_deg=30.0))
-    assert np.allclose(spread[:, 0], 4.0) and np.allclose(spread[:, 50], 29.0) and np.allclose(spread[:, 150], 30.0)
-    assert np.allclose(np.degrees(field_spread(np.zeros((3, 3), dtype=bool), 10.0, 4.0, 25.0, ceiling_deg=30.0)), 30.0)

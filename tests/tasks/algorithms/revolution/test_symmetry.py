@@ -1,8 +1,11 @@
+import warnings
+
 import numpy as np
 import pytest
 
 from glint.tasks.algorithms.geometry.vectors import angles
-from glint.tasks.algorithms.revolution.symmetry import SilhouetteSymmetry, surface_of_revolution_normals
+from glint.tasks.algorithms.revolution.surface_fit import SilhouetteSymmetry
+from glint.tasks.algorithms.revolution.symmetry import FitLimits, surface_of_revolution_normals
 from glint.tasks.algorithms.silhouettes.reflection_axes import reflection_axes
 from tests.tasks.algorithms.revolution.beaker import SHAPE, beaker_normals, camera_positions, observable
 
@@ -90,3 +93,18 @@ def test_surfaces_inside_a_silhouette_are_kept_and_do_not_depend_on_earlier_fits
     again = surface_of_revolution_normals(silhouette, observable(truth), no_candidates())
     assert first is not None and again is not None
     assert np.array_equal(first.normals, again.normals, equal_nan=True)
+
+
+def test_a_surface_must_explain_normals_much_better_than_a_flat_face_does() -> None:
+    angles = np.radians(np.linspace(-20.0, 20.0, 41))
+    accepted = np.stack([np.sin(angles), np.zeros(41), np.cos(angles)], axis=-1)[None]
+    mean = float(np.degrees(np.abs(angles)).mean())
+    assert np.isclose(FitLimits(90.0, 0.4).largest_error(accepted, None), 0.4 * mean)
+    assert FitLimits(2.0, 0.4).largest_error(accepted, None) == 2.0
+    assert FitLimits(90.0, 0.4).largest_error(accepted, accepted) < 1e-3
+
+
+def test_without_accepted_normals_none_is_contradicted() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert FitLimits(5.0, 0.4).largest_error(np.full((4, 4, 3), np.nan), None) == 5.0
