@@ -617,7 +617,7 @@ ROWS = (
         "catalogue",
         "empty pose",
         ONE + ", pose: {}}\n",
-        "DIR/catalogue.yaml:6: objects[0].captures[0].pose is {}: a pose is either turntable or camera_to_world: give exactly one of the two",
+        "objects[0].captures[0].pose is {}: a pose is either turntable or camera_to_world: give exactly one of the two",
     ),
     Hostile(
         "catalogue",

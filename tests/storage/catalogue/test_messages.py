@@ -1,4 +1,4 @@
-"""Nonsense in every field of a catalogue: the error names the field, its value and a remedy, in words of the catalogue."""
+"""Nonsense in every field of a catalogue: the error names the field and a remedy, in the catalogue's words."""
 
 import copy
 from collections.abc import Iterator
@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
+from ruamel.yaml import YAML
 
 from glint.storage.catalogue.loading import CatalogueError
+from glint.storage.catalogue.writing import yaml_text
 from glint.tasks.engine.references import load_catalogue
 
-COMPLETE: dict[str, Any] = yaml.safe_load("""
+COMPLETE: dict[str, Any] = YAML(typ="safe").load("""
 schema: 1
 name: glassware
 parameters: {thresholds: {threshold: 0.7}}
@@ -61,7 +62,7 @@ def test_nonsense_is_named_with_its_field(path: tuple[str | int, ...], tmp_path:
             place = place[step]
         place[path[-1]] = value
         file = tmp_path / "catalogue.yaml"
-        file.write_text(yaml.safe_dump(content))
+        file.write_bytes(yaml_text(content))
         try:
             load_catalogue(file)
         except CatalogueError as error:
