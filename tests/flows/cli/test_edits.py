@@ -51,7 +51,7 @@ def test_edits_are_listed(store: str) -> None:
 def test_the_history_lists_edits_with_author_time_and_sentence(store: str) -> None:
     first, second = rows("history", "duck", "--store", store)
     assert (first["kind"], first["object"]) == ("edit", "duck")
-    assert (first["version"], first["captures"], first["author"]) == ("edit 1", "front", "Ann")
+    assert (first["edit"], first["captures"], first["author"]) == (1, ["duck/front"], "Ann")
     assert first["message"] == "pixel_size: 0.5 mm; note: scale from the ruler"
     assert str(first["published"]) <= str(second["published"])
     assert "verdict: good" in glint("history", "duck", "--store", store)

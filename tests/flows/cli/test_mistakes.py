@@ -119,6 +119,11 @@ def test_a_check_that_finds_nothing_usable_does_not_suggest_a_run(
     done = CliRunner().invoke(app, ["check", "catalogue.yaml"])
     assert done.exit_code == 1
     assert "then glint check catalogue.yaml" in done.output and "glint run" not in done.output
+    _, row, blank, reason, picture, *_ = done.output[done.output.index("capture  ") :].splitlines()
+    assert (row.split(), blank) == (["duck/front", "correct", "the", "catalogue"], "")
+    assert "glint review catalogue.yaml" in done.output
+    assert reason.startswith("duck/front: correct the catalogue: ") and "front.mp4" in reason
+    assert picture == "  look at: glint-check/duck/front/overview.png"
 
 
 @pytest.mark.parametrize(
