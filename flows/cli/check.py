@@ -86,7 +86,8 @@ def check(
         if is_usable:
             echo(f"next: glint run {quote(file)}{store_option(store)}")
         else:
-            echo(f"next: correct what the verdicts name, then glint check {quote(file)}{store_option(store)}")
+            fault = "the verdicts name" if checks else "failed"
+            echo(f"next: correct what {fault}, then glint check {quote(file)}{store_option(store)}")
     sys.exit(1 if failed or any(result.error for result in checks) else 0)
 
 
