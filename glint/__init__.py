@@ -45,6 +45,8 @@ _SCRIPTING = ("catalogue", "run")
 
 def __getattr__(name: str) -> Any:
     """Return a public name, importing its module at the first use."""
+    if name == "__version__":
+        return import_module("importlib.metadata").version("glint")
     if name not in __all__:
         raise AttributeError(f"module 'glint' has no attribute {name!r}")
     if name == "frames":

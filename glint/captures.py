@@ -1,5 +1,6 @@
 """One capture of a version: arrays, camera, report, mesh and point cloud, each read at its first access."""
 
+import warnings
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -159,8 +160,25 @@ class StoredCapture:
         return frozen_mesh(mesh_of(self._stage("surface"), "surface.ply"))
 
     def point_cloud(self, min_confidence: float = CONFIDENT) -> PointCloud:
-        """Return the points of all pixels of at least this confidence, in the camera frame and in `unit`."""
-        return point_cloud_of(self.camera, self.depth, self.normals, self.confidence, min_confidence)
+        """Return the points of all pixels of at least this confidence, in the camera frame and in `unit`.
+
+        A cloud without points comes with a warning that names the highest confidence.
+
+        Raises:
+            ValueError: `min_confidence` is not in 0..1.
+        """
+        if not 0.0 <= min_confidence <= 1.0:
+            raise ValueError(f"min_confidence is {min_confidence}: a probability, 0 to 1")
+        cloud = point_cloud_of(self.camera, self.depth, self.normals, self.confidence, min_confidence)
+        if not len(cloud):
+            highest = float(np.nanmax(self.confidence, initial=0.0))
+            name = f"{self._repository.object_id}/{self.id}"
+            warnings.warn(
+                f"no pixel of {name} has a confidence of {min_confidence:g}; the highest is {highest:.2f}: "
+                f"pass a lower min_confidence",
+                stacklevel=2,
+            )
+        return cloud
 
     def __repr__(self) -> str:
         """Return id, object, version, size, camera and scale."""

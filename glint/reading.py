@@ -37,6 +37,8 @@ __all__ = [
 ]
 
 _SHOWN_NAMES = 8
+_STORE_FOLDERS = frozenset({"objects", "frames", "digests", "inbox", "probe"})
+"""What a store's folder holds; one that holds none of it is a new store, if it is empty."""
 
 
 def open(address: str | PathLike[str]) -> "Store":
@@ -45,12 +47,17 @@ def open(address: str | PathLike[str]) -> "Store":
     Credentials, endpoint and region come from the environment or from the usual profile files.
 
     Raises:
-        NotFoundError: there is no such folder.
+        NotFoundError: there is no such folder, or it holds something else.
         LocationError: the address cannot be understood.
     """
     location = Location.parse(fspath(address))
     if location.local is not None and not location.local.is_dir():
         raise NotFoundError(f"no store at {location.uri}", "give the folder that `glint run --store` wrote to")
+    names = set() if location.local is None else {path.name for path in location.local.iterdir()}
+    if names and not names & _STORE_FOLDERS:
+        raise NotFoundError(
+            f"{location.uri} holds other files and no store", "give the folder that `glint run --store` wrote to"
+        )
     return Store(location)
 
 

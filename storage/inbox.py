@@ -20,12 +20,14 @@ from pydantic import BaseModel
 
 from glint.storage.catalogue.confinement import check_inside, confined
 from glint.storage.catalogue.from_folder import MAX_NAME, object_from_folder
+from glint.storage.catalogue.ids import former_id
 from glint.storage.catalogue.loading import Catalogue, Object, load, write
 from glint.storage.errors import GlintError, InputError, printable
 from glint.storage.locations.error_translation import store_errors
 from glint.storage.locations.location import Location
 from glint.storage.seals import digest_of
 from glint.storage.submissions import CATALOGUE, Submission, folder_names, list_submissions
+from glint.storage.versions.repository import ObjectRepository, object_ids
 
 FINISHED = "finished.json"
 MAX_KEPT = 10_000
@@ -91,7 +93,8 @@ class Inbox:
         """
         self.location = Location.parse(address)
         self._allowed = [Location.parse(folder) for folder in allowed]
-        self._records = Location.parse(store).child("inbox", digest_of(self.location.uri)[:16])
+        self._store = Location.parse(store)
+        self._records = self._store.child("inbox", digest_of(self.location.uri)[:16])
         self._parameters_model = parameters_model
 
     def submissions(self) -> tuple[list[Submission], dict[str, str]]:
@@ -192,10 +195,27 @@ class Inbox:
         # It may have become a link that leads out of the inbox since it was listed.
         check_inside(folder, [self.location, *self._allowed], "the sub-folder")
         if not submission.has_catalogue:
-            item = object_from_folder(folder, set())
+            item = self._object(folder)
             return () if item is None else confined([item], folders)
         catalogue = load(check_inside(folder.child(CATALOGUE), folders, "the catalogue"), self._parameters_model)
         return catalogue.model_copy(update={"objects": confined(catalogue.objects, folders)})
+
+    def _object(self, folder: Location) -> Object | None:
+        """Return the object of a sub-folder without a catalogue, with its former ids where the store has them."""
+        item, former = object_from_folder(folder, set()), object_from_folder(folder, set(), former_id)
+        return former if former is not None and former != item and self._is_stored(former) else item
+
+    def _is_stored(self, item: Object) -> bool:
+        """Return whether the store holds results of one of an object's captures under these ids."""
+        if item.id not in object_ids(self._store):
+            return False
+        repository = ObjectRepository.open(self._store, item.id, create=False)
+        names = repository.version_names()
+        if not names:
+            return not {capture.id for capture in item.captures}.isdisjoint(repository.captures())
+        recorded = repository.version(names[-1]).metadata.get("captures", {})
+        frames = ((recorded.get(capture.id, {}).get("entry", {}).get("frames"), capture) for capture in item.captures)
+        return any(address == capture.frames for address, capture in frames)
 
     def _write_catalogue(self, catalogue: Catalogue, *names: str) -> str:
         """Write a catalogue whose files have been checked below the records; return its address."""

@@ -47,6 +47,7 @@ def check(
     from glint.tasks.check import check as check_capture
     from glint.tasks.check import with_agreement
     from glint.tasks.engine.references import CaptureReference, chosen_captures, load_catalogue
+    from glint.tasks.verdict import GOOD, USABLE
 
     catalogue, failed = load_catalogue(file), False
     chosen = chosen_captures(catalogue.objects, only or ())
@@ -80,10 +81,13 @@ def check(
         print_lines(json_line("check", result, name="capture") for result in checks)
     else:
         _print_checks(checks, out)
+        if any(result.verdict.word not in (GOOD, USABLE) for result in checks):
+            echo(f"to correct inputs on their pictures: glint review {quote(file)}{store_option(store)}")
         if is_usable:
             echo(f"next: glint run {quote(file)}{store_option(store)}")
         else:
-            echo(f"next: correct what the verdicts name, then glint check {quote(file)}{store_option(store)}")
+            fault = "the verdicts name" if checks else "failed"
+            echo(f"next: correct what {fault}, then glint check {quote(file)}{store_option(store)}")
     sys.exit(1 if failed or any(result.error for result in checks) else 0)
 
 
@@ -111,16 +115,22 @@ def _print_checks(checks: "Sequence[Check]", out: Path) -> None:
             "lights": "" if result.lights is None else result.lights,
             "observable": "" if result.observable is None else f"{result.observable:.0%}",
             "observed": "" if result.observed is None else f"{result.observed:.0%}",
-            "spheres": "; ".join(result.spheres) or ("" if result.error else "none"),
-            "look at": "" if result.picture is None else str(result.picture),
-            "verdict": str(result.verdict),
+            "verdict": result.verdict.word,
         }
         for result in checks
     ]
     show(table_of(rows, "no capture can be used"))
+    # Long names and reasons have lines of their own: in a terminal's columns they would be cut to pieces.
     for result in checks:
+        reason = f"{result.verdict.word}: {result.error}" if result.error else str(result.verdict)
+        echo(f"\n{result.name}: {reason}")
+        if result.spheres:
+            echo(f"  spheres: {'; '.join(result.spheres)}")
+        if result.picture is not None:
+            echo(f"  look at: {result.picture}")
         for warning in result.warnings:
-            echo(f"{result.name}: {warning.message}", colour="yellow")
+            echo(f"  warning: {warning.message}", colour="yellow")
     if checks:
+        echo()
         echo(f"pictures (coverage, overview, keyframes to mark highlights on): {out}")
         echo("docs/commands.md explains the columns and the verdicts")

@@ -1,5 +1,6 @@
 """`glint edits`: what people did to the inputs of an object's captures, as a table and as files."""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,7 +11,7 @@ from glint.flows.cli.output import echo
 
 if TYPE_CHECKING:
     from glint.storage.edits.edits import Edits
-    from glint.storage.edits.models import Revision
+    from glint.storage.edits.models import Changes, Revision
     from glint.storage.locations.location import Location
 
 _FILE: dict[str, Any] = {"exists": True, "dir_okay": False}
@@ -52,10 +53,11 @@ def edits(
         _warn_of_unknown_capture(opened, capture)
     saved = list["Revision | None"]()
     if take is not None:
-        saved += take_files(opened, take, _name(author), capture or None)
+        saved += take_files(opened, take, _name(author), capture or None, partial(_check_fit, opened))
     if mask is not None or markup is not None:
         changes = changes_of_files(mask, markup)
-        saved.append(opened.save(_required(capture, name), changes, _name(author), opened.revision))
+        _check_fit(opened, _required(capture, name), changes)
+        saved.append(opened.save(capture, changes, _name(author), opened.revision))
     if undo is not None:
         _check_edit(opened, undo, capture)
         saved.append(opened.undo(undo, _name(author)))
@@ -88,6 +90,28 @@ def _warn_of_unknown_capture(opened: "Edits", capture: str) -> None:
     if known and capture not in known:
         message = f"{opened.object_id} has no results of a capture {capture!r} (it has {', '.join(sorted(known))})"
         echo(f"{message}\n  -> `--discard` takes the edit back if the name is wrong", colour="yellow", err=True)
+
+
+def _check_fit(opened: "Edits", capture: str, changes: "Changes") -> None:
+    """Check that changes lie in the frames of the last run, if there was one.
+
+    Raises:
+        InputError: one does not.
+    """
+    from glint.storage.errors import InputError
+    from glint.storage.versions.repository import ObjectRepository
+    from glint.tasks.review.capture_inputs import check_fit, frame_count
+
+    records = ObjectRepository.open(opened.location, opened.object_id).records(capture)
+    if "survey" not in records:
+        return
+    width, height = records["survey"][1]["frame_size"]
+    try:
+        check_fit(changes, (height, width), frame_count(records))
+    except InputError as error:
+        name = f"{opened.object_id}/{capture}"
+        remedy = f"{error.remedy}; if the frames were replaced, run {name} first"
+        raise InputError(f"{name}: {error.message}", remedy) from error
 
 
 def _check_edit(opened: "Edits", number: int, capture: str) -> None:

@@ -1,6 +1,6 @@
 """`glint history` and `glint rollback`: an object's versions."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -14,10 +14,18 @@ def history(object_id: ObjectId, store: Store = None, as_json: Json = False) -> 
 
     rows = history_rows(chosen_store(store), object_id)
     if as_json:
-        kinds = ("edit" if row["version"].startswith("edit ") else "version" for row in rows)
-        print_lines({"kind": kind, "object": object_id, **row} for kind, row in zip(kinds, rows, strict=True))
+        print_lines(_json(object_id, row) for row in rows)
     else:
         show(table_of(rows, "no versions and no edits yet"))
+
+
+def _json(object_id: str, row: dict[str, Any]) -> dict[str, Any]:
+    """Return a version or an edit as a JSON line, which names captures as other commands do."""
+    captures = [f"{object_id}/{capture}" for capture in row["captures"].split(", ") if capture]
+    kind, _, number = row["version"].rpartition(" ")
+    named = {"kind": kind, "edit": int(number)} if kind else {"kind": "version", "version": row["version"]}
+    values = {name: value for name, value in row.items() if name not in ("version", "captures")}
+    return {**named, "object": object_id, "captures": captures, **values}
 
 
 def rollback(

@@ -10,6 +10,7 @@ from contextlib import suppress
 from typing import Annotated
 
 import typer
+from typer.core import TyperCommand
 
 from glint.flows.cli.catalogue import catalogue
 from glint.flows.cli.check import check
@@ -89,10 +90,33 @@ app = typer.Typer(
     help="Reconstruct the surfaces of transparent objects from videos of their highlights.",
     epilog="Exit status: 0 success, 1 some captures failed, 2 wrong usage or an unusable catalogue or store.",
 )
+
+
+class Command(TyperCommand):
+    """A command whose usage errors show the value that is wrong."""
+
+    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:
+        """Parse the command line.
+
+        Raises:
+            typer.BadParameter: a value is wrong.
+        """
+        try:
+            return super().parse_args(ctx, args)
+        except typer.BadParameter as error:
+            from pydantic import ValidationError
+
+            from glint.storage.catalogue.messages import fault_of
+
+            if isinstance(error.__cause__, ValidationError):
+                error.message = fault_of(error.__cause__.errors(include_url=False)[0])
+            raise
+
+
 for command in COMMANDS:
     # What follows `glint prefect` is Prefect's, its options and --help included.
     passes_on = {"ignore_unknown_options": True, "help_option_names": []} if command is prefect else {}
-    app.command(context_settings=passes_on)(command)
+    app.command(cls=Command, context_settings=passes_on)(command)
 
 
 def main() -> None:
@@ -131,6 +155,8 @@ def _described(error: Exception) -> tuple[str, str] | None:
     remedy = getattr(error, "remedy", None)
     if remedy is not None:
         return str(getattr(error, "message", error)), str(remedy)
+    if isinstance(error, MemoryError):
+        return f"there is not enough memory ({error or 'none is left'})", "end other programs, or ask for less"
     if not isinstance(error, OSError):
         return None
     place = "" if error.filename is None else f"{error.filename}: "

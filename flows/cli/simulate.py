@@ -24,6 +24,8 @@ FORMER_OPTIONS = {
     "lamp_distance": "light_distance",
 }
 """Names under which options may still be set, and their present names."""
+MAX_SIMULATED_FRAMES = 1_000_000
+"""Frames of a simulated video, eleven hours of it: more is a mistake."""
 DEGRADED_SHAPES = ("hemisphere", "fish", "wine-glass")
 DEGRADED_OPTIONS = {"scale": 0.6, "frames": 1500, "seed": 3}
 DEGRADED_QUICK_OPTIONS = {"scale": 0.4, "frames": 500, "seed": 3}
@@ -50,7 +52,11 @@ def simulate(
     ],
     frames: Annotated[
         int | None,
-        typer.Option(min=2, help="Number of frames (default: as in the paper; 2,000 or 2,400 for other shapes)."),
+        typer.Option(
+            min=2,
+            max=MAX_SIMULATED_FRAMES,
+            help="Number of frames (default: as in the paper; 2,000 or 2,400 for other shapes).",
+        ),
     ] = None,
     seed: Annotated[int, typer.Option(help="Random seed of the light's path, the noise and the room.")] = 0,
     views: Annotated[int, typer.Option(min=1, max=360, help="Number of captures around a turntable.")] = 1,

@@ -44,20 +44,27 @@ def table_of(rows: Sequence[dict[str, Any]], empty: str) -> Table | str:
 
 def run_table(summary: "Summary") -> Table | str:
     """Lay out one row for each capture of a run."""
-    return table_of(run_rows(summary), "no capture was chosen")
+    rows = run_rows(summary)
+    for row in rows:
+        row |= {name: "" if row[name] is None else f"{row[name]:.0%}" for name in ("observed", "confident")}
+        row |= {name: "" if row[name] is None else row[name] for name in ("version", "frames", "lights")}
+    return table_of(rows, "no capture was chosen")
 
 
 def run_rows(summary: "Summary") -> list[dict[str, Any]]:
-    """Return one row for each capture: its result, how much was observed and is confident, and the seconds it took."""
+    """Return one row for each capture: its result, how much was observed and is confident, and the seconds it took.
+
+    Shares are from 0 to 1; what is not known is None.
+    """
     return [
         {
             "capture": capture.name,
             "result": capture.outcome,
-            "version": "" if item.version is None else item.version.name,
+            "version": None if item.version is None or capture.error else item.version.name,
             "frames": _count(capture, "frames", "frames"),
             "lights": _count(capture, "lights", "accepted"),
             "observed": _share(capture, "labels", "observed pixels"),
-            "confident": _percent(capture.count("labels", "confident share")),
+            "confident": _rounded(capture.count("labels", "confident share")),
             "warnings": len(capture.warnings),
             "seconds": round(capture.seconds, 1),
         }
@@ -143,18 +150,18 @@ def history_rows(store: str, object_id: str) -> list[dict[str, Any]]:
     return sorted(rows, key=lambda row: str(row["published"]))
 
 
-def _count(result: "CaptureResult", stage: str, name: str) -> int | str:
+def _count(result: "CaptureResult", stage: str, name: str) -> int | None:
     value = result.count(stage, name)
-    return "" if value is None else int(value)
+    return None if value is None else int(value)
 
 
-def _share(result: "CaptureResult", stage: str, name: str) -> str:
+def _share(result: "CaptureResult", stage: str, name: str) -> float | None:
     value, pixels = result.count(stage, name), result.count("mask", "object pixels")
-    return _percent(value / pixels if value is not None and pixels else None)
+    return _rounded(value / pixels if value is not None and pixels else None)
 
 
-def _percent(share: float | None) -> str:
-    return "" if share is None else f"{share:.0%}"
+def _rounded(share: float | None) -> float | None:
+    return None if share is None else round(share, 4)
 
 
 def _text(value: Any) -> Text:

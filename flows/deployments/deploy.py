@@ -2,11 +2,13 @@
 
 from dataclasses import dataclass
 from typing import Any
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from prefect import Flow
 from prefect.client.orchestration import SyncPrefectClient, get_client
 from prefect.client.schemas.actions import WorkPoolCreate
 from prefect.client.schemas.objects import ConcurrencyLimitConfig, ConcurrencyLimitStrategy
+from prefect.client.schemas.schedules import CronSchedule
 from prefect.deployments.runner import EntrypointType
 from prefect.exceptions import ObjectNotFound
 from prefect.schedules import Cron
@@ -131,6 +133,7 @@ def deploy(options: DeploymentOptions) -> list[str]:
         InputError: the time zone, a schedule, the pool's type or the notification block is unknown.
         ServerError: the work pool exists with another type.
     """
+    check_schedules(options)
     with get_client(sync_client=True) as client:
         block = None if options.notify is None else _notification_block(client, options.notify)
         _create_pool(client, options.pool, options.pool_type)
@@ -142,27 +145,40 @@ def deploy(options: DeploymentOptions) -> list[str]:
     return names
 
 
+def check_schedules(options: DeploymentOptions) -> None:
+    """Check the time zone and the schedules, also those of deployments that are left out.
+
+    Raises:
+        InputError: one is unknown.
+    """
+    try:
+        ZoneInfo(options.timezone)
+    except (ValueError, OSError, ZoneInfoNotFoundError):
+        message = f"--timezone {options.timezone!r} is not a time zone"
+        raise InputError(message, "give one of the tz database, such as Europe/Berlin") from None
+    for option, cron in (("--nightly", options.nightly), ("--weekly", options.weekly)):
+        try:
+            CronSchedule(cron=cron, timezone=options.timezone)
+        except ValueError:
+            message = f"{option} {cron!r} is not a schedule"
+            raise InputError(message, "give five fields of cron, such as '0 2 * * *'") from None
+
+
 def _apply(spec: DeploymentSpec, options: DeploymentOptions) -> str:
     strategy = ConcurrencyLimitStrategy.ENQUEUE if spec.queues else ConcurrencyLimitStrategy.CANCEL_NEW
     environment = {"PREFECT_FLOWS_HEARTBEAT_FREQUENCY": str(HEARTBEAT_SECONDS)}
-    try:
-        schedule = None if spec.cron is None else Cron(spec.cron, timezone=options.timezone)
-        deployment: Any = spec.flow.to_deployment(
-            spec.name,
-            schedule=schedule,
-            concurrency_limit=ConcurrencyLimitConfig(limit=spec.limit, collision_strategy=strategy),
-            parameters=spec.parameters,
-            description=spec.description,
-            tags=[TAG],
-            job_variables={"env": environment, **({"image": options.image} if options.image else {})},
-            enforce_parameter_schema=False,
-            entrypoint_type=EntrypointType.MODULE_PATH,
-        )
-    except ValueError:
-        raise InputError(
-            f"{spec.cron!r} in the time zone {options.timezone!r} is not a schedule",
-            "give five fields of cron and a zone such as Europe/Berlin",
-        ) from None
+    schedule = None if spec.cron is None else Cron(spec.cron, timezone=options.timezone)
+    deployment: Any = spec.flow.to_deployment(
+        spec.name,
+        schedule=schedule,
+        concurrency_limit=ConcurrencyLimitConfig(limit=spec.limit, collision_strategy=strategy),
+        parameters=spec.parameters,
+        description=spec.description,
+        tags=[TAG],
+        job_variables={"env": environment, **({"image": options.image} if options.image else {})},
+        enforce_parameter_schema=False,
+        entrypoint_type=EntrypointType.MODULE_PATH,
+    )
     deployment.apply(work_pool_name=options.pool)
     return f"{spec.flow.name}/{spec.name}"
 

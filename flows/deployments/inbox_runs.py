@@ -1,5 +1,6 @@
 """Start and list scans of the inbox, which its deployment runs."""
 
+from datetime import datetime
 from typing import Any
 from uuid import UUID
 
@@ -36,7 +37,7 @@ def inbox_runs(name: str, limit: int) -> list[dict[str, Any]]:
         {
             "scan": run.name,
             "state": "" if run.state is None else run.state.name,
-            "time": "" if run.expected_start_time is None else f"{run.expected_start_time.astimezone():%Y-%m-%d %H:%M}",
+            "time": _time(run.expected_start_time),
             "message": "" if run.state is None else run.state.message or "",
         }
         for run in runs
@@ -52,6 +53,10 @@ def is_served(name: str) -> bool:
     with get_client(sync_client=True) as client:
         pool = _deployment(client, name).work_pool_name
         return pool is not None and client.read_work_pool(pool).status is WorkPoolStatus.READY
+
+
+def _time(moment: datetime | None) -> str:
+    return "" if moment is None else moment.astimezone().isoformat(timespec="seconds")
 
 
 def _deployment(client: SyncPrefectClient, name: str) -> DeploymentResponse:

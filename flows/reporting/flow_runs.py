@@ -166,4 +166,4 @@ def _error(run: Any) -> str:
 
 
 def _time(moment: Any) -> str:
-    return "" if moment is None else moment.astimezone().isoformat(sep=" ", timespec="seconds")
+    return "" if moment is None else moment.astimezone().isoformat(timespec="seconds")

@@ -9,11 +9,13 @@ among the images, or in a folder of LIGHTS_FOLDERS. Several videos in one folder
 
 import re
 from collections import defaultdict
+from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from pydantic import ValidationError
 
+from glint.storage.catalogue.ids import id_from_name
 from glint.storage.catalogue.models import RESERVED_IDS, Catalogue, Object
 from glint.storage.errors import InputError, one_line, printable
 from glint.storage.footage.images import SUFFIXES
@@ -27,10 +29,10 @@ FRAME_FOLDERS = ("frames", "images", "photos", "jpg", "jpeg", "jpeg-exports", "p
 """Folders of a capture's images, in the order in which they are looked for; RTIBuilder writes `jpeg-exports`."""
 MAX_NAME = 200
 """Characters of a folder's name that a catalogue's keeps."""
-MAX_ID_STEM = 56
-"""Characters of a folder's name that an id keeps: a number that tells it from others still fits."""
 LIGHTS_FOLDERS = ("assembly-files",)
 """Folders beside those of the images in which RTIBuilder writes `.lp` files."""
+Naming = Callable[[str], str]
+"""The id that a name becomes."""
 
 
 def from_folder(folder: Address) -> Catalogue:
@@ -52,18 +54,18 @@ def from_folder(folder: Address) -> Catalogue:
     )
 
 
-def object_from_folder(folder: Location, taken: set[str]) -> Object | None:
+def object_from_folder(folder: Location, taken: set[str], naming: Naming = id_from_name) -> Object | None:
     """Make the object of one sub-folder, None if there is no video or images in it.
 
-    taken: ids that other objects have; the object's is added.
+    taken: ids that other objects have; the object's is added. naming: makes its id and those of its captures.
 
     Raises:
         InputError: the folder cannot be read, or a name in it is no text; StoreError: the object store cannot.
     """
-    captures = _captures(folder)
+    captures = _captures(folder, naming)
     if not captures:
         return None
-    entry: dict[str, Any] = {"id": _new_id(folder.name, taken), "captures": captures}
+    entry: dict[str, Any] = {"id": _new_id(naming(folder.name), taken), "captures": captures}
     model = next((file.uri for file in list_folder(folder)[1] if file.name == "truth_model.ply"), None)
     try:
         return Object.model_validate(entry | ({"truth_model": model} if model else {}))
@@ -73,19 +75,24 @@ def object_from_folder(folder: Location, taken: set[str]) -> Object | None:
         ) from error
 
 
-def _captures(folder: Location) -> list[dict[str, Any]]:
+def _captures(folder: Location, naming: Naming) -> list[dict[str, Any]]:
     """Return the captures in an object's folder itself, else those of its sub-folders."""
     taken = set(RESERVED_IDS)
+
+    def capture(place: Location, name: str, frames: str, is_shared: bool) -> dict[str, Any]:
+        capture_id = _new_id(naming("front" if name == "capture" else name), taken)
+        return {"id": capture_id, "frames": frames} | _beside(place, frames, is_shared)
+
     footage = _footage(folder)
     if footage:
-        return [_capture(folder, name, frames, len(footage) > 1, taken) for name, frames in footage]
+        return [capture(folder, name, frames, len(footage) > 1) for name, frames in footage]
     captures = []
     for subfolder in list_folder(folder)[0]:
         footage = _footage(subfolder)
         is_shared = len(footage) > 1
         for name, frames in footage:
             capture_name = f"{subfolder.name}-{name}" if is_shared else subfolder.name
-            captures.append(_capture(subfolder, capture_name, frames, is_shared, taken))
+            captures.append(capture(subfolder, capture_name, frames, is_shared))
     return captures
 
 
@@ -109,14 +116,13 @@ def _footage(folder: Location) -> list[tuple[str, str]]:
     return []
 
 
-def _capture(folder: Location, name: str, frames: str, is_shared: bool, taken: set[str]) -> dict[str, Any]:
-    """Return a capture's entry with the files beside its frames; `is_shared`: the folder has several captures."""
+def _beside(folder: Location, frames: str, is_shared: bool) -> dict[str, Any]:
+    """Return a capture's files beside its frames; `is_shared`: the folder has several captures."""
     subfolders, listed = list_folder(folder)
     files = {file.name: file.uri for file in listed}
     stem = f"{Path(frames).stem}." if is_shared else ""
     beside = {"mask": f"{stem}mask.png", "lights": f"{stem or 'lights.'}lp", "markup": f"{stem}markup.json"}
-    capture: dict[str, Any] = {"id": _new_id("front" if name == "capture" else name, taken), "frames": frames}
-    capture |= {key: files[file] for key, file in beside.items() if file in files}
+    capture: dict[str, Any] = {key: files[file] for key, file in beside.items() if file in files}
     if not is_shared:
         for key, pattern in (("mask", r"(.*[._-])?mask\.png"), ("lights", r".*\.lp")):
             matches = [uri for file, uri in files.items() if re.fullmatch(pattern, file.lower())]
@@ -140,9 +146,8 @@ def _named(folders: list[Location], names: tuple[str, ...]) -> list[Location]:
     return [folder for name in names for folder in folders if folder.name.lower() == name]
 
 
-def _new_id(name: str, taken: set[str]) -> str:
-    """Return the nearest valid id that is not taken yet, and take it."""
-    plain = re.sub(r"[^a-z0-9._-]+", "-", name.lower()).strip("-._")[:MAX_ID_STEM] or "capture"
+def _new_id(plain: str, taken: set[str]) -> str:
+    """Return this id, with a number if it is taken, and take it."""
     chosen, number = plain, 1
     while chosen in taken:
         number += 1

@@ -205,7 +205,7 @@ def _check_parameters(entry: LinedDict, model: type[BaseModel], file: str) -> li
     try:
         model.model_validate(parameters)
     except ValidationError as error:
-        return diagnostics_of(error, parameters, model, file, "parameters")
+        return diagnostics_of(error, parameters, model, file, ("parameters",))
     return []
 
 

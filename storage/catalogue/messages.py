@@ -24,28 +24,46 @@ _REMEDIES = {
     "model_type": "write keys and values",
     "dict_type": "write keys and values",
     "finite_number": "write a finite number",
+    "string_too_short": "write something",
+    "string_too_long": "shorten it",
+    "too_long": "list fewer",
+    "string_pattern_mismatch": "remove the character",
+    "int_parsing_size": "check the number",
+    "greater_than": "check the number and its unit",
+    "less_than": "check the number and its unit",
+    "camera": "give the matrix in pixels; transpose it if its last column is 0, 0, 1",
     "pose": "give exactly one of the two",
     "rigid": "invert it if it is world_to_camera, and give lengths in its last column only",
     "greater_than_equal": "check the number and its unit",
     "less_than_equal": "check the number and its unit",
     "same_sphere": "remove one",
+    "literal_error": "write one of them",
     "schema": "write `schema: 1`",
 }
 """Remedies by pydantic's name of the error."""
 _DEFAULT_REMEDY = "fix the value"
+_FAULTS = {
+    "model_type": "this is no set of keys with values",
+    "dict_type": "this is no set of keys with values",
+    "tuple_type": "this is no list",
+    "list_type": "this is no list",
+    "string_pattern_mismatch": "no path holds a null character",
+    "int_parsing_size": "this is no number that can be meant",
+}
+"""Faults by pydantic's name of the error, where its own words are about Python."""
 _REPORTED_BY_LOADER = ("duplicate_id", "spheres_and_lights")
 """Errors that the catalogue's loader reports with the lines of both keys."""
 
 
 def diagnostics_of(
-    error: ValidationError, root: Any, model: type[BaseModel], file: str, root_name: str = "the file"
+    error: ValidationError, root: Any, model: type[BaseModel], file: str, prefix: tuple[str, ...] = ()
 ) -> list[Diagnostic]:
     """Return one diagnostic per error, without those that repeat another.
 
-    root_name: what messages about a key at the root call the place.
+    prefix: keys of the file that lead to the root, named in messages.
     """
     details = error.errors(include_url=False)
-    return [_diagnostic(detail, root, model, file, root_name) for detail in details if not _is_redundant(detail)]
+    return [_diagnostic(detail, root, model, file, prefix) for detail in details if not _is_redundant(detail)]
 
 
 def _is_redundant(detail: ErrorDetails) -> bool:
@@ -59,14 +77,16 @@ def _is_redundant(detail: ErrorDetails) -> bool:
     return detail["type"] == "too_short" and len(detail["input"]) >= context.get("min_length", 1)
 
 
-def _diagnostic(detail: ErrorDetails, root: Any, model: type[BaseModel], file: str, root_name: str) -> Diagnostic:
+def _diagnostic(
+    detail: ErrorDetails, root: Any, model: type[BaseModel], file: str, prefix: tuple[str, ...]
+) -> Diagnostic:
     location = tuple(detail["loc"])
-    line, path, kind = line_of(root, location), _format_path(location) or root_name, detail["type"]
+    line, path, kind = line_of(root, location), _format_path(prefix + location), detail["type"]
     if kind == "extra_forbidden":
         known = _known_keys(model, location[:-1])
         near = difflib.get_close_matches(str(location[-1]), known, 1, 0.5)
         remedy = f"did you mean {near[0]!r}?" if near else f"known keys are {', '.join(known)}"
-        message = f"unknown key {truncate_repr(location[-1])} in {_format_path(location[:-1]) or root_name}"
+        message = f"unknown key {truncate_repr(location[-1])} in {_format_path(prefix + location[:-1])}"
         return Diagnostic(file, line, message, remedy)
     if kind == "missing":
         return Diagnostic(file, line, f"{path} is missing", "add it")
@@ -76,22 +96,25 @@ def _diagnostic(detail: ErrorDetails, root: Any, model: type[BaseModel], file: s
     if kind == "too_short" and not detail["input"]:
         return Diagnostic(file, line, f"{path} is empty", "list at least one")
     remedy = _REMEDIES.get(kind, _DEFAULT_REMEDY)
-    if kind in ("pose", "rigid", "camera", "same_sphere", "schema"):
+    if kind == "schema":
         return Diagnostic(file, line, detail["msg"], remedy)
+    if kind == "same_sphere":
+        return Diagnostic(file, line, f"{path}: {detail['msg']}", remedy)
     return Diagnostic(file, line, f"{path} is {fault_of(detail)}", remedy)
 
 
 def fault_of(detail: ErrorDetails) -> str:
     """Return a value and what is wrong with it."""
-    return f"{truncate_repr(detail['input'])}: {detail['msg'][:1].lower()}{detail['msg'][1:]}"
+    fault = _FAULTS.get(detail["type"]) or f"{detail['msg'][:1].lower()}{detail['msg'][1:]}"
+    return f"{truncate_repr(detail['input'])}: {fault}"
 
 
 def _format_path(location: tuple[int | str, ...]) -> str:
-    """Format a path as objects[3].captures[0].region.x, counted from 0."""
+    """Format a path as objects[3].captures[0].region.x, counted from 0; the root is the file."""
     text = ""
     for step in location:
         text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else str(step)
-    return text
+    return text or "the file"
 
 
 def _known_keys(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:

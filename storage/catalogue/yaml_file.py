@@ -27,7 +27,7 @@ def read_yaml_file[T](
     try:
         root, diagnostics = parse(data.decode("utf-8-sig"), location.uri, kind)
     except UnicodeDecodeError as error:
-        raise InputError(f"{location.uri} is not UTF-8 text", "save it as UTF-8") from error
+        raise InputError(f"{location.uri} is not UTF-8 text", "name a text file, saved as UTF-8") from error
     raise_diagnostics(diagnostics)
     try:
         return root, validate(root)

@@ -1,6 +1,6 @@
 """Edits as files: those that a catalogue names, and a YAML file of all else with the keys of a catalogue."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -50,10 +50,16 @@ def write_files(edits: Edits, captures: Sequence[str], out: Path) -> list[Path]:
     return [out / EDITS_FILE, *written]
 
 
-def take_files(edits: Edits, file: Path, author: str, only: str | None = None) -> list[Revision]:
+def take_files(
+    edits: Edits,
+    file: Path,
+    author: str,
+    only: str | None = None,
+    check: Callable[[str, Changes], None] = lambda capture, changes: None,
+) -> list[Revision]:
     """Save what a file of edits says, of all its captures or of one; relative paths in it count from its folder.
 
-    Everything is checked before anything is saved.
+    Everything is checked before anything is saved, also by `check(capture, changes)`.
 
     Raises:
         InputError: the file, or one that it names, cannot be used; StoreError: the store cannot be written.
@@ -64,6 +70,8 @@ def take_files(edits: Edits, file: Path, author: str, only: str | None = None) -
     if not chosen:
         raise InputError(f"{location.uri} has no capture {only}", "name one that is in it")
     changes = [(entry.id, _changes(entry, location.parent)) for entry in chosen]
+    for capture, change in changes:
+        check(capture, change)
     saved = (edits.save(capture, change, author, edits.revision) for capture, change in changes)
     return [revision for revision in saved if revision is not None]
 

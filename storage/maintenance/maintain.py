@@ -178,7 +178,7 @@ def _clean_frames(location: Location, budget: int | None, dry_run: bool) -> Clea
         remove_frames(location, chosen)
     removed = Garbage(len(chosen), sum(cache.bytes for cache in chosen))
     excess = total - removed.bytes - budget
-    note = f"{format_size(excess)} over the budget are in use" if excess > 0 else ""
+    note = f"{format_size(excess)} over the budget were used within the hour, or are in use" if excess > 0 else ""
     return Cleaning("frames", removed.objects, removed.bytes, note)
 
 

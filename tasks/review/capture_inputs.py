@@ -46,7 +46,7 @@ def capture_inputs(context: CaptureContext) -> dict[str, Any]:
     summary = summary_of(saved)
     return {
         "frame_size": [int(height_width[1]), int(height_width[0])],
-        "frames": _frame_count(saved) or 1,
+        "frames": frame_count(saved) or 1,
         "given": given | {"mask": capture.mask is not None, "lights": capture.lights is not None},
         "used": used,
         "stages": sorted(saved),
@@ -98,14 +98,24 @@ def check_changes(changes: Changes, context: CaptureContext) -> None:
             region or mark beyond the frames; spheres beside known lights; or the video cannot be read.
     """
     check_light_source(changes.spheres or (), context.file("lights"))
-    size = first_frame(context).shape
+    check_fit(changes, first_frame(context).shape, frame_count(saved_records(context)))
+
+
+def check_fit(changes: Changes, size: tuple[int, int], count: int | None) -> None:
+    """Check that what a person drew lies in the frames.
+
+    size: rows and columns of the full frame; count: number of frames, None: not known yet.
+
+    Raises:
+        InputError: a mask of another size than the full frame's, a camera's matrix that is not in pixels, or a sphere,
+            region or mark beyond the frames.
+    """
     if changes.mask is not None:
         check_mask(changes.mask.shape, size)
     check_spheres([Sphere(item.x, item.y, item.radius) for item in changes.spheres or ()], size)
     check_camera(changes.camera, size)
     if changes.region is not None:
         check_region(changes.region, size)
-    count = _frame_count(saved_records(context))
     for number, mark in enumerate(changes.marks or (), 1):
         if reason := position_error(mark, size, count):
             raise InputError(
@@ -140,7 +150,7 @@ def check_mask_head(mask: str, context: CaptureContext) -> None:
     check_mask(image_size(data, "the mask"), first_frame(context).shape)
 
 
-def _frame_count(saved: Records) -> int | None:
+def frame_count(saved: Records) -> int | None:
     """Return the number of frames, None before they were read."""
     frames = saved.get("frames", ("", {}))[1].get("counts", {}).get("frames")
     return int(frames) if frames else None

@@ -236,8 +236,9 @@ def test_drift_is_notified(deployed: list[str], notifications: NotificationServe
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (DeploymentOptions("store", "inbox", timezone="Berlin"), "is not a schedule"),
-        (DeploymentOptions("store", "inbox", nightly="every night"), "is not a schedule"),
+        (DeploymentOptions("store", "inbox", timezone="Berlin"), "--timezone 'Berlin' is not a time zone"),
+        (DeploymentOptions("store", "inbox", nightly="every night"), "--nightly 'every night' is not a schedule"),
+        (DeploymentOptions("store", weekly="61 * * * *"), "--weekly .* is not a schedule"),
         (DeploymentOptions("store", "inbox", pool_type="proces", pool="other"), "is not a type of work pool"),
         (DeploymentOptions("store", "inbox", notify="slack-webhook/none"), "no notification block"),
         (DeploymentOptions("store", "inbox", pool_type="docker"), "has the type process"),

@@ -1,3 +1,4 @@
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -44,8 +45,25 @@ def test_a_wrong_name_is_answered_with_the_nearest(store: Path, tmp_path: Path) 
         glint.open(tmp_path / "nowhere")
     assert not (tmp_path / "nowhere").exists()
     assert opened.get("../escape") is None and "a/b" not in opened
+    assert glint.__version__ == version("glint")
     with pytest.raises(AttributeError, match="no attribute 'opne'"):
         glint.opne  # noqa: B018
+
+
+def test_a_folder_that_holds_no_store_is_none(tmp_path: Path) -> None:
+    assert list(glint.open(tmp_path)) == []
+    (tmp_path / "catalogue.yaml").write_text("schema: 1")
+    with pytest.raises(glint.NotFoundError, match="holds other files and no store"):
+        glint.open(tmp_path)
+
+
+def test_an_empty_cloud_names_the_highest_confidence(store: Path) -> None:
+    capture = glint.open(store)["wine-glass"].latest["front"]
+    capture.__dict__["confidence"] = np.full_like(capture.confidence, 0.9)
+    with pytest.warns(UserWarning, match=r"no pixel of wine-glass/front has a confidence of 0.95; the highest is 0.90"):
+        assert len(capture.point_cloud()) == 0
+    with pytest.raises(ValueError, match="min_confidence is 95"):
+        capture.point_cloud(95)
 
 
 def test_an_object_that_is_still_computed_has_no_version(tmp_path: Path) -> None:

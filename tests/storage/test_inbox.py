@@ -18,6 +18,7 @@ from glint.storage.inbox import Inbox, InboxScan
 from glint.storage.locations.input_files import expand
 from glint.storage.locations.location import Location
 from glint.storage.submissions import _local_files, list_submissions
+from glint.storage.versions.repository import ObjectRepository
 
 AT_ONCE = timedelta(0)
 
@@ -60,6 +61,27 @@ def test_only_new_or_changed_sub_folders_are_run(inbox: Inbox) -> None:
     assert objects(inbox.scan(AT_ONCE)) == {"duck", "fish"}
     put(inbox, "glass/a/mask.png")
     assert objects(inbox.scan(AT_ONCE)) == {"duck", "fish", "glass"}
+
+
+def test_names_in_other_letters_are_objects_of_their_own(inbox: Inbox) -> None:
+    put(inbox, "Große Vase/Ansicht schräg.mp4", "花瓶/video.mp4", "皿/video.mp4")
+    scan = inbox.scan(AT_ONCE)
+    assert scan.problems == {} and len(objects(scan)) == 3
+    (captures,) = (item.captures for item in load(scan.batches[0].catalogue).objects if item.id == "grosse-vase")
+    assert captures[0].id == "ansicht-schrag"
+
+
+def test_an_object_keeps_the_ids_that_it_has_in_the_store(inbox: Inbox) -> None:
+    put(inbox, "Große Vase/Ansicht schräg.mp4", "Ölkännchen/video.mp4")
+    store = Location.parse(str(Path(inbox.location.path).parent / "store"))
+    stored = ObjectRepository.open(store, "gro-e-vase")
+    stored.save("ansicht-schr-g", "survey", "key", {}, {})
+    assert objects(inbox.scan(AT_ONCE)) == {"gro-e-vase", "olkannchen"}
+    entry = {"frames": f"{inbox.location.path}/Große Vase/Ansicht schräg.mp4"}
+    stored.publish(["ansicht-schr-g"], {"captures": {"ansicht-schr-g": {"entry": entry}}})
+    assert objects(inbox.scan(AT_ONCE)) == {"gro-e-vase", "olkannchen"}
+    ObjectRepository.open(store, "lk-nnchen").save("another", "survey", "key", {}, {})
+    assert objects(inbox.scan(AT_ONCE)) == {"gro-e-vase", "olkannchen"}, "another object has that id"
 
 
 def test_a_recently_changed_sub_folder_waits(inbox: Inbox) -> None:

@@ -95,7 +95,7 @@ class CatalogueView {
     this.total = answer.total;
     this.revision = answer.revision;
     this.space.style.height = `${this.total * ROW_PX}px`;
-    const all = Object.values(answer.counts).reduce((sum, count) => sum + count, 0);
+    const all = (this.all = Object.values(answer.counts).reduce((sum, count) => sum + count, 0));
     const reading = answer.complete ? "" : " · reading the store";
     this.summary.textContent = `${this.total.toLocaleString("en")} of ${all.toLocaleString("en")} captures · ${answer.store}${reading}`;
     if (this.problem.textContent !== answer.problem) this.problem.textContent = answer.problem;
@@ -134,13 +134,12 @@ class CatalogueView {
       if (old?.isConnected) old.replaceWith(row);
       else this.space.append(row);
     }
-    if (this.total === 0 && !this.empty) {
-      this.empty = element("p", { class: "empty" }, "No capture matches.");
-      this.scroller.append(this.empty);
-    } else if (this.total > 0) {
-      this.empty?.remove();
-      this.empty = null;
-    }
+    this.empty?.remove();
+    this.empty = null;
+    if (this.total > 0) return;
+    const text = this.all ? "No capture matches." : "There are no captures yet: `glint review CATALOGUE` shows those of a catalogue, `glint run CATALOGUE` computes them.";
+    this.empty = element("p", { class: "empty" }, text);
+    this.scroller.append(this.empty);
   }
 
   async want(block) {

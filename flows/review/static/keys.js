@@ -1,5 +1,8 @@
 // Keys of the view that is open, and the dialog that lists them.
 
+const SAVE = "Ctrl+s";
+/** The key that also counts while a field is being filled in. */
+
 let shown = [];
 
 /** Makes these the view's keys: [key, text, action]; `signal` ends them. */
@@ -8,12 +11,16 @@ export function bind(keys, signal) {
   addEventListener(
     "keydown",
     (event) => {
-      const typed = event.target.closest?.("input:not([type=range]):not([type=checkbox]), textarea, select, dialog");
-      if (typed || event.altKey) return;
+      if (event.altKey) return;
       const name = (event.ctrlKey || event.metaKey ? "Ctrl+" : "") + event.key;
+      const field = event.target.closest?.("input:not([type=range]):not([type=checkbox]), textarea, select, dialog");
+      if (field && (name !== SAVE || field.matches("dialog"))) return;
       const known = keys.find(([key]) => key.split(" ").includes(name) || (key === "Space" && event.key === " "));
       if (!known || (event.target.closest?.("button, a, [role=listbox]") && ["Enter", " "].includes(event.key))) return;
       event.preventDefault();
+      // What has been typed so far counts as entered.
+      field?.blur();
+      field?.focus({ preventScroll: true });
       known[2](event);
     },
     { signal },

@@ -9,6 +9,7 @@
 import { addressOf, ApiError, capturePath } from "./api.js";
 import { announce, element } from "./dom.js";
 import { showKeys } from "./keys.js";
+import { mayLeave } from "./leaving.js";
 
 const VIEWS = [
   ["inputs", "Inputs", () => import("./inputs/view.js")],
@@ -19,6 +20,7 @@ const VIEWS = [
 ];
 
 let leaving = new AbortController();
+let shown = location.hash;
 
 function placeOf(hash) {
   const parts = hash.replace(/^#\/?/, "").split("/").filter(Boolean).map(decodeURIComponent);
@@ -40,6 +42,7 @@ function showPlace(place) {
 }
 
 async function show() {
+  shown = location.hash;
   leaving.abort();
   leaving = new AbortController();
   const main = document.getElementById("main");
@@ -59,7 +62,9 @@ async function show() {
   } catch (error) {
     if (error.name === "AbortError") return;
     if (error instanceof ApiError && error.status === 401) location.assign("/open");
-    root.append(element("p", { class: "problem", role: "alert" }, String(error.message ?? error)));
+    // What a view has begun to lay out has no place for it.
+    root.className = "view";
+    root.replaceChildren(element("p", { class: "problem", role: "alert" }, String(error.message ?? error)));
   }
 }
 
@@ -67,5 +72,13 @@ document.getElementById("help").addEventListener("click", showKeys);
 addEventListener("keydown", (event) => {
   if (event.key === "?" && !event.target.closest?.("input, textarea")) showKeys();
 });
-addEventListener("hashchange", show);
+document.querySelector(".skip").addEventListener("click", (event) => {
+  // The address after # is that of a view.
+  event.preventDefault();
+  document.getElementById("main").focus();
+});
+addEventListener("hashchange", () => {
+  if (location.hash === shown || mayLeave()) show();
+  else history.pushState(null, "", shown || "#/");
+});
 show();

@@ -3,6 +3,7 @@
 import { ask, objectPath } from "./api.js";
 import { Author } from "./author.js";
 import { announce, element, guarded } from "./dom.js";
+import { guardLeaving } from "./leaving.js";
 import { addStyles } from "./surface.js";
 import { Capture, ServedParts } from "./viewer/payload.js";
 import { VersionStage } from "./version_stage.js";
@@ -12,7 +13,7 @@ export async function open(root, capture, signal) {
   const place = element("div", { class: "surface-page" });
   root.append(place);
   const main = element("div"), side = element("div", { class: "side" });
-  let stage = null, turn = 0;
+  let stage = null, turn = 0, written = null;
   signal.addEventListener("abort", () => stage?.dispose());
 
   async function show(before, after) {
@@ -24,7 +25,7 @@ export async function open(root, capture, signal) {
     }
     const newest = versions[0].name, other = (versions[1] ?? versions[0]).name;
     const chosen = { before: before ?? other, after: after ?? newest };
-    const written = await notes();
+    written ??= await notes();
     if (own !== turn) return;
     side.replaceChildren(listed(versions, chosen), written);
     place.replaceChildren(element("div", { class: "versions" }, main, side));
@@ -68,7 +69,8 @@ export async function open(root, capture, signal) {
       if (!name) return;
       try {
         await ask(`${capture.path}/edits`, { method: "POST", signal, body: { changes: { note: text.value }, author: name, base_revision: revision } });
-        section.replaceWith(await notes());
+        written = await notes();
+        section.replaceWith(written);
       } catch (error) {
         announce(String(error.message), "error");
       }
@@ -78,6 +80,8 @@ export async function open(root, capture, signal) {
     return section;
   }
 
+  const draft = () => written?.querySelector("textarea");
+  guardLeaving(() => Boolean(draft()?.value.trim()), () => (draft().value = ""), signal);
   await show();
 }
 

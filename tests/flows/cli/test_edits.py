@@ -11,6 +11,7 @@ import typer.testing
 from glint.flows.cli.main import app
 from glint.storage.edits.edits import Edits
 from glint.storage.edits.models import Changes, mask_png
+from glint.storage.errors import InputError
 from glint.storage.locations.location import Location
 from glint.storage.versions.repository import ObjectRepository
 
@@ -50,7 +51,7 @@ def test_edits_are_listed(store: str) -> None:
 def test_the_history_lists_edits_with_author_time_and_sentence(store: str) -> None:
     first, second = rows("history", "duck", "--store", store)
     assert (first["kind"], first["object"]) == ("edit", "duck")
-    assert (first["version"], first["captures"], first["author"]) == ("edit 1", "front", "Ann")
+    assert (first["edit"], first["captures"], first["author"]) == (1, ["duck/front"], "Ann")
     assert first["message"] == "pixel_size: 0.5 mm; note: scale from the ruler"
     assert str(first["published"]) <= str(second["published"])
     assert "verdict: good" in glint("history", "duck", "--store", store)
@@ -101,6 +102,32 @@ def test_a_capture_that_nothing_names_is_pointed_out(store: str, tmp_path: Path)
     words = "--mask", str(tmp_path / "mask.png"), "--store", store
     assert "no results of a capture 'frnt' (it has front)" in glint("edits", "duck/frnt", *words)
     assert "no results" not in glint("edits", "duck/front", *words)
+
+
+@pytest.mark.parametrize(
+    ("option", "content", "message"),
+    [
+        ("--markup", '[{"frame": 100, "x": 7, "y": 8, "kind": "false"}]', "x 7, y 8 is after the last frame, 99"),
+        ("--markup", '[{"frame": 1, "x": 31, "y": 8, "kind": "false"}]', "lies outside the frame of 30 x 20 pixels"),
+        ("--take", "captures: [{id: front, region: {x: 9, y: 9, width: 30, height: 5}}]", "region"),
+        ("--take", "captures: [{id: front, markup: marks.json}]", "frame 5000, x 1, y 2 is after the last frame"),
+        ("--mask", "", "the painted mask is 20 x 20"),
+    ],
+)
+def test_what_lies_beyond_the_frames_of_the_last_run_is_refused(
+    store: str, tmp_path: Path, option: str, content: str, message: str
+) -> None:
+    repository = ObjectRepository.open(Location.parse(store), "duck")
+    repository.save("front", "survey", "key", {}, {"frame_size": [30, 20]})
+    repository.save("front", "frames", "key", {}, {"counts": {"frames": 100}})
+    (tmp_path / "marks.json").write_text('[{"frame": 5000, "x": 1, "y": 2, "kind": "true"}]')
+    file = tmp_path / "file"
+    file.write_bytes(content.encode() or mask_png(np.ones((20, 20), bool)))
+    done = RUNNER.invoke(app, ["edits", "duck/front", option, str(file), "--store", store])
+    assert isinstance(done.exception, InputError)
+    assert "duck/front: " in done.exception.message and message in done.exception.message
+    assert "run duck/front first" in done.exception.remedy
+    assert Edits.open(Location.parse(store), "duck").revision == 2
 
 
 @pytest.mark.slow

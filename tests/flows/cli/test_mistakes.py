@@ -73,6 +73,24 @@ def test_options_of_evaluate_that_would_be_ignored_are_refused(
     assert not Path("out").exists()
 
 
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("simulate mug --out out --frames 1", "'1': input should be greater than or equal to 2"),
+        ("simulate mug --out out --frames 9999999999", "'9999999999': input should be less than or equal to 1000000"),
+        ("simulate mug --out out --scale big", "'big': input should be a valid number"),
+        ("maintain --older-than -1", "'-1': input should be greater than or equal to 0"),
+    ],
+)
+def test_an_option_out_of_range_is_shown_with_its_value(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str, message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, words.split(), env={"COLUMNS": "200"})
+    assert done.exit_code == 2 and f"{words.split()[-2]}': {message}" in done.output
+    assert not list(tmp_path.iterdir())
+
+
 def test_an_origin_is_written_as_browsers_send_it() -> None:
     given = ["HTTPS://Glint.example:443/", "http://[::1]:4300", "http://10.0.0.1:80"]
     assert _origins(given, "0.0.0.0") == ("https://glint.example", "http://[::1]:4300", "http://10.0.0.1")
@@ -101,6 +119,11 @@ def test_a_check_that_finds_nothing_usable_does_not_suggest_a_run(
     done = CliRunner().invoke(app, ["check", "catalogue.yaml"])
     assert done.exit_code == 1
     assert "then glint check catalogue.yaml" in done.output and "glint run" not in done.output
+    _, row, blank, reason, picture, *_ = done.output[done.output.index("capture  ") :].splitlines()
+    assert (row.split(), blank) == (["duck/front", "correct", "the", "catalogue"], "")
+    assert "glint review catalogue.yaml" in done.output
+    assert reason.startswith("duck/front: correct the catalogue: ") and "front.mp4" in reason
+    assert picture == "", "there is none"
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from tests.flows.review.conftest import Tab
-from tests.flows.review.inputs_view import INPUTS, READY
+from tests.flows.review.conftest import ServedPage, Tab
+from tests.flows.review.inputs_view import INPUTS, NOISE, READY, asked
 
 pytestmark = pytest.mark.long
 
@@ -42,3 +42,54 @@ def test_what_a_button_of_a_view_fails_at_is_announced(tab: Tab) -> None:
         "import('/static/dom.js').then(({ guarded }) => guarded(() => Promise.reject(new Error('no space')))())"
     )
     tab.wait("document.getElementById('status').textContent === 'no space'")
+
+
+def test_back_and_the_skip_link_lose_nothing(tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    page.focus("main")
+    page.keyboard.press("s")
+    page.keyboard.press("a")
+    spheres = page.locator(".sphere").count()
+    page.locator(".skip").press("Enter")
+    assert page.evaluate("document.activeElement.id") == "main"
+    page.once("dialog", lambda dialog: dialog.dismiss())
+    page.go_back(wait_until="commit")
+    tab.wait(f"location.hash === '{INPUTS}'")
+    assert page.locator(".sphere").count() == spheres
+    page.once("dialog", lambda dialog: dialog.accept())
+    page.click("#tabs a >> text=Versions")
+    page.wait_for_selector(".versions textarea")
+    tab.complaints[:] = [text for text in tab.complaints if not any(part in text for part in NOISE)]
+
+
+def test_a_note_that_is_being_written_stays_while_versions_are_compared(tab: Tab) -> None:
+    page = tab.open(INPUTS.replace("inputs", "versions"), ".versions textarea")
+    page.fill(".versions textarea", "a chip at the rim")
+    page.click("input[aria-label='Left: v1']")
+    page.click("input[aria-label='Right: v1']")
+    page.wait_for_timeout(300)
+    assert page.input_value(".versions textarea") == "a chip at the rim"
+    page.once("dialog", lambda dialog: dialog.dismiss())
+    page.click("#tabs a >> text=Inputs")
+    assert page.locator(".versions textarea").count() == 1
+    tab.complaints[:] = [text for text in tab.complaints if not any(part in text for part in NOISE)]
+
+
+def test_the_key_that_saves_also_works_while_a_number_is_typed(served: ServedPage, tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    page.fill("aside input[autocomplete=name]", "Ada")
+    page.fill("input[aria-label='Diameter of sphere 1 in millimetres']", "24.5")
+    page.keyboard.press("Control+s")
+    tab.wait("document.getElementById('status').textContent === 'Saved.'")
+    (sphere,) = asked(served, "edits")["spheres"]
+    assert sphere["diameter_mm"] == 24.5
+    page.click("text=take back")
+    tab.wait("document.getElementById('status').textContent === 'Taken back.'")
+
+
+def test_a_sphere_is_removed_by_its_button(tab: Tab) -> None:
+    page = tab.open(INPUTS, READY)
+    page.click("button[aria-label='Remove sphere 1']")
+    assert page.locator(".sphere").count() == 0
+    page.keyboard.press("Control+z")
+    assert page.locator(".sphere").count() == 1

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from glint.storage.catalogue.ids import id_from_name
 from glint.storage.catalogue.loading import Capture, Catalogue, from_folder, load, write
 from glint.storage.errors import InputError
 from glint.storage.footage.source import open_footage
@@ -50,6 +51,17 @@ def test_an_object_with_one_video_and_all_beside_it(tmp_path: Path) -> None:
     assert capture.truth == str(place / "truth")
     assert catalogue.objects[0].truth_model == str(place / "truth_model.ply")
     _kept(tmp_path, catalogue)
+
+
+def test_ids_are_names_without_accents(tmp_path: Path) -> None:
+    joined, apart = "Große Vase (Böhmen), 1890", "O\u0308lka\u0308nnchen"
+    _touch(tmp_path, f"{joined}/Smørøj.mp4", f"{apart}/Łódź.avi", "花瓶/a.mp4", "皿/b.mp4", "№½/c.mp4")
+    captures = _captures(from_folder(tmp_path))
+    assert captures["grosse-vase-bohmen-1890"] == ["smoroj"]
+    assert captures["olkannchen"] == ["lodz"]
+    assert id_from_name("O\u0308l") == id_from_name("Öl")
+    others = sorted(name for name in captures if name.startswith("unnamed-"))
+    assert others == sorted({id_from_name("花瓶"), id_from_name("皿")}), "digests do not depend on other folders"
 
 
 def test_views_are_captures(tmp_path: Path) -> None:
@@ -123,7 +135,7 @@ def test_names_become_ids(tmp_path: Path) -> None:
     catalogue = from_folder(tmp_path)
     ids = [item.id for item in catalogue.objects]
     assert len(set(ids)) == 5
-    assert set(ids) == {"gro-es-glas", "gro-es-glas-2", "grosses-glas", "capture", "x" * 56}
+    assert set(ids) == {"gro-es-glas", "grosses-glas", "grosses-glas-2", id_from_name("世界"), "x" * 56}
     _kept(tmp_path, catalogue)
 
 

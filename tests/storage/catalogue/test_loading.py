@@ -238,7 +238,7 @@ def test_the_same_sphere_listed_twice_is_told(tmp_path: Path) -> None:
         "        spheres: [{x: 182.4, y: 79.4, radius: 30}, {x: 90, y: 70, radius: 9}, {x: 184, y: 79, radius: 24}]\n"
     )
     diagnostic = _only(tmp_path, HEAD + ONE + spheres)
-    assert diagnostic.message == "spheres 1 and 3 are the same circle (184.0, 79.0)"
+    assert diagnostic.message == "objects[0].captures[0].spheres: spheres 1 and 3 are the same circle (184.0, 79.0)"
     assert (diagnostic.line, diagnostic.remedy) == (8, "remove one")
 
 
@@ -446,6 +446,6 @@ def test_a_parameter_that_is_no_number_has_a_remedy_and_unknown_stages_name_thei
     text = HEAD + ONE + "        parameters: {lights: {seed: high}, lihgts: {seed: 0.5}}\n"
     diagnostics = _diagnostics(tmp_path, text, _Parameters)
     assert [(diagnostic.message.split(":")[0], diagnostic.remedy) for diagnostic in diagnostics] == [
-        ("lights.seed is 'high'", "write a number"),
+        ("parameters.lights.seed is 'high'", "write a number"),
         ("unknown key 'lihgts' in parameters", "did you mean 'lights'?"),
     ]

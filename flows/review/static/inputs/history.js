@@ -1,5 +1,7 @@
 // Undo and redo of what is done on the page before it is saved.
 
+import { guardLeaving } from "../leaving.js";
+
 export class History {
   constructor(changed) {
     this.changed = changed;
@@ -21,12 +23,9 @@ export class History {
     return !this.isDirty || confirm("Lose what you have changed and not saved?");
   }
 
-  /** Asks before the view is left with unsaved changes, by a link of the page or otherwise; `signal` ends it. */
+  /** Asks before the view is left with unsaved changes; `signal` ends it. */
   guard(signal) {
-    document.addEventListener("click", (event) => {
-      if (event.target.closest?.("a[href^='#/']") && !this.mayLose()) event.preventDefault();
-    }, { signal, capture: true });
-    addEventListener("beforeunload", (event) => { if (this.isDirty) event.preventDefault(); }, { signal });
+    guardLeaving(() => this.isDirty, () => this.clear(), signal);
   }
 
   /** Notes a step that has been taken: {undo, redo}. */

@@ -28,6 +28,7 @@ export class RunPanel {
     const row = await ask(this.row, { signal: this.view.signal });
     this.version ??= row.version;
     if (row.state === "running") this.followRow(row, 0);
+    else if (row.state === "failed") this.show(`The last run failed: ${failureOf(row)}`, "doubt");
   }
 
   async start() {
@@ -88,10 +89,10 @@ export class RunPanel {
     if (row.version !== this.version && row.state !== "running" && row.state !== "reading") {
       this.show(`done: ${row.version}`, "good");
       this.reload();
-    } else if (row.state === "failed") this.show(`${row.error} → ${row.remedy || "run again"}`, "doubt");
+    } else if (row.state === "failed") this.show(failureOf(row), "doubt");
     else if (row.state !== "running" && looks >= LOOKS) this.show("The run has ended with its server: run again, it goes on where it stopped.", "doubt");
     else {
-      const parts = row.state === "running" ? [row.stage, row.progress === null ? "" : percent(row.progress), "found again"] : ["looking for the run"];
+      const parts = row.state === "running" ? [row.stage || "running", row.progress === null ? "" : percent(row.progress)] : ["looking for the run"];
       this.show(parts.filter(Boolean).join(" · "), "", row.progress ?? null);
       this.later(() => this.look(row.state === "running" ? 0 : looks + 1), RETRY_MS);
     }
@@ -100,4 +101,9 @@ export class RunPanel {
   reload() {
     if (!this.view.history.isDirty) this.later(() => this.view.reload(), 400);
   }
+}
+
+/** Returns why a capture's last run failed, and what to do. */
+function failureOf(row) {
+  return row.remedy ? `${row.error} → ${row.remedy}` : row.error;
 }

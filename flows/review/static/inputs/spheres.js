@@ -114,12 +114,14 @@ export class SphereLayer {
         this.moved(number, before);
       },
     }));
-    const diameter = element("label", {}, "mm", element("input", {
+    const diameter = element("label", {}, "diameter in mm", element("input", {
       type: "number", step: "0.1", min: "0", value: sphere.diameter_mm ? String(sphere.diameter_mm) : "", placeholder: "?", title: "Diameter in millimetres: gives the scale", "aria-label": `Diameter of sphere ${number + 1} in millimetres`,
       onchange: (event) => { const before = { ...sphere }; sphere.diameter_mm = Number(event.target.value) || null; this.moved(number, before); },
     }));
     const choose = element("button", { type: "button", class: "quiet", "aria-pressed": String(number === this.chosen), onclick: () => { this.chosen = number; this.view.use("spheres"); } }, `${number + 1}`);
-    return element("div", { class: "sphere" }, element("div", { class: "fields" }, choose, field("x", "x"), field("y", "y"), field("radius", "r"), diameter), this.fitText(number));
+    const remove = element("button", { type: "button", class: "quiet", "aria-label": `Remove sphere ${number + 1}`, onclick: () => this.remove(number) }, "Remove");
+    return element("div", { class: "sphere" }, element("div", { class: "fields" }, choose, field("x", "x"), field("y", "y"), field("radius", "r")),
+      element("div", { class: "fields" }, diameter, remove), this.fitText(number));
   }
 
   fitText(number) {
@@ -172,10 +174,13 @@ export class SphereLayer {
     this.measure(this.chosen);
   }
 
-  remove() {
-    if (this.view.tool !== "spheres" || !this.spheres.length) return;
+  removeChosen() {
+    if (this.view.tool === "spheres" && this.spheres.length) this.remove(this.chosen);
+  }
+
+  remove(removed) {
     this.finish();
-    this.replace(this.spheres.filter((_, number) => number !== this.chosen));
+    this.replace(this.spheres.filter((_, number) => number !== removed));
     this.chosen = 0;
     this.draw();
   }

@@ -17,7 +17,7 @@ import { Timeline } from "../timeline.js";
 
 const TOOLS = [
   ["look", "Look", "v", "drag to move, wheel to zoom, click a pixel for its highlights"],
-  ["spheres", "Spheres", "s", "drag a circle or its handle; double-click adds one; Delete removes it"],
+  ["spheres", "Spheres", "s", "drag a circle or its handle; double-click adds one, Delete removes it"],
   ["brush", "Brush", "b", "paint the object; [ and ] change the size"],
   ["eraser", "Eraser", "e", "take away what is not the object"],
   ["grow", "Grow", "w", "click what belongs to the object and looks alike; Shift+click takes it away; the slider Tolerance adjusts it"],
@@ -74,7 +74,7 @@ class InputsView {
   verdict() {
     const warnings = this.inputs.warnings.map((warning) =>
       element("li", { class: `cause-${warning.cause}` }, element("b", {}, warning.cause), " ", warning.message));
-    return element("section", {}, element("h2", {}, this.inputs.verdict ?? "Not run yet"), warnings.length ? element("ul", { class: "warnings-list" }, warnings) : null);
+    return element("section", {}, element("h2", {}, this.inputs.verdict ?? "No results yet"), warnings.length ? element("ul", { class: "warnings-list" }, warnings) : null);
   }
 
   get shown() {
@@ -153,7 +153,7 @@ class InputsView {
       ["]", "larger brush or sphere", () => this.resize(1)],
       ["Space", "paint at the cursor of the keyboard; choose or grow from the middle of what is shown", (event) => this.mask.paintAtCursor() || this.choosePixel(event)],
       ["a", "add a sphere in the middle", () => this.spheres.add(this.picture.centre())],
-      ["Delete Backspace", "remove the chosen sphere", () => this.spheres.remove()],
+      ["Delete Backspace", "remove the chosen sphere", () => this.spheres.removeChosen()],
       ["Enter Shift+Enter", "fill the polygon, fit the sphere", (event) => this.mask.closePolygon(event.shiftKey) || this.spheres.fitChosen()],
       ["Escape", "cancel", () => this.mask.cancelPolygon() || this.use("look")],
       ["Ctrl+z", "undo", () => this.undo()],

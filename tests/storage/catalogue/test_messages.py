@@ -1,0 +1,73 @@
+"""Nonsense in every field of a catalogue: the error names the field and a remedy, in the catalogue's words."""
+
+import copy
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ruamel.yaml import YAML
+
+from glint.storage.catalogue.loading import CatalogueError
+from glint.storage.catalogue.writing import yaml_text
+from glint.tasks.engine.references import load_catalogue
+
+COMPLETE: dict[str, Any] = YAML(typ="safe").load("""
+schema: 1
+name: glassware
+parameters: {thresholds: {threshold: 0.7}}
+objects:
+- id: vase
+  truth_model: model.ply
+  parameters: {labels: {rounds: 3}}
+  captures:
+  - id: front
+    frames: front.mp4
+    spheres: [{x: 3.0, y: 4.0, radius: 40.0, diameter_mm: 25.0}]
+    camera: {matrix: [[2900.0, 0.0, 959.5], [0.0, 2900.0, 539.5], [0.0, 0.0, 1.0]]}
+    region: {x: 1, y: 2, width: 30, height: 40}
+    mask: mask.png
+    markup: markup.json
+    pose: {turntable: 30.0}
+    pixel_size: 0.2
+    truth: truth
+    parameters: {depth: {rounds: 4}}
+  - id: shots
+    frames: shots.mp4
+    lights: lights.lp
+    pose: {camera_to_world: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}
+""")
+NONSENSE = ("", "x" * 5000, -1.5, 1e300, float("nan"), True, ["a"], {"q": 1})
+FOREIGN = ("dictionary", "tuple", "instance of", "pattern", "fix the value")
+"""Words that are no answer to somebody who writes a catalogue."""
+
+
+def fields(content: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
+    """The paths of all that a catalogue holds."""
+    if path:
+        yield path
+    keys = content if isinstance(content, dict) else range(len(content)) if isinstance(content, list) else ()
+    for key in keys:
+        yield from fields(content[key], (*path, key))
+
+
+@pytest.mark.parametrize("path", fields(COMPLETE), ids=lambda path: ".".join(map(str, path)))
+def test_nonsense_is_named_with_its_field(path: tuple[str | int, ...], tmp_path: Path) -> None:
+    # An entry of a matrix may be named by the matrix, which is wrong as a whole.
+    names = [str(step) for step in path if isinstance(step, str)]
+    for value in NONSENSE:
+        content = copy.deepcopy(COMPLETE)
+        place: Any = content
+        for step in path[:-1]:
+            place = place[step]
+        place[path[-1]] = value
+        file = tmp_path / "catalogue.yaml"
+        file.write_bytes(yaml_text(content))
+        try:
+            load_catalogue(file)
+        except CatalogueError as error:
+            for line in error.message.splitlines():
+                place_of_error, fault = line.removeprefix(f"{file}:").split(": ", 1)
+                assert place_of_error.isdecimal(), line
+                assert any(name in fault for name in names[-2:]), line
+                assert not any(word in fault for word in FOREIGN), line
