@@ -51,9 +51,12 @@ def from_folder(folder: Address, leave_out: Callable[[str, str], None] = lambda 
         if item is not None:
             objects.append(item)
             continue
-        found = _undeveloped(subfolder)
-        undeveloped |= found
-        leave_out(subfolder.name, f"its {_listed(found)} files are not read" if found else "no video and no set of images")
+        suffixes = _undeveloped(subfolder)
+        undeveloped |= suffixes
+        leave_out(
+            subfolder.name,
+            f"its {_listed(suffixes)} files are not read" if suffixes else "no video and no set of images",
+        )
     if not objects:
         remedy = "make one sub-folder per object with a video or a set of images in it"
         if undeveloped:
