@@ -108,12 +108,12 @@ def _check_normals(normals: np.ndarray, uri: str) -> None:
     inside = np.isfinite(lengths) & (lengths > 0)
     if not inside.any():
         raise InputError(f"{uri} holds no normal", "save unit vectors, NaN outside the object")
-    length, towards = float(np.median(lengths[inside])), float(np.median(normals[inside, 2]))
+    length, median_z = float(np.median(lengths[inside])), float(np.median(normals[inside, 2]))
     if abs(length - 1.0) > _MAX_LENGTH_ERROR:
         raise InputError(f"the normals of {uri} have a length of {length:.3g}", "save unit vectors")
-    if towards < 0:
+    if median_z < 0:
         raise InputError(
-            f"the normals of {uri} point away from the camera (z is {towards:.2f} in the median)",
+            f"the normals of {uri} point away from the camera (z is {median_z:.2f} in the median)",
             "write x to the right, y up, z towards the camera: negate y and z of OpenCV's",
         )
 
