@@ -28,9 +28,12 @@ def catalogue(
     target = Location.parse(out) if out else Location.parse(folder).child("catalogue.yaml")
     if exists(target):
         raise InputError(f"{target.uri} exists already", "name another file with --out, or remove it")
-    listed = from_folder(folder)
+    left_out = dict[str, str]()
+    listed = from_folder(folder, left_out.__setitem__)
     write(listed, target)
     path = out or f"{folder.rstrip('/')}/catalogue.yaml"
     captures = sum(len(item.captures) for item in listed.objects)
     echo(f"{path}: {counted(len(listed.objects), 'object')}, {counted(captures, 'capture')}")
+    for name, reason in left_out.items():
+        echo(f"left out: {name}: {reason}", colour="yellow")
     echo(f"next: glint check {quote(path)}")

@@ -14,6 +14,7 @@ from glint.flows.cli.output import echo
 if TYPE_CHECKING:
     from glint.flows.reporting.events import Sink
     from glint.flows.results import RunResult
+    from glint.storage.errors import InputError
     from glint.tasks.robustness.cells import Cell
     from glint.tasks.robustness.matrix import CaptureVariants
 
@@ -87,7 +88,7 @@ def evaluate(
             check_truth(file, only or ())
         path = file or _simulated(out, quick, degraded, only or (), console)
         summary = run(path, address, console, only=only or ())
-        table = _write_evaluation(path, address, summary.result, out, ablation, questions, console)
+        table, faults = _write_evaluation(path, address, summary.result, out, ablation, questions, console)
     if table and as_json:
         captures = json.loads((out / "evaluation.json").read_text(encoding="utf-8"))
         echo(json.dumps({"kind": "evaluation", "captures": captures}))
@@ -96,7 +97,9 @@ def evaluate(
         echo(f"written: {out / 'evaluation.md'}, evaluation.json, evaluation.png, reliability.png")
     for failure in summary.result.failed:
         echo(f"{failure.name} failed: {failure.error}\n  -> {failure.remedy}", colour="red", err=True)
-    sys.exit(1 if summary.result.failed else 0)
+    for name, fault in faults.items():
+        echo(f"{name} is not evaluated: {fault.message}\n  -> {fault.remedy}", colour="red", err=True)
+    sys.exit(1 if summary.result.failed or faults else 0)
 
 
 def _given(options: Mapping[str, bool]) -> str:
@@ -133,8 +136,11 @@ def _write_evaluation(
     ablation: bool,
     questions: int,
     console: "Sink",
-) -> str:
-    """Evaluate what succeeded, and write it to the folder; return the table, empty if nothing has a ground truth."""
+) -> "tuple[str, Mapping[str, InputError]]":
+    """Evaluate what succeeded, and write it to the folder.
+
+    Returns: the table, empty if nothing has a ground truth; and by capture why its ground truth cannot be used.
+    """
     from glint.flows.reporting.events import Message
     from glint.storage.export.image_files import write_png
     from glint.tasks.engine.references import load_catalogue
@@ -147,12 +153,13 @@ def _write_evaluation(
 
     done: Sequence[tuple[str, str]] = [(item.object_id, item.capture_id) for item in result.captures if not item.error]
     contexts = evaluate_run.contexts_of(str(catalogue), store, result.run, done)
-    evaluations = evaluate_run.evaluate_captures(contexts, message)
+    evaluations, faults = evaluate_run.evaluate_captures(contexts, message)
+    contexts = [context for context in contexts if context.name not in faults]
     models = evaluate_run.evaluate_models(contexts, load_catalogue(catalogue))
     ablations = evaluate_run.ablate_captures(contexts, message) if ablation else {}
     answered = evaluate_run.question_captures(contexts, questions, message) if questions else []
     if not evaluations:
-        return ""
+        return "", faults
     table = report.capture_tables(evaluations)
     if models:
         table += report.model_table(models)
@@ -167,7 +174,7 @@ def _write_evaluation(
     (out / "evaluation.json").write_text(json.dumps(captures, indent=2) + "\n", encoding="utf-8")
     write_png(out / "evaluation.png", evaluation_sheet(evaluations))
     write_png(out / "reliability.png", reliability_diagram(evaluations))
-    return table
+    return table, faults
 
 
 def _evaluate_perturbed(

@@ -7,7 +7,7 @@ import errno
 import os
 import sys
 from contextlib import suppress
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand
@@ -95,14 +95,14 @@ app = typer.Typer(
 class Command(TyperCommand):
     """A command whose usage errors show the value that is wrong."""
 
-    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:
+    def make_context(self, *given: Any, **options: Any) -> Any:
         """Parse the command line.
 
         Raises:
             typer.BadParameter: a value is wrong.
         """
         try:
-            return super().parse_args(ctx, args)
+            return super().make_context(*given, **options)
         except typer.BadParameter as error:
             from pydantic import ValidationError
 

@@ -91,12 +91,14 @@ def evaluate_reference(
         result = run_whole_catalogue(catalogue, store, rehash=True, drift=drift)
         done = [(capture.object_id, capture.capture_id) for capture in result.captures if not capture.error]
         contexts = contexts_of(catalogue, Location.parse(store).uri, result.run, done)
-        evaluations = evaluate_captures(contexts, lambda capture, message: None)
+        evaluations, faults = evaluate_captures(contexts, lambda capture, message: None)
     if evaluations:
         create_markdown_artifact(capture_tables(evaluations), key=artifact_key(f"evaluation {catalogue}"))
     if result.failed:
         first = result.failed[0]
         return Failed(message=f"{len(result.failed)} captures failed; {first.name}: {first.error} -> {first.remedy}")
+    for name, fault in faults.items():
+        return Failed(message=f"{len(faults)} ground truths cannot be used; {name}: {fault.message} -> {fault.remedy}")
     changed = f", {len(result.drifts)} changed beyond {drift:g} degrees" if result.drifts else ""
     return Completed(message=f"{len(evaluations)} captures evaluated{changed}")
 

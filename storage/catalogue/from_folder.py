@@ -18,7 +18,7 @@ from pydantic import ValidationError
 from glint.storage.catalogue.ids import id_from_name
 from glint.storage.catalogue.models import RESERVED_IDS, Catalogue, Object
 from glint.storage.errors import InputError, one_line, printable
-from glint.storage.footage.images import SUFFIXES
+from glint.storage.footage.images import SUFFIXES, UNDEVELOPED
 from glint.storage.locations.input_files import Address, list_folder, locate
 from glint.storage.locations.location import Location
 
@@ -35,20 +35,33 @@ Naming = Callable[[str], str]
 """The id that a name becomes."""
 
 
-def from_folder(folder: Address) -> Catalogue:
+def from_folder(folder: Address, leave_out: Callable[[str, str], None] = lambda name, reason: None) -> Catalogue:
     """Make the catalogue of a folder, or a prefix of an object store, with one sub-folder per object.
+
+    leave_out: called with the name of each sub-folder that is no object, and the reason.
 
     Raises:
         InputError: no such folder, or no video or images in it; StoreError: the object store cannot be read.
     """
     location = locate(folder)
     taken: set[str] = set()
-    candidates = (object_from_folder(subfolder, taken) for subfolder in list_folder(location)[0])
-    objects = [item for item in candidates if item is not None]
-    if not objects:
-        raise InputError(
-            f"{location.uri} holds no captures", "make one sub-folder per object with a video or a set of images in it"
+    objects, undeveloped = list[Object](), set[str]()
+    for subfolder in list_folder(location)[0]:
+        item = object_from_folder(subfolder, taken)
+        if item is not None:
+            objects.append(item)
+            continue
+        suffixes = _undeveloped(subfolder)
+        undeveloped |= suffixes
+        leave_out(
+            subfolder.name,
+            f"its {_listed(suffixes)} files are not read" if suffixes else "no video and no set of images",
         )
+    if not objects:
+        remedy = "make one sub-folder per object with a video or a set of images in it"
+        if undeveloped:
+            remedy = f"develop the {_listed(undeveloped)} files to 16-bit TIFF or PNG, all with the same settings"
+        raise InputError(f"{location.uri} holds no captures", remedy)
     return Catalogue.model_validate(
         {"schema": 1, "name": printable(location.name)[:MAX_NAME] or "captures", "objects": objects}
     )
@@ -114,6 +127,17 @@ def _footage(folder: Location) -> list[tuple[str, str]]:
             address = image_folder.uri if image_folder.local is None else _escape(image_folder.uri)
             return [("front", f"{address.rstrip('/')}/{pattern}")]
     return []
+
+
+def _undeveloped(folder: Location) -> set[str]:
+    """Return the suffixes of cameras' own formats in a folder and its sub-folders."""
+    subfolders, files = list_folder(folder)
+    listed = [*files, *(file for subfolder in subfolders for file in list_folder(subfolder)[1])]
+    return {_suffix(file) for file in listed} & UNDEVELOPED
+
+
+def _listed(suffixes: set[str]) -> str:
+    return " and ".join(sorted(suffix.removeprefix(".").upper() for suffix in suffixes))
 
 
 def _beside(folder: Location, frames: str, is_shared: bool) -> dict[str, Any]:

@@ -17,6 +17,8 @@ from glint.storage.locations.input_files import read_bytes
 from glint.storage.locations.location import Location
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm", ".webp", ".jp2")
+UNDEVELOPED = frozenset((".cr2", ".cr3", ".nef", ".arw", ".dng", ".orf", ".rw2", ".raf", ".pef", ".heic", ".heif"))
+"""Suffixes of cameras' own formats, which are not read."""
 MAX_PIXELS = 170_000_000
 """Largest frame that is decoded; the header of a file of a few kilobytes can state far more (decompression bomb)."""
 MAX_IMAGE_BYTES = 2_000_000_000

@@ -27,6 +27,8 @@ __all__ = [
 ]
 
 _MAX_ARRAY_BYTES = 4_000_000_000
+_MAX_LENGTH_ERROR = 0.1
+"""Error of a unit vector's length; those that 8 bits store are off by 0.01."""
 
 
 def read_mask(address: Address, frame_size: tuple[int, int], region: Region | None = None) -> np.ndarray:
@@ -75,7 +77,7 @@ def read_truth(folder: Address, shape: tuple[int, ...] | None = None) -> Truth:
     shape: (H, W) of the region.
 
     Raises:
-        InputError: all are missing, or one is malformed or of another size.
+        InputError: all are missing, or one is malformed, of another size, or holds no normals of this camera frame.
     """
     location = locate(folder)
     shapes: dict[str, tuple[int | None, ...]] = {
@@ -93,9 +95,27 @@ def read_truth(folder: Address, shape: tuple[int, ...] | None = None) -> Truth:
             arrays[name] = None
             continue
         arrays[name] = _decode_array(data, expected, location.child(f"{name}.npy").uri)
+    if arrays["normals"] is not None:
+        _check_normals(arrays["normals"], location.child("normals.npy").uri)
     if all(array is None for array in arrays.values()):
         raise InputError(f"{location.uri} holds no truth", "put normals.npy, depth.npy or lights.npy there")
     return Truth(**arrays)
+
+
+def _check_normals(normals: np.ndarray, uri: str) -> None:
+    """Check that true normals (H, W, 3) are unit vectors, most of them towards the camera; NaN and 0 are outside."""
+    lengths = np.linalg.norm(normals, axis=-1)
+    inside = np.isfinite(lengths) & (lengths > 0)
+    if not inside.any():
+        raise InputError(f"{uri} holds no normal", "save unit vectors, NaN outside the object")
+    length, median_z = float(np.median(lengths[inside])), float(np.median(normals[inside, 2]))
+    if abs(length - 1.0) > _MAX_LENGTH_ERROR:
+        raise InputError(f"the normals of {uri} have a length of {length:.3g}", "save unit vectors")
+    if median_z < 0:
+        raise InputError(
+            f"the normals of {uri} point away from the camera (z is {median_z:.2f} in the median)",
+            "write x to the right, y up, z towards the camera: negate y and z of OpenCV's",
+        )
 
 
 def _decode_array(data: bytes, shape: tuple[int | None, ...], uri: str) -> np.ndarray:

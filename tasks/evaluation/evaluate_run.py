@@ -5,6 +5,7 @@ from itertools import groupby
 
 from glint.storage.catalogue.loading import Catalogue
 from glint.storage.catalogue.models import MODEL
+from glint.storage.errors import InputError
 from glint.storage.locations.location import Location
 from glint.tasks.engine.capture_context import CaptureContext
 from glint.tasks.engine.references import CaptureReference
@@ -28,16 +29,26 @@ def contexts_of(catalogue: str, store: str, run: str, captures: Iterable[tuple[s
     ]
 
 
-def evaluate_captures(contexts: Sequence[CaptureContext], report: Report) -> list[Evaluation]:
-    """Compare each capture with its true normals; those without are reported and left out."""
-    stages, evaluations = tuple(stage.name for stage in STAGES), []
+def evaluate_captures(
+    contexts: Sequence[CaptureContext], report: Report
+) -> tuple[list[Evaluation], dict[str, InputError]]:
+    """Compare each capture with its true normals; those without are reported and left out.
+
+    Returns: the evaluations, and by capture why its ground truth cannot be used.
+    """
+    stages, evaluations = tuple(stage.name for stage in STAGES), list[Evaluation]()
+    faults = dict[str, InputError]()
     for context in contexts:
-        evaluation = evaluate(context, stages)
+        try:
+            evaluation = evaluate(context, stages)
+        except InputError as error:
+            faults[context.name] = error
+            continue
         if evaluation is None:
             report(context.name, "no true normals: not evaluated")
         else:
             evaluations.append(evaluation)
-    return evaluations
+    return evaluations, faults
 
 
 def evaluate_models(contexts: Sequence[CaptureContext], catalogue: Catalogue) -> list[ModelEvaluation]:

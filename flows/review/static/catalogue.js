@@ -169,7 +169,7 @@ class CatalogueView {
     }
     row.append(
       image,
-      element("a", { class: "name", href: addressOf(data.object, data.capture), tabindex: number === this.chosen ? "0" : "-1" },
+      element("a", { class: "name", title: `${data.object}/${data.capture}`, href: addressOf(data.object, data.capture), tabindex: number === this.chosen ? "0" : "-1" },
         element("b", {}, data.object), element("span", {}, data.capture)),
       element("div", { class: `state ${data.state}` }, element("span", { class: "dot", "aria-hidden": "true" }), element("span", {}, stateText(data))),
       element("div", { class: "reason", title: fullReason(data) }, reason(data)),

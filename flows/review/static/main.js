@@ -34,7 +34,7 @@ function showPlace(place) {
   tabs.replaceChildren();
   document.title = place ? `${place.object}/${place.capture} · Glint` : "Glint";
   if (!place) return;
-  path.append(element("a", { href: "#/" }, "Catalogue"), element("span", {}, " / "), element("b", {}, `${place.object}/${place.capture}`));
+  path.append(element("a", { href: "#/" }, "Catalogue"), element("span", {}, " / "), element("b", { title: `${place.object}/${place.capture}` }, `${place.object}/${place.capture}`));
   for (const [name, text] of VIEWS) {
     const current = name === place.view ? "page" : undefined;
     tabs.append(element("a", { href: addressOf(place.object, place.capture, name), "aria-current": current }, text));

@@ -8,15 +8,13 @@ from glint.flows.pipeline.run import Summary
 from glint.flows.results import CaptureResult, ObjectResult, RunResult
 from glint.tasks.engine.stage import StageRecord
 
-RECORDS = tuple(
-    StageRecord(stage, "k", False, 1.0, counts, ())
-    for stage, counts in {
-        "frames": {"frames": 8000},
-        "lights": {"accepted": 7810},
-        "mask": {"object pixels": 300},
-        "labels": {"observed pixels": 100, "confident share": 0.25},
-    }.items()
-)
+COUNTS: dict[str, dict[str, float]] = {
+    "frames": {"frames": 8000},
+    "lights": {"accepted": 7810},
+    "mask": {"object pixels": 300},
+    "labels": {"observed pixels": 100, "confident share": 0.25},
+}
+RECORDS = tuple(StageRecord(stage, "k", False, 1.0, counts, ()) for stage, counts in COUNTS.items())
 
 
 def summary() -> Summary:

@@ -64,6 +64,20 @@ def test_ids_are_names_without_accents(tmp_path: Path) -> None:
     assert others == sorted({id_from_name("花瓶"), id_from_name("皿")}), "digests do not depend on other folders"
 
 
+def test_what_is_left_out_is_told(tmp_path: Path) -> None:
+    _touch(tmp_path, "vase/a.CR2", "vase/b.CR2", "vase/c.heic", "dish/views/a.NEF", "notes/read.txt")
+    with pytest.raises(InputError, match=r"holds no captures.*develop the CR2 and HEIC and NEF files to 16-bit TIFF"):
+        from_folder(tmp_path)
+    _touch(tmp_path, "cup/a.mp4")
+    left_out = dict[str, str]()
+    assert [item.id for item in from_folder(tmp_path, left_out.__setitem__).objects] == ["cup"]
+    assert left_out == {
+        "dish": "its NEF files are not read",
+        "notes": "no video and no set of images",
+        "vase": "its CR2 and HEIC files are not read",
+    }
+
+
 def test_views_are_captures(tmp_path: Path) -> None:
     _touch(tmp_path, "duck/view_10/a.mp4", "duck/view_2/b.mov", "duck/view_2/mask.png", "glass/c.avi", "empty/x.txt")
     catalogue = from_folder(tmp_path)

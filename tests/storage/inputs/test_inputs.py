@@ -313,9 +313,28 @@ def _truth(folder: Path, **arrays: np.ndarray) -> Path:
     return folder
 
 
+def _normals() -> np.ndarray:
+    """Unit normals (10, 12, 3) towards the camera."""
+    normals = np.random.default_rng(0).normal(size=(10, 12, 3))
+    normals[..., 2] = np.abs(normals[..., 2])
+    return np.asarray(normals / np.linalg.norm(normals, axis=-1, keepdims=True))
+
+
+@pytest.mark.parametrize(
+    ("factors", "message"),
+    [
+        ((0.5, 0.5, 0.5), "have a length of 0.5"),
+        ((1, -1, -1), "point away from the camera"),
+        ((0, 0, 0), "holds no normal"),
+    ],
+)
+def test_true_normals_of_another_convention(tmp_path: Path, factors: tuple[float, ...], message: str) -> None:
+    assert message in _refused(read_truth, _truth(tmp_path, normals=_normals() * factors), (10, 12)).message
+
+
 def test_truth_is_read_as_it_is(tmp_path: Path) -> None:
     random = np.random.default_rng(0)
-    normals, depth = random.normal(size=(10, 12, 3)), np.asfortranarray(random.normal(size=(10, 12)).astype(np.float32))
+    normals, depth = _normals(), np.asfortranarray(random.normal(size=(10, 12)).astype(np.float32))
     depth[0] = np.nan
     truth = read_truth(_truth(tmp_path, normals=normals, depth=depth), (10, 12))
     assert truth.normals is not None

@@ -1,0 +1,23 @@
+"""Evaluations of a run: a ground truth that cannot be used is named, and the other captures are evaluated."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glint.tasks.evaluation.evaluate_run import evaluate_captures
+from tests.tasks.make_context import make_context
+
+
+@pytest.mark.long
+def test_an_unusable_truth_does_not_stop_the_others(simulated: Path, performed: Path, tmp_path: Path) -> None:
+    shutil.copytree(performed, tmp_path / "store")
+    sound = make_context(simulated, tmp_path / "store")
+    np.save(tmp_path / "normals.npy", np.ones((3, 4, 3)))
+    capture = sound.capture.model_copy(update={"truth": str(tmp_path)})
+    contexts = [replace(sound, capture=capture), sound]
+    evaluations, faults = evaluate_captures(contexts, lambda name, message: None)
+    assert len(evaluations) == 1
+    assert "has shape 3 x 4 x 3" in faults[sound.name].message
