@@ -158,7 +158,7 @@ def note(run: Run, event: dict[str, Any]) -> None:
             row = next((row for row in rows if row["error"]), rows[0])
             run.end("failed" if row["error"] else "done")
             run.error = _prefix(run, row["capture"]) + row["error"] if row["error"] else ""
-            run.remedy, run.version = row["remedy"], row["version"]
+            run.remedy, run.version = row["remedy"], row["version"] or ""
     elif _is_of(run, event.get("capture", "")):
         prefix = _prefix(run, event["capture"])
         if kind == "progress":
