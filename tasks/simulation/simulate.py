@@ -2,7 +2,7 @@
 
 import json
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -12,12 +12,14 @@ from glint.storage.catalogue.loading import Capture, Catalogue, Object, Pose, Sp
 from glint.storage.footage.writer import write_video
 from glint.tasks.algorithms.geometry.vectors import to_camera
 from glint.tasks.algorithms.multiview.view import rotation_about_y
+from glint.tasks.algorithms.near_light.table_plane import TablePlane
 from glint.tasks.algorithms.simulation.camera_poses import CameraPose, camera_poses
 from glint.tasks.algorithms.simulation.environment import Environment
 from glint.tasks.algorithms.simulation.light_path import light_path
 from glint.tasks.algorithms.simulation.options import DEFAULT_PRESET, DEGRADED, PRESETS, SHAPES, CaptureOptions
 from glint.tasks.algorithms.simulation.ray_tracing import Scene
 from glint.tasks.algorithms.simulation.renderer import Renderer, camera_response, prepare_renderer
+from glint.tasks.algorithms.simulation.solids import Solid
 from glint.tasks.simulation.scene_layout import (
     FrameLayout,
     camera_distance,
@@ -112,15 +114,18 @@ def _write_view(
     columns, rows = np.meshgrid(np.arange(layout.width), np.arange(layout.height))
     x, y = to_camera(columns.astype(float), rows.astype(float), layout.width, layout.height)
     solids = object_solids(shape, layout, options, placement)
-    back = min(float(solid.vertices[:, 2].min()) for solid in solids)
-    scene = Scene([*solids, *sphere_solids(layout)])
+    spheres = sphere_solids(layout)
+    scene = Scene([*solids, *spheres])
     distance = camera_distance(layout, options)
     # Camera and object are static: the light paths are traced once, and each frame is a weighted sum over them.
     truth = scene.truth(x, y, distance)
     paths = scene.trace(x, y, options.rays, generator, distance)
-    room = Environment.random(back - WALL_DISTANCE_PX, np.random.default_rng(options.seed))
+    table = _table([*solids, *spheres] if options.table_tilt else solids, options)
+    room = Environment.random(table, np.random.default_rng(options.seed))
     renderer = prepare_renderer(paths, room, (layout.height, layout.width), np.radians(options.light_radius))
     lights = light_path(frames, generator, options.missing_quarter)
+    if options.table_tilt:
+        lights[lights @ table.normal <= 0.0] = np.nan
     lit_pixels = []
 
     def counted() -> Iterator[np.ndarray]:
@@ -141,6 +146,14 @@ def _write_view(
         **asdict(options),
     }
     (folder / "meta.json").write_text(json.dumps(description, indent=1) + "\n")
+
+
+def _table(solids: Sequence[Solid], options: CaptureOptions) -> TablePlane:
+    """Return the table's plane: what solids stand on if it is seen aslant, else some distance behind them."""
+    tilt = np.radians(options.table_tilt)
+    normal = np.array([0.0, np.sin(tilt), np.cos(tilt)])
+    lowest = min(float((solid.vertices @ normal).min()) for solid in solids)
+    return TablePlane(normal, lowest if options.table_tilt else lowest - WALL_DISTANCE_PX)
 
 
 def _exposures(

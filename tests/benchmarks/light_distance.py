@@ -12,6 +12,7 @@ photographs and captures. Takes about ten minutes.
 import sys
 import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -85,18 +86,24 @@ PAIR = (LEFT, RIGHT)
 
 def simulated(folder: Path) -> None:
     """Print the distance that the background shows of simulated captures with a single sphere, by how strongly they are
-    compressed and how much the exposure drifts."""
+    compressed, how much the exposure drifts, and how far the table leans away from the camera."""
     print("\nSimulated, one sphere: distance found (true) in pixels, error of the lights")
+    careful = CaptureOptions(frames=600, scale=0.5, seed=7, crf=18)
+    variants = {
+        "crf 18": careful,
+        "crf 24": replace(careful, crf=24, exposure_drift=0.1),
+        "crf 30": replace(careful, crf=30, exposure_drift=0.2),
+        "table at 40 degrees": replace(careful, table_tilt=40.0),
+        "table at 65 degrees": replace(careful, table_tilt=65.0),
+    }
     for distance in (None, 20.0, 10.0, 5.0, 3.0):
-        for crf, drift in ((18, 0.0), (24, 0.1), (30, 0.2)):
-            options = CaptureOptions(
-                frames=600, scale=0.5, seed=7, light_distance=distance, crf=crf, exposure_drift=drift
-            )
-            path = simulate("fish", folder / f"near-{distance}-{crf}", options).catalogue
+        for name, variant in variants.items():
+            options = replace(variant, light_distance=distance)
+            path = simulate("fish", folder / f"{name}-{distance}", options).catalogue
             capture = load(path).objects[0].captures[0]
             with open_footage(capture.frames) as footage:
                 true = np.inf if distance is None else distance * footage.width
-            print(f"{distance} frame widths, {true:.0f} pixels, crf {crf}:", lights_of(capture, folder), flush=True)
+            print(f"{distance} frame widths, {true:.0f} pixels, {name}:", lights_of(capture, folder), flush=True)
 
 
 def shared(captures: Path, folder: Path) -> None:

@@ -90,6 +90,8 @@ class CaptureOptions:
     """Distance of the light from the object's centre in frame widths; None: infinite."""
     focal: float | None = None
     """Focal length of the camera in frame widths (0.8: a phone), which sets its distance; None: orthographic."""
+    table_tilt: float = 0.0
+    """Angle in degrees between the table's normal and the camera's axis; no light comes from below the table."""
     exposure_drift: float = 0.0
     """Relative amplitude of a slow drift of the exposure."""
     shake: float = 0.0
@@ -119,6 +121,7 @@ class CaptureOptions:
             "rays": 1 <= self.rays <= 8,
             "light_distance": self.light_distance is None or self.light_distance >= 1,
             "focal": self.focal is None or (self.focal >= 0.5 and self.views == 1),
+            "table_tilt": 0 <= self.table_tilt <= 80,
             "exposure_drift": 0 <= self.exposure_drift < 1,
             "shake": 0 <= self.shake <= 5,
             "noise": self.noise >= 0,

@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 
 from glint.tasks.algorithms.geometry.vectors import equal_area
+from glint.tasks.algorithms.near_light.table_plane import TablePlane
 from glint.tasks.algorithms.simulation.environment import Environment
 from glint.tasks.algorithms.simulation.ray_tracing import Paths
 
@@ -36,6 +37,7 @@ class Renderer:
     starts: (bins + 1,) int64, first path of each bin.
     size: bins along either axis of the map.
     light_radius: angular radius of the light in radians, at which its lobe has fallen to 1/e.
+    table: plane of the background, relative to the frame's centre.
     """
 
     static: np.ndarray
@@ -47,6 +49,7 @@ class Renderer:
     starts: np.ndarray
     size: int
     light_radius: float
+    table: TablePlane
 
     def render(self, light: np.ndarray, distance: float | None = None) -> np.ndarray:
         """Render the linear image (H, W) float32, 1 = white, under a light.
@@ -57,9 +60,10 @@ class Renderer:
         image = self.static.copy()
         if not np.isfinite(light).all():
             return image
-        if light[2] > 0:
-            image += self.matte * (MATTE_IRRADIANCE * _irradiance(self.matte.shape, light, distance)).astype(np.float32)
         direction = np.asarray(light, np.float64)
+        if direction @ self.table.normal > 0:
+            irradiance = MATTE_IRRADIANCE * _irradiance(self.matte.shape, self.table, light, distance)
+            image += self.matte * irradiance.astype(np.float32)
         inverse_distance = 0.0 if distance is None else 1.0 / distance
         # Under a near light the direction differs from pixel to pixel, so more bins may hold its paths.
         parallax = 0.0 if distance is None else np.arctan(self.static.shape[1] * inverse_distance)
@@ -71,19 +75,17 @@ class Renderer:
         return image
 
 
-def _irradiance(shape: tuple[int, ...], light: np.ndarray, distance: float | None) -> np.ndarray:
-    """Return the irradiance (H, W), or a scalar for a distant light, of the background relative to a zenith light's.
+def _irradiance(shape: tuple[int, ...], table: TablePlane, light: np.ndarray, distance: float | None) -> np.ndarray:
+    """Return the irradiance (H, W), or a scalar for a distant light, of the table relative to a zenith light's.
 
     light, distance: see `Renderer.render`; a near light is brighter on its own side, by the inverse square.
     """
     if distance is None:
-        return np.asarray(light[2])
+        return np.asarray(light @ table.normal.astype(light.dtype))
     rows, columns = np.indices(shape)
-    offset = np.stack(
-        [columns - (shape[1] - 1) / 2, (shape[0] - 1) / 2 - rows, np.zeros(shape)], axis=-1, dtype=np.float64
-    )
+    offset = table.points(columns - (shape[1] - 1) / 2, (shape[0] - 1) / 2 - rows)
     to_light = np.asarray(light, np.float64) - offset / distance
-    return np.asarray(np.maximum(to_light[..., 2], 0.0) / np.linalg.norm(to_light, axis=-1) ** 3)
+    return np.asarray(np.maximum(to_light @ table.normal, 0.0) / np.linalg.norm(to_light, axis=-1) ** 3)
 
 
 def prepare_renderer(paths: Paths, environment: Environment, shape: tuple[int, int], light_radius: float) -> Renderer:
@@ -95,8 +97,8 @@ def prepare_renderer(paths: Paths, environment: Environment, shape: tuple[int, i
     count = shape[0] * shape[1]
     static = np.bincount(paths.pixel, paths.weight * light, count) + 0.02 * paths.matte.ravel()
     matte = np.bincount(paths.pixel, paths.weight * reflectance, count) + 0.5 * paths.matte.ravel()
-    # Rays that met nothing see no light, nor do those that leave into the room behind the background plane.
-    free = (paths.bounces > 0) & (paths.direction[:, 2] > -0.3)
+    # Rays that met nothing see no light, nor do those that leave into the room behind the table's plane.
+    free = (paths.bounces > 0) & (paths.direction @ environment.table.normal > -0.3)
     size = int(np.ceil(2.0 * np.sqrt(2.0) / np.radians(BIN_SIZE_DEG))) + 2
     bins = _bins(paths.direction[free], size)
     order = np.argsort(bins, kind="stable")
@@ -111,6 +113,7 @@ def prepare_renderer(paths: Paths, environment: Environment, shape: tuple[int, i
         starts.astype(np.int64),
         size,
         light_radius,
+        environment.table,
     )
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from glint.storage.catalogue.loading import load
 from glint.tasks.algorithms.geometry.vectors import angles, half_vectors_of
+from glint.tasks.algorithms.near_light.table_plane import TablePlane
 from glint.tasks.algorithms.simulation.environment import Environment
 from glint.tasks.algorithms.simulation.light_path import light_path
 from glint.tasks.algorithms.simulation.ray_tracing import Paths, Scene, refraction
@@ -61,7 +62,7 @@ def test_the_direct_highlight_lies_where_the_normal_is_the_half_vector(
     traced: tuple[Scene, Paths], grid: tuple[np.ndarray, np.ndarray]
 ) -> None:
     scene, paths = traced
-    environment = Environment.random(-80.0, np.random.default_rng(0))
+    environment = Environment.random(TablePlane(np.array([0.0, 0.0, 1.0]), -80.0), np.random.default_rng(0))
     renderer = prepare_renderer(paths, environment, grid[0].shape, np.radians(5.4))
     light = np.array([0.5, 0.3, np.sqrt(1 - 0.34)])
     half_vector = half_vectors_of(light)
@@ -69,6 +70,28 @@ def test_the_direct_highlight_lies_where_the_normal_is_the_half_vector(
     dark, lit = renderer.render(np.full(3, np.nan)), renderer.render(light)
     assert (lit - dark)[near].min() > 1.0
     assert np.allclose(dark, renderer.static)
+
+
+@pytest.mark.parametrize("distance", [None, 300.0])
+def test_a_table_seen_aslant_is_lit_by_the_cosine_of_its_own_normal(
+    traced: tuple[Scene, Paths], grid: tuple[np.ndarray, np.ndarray], distance: float | None
+) -> None:
+    _, paths = traced
+    table = TablePlane(np.array([0.0, 0.8, 0.6]), -60.0)
+    environment = Environment.random(table, np.random.default_rng(0))
+    renderer = prepare_renderer(paths, environment, grid[0].shape, np.radians(5.4))
+    corner, dark = (2, 2), renderer.render(np.full(3, np.nan))
+
+    def brightness(light: np.ndarray) -> float:
+        return float((renderer.render(light, distance) - dark)[corner])
+
+    point = table.points(grid[0][corner], grid[1][corner])
+    lights = np.array([[0.0, 0.8, 0.6], [0.0, 0.0, 1.0], [0.6, 0.0, 0.8]])
+    to_light = lights - (0.0 if distance is None else point / distance)
+    expected = to_light @ table.normal / np.linalg.norm(to_light, axis=1) ** (1 if distance is None else 3)
+    shown = np.array([brightness(light) for light in lights])
+    np.testing.assert_allclose(shown / shown[0], expected / expected[0], rtol=1e-3)
+    assert brightness(np.array([0.0, -0.8, 0.6])) == 0.0
 
 
 def test_the_light_path_is_dense_enough_and_seeded() -> None:
