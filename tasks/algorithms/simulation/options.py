@@ -118,7 +118,7 @@ class CaptureOptions:
             "light_radius": 0.5 <= self.light_radius <= 30,
             "rays": 1 <= self.rays <= 8,
             "light_distance": self.light_distance is None or self.light_distance >= 1,
-            "focal": self.focal is None or (self.focal >= 0.5 and self.views == 1),
+            "focal": self.focal is None or self.focal >= 0.5,
             "exposure_drift": 0 <= self.exposure_drift < 1,
             "shake": 0 <= self.shake <= 5,
             "noise": self.noise >= 0,
